@@ -1,0 +1,60 @@
+# Each target sets up what it needs in .venv. A fresh Debian or Ubuntu needs python3 (3.11 or newer), python3-venv,
+# python3-dev and g++; without the last two everything works too, slower.
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+PYTHON3 ?= python3
+PYTHON := .venv/bin/python
+READY := .venv/ready
+KERNELS := $(wildcard CMakeLists.txt src/pilotfish/kernels/*.cpp src/pilotfish/kernels/*.hpp src/pilotfish/kernels/*/*.cpp src/pilotfish/kernels/*/*.hpp)
+
+# Real recordings: the folder beside the checkout when there is one. Without it the library fetches what is public, and
+# the tests that need the others are skipped.
+ifndef PILOTFISH_DATA
+ifneq ($(wildcard ../shared/data),)
+export PILOTFISH_DATA := $(abspath ../shared/data)
+endif
+endif
+
+export PYTHONDONTWRITEBYTECODE :=# bytecode is kept, so that an import stays quick
+export OPENBLAS_NUM_THREADS ?= 1# the matrices are small: more threads are slower
+
+.PHONY: help demo test lint check bench reproduce clean
+
+help: ## list these targets
+	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+
+demo: $(READY) ## learn the valve task, replay it in new situations, draw it: build/demo
+	.venv/bin/pilotfish demo --out build/demo
+
+test: $(READY) ## run every test
+	$(PYTHON) -m pytest
+
+lint: $(READY) ## format, lint, types and spelling
+	.venv/bin/ruff format --check
+	.venv/bin/ruff check
+	.venv/bin/mypy
+	.venv/bin/codespell -D - -D .ci/british.txt
+
+check: lint test ## everything that CI runs
+
+bench: $(READY) ## time pilotfish beside its peers
+	$(PYTHON) benchmarks/run.py
+
+reproduce: $(READY) ## the thesis' experiments: build/reproductions
+	mkdir -p build/reproductions
+	for file in reproductions/*.py; do \
+	    name=$$(basename "$$file" .py); \
+	    echo "== $$name"; \
+	    $(PYTHON) "$$file" --json "build/reproductions/$$name.json" --out "build/reproductions/$$name"; \
+	done
+
+clean: ## remove all that make made
+	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+# Editable: Python edits count at once; a change of the C++ sources makes this rule run again.
+$(READY): pyproject.toml constraints.txt .ci/set-up $(KERNELS)
+	PYTHON3=$(PYTHON3) .ci/set-up
+	touch $@

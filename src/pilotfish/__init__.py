@@ -1,0 +1,56 @@
+"""pilotfish learns manipulation skills from a few demonstrations and replays them in situations never shown.
+
+demonstrations -> learn -> Skill -> adapt(frames now) -> plan -> track -> motion. The rooms behind these names
+(pilotfish.models, pilotfish.control, pilotfish.plots ...) hold the rest.
+"""
+
+from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
+from pilotfish.demonstrations import Demonstration, Frame, demonstration
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
+from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical
+from pilotfish.models import (
+    AdaptedSkill,
+    EMSettings,
+    Fit,
+    KMeans,
+    Skill,
+    TimeBins,
+    adapt,
+    learn,
+    learn_markov,
+    learn_mixture,
+)
+from pilotfish.planning import expected_plan, plan
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "AdaptedSkill",
+    "Demonstration",
+    "Diagonal",
+    "EMSettings",
+    "Feedback",
+    "Fit",
+    "Frame",
+    "Full",
+    "InvalidInput",
+    "KMeans",
+    "Motion",
+    "NotPositiveDefinite",
+    "Reference",
+    "SemiTied",
+    "Skill",
+    "SkillError",
+    "Spherical",
+    "TimeBins",
+    "UnknownSkill",
+    "adapt",
+    "demonstration",
+    "double_integrator",
+    "expected_plan",
+    "learn",
+    "learn_markov",
+    "learn_mixture",
+    "plan",
+    "track",
+]

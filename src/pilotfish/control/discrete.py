@@ -1,0 +1,97 @@
+"""Linear quadratic tracking and regulation in discrete time."""
+
+import numpy as np
+
+from pilotfish.control.doors import (
+    effort_matrix,
+    require_period,
+    require_reference,
+    require_steps,
+    require_system,
+)
+from pilotfish.control.feedback import Feedback
+from pilotfish.control.reference import Reference, distinct
+from pilotfish.control.systems import DiscreteSystem, LinearSystem, VaryingSystem
+from pilotfish.errors import InvalidInput
+from pilotfish.kernels import riccati
+from pilotfish.types import Array, Float
+
+
+def enter(
+    system: DiscreteSystem, reference: Reference, effort: float | Float[Array, "m m"]
+) -> Float[Array, "m m"]:
+    """The door of every discrete solver: its three arguments agree, and R is returned."""
+    require_system(system.A, system.B, rank=3 if isinstance(system, VaryingSystem) else 2)
+    require_period(system.period)
+    require_reference(reference.targets, reference.weights, system.B.shape[-2])
+    require_steps(system.A, len(reference.targets))
+    return effort_matrix(effort, system.B.shape[-1])
+
+
+def track(system: DiscreteSystem, reference: Reference, effort: float | Float[Array, "m m"]) -> Feedback:
+    """The feedback that makes  sum_t |x_t - targets[t]|^2 in weights[t]  +  sum_t |u_t|^2 in effort  least.
+
+    It looks ahead over the whole horizon: the motion leaves a target before the next one begins. Weak weights
+    buy compliance; the robot yields where demonstrations disagreed and insists where they agreed.
+    effort is R, or the number that multiplies the identity.
+    Raises: InvalidInput, when shapes disagree, a number is not finite or effort is not positive;
+    NotPositiveDefinite, when a weight or the effort matrix has a negative eigenvalue.
+    Source: the thesis, equations 3.52-3.54, with the feed-forward's second mean at t + 1, where it prints t.
+    """
+    R = enter(system, reference, effort)
+    varies = isinstance(system, VaryingSystem)
+    A, B = (system.A, system.B) if varies else (system.A[None], system.B[None])
+    solution = riccati(*map(_contiguous, (A, B, reference.weights, reference.targets, R)))
+    return Feedback(system, reference, solution.gains, solution.feedforwards)
+
+
+def regulate(system: LinearSystem, reference: Reference, effort: float | Float[Array, "m m"]) -> Feedback:
+    """At each step, the gain that would be optimal if its target and weight stayed for ever; no feed-forward.
+
+    It does not look ahead: the motion turns to a target when that begins. A constant target mu is reached
+    only if it is at rest, A mu = mu; any other leaves the error (I - A + B K)^-1 (A - I) mu. The double
+    integrator asked to be at p with velocity v comes to rest (K^P)^-1 K^V v past p.
+    Costs one algebraic Riccati equation for each distinct weight. effort as in `track`.
+    Raises: InvalidInput and NotPositiveDefinite as `track` does; InvalidInput too, when a motion that does
+    not die out by itself has no price or is out of the inputs' reach: then no such gain exists.
+    Source: the thesis, equation 3.56; the solver is scipy.linalg.solve_discrete_are.
+    """
+    require_system(system.A, system.B, rank=2)  # one that varies has no infinite horizon
+    R = enter(system, reference, effort)
+    weights = reference.weights[:-1]
+    firsts, which = distinct(weights)
+    gains = np.stack([_steady_gain(system, weights[t], R, f"weights[{t}]") for t in firsts])[which]
+    return Feedback(system, reference, gains, np.zeros(gains.shape[:2]))
+
+
+def _steady_gain(
+    system: LinearSystem, weight: Float[Array, "n n"], R: Float[Array, "m m"], name: str
+) -> Float[Array, "m n"]:
+    from scipy.linalg import solve_discrete_are  # slow to import
+
+    A, B = system.A, system.B
+    try:
+        P = solve_discrete_are(A, B, symmetric_part(weight), symmetric_part(R))
+    except np.linalg.LinAlgError as error:
+        raise no_steady_gain(name) from error
+    K: Float[Array, "m n"] = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    if not np.abs(np.linalg.eigvals(A - B @ K)).max() < 1:
+        raise no_steady_gain(name)
+    return K
+
+
+def no_steady_gain(name: str) -> InvalidInput:
+    return InvalidInput(
+        f"{name} has no stabilising gain: some motion that does not die out by itself has no price, or no"
+        " input reaches it; expected a weight on every position, such as the slack that a plan adds"
+    )
+
+
+def symmetric_part(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """All that a quadratic form sees of a matrix; SciPy refuses the rounding that our door lets pass."""
+    symmetric: Float[Array, "n n"] = 0.5 * (matrix + matrix.T)
+    return symmetric
+
+
+def _contiguous(array: Array) -> Array:
+    return np.ascontiguousarray(array, dtype=np.float64)  # a reference may be a broadcast view

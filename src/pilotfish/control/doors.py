@@ -1,0 +1,140 @@
+"""The room's doors: arrays that a user gives are checked here once, and trusted from then on."""
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.types import Array, Float
+
+ROUNDING = 1e-8  # what computing a weight may cost in symmetry or sign, as a share of its largest entry
+
+
+def require_axes(axes: int) -> None:
+    if axes < 1:
+        raise InvalidInput(f"axes is {axes}, expected 1 or more: one for each position of the state")
+
+
+def require_period(period: float) -> None:
+    if not 0 < period < np.inf:
+        raise InvalidInput(f"period is {period} s, expected a positive time")
+
+
+def require_system(A: Array, B: Array, *, rank: int) -> None:
+    """A is (n, n) and B (n, m), or one of each for every period: (S, n, n) and (S, n, m)."""
+    if A.ndim != rank or A.shape[-1] != A.shape[-2] or A.size == 0:
+        expected = "(n, n)" if rank == 2 else "(S, n, n), S periods"
+        raise InvalidInput(
+            f"A has shape {A.shape}, expected {expected}: VaryingSystem varies, the others do not"
+        )
+    if B.ndim != A.ndim or B.shape[:-1] != A.shape[:-1] or B.shape[-1] == 0:
+        expected = ", ".join(map(str, A.shape[:-1]))
+        raise InvalidInput(f"B has shape {B.shape}, expected ({expected}, m): a row for each state of A")
+    _require_finite("A", A)
+    _require_finite("B", B)
+
+
+def require_steps(A: Array, horizon: int) -> None:
+    """A system that varies is given for exactly the periods between the targets."""
+    if A.ndim == 3 and len(A) != horizon - 1:
+        raise InvalidInput(
+            f"the system varies over {len(A)} periods, expected {horizon - 1} between {horizon} targets"
+        )
+
+
+def require_reference(targets: Array, weights: Array, states: int) -> None:
+    """At least two targets of the system's states, each with a symmetric positive semidefinite weight."""
+    if targets.ndim != 2 or targets.shape[1] != states:
+        raise InvalidInput(
+            f"targets has shape {targets.shape}, expected (T, {states}) as the system has {states} states"
+        )
+    if len(targets) < 2:
+        raise InvalidInput(
+            f"the horizon is {len(targets)}, expected 2 or more steps: there is nothing to move between"
+        )
+    if weights.shape != (*targets.shape, states):
+        raise InvalidInput(
+            f"weights has shape {weights.shape}, expected {(*targets.shape, states)}: one a target"
+        )
+    _require_finite("targets", targets)
+    _require_finite("weights", weights)
+    changes = np.flatnonzero((weights[1:] != weights[:-1]).any(axis=(1, 2))) + 1
+    for t in (0, *changes):
+        require_semidefinite(f"weights[{t}]", weights[t])
+
+
+def require_semidefinite(name: str, weight: Array) -> None:
+    _require_symmetric(name, weight)
+    try:
+        np.linalg.cholesky(weight)  # the fast way to say yes
+    except np.linalg.LinAlgError:
+        lowest = np.linalg.eigvalsh(weight)[0]
+        if lowest < -ROUNDING * np.abs(weight).max():
+            raise NotPositiveDefinite(
+                f"{name} has the eigenvalue {lowest:.3g}, expected none below zero: a weight is the inverse"
+                " of a covariance, which more regularisation keeps positive definite"
+            ) from None
+
+
+def effort_matrix(effort: float | Array, inputs: int) -> Float[Array, "m m"]:
+    """R: effort times the identity, or effort itself if it is a symmetric positive definite matrix."""
+    if np.ndim(effort) == 0:
+        if not 0 < effort < np.inf:
+            raise InvalidInput(
+                f"effort is {effort}, expected a positive price: a small one, say 1e-3, hardly costs"
+            )
+        return float(effort) * np.eye(inputs)
+    R = np.asarray(effort, dtype=np.float64)
+    if R.shape != (inputs, inputs):
+        raise InvalidInput(
+            f"effort has shape {R.shape}, expected {(inputs, inputs)} as there are {inputs} inputs"
+        )
+    _require_finite("effort", R)
+    _require_symmetric("effort", R)
+    lowest = np.linalg.eigvalsh(R)[0]
+    if not lowest > 0:
+        raise NotPositiveDefinite(
+            f"effort has the eigenvalue {lowest:.3g}, expected all above zero: price every input"
+        )
+    return R
+
+
+def require_terminal(terminal: Array, states: int) -> None:
+    if terminal.shape != (states, states):
+        raise InvalidInput(
+            f"terminal has shape {terminal.shape}, expected {(states, states)}: the last state's weight"
+        )
+    _require_finite("terminal", terminal)
+    require_semidefinite("terminal", terminal)
+
+
+def require_start(start: Array, states: int) -> None:
+    if np.shape(start) != (states,):
+        raise InvalidInput(
+            f"start has shape {np.shape(start)}, expected ({states},): one number for each state"
+        )
+    _require_finite("start", start)
+
+
+def require_halves(gains: Array) -> int:
+    """The number of positions in a second-order state, positions then velocities."""
+    if gains.shape[-1] % 2:
+        raise InvalidInput(
+            f"the state has {gains.shape[-1]} entries, expected positions then as many velocities"
+        )
+    return int(gains.shape[-1] // 2)
+
+
+def _require_symmetric(name: str, matrix: Array) -> None:
+    skew = np.abs(matrix - matrix.T).max()
+    if skew > ROUNDING * np.abs(matrix).max():
+        raise InvalidInput(
+            f"{name} differs from its transpose by {skew:.3g}, expected symmetry: give (W + W.T) / 2"
+        )
+
+
+def _require_finite(name: str, array: Array) -> None:
+    finite = np.isfinite(array)
+    if not finite.all():
+        bad = np.argwhere(~finite)
+        raise InvalidInput(
+            f"{name}{bad[0].tolist()} is {array[tuple(bad[0])]}, expected a finite number; {len(bad)} are not"
+        )

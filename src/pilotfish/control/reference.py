@@ -1,0 +1,33 @@
+"""What a controller is asked to follow."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.types import Array, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Where to be at each step, and how much it matters.
+
+    Weights are symmetric, positive semidefinite, in one over the square of the state's unit: the precision of
+    the target, when it comes from a Gaussian. A zero weight leaves the step free.
+    """
+
+    targets: Float[Array, "T n"]
+    weights: Float[Array, "T n n"]
+
+
+def distinct(arrays: Float[Array, "T ..."]) -> tuple[list[int], Int[Array, " T"]]:
+    """Where each value is met first, and which of these every array equals: few in a step-wise reference."""
+    places: dict[bytes, int] = {}
+    firsts: list[int] = []
+    which: list[int] = []
+    for t, array in enumerate(arrays):
+        key = array.tobytes()
+        if key not in places:
+            places[key] = len(firsts)
+            firsts.append(t)
+        which.append(places[key])
+    return firsts, np.array(which)

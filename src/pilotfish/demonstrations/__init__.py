@@ -1,0 +1,51 @@
+"""Recordings of a task and the frames they are seen from: the one door through which recordings come in
+(`demonstration`), its readers for folders and published files, and the views that skills are learned from.
+"""
+
+from pilotfish.demonstrations.derivatives import with_derivatives
+from pilotfish.demonstrations.findings import Finding, Severity, check
+from pilotfish.demonstrations.folders import read_folder, write_folder
+from pilotfish.demonstrations.frame_doors import frame, moving_frame
+from pilotfish.demonstrations.frame_views import Views, views
+from pilotfish.demonstrations.frames import (
+    Frame,
+    MovingFrame,
+    frame_from_pose,
+    moving_frame_from_poses,
+    world_frame,
+)
+from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
+from pilotfish.demonstrations.published import read_valve_mat, read_zshape_mat
+from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations.resampling import resampled
+from pilotfish.demonstrations.signs import consistent_quaternions, continuous_quaternions
+
+__all__ = [
+    "Demonstration",
+    "Finding",
+    "Frame",
+    "Layout",
+    "MovingFrame",
+    "Part",
+    "Quantity",
+    "Severity",
+    "Views",
+    "check",
+    "consistent_quaternions",
+    "continuous_quaternions",
+    "demonstration",
+    "frame",
+    "frame_from_pose",
+    "moving_frame",
+    "moving_frame_from_poses",
+    "pose_layout",
+    "position_layout",
+    "read_folder",
+    "read_valve_mat",
+    "read_zshape_mat",
+    "resampled",
+    "views",
+    "with_derivatives",
+    "world_frame",
+    "write_folder",
+]

@@ -1,0 +1,61 @@
+"""The doors for frames: arrays of the right size that can be looked back through, or InvalidInput."""
+
+import numpy as np
+
+from pilotfish.demonstrations.frames import Frame, MovingFrame
+from pilotfish.demonstrations.numbers import finite_array
+from pilotfish.errors import InvalidInput
+from pilotfish.types import Array, Float
+
+WORST_CONDITION = 1e12  # beyond it, float64 leaves fewer than four digits of what is seen
+
+
+def frame(name: str, A: object, b: object) -> Frame:
+    """A frame from its matrix and offset: world = A @ seen + b.
+
+    Raises: InvalidInput, when A is not square, b is not as long, a number is not finite, or A is singular.
+    """
+    place = f"frame {_named(name)!r}"
+    matrix, offset = finite_array(A, f"{place}: A"), finite_array(b, f"{place}: b")
+    _refuse_shapes(place, matrix, offset, leading=())
+    _refuse_singular(place, matrix[None], moving=False)
+    return Frame(name, matrix, offset)
+
+
+def moving_frame(name: str, A: object, b: object) -> MovingFrame:
+    """A frame for each step from matrices (T, D, D) and offsets (T, D).
+
+    Raises: InvalidInput, as frame does, naming the step.
+    """
+    place = f"moving frame {_named(name)!r}"
+    matrices, offsets = finite_array(A, f"{place}: A"), finite_array(b, f"{place}: b")
+    _refuse_shapes(place, matrices, offsets, leading=matrices.shape[:1])
+    _refuse_singular(place, matrices, moving=True)
+    return MovingFrame(name, matrices, offsets)
+
+
+def _named(name: str) -> str:
+    if not name or name != name.strip() or not name.isprintable():
+        raise InvalidInput(f"a frame is named {name!r}, expected a name on one line, without blank ends")
+    return name
+
+
+def _refuse_shapes(
+    place: str, A: Float[Array, "..."], b: Float[Array, "..."], *, leading: tuple[int, ...]
+) -> None:
+    D = A.shape[-1] if A.ndim else 0
+    if D == 0 or A.shape != (*leading, D, D) or b.shape != (*leading, D):
+        steps = "T, " if leading else ""
+        raise InvalidInput(
+            f"{place}: A has shape {A.shape} and b {b.shape}, expected A ({steps}D, D) and b ({steps}D)"
+        )
+
+
+def _refuse_singular(place: str, A: Float[Array, "T D D"], *, moving: bool) -> None:
+    conditions = np.linalg.cond(A)
+    if (bad := np.flatnonzero(~(conditions < WORST_CONDITION))).size:
+        step = f" at step {bad[0]} (first is 0)" if moving else ""
+        raise InvalidInput(
+            f"{place}: A{step} is singular (condition {conditions[bad[0]]:.3g}), expected an invertible one "
+            "such as that of frame_from_pose"
+        )

@@ -1,0 +1,91 @@
+"""Coordinate systems that a movement is seen from: where the objects of the task stood."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.demonstrations.layouts import Layout, Part, Quantity
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import Pose, left_matrix, rotation_matrix
+from pilotfish.types import Array, Float
+
+WORLD = "world"
+SPACE = 3  # axes of the space that poses live in
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """world = A @ seen + b. A is invertible."""
+
+    name: str
+    A: Float[Array, "D D"]
+    b: Float[Array, " D"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovingFrame:
+    """A frame for each step: the hand that offers the cup, a conveyor belt."""
+
+    name: str
+    A: Float[Array, "T D D"]
+    b: Float[Array, "T D"]
+
+    def at(self, t: int) -> Frame:
+        return Frame(self.name, self.A[t], self.b[t])
+
+
+def world_frame(width: int) -> Frame:
+    """The frame from which everything looks as it was recorded."""
+    return Frame(WORLD, np.eye(width), np.zeros(width))
+
+
+def is_world(given: Frame | MovingFrame) -> bool:
+    """Whether everything looks as it was recorded, whatever the frame is called."""
+    return isinstance(given, Frame) and np.array_equal(given.A, np.eye(len(given.b))) and not given.b.any()
+
+
+def frame_from_pose(name: str, layout: Layout, pose: Pose) -> Frame:
+    """The frame of an object that stands in this pose (world from object).
+
+    Positions turn and move with it, vectors turn, quaternions are multiplied from the left, scalars stay;
+    derivatives do the same without the move.
+    Raises: InvalidInput, when a position or vector of the layout has other than three axes.
+    Source: Tanwani 2018, eq. 3.57.
+    """
+    moving = moving_frame_from_poses(name, layout, (pose,))
+    return moving.at(0)
+
+
+def moving_frame_from_poses(name: str, layout: Layout, poses: Sequence[Pose]) -> MovingFrame:
+    """As frame_from_pose, one pose for each step. Consecutive quaternions should not flip sign."""
+    _refuse_other_than_three_axes(name, layout)
+    positions = np.stack([pose.position for pose in poses])
+    quaternions = np.stack([pose.quaternion for pose in poses])
+    A = np.zeros((len(poses), layout.width, layout.width))
+    b = np.zeros((len(poses), layout.width))
+    for part, columns in zip(layout.parts, layout.slices, strict=True):
+        A[:, columns, columns] = _block(part, quaternions)
+        if part.quantity is Quantity.POSITION and part.derivative == 0:
+            b[:, columns] = positions
+    return MovingFrame(name, A, b)
+
+
+def _block(part: Part, quaternions: Float[Array, "T 4"]) -> Float[Array, "T d d"]:
+    match part.quantity:
+        case Quantity.POSITION | Quantity.VECTOR:
+            return rotation_matrix(quaternions)
+        case Quantity.QUATERNION:
+            return left_matrix(quaternions)
+        case Quantity.SCALAR:
+            return np.broadcast_to(np.eye(part.size), (len(quaternions), part.size, part.size))
+
+
+def _refuse_other_than_three_axes(name: str, layout: Layout) -> None:
+    spatial = (Quantity.POSITION, Quantity.VECTOR)
+    for part in layout.parts:
+        if part.quantity in spatial and part.size != SPACE:
+            raise InvalidInput(
+                f"frame {name!r}: part {part.name!r} has {part.size} axes, expected 3 to turn it by a pose; "
+                "give A and b of the frame instead: frame(name, A, b)"
+            )

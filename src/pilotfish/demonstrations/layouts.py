@@ -1,0 +1,138 @@
+"""What the columns of a recording mean."""
+
+import difflib
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import accumulate
+
+from pilotfish.errors import InvalidInput
+
+QUATERNION_SIZE = 4
+
+
+class Quantity(Enum):
+    """How a part changes when the frame it is seen from moves."""
+
+    POSITION = "position"  # turns and moves
+    QUATERNION = "quaternion"  # w x y z, multiplied from the left
+    VECTOR = "vector"  # turns, does not move: a force
+    SCALAR = "scalar"  # untouched: time, a joint, a gripper
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Columns that belong together. derivative counts how often they were differentiated by time.
+
+    Raises: InvalidInput, when the parts are not such that they could be the columns of something.
+    """
+
+    name: str
+    quantity: Quantity
+    size: int
+    unit: str
+    derivative: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.name or self.name != self.name.strip() or not self.name.isprintable():
+            raise InvalidInput(
+                f"a part is named {self.name!r}, expected a name on one line, without blank ends"
+            )
+        if self.size < 1 or self.derivative < 0:
+            raise InvalidInput(
+                f"part {self.name!r} has size {self.size} and derivative {self.derivative}, "
+                "expected a size of 1 or more and a derivative of 0 or more"
+            )
+        if self.quantity is Quantity.QUATERNION and self.size != QUATERNION_SIZE:
+            raise InvalidInput(
+                f"part {self.name!r} is a quaternion of size {self.size}, expected 4 (w x y z)"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The parts of a row in order. Two parts may share a name when they differ in derivative."""
+
+    parts: tuple[Part, ...]
+
+    def __post_init__(self) -> None:
+        keys = [(part.name, part.derivative) for part in self.parts]
+        if twice := sorted({key for key in keys if keys.count(key) > 1}):
+            raise InvalidInput(f"the layout has {twice[0]} (name, derivative) more than once; rename one")
+        if not self.parts:
+            raise InvalidInput("the layout has no parts, expected at least one")
+
+    @property
+    def width(self) -> int:
+        return sum(part.size for part in self.parts)
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """The columns of each part."""
+        ends = list(accumulate(part.size for part in self.parts))
+        return tuple(slice(end - part.size, end) for part, end in zip(self.parts, ends, strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name per column: "position x", "orientation w", "position x'" for its first derivative."""
+        return tuple(name for part in self.parts for name in _column_names(part))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """One unit per column."""
+        return tuple(part.unit for part in self.parts for _ in range(part.size))
+
+    @property
+    def quaternions(self) -> tuple[slice, ...]:
+        """The columns of each orientation (not of its derivatives)."""
+        return tuple(
+            columns
+            for part, columns in zip(self.parts, self.slices, strict=True)
+            if part.quantity is Quantity.QUATERNION and part.derivative == 0
+        )
+
+    def columns(self, name: str, derivative: int = 0) -> slice:
+        """Raises: InvalidInput, when no part has that name and derivative."""
+        for part, columns in zip(self.parts, self.slices, strict=True):
+            if (part.name, part.derivative) == (name, derivative):
+                return columns
+        known = [f"{part.name!r} (derivative {part.derivative})" for part in self.parts]
+        near = difflib.get_close_matches(name, [part.name for part in self.parts], n=1, cutoff=0.4)
+        hint = f"; did you mean {near[0]!r}?" if near and near[0] != name else ""
+        raise InvalidInput(
+            f"no part {name!r} with derivative {derivative}; there is {', '.join(known)}{hint}"
+        )
+
+    def differentiated(self) -> "Layout":
+        """The same parts, then their first derivatives [unit/s].
+
+        Raises: InvalidInput, when there are derivatives already.
+        """
+        if derived := [part.name for part in self.parts if part.derivative]:
+            raise InvalidInput(f"the layout has a derivative of {derived[0]!r} already, expected none")
+        moving = tuple(replace(part, unit=f"{part.unit}/s", derivative=1) for part in self.parts)
+        return Layout(self.parts + moving)
+
+
+def pose_layout() -> Layout:
+    """Columns "position" [m] and "orientation", a unit quaternion w x y z: seven columns."""
+    position = Part("position", Quantity.POSITION, 3, "m")
+    return Layout((position, Part("orientation", Quantity.QUATERNION, QUATERNION_SIZE, "1")))
+
+
+def position_layout(axes: int = 3, unit: str = "m") -> Layout:
+    """Columns "position" alone, in a space of so many axes."""
+    return Layout((Part("position", Quantity.POSITION, axes, unit),))
+
+
+def _column_names(part: Part) -> list[str]:
+    return [f"{part.name}{axis}{chr(39) * part.derivative}" for axis in _axes(part)]
+
+
+def _axes(part: Part) -> list[str]:
+    if part.size == 1 and part.quantity is not Quantity.POSITION:
+        return [""]
+    if part.quantity is Quantity.QUATERNION:
+        return [" w", " x", " y", " z"]
+    if part.quantity is not Quantity.SCALAR and part.size <= len("xyz"):
+        return [f" {axis}" for axis in "xyz"[: part.size]]
+    return [f" {n + 1}" for n in range(part.size)]

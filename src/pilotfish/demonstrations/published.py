@@ -1,0 +1,83 @@
+"""Doors for recordings that others have published in MATLAB files."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotfish.demonstrations.frame_doors import frame
+from pilotfish.demonstrations.frames import Frame
+from pilotfish.demonstrations.layouts import pose_layout, position_layout
+from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.errors import InvalidInput
+
+VALVE_PERIOD = 0.1  # s, the file's own time row
+VALVE_ANGLES = ("180", "135", "90", "45", "157.5", "112.5", "67.5", "22.5")  # degrees
+VALVE_FRAMES = ("valve before", "valve after")
+ZSHAPE_PERIOD = 0.01  # s, chosen: the file counts steps 1 to 300 and says nothing of seconds
+ZSHAPE_STEPS = 300
+
+
+def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
+    """Eight openings of a valve by a Baxter arm, the first four to learn from, the last four to test with.
+
+    Fourteen columns: pose, then derivatives as the file has them (forward differences; the last looks one
+    sample past the end, so with_derivatives gives another last row). Frames: the valve before and after.
+    Raises: InvalidInput, when the file is not there or not this recording.
+    Source: Tanwani & Calinon 2016, IEEE RA-L 1(1), sec. VI; the file BaxterValveDemos2.mat.
+    """
+    records = _variables(path, "s")["s"]
+    if not isinstance(records, list) or len(records) != len(VALVE_ANGLES):
+        raise InvalidInput(f"{path}: s is not a list of {len(VALVE_ANGLES)} records: not the valve recording")
+    try:
+        return tuple(
+            _valve_demonstration(record, f"valve {degrees} deg")
+            for record, degrees in zip(records, VALVE_ANGLES, strict=True)
+        )
+    except (KeyError, TypeError, IndexError) as error:
+        raise InvalidInput(f"{path}: a record of s lacks {error}: not the valve recording") from error
+
+
+def read_zshape_mat(path: str | Path) -> tuple[Demonstration, ...]:
+    """Five Z-shaped movements of 300 steps: position x y z in a unit of its own, the world's frame alone.
+
+    The file counts steps, not seconds: the period of .01 s is our choice.
+    Raises: InvalidInput, when the file is not there or not this recording.
+    Source: Tanwani 2018, figures 3.1 and 4.2; the file Zshape3D.mat.
+    """
+    data = np.asarray(_variables(path, "Data")["Data"])
+    if data.ndim != 2 or data.shape[0] != 4 or data.shape[1] % ZSHAPE_STEPS:
+        raise InvalidInput(f"{path}: Data has shape {data.shape}, expected (4, 5 x {ZSHAPE_STEPS})")
+    pieces = np.split(data[1:].T, data.shape[1] // ZSHAPE_STEPS)
+    layout = position_layout(axes=3, unit="1")
+    return tuple(
+        demonstration(x, ZSHAPE_PERIOD, layout, name=f"zshape {m + 1}") for m, x in enumerate(pieces)
+    )
+
+
+def _valve_demonstration(record: dict[str, Any], name: str) -> Demonstration:
+    layout = pose_layout().differentiated()
+    x = np.vstack([record["Data0"][1:], record["dData0"]]).T  # the leading row is time
+    frames = [_without_time(n, p["A"], p["b"]) for n, p in zip(VALVE_FRAMES, record["p"], strict=True)]
+    return demonstration(x, VALVE_PERIOD, layout, frames, name)
+
+
+def _without_time(name: str, A: Any, b: Any) -> Frame:
+    return frame(name, A[1:, 1:], b[1:])
+
+
+def _variables(path: str | Path, name: str) -> dict[str, Any]:
+    """Everything in a MATLAB file (up to version 7.2), structs as dicts; it must hold the variable named."""
+    from scipy.io import loadmat  # slow to import, and only wanted here
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found: dict[str, Any] = loadmat(Path(path), simplify_cells=True)
+    except FileNotFoundError as error:
+        raise InvalidInput(f"{path}: no such file") from error
+    except (OSError, ValueError, TypeError, NotImplementedError, MatReadError) as error:
+        raise InvalidInput(f"{path}: not a MATLAB file that can be read: {error}") from error
+    if name not in found:
+        there = [key for key in found if not key.startswith("__")]
+        raise InvalidInput(f"{path} has the variables {there}, expected {name!r} among them")
+    return found

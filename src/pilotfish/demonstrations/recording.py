@@ -1,0 +1,117 @@
+"""One showing of a task, and the door through which every recording comes in."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from pilotfish.demonstrations.frame_doors import frame, moving_frame
+from pilotfish.demonstrations.frames import Frame, MovingFrame, world_frame
+from pilotfish.demonstrations.layouts import Layout
+from pilotfish.demonstrations.numbers import numeric_array
+from pilotfish.errors import InvalidInput
+from pilotfish.types import Array, Float
+
+NORM_TOLERANCE = 1e-3  # recordings are rounded; what is within is left as it is
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Demonstration:
+    """One showing of a task, a row of x every period [s]; the layout says what the columns are.
+
+    frames are the coordinate systems it is to be seen from, at least one, with different names.
+    """
+
+    x: Float[Array, "T D"]
+    period: float
+    layout: Layout
+    frames: tuple[Frame | MovingFrame, ...]
+    name: str
+
+
+def demonstration(
+    x: object,
+    period: float,
+    layout: Layout,
+    frames: Iterable[Frame | MovingFrame] = (),
+    name: str = "",
+) -> Demonstration:
+    """The door for recordings: owns read-only copies, or raises InvalidInput. No frames: the world's alone.
+
+    Refused, with place and nearest fix: fewer than two rows, numbers that are not finite, a width other than
+    the layout's, orientations that are no unit quaternions (within 1e-3) or flip sign from one row to the
+    next, a period that is not positive, frames that are singular or of another width or length.
+    """
+    place = f"demonstration {name!r}" if name else "demonstration"
+    points = numeric_array(x, place)
+    _refuse_shape(place, points, layout)
+    _refuse_not_finite(place, points, layout)
+    for columns in layout.quaternions:
+        _refuse_quaternions(f"{place}, {layout.names[columns.start][:-2]}", points[:, columns])
+    if not 0 < period < inf:
+        raise InvalidInput(f"{place}: period is {period} s, expected a positive number")
+    checked = _checked_frames(place, frames, points.shape)
+    return Demonstration(points, float(period), layout, checked, name)
+
+
+def _refuse_shape(place: str, x: Float[Array, "..."], layout: Layout) -> None:
+    if x.ndim != 2 or len(x) < 2:
+        raise InvalidInput(f"{place} has shape {x.shape}, expected (T, {layout.width}) with T of 2 or more")
+    if x.shape[1] != layout.width:
+        raise InvalidInput(
+            f"{place} has {x.shape[1]} columns, but its layout has {layout.width}: {', '.join(layout.names)}"
+        )
+
+
+def _refuse_not_finite(place: str, x: Float[Array, "T D"], layout: Layout) -> None:
+    if (bad := np.argwhere(~np.isfinite(x))).size:
+        row, column = bad[0].tolist()
+        more = f" and {len(bad) - 1} more are not finite" if len(bad) > 1 else ""
+        raise InvalidInput(
+            f"{place}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]}{more}, "
+            "expected finite numbers; cut those rows or fill the gap"
+        )
+
+
+def _refuse_quaternions(place: str, q: Float[Array, "T 4"]) -> None:
+    norms = np.linalg.norm(q, axis=1)
+    if (bad := np.flatnonzero(~(np.abs(norms - 1) <= NORM_TOLERANCE))).size:
+        raise InvalidInput(
+            f"{place}: row {bad[0]} (first is 0) has norm {norms[bad[0]]:.6g}, expected 1 within "
+            f"{NORM_TOLERANCE:g} ({bad.size} such rows); geometry.normalise mends lengths"
+        )
+    dots = np.einsum("td,td->t", q[1:], q[:-1])
+    if (bad := np.flatnonzero(dots < 0)).size:
+        raise InvalidInput(
+            f"{place}: the quaternion flips sign at row {bad[0] + 1} (first is 0), {bad.size} times in all; "
+            "q and -q are the same rotation: pass continuous_quaternions(x, layout)"
+        )
+
+
+def _checked_frames(
+    place: str, frames: Iterable[Frame | MovingFrame], shape: tuple[int, ...]
+) -> tuple[Frame | MovingFrame, ...]:
+    steps, width = shape
+    checked = tuple(_checked(place, given, steps, width) for given in frames)
+    names = [given.name for given in checked]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidInput(f"{place} has two frames named {twice[0]!r}, expected different names")
+    return checked or (world_frame(width),)
+
+
+def _checked(place: str, given: Frame | MovingFrame, steps: int, width: int) -> Frame | MovingFrame:
+    if not isinstance(given, Frame | MovingFrame):
+        raise InvalidInput(f"{place}: a frame is {given!r}, expected a Frame; see frame_from_pose")
+    try:
+        door = moving_frame if isinstance(given, MovingFrame) else frame
+        checked = door(given.name, given.A, given.b)
+    except InvalidInput as error:
+        raise InvalidInput(f"{place}: {error}") from error
+    if checked.b.shape[-1] != width:
+        raise InvalidInput(f"{place}: frame {given.name!r} is {checked.b.shape[-1]} wide, expected {width}")
+    if isinstance(checked, MovingFrame) and len(checked.b) != steps:
+        raise InvalidInput(
+            f"{place}: moving frame {given.name!r} has {len(checked.b)} steps, expected {steps}"
+        )
+    return checked

@@ -1,0 +1,59 @@
+"""Gaussians and their algebra: densities, products, conditionals, sufficient statistics that add exactly,
+covariance structures, and regression with mixtures."""
+
+from pilotfish.gaussians.gaussian import (
+    Gaussian,
+    cholesky,
+    condition,
+    confidence_radius,
+    ellipse,
+    inside,
+    log_density,
+    marginal,
+    product,
+    sample,
+    transform,
+    whiteners,
+)
+from pilotfish.gaussians.mixture import Mixture, Regression, regress
+from pilotfish.gaussians.moments import Moments, moments, moments_about
+from pilotfish.gaussians.semi_tied import SemiTied, SemiTiedCovariances
+from pilotfish.gaussians.structures import (
+    Covariances,
+    DenseCovariances,
+    Diagonal,
+    Full,
+    Spherical,
+    Structure,
+    component_correlation,
+)
+
+__all__ = [
+    "Covariances",
+    "DenseCovariances",
+    "Diagonal",
+    "Full",
+    "Gaussian",
+    "Mixture",
+    "Moments",
+    "Regression",
+    "SemiTied",
+    "SemiTiedCovariances",
+    "Spherical",
+    "Structure",
+    "cholesky",
+    "component_correlation",
+    "condition",
+    "confidence_radius",
+    "ellipse",
+    "inside",
+    "log_density",
+    "marginal",
+    "moments",
+    "moments_about",
+    "product",
+    "regress",
+    "sample",
+    "transform",
+    "whiteners",
+]

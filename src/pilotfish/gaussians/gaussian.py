@@ -1,0 +1,152 @@
+"""One normal density and its algebra: affine maps, marginals, conditionals, samples, regions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.types import Array, Bool, Float, Int
+
+LOG_2_PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gaussian:
+    """A normal density over R^D. The covariance is symmetric and positive semidefinite."""
+
+    mean: Float[Array, " D"]
+    covariance: Float[Array, "D D"]
+
+
+def cholesky(covariances: Float[Array, "K D D"], what: str = "covariance") -> Float[Array, "K D D"]:
+    """Lower factors L with L L^T = covariance.
+
+    Raises: NotPositiveDefinite, naming the first that has none and its smallest eigenvalue.
+    """
+    try:
+        factors = np.linalg.cholesky(covariances)
+    except np.linalg.LinAlgError:
+        raise _first_failure(covariances, what) from None
+    if not np.isfinite(factors).all():
+        raise _first_failure(covariances, what)
+    return factors
+
+
+def _first_failure(covariances: Float[Array, "K D D"], what: str) -> NotPositiveDefinite:
+    for k, covariance in enumerate(covariances):
+        if not np.isfinite(covariance).all():
+            return NotPositiveDefinite(f"{what} {k} holds values that are not finite")
+        smallest, largest = np.linalg.eigvalsh(covariance)[[0, -1]]
+        if smallest <= 1e-15 * abs(largest):
+            return NotPositiveDefinite(
+                f"{what} {k} is not positive definite: its smallest eigenvalue is {smallest:.3g}, its largest "
+                f"{largest:.3g}; raise the regularisation, drop constant or repeated columns, or give more data"
+            )
+    return NotPositiveDefinite(f"one {what} of {len(covariances)} has no Cholesky factor; raise the regularisation")
+
+
+def whiteners(covariances: Float[Array, "K D D"], what: str = "covariance") -> Float[Array, "K D D"]:
+    """Lower triangular W with W^T W = covariance^-1, so that |W (x - mean)| is the Mahalanobis distance.
+
+    Raises: NotPositiveDefinite, as cholesky does.
+    """
+    factors = cholesky(covariances, what)
+    return np.tril(np.linalg.solve(factors, np.broadcast_to(np.eye(factors.shape[-1]), factors.shape)))
+
+
+def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
+    """log N(x_n | mean, covariance) for every row of x: no floor, whatever the scale.
+
+    Raises: NotPositiveDefinite, when the covariance is singular.
+    """
+    W = whiteners(g.covariance[None])[0]
+    distances = np.sum(((x - g.mean) @ W.T) ** 2, axis=1)
+    return np.asarray(-0.5 * distances + np.log(np.diag(W)).sum() - 0.5 * g.mean.size * LOG_2_PI)
+
+
+def transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"]) -> Gaussian:
+    """The density of A x + b when x has density g."""
+    return Gaussian(A @ g.mean + b, _symmetric(A @ g.covariance @ A.T))
+
+
+def product(gaussians: Sequence[Gaussian]) -> Gaussian:
+    """The normalised product of the densities: every opinion about one x, fused.
+
+    Folded in pairs in the parallel form Sp (Sp + Sq)^-1 Sq, which subtracts nothing: exact when
+    scales differ by many orders, and an opinion may be certain along some directions.
+    Raises: NotPositiveDefinite, when two opinions are certain about the same direction.
+    Source: Tanwani 2018, equations 3.34-3.35, with the inverse that (3.34) leaves out.
+    """
+    if not gaussians:
+        raise InvalidInput("a product of no Gaussians was asked for; give at least one")
+    fused = gaussians[0]
+    for other in gaussians[1:]:
+        fused = _pair_product(fused, other)
+    return fused
+
+
+def _pair_product(p: Gaussian, q: Gaussian) -> Gaussian:
+    total = p.covariance + q.covariance
+    cholesky(total[None], "the sum of two fused covariances, number")
+    gain = np.linalg.solve(total, p.covariance).T  # Sp (Sp + Sq)^-1, (D, D)
+    return Gaussian(p.mean + gain @ (q.mean - p.mean), _symmetric(gain @ q.covariance))
+
+
+def marginal(g: Gaussian, columns: Int[Array, " E"]) -> Gaussian:
+    """The density of the chosen columns of x, in the order given."""
+    return Gaussian(g.mean[columns], g.covariance[np.ix_(columns, columns)])
+
+
+def condition(g: Gaussian, columns: Int[Array, " E"], value: Float[Array, " E"]) -> Gaussian:
+    """The density of the other columns of x, in their order, once the chosen ones are known to be value.
+
+    Raises: NotPositiveDefinite, when the chosen columns have a singular covariance.
+    Source: Bishop 2006, equations 2.81-2.82.
+    """
+    rest = np.setdiff1d(np.arange(g.mean.size), columns)
+    known, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, rest)]
+    cholesky(known[None], "the covariance of the given columns, number")
+    slope = np.linalg.solve(known, cross).T  # S_rk S_kk^-1, (D - E, E)
+    covariance = g.covariance[np.ix_(rest, rest)] - slope @ cross
+    return Gaussian(g.mean[rest] + slope @ (value - g.mean[columns]), _symmetric(covariance))
+
+
+def sample(g: Gaussian, count: int, rng: np.random.Generator) -> Float[Array, "N D"]:
+    """count independent draws. A singular covariance is allowed: draws then stay on its support."""
+    values, vectors = np.linalg.eigh(g.covariance)
+    spread = vectors * np.sqrt(np.maximum(values, 0.0))  # (D, D), spread spread^T = covariance
+    return np.asarray(g.mean + rng.standard_normal((count, g.mean.size)) @ spread.T)
+
+
+def confidence_radius(width: int, probability: float) -> float:
+    """The Mahalanobis radius that holds a draw of a width-dimensional Gaussian with this probability.
+
+    One dimension and .683 give 1; the same ellipsoid holds less in more dimensions.
+    """
+    if not 0.0 < probability < 1.0:
+        raise InvalidInput(f"probability is {probability}, expected a number between 0 and 1, say .95")
+    from scipy.special import gammaincinv  # here, because scipy doubles the time of importing pilotfish
+
+    return float(np.sqrt(2.0 * gammaincinv(0.5 * width, probability)))
+
+
+def inside(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
+    """Which rows of x lie in the smallest region that holds a draw of g with this probability."""
+    W = whiteners(g.covariance[None])[0]
+    radius = confidence_radius(g.mean.size, probability)
+    return np.asarray(np.sum(((x - g.mean) @ W.T) ** 2, axis=1) <= radius**2)
+
+
+def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]:
+    """The closed contour of a planar Gaussian at a Mahalanobis radius (1 is the 1-sigma ellipse)."""
+    if g.mean.size != 2:
+        raise InvalidInput(f"an ellipse needs 2 dimensions, this Gaussian has {g.mean.size}; take a marginal first")
+    values, vectors = np.linalg.eigh(g.covariance)
+    angles = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (N, 2)
+    return np.asarray(g.mean + radius * (circle * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
+
+def _symmetric(covariance: Float[Array, "D D"]) -> Float[Array, "D D"]:
+    return 0.5 * (covariance + covariance.T)

@@ -1,0 +1,67 @@
+"""Semi-tied covariances: one basis of synergies shared by all states, own variances along it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish import kernels
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians.structures import Covariances
+from pilotfish.types import Array, Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SemiTiedCovariances:
+    """dense = tying H diag(variances) H^T + (1 - tying) samples;  H is basis, its columns the shared directions.
+
+    Columns of H have the scale of the estimate; only H diag(variances) H^T has a meaning of its own.
+    """
+
+    basis: Float[Array, "D D"]
+    variances: Float[Array, "K D"]
+    tying: float
+    dense: Float[Array, "K D D"]
+
+
+@dataclass(frozen=True, slots=True)
+class SemiTied:
+    """All states of a frame share their basis vectors H; tying 1 ties fully, 0 not at all.
+
+    sweeps  passes over the rows of H^-1 in every M-step. Each pass raises the likelihood, so few are enough
+            inside expectation-maximisation: the next M-step goes on from the same basis.
+    Source: Gales 1999, Semi-tied covariance matrices for hidden Markov models; Tanwani 2018, Algorithm 4.
+    """
+
+    tying: float = 1.0
+    sweeps: int = 2
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.tying <= 1.0:
+            raise InvalidInput(f"tying is {self.tying}, expected a number from 0 (free) to 1 (fully tied)")
+        if self.sweeps < 1:
+            raise InvalidInput(f"sweeps is {self.sweeps}, expected at least 1")
+
+    @property
+    def label(self) -> str:
+        return f"semi-tied({self.tying:g})"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> SemiTiedCovariances:
+        B = _transform(previous, samples.shape[-1])
+        B = kernels.semi_tied_sweeps(samples, mass, B, self.sweeps)
+        H = np.linalg.solve(B, np.eye(len(B)))
+        variances = np.einsum("di,kij,dj->kd", B, samples, B, optimize=True)  # diag(B S_i B^T)
+        tied = np.einsum("id,kd,jd->kij", H, variances, H, optimize=True)
+        dense = self.tying * tied + (1.0 - self.tying) * samples
+        return SemiTiedCovariances(H, variances, self.tying, 0.5 * (dense + dense.transpose(0, 2, 1)))
+
+    def parameter_count(self, states: int, width: int) -> int:
+        """D^2 + K D when fully tied; below, every sample covariance has its part: K D (D + 1) / 2."""
+        return width * width + states * width if self.tying == 1.0 else states * width * (width + 1) // 2
+
+
+def _transform(previous: Covariances | None, width: int) -> Float[Array, "D D"]:
+    if isinstance(previous, SemiTiedCovariances):
+        return np.linalg.solve(previous.basis, np.eye(width))
+    return np.eye(width)

@@ -1,0 +1,111 @@
+"""Covariance structures: how sample covariances become the covariances of a model.
+
+A structure is the only place where models of the family differ in their M-step. To add one, write a class with
+the two methods of Structure; expectation-maximisation needs no change.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from pilotfish.types import Array, Float
+
+
+@runtime_checkable
+class Covariances(Protocol):
+    """K covariances in whatever form their structure keeps them."""
+
+    @property
+    def dense(self) -> Float[Array, "K D D"]:
+        """The same covariances written out, symmetric."""
+        ...
+
+
+@runtime_checkable
+class Structure(Protocol):
+    """Turns sufficient statistics into covariances."""
+
+    @property
+    def label(self) -> str:
+        """A short name for tables and files, such as semi-tied(0.5)."""
+        ...
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> Covariances:
+        """Covariances at least as likely as previous for data of these sample covariances and masses."""
+        ...
+
+    def parameter_count(self, states: int, width: int) -> int:
+        """Free numbers of the covariances of one frame."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DenseCovariances:
+    """Covariances kept written out."""
+
+    dense: Float[Array, "K D D"]
+
+
+@dataclass(frozen=True, slots=True)
+class Full:
+    """Every state has its own unrestricted covariance."""
+
+    @property
+    def label(self) -> str:
+        return "full"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> DenseCovariances:
+        return DenseCovariances(samples)
+
+    def parameter_count(self, states: int, width: int) -> int:
+        return states * width * (width + 1) // 2
+
+
+@dataclass(frozen=True, slots=True)
+class Diagonal:
+    """Every state has its own variance in each column; columns do not correlate."""
+
+    @property
+    def label(self) -> str:
+        return "diagonal"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> DenseCovariances:
+        return DenseCovariances(samples * np.eye(samples.shape[-1]))
+
+    def parameter_count(self, states: int, width: int) -> int:
+        return states * width
+
+
+@dataclass(frozen=True, slots=True)
+class Spherical:
+    """Every state has one variance, the same in all columns."""
+
+    @property
+    def label(self) -> str:
+        return "spherical"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> DenseCovariances:
+        variances = np.trace(samples, axis1=1, axis2=2) / samples.shape[-1]  # (K,)
+        return DenseCovariances(variances[:, None, None] * np.eye(samples.shape[-1]))
+
+    def parameter_count(self, states: int, width: int) -> int:
+        return states
+
+
+def component_correlation(covariances: Float[Array, "K D D"]) -> Float[Array, "K K"]:
+    """Correlation coefficient between the entries of each pair of covariances, in [-1, 1].
+
+    Near one where components share their directions of variation.
+    NaN where a covariance has all entries equal.    Source: Tanwani 2018, equation 4.25.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.atleast_2d(np.corrcoef(covariances.reshape(len(covariances), -1)))

@@ -1,0 +1,58 @@
+"""Poses: where a body is and how it is turned."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry.quaternions import conjugate, multiply, rotation_matrix
+from pilotfish.types import Array, Float
+
+NORM_TOLERANCE = 1e-4  # what four typed digits leave: |(.7071, .7071, 0, 0)| = 1 - 1e-5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A place [m] and a unit quaternion; as world_from_a it takes what a sees to what the world sees.
+
+    Names cancel where poses meet: world_from_a @ a_from_b = world_from_b.
+    """
+
+    position: Float[Array, " 3"]
+    quaternion: Float[Array, " 4"]
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        position = self.position + rotation_matrix(self.quaternion) @ other.position
+        return Pose(position, multiply(self.quaternion, other.quaternion))
+
+    def inverse(self) -> "Pose":
+        """a_from_world, given world_from_a."""
+        back = conjugate(self.quaternion)
+        return Pose(-rotation_matrix(back) @ self.position, back)
+
+
+def pose(position: object, quaternion: object) -> Pose:
+    """The door for poses: three metres and a unit quaternion w x y z, or InvalidInput.
+
+    A norm within 1e-4 of one is rounding and is divided out; further away it is refused.
+    """
+    place, turn = _numbers(position, "position", 3), _numbers(quaternion, "quaternion", 4)
+    norm = float(np.linalg.norm(turn))
+    if abs(norm - 1) > NORM_TOLERANCE:
+        raise InvalidInput(
+            f"quaternion {turn.tolist()} has norm {norm:.6g}, expected 1 within {NORM_TOLERANCE:g}; "
+            "if only its length is wrong, pass geometry.normalise(quaternion)"
+        )
+    return Pose(place, turn / norm)
+
+
+def _numbers(value: object, name: str, size: int) -> Float[Array, " n"]:
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{name} is {value!r}, expected {size} numbers") from error
+    if numbers.shape != (size,):
+        raise InvalidInput(f"{name} has shape {numbers.shape}, expected ({size},)")
+    if not np.isfinite(numbers).all():
+        raise InvalidInput(f"{name} is {numbers.tolist()}, expected {size} finite numbers")
+    return numbers

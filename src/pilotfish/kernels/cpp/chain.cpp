@@ -1,0 +1,176 @@
+#include "chain.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pilotfish {
+
+namespace {
+
+constexpr double DOUBTFUL = 1e-280;  // a sum this small may have lost a term to underflow, at 1e-308
+
+int padded(int K) { return (K + LANES - 1) / LANES * LANES; }
+
+// (K, width) copy of a (K, K) matrix or its transpose.
+Buffer pad(const double* matrix, int K, bool transposed, double padding) {
+  const int width = padded(K);
+  Buffer rows(size_t(K) * width, padding);
+  for (int j = 0; j < K; ++j)
+    for (int k = 0; k < K; ++k) rows[size_t(j) * width + k] = transposed ? matrix[k * K + j] : matrix[j * K + k];
+  return rows;
+}
+
+// sum[k] = sum over j of weight[j] rows[j, k]; two sums at a time, so that additions overlap.
+void product(const double* weight, const double* rows, int K, int width, double* sum) {
+  for (int c = 0; c < width; c += LANES, rows += LANES, sum += LANES) {
+    Lanes<LANES> even = weight[0] * lanes<LANES>(rows), odd = Lanes<LANES>::Zero();
+    int j = 1;
+    for (; j + 1 < K; j += 2) {
+      odd += weight[j] * lanes<LANES>(rows + j * width);
+      even += weight[j + 1] * lanes<LANES>(rows + (j + 1) * width);
+    }
+    if (j < K) odd += weight[j] * lanes<LANES>(rows + j * width);
+    lanes<LANES>(sum) = even + odd;
+  }
+}
+
+// log sum over k of exp(a[k] + b[k]), exactly; terms[k] is left as the share of k in the sum.
+double log_sum(const double* a, const double* b, double* terms, int width) {
+  for (int k = 0; k < width; ++k) terms[k] = a[k] + b[k];
+  const double most = largest(terms, width);
+  if (most == NEVER) return NEVER;
+  exponentials(terms, most, terms, width);
+  const double sum = total(terms, width);
+  for (int k = 0; k < width; ++k) terms[k] /= sum;
+  return most + std::log(sum);
+}
+
+}  // namespace
+
+Chain::Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions)
+    : K_(K),
+      width_(padded(K)),
+      log_initial_(size_t(width_), NEVER),
+      from_(pad(transitions, K, false, 1.0)),
+      into_(pad(transitions, K, true, 1.0)),
+      log_from_(pad(log_transitions, K, false, NEVER)),
+      log_into_(pad(log_transitions, K, true, NEVER)) {
+  std::copy_n(log_initial, K, log_initial_.begin());
+}
+
+double Chain::forward(const double* log_emissions, long T, double* forward, double* offsets) const {
+  Buffer likelihood(width_), sum(width_), terms(width_);
+  for (int k = 0; k < width_; ++k) forward[k] = log_initial_[k] + log_emissions[k];
+  offsets[0] = 0.0;
+  for (long t = 0;; ++t, forward += width_) {
+    const double most = largest(forward, width_);
+    if (most == NEVER) {
+      std::fill_n(forward, (T - t) * width_, NEVER);
+      std::fill_n(offsets + t, T - t, 0.0);
+      return NEVER;
+    }
+    exponentials(forward, most, likelihood.data(), width_);
+    if (t + 1 == T) return offsets[t] + most + std::log(total(likelihood.data(), width_));
+    product(likelihood.data(), from_.data(), K_, width_, sum.data());
+    double* next = forward + width_;
+    logarithms(sum.data(), next, width_);
+    if (smallest(sum.data(), width_) < DOUBTFUL) {
+      for (int k = 0; k < K_; ++k)
+        if (sum[k] < DOUBTFUL)
+          next[k] = log_sum(forward, log_into_.data() + size_t(k) * width_, terms.data(), width_) - most;
+    }
+    log_emissions += width_;
+    for (int k = 0; k < width_; ++k) next[k] += log_emissions[k];
+    offsets[t + 1] = offsets[t] + most;
+  }
+}
+
+// From step t + 1 back to step t.
+struct Chain::Step {
+  explicit Step(int K, int width)
+      : ahead(width), likelihood(width), sum(width), terms(width), ratios(size_t(K) * width), exact(ratios) {}
+  Buffer ahead;       // log p(step t + 1 and all later | state there), relative
+  Buffer likelihood;  // exp of it, relative to the largest
+  Buffer sum;         // sum over k of a_jk likelihood_k
+  Buffer terms;
+  Buffer ratios;      // over all steps, sum of gamma_j / sum_j likelihood_k: times a_jk it counts transitions
+  Buffer exact;       // over all steps, transitions of rows whose sum was doubtful
+};
+
+void Chain::backward(const double* log_emissions, long T, double* forward, double* counts) const {
+  Step step(K_, width_);
+  Buffer later(width_, 0.0), joint(width_);  // log p(all later steps | state), relative
+  for (long t = T - 1; t >= 0; --t) {
+    if (t + 1 < T) {
+      const double* emission = log_emissions + (t + 1) * width_;
+      for (int k = 0; k < width_; ++k) step.ahead[k] = emission[k] + later[k];
+      look_back(step, later.data());
+    }
+    double* gamma = forward + t * width_;
+    for (int k = 0; k < width_; ++k) joint[k] = gamma[k] + later[k];
+    exponentials(joint.data(), largest(joint.data(), width_), gamma, width_);
+    const double scale = 1.0 / total(gamma, width_);
+    for (int k = 0; k < width_; ++k) gamma[k] *= scale;
+    if (t + 1 < T) add_transitions(step, gamma);
+  }
+  for (int j = 0; j < K_; ++j)
+    for (int k = 0; k < K_; ++k) {
+      const size_t at = size_t(j) * width_ + k;
+      counts[j * K_ + k] += from_[at] * step.ratios[at] + step.exact[at];
+    }
+}
+
+void Chain::look_back(Step& step, double* later) const {
+  const double most = largest(step.ahead.data(), width_);
+  exponentials(step.ahead.data(), most, step.likelihood.data(), width_);
+  product(step.likelihood.data(), into_.data(), K_, width_, step.sum.data());
+  logarithms(step.sum.data(), later, width_);
+  if (smallest(step.sum.data(), width_) >= DOUBTFUL) return;
+  for (int j = 0; j < K_; ++j)
+    if (step.sum[j] < DOUBTFUL)
+      later[j] = log_sum(step.ahead.data(), log_from_.data() + size_t(j) * width_, step.terms.data(), width_) - most;
+}
+
+// zeta_jk = gamma_j a_jk likelihood_k / sum_j: the state now, then where it goes.
+void Chain::add_transitions(Step& step, const double* gamma) const {
+  for (int j = 0; j < K_; ++j) {
+    if (gamma[j] == 0.0) continue;
+    double* ratios = step.ratios.data() + size_t(j) * width_;
+    if (step.sum[j] >= DOUBTFUL) {
+      const double ratio = gamma[j] / step.sum[j];
+      for (int c = 0; c < width_; c += LANES)
+        lanes<LANES>(ratios + c) += ratio * lanes<LANES>(step.likelihood.data() + c);
+    } else {
+      double* exact = step.exact.data() + size_t(j) * width_;
+      log_sum(step.ahead.data(), log_from_.data() + size_t(j) * width_, step.terms.data(), width_);
+      for (int k = 0; k < width_; ++k) exact[k] += gamma[j] * step.terms[k];
+    }
+  }
+}
+
+double viterbi(int K, long T, const double* log_emissions, const double* log_initial,
+               const double* log_transitions, int64_t* states) {
+  std::vector<double> best(K), score(K), origin(K);  // origins as real numbers: one vector width for all
+  std::vector<int32_t> origins(size_t(T) * K);
+  for (int k = 0; k < K; ++k) best[k] = log_initial[k] + log_emissions[k];
+  for (long t = 1; t < T; ++t) {
+    for (int k = 0; k < K; ++k) score[k] = best[0] + log_transitions[k];
+    std::fill(origin.begin(), origin.end(), 0.0);
+    for (int j = 1; j < K; ++j)
+      for (int k = 0; k < K; ++k) {
+        const double candidate = best[j] + log_transitions[j * K + k];
+        const bool better = candidate > score[k];
+        score[k] = better ? candidate : score[k];
+        origin[k] = better ? double(j) : origin[k];
+      }
+    for (int k = 0; k < K; ++k) {
+      best[k] = score[k] + log_emissions[t * K + k];
+      origins[t * K + k] = int32_t(origin[k]);
+    }
+  }
+  states[T - 1] = std::max_element(best.begin(), best.end()) - best.begin();  // the first of equals
+  for (long t = T - 1; t > 0; --t) states[t - 1] = origins[t * K + states[t]];
+  return best[states[T - 1]];
+}
+
+}  // namespace pilotfish

@@ -1,0 +1,40 @@
+// Inference along a Markov chain of K states, in logarithms, without losing a path to underflow.
+#pragma once
+
+#include "lanes.hpp"
+
+namespace pilotfish {
+
+// The K states are padded with impossible ones to a width that is a multiple of LANES.
+// Log-probabilities travel relative to a running offset, so that long chains lose no digits. A step is a product of
+// exponentials with the transition matrix; a sum so small that a path may have underflowed is done again exactly.
+class Chain {
+ public:
+  Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions);
+
+  int width() const { return width_; }
+
+  // forward[t] + offsets[t] = log p(steps 0 to t, state at t); returns log p(all steps), -inf when no path is left.
+  double forward(const double* log_emissions, long T, double* forward, double* offsets) const;
+
+  // Turns forward (T, width) into posteriors and adds the expected transitions to counts (K, K).
+  // The likelihood must not be zero.
+  void backward(const double* log_emissions, long T, double* forward, double* counts) const;
+
+ private:
+  struct Step;
+
+  void look_back(Step& step, double* later) const;
+  void add_transitions(Step& step, const double* gamma) const;
+
+  int K_, width_;
+  Buffer log_initial_;
+  Buffer from_, into_;          // row j: to every k; row k: from every j. Padded with ones
+  Buffer log_from_, log_into_;  // their logarithms, padded with -inf
+};
+
+// A most probable path into states (T), at ties the lower index; returns its log-probability.
+double viterbi(int K, long T, const double* log_emissions, const double* log_initial,
+               const double* log_transitions, int64_t* states);
+
+}  // namespace pilotfish

@@ -1,0 +1,207 @@
+// The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released in between.
+// Built twice, for two instruction sets; kernels/compiled.py picks one and gives its results their names.
+#include <algorithm>
+#include <string>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include "chain.hpp"
+#include "expectation.hpp"
+#include "semi_tied.hpp"
+#include "subnormals.hpp"
+#include "tracking.hpp"
+
+#ifndef PILOTFISH_MODULE
+#error "PILOTFISH_MODULE names the extension module"
+#endif
+
+namespace nb = nanobind;
+
+namespace pilotfish {
+namespace {
+
+template <typename Number, int Axes>
+using In = nb::ndarray<const Number, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
+using Out = nb::ndarray<nb::numpy, double, nb::c_contig>;
+using States = nb::ndarray<nb::numpy, int64_t, nb::c_contig>;
+
+template <typename Array>
+Array empty(std::initializer_list<size_t> shape) {
+  using Number = typename Array::Scalar;
+  size_t size = 1;
+  for (size_t axis : shape) size *= axis;
+  auto* data = new Number[size];
+  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<Number*>(p); });
+  return Array(data, shape.size(), shape.begin(), owner);
+}
+
+// No kernel reads beyond an array, whatever it was given.
+template <typename Array>
+void expect(const Array& array, const char* name, std::initializer_list<size_t> shape) {
+  size_t axis = 0;
+  for (size_t size : shape) {
+    if (array.shape(axis) != size)
+      throw nb::value_error((std::string(name) + " has " + std::to_string(array.shape(axis)) + " entries along axis " +
+                             std::to_string(axis) + ", expected " + std::to_string(size))
+                                .c_str());
+    ++axis;
+  }
+}
+
+void expect_some(size_t size, const char* name) {
+  if (size == 0) throw nb::value_error((std::string(name) + " is empty, expected at least one").c_str());
+}
+
+struct Free {  // the interpreter while a kernel runs
+  nb::gil_scoped_release others;
+  SubnormalsFlushed subnormals;
+};
+
+Sizes sizes_of(const In<double, 3>& x, const In<double, 3>& means, const In<double, 4>& whiteners) {
+  const size_t P = x.shape(0), D = x.shape(2), K = means.shape(1);
+  expect_some(D, "the last axis of x");
+  expect_some(K, "means");
+  expect(means, "means", {P, K, D});
+  expect(whiteners, "whiteners", {P, K, D, D});
+  return {int(P), long(x.shape(1)), int(K), int(D)};
+}
+
+Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners) {
+  const Sizes sizes = sizes_of(x, means, whiteners);
+  Out result = empty<Out>({size_t(sizes.N), size_t(sizes.K)});
+  Free run;
+  Densities(sizes, means.data(), whiteners.data()).evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
+  return result;
+}
+
+auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, In<double, 2> transitions,
+            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> whiteners) {
+  const Sizes sizes = sizes_of(x, means, whiteners);
+  const size_t M = lengths.shape(0), P = sizes.P, K = sizes.K, D = sizes.D;
+  expect(log_initial, "log_initial", {K});
+  expect(transitions, "transitions", {K, K});
+  expect(log_transitions, "log_transitions", {K, K});
+  expect_some(M, "lengths");
+  int64_t sum = 0;
+  for (size_t m = 0; m < M; ++m) {
+    if (lengths(m) < 1 || lengths(m) > sizes.N) throw nb::value_error("lengths are not between 1 and N");
+    sum += lengths(m);
+  }
+  if (sum != sizes.N) throw nb::value_error("lengths do not add up to the N datapoints of x");
+  auto result = std::make_tuple(empty<Out>({M}), empty<Out>({K}), empty<Out>({K}), empty<Out>({K, K}),
+                                empty<Out>({P, K, D}), empty<Out>({P, K, D, D}));
+  const Model model{log_initial.data(), transitions.data(), log_transitions.data(), means.data(), whiteners.data()};
+  const Sums sums{std::get<0>(result).data(), std::get<1>(result).data(), std::get<2>(result).data(),
+                  std::get<3>(result).data(), std::get<4>(result).data(), std::get<5>(result).data()};
+  Free run;
+  e_step(sizes, x.data(), lengths.data(), long(M), model, sums);
+  return result;
+}
+
+auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> transitions,
+                      In<double, 2> log_transitions) {
+  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
+  expect_some(T, "log_emissions");
+  expect_some(K, "the last axis of log_emissions");
+  expect(log_initial, "log_initial", {K});
+  expect(transitions, "transitions", {K, K});
+  expect(log_transitions, "log_transitions", {K, K});
+  Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K}), log_forward = empty<Out>({T, K});
+  double log_likelihood;
+  {
+    Free run;
+    const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
+    const size_t width = chain.width();
+    Buffer emissions(T * width, NEVER), forward(T * width), offsets(T);
+    for (size_t t = 0; t < T; ++t) std::copy_n(log_emissions.data() + t * K, K, emissions.data() + t * width);
+    log_likelihood = chain.forward(emissions.data(), long(T), forward.data(), offsets.data());
+    for (size_t t = 0; t < T; ++t)
+      for (size_t k = 0; k < K; ++k) log_forward.data()[t * K + k] = forward[t * width + k] + offsets[t];
+    std::fill_n(counts.data(), K * K, 0.0);
+    if (log_likelihood == NEVER)
+      std::fill_n(posteriors.data(), T * K, 0.0);
+    else
+      chain.backward(emissions.data(), long(T), forward.data(), counts.data());
+    if (log_likelihood != NEVER)
+      for (size_t t = 0; t < T; ++t) std::copy_n(forward.data() + t * width, K, posteriors.data() + t * K);
+  }
+  return std::make_tuple(log_likelihood, posteriors, counts, log_forward);
+}
+
+auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions) {
+  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
+  expect_some(T, "log_emissions");
+  expect_some(K, "the last axis of log_emissions");
+  expect(log_initial, "log_initial", {K});
+  expect(log_transitions, "log_transitions", {K, K});
+  States states = empty<States>({T});
+  double log_probability;
+  {
+    Free run;
+    log_probability = viterbi(int(K), long(T), log_emissions.data(), log_initial.data(), log_transitions.data(),
+                              states.data());
+  }
+  return std::make_tuple(states, log_probability);
+}
+
+auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double, 2> targets, In<double, 2> effort) {
+  const size_t T = targets.shape(0), n = targets.shape(1), m = B.shape(2), S = A.shape(0);
+  expect_some(T, "targets");
+  expect_some(n, "the last axis of targets");
+  expect_some(m, "the last axis of B");
+  if (S != 1 && S + 1 != T) throw nb::value_error("A and B hold neither one matrix nor one for each step but the last");
+  expect(A, "A", {S, n, n});
+  expect(B, "B", {S, n, m});
+  expect(weights, "weights", {T, n, n});
+  expect(effort, "effort", {m, m});
+  Out gains = empty<Out>({T - 1, m, n}), feedforwards = empty<Out>({T - 1, m});
+  Out values = empty<Out>({T, n, n}), gradients = empty<Out>({T, n});
+  const Tracking problem{long(T),  int(n),         int(m),         S != 1,       A.data(),
+                         B.data(), weights.data(), targets.data(), effort.data()};
+  long refused;
+  {
+    Free run;
+    refused = riccati(problem, Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
+  }
+  return std::make_tuple(refused, gains, feedforwards, values, gradients);
+}
+
+auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 2> transform, int sweeps) {
+  const size_t K = covariances.shape(0), D = transform.shape(0);
+  expect_some(K, "covariances");
+  expect_some(D, "transform");
+  expect(transform, "transform", {D, D});
+  expect(covariances, "covariances", {K, D, D});
+  expect(mass, "mass", {K});
+  Out result = empty<Out>({D, D});
+  std::copy_n(transform.data(), D * D, result.data());
+  int refused;
+  {
+    Free run;
+    refused = semi_tied_sweeps(int(K), int(D), covariances.data(), mass.data(), result.data(), sweeps);
+  }
+  return std::make_tuple(refused, result);
+}
+
+#ifdef PILOTFISH_KNOWS_V3
+bool supports_v3() {
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
+}
+#else
+bool supports_v3() { return false; }
+#endif
+
+}  // namespace
+}  // namespace pilotfish
+
+NB_MODULE(PILOTFISH_MODULE, module) {
+  module.def("log_emissions", &pilotfish::log_emissions);
+  module.def("e_step", &pilotfish::e_step);
+  module.def("forward_backward", &pilotfish::forward_backward);
+  module.def("viterbi", &pilotfish::viterbi);
+  module.def("riccati", &pilotfish::riccati);
+  module.def("semi_tied_sweeps", &pilotfish::semi_tied_sweeps);
+  module.def("supports_v3", &pilotfish::supports_v3);
+}

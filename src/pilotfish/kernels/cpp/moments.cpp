@@ -1,0 +1,123 @@
+#include "moments.hpp"
+
+#include <algorithm>
+
+namespace pilotfish {
+
+namespace {
+
+using Sum = Lanes<REGISTER>;
+
+// The lower triangle in tiles of 2 rows and 4 columns: visit(i, j) for the tile's upper left corner.
+template <typename Visit>
+inline void for_each_tile(int D, Visit visit) {
+  for (int i = 0; i < D; i += 2)
+    for (int j = 0; j < i + 2; j += 4) visit(i, j);
+}
+
+// sum[r][c] += left[r] right[c], summed over the steps of a block, REGISTER steps apart.
+inline void add_tile(const double* left, const double* right, double* sum) {
+  Sum s00 = lanes<REGISTER>(sum), s01 = lanes<REGISTER>(sum + REGISTER);
+  Sum s02 = lanes<REGISTER>(sum + 2 * REGISTER), s03 = lanes<REGISTER>(sum + 3 * REGISTER);
+  Sum s10 = lanes<REGISTER>(sum + 4 * REGISTER), s11 = lanes<REGISTER>(sum + 5 * REGISTER);
+  Sum s12 = lanes<REGISTER>(sum + 6 * REGISTER), s13 = lanes<REGISTER>(sum + 7 * REGISTER);
+  for (int l = 0; l < BLOCK; l += REGISTER) {
+    const Sum a = lanes<REGISTER>(left + l), b = lanes<REGISTER>(left + BLOCK + l);
+    const Sum c = lanes<REGISTER>(right + l), d = lanes<REGISTER>(right + BLOCK + l);
+    const Sum e = lanes<REGISTER>(right + 2 * BLOCK + l), f = lanes<REGISTER>(right + 3 * BLOCK + l);
+    s00 += a * c, s01 += a * d, s02 += a * e, s03 += a * f;
+    s10 += b * c, s11 += b * d, s12 += b * e, s13 += b * f;
+  }
+  lanes<REGISTER>(sum) = s00, lanes<REGISTER>(sum + REGISTER) = s01;
+  lanes<REGISTER>(sum + 2 * REGISTER) = s02, lanes<REGISTER>(sum + 3 * REGISTER) = s03;
+  lanes<REGISTER>(sum + 4 * REGISTER) = s10, lanes<REGISTER>(sum + 5 * REGISTER) = s11;
+  lanes<REGISTER>(sum + 6 * REGISTER) = s12, lanes<REGISTER>(sum + 7 * REGISTER) = s13;
+}
+
+size_t tiles(int D) {
+  size_t count = 0;
+  for_each_tile(D, [&](int, int) { ++count; });
+  return count;
+}
+
+}  // namespace
+
+Moments::Moments(Sizes sizes, const double* means, double* offsets, double* scatters)
+    : sizes_(sizes),
+      means_(means),
+      offsets_(offsets),
+      scatters_(scatters),
+      page_(sizes),
+      error_(size_t(sizes.rows()) * BLOCK),
+      weighted_(size_t(sizes.rows()) * BLOCK),
+      first_(size_t(sizes.D) * REGISTER),
+      second_(tiles(sizes.D) * 8 * REGISTER) {
+  const size_t states = size_t(sizes.P) * sizes.K;
+  std::fill_n(offsets, states * sizes.D, 0.0);
+  std::fill_n(scatters, states * sizes.D * sizes.D, 0.0);
+}
+
+void Moments::add(const double* x, long begin, long end, const double* gamma, long stride) {
+  for (; begin < end; begin += STEPS, gamma += STEPS * stride) {
+    for (int p = 0; p < sizes_.P; ++p) {
+      page_.read(x + (p * sizes_.N + begin) * sizes_.D, std::min<long>(STEPS, end - begin));
+      for (int k = 0; k < sizes_.K; ++k) add_state(size_t(p) * sizes_.K + k, gamma + k, stride);
+    }
+  }
+}
+
+void Moments::add_state(size_t state, const double* gamma, long stride) {
+  alignas(64) double share[BLOCK];
+  bool any = false;
+  for (long b = 0; b < page_.blocks(); ++b) {
+    std::fill_n(share, BLOCK, 0.0);
+    for (long l = 0; l < page_.steps_in(b); ++l) share[l] = gamma[(b * BLOCK + l) * stride];
+    if (std::all_of(share, share + BLOCK, [](double s) { return s == 0.0; })) continue;
+    deviations(page_.block(b), means_ + state * sizes_.D, sizes_.D, error_.data());
+    add_block(share);
+    any = true;
+  }
+  if (any) collect(state);
+}
+
+void Moments::add_block(const double* share) {
+  const double* error = error_.data();
+  double* weighted = weighted_.data();
+  for (int i = 0; i < sizes_.D; ++i) {
+    Sum sum = lanes<REGISTER>(first_.data() + i * REGISTER);
+    for (int l = 0; l < BLOCK; l += REGISTER) {
+      const Sum product = lanes<REGISTER>(share + l) * lanes<REGISTER>(error + i * BLOCK + l);
+      lanes<REGISTER>(weighted + i * BLOCK + l) = product;
+      sum += product;
+    }
+    lanes<REGISTER>(first_.data() + i * REGISTER) = sum;
+  }
+  double* sum = second_.data();
+  for_each_tile(sizes_.D, [&](int i, int j) {
+    add_tile(weighted + i * BLOCK, error + j * BLOCK, sum);
+    sum += 8 * REGISTER;
+  });
+}
+
+void Moments::collect(size_t state) {
+  const int D = sizes_.D;
+  for (int i = 0; i < D; ++i) offsets_[state * D + i] += lanes<REGISTER>(first_.data() + i * REGISTER).sum();
+  double* scatter = scatters_ + state * D * D;
+  const double* sum = second_.data();
+  for_each_tile(D, [&](int i, int j) {
+    for (int r = i; r < i + 2; ++r)
+      for (int c = j; c < j + 4; ++c, sum += REGISTER)
+        if (r < D && c <= r) scatter[r * D + c] += lanes<REGISTER>(sum).sum();
+  });
+  std::fill(first_.begin(), first_.end(), 0.0);
+  std::fill(second_.begin(), second_.end(), 0.0);
+}
+
+void Moments::finish() {
+  const int D = sizes_.D;
+  for (size_t state = 0; state < size_t(sizes_.P) * sizes_.K; ++state)
+    for (int i = 0; i < D; ++i)
+      for (int j = 0; j < i; ++j) scatters_[(state * D + j) * D + i] = scatters_[(state * D + i) * D + j];
+}
+
+}  // namespace pilotfish

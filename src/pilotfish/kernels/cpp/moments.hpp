@@ -1,0 +1,33 @@
+// Weighted first and second moments of datapoints about given means.
+#pragma once
+
+#include "views.hpp"
+
+namespace pilotfish {
+
+// Adds up  sum gamma (x - mean)  and  sum gamma (x - mean) (x - mean)^T  for every frame and state.
+class Moments {
+ public:
+  Moments(Sizes sizes, const double* means, double* offsets, double* scatters);
+
+  // The datapoints begin to end, gamma[n * stride + k] their share of state k.
+  void add(const double* x, long begin, long end, const double* gamma, long stride);
+
+  // Only now are the scatters whole: until here their upper triangles are missing.
+  void finish();
+
+ private:
+  void add_state(size_t state, const double* gamma, long stride);
+  void add_block(const double* share);
+  void collect(size_t state);
+
+  Sizes sizes_;
+  const double* means_;
+  double* offsets_;
+  double* scatters_;
+  Page page_;
+  Buffer error_, weighted_;     // (rows, BLOCK) of one state and block
+  Buffer first_, second_;       // sums over a page, REGISTER of them for each number
+};
+
+}  // namespace pilotfish

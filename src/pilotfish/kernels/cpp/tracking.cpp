@@ -1,0 +1,56 @@
+#include "tracking.hpp"
+
+#include <Eigen/Cholesky>
+
+namespace pilotfish {
+
+namespace {
+
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Vector = Eigen::VectorXd;
+using MatrixIn = Eigen::Map<const Matrix>;
+using VectorIn = Eigen::Map<const Vector>;
+
+}  // namespace
+
+long riccati(Tracking problem, Gains result) {
+  const long T = problem.T, n = problem.n, m = problem.m;
+  const MatrixIn R(problem.effort, m, m);
+  Matrix PA(n, n), PB(n, m), S(m, m), G(m, n), Y(m, n);
+  Vector pull(n), push(m);
+  Eigen::LLT<Matrix> factor(m);
+  const auto value = [&](long t) { return Eigen::Map<Matrix>(result.values + t * n * n, n, n); };
+  const auto gradient = [&](long t) { return Eigen::Map<Vector>(result.gradients + t * n, n); };
+  const auto weight = [&](long t) { return MatrixIn(problem.weights + t * n * n, n, n); };
+  const auto target = [&](long t) { return VectorIn(problem.targets + t * n, n); };
+  value(T - 1) = weight(T - 1);
+  gradient(T - 1).setZero();
+  for (long t = T - 2; t >= 0; --t) {
+    const long now = problem.varying ? t : 0;
+    const MatrixIn A(problem.A + now * n * n, n, n), B(problem.B + now * n * m, n, m);
+    const auto P = value(t + 1);
+    PA.noalias() = P * A;
+    PB.noalias() = P * B;
+    S = R;
+    S.noalias() += B.transpose() * PB;
+    factor.compute(S);
+    if (factor.info() != Eigen::Success) return t;
+    G.noalias() = PB.transpose() * A;
+    Y = factor.matrixL().solve(G);  // K = L^-T Y, and A^T P B K = Y^T Y
+    Eigen::Map<Matrix> K(result.gains + t * m * n, m, n);
+    K = factor.matrixU().solve(Y);
+    value(t) = weight(t);
+    value(t).noalias() += A.transpose() * PA;
+    value(t).noalias() -= Y.transpose() * Y;
+    value(t) = (0.5 * (value(t) + value(t).transpose())).eval();
+    pull.noalias() = P * (A * target(t) - target(t + 1)).eval();
+    pull += gradient(t + 1);
+    push.noalias() = B.transpose() * pull;
+    Eigen::Map<Vector>(result.feedforwards + t * m, m) = -factor.solve(push);
+    gradient(t).noalias() = A.transpose() * pull;
+    gradient(t).noalias() -= K.transpose() * push;
+  }
+  return -1;
+}
+
+}  // namespace pilotfish

@@ -1,0 +1,97 @@
+#include "views.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pilotfish {
+
+namespace {
+
+constexpr int CHUNK = 16;  // steps whose sums stay in registers; a multiple of every register
+constexpr double LOG_TWO_PI = 1.8378770664093454836;
+
+// |W e|^2 for CHUNK steps. The triangle comes in strips of two rows, each strip column by column.
+inline Lanes<CHUNK> squared_norm(const double* triangle, const double* error, int D) {
+  Lanes<CHUNK> sum = Lanes<CHUNK>::Zero();
+  for (int i = 0; i < D; i += 2) {
+    Lanes<CHUNK> upper = Lanes<CHUNK>::Zero(), lower = Lanes<CHUNK>::Zero();
+    for (int j = 0; j < i + 2; ++j, triangle += 2) {
+      const auto e = lanes<CHUNK>(error + j * BLOCK);
+      upper += triangle[0] * e;
+      lower += triangle[1] * e;
+    }
+    sum += upper * upper + lower * lower;
+  }
+  return sum;
+}
+
+void pack(const double* whitener, int D, double* triangle) {
+  for (int i = 0; i < D; i += 2)
+    for (int j = 0; j < i + 2; ++j)
+      for (int r = i; r < i + 2; ++r) *triangle++ = (r < D && j <= r) ? whitener[r * D + j] : 0.0;
+}
+
+}  // namespace
+
+void Page::read(const double* x, long steps) {
+  steps_ = steps;
+  for (long b = 0; b < blocks(); ++b) {
+    double* to = x_.data() + b * rows_ * BLOCK;
+    const double* from = x + b * BLOCK * D_;
+    const long inside = steps_in(b);
+    for (int i = 0; i < D_; ++i) {
+      for (long l = 0; l < inside; ++l) to[i * BLOCK + l] = from[l * D_ + i];
+      for (long l = inside; l < BLOCK; ++l) to[i * BLOCK + l] = 0.0;
+    }
+  }
+}
+
+void deviations(const double* block, const double* mean, int D, double* error) {
+  for (int i = 0; i < D; ++i)
+    for (int l = 0; l < BLOCK; l += LANES)
+      lanes<LANES>(error + i * BLOCK + l) = lanes<LANES>(block + i * BLOCK + l) - mean[i];
+}
+
+Densities::Densities(Sizes sizes, const double* means, const double* whiteners)
+    : sizes_(sizes),
+      means_(means),
+      packed_(size_t(sizes.D + 1) * (sizes.D + 3) / 2),
+      triangles_(size_t(sizes.P) * sizes.K * packed_),
+      constants_(size_t(sizes.P) * sizes.K),
+      page_(sizes),
+      error_(size_t(sizes.rows()) * BLOCK) {
+  const int D = sizes.D;
+  for (int p = 0; p < sizes.P; ++p)
+    for (int k = 0; k < sizes.K; ++k) {
+      const double* whitener = whiteners + (size_t(p) * sizes.K + k) * D * D;
+      double& constant = constants_[size_t(p) * sizes.K + k];
+      constant = -0.5 * D * LOG_TWO_PI;
+      for (int d = 0; d < D; ++d) constant += std::log(whitener[d * D + d]);
+      pack(whitener, D, triangle(p, k));
+    }
+}
+
+void Densities::evaluate(const double* x, long begin, long end, double* log_density, long stride) {
+  for (; begin < end; begin += STEPS, log_density += STEPS * stride) {
+    const long steps = std::min<long>(STEPS, end - begin);
+    for (long n = 0; n < steps; ++n) std::fill_n(log_density + n * stride, sizes_.K, 0.0);
+    for (int p = 0; p < sizes_.P; ++p) {
+      page_.read(x + (p * sizes_.N + begin) * sizes_.D, steps);
+      for (int k = 0; k < sizes_.K; ++k) add(p, k, log_density + k, stride);
+    }
+  }
+}
+
+void Densities::add(int p, int k, double* log_density, long stride) {
+  const size_t state = size_t(p) * sizes_.K + k;
+  alignas(64) double density[BLOCK];
+  for (long b = 0; b < page_.blocks(); ++b) {
+    deviations(page_.block(b), means_ + state * sizes_.D, sizes_.D, error_.data());
+    for (int c = 0; c < BLOCK; c += CHUNK)
+      lanes<CHUNK>(density + c) =
+          constants_[state] - 0.5 * squared_norm(triangle(p, k), error_.data() + c, sizes_.D);
+    for (long l = 0; l < page_.steps_in(b); ++l) log_density[(b * BLOCK + l) * stride] += density[l];
+  }
+}
+
+}  // namespace pilotfish

@@ -1,0 +1,59 @@
+"""What the kernels give back: one frozen value for each."""
+
+from dataclasses import dataclass
+
+from pilotfish.types import Array, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EStep:
+    """What a hidden Markov model's posteriors add up to, over M demonstrations.
+
+    gamma is the posterior of a state at a step, zeta of two states at two steps in a row. A demonstration that no
+    path explains has log-likelihood -inf and adds nothing to the sums.
+    """
+
+    log_likelihoods: Float[Array, " M"]
+    mass: Float[Array, " K"]  # sum of gamma
+    first: Float[Array, " K"]  # sum over demonstrations of gamma at their first step
+    transitions: Float[Array, "K K"]  # sum of zeta
+    offsets: Float[Array, "P K D"]  # sum of gamma (x - mean), about the means given
+    scatters: Float[Array, "P K D D"]  # sum of gamma (x - mean) (x - mean)^T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForwardBackward:
+    """Where a Markov chain was, given everything that it emitted.
+
+    posteriors[t, k] = p(state k at t | all steps), transitions[j, k] = expected number of steps from j to k, and
+    log_forward[t, k] = log p(steps 0 to t, state k at t). All zero where log_likelihood is -inf.
+    """
+
+    log_likelihood: float
+    posteriors: Float[Array, "T K"]
+    transitions: Float[Array, "K K"]
+    log_forward: Float[Array, "T K"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Viterbi:
+    """A most probable path; of equally probable ones, that whose last differing state has the lower index.
+
+    log_probability = log p(all steps, this path). At -inf no path explains the steps, and states mean nothing.
+    """
+
+    states: Int[Array, " T"]
+    log_probability: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Riccati:
+    """The tracker of least cost: u_t = feedforwards[t] - gains[t] (x_t - targets[t]), one step fewer than targets.
+
+    The cost still to pay from x_t on is e^T values[t] e + 2 gradients[t]^T e + a constant, with e = x_t - targets[t].
+    """
+
+    gains: Float[Array, "S m n"]
+    feedforwards: Float[Array, "S m"]
+    values: Float[Array, "T n n"]
+    gradients: Float[Array, "T n"]

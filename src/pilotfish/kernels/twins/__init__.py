@@ -1,0 +1,12 @@
+"""Every kernel in NumPy, reading like its derivation.
+
+They specify the compiled kernels, test them, and run in their place where no compiler was found at the installation.
+"""
+
+from pilotfish.kernels.twins.chain import forward_backward, viterbi
+from pilotfish.kernels.twins.emission import log_emissions
+from pilotfish.kernels.twins.expectation import e_step
+from pilotfish.kernels.twins.semi_tied import semi_tied_sweeps
+from pilotfish.kernels.twins.tracking import riccati
+
+__all__ = ["e_step", "forward_backward", "log_emissions", "riccati", "semi_tied_sweeps", "viterbi"]

@@ -1,0 +1,48 @@
+"""The expectation step of a task-parameterised hidden Markov model."""
+
+import numpy as np
+
+from pilotfish.kernels.results import EStep
+from pilotfish.kernels.twins.chain import forward_backward
+from pilotfish.kernels.twins.emission import log_emissions
+from pilotfish.types import Array, Float, Int
+
+
+def e_step(
+    x: Float[Array, "P N D"],
+    lengths: Int[Array, " M"],
+    initial: Float[Array, " K"],
+    transitions: Float[Array, "K K"],
+    means: Float[Array, "P K D"],
+    whiteners: Float[Array, "P K D D"],
+) -> EStep:
+    """Expected sufficient statistics of M demonstrations laid end to end: N = lengths.sum().
+
+    Moments are taken about the means given, close to the new ones, so that nothing cancels when they are shifted.
+    whiteners as in log_emissions.    Source: Rabiner 1989; Tanwani 2018, eqs. 3.8-3.17, 3.22-3.25.
+    """
+    K, log_likelihoods, posteriors = len(initial), [], []
+    first, counts = np.zeros(K), np.zeros((K, K))
+    for part in np.split(x, np.cumsum(lengths)[:-1], axis=1):
+        chain = forward_backward(log_emissions(part, means, whiteners), initial, transitions)
+        log_likelihoods.append(chain.log_likelihood)
+        posteriors.append(chain.posteriors)
+        first += chain.posteriors[0]
+        counts += chain.transitions
+    gamma = np.concatenate(posteriors)  # (N, K)
+    offsets, scatters = moments(x, gamma, means)
+    return EStep(np.array(log_likelihoods), gamma.sum(axis=0), first, counts, offsets, scatters)
+
+
+def moments(
+    x: Float[Array, "P N D"], gamma: Float[Array, "N K"], means: Float[Array, "P K D"]
+) -> tuple[Float[Array, "P K D"], Float[Array, "P K D D"]]:
+    """Sum of gamma (x - mean) and of gamma (x - mean) (x - mean)^T, for every frame and state."""
+    P, K, D = means.shape
+    offsets, scatters = np.empty((P, K, D)), np.empty((P, K, D, D))
+    for p in range(P):
+        for k in range(K):
+            error = x[p] - means[p, k]  # (N, D)
+            weighted = gamma[:, k, None] * error
+            offsets[p, k], scatters[p, k] = weighted.sum(axis=0), weighted.T @ error
+    return offsets, scatters

@@ -1,0 +1,56 @@
+"""Row updates of the semi-tied transform."""
+
+import numpy as np
+
+from pilotfish.errors import NotPositiveDefinite
+from pilotfish.types import Array, Float
+
+
+def semi_tied_sweeps(
+    scatters: Float[Array, "K D D"], mass: Float[Array, " K"], transform: Float[Array, "D D"], sweeps: int
+) -> Float[Array, "D D"]:
+    """A transform B under which the sample covariances S_k = scatters[k] are closer to diagonal together.
+
+    No sweep lowers  sum_k mass_k (2 log |det B| - log |diag(B S_k B^T)|), the part of the log-likelihood (times two)
+    that depends on B when Sigma_k = B^-1 diag(B S_k B^T) B^-T. States without mass are left out.
+    Raises: NotPositiveDefinite, when the covariances leave a direction without any variance.
+    Source: Gales 1999, eqs. 23-26; Tanwani 2018, eqs. 4.17-4.24. The cofactors' scale cancels, so rows of B^-T
+    stand for them, kept up to date by a rank-one inverse update for each row.
+    """
+    S, N = scatters[mass > 0.0], mass[mass > 0.0]
+    B = transform.copy()
+    for _ in range(sweeps):
+        inverse = np.linalg.inv(B)
+        variances = np.einsum("di,kij,dj->kd", B, S, B)  # (K, D); row d of B alone decides column d
+        for d in range(len(B)):
+            cofactors = inverse[:, d].copy()  # row d of B^-T
+            G = np.einsum("k,kij->ij", share(N, variances[:, d], d), S)
+            direction = solve(G, cofactors, d)
+            row = direction * np.sqrt(N.sum() / (cofactors @ direction))
+            change = (row - B[d]) @ inverse
+            inverse -= np.outer(cofactors, change) / (1.0 + change[d])  # Sherman & Morrison 1950
+            B[d] = row
+    return B
+
+
+def share(N: Float[Array, " K"], variances: Float[Array, " K"], d: int) -> Float[Array, " K"]:
+    """Precision that every state gives to row d."""
+    if not (variances > 0.0).all():
+        raise NotPositiveDefinite(row_refusal(d))
+    return N / variances
+
+
+def solve(G: Float[Array, "D D"], right: Float[Array, " D"], d: int) -> Float[Array, " D"]:
+    """G^-1 right, for row d."""
+    try:
+        L = np.linalg.cholesky(G)
+    except np.linalg.LinAlgError:
+        raise NotPositiveDefinite(row_refusal(d)) from None
+    return np.linalg.solve(L.T, np.linalg.solve(L, right))
+
+
+def row_refusal(d: int) -> str:
+    return (
+        f"row {d} of the semi-tied transform has no update: the covariances' weighted sum G_{d} has no Cholesky "
+        "factor, expected it positive definite; add regularisation * I to every covariance, or give more data"
+    )

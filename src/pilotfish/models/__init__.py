@@ -1,0 +1,81 @@
+"""Models of a skill: mixture, Markov and semi-Markov dynamics over states seen from several frames. Learned from
+demonstrations by a fold of statistics, adapted to where objects stand, unrolled into state sequences."""
+
+from pilotfish.models.adapt import adapt
+from pilotfish.models.durations import runs, with_durations
+from pilotfish.models.dynamics import (
+    Dynamics,
+    GaussianDurations,
+    MarkovChain,
+    SemiMarkovChain,
+    Weights,
+    log_duration_table,
+    longest_duration,
+)
+from pilotfish.models.em import EMSettings, Outcome, Run, improve
+from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
+from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
+from pilotfish.models.sequences import (
+    log_emissions,
+    log_likelihood_of_states,
+    most_probable_states,
+    sample_states,
+    viterbi,
+)
+from pilotfish.models.size import covariance_parameters, semi_markov_parameters
+from pilotfish.models.skill import AdaptedSkill, HiddenModel, Provenance, Skill
+from pilotfish.models.starts import Given, KMeans, Start, TimeBins
+from pilotfish.models.statistics import (
+    Statistics,
+    labelled_statistics,
+    maximise,
+    most_likely_chain,
+    most_likely_weights,
+    statistics,
+)
+
+__all__ = [
+    "AdaptedSkill",
+    "Dynamics",
+    "EMSettings",
+    "Fit",
+    "Forward",
+    "GaussianDurations",
+    "Given",
+    "HiddenModel",
+    "KMeans",
+    "MarkovChain",
+    "Outcome",
+    "Provenance",
+    "Run",
+    "SemiMarkovChain",
+    "Skill",
+    "Start",
+    "Statistics",
+    "TimeBins",
+    "Weights",
+    "adapt",
+    "covariance_parameters",
+    "improve",
+    "labelled_statistics",
+    "learn",
+    "learn_markov",
+    "learn_mixture",
+    "log_duration_table",
+    "log_emissions",
+    "log_likelihood_of_states",
+    "longest_duration",
+    "markov_forward",
+    "maximise",
+    "most_likely_chain",
+    "most_likely_weights",
+    "most_probable_states",
+    "occupancy",
+    "runs",
+    "sample_states",
+    "semi_markov_forward",
+    "semi_markov_parameters",
+    "statistics",
+    "viterbi",
+    "with_durations",
+]

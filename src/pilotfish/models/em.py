@@ -1,0 +1,139 @@
+"""Expectation-maximisation, and an honest account of how it went."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pilotfish.demonstrations import Views
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Moments
+from pilotfish.models.skill import HiddenModel
+from pilotfish.models.statistics import Statistics, statistics
+from pilotfish.types import Array, Bool, Float
+
+
+MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
+
+
+@dataclass(frozen=True, slots=True)
+class EMSettings:
+    """How long and how carefully to fit.
+
+    regularisation  added to every variance [unit of x squared]; 0 gives plain maximum likelihood
+    tolerance       converged when an iteration gains less than this share of the log-likelihood
+    restarts        how many beginnings to try; the most likely result wins
+    duration_floor  added to the variance of every state's duration [steps squared]
+    watch           called with (iteration, log-likelihood) after every E-step
+    """
+
+    regularisation: float = 1e-5
+    tolerance: float = 1e-5
+    max_iterations: int = 200
+    restarts: int = 1
+    duration_floor: float = 1.0
+    watch: Callable[[int, float], None] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("regularisation", "tolerance"):
+            if not 0.0 <= (value := getattr(self, name)) < np.inf:
+                raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
+        if not 0.0 < self.duration_floor < np.inf:
+            raise InvalidInput(f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]")
+        for name in ("max_iterations", "restarts"):
+            if (count := getattr(self, name)) < 1:
+                raise InvalidInput(f"{name} is {count}, expected at least 1")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a fit ended. reason is a sentence; dropped names the states that lost their data, and when."""
+
+    converged: bool
+    iterations: int
+    reason: str
+    dropped: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """The best model met, its statistics, and the log-likelihood before every M-step."""
+
+    model: HiddenModel
+    sums: Statistics
+    trace: Float[Array, " I"]
+    outcome: Outcome
+
+
+def improve(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings) -> Run:
+    """Alternate E- and M-steps from a first guess until the likelihood stops rising.
+
+    The log-likelihood never falls along the trace: a step that lowers it - regularisation or partial tying
+    can, plain maximum likelihood cannot - is undone and ends the fit. A state left with less than one
+    datapoint is dropped and named in the outcome; the trace then begins anew without it.
+    Raises: NotPositiveDefinite, when a covariance collapses and regularisation is too small to hold it.
+    Source: Tanwani 2018, sections 3.1.1, 3.2.1 and 4.2.1.
+    """
+    if (empty := _empty(guess)).any():
+        rest = improve(without(guess, empty), data, m_step, settings)
+        mass = guess.moments[0].mass
+        lost = tuple(f"state {k} of {len(mass)}, left with {mass[k]:.2g} datapoints" for k in np.flatnonzero(empty))
+        return replace(rest, outcome=replace(rest.outcome, dropped=lost + rest.outcome.dropped))
+    run = _climb(guess, data, m_step, settings)
+    left = settings.max_iterations - run.outcome.iterations
+    if not left or not _empty(run.sums).any():
+        return run
+    rest = improve(run.sums, data, m_step, replace(settings, max_iterations=left))
+    iterations = run.outcome.iterations + rest.outcome.iterations
+    return replace(rest, outcome=replace(rest.outcome, iterations=iterations))
+
+
+def _climb(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings) -> Run:
+    model = m_step(guess, None)
+    trace: list[float] = []
+    for iteration in range(1, settings.max_iterations + 1):
+        sums = statistics(model, data)
+        _refuse_impossible(sums.log_likelihood, iteration)
+        gain = sums.log_likelihood - trace[-1] if trace else np.inf
+        small = settings.tolerance * abs(sums.log_likelihood)
+        if gain < 0.0:
+            reason = f"a step that lost {-gain:.3g} nats was undone"
+            return Run(*best, np.array(trace), Outcome(-gain <= small, iteration, reason, ()))
+        trace.append(sums.log_likelihood)
+        best = (model, sums)
+        if settings.watch:
+            settings.watch(iteration, sums.log_likelihood)
+        if gain <= small:
+            return Run(*best, np.array(trace), Outcome(True, iteration, f"the last step gained {gain:.3g} nats", ()))
+        if _empty(sums).any():
+            return Run(*best, np.array(trace), Outcome(False, iteration, "a state lost its data", ()))
+        model = m_step(sums, model)
+    reason = f"{settings.max_iterations} iterations were allowed, the last gained {gain:.3g} nats"
+    return Run(*best, np.array(trace), Outcome(False, settings.max_iterations, reason, ()))
+
+
+def _empty(sums: Statistics) -> Bool[Array, " K"]:
+    """States with less than one datapoint."""
+    return np.asarray(sums.moments[0].mass < 1.0 - 1e-9)
+
+
+def without(sums: Statistics, gone: Bool[Array, " K"]) -> Statistics:
+    """The statistics of the other states; steps through a state that is gone lead to where it led."""
+    transitions = sums.transitions.copy()
+    for k in np.flatnonzero(gone):
+        onward = np.delete(transitions[k], k)
+        if onward.sum() > 0.0:
+            others = np.delete(np.arange(len(transitions)), k)
+            transitions[np.ix_(others, others)] += np.outer(transitions[others, k], onward / onward.sum())
+        transitions[k], transitions[:, k] = 0.0, 0.0
+    kept = ~gone
+    frames = tuple(Moments(m.mass[kept], m.means[kept], m.scatters[kept]) for m in sums.moments)
+    return Statistics(frames, sums.first[kept], transitions[np.ix_(kept, kept)], sums.log_likelihood)
+
+
+def _refuse_impossible(log_likelihood: float, iteration: int) -> None:
+    if not np.isfinite(log_likelihood):
+        raise InvalidInput(
+            f"the log-likelihood is {log_likelihood} in iteration {iteration}: the demonstrations are impossible "
+            "under the model; begin from another start (pf.KMeans()) or raise the regularisation"
+        )

@@ -1,0 +1,111 @@
+"""Recursions over time of a chain: the forward variable, occupancy, filtering and prediction (3.38-3.41)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput
+from pilotfish.models.dynamics import (
+    Dynamics,
+    MarkovChain,
+    SemiMarkovChain,
+    Weights,
+    final_states,
+    log_duration_table,
+    longest_duration,
+)
+from pilotfish.types import Array, Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forward:
+    """log_ends[t, i] = log p(observed up to t, a visit to state i ends with step t): alpha of (3.40).
+
+    log_occupancy[t, i] = log p(observed up to t, state i at step t). Steps beyond the observations count
+    transitions and durations only.
+    """
+
+    log_ends: Float[Array, "T K"]
+    log_occupancy: Float[Array, "T K"]
+
+
+def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"], horizon: int) -> Forward:
+    """The forward variable of a semi-Markov chain over horizon steps, of which the first S are observed.
+
+    log_observed[t, i] = log p(x_t | state i). A final state is never left, so no visit to it ends.
+    Cost: O(T K (K + longest duration)).
+    Source: Tanwani 2018, equations 3.40-3.41, with the segments that begin at t = 1, which (3.40) forgets.
+    """
+    _check(log_observed, horizon)
+    (S, K), longest = log_observed.shape, min(horizon, longest_duration(chain.durations))
+    log_last, log_longer = _log_visits(chain, longest)
+    seen = np.zeros((horizon + 1, K))
+    seen[1 : S + 1] = np.cumsum(log_observed, axis=0)
+    seen[S + 1 :] = seen[S]  # unobserved steps speak for no state
+    log_starts, log_ends, log_occupancy = np.full((3, horizon + 1, K), -np.inf)
+    with np.errstate(divide="ignore"):
+        log_starts[0], log_transitions = np.log(chain.initial), np.log(chain.transitions)
+    for t in range(1, horizon + 1):
+        d = np.arange(1, min(longest, t) + 1)  # how long the visit has lasted
+        visits = log_starts[t - d] + seen[t] - seen[t - d]
+        log_ends[t] = np.logaddexp.reduce(visits + log_last[d - 1], axis=0)
+        log_occupancy[t] = np.logaddexp.reduce(visits + log_longer[d - 1], axis=0)
+        if longest < t:
+            log_occupancy[t] = np.logaddexp(log_occupancy[t], _settled(chain, log_starts, seen, t, longest))
+        log_starts[t] = np.logaddexp.reduce(log_ends[t][:, None] + log_transitions, axis=0)
+    return Forward(log_ends[1:], log_occupancy[1:])
+
+
+def _log_visits(chain: SemiMarkovChain, longest: int) -> tuple[Float[Array, "L K"], Float[Array, "L K"]]:
+    """log p(a visit lasts exactly d) and log p(it lasts d or more), d = 1 ... longest."""
+    table = log_duration_table(chain.durations, max(longest, longest_duration(chain.durations)))
+    log_longer = np.logaddexp.accumulate(table[::-1], axis=0)[::-1]
+    final = final_states(chain) > 0.0
+    return np.where(final, -np.inf, table)[:longest], np.where(final, 0.0, log_longer)[:longest]
+
+
+def _settled(
+    chain: SemiMarkovChain, log_starts: Float[Array, "U K"], seen: Float[Array, "U K"], t: int, longest: int
+) -> Float[Array, " K"]:
+    """Visits to final states that have lasted beyond the longest duration of the others."""
+    visits = np.logaddexp.reduce(log_starts[: t - longest] - seen[: t - longest], axis=0) + seen[t]
+    return np.where(final_states(chain) > 0.0, visits, -np.inf)
+
+
+def markov_forward(chain: MarkovChain, log_observed: Float[Array, "S K"], horizon: int) -> Float[Array, "T K"]:
+    """log p(observed up to t, state i at step t) of a Markov chain (3.8), t = 1 ... horizon."""
+    _check(log_observed, horizon)
+    log_forward = np.empty((horizon, len(chain.initial)))
+    with np.errstate(divide="ignore"):
+        before, log_transitions = np.log(chain.initial), np.log(chain.transitions)
+    for t in range(horizon):
+        log_forward[t] = before + (log_observed[t] if t < len(log_observed) else 0.0)
+        before = np.logaddexp.reduce(log_forward[t][:, None] + log_transitions, axis=0)
+    return log_forward
+
+
+def occupancy(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: int) -> Float[Array, "T K"]:
+    """p(state i at step t | what was observed up to t); rows sum to one.
+
+    Within the observed prefix this is filtering (3.38), beyond it prediction (3.41). With no observation
+    (S = 0) it is the skill's own expectation.
+    Raises: InvalidInput, when the observations are impossible under the chain or the model has no dynamics.
+    """
+    if isinstance(dynamics, Weights):
+        raise InvalidInput("a mixture has no order in time, so no occupancy; learn a Markov or semi-Markov skill")
+    if isinstance(dynamics, SemiMarkovChain):
+        log_p = semi_markov_forward(dynamics, log_observed, horizon).log_occupancy
+    else:
+        log_p = markov_forward(dynamics, log_observed, horizon)
+    evidence = np.logaddexp.reduce(log_p, axis=1)
+    if np.isneginf(evidence).any():
+        step = int(np.argmax(np.isneginf(evidence)))
+        raise InvalidInput(f"step {step} of the observations is impossible under the chain; check start and frames")
+    return np.exp(log_p - evidence[:, None])
+
+
+def _check(log_observed: Float[Array, "S K"], horizon: int) -> None:
+    if horizon < max(1, len(log_observed)):
+        raise InvalidInput(
+            f"horizon is {horizon} steps, expected at least 1 and at least the {len(log_observed)} observed ones"
+        )

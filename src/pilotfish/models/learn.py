@@ -1,0 +1,149 @@
+"""From demonstrations to a skill, in one call."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from pilotfish.demonstrations import Demonstration, Views, views
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Full, Structure
+from pilotfish.models.durations import with_durations
+from pilotfish.models.dynamics import Dynamics
+from pilotfish.models.em import EMSettings, MStep, Outcome, improve
+from pilotfish.models.skill import Provenance, Skill
+from pilotfish.models.starts import Start, TimeBins
+from pilotfish.models.statistics import Statistics, maximise, most_likely_chain, most_likely_weights
+from pilotfish.types import Array, Float
+
+FULL = Full()
+TIME_BINS = TimeBins()
+DEFAULTS = EMSettings()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A learned skill and how the fit went.
+
+    markov is the model that expectation-maximisation improved, trace its log-likelihood at every iteration.
+    For a mixture or a Markov skill, skill and markov are the same.
+    """
+
+    skill: Skill
+    markov: Skill
+    trace: Float[Array, " I"]
+    outcome: Outcome
+
+
+def learn(
+    demonstrations: Sequence[Demonstration],
+    *,
+    states: int,
+    rng: np.random.Generator,
+    structure: Structure = FULL,
+    start: Start = TIME_BINS,
+    settings: EMSettings = DEFAULTS,
+) -> Fit:
+    """A task-parameterised hidden semi-Markov skill: a Markov model is fitted, then durations are counted.
+
+    Raises: InvalidInput, when demonstrations disagree or are too short for so many states;
+    NotPositiveDefinite, when regularisation is too small to hold a covariance.
+    Source: Tanwani 2018, chapters 3 and 4.
+    """
+    fit = learn_markov(
+        demonstrations, states=states, rng=rng, structure=structure, start=start, settings=settings
+    )
+    chain = with_durations(fit.markov, views(demonstrations), settings.duration_floor)
+    return replace(fit, skill=replace(fit.skill, dynamics=chain))
+
+
+def learn_markov(
+    demonstrations: Sequence[Demonstration],
+    *,
+    states: int,
+    rng: np.random.Generator,
+    structure: Structure = FULL,
+    start: Start = TIME_BINS,
+    settings: EMSettings = DEFAULTS,
+) -> Fit:
+    """A task-parameterised hidden Markov skill.
+
+    Raises: as learn does.
+    """
+    guess = _guess(start, states, rng, settings.restarts)
+    return _learn(demonstrations, guess, _m_step(structure, settings, most_likely_chain), structure.label, settings)
+
+
+def learn_mixture(
+    demonstrations: Sequence[Demonstration],
+    *,
+    states: int,
+    rng: np.random.Generator,
+    structure: Structure = FULL,
+    start: Start = TIME_BINS,
+    settings: EMSettings = DEFAULTS,
+) -> Fit:
+    """A task-parameterised Gaussian mixture: states without an order in time.
+
+    Raises: as learn does.
+    """
+    guess = _guess(start, states, rng, settings.restarts)
+    return _learn(demonstrations, guess, _m_step(structure, settings, most_likely_weights), structure.label, settings)
+
+
+def _guess(start: Start, states: int, rng: np.random.Generator, restarts: int) -> Callable[[Views], Statistics]:
+    if states < 1:
+        raise InvalidInput(f"states is {states}, expected at least 1")
+    if restarts > 1 and start == TIME_BINS:
+        raise InvalidInput(
+            f"{restarts} restarts from the same time bins would all end alike; use TimeBins(jitter=0.5) or KMeans()"
+        )
+    return partial(start.guess, states=states, rng=rng)
+
+
+def _m_step(structure: Structure, settings: EMSettings, chain: Callable[[Statistics], Dynamics]) -> MStep:
+    return partial(maximise, structure=structure, regularisation=settings.regularisation, chain=chain)
+
+
+def _learn(
+    demonstrations: Sequence[Demonstration],
+    guess: Callable[[Views], Statistics],
+    m_step: MStep,
+    label: str,
+    settings: EMSettings,
+) -> Fit:
+    data = views(demonstrations)
+    runs = [improve(guess(data), data, m_step, settings) for _ in range(settings.restarts)]
+    run = max(runs, key=lambda run: run.trace[-1])
+    one = demonstrations[0]
+    provenance = Provenance(
+        demonstrations=tuple(d.name for d in demonstrations),
+        datapoints=int(data.lengths.sum()),
+        data=_fingerprint(demonstrations),
+        structure=label,
+        regularisation=settings.regularisation,
+        log_likelihood=float(run.trace[-1]),
+        iterations=run.outcome.iterations,
+        converged=run.outcome.converged,
+        library=_library(),
+    )
+    model, names = run.model, tuple(f.name for f in one.frames)
+    skill = Skill(model.dynamics, model.means, model.covariances, one.layout, one.period, names, provenance)
+    return Fit(skill, skill, run.trace, run.outcome)
+
+
+def _fingerprint(demonstrations: Sequence[Demonstration]) -> str:
+    digest = hashlib.sha256()
+    for demonstration in demonstrations:
+        digest.update(np.ascontiguousarray(demonstration.x).tobytes())
+    return digest.hexdigest()
+
+
+def _library() -> str:
+    try:
+        return f"pilotfish {version('pilotfish')}"
+    except PackageNotFoundError:  # run from a source tree that was never installed
+        return "pilotfish (not installed)"

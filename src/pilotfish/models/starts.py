@@ -1,0 +1,98 @@
+"""Where expectation-maximisation begins: time bins, k-means over all frames at once, or a model one has."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from pilotfish.demonstrations import Views
+from pilotfish.errors import InvalidInput
+from pilotfish.models.skill import HiddenModel, Skill
+from pilotfish.models.statistics import Statistics, labelled_statistics, statistics
+from pilotfish.types import Array, Float, Int
+
+
+@runtime_checkable
+class Start(Protocol):
+    """A first guess of the statistics of K states."""
+
+    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics: ...
+
+
+@dataclass(frozen=True, slots=True)
+class TimeBins:
+    """Every demonstration cut into as many equal times as there are states: a left-right skill.
+
+    Only transitions that the cut shows are possible, so a state is never revisited.
+    jitter  moves every cut at random by up to this fraction of a bin, to give restarts different beginnings
+    """
+
+    jitter: float = 0.0
+
+    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        labels = [_bins(int(length), states, self.jitter, rng) for length in views.lengths]
+        return labelled_statistics(views, np.concatenate(labels), states)
+
+
+def _bins(length: int, states: int, jitter: float, rng: np.random.Generator) -> Int[Array, " T"]:
+    if length < states:
+        raise InvalidInput(
+            f"a demonstration of {length} steps cannot be cut into {states} states; ask for at most {length} "
+            "states or resample it to more steps"
+        )
+    order = np.arange(1, states)
+    cuts = np.ceil((order + jitter * rng.uniform(-0.5, 0.5, states - 1)) * length / states).astype(np.int64)
+    cuts = np.maximum.accumulate(np.maximum(cuts - order, 0)) + order  # every bin keeps at least one step,
+    cuts = np.minimum(cuts, length - states + order)  # the last ones too
+    return np.searchsorted(cuts, np.arange(length), side="right").astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class KMeans:
+    """Clusters of the datapoints as all frames see them together, so that frames agree on the labels.
+
+    Columns are scaled to unit variance first. Any state may follow any other: each gets a count of
+    pseudocount spread over all transitions on top of those seen.
+    """
+
+    pseudocount: float = 1.0
+
+    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        joint = _joint_view(views)
+        distinct = len(np.unique(joint, axis=0))
+        if distinct < states:
+            raise InvalidInput(f"{states} states were asked for but the data has {distinct} distinct points")
+        from scipy.cluster.vq import kmeans2  # here, because scipy doubles the time of importing pilotfish
+
+        for _ in range(20):
+            _, labels = kmeans2(joint, states, minit="++", missing="warn", iter=50, rng=rng)
+            if len(np.unique(labels)) == states:
+                break
+        else:
+            raise InvalidInput(f"k-means found no {states} separate clusters in 20 attempts; ask for fewer states")
+        sums = labelled_statistics(views, np.asarray(labels, dtype=np.int64), states)
+        spread = self.pseudocount / states
+        return Statistics(sums.moments, sums.first + spread, sums.transitions + spread, sums.log_likelihood)
+
+
+def _joint_view(views: Views) -> Float[Array, "N C"]:
+    joint = np.concatenate(list(views.x), axis=1)  # (N, P D)
+    deviations = joint.std(axis=0)
+    return joint / np.where(deviations > 0.0, deviations, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """The beliefs of a model that one already has, say one learned from other demonstrations."""
+
+    model: HiddenModel | Skill
+
+    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        if (have := self.model.means.shape[1]) != states:
+            raise InvalidInput(f"the given model has {have} states, {states} were asked for")
+        if self.model.means.shape[::2] != views.x.shape[::2]:
+            raise InvalidInput(
+                f"the given model has {self.model.means.shape[0]} frames of {self.model.means.shape[2]} columns, the "
+                f"demonstrations {views.x.shape[0]} of {views.x.shape[2]}"
+            )
+        return statistics(self.model, views)

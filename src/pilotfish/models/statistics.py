@@ -1,0 +1,107 @@
+"""The two halves of expectation-maximisation, as a fold: statistics of data, and the model they are most likely under."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish import kernels
+from pilotfish.demonstrations import Views
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Covariances, Moments, Structure, moments, moments_about, whiteners
+from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
+from pilotfish.models.skill import HiddenModel, Skill
+from pilotfish.types import Array, Float, Int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Statistics:
+    """All that a model of K states needs to know of demonstrations. Adding is exact, in any order.
+
+    moments      one for each frame
+    first        expected number of demonstrations that begin in each state
+    transitions  expected number of steps from each state to each other
+    """
+
+    moments: tuple[Moments, ...]
+    first: Float[Array, " K"]
+    transitions: Float[Array, "K K"]
+    log_likelihood: float
+
+    def __add__(self, other: "Statistics") -> "Statistics":
+        return Statistics(
+            tuple(a + b for a, b in zip(self.moments, other.moments, strict=True)),
+            self.first + other.first,
+            self.transitions + other.transitions,
+            self.log_likelihood + other.log_likelihood,
+        )
+
+
+def statistics(model: HiddenModel | Skill, views: Views) -> Statistics:
+    """What the model believes about the data: the E-step (3.8-3.15, 3.22), over every demonstration at once.
+
+    Raises: InvalidInput for a semi-Markov model, whose Markov form is fit.markov; NotPositiveDefinite.
+    """
+    initial, transitions = one_step_chain(model.dynamics)
+    W = np.stack([whiteners(c.dense, "the covariance of state") for c in model.covariances])
+    step = kernels.e_step(views.x, views.lengths, initial, transitions, model.means, W)
+    frames = [
+        moments_about(origins, step.mass, offsets, scatters)
+        for origins, offsets, scatters in zip(model.means, step.offsets, step.scatters, strict=True)
+    ]
+    return Statistics(tuple(frames), step.first, step.transitions, float(step.log_likelihoods.sum()))
+
+
+def one_step_chain(dynamics: Dynamics) -> tuple[Float[Array, " K"], Float[Array, "K K"]]:
+    """Initial and transition probabilities of one step; a mixture is the chain with all rows alike."""
+    if isinstance(dynamics, SemiMarkovChain):
+        raise InvalidInput("a semi-Markov skill has no one-step transitions; use the Markov model, fit.markov")
+    if isinstance(dynamics, Weights):
+        return dynamics.weights, np.tile(dynamics.weights, (len(dynamics.weights), 1))
+    return dynamics.initial, dynamics.transitions
+
+
+def labelled_statistics(views: Views, labels: Int[Array, " N"], states: int) -> Statistics:
+    """Statistics of data whose states are known; the log-likelihood is not evaluated (NaN)."""
+    shares = np.eye(states)[labels]  # (N, K), one-hot
+    ends = np.cumsum(views.lengths)
+    inner = np.ones(len(labels) - 1, dtype=bool)
+    inner[ends[:-1] - 1] = False  # no step leads from one demonstration to the next
+    counts = np.zeros((states, states))
+    np.add.at(counts, (labels[:-1][inner], labels[1:][inner]), 1.0)
+    first = shares[ends - views.lengths].sum(axis=0)
+    return Statistics(tuple(moments(x, shares) for x in views.x), first, counts, np.nan)
+
+
+def maximise(
+    sums: Statistics,
+    like: HiddenModel | None,
+    structure: Structure,
+    regularisation: float,
+    chain: Callable[[Statistics], Dynamics],
+) -> HiddenModel:
+    """The model most likely to have these statistics: the M-step (3.12-3.17, 3.23-3.25).
+
+    Every sample covariance is raised by regularisation [unit of x squared] before its structure is
+    imposed. like, the model before, lets iterative structures go on where they were. chain is
+    most_likely_chain or most_likely_weights.
+    """
+    before: tuple[Covariances | None, ...] = like.covariances if like else (None,) * len(sums.moments)
+    covariances = []
+    for m, old in zip(sums.moments, before, strict=True):
+        samples = m.scatters / m.mass[:, None, None] + regularisation * np.eye(m.means.shape[1])
+        covariances.append(structure.estimate(m.mass, 0.5 * (samples + samples.transpose(0, 2, 1)), old))
+    return HiddenModel(chain(sums), np.stack([m.means for m in sums.moments]), tuple(covariances))
+
+
+def most_likely_chain(sums: Statistics) -> MarkovChain:
+    """Shares of the first steps and of the steps from each state; one that was never left leads to itself."""
+    departures = sums.transitions.sum(axis=1, keepdims=True)
+    transitions = np.divide(sums.transitions, departures, out=np.eye(len(departures)), where=departures > 0.0)
+    return MarkovChain(sums.first / sums.first.sum(), transitions)
+
+
+def most_likely_weights(sums: Statistics) -> Weights:
+    """Shares of the datapoints."""
+    mass = sums.moments[0].mass
+    return Weights(mass / mass.sum())

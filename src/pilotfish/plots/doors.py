@@ -1,0 +1,90 @@
+"""The room's doors: what cannot be drawn is refused here, before a figure is begun."""
+
+import difflib
+from collections.abc import Sequence
+
+from pilotfish.control import Motion
+from pilotfish.demonstrations import Demonstration, Layout, Quantity
+from pilotfish.errors import InvalidInput
+from pilotfish.plots.style import MOST_STATES
+
+Plane = tuple[str, str]  # names of the columns that lie to the right and upward
+
+
+def require_states(states: int) -> None:
+    if not 1 <= states <= MOST_STATES:
+        raise InvalidInput(
+            f"there are {states} states, expected 1 to {MOST_STATES}: more cannot be told apart by colour and dash"
+        )
+
+
+def require_width(what: str, width: int, layout: Layout) -> None:
+    if width != layout.width:
+        raise InvalidInput(
+            f"{what} has {width} columns, expected the layout's {layout.width}: {', '.join(layout.names)}"
+        )
+
+
+def require_period(what: str, period: float, expected: float) -> None:
+    if period != expected:
+        raise InvalidInput(f"{what} has a period of {period} s, expected the skill's {expected} s; resample it")
+
+
+def require_human(human: Demonstration, layout: Layout) -> None:
+    """A demonstration shown beside a motion has the same columns."""
+    if human.layout != layout:
+        raise InvalidInput(
+            f"demonstration {human.name!r} has the columns {', '.join(human.layout.names)}, expected "
+            f"{', '.join(layout.names)}"
+        )
+
+
+def require_motion(motion: Motion, layout: Layout) -> None:
+    require_width("the motion", motion.x.shape[1], layout)
+
+
+def column(layout: Layout, name: str) -> int:
+    """Where the column of this name stands.
+
+    Raises: InvalidInput, with the nearest name, when there is none.
+    """
+    if name in layout.names:
+        return layout.names.index(name)
+    near = difflib.get_close_matches(name, layout.names, n=1, cutoff=0.0)[0]
+    raise InvalidInput(f"there is no column {name!r}, the nearest is {near!r}; of {', '.join(layout.names)}")
+
+
+def chosen_planes(layout: Layout, planes: Sequence[Plane] | None) -> list[tuple[int, int]]:
+    """The columns of the planes asked for; if None are, the first two planes of the first position."""
+    if planes is None:
+        space = position_columns(layout)
+        if len(space) < 2:
+            raise InvalidInput(
+                f"the layout has no position of two or more axes but {', '.join(layout.names)}; name the planes to "
+                "draw, such as planes=[(name, name)]"
+            )
+        return [(space[0], up) for up in space[1:3]]
+    if not planes:
+        raise InvalidInput("no planes were asked for, expected at least one pair of column names")
+    return [(column(layout, right), column(layout, up)) for right, up in planes]
+
+
+def chosen_columns(layout: Layout, columns: Sequence[str] | None) -> list[int]:
+    """The columns asked for; if None are, all that are no derivatives.
+
+    Raises: InvalidInput, when a name is unknown or there are none.
+    """
+    if columns is None:
+        parts = zip(layout.parts, layout.slices, strict=True)
+        return [i for part, here in parts if part.derivative == 0 for i in range(here.start, here.stop)]
+    if not columns:
+        raise InvalidInput("no columns were asked for, expected at least one name")
+    return [column(layout, name) for name in columns]
+
+
+def position_columns(layout: Layout) -> list[int]:
+    """The columns of the first position; none if there is no position."""
+    for part, here in zip(layout.parts, layout.slices, strict=True):
+        if part.quantity is Quantity.POSITION and part.derivative == 0:
+            return list(range(here.start, here.stop))
+    return []

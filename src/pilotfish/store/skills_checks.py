@@ -1,0 +1,87 @@
+"""What a skill must be, beyond shapes, before it is written and after it was read."""
+
+from math import inf
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Covariances, SemiTiedCovariances, cholesky
+from pilotfish.models import Dynamics, MarkovChain, SemiMarkovChain, Skill, Weights
+from pilotfish.types import Array, Float
+
+ROUNDING = 1e-6  # what probabilities may miss one by
+SKEW = 1e-8  # what a covariance may differ from its transpose by, as a share of its largest entry
+
+
+def require_agreement(skill: Skill) -> None:
+    """Frames, columns and covariances are as many as the means say.    Raises: InvalidInput."""
+    if skill.means.ndim != 3 or skill.means.size == 0:
+        raise InvalidInput(f"means has shape {skill.means.shape}, expected (frames, states, columns)")
+    P, _, D = skill.means.shape
+    names = skill.frame_names
+    if len(names) != P or len(skill.covariances) != P:
+        raise InvalidInput(
+            f"means has {P} frames, but there are {len(names)} frame names and {len(skill.covariances)} covariances"
+        )
+    if len(set(names)) != P:
+        raise InvalidInput(f"the frames are named {list(names)}, expected different names")
+    if skill.layout.width != D:
+        raise InvalidInput(
+            f"means has {D} columns, but the layout has {skill.layout.width}: {', '.join(skill.layout.names)}"
+        )
+
+
+def require_sound(skill: Skill) -> None:
+    """The numbers of a skill are a period, probabilities, durations and covariances.
+
+    Raises: InvalidInput; NotPositiveDefinite, when a covariance is none.
+    """
+    if not 0 < skill.period < inf:
+        raise InvalidInput(f"period is {skill.period} s, expected a positive time")
+    _require_dynamics(skill.dynamics)
+    for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
+        _require_covariances(covariances, f"the covariance in frame {name!r} of state")
+
+
+def _require_dynamics(dynamics: Dynamics) -> None:
+    match dynamics:
+        case Weights(weights):
+            _require_distribution(weights, "weights")
+        case MarkovChain(initial, transitions):
+            _require_distribution(initial, "initial")
+            for i, row in enumerate(transitions):
+                _require_distribution(row, f"transitions[{i}]")
+        case SemiMarkovChain(initial, transitions, durations):
+            _require_distribution(initial, "initial")
+            for i, row in enumerate(transitions):
+                _require_departures(row, i)
+            _require_positive(durations.deviations, "durations.deviations")
+
+
+def _require_departures(row: Float[Array, " K"], i: int) -> None:
+    if row[i] != 0.0:
+        raise InvalidInput(f"transitions[{i}, {i}] is {row[i]}, expected 0: durations say how long a state lasts")
+    if row.any():  # a row of zeros is a final state
+        _require_distribution(row, f"transitions[{i}]")
+
+
+def _require_distribution(p: Float[Array, " K"], place: str) -> None:
+    if (p < 0.0).any() or abs(p.sum() - 1.0) > ROUNDING:
+        raise InvalidInput(f"{place} is {p.tolist()} with sum {p.sum():.9g}, expected probabilities of sum 1")
+
+
+def _require_positive(values: Float[Array, "..."], place: str) -> None:
+    if (bad := np.argwhere(~(values > 0.0))).size:
+        raise InvalidInput(f"{place}{bad[0].tolist()} is {values[tuple(bad[0])]}, expected more than 0")
+
+
+def _require_covariances(covariances: Covariances, what: str) -> None:
+    dense = covariances.dense
+    skews = np.abs(dense - dense.transpose(0, 2, 1)).max(axis=(1, 2))
+    if (bad := np.flatnonzero(skews > SKEW * np.abs(dense).max(axis=(1, 2)))).size:
+        raise InvalidInput(f"{what} {bad[0]} differs from its transpose by {skews[bad[0]]:.3g}, expected symmetry")
+    cholesky(dense, what)
+    if isinstance(covariances, SemiTiedCovariances):
+        if not 0.0 <= covariances.tying <= 1.0:
+            raise InvalidInput(f"tying is {covariances.tying}, expected a number from 0 to 1")
+        _require_positive(covariances.variances, "variances")

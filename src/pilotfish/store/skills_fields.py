@@ -1,0 +1,130 @@
+"""Dataclasses taken apart into what JSON holds and what arrays hold, and put together again."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any, TypeVar, get_type_hints
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput
+from pilotfish.types import Array, Float
+
+Arrays = dict[str, Array]
+T = TypeVar("T")
+
+PLAIN = (bool, int, float, str)
+
+
+def take_apart(value: Any, place: str, sizes: Mapping[str, int]) -> tuple[dict[str, Any], Arrays]:
+    """The plain fields of a dataclass by name, and its arrays by dotted name, nested dataclasses included.
+
+    Arrays have the shape that their annotation gives them; sizes says how long its letters are.
+    Raises: InvalidInput, when a field does not hold what is declared.
+    """
+    plain: dict[str, Any] = {}
+    arrays: Arrays = {}
+    for name, kind in _declared(type(value)).items():
+        here, content = f"{place}.{name}", getattr(value, name)
+        if is_dataclass(kind):
+            inner, more = take_apart(content, here, sizes)
+            plain |= {f"{name}.{key}": item for key, item in inner.items()}
+            arrays |= more
+        elif _is_plain(kind):
+            plain[name] = _to_json(content, kind, here)
+        else:
+            arrays[here] = np.ascontiguousarray(content, dtype=np.float64)
+            require_array(arrays[here], kind, here, sizes)
+    return plain, arrays
+
+
+def put_together(kind: type[T], place: str, plain: Any, arrays: Arrays, sizes: Mapping[str, int]) -> T:
+    """The value that take_apart took apart; what was used of plain and arrays is removed from them.
+
+    Raises: InvalidInput, when anything is missing or not what is declared.
+    """
+    values: dict[str, Any] = {}
+    for name, declared in _declared(kind).items():
+        here = f"{place}.{name}"
+        if is_dataclass(declared):
+            inner = {key: plain.pop(key) for key in list(plain) if key.startswith(f"{name}.")}
+            inner = {key.removeprefix(f"{name}."): item for key, item in inner.items()}
+            values[name] = put_together(_class(declared), here, inner, arrays, sizes)
+        elif _is_plain(declared):
+            values[name] = from_json(taken(plain, name, place), declared, here)
+        else:
+            values[name] = taken(arrays, here, "the file")
+            require_array(values[name], declared, here, sizes)
+    require_nothing_left(plain, place)
+    return kind(**values)
+
+
+def taken(things: Any, name: str, place: str) -> Any:
+    """The thing of that name, removed from things.    Raises: InvalidInput, when there is none."""
+    if not isinstance(things, dict) or name not in things:
+        has = sorted(things) if isinstance(things, dict) else repr(things)
+        raise InvalidInput(f"{place} lacks {name!r}, it has {has}")
+    return things.pop(name)
+
+
+def require_nothing_left(things: Mapping[str, Any], place: str) -> None:
+    if things:
+        raise InvalidInput(f"{place} has {sorted(things)}, expected nothing more")
+
+
+def require_array(array: Array, kind: Any, place: str, sizes: Mapping[str, int]) -> None:
+    """The array is finite and has the annotated shape, as in Float[Array, "K D"]."""
+    shape = tuple(sizes[letter] for letter in kind.dim_str.split())
+    if array.shape != shape:
+        known = ", ".join(f"{letter} = {size}" for letter, size in sizes.items())
+        raise InvalidInput(f"{place} has shape {array.shape}, expected {shape}: {kind.dim_str} of {known}")
+    require_finite(array, place)
+
+
+def require_finite(array: Float[Array, "..."], place: str) -> None:
+    if (bad := np.argwhere(~np.isfinite(array))).size:
+        index = bad[0].tolist()
+        raise InvalidInput(f"{place}{index} is {array[tuple(index)]}, expected finite numbers everywhere")
+
+
+def from_json(value: Any, kind: Any, place: str) -> Any:
+    """A plain value of the declared kind.    Raises: InvalidInput, when JSON holds another."""
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        known = [member.value for member in kind]
+        if value not in known:
+            raise InvalidInput(f"{place} is {value!r}, which this version does not know, only {known}")
+        return kind(value)
+    if kind == tuple[str, ...]:
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise InvalidInput(f"{place} is {value!r}, expected a list of texts")
+        return tuple(value)
+    if kind is float and value is None:
+        return math.nan
+    if type(value) is not kind or (kind is float and not math.isfinite(value)):
+        raise InvalidInput(f"{place} is {value!r}, expected {kind.__name__}")
+    return value
+
+
+def _to_json(value: Any, kind: Any, place: str) -> Any:
+    if isinstance(value, Enum):
+        return value.value
+    if kind == tuple[str, ...]:
+        return [str(item) for item in value]
+    if kind is float and math.isinf(value):
+        raise InvalidInput(f"{place} is {value}, expected a finite number, or nan for one that is not known")
+    return None if kind is float and math.isnan(value) else kind(value)
+
+
+def _declared(kind: type) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    return {field.name: hints[field.name] for field in fields(kind)}
+
+
+def _is_plain(kind: Any) -> bool:
+    return kind in PLAIN or kind == tuple[str, ...] or (isinstance(kind, type) and issubclass(kind, Enum))
+
+
+def _class(kind: Any) -> type[Any]:
+    assert isinstance(kind, type)
+    return kind

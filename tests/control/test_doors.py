@@ -1,0 +1,211 @@
+"""What a user gives is checked once: the message tells the value, what was expected and the nearest fix."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pilotfish.control import (
+    ContinuousSystem,
+    Feedback,
+    LinearSystem,
+    Reference,
+    VaryingSystem,
+    continuous_double_integrator,
+    discretise,
+    double_integrator,
+    regulate,
+    regulate_continuous,
+    solve_batch,
+    track,
+    track_continuous,
+)
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
+
+SYSTEM, START = double_integrator(2, 0.1), np.zeros(4)
+TARGETS, WEIGHTS = np.zeros((5, 4)), np.stack([np.eye(4)] * 5)
+
+
+def replaced(array: np.ndarray, place: tuple[int, ...], value: float) -> np.ndarray:
+    copy = array.copy()
+    copy[place] = value
+    return copy
+
+
+def solvers(reference: Reference, effort: float | np.ndarray) -> list[Callable[[], object]]:
+    continuous = continuous_double_integrator(2)
+    return [
+        lambda: track(SYSTEM, reference, effort),
+        lambda: regulate(SYSTEM, reference, effort),
+        lambda: solve_batch(SYSTEM, reference, effort, START),
+        lambda: track_continuous(continuous, reference, effort, period=0.1),
+        lambda: regulate_continuous(continuous, reference, effort, period=0.1),
+    ]
+
+
+NEGATIVE, TWISTED = np.diag([1.0, -0.25, 1.0, 1.0]), np.eye(4) + 0.5 * np.eye(4, k=1)
+REFUSED = [
+    (TARGETS[:, :3], WEIGHTS[:, :3, :3], InvalidInput, r"targets has shape \(5, 3\), expected \(T, 4\)"),
+    (TARGETS[:1], WEIGHTS[:1], InvalidInput, "the horizon is 1, expected 2 or more"),
+    (TARGETS[:0], WEIGHTS[:0], InvalidInput, "the horizon is 0, expected 2 or more"),
+    (TARGETS, WEIGHTS[:, :, :2], InvalidInput, r"weights has shape \(5, 4, 2\), expected \(5, 4, 4\)"),
+    (TARGETS, WEIGHTS[:4], InvalidInput, r"weights has shape \(4, 4, 4\), expected \(5, 4, 4\)"),
+    (replaced(TARGETS, (3, 1), np.nan), WEIGHTS, InvalidInput, r"targets\[3, 1\] is nan, expected a finite"),
+    (
+        TARGETS,
+        replaced(WEIGHTS, (2, 0, 0), np.inf),
+        InvalidInput,
+        r"weights\[2, 0, 0\] is inf, expected a finite",
+    ),
+    (TARGETS, np.stack([*WEIGHTS[:3], NEGATIVE, NEGATIVE]), NotPositiveDefinite, r"weights\[3\] .* -0.25"),
+    (TARGETS, np.stack([NEGATIVE] * 5), NotPositiveDefinite, r"weights\[0\] has the eigenvalue -0.25"),
+    (TARGETS, np.stack([*WEIGHTS[:4], TWISTED]), InvalidInput, r"weights\[4\] .* transpose by 0.5, .* W.T"),
+]
+
+
+@pytest.mark.parametrize(("targets", "weights", "error", "message"), REFUSED)
+@pytest.mark.parametrize("which", range(5), ids=["track", "regulate", "batch", "track_c", "regulate_c"])
+def test_a_reference_that_cannot_be_followed_is_refused(which, targets, weights, error, message):
+    """Every solver refuses it, and the message names the place."""
+    reference = unchecked(targets, weights)
+    with pytest.raises(error, match=message):
+        solvers(reference, 1.0)[which]()
+
+
+def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
+    """A Reference whose shapes need not agree, as a user's may who does not check annotations."""
+    reference = object.__new__(Reference)
+    object.__setattr__(reference, "targets", targets)
+    object.__setattr__(reference, "weights", weights)
+    return reference
+
+
+@pytest.mark.parametrize(
+    ("effort", "error", "message"),
+    [
+        (0.0, InvalidInput, "effort is 0.0, expected a positive price"),
+        (-2.0, InvalidInput, "effort is -2.0, expected a positive price"),
+        (np.nan, InvalidInput, "effort is nan, expected a positive price"),
+        (np.inf, InvalidInput, "effort is inf, expected a positive price"),
+        (np.eye(3), InvalidInput, r"effort has shape \(3, 3\), expected \(2, 2\)"),
+        (np.diag([1.0, np.nan]), InvalidInput, r"effort\[1, 1\] is nan"),
+        (np.array([[1.0, 0.5], [0.0, 1.0]]), InvalidInput, "effort differs from its transpose by 0.5"),
+        (np.diag([1.0, 0.0]), NotPositiveDefinite, "effort has the eigenvalue 0, expected all above zero"),
+        (np.diag([1.0, -3.0]), NotPositiveDefinite, "effort has the eigenvalue -3"),
+    ],
+)
+@pytest.mark.parametrize("which", range(5), ids=["track", "regulate", "batch", "track_c", "regulate_c"])
+def test_an_effort_that_is_no_price_is_refused(which, effort, error, message):
+    """Every input must cost something, or the cheapest one is not defined."""
+    with pytest.raises(error, match=message):
+        solvers(Reference(TARGETS, WEIGHTS), effort)[which]()
+
+
+def linear(A: np.ndarray, B: np.ndarray, period: float = 0.1) -> LinearSystem:
+    system = object.__new__(LinearSystem)
+    for name, value in (("A", A), ("B", B), ("period", period)):
+        object.__setattr__(system, name, value)
+    return system
+
+
+@pytest.mark.parametrize(
+    ("system", "message"),
+    [
+        (linear(np.eye(4)[:3], np.ones((4, 2))), r"A has shape \(3, 4\), expected \(n, n\)"),
+        (linear(np.ones((4, 4, 4)), np.ones((4, 4, 2))), r"A has shape \(4, 4, 4\), expected \(n, n\)"),
+        (linear(np.eye(4), np.ones((3, 2))), r"B has shape \(3, 2\), expected \(4, m\)"),
+        (linear(np.eye(4), np.ones((4, 0))), r"B has shape \(4, 0\), expected \(4, m\)"),
+        (linear(np.eye(4), replaced(np.ones((4, 2)), (1, 1), np.nan)), r"B\[1, 1\] is nan"),
+        (linear(replaced(np.eye(4), (0, 1), -np.inf), np.ones((4, 2))), r"A\[0, 1\] is -inf"),
+        (linear(np.eye(4), np.ones((4, 2)), period=0.0), "period is 0.0 s, expected a positive time"),
+        (
+            VaryingSystem(np.ones((3, 4, 4)), np.ones((3, 4, 2)), 0.1),
+            "varies over 3 periods, expected 4 between 5 targets",
+        ),
+    ],
+)
+def test_a_system_that_is_none_is_refused(system, message):
+    """Shapes, numbers and the period are told as they came; also that a varying system fits the horizon."""
+    for solve in (
+        lambda: track(system, Reference(TARGETS, WEIGHTS), 1.0),
+        lambda: solve_batch(system, Reference(TARGETS, WEIGHTS), 1.0, START),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            solve()
+
+
+def test_a_continuous_system_that_is_none_is_refused():
+    """Its doors are the same."""
+    broken = ContinuousSystem(np.full((4, 4), np.nan), np.ones((4, 2)))
+    for use in (
+        lambda: discretise(broken, 0.1),
+        lambda: track_continuous(broken, Reference(TARGETS, WEIGHTS), 1.0, period=0.1),
+        lambda: regulate_continuous(broken, Reference(TARGETS, WEIGHTS), 1.0, period=0.1),
+    ):
+        with pytest.raises(InvalidInput, match=r"A\[0, 0\] is nan, expected a finite number; 16 are not"):
+            use()
+    for control in (track_continuous, regulate_continuous):
+        with pytest.raises(InvalidInput, match=r"period is -1\.0 s"):
+            control(continuous_double_integrator(2), Reference(TARGETS, WEIGHTS), 1.0, period=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("terminal", "error", "message"),
+    [
+        (np.eye(2), InvalidInput, r"terminal has shape \(2, 2\), expected \(4, 4\)"),
+        (np.full((4, 4), np.nan), InvalidInput, r"terminal\[0, 0\] is nan"),
+        (-np.eye(4), NotPositiveDefinite, "terminal has the eigenvalue -1"),
+    ],
+)
+def test_a_terminal_weight_that_is_none_is_refused(terminal, error, message):
+    with pytest.raises(error, match=message):
+        track_continuous(
+            continuous_double_integrator(2), Reference(TARGETS, WEIGHTS), 1.0, period=0.1, terminal=terminal
+        )
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        (np.zeros(3), r"start has shape \(3,\), expected \(4,\)"),
+        (np.array([0.0, np.nan, 0.0, 0.0]), r"start\[1\] is nan"),
+    ],
+)
+def test_a_start_that_is_no_state_is_refused(start, message):
+    """A motion can only begin at a state of the system."""
+    reference = Reference(TARGETS, WEIGHTS)
+    for begin in (
+        lambda: track(SYSTEM, reference, 1.0).rollout(start),
+        lambda: regulate_continuous(continuous_double_integrator(2), reference, 1.0, period=0.1).rollout(
+            start
+        ),
+        lambda: solve_batch(SYSTEM, reference, 1.0, start),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            begin()
+
+
+def test_a_state_without_halves_has_no_stiffness():
+    """Three entries are not positions and as many velocities."""
+    feedback = Feedback(
+        SYSTEM, Reference(np.zeros((2, 3)), np.zeros((2, 3, 3))), np.ones((1, 1, 3)), np.ones((1, 1))
+    )
+    for half in ("stiffness", "damping"):
+        with pytest.raises(InvalidInput, match="the state has 3 entries"):
+            getattr(feedback, half)
+
+
+def test_the_rounding_of_an_inverse_is_let_pass(rng):
+    """A weight computed as the inverse of a covariance is not exactly symmetric; no solver minds."""
+    roots = rng.normal(size=(5, 4, 4))
+    weights = np.linalg.inv(roots @ np.swapaxes(roots, 1, 2) + 1e-3 * np.eye(4))
+    assert np.abs(weights - np.swapaxes(weights, 1, 2)).max() > 0
+    for solve in solvers(Reference(TARGETS, weights), 1.0):
+        solve()
+
+
+def test_a_weight_of_lower_rank_is_let_pass(rng):
+    """Positive semidefinite is enough, up to rounding: a direction without price is left free."""
+    root = rng.normal(size=(4, 2))
+    track(SYSTEM, Reference(TARGETS, np.stack([1e3 * root @ root.T] * 5)), 1.0)
+    track(SYSTEM, Reference(TARGETS, np.zeros((5, 4, 4))), 1.0)

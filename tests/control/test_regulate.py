@@ -1,0 +1,127 @@
+"""Laws of the infinite horizon in discrete time."""
+
+import numpy as np
+import pytest
+
+from pilotfish.control import LinearSystem, Reference, double_integrator, regulate, track
+from pilotfish.errors import InvalidInput
+
+
+def steady_cost(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """P of the discrete algebraic Riccati equation from the stable eigenvectors of the symplectic matrix.
+
+    Source: the thesis, equation 3.55, the sign of whose upper right block is mended.
+    """
+    n, G, inverse = len(A), B @ np.linalg.inv(R) @ B.T, np.linalg.inv(A).T
+    symplectic = np.block([[A + G @ inverse @ Q, -G @ inverse], [-inverse @ Q, inverse]])
+    values, vectors = np.linalg.eig(symplectic)
+    stable = vectors[:, np.abs(values) < 1]
+    assert stable.shape[1] == n
+    return np.real(stable[n:] @ np.linalg.inv(stable[:n]))
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 1), (4, 2), (3, 5), (14, 7)])
+def test_gains_agree_with_the_eigenvectors_of_the_symplectic_matrix(rng, random_problem, n, m):
+    """SciPy's solver and the thesis' construction, mended, give one gain."""
+    p = random_problem(n, m, 3)
+    A, B, R = p.system.A, p.system.B, p.effort
+    W = np.eye(n) + p.reference.weights[0]
+    P = steady_cost(A, B, W, R)
+    feedback = regulate(p.system, Reference(p.reference.targets, np.stack([W] * 3)), R)
+    expected = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    np.testing.assert_allclose(feedback.gains, [expected] * 2, rtol=1e-7, atol=1e-7)
+    np.testing.assert_array_equal(feedback.feedforwards, 0)
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 1), (4, 2), (3, 5)])
+def test_gains_of_a_long_horizon_settle_at_those_of_the_infinite_one(random_problem, n, m):
+    """Far from its end, a finite horizon knows of no end."""
+    p = random_problem(n, m, 3)
+    W = np.eye(n) + p.reference.weights[0]
+    reference = Reference(np.zeros((300, n)), np.stack([W] * 300))
+    finite, infinite = track(p.system, reference, p.effort), regulate(p.system, reference, p.effort)
+    np.testing.assert_allclose(finite.gains[0], infinite.gains[0], rtol=1e-9, atol=1e-9)
+    assert np.abs(finite.gains[-1] - infinite.gains[-1]).max() > 1e-4
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 1), (4, 2), (3, 5)])
+def test_each_gain_stabilises(random_problem, n, m):
+    """No difference from a target at rest grows, whatever its weight, in a system that explodes by itself."""
+    p = random_problem(n, m, 6)
+    system = LinearSystem(1.3 * p.system.A, p.system.B, 0.1)
+    reference = Reference(p.reference.targets, p.reference.weights + 0.1 * np.eye(n))
+    for K in regulate(system, reference, p.effort).gains:
+        assert np.abs(np.linalg.eigvals(system.A - system.B @ K)).max() < 1
+
+
+def test_the_value_falls_by_what_the_step_costs(random_problem):
+    """e^T P e is the price of all that remains: it pays for each step, down to nothing."""
+    p = random_problem(4, 2, 3)
+    W = np.eye(4) + p.reference.weights[0]
+    reference = Reference(np.zeros((80, 4)), np.stack([W] * 80))
+    motion = regulate(p.system, reference, p.effort).rollout(p.start)
+    P = steady_cost(p.system.A, p.system.B, W, p.effort)
+    value = np.einsum("ti,ij,tj->t", motion.x, P, motion.x)
+    step = np.einsum("ti,ij,tj->t", motion.x[:-1], W, motion.x[:-1])
+    step += np.einsum("ti,ij,tj->t", motion.u, p.effort, motion.u)
+    np.testing.assert_allclose(-np.diff(value), step, rtol=1e-8, atol=1e-8 * value[0])
+    assert np.all(np.diff(value) <= 0)
+    assert value[-1] < 1e-4 * value[0]
+
+
+def test_each_step_has_the_gain_of_its_own_weight(rng, stepwise):
+    """Few equations are solved, and each step gets the solution of its own."""
+    system, reference = double_integrator(2, 0.1), stepwise(4, 17)
+    feedback = regulate(system, reference, 0.4)
+    assert 1 < len({W.tobytes() for W in reference.weights[:-1]}) < 16
+    for t in range(16):
+        alone = Reference(reference.targets[t : t + 2], np.stack([reference.weights[t]] * 2))
+        np.testing.assert_array_equal(feedback.gains[t], regulate(system, alone, 0.4).gains[0])
+
+
+def test_a_target_at_rest_is_reached_and_any_other_missed_by_the_stated_error(rng, random_problem):
+    """The error that remains is (I - A + B K)^-1 (A - I) target."""
+    p = random_problem(4, 2, 3)
+    A, B = p.system.A, p.system.B
+    reference = Reference(np.tile(rng.normal(size=4), (300, 1)), np.stack([np.eye(4)] * 300))
+    feedback = regulate(p.system, reference, p.effort)
+    mu, K = reference.targets[0], feedback.gains[0]
+    expected = np.linalg.solve(np.eye(4) - A + B @ K, (A - np.eye(4)) @ mu)
+    np.testing.assert_allclose(feedback.rollout(p.start).x[-1] - mu, expected, rtol=1e-6, atol=1e-8)
+
+
+def test_a_moving_target_is_overshot_by_damping_over_stiffness(rng):
+    """A double integrator asked to be at p with velocity v rests at p + (K^P)^-1 K^V v; v = 0 is reached."""
+    system = double_integrator(2, 0.1)
+    p, v = rng.normal(size=(2, 2))
+    root = rng.normal(size=(4, 4))
+    weights = np.stack([root @ root.T + np.eye(4)] * 400)
+    for velocity in (v, np.zeros(2)):
+        reference = Reference(np.tile(np.concatenate([p, velocity]), (400, 1)), weights)
+        feedback = regulate(system, reference, 1.0)
+        past = np.linalg.solve(feedback.stiffness[0], feedback.damping[0] @ velocity)
+        end = feedback.rollout(rng.normal(size=4)).x[-1]
+        np.testing.assert_allclose(end, np.concatenate([p + past, np.zeros(2)]), atol=1e-6)
+
+
+def test_regulation_does_not_look_ahead(rng, stepwise):
+    """What comes later changes nothing now, unlike in tracking."""
+    system, reference, start = double_integrator(1, 0.1), stepwise(2, 30), rng.normal(size=2)
+    later = Reference(np.vstack([reference.targets[:15], reference.targets[15:] + 3]), reference.weights)
+    one, other = (regulate(system, r, 1.0).rollout(start) for r in (reference, later))
+    np.testing.assert_array_equal(one.x[:16], other.x[:16])
+    assert np.abs(one.x[16] - other.x[16]).max() > 1e-6
+
+
+def test_a_weight_without_a_stabilising_gain_is_refused(rng):
+    """Positions without price, in any coordinates, or a state out of reach; the message names the step."""
+    mix = rng.normal(size=(4, 4))
+    plain = double_integrator(2, 0.1)
+    system = LinearSystem(mix @ plain.A @ np.linalg.inv(mix), mix @ plain.B, 0.1)
+    velocities = np.linalg.inv(mix).T @ np.diag([0.0, 0.0, 1.0, 1.0]) @ np.linalg.inv(mix)
+    weights = np.stack([np.eye(4), 0.5 * (velocities + velocities.T), np.eye(4)])
+    with pytest.raises(InvalidInput, match=r"weights\[1\] has no stabilising gain"):
+        regulate(system, Reference(np.zeros((3, 4)), weights), 1.0)
+    unreached = LinearSystem(np.diag([1.1, 0.5]), np.array([[0.0], [1.0]]), 0.1)
+    with pytest.raises(InvalidInput, match=r"weights\[0\] has no stabilising gain"):
+        regulate(unreached, Reference(np.zeros((3, 2)), np.stack([np.eye(2)] * 3)), 1.0)

@@ -1,0 +1,40 @@
+"""Sufficient statistics: merging is exact, whatever the cut and the origin."""
+
+import numpy as np
+import pytest
+
+from pilotfish.gaussians import Moments, moments, moments_about
+
+
+def same(a, b, scale):
+    for name in ("mass", "means", "scatters"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-7, atol=scale)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_moments_of_halves_add_up_to_moments_of_the_whole(rng, offset):
+    x, shares = offset + rng.normal(size=(40, 3)), rng.dirichlet(np.ones(4), size=40)
+    whole = moments(x, shares)
+    for cut in (0, 1, int(rng.integers(2, 39)), 40):
+        same(moments(x[:cut], shares[:cut]) + moments(x[cut:], shares[cut:]), whole, 1e-6)
+
+
+def test_adding_does_not_depend_on_the_order(rng):
+    parts = [moments(rng.normal(size=(n, 2)), rng.dirichlet(np.ones(3), size=n)) for n in (1, 5, 30)]
+    same(parts[0] + parts[1] + parts[2], parts[2] + (parts[0] + parts[1]), 1e-12)
+
+
+def test_an_empty_component_adds_nothing_and_is_no_nan():
+    nothing = Moments(np.zeros(1), np.full((1, 2), 9.0), np.zeros((1, 2, 2)))
+    something = moments(np.array([[1.0, 2.0], [3.0, 4.0]]), np.ones((2, 1)))
+    same(nothing + something, something, 0.0)
+    same(something + nothing, something, 0.0)
+
+
+def test_moments_about_any_origin_are_the_same(rng):
+    x, shares = rng.normal(size=(30, 3)), rng.dirichlet(np.ones(2), size=30)
+    origins = rng.normal(size=(2, 3))
+    error = x[:, None, :] - origins
+    offsets = np.einsum("nk,nkd->kd", shares, error)
+    scatters = np.einsum("nk,nki,nkj->kij", shares, error, error)
+    same(moments_about(origins, shares.sum(axis=0), offsets, scatters), moments(x, shares), 1e-12)

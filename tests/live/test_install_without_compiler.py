@@ -1,0 +1,83 @@
+"""An install never fails for want of a compiler: the NumPy twins run, after one warning with the remedy."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).parents[2]
+SOURCES = ("src", "pyproject.toml", "CMakeLists.txt", "README.md", "LICENSE")
+
+pytestmark = pytest.mark.slow
+
+
+def run(command: list[str | Path], **more: object) -> subprocess.CompletedProcess[str]:
+    finished = subprocess.run(command, capture_output=True, text=True, check=False, **more)  # type: ignore[call-overload]
+    assert finished.returncode == 0, f"{command}\n{finished.stdout}\n{finished.stderr}"
+    return finished
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel that is built where every compiler fails, from a copy that has no earlier build in it."""
+    copy, wheels = tmp_path_factory.mktemp("copy"), tmp_path_factory.mktemp("wheels")
+    for name in SOURCES:
+        source = TOP / name
+        (shutil.copytree if source.is_dir() else shutil.copy2)(source, copy / name)
+    for built in copy.rglob("*.so"):
+        built.unlink()
+    broken = {**os.environ, "CC": "/bin/false", "CXX": "/bin/false"}
+    options = ["--no-build-isolation", "--no-deps", "--no-cache-dir", "--wheel-dir", wheels]
+    run([sys.executable, "-m", "pip", "wheel", *options, copy], env=broken)
+    (built,) = wheels.glob("pilotfish-*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A throw-away environment with that wheel; what it depends on is borrowed from this one."""
+    folder = tmp_path_factory.mktemp("venv")
+    venv.create(folder, with_pip=False)
+    python = folder / "bin" / "python"
+    run([sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", wheel])
+    site = run([python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).stdout.strip()
+    Path(site, "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    return python
+
+
+def answer(python: Path, program: str) -> subprocess.CompletedProcess[str]:
+    """What a program prints there, outside the checkout, so that only the wheel can answer."""
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return run([python, "-W", "always", "-c", program], env=clean, cwd=python.parent)
+
+
+def test_the_wheel_holds_no_compiled_code(wheel: Path):
+    """Without a compiler the wheel is pure Python, and says so in its name."""
+    assert wheel.name.endswith("-py3-none-any.whl")
+
+
+def test_the_twins_answer_and_one_warning_names_the_remedy(python: Path):
+    """The answers are right, and over two calls exactly one warning tells how to get compiled kernels."""
+    program = (
+        "import numpy as np, pilotfish as pf\n"
+        "system = pf.double_integrator(1, period=0.1)\n"
+        "from pilotfish.kernels import viterbi\n"
+        "half, stay = np.full(2, 0.5), np.full((2, 2), 0.5)\n"
+        "seen = np.log(np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]]))\n"
+        "print(pf.__file__)\n"
+        "for _ in range(2):\n"
+        "    print(*viterbi(seen, half, stay).states)\n"
+    )
+    finished = answer(python, program)
+    where, *states = finished.stdout.splitlines()
+    assert Path(where).is_relative_to(python.parents[1]), f"{where} answered, expected the wheel"
+    assert states == ["0 1 0", "0 1 0"]
+    warnings = re.findall(r"\w*Warning: .*", finished.stderr)
+    assert len(warnings) == 1, finished.stderr
+    assert re.search(r"g\+\+|compiler", warnings[0])

@@ -1,0 +1,131 @@
+"""What is written about the house is true: version, changes, README, constraints; no machine is named."""
+
+import importlib.metadata
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pilotfish as pf
+
+TOP = Path(__file__).parents[1]
+
+
+def read(name: str) -> str:
+    return (TOP / name).read_text(encoding="utf-8")
+
+
+PROJECT = tomllib.loads(read("pyproject.toml"))["project"]
+README = read("README.md")
+
+# Brackets around one letter keep these lines from naming what they look for.
+NAMES_A_MACHINE = re.compile(
+    r"(?<![\w.$}~])/(hom[e]|roo[t]|User[s]|wor[k]|far[m]|op[t]|mn[t]|sr[v]|tm[p])/"
+    r"|pyp[i]\.org|pythonhoste[d]\.org|registry\.npmj[s]|de[b]\.debian|files\.pythonhoste[d]|--index-ur[l]"
+)
+
+
+def tracked() -> list[Path]:
+    """Every text file that is, or is about to be, in the repository."""
+    if not (TOP / ".git").exists() or shutil.which("git") is None:
+        pytest.skip("not a git checkout: what is tracked cannot be told")
+    command = ["git", "-C", str(TOP), "ls-files", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    files = [TOP / name for name in names if (TOP / name).is_file()]
+    return [file for file in files if b"\0" not in file.read_bytes()[:8192]]
+
+
+def test_one_version_everywhere():
+    """The front door, the project file and the installed package tell the same version."""
+    assert pf.__version__ == PROJECT["version"] == importlib.metadata.version("pilotfish")
+
+
+def test_the_changelog_tells_of_this_version():
+    """Users find what this version brought under a heading of its own."""
+    assert re.search(rf"^## {re.escape(PROJECT['version'])}\b", read("CHANGELOG.md"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("file", ["README.md", "CONTRIBUTING.md", "docs/index.md"])
+def test_every_make_command_that_is_promised_exists(file: str):
+    """A reader may type any `make TARGET` that the text shows."""
+    targets = set(re.findall(r"^([a-z]+):", read("Makefile"), re.MULTILINE))
+    promised = set(re.findall(r"(?:^|`)make ([a-z]+)", read(file), re.MULTILINE))
+    assert promised <= targets, f"{file} promises {promised - targets}"
+
+
+@pytest.mark.parametrize("file", ["README.md", "CONTRIBUTING.md", "docs/index.md"])
+def test_every_link_to_a_file_leads_somewhere(file: str):
+    """Links inside the repository point to files that are there."""
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", read(file))
+    missing = [link for link in links if not (TOP / file).parent.joinpath(link).exists()]
+    assert not missing, f"{file} links to {missing}"
+
+
+def test_no_file_names_a_machine_or_a_package_index():
+    """The repository works anywhere: it holds no path of one machine and no address of an index or mirror."""
+    found = [
+        f"{file.relative_to(TOP)}:{number}: {line.strip()[:80]}"
+        for file in tracked()
+        if file.suffix != ".svg"
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1)
+        if NAMES_A_MACHINE.search(line)
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_constraints_are_names_and_versions():
+    """Every line of constraints.txt reads name==version: no address, no path, no range, nothing twice."""
+    lines = read("constraints.txt").splitlines()
+    odd = [line for line in lines if not re.fullmatch(r"[a-z0-9][a-z0-9-]*==\d[\w.]*", line)]
+    assert not odd, f"expected name==version, found {odd}"
+    names = [line.split("==")[0] for line in lines]
+    assert names == sorted(set(names))
+
+
+def test_constraints_hold_all_that_is_asked_for():
+    """What pilotfish, its extras and its build ask for has a version in constraints.txt."""
+    asked = [*PROJECT["dependencies"], *tomllib.loads(read("pyproject.toml"))["build-system"]["requires"]]
+    asked += [line for extra in PROJECT["optional-dependencies"].values() for line in extra]
+    names = {re.split(r"[\[<>=~!; ]", line)[0].lower() for line in asked} - {"pilotfish"}
+    held = {line.split("==")[0] for line in read("constraints.txt").splitlines()}
+    assert names <= held, f"constraints.txt lacks {sorted(names - held)}"
+
+
+def test_shapes_in_annotations_are_checked():
+    """The test run refuses an array whose shape is not the annotated one."""
+    with pytest.raises(Exception, match=r"(?i)type-check"):
+        pf.double_integrator("three", period=0.1)  # type: ignore[arg-type]
+
+
+def test_importing_pilotfish_imports_nothing_slow():
+    """`import pilotfish` loads neither SciPy nor what only pictures, downloads, files or commands need."""
+    slow = {"scipy", "matplotlib", "pooch", "safetensors", "click", "tqdm"}
+    program = "import sys, pilotfish; print(*sys.modules)"
+    command = [sys.executable, "-W", "ignore", "-c", program]
+    loaded = set(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
+    assert not loaded & (slow | {"pilotfish.station", "pilotfish.plots"})
+
+
+def python_blocks(text: str) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def test_the_readme_has_one_example():
+    """What a user is to copy stands in one block."""
+    assert len(python_blocks(README)) == 1
+
+
+@pytest.mark.slow
+def test_the_readme_example_runs(data_folder: Path, monkeypatch: pytest.MonkeyPatch):
+    """The example of README.md runs as it stands, and its motion ends where a person ended there."""
+    monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
+    names: dict[str, object] = {}
+    exec(compile(python_blocks(README)[0], "README.md", "exec"), names)  # noqa: S102 - the text is our own
+    motion, shown = names["motion"].x, names["demonstrations"][4].x  # type: ignore[attr-defined, index]
+    assert np.all(np.isfinite(motion))
+    assert np.linalg.norm(motion[-1, :3] - shown[-1, :3]) < 0.1  # m; the situation was never shown
