@@ -28,7 +28,9 @@ def random_gaussian(rng, D, scale=1.0):
 @pytest.mark.parametrize("D", [1, 2, 14])
 def test_log_density_is_the_one_of_an_independent_library(rng, D):
     g, x = random_gaussian(rng, D), rng.normal(size=(9, D))
-    np.testing.assert_allclose(log_density(g, x), multivariate_normal(g.mean, g.covariance).logpdf(x).reshape(9))
+    np.testing.assert_allclose(
+        log_density(g, x), multivariate_normal(g.mean, g.covariance).logpdf(x).reshape(9)
+    )
 
 
 def test_log_density_has_no_floor_for_a_centimetre_wide_gaussian_in_14_dimensions():

@@ -10,7 +10,9 @@ from pilotfish.gaussians import Gaussian, Mixture, condition, regress
 
 def random_mixture(rng, K, D):
     A = rng.normal(size=(K, D, D))
-    return Mixture(rng.dirichlet(np.ones(K)), 2 * rng.normal(size=(K, D)), A @ A.transpose(0, 2, 1) + 0.1 * np.eye(D))
+    return Mixture(
+        rng.dirichlet(np.ones(K)), 2 * rng.normal(size=(K, D)), A @ A.transpose(0, 2, 1) + 0.1 * np.eye(D)
+    )
 
 
 def test_regression_agrees_with_numerical_integration_of_the_joint_density(rng):
@@ -25,7 +27,9 @@ def test_regression_agrees_with_numerical_integration_of_the_joint_density(rng):
         density = sum(w * multivariate_normal(m, S).pdf(points) for w, m, S in components)
         mean = (density @ y) / density.sum()
         np.testing.assert_allclose(result.means[n, 0], mean, rtol=1e-6, atol=1e-9)
-        np.testing.assert_allclose(result.covariances[n, 0, 0], density @ (y - mean) ** 2 / density.sum(), rtol=1e-6)
+        np.testing.assert_allclose(
+            result.covariances[n, 0, 0], density @ (y - mean) ** 2 / density.sum(), rtol=1e-6
+        )
 
 
 @pytest.mark.parametrize("K", [1, 4])

@@ -16,6 +16,7 @@ from pilotfish.demonstrations.frames import (
 )
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.demonstrations.published import read_valve_mat, read_zshape_mat
+from pilotfish.demonstrations.published_arrays import read_helloworld_npy, read_robotasks_npy
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resampled
 from pilotfish.demonstrations.signs import consistent_quaternions, continuous_quaternions
@@ -41,6 +42,8 @@ __all__ = [
     "pose_layout",
     "position_layout",
     "read_folder",
+    "read_helloworld_npy",
+    "read_robotasks_npy",
     "read_valve_mat",
     "read_zshape_mat",
     "resampled",

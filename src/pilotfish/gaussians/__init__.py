@@ -1,5 +1,6 @@
 """Gaussians and their algebra: densities, products, conditionals, sufficient statistics that add exactly,
-covariance structures, and regression with mixtures."""
+covariance structures, and regression with mixtures.
+"""
 
 from pilotfish.gaussians.gaussian import (
     Gaussian,

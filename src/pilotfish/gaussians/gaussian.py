@@ -40,10 +40,12 @@ def _first_failure(covariances: Float[Array, "K D D"], what: str) -> NotPositive
         smallest, largest = np.linalg.eigvalsh(covariance)[[0, -1]]
         if smallest <= 1e-15 * abs(largest):
             return NotPositiveDefinite(
-                f"{what} {k} is not positive definite: its smallest eigenvalue is {smallest:.3g}, its largest "
-                f"{largest:.3g}; raise the regularisation, drop constant or repeated columns, or give more data"
+                f"{what} {k} is not positive definite: its eigenvalues go from {smallest:.3g} to {largest:.3g}; "
+                "raise the regularisation, drop constant or repeated columns, or give more data"
             )
-    return NotPositiveDefinite(f"one {what} of {len(covariances)} has no Cholesky factor; raise the regularisation")
+    return NotPositiveDefinite(
+        f"one {what} of {len(covariances)} has no Cholesky factor; raise the regularisation"
+    )
 
 
 def whiteners(covariances: Float[Array, "K D D"], what: str = "covariance") -> Float[Array, "K D D"]:
@@ -141,7 +143,9 @@ def inside(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Arra
 def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]:
     """The closed contour of a planar Gaussian at a Mahalanobis radius (1 is the 1-sigma ellipse)."""
     if g.mean.size != 2:
-        raise InvalidInput(f"an ellipse needs 2 dimensions, this Gaussian has {g.mean.size}; take a marginal first")
+        raise InvalidInput(
+            f"an ellipse needs 2 dimensions, this Gaussian has {g.mean.size}; take a marginal first"
+        )
     values, vectors = np.linalg.eigh(g.covariance)
     angles = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (N, 2)
@@ -149,4 +153,4 @@ def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]
 
 
 def _symmetric(covariance: Float[Array, "D D"]) -> Float[Array, "D D"]:
-    return 0.5 * (covariance + covariance.T)
+    return np.asarray(0.5 * (covariance + covariance.T))

@@ -40,14 +40,18 @@ def regress(mixture: Mixture, inputs: Int[Array, " I"], x: Float[Array, "N I"]) 
     """
     outputs = np.setdiff1d(np.arange(mixture.means.shape[1]), inputs)
     if not len(outputs) or not len(inputs):
-        raise InvalidInput(f"inputs {inputs.tolist()} of {mixture.means.shape[1]} columns leave nothing to map")
+        raise InvalidInput(
+            f"inputs {inputs.tolist()} of {mixture.means.shape[1]} columns leave nothing to map"
+        )
     centred = x[:, None, :] - mixture.means[:, inputs]  # (N, K, I)
     slopes, conditional = _conditionals(mixture, inputs, outputs)
     shares, gradients = _responsibilities(mixture, inputs, centred)
     local = mixture.means[:, outputs] + np.einsum("koi,nki->nko", slopes, centred)  # each component's guess
     means = np.einsum("nk,nko->no", shares, local)
     spread = local - means[:, None, :]
-    covariances = np.einsum("nk,kop->nop", shares, conditional) + np.einsum("nk,nko,nkp->nop", shares, spread, spread)
+    covariances = np.einsum("nk,kop->nop", shares, conditional) + np.einsum(
+        "nk,nko,nkp->nop", shares, spread, spread
+    )
     jacobians = np.einsum("nk,koi->noi", shares, slopes) + np.einsum("nki,nko->noi", gradients, local)
     return Regression(means, covariances, jacobians)
 

@@ -12,9 +12,9 @@ from pilotfish.types import Array, Float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SemiTiedCovariances:
-    """dense = tying H diag(variances) H^T + (1 - tying) samples;  H is basis, its columns the shared directions.
+    """dense = tying H diag(variances) H^T + (1 - tying) samples,  H being the basis.
 
-    Columns of H have the scale of the estimate; only H diag(variances) H^T has a meaning of its own.
+    Columns of H are the shared directions, with the scale of the estimate; only H diag(variances) H^T has a meaning of its own.
     """
 
     basis: Float[Array, "D D"]

@@ -1,7 +1,7 @@
 """Covariance structures: how sample covariances become the covariances of a model.
 
-A structure is the only place where models of the family differ in their M-step. To add one, write a class with
-the two methods of Structure; expectation-maximisation needs no change.
+A structure is the only place where models of the family differ in their M-step. To add one, write a class
+that is a Structure; expectation-maximisation needs no change.
 """
 
 from dataclasses import dataclass

@@ -1,5 +1,6 @@
-"""Models of a skill: mixture, Markov and semi-Markov dynamics over states seen from several frames. Learned from
-demonstrations by a fold of statistics, adapted to where objects stand, unrolled into state sequences."""
+"""Models of a skill: mixture, Markov and semi-Markov dynamics over states that several frames see. They are
+learned by a fold of statistics, adapted to where objects stand, and unrolled into state sequences.
+"""
 
 from pilotfish.models.adapt import adapt
 from pilotfish.models.durations import runs, with_durations

@@ -30,7 +30,9 @@ def adapt(skill: Skill, frames: Sequence[Frame]) -> AdaptedSkill:
         for k in range(skill.states)
     ]
     means = _unit_quaternions(np.stack([g.mean for g in states]), skill.layout)
-    return AdaptedSkill(skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period)
+    return AdaptedSkill(
+        skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period
+    )
 
 
 def _matched(skill: Skill, frames: Sequence[Frame]) -> list[Frame]:
@@ -38,16 +40,20 @@ def _matched(skill: Skill, frames: Sequence[Frame]) -> list[Frame]:
     named = {frame.name: frame for frame in frames}
     if sorted(named) != sorted(skill.frame_names) or len(frames) != len(skill.frame_names):
         raise InvalidInput(
-            f"frames {[f.name for f in frames]} were given, the skill was learned in {list(skill.frame_names)}; "
+            f"frames {[f.name for f in frames]} were given, the skill knows {list(skill.frame_names)}; "
             "give each of these once"
         )
     for frame in frames:
         if frame.b.shape != (skill.width,):
-            raise InvalidInput(f"frame {frame.name!r} has {len(frame.b)} columns, the skill has {skill.width}")
+            raise InvalidInput(
+                f"frame {frame.name!r} has {len(frame.b)} columns, the skill has {skill.width}"
+            )
         if not (np.isfinite(frame.A).all() and np.isfinite(frame.b).all()):
             raise InvalidInput(f"frame {frame.name!r} holds values that are not finite")
         if (condition := float(np.linalg.cond(frame.A))) > 1e12:
-            raise InvalidInput(f"frame {frame.name!r} is singular: the condition number of A is {condition:.3g}")
+            raise InvalidInput(
+                f"frame {frame.name!r} is singular: the condition number of A is {condition:.3g}"
+            )
     return [named[name] for name in skill.frame_names]
 
 

@@ -21,10 +21,10 @@ def with_durations(model: HiddenModel | Skill, data: Views, floor: float) -> Sem
     """The thesis' semi-Markov reading of a fitted Markov model, demonstration by demonstration.
 
     Durations are the mean and deviation of the runs of the Viterbi sequence; floor [steps^2] is added to
-    their variance. The last run of a demonstration is counted as if it ended there, a known bias. A state that the
-    sequences never visit gets the geometric mean duration of its self-transition.
-    Transitions are the expected counts between different states, renormalised; a state that all demonstrations
-    together leave less than half a time is final.
+    their variance. The last run of a demonstration is counted as if it ended there, a known bias. A state
+    that the sequences never visit gets the mean duration of its self-transition.
+    Transitions are the expected counts between different states, renormalised; a state that all
+    demonstrations together leave less than half a time is final.
     Source: Tanwani 2018, sections 3.2.1-3.2.2, equation 3.29 without the self-transitions in its denominator.
     """
     initial, transitions = one_step_chain(model.dynamics)
@@ -35,7 +35,11 @@ def with_durations(model: HiddenModel | Skill, data: Views, floor: float) -> Sem
     for k in range(K):
         if len(own := lengths[visited == k]):
             means[k], variances[k] = own.mean(), own.var()
-    return SemiMarkovChain(initial, _between(statistics(model, data).transitions), GaussianDurations(means, np.sqrt(variances + floor)))
+    return SemiMarkovChain(
+        initial,
+        _between(statistics(model, data).transitions),
+        GaussianDurations(means, np.sqrt(variances + floor)),
+    )
 
 
 def _visits(model: HiddenModel | Skill, data: Views) -> tuple[Int[Array, " R"], Int[Array, " R"]]:
@@ -48,4 +52,4 @@ def _visits(model: HiddenModel | Skill, data: Views) -> tuple[Int[Array, " R"], 
 def _between(counts: Float[Array, "K K"]) -> Float[Array, "K K"]:
     leaving = counts * (1.0 - np.eye(len(counts)))
     departures = leaving.sum(axis=1, keepdims=True)
-    return np.divide(leaving, departures, out=np.zeros_like(leaving), where=departures >= 0.5)
+    return np.asarray(np.divide(leaving, departures, out=np.zeros_like(leaving), where=departures >= 0.5))

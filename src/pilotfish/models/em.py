@@ -12,7 +12,6 @@ from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics, statistics
 from pilotfish.types import Array, Bool, Float
 
-
 MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
 
 
@@ -39,7 +38,9 @@ class EMSettings:
             if not 0.0 <= (value := getattr(self, name)) < np.inf:
                 raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
         if not 0.0 < self.duration_floor < np.inf:
-            raise InvalidInput(f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]")
+            raise InvalidInput(
+                f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]"
+            )
         for name in ("max_iterations", "restarts"):
             if (count := getattr(self, name)) < 1:
                 raise InvalidInput(f"{name} is {count}, expected at least 1")
@@ -77,7 +78,9 @@ def improve(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings)
     if (empty := _empty(guess)).any():
         rest = improve(without(guess, empty), data, m_step, settings)
         mass = guess.moments[0].mass
-        lost = tuple(f"state {k} of {len(mass)}, left with {mass[k]:.2g} datapoints" for k in np.flatnonzero(empty))
+        lost = tuple(
+            f"state {k} of {len(mass)}, left with {mass[k]:.2g} datapoints" for k in np.flatnonzero(empty)
+        )
         return replace(rest, outcome=replace(rest.outcome, dropped=lost + rest.outcome.dropped))
     run = _climb(guess, data, m_step, settings)
     left = settings.max_iterations - run.outcome.iterations
@@ -90,26 +93,26 @@ def improve(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings)
 
 def _climb(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings) -> Run:
     model = m_step(guess, None)
+    best: Run | None = None
     trace: list[float] = []
     for iteration in range(1, settings.max_iterations + 1):
         sums = statistics(model, data)
         _refuse_impossible(sums.log_likelihood, iteration)
         gain = sums.log_likelihood - trace[-1] if trace else np.inf
         small = settings.tolerance * abs(sums.log_likelihood)
-        if gain < 0.0:
+        if best and gain < 0.0:
             reason = f"a step that lost {-gain:.3g} nats was undone"
-            return Run(*best, np.array(trace), Outcome(-gain <= small, iteration, reason, ()))
+            return replace(best, outcome=Outcome(-gain <= small, iteration, reason, ()))
         trace.append(sums.log_likelihood)
-        best = (model, sums)
         if settings.watch:
             settings.watch(iteration, sums.log_likelihood)
-        if gain <= small:
-            return Run(*best, np.array(trace), Outcome(True, iteration, f"the last step gained {gain:.3g} nats", ()))
-        if _empty(sums).any():
-            return Run(*best, np.array(trace), Outcome(False, iteration, "a state lost its data", ()))
+        reason = f"the last of {iteration} iterations gained {gain:.3g} nats"
+        best = Run(model, sums, np.array(trace), Outcome(gain <= small, iteration, reason, ()))
+        if gain <= small or _empty(sums).any():
+            break
         model = m_step(sums, model)
-    reason = f"{settings.max_iterations} iterations were allowed, the last gained {gain:.3g} nats"
-    return Run(*best, np.array(trace), Outcome(False, settings.max_iterations, reason, ()))
+    assert best is not None  # settings allow at least one iteration
+    return best
 
 
 def _empty(sums: Statistics) -> Bool[Array, " K"]:
@@ -134,6 +137,6 @@ def without(sums: Statistics, gone: Bool[Array, " K"]) -> Statistics:
 def _refuse_impossible(log_likelihood: float, iteration: int) -> None:
     if not np.isfinite(log_likelihood):
         raise InvalidInput(
-            f"the log-likelihood is {log_likelihood} in iteration {iteration}: the demonstrations are impossible "
-            "under the model; begin from another start (pf.KMeans()) or raise the regularisation"
+            f"the log-likelihood is {log_likelihood} in iteration {iteration}: the demonstrations are "
+            "impossible under the model; begin from another start (pf.KMeans()) or raise the regularisation"
         )

@@ -72,7 +72,9 @@ def _settled(
     return np.where(final_states(chain) > 0.0, visits, -np.inf)
 
 
-def markov_forward(chain: MarkovChain, log_observed: Float[Array, "S K"], horizon: int) -> Float[Array, "T K"]:
+def markov_forward(
+    chain: MarkovChain, log_observed: Float[Array, "S K"], horizon: int
+) -> Float[Array, "T K"]:
     """log p(observed up to t, state i at step t) of a Markov chain (3.8), t = 1 ... horizon."""
     _check(log_observed, horizon)
     log_forward = np.empty((horizon, len(chain.initial)))
@@ -89,23 +91,27 @@ def occupancy(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: in
 
     Within the observed prefix this is filtering (3.38), beyond it prediction (3.41). With no observation
     (S = 0) it is the skill's own expectation.
-    Raises: InvalidInput, when the observations are impossible under the chain or the model has no dynamics.
+    Raises: InvalidInput, when an observation is impossible in every state or the model has no dynamics.
     """
     if isinstance(dynamics, Weights):
-        raise InvalidInput("a mixture has no order in time, so no occupancy; learn a Markov or semi-Markov skill")
+        raise InvalidInput(
+            "a mixture has no order in time, so no occupancy; learn a Markov or semi-Markov skill"
+        )
     if isinstance(dynamics, SemiMarkovChain):
         log_p = semi_markov_forward(dynamics, log_observed, horizon).log_occupancy
     else:
         log_p = markov_forward(dynamics, log_observed, horizon)
-    evidence = np.logaddexp.reduce(log_p, axis=1)
-    if np.isneginf(evidence).any():
-        step = int(np.argmax(np.isneginf(evidence)))
-        raise InvalidInput(f"step {step} of the observations is impossible under the chain; check start and frames")
-    return np.exp(log_p - evidence[:, None])
+    return np.asarray(np.exp(log_p - np.logaddexp.reduce(log_p, axis=1)[:, None]))
 
 
 def _check(log_observed: Float[Array, "S K"], horizon: int) -> None:
     if horizon < max(1, len(log_observed)):
         raise InvalidInput(
-            f"horizon is {horizon} steps, expected at least 1 and at least the {len(log_observed)} observed ones"
+            f"horizon is {horizon} steps, expected at least 1, and the {len(log_observed)} observed ones"
+        )
+    if not np.isfinite(log_observed).all():
+        t, i = np.argwhere(~np.isfinite(log_observed))[0]
+        raise InvalidInput(
+            f"log p of observation {t} in state {i} is {log_observed[t, i]}, expected a finite number; check "
+            "that start and frames are finite and in the units of the demonstrations"
         )

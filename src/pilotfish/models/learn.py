@@ -74,7 +74,9 @@ def learn_markov(
     Raises: as learn does.
     """
     guess = _guess(start, states, rng, settings.restarts)
-    return _learn(demonstrations, guess, _m_step(structure, settings, most_likely_chain), structure.label, settings)
+    return _learn(
+        demonstrations, guess, _m_step(structure, settings, most_likely_chain), structure.label, settings
+    )
 
 
 def learn_mixture(
@@ -91,15 +93,20 @@ def learn_mixture(
     Raises: as learn does.
     """
     guess = _guess(start, states, rng, settings.restarts)
-    return _learn(demonstrations, guess, _m_step(structure, settings, most_likely_weights), structure.label, settings)
+    return _learn(
+        demonstrations, guess, _m_step(structure, settings, most_likely_weights), structure.label, settings
+    )
 
 
-def _guess(start: Start, states: int, rng: np.random.Generator, restarts: int) -> Callable[[Views], Statistics]:
+def _guess(
+    start: Start, states: int, rng: np.random.Generator, restarts: int
+) -> Callable[[Views], Statistics]:
     if states < 1:
         raise InvalidInput(f"states is {states}, expected at least 1")
     if restarts > 1 and start == TIME_BINS:
         raise InvalidInput(
-            f"{restarts} restarts from the same time bins would all end alike; use TimeBins(jitter=0.5) or KMeans()"
+            f"{restarts} restarts from the same time bins would all end alike; "
+            "use TimeBins(jitter=0.5) or KMeans()"
         )
     return partial(start.guess, states=states, rng=rng)
 

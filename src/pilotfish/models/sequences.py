@@ -32,7 +32,9 @@ def log_likelihood_of_states(model: AdaptedSkill, x: Float[Array, "T D"]) -> Flo
     return kernels.log_emissions(x[None], model.means[None], W[None])
 
 
-def most_probable_states(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: int) -> Int[Array, " T"]:
+def most_probable_states(
+    dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: int
+) -> Int[Array, " T"]:
     """The state of largest occupancy at every step (3.42): a deterministic, step-wise plan."""
     return np.asarray(occupancy(dynamics, log_observed, horizon).argmax(axis=1))
 
@@ -71,7 +73,8 @@ def _sample_markov(chain: MarkovChain, horizon: int, rng: np.random.Generator) -
 def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
     K, longest = len(chain.initial), longest_duration(chain.durations)
     table = np.exp(log_duration_table(chain.durations, longest))  # (S, K)
-    state, states = rng.choice(K, p=chain.initial), []
+    state = rng.choice(K, p=chain.initial)
+    states: list[int] = []
     while len(states) < horizon:
         onward = chain.transitions[state]
         if not onward.any():

@@ -69,7 +69,9 @@ class KMeans:
             if len(np.unique(labels)) == states:
                 break
         else:
-            raise InvalidInput(f"k-means found no {states} separate clusters in 20 attempts; ask for fewer states")
+            raise InvalidInput(
+                f"k-means found no {states} separate clusters in 20 attempts; ask for fewer states"
+            )
         sums = labelled_statistics(views, np.asarray(labels, dtype=np.int64), states)
         spread = self.pseudocount / states
         return Statistics(sums.moments, sums.first + spread, sums.transitions + spread, sums.log_likelihood)
@@ -88,11 +90,11 @@ class Given:
     model: HiddenModel | Skill
 
     def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
-        if (have := self.model.means.shape[1]) != states:
-            raise InvalidInput(f"the given model has {have} states, {states} were asked for")
-        if self.model.means.shape[::2] != views.x.shape[::2]:
+        P, K, D = self.model.means.shape
+        if states != K:
+            raise InvalidInput(f"the given model has {K} states, {states} were asked for")
+        if (seen := (views.x.shape[0], views.x.shape[2])) != (P, D):
             raise InvalidInput(
-                f"the given model has {self.model.means.shape[0]} frames of {self.model.means.shape[2]} columns, the "
-                f"demonstrations {views.x.shape[0]} of {views.x.shape[2]}"
+                f"the given model has {P} frames of {D} columns, the demonstrations {seen[0]} of {seen[1]}"
             )
         return statistics(self.model, views)

@@ -1,4 +1,4 @@
-"""The two halves of expectation-maximisation, as a fold: statistics of data, and the model they are most likely under."""
+"""Expectation-maximisation as a fold: statistics of data, and the model that they are likeliest under."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,7 +55,9 @@ def statistics(model: HiddenModel | Skill, views: Views) -> Statistics:
 def one_step_chain(dynamics: Dynamics) -> tuple[Float[Array, " K"], Float[Array, "K K"]]:
     """Initial and transition probabilities of one step; a mixture is the chain with all rows alike."""
     if isinstance(dynamics, SemiMarkovChain):
-        raise InvalidInput("a semi-Markov skill has no one-step transitions; use the Markov model, fit.markov")
+        raise InvalidInput(
+            "a semi-Markov skill has no one-step transitions; use the Markov model, fit.markov"
+        )
     if isinstance(dynamics, Weights):
         return dynamics.weights, np.tile(dynamics.weights, (len(dynamics.weights), 1))
     return dynamics.initial, dynamics.transitions

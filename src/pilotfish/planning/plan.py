@@ -19,7 +19,9 @@ def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack:
     Source: Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + slack I)^-1.
     """
     if start.shape != (width := model.means.shape[1],):
-        raise InvalidInput(f"start has {start.size} values, the skill has {width} columns: {model.layout.names}")
+        raise InvalidInput(
+            f"start has {start.size} values, the skill has {width} columns: {model.layout.names}"
+        )
     if not np.isfinite(start).all():
         raise InvalidInput(f"start holds values that are not finite: {start.tolist()}")
     observed = log_likelihood_of_states(model, start[None])

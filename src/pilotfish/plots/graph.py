@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import withStroke
 
@@ -10,9 +11,10 @@ from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill, log_duration_table, longest_duration, occupancy
 from pilotfish.plots.doors import require_states
 from pilotfish.plots.style import SMALL, dress, sheet, state_colour
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Int
 
 RADIUS = 0.27  # of a node; nodes stand one apart
+RING = RADIUS + 0.06  # around a final node
 RISE = 0.22  # how much higher an arrow climbs for each further node it passes over
 
 
@@ -36,7 +38,7 @@ def state_graph(skill: Skill | AdaptedSkill, *, least: float = 0.01) -> Figure:
     figure = sheet(max(5.0, 1.42 * K + 0.8), 4.6)
     rows = figure.add_gridspec(2, 1, height_ratios=(1.25, 1.0))
     _draw_graph(figure.add_subplot(rows[0]), chain, order, least)
-    _draw_durations(figure, rows[1].subgridspec(1, K, wspace=0.06), chain, order, skill.period)
+    _draw_durations(figure, rows[1], chain, order, skill.period)
     return figure
 
 
@@ -50,62 +52,82 @@ def _in_time(chain: SemiMarkovChain) -> Int[Array, " K"]:
 
 
 def _draw_graph(axes: Axes, chain: SemiMarkovChain, order: Int[Array, " K"], least: float) -> None:
-    place = {int(state): x for x, state in enumerate(order)}
-    heights = [_RING, -_RING]
-    for i, j in np.argwhere(chain.transitions >= max(least, np.finfo(float).tiny)):
-        heights.append(_draw_arrow(axes, place[int(i)], place[int(j)], float(chain.transitions[i, j])))
-    for k, x in place.items():
-        _draw_node(axes, x, k, final=not chain.transitions[k].any())
-        if chain.initial[k] >= least:
-            heights.append(_draw_beginning(axes, x, float(chain.initial[k])))
-    axes.set_xlim(-0.75, len(order) - 0.25)
-    axes.set_ylim(min(heights) - 0.2, max(heights) + 0.2)
+    final = ~chain.transitions.any(axis=1)
+    nodes = {int(k): _draw_node(axes, x, int(k), final=bool(final[k])) for x, k in enumerate(order)}
+    reach = [RING, -RING]  # how far up and down the drawing goes
+    for i, j in np.argwhere((chain.transitions >= least) & (chain.transitions > 0.0)):
+        reach.append(_draw_arrow(axes, nodes[int(i)], nodes[int(j)], float(chain.transitions[i, j])))
+    for k, node in nodes.items():
+        if chain.initial[k] >= least and chain.initial[k] > 0.0:
+            reach.append(_draw_beginning(axes, node, float(chain.initial[k])))
+    axes.set_xlim(-0.5, len(order) - 0.5)
+    axes.set_ylim(min(reach) - 0.2, max(reach) + 0.2)
     axes.set_aspect("equal")
     axes.axis("off")
 
 
-_RING = RADIUS + 0.06
-
-
-def _draw_node(axes: Axes, x: float, state: int, *, final: bool) -> None:
-    axes.add_patch(Circle((x, 0.0), RADIUS, color=state_colour(state), zorder=3))
+def _draw_node(axes: Axes, x: int, state: int, *, final: bool) -> Circle:
+    """The node, whose outline is where arrows end."""
+    axes.add_patch(Circle((x, 0.0), RADIUS, color=state_colour(state), zorder=3, gid=f"state {state}"))
     if final:
-        axes.add_patch(Circle((x, 0.0), _RING, fill=False, edgecolor=state_colour(state), linewidth=1.6))
-    outline = [withStroke(linewidth=2.0, foreground="black")]
+        ring = Circle((x, 0.0), RING, fill=False, edgecolor=state_colour(state), linewidth=1.6)
+        axes.add_patch(ring)
     text = axes.text(x, 0.0, str(state), color="white", fontsize="large", fontweight="bold", zorder=4)
-    text.set(ha="center", va="center_baseline", path_effects=outline)
+    text.set(ha="center", va="center", path_effects=[withStroke(linewidth=2.0, foreground="black")])
+    outline = Circle((x, 0.0), RING if final else RADIUS, visible=False)
+    axes.add_patch(outline)
+    return outline
 
 
-def _draw_arrow(axes: Axes, start: int, end: int, probability: float) -> float:
+def _draw_arrow(axes: Axes, start: Circle, end: Circle, probability: float) -> float:
     """The arrow and its probability; returns how high it climbs, negative if it hangs below."""
-    span = abs(end - start)
-    height = 0.0 if end - start == 1 else _RING + 0.1 + RISE * (span - 1)
-    side = 1.0 if end > start else -1.0
-    width = 0.6 + 2.4 * probability
+    (x, _), (goal, _) = start.get_center(), end.get_center()
+    span, side = abs(goal - x), np.sign(goal - x)
+    height = 0.0 if goal - x == 1 else RING + 0.1 + RISE * (span - 1)
     arrow = FancyArrowPatch(
-        (start, 0.0),
-        (end, 0.0),
+        (x, 0.0),
+        (goal, 0.0),
         connectionstyle=f"arc3,rad={-2.0 * height / span:.4f}",  # the top of arc3 lies at half of rad times span
         arrowstyle="-|>",
-        mutation_scale=8 + 4 * width,
-        linewidth=width,
+        mutation_scale=11.0,
+        linewidth=0.6 + 2.0 * probability,
         color="0.35",
-        shrinkA=0.0,
-        shrinkB=0.0,
-        zorder=1,
+        patchA=start,
+        patchB=end,
+        zorder=2,
     )
-    arrow.set_clip_on(False)
     axes.add_patch(arrow)
-    peak = side * height
-    axes.text(0.5 * (start + end), peak + 0.1 * side, f"{probability:.2f}", fontsize=SMALL, ha="center", va="center")
-    return peak
+    label = axes.text(0.5 * (x + goal), side * (height + 0.11), f"{probability:.2f}", fontsize=SMALL)
+    label.set(ha="center", va="center")
+    return float(side * (height + 0.11))
 
 
-def _draw_beginning(axes: Axes, x: float, probability: float) -> float:
+def _draw_beginning(axes: Axes, node: Circle, probability: float) -> float:
     """An arrow from nowhere into a first state; returns how low it hangs."""
-    low = -_RING - 0.42
-    axes.annotate(
-        "", (x, -RADIUS), (x, low), arrowprops={"arrowstyle": "-|>", "color": "0.35", "linewidth": 1.5}
-    )
-    axes.text(x + 0.07, low + 0.1, f"begins: {probability:.2f}", fontsize=SMALL, ha="left", va="center")
+    x, low = node.get_center()[0], -RING - 0.42
+    arrow = {"arrowstyle": "-|>", "color": "0.35", "linewidth": 0.6 + 2.0 * probability}
+    axes.annotate("", (x, -RADIUS), (x, low), arrowprops=arrow)
+    axes.text(x + 0.08, low + 0.1, f"begins {probability:.2f}", fontsize=SMALL, ha="left", va="center")
     return low
+
+
+def _draw_durations(
+    figure: Figure, cells: SubplotSpec, chain: SemiMarkovChain, order: Int[Array, " K"], period: float
+) -> None:
+    """How probable each duration is, state by state, all on the same scales."""
+    longest = longest_duration(chain.durations)
+    density = np.exp(log_duration_table(chain.durations, longest)) / period  # (S, K), per second
+    seconds = period * np.arange(1, longest + 1)
+    first: Axes | None = None
+    for cell, k in zip(cells.subgridspec(1, len(order), wspace=0.08), order, strict=True):
+        axes = figure.add_subplot(cell, sharex=first, sharey=first)
+        axes.fill_between(seconds, density[:, k], color=state_colour(int(k)), alpha=0.3)
+        axes.plot(seconds, density[:, k], color=state_colour(int(k)), linewidth=1.8)
+        dress(axes, x="duration [s]", y="" if first else "density [1/s]")
+        mean, deviation = period * chain.durations.means[k], period * chain.durations.deviations[k]
+        axes.set_title(f"{mean:.2g} ± {deviation:.2g} s", fontsize=SMALL + 1)
+        axes.tick_params(labelleft=first is None)
+        first = first or axes
+    if first is not None:
+        first.set_xlim(0.0, seconds[-1])
+        first.set_ylim(0.0, None)

@@ -203,7 +203,7 @@ def _name(value: object, kinds: dict[str, type[Any]]) -> str:
 
 def _kind(fields: Any, kinds: dict[str, type[Any]], place: str) -> type[Any]:
     name = taken(fields, "kind", place)
-    if name not in kinds:
+    if not isinstance(name, str) or name not in kinds:
         raise UnknownSkill(f"{place} are of the kind {name!r}, which this version does not know, only {list(kinds)}")
     return kinds[name]
 

@@ -7,6 +7,7 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Covariances, SemiTiedCovariances, cholesky
 from pilotfish.models import Dynamics, MarkovChain, SemiMarkovChain, Skill, Weights
+from pilotfish.store.skills_fields import require_finite
 from pilotfish.types import Array, Float
 
 ROUNDING = 1e-6  # what probabilities may miss one by
@@ -26,9 +27,7 @@ def require_agreement(skill: Skill) -> None:
     if len(set(names)) != P:
         raise InvalidInput(f"the frames are named {list(names)}, expected different names")
     if skill.layout.width != D:
-        raise InvalidInput(
-            f"means has {D} columns, but the layout has {skill.layout.width}: {', '.join(skill.layout.names)}"
-        )
+        raise InvalidInput(f"means has {D} columns, but the layout has {skill.layout.width}")
 
 
 def require_sound(skill: Skill) -> None:
@@ -38,6 +37,7 @@ def require_sound(skill: Skill) -> None:
     """
     if not 0 < skill.period < inf:
         raise InvalidInput(f"period is {skill.period} s, expected a positive time")
+    require_finite(skill.means, "means")
     _require_dynamics(skill.dynamics)
     for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
         _require_covariances(covariances, f"the covariance in frame {name!r} of state")

@@ -148,6 +148,22 @@ void Chain::add_transitions(Step& step, const double* gamma) const {
   }
 }
 
+double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors, double* counts,
+                        double* log_forward) {
+  const long K = chain.states(), width = chain.width();
+  Buffer padded(T * width, NEVER), gamma(T * width), offsets(T);
+  for (long t = 0; t < T; ++t) std::copy_n(log_emissions + t * K, K, padded.data() + t * width);
+  const double log_likelihood = chain.forward(padded.data(), T, gamma.data(), offsets.data());
+  for (long t = 0; t < T; ++t)
+    for (long k = 0; k < K; ++k) log_forward[t * K + k] = gamma[t * width + k] + offsets[t];
+  std::fill_n(posteriors, T * K, 0.0);
+  std::fill_n(counts, K * K, 0.0);
+  if (log_likelihood == NEVER) return NEVER;
+  chain.backward(padded.data(), T, gamma.data(), counts);
+  for (long t = 0; t < T; ++t) std::copy_n(gamma.data() + t * width, K, posteriors + t * K);
+  return log_likelihood;
+}
+
 double viterbi(int K, long T, const double* log_emissions, const double* log_initial,
                const double* log_transitions, int64_t* states) {
   std::vector<double> best(K), score(K), origin(K);  // origins as real numbers: one vector width for all

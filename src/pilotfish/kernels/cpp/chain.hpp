@@ -12,6 +12,7 @@ class Chain {
  public:
   Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions);
 
+  int states() const { return K_; }
   int width() const { return width_; }
 
   // forward[t] + offsets[t] = log p(steps 0 to t, state at t); returns log p(all steps), -inf when no path is left.
@@ -32,6 +33,10 @@ class Chain {
   Buffer from_, into_;          // row j: to every k; row k: from every j. Padded with ones
   Buffer log_from_, log_into_;  // their logarithms, padded with -inf
 };
+
+// The same for arrays that are not padded: posteriors and log_forward (T, K), counts (K, K), all of them set.
+double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors, double* counts,
+                        double* log_forward);
 
 // A most probable path into states (T), at ties the lower index; returns its log-probability.
 double viterbi(int K, long T, const double* log_emissions, const double* log_initial,

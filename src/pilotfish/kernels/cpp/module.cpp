@@ -19,7 +19,7 @@
 
 namespace nb = nanobind;
 
-namespace pilotfish {
+namespace pilotfish::python {
 namespace {
 
 template <typename Number, int Axes>
@@ -71,8 +71,10 @@ Sizes sizes_of(const In<double, 3>& x, const In<double, 3>& means, const In<doub
 Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners) {
   const Sizes sizes = sizes_of(x, means, whiteners);
   Out result = empty<Out>({size_t(sizes.N), size_t(sizes.K)});
-  Free run;
-  Densities(sizes, means.data(), whiteners.data()).evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
+  {
+    Free run;
+    Densities(sizes, means.data(), whiteners.data()).evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
+  }
   return result;
 }
 
@@ -95,8 +97,10 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   const Model model{log_initial.data(), transitions.data(), log_transitions.data(), means.data(), whiteners.data()};
   const Sums sums{std::get<0>(result).data(), std::get<1>(result).data(), std::get<2>(result).data(),
                   std::get<3>(result).data(), std::get<4>(result).data(), std::get<5>(result).data()};
-  Free run;
-  e_step(sizes, x.data(), lengths.data(), long(M), model, sums);
+  {
+    Free run;
+    pilotfish::e_step(sizes, x.data(), lengths.data(), long(M), model, sums);
+  }
   return result;
 }
 
@@ -113,19 +117,8 @@ auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In
   {
     Free run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
-    const size_t width = chain.width();
-    Buffer emissions(T * width, NEVER), forward(T * width), offsets(T);
-    for (size_t t = 0; t < T; ++t) std::copy_n(log_emissions.data() + t * K, K, emissions.data() + t * width);
-    log_likelihood = chain.forward(emissions.data(), long(T), forward.data(), offsets.data());
-    for (size_t t = 0; t < T; ++t)
-      for (size_t k = 0; k < K; ++k) log_forward.data()[t * K + k] = forward[t * width + k] + offsets[t];
-    std::fill_n(counts.data(), K * K, 0.0);
-    if (log_likelihood == NEVER)
-      std::fill_n(posteriors.data(), T * K, 0.0);
-    else
-      chain.backward(emissions.data(), long(T), forward.data(), counts.data());
-    if (log_likelihood != NEVER)
-      for (size_t t = 0; t < T; ++t) std::copy_n(forward.data() + t * width, K, posteriors.data() + t * K);
+    log_likelihood = pilotfish::forward_backward(chain, log_emissions.data(), long(T), posteriors.data(), counts.data(),
+                                      log_forward.data());
   }
   return std::make_tuple(log_likelihood, posteriors, counts, log_forward);
 }
@@ -140,7 +133,7 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   double log_probability;
   {
     Free run;
-    log_probability = viterbi(int(K), long(T), log_emissions.data(), log_initial.data(), log_transitions.data(),
+    log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), log_initial.data(), log_transitions.data(),
                               states.data());
   }
   return std::make_tuple(states, log_probability);
@@ -163,7 +156,7 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
   long refused;
   {
     Free run;
-    refused = riccati(problem, Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
+    refused = pilotfish::riccati(problem, Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
   }
   return std::make_tuple(refused, gains, feedforwards, values, gradients);
 }
@@ -180,7 +173,7 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 
   int refused;
   {
     Free run;
-    refused = semi_tied_sweeps(int(K), int(D), covariances.data(), mass.data(), result.data(), sweeps);
+    refused = pilotfish::semi_tied_sweeps(int(K), int(D), covariances.data(), mass.data(), result.data(), sweeps);
   }
   return std::make_tuple(refused, result);
 }
@@ -194,14 +187,15 @@ bool supports_v3() { return false; }
 #endif
 
 }  // namespace
-}  // namespace pilotfish
+}  // namespace pilotfish::python
 
 NB_MODULE(PILOTFISH_MODULE, module) {
-  module.def("log_emissions", &pilotfish::log_emissions);
-  module.def("e_step", &pilotfish::e_step);
-  module.def("forward_backward", &pilotfish::forward_backward);
-  module.def("viterbi", &pilotfish::viterbi);
-  module.def("riccati", &pilotfish::riccati);
-  module.def("semi_tied_sweeps", &pilotfish::semi_tied_sweeps);
-  module.def("supports_v3", &pilotfish::supports_v3);
+  namespace python = pilotfish::python;
+  module.def("log_emissions", &python::log_emissions);
+  module.def("e_step", &python::e_step);
+  module.def("forward_backward", &python::forward_backward);
+  module.def("viterbi", &python::viterbi);
+  module.def("riccati", &python::riccati);
+  module.def("semi_tied_sweeps", &python::semi_tied_sweeps);
+  module.def("supports_v3", &python::supports_v3);
 }

@@ -1,0 +1,37 @@
+"""What the figures were taken on."""
+
+import os
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    processor: str
+    cores: int
+    system: str
+    memory_gb: float
+
+
+def machine() -> Machine:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    return Machine(_processor(), cores, f"{platform.system()} {platform.machine()}", memory)
+
+
+def load() -> float:
+    """Processes that wanted to run, on average over the last minute."""
+    return os.getloadavg()[0]
+
+
+def _processor() -> str:
+    """The model name that the kernel tells, and its numbers where a virtual machine hides the name."""
+    facts = Path("/proc/cpuinfo")
+    if not facts.exists():
+        return platform.processor() or platform.machine()
+    lines = (line.partition(":") for line in facts.read_text().splitlines())
+    told = {name.strip(): value.strip() for name, _, value in lines}
+    numbers = ", ".join(f"{name} {told[name]}" for name in ("cpu family", "model", "stepping") if name in told)
+    name = told.get("model name", platform.machine())
+    return f"{name} ({numbers})" if numbers else name

@@ -1,0 +1,118 @@
+"""Writes every problem into the folder named on the command line, and says on stdout whether the valve is real.
+
+`python make_problems.py FOLDER ITERATIONS_SMALL ITERATIONS_LARGE`, in an environment with pilotfish.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+from problems import Floats, Framed, Integers, Sequences, Tracking
+
+from pilotfish.control import double_integrator
+from pilotfish.demonstrations import read_valve_mat
+
+STATES, STEPS, PERIOD = 7, 200, 0.1  # s
+REGULARISATION = 1e-5  # what pf.learn adds to variances unless told otherwise
+SLACK, EFFORT = 2e-3, 9.0  # as planning and the README have them
+
+
+def main() -> None:
+    folder, small, large = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    recording = os.environ.get("PILOTFISH_DATA")
+    x, A, b = real_valve(Path(recording)) if recording else synthetic_valve(np.random.default_rng(1))
+    valve_in_one_frame(x, small).save(folder / "valve")
+    valve_in_frames(x, A, b, small).save(folder / "frames")
+    drawn_from_a_chain(np.random.default_rng(2), large).save(folder / "large")
+    valve_reference(x).save(folder / "tracking")
+    print("real" if recording else "synthetic")
+
+
+def real_valve(data: Path) -> tuple[Floats, Floats, Floats]:
+    shown = read_valve_mat(data / "valve" / "BaxterValveDemos2.mat")[:4]
+    A = np.stack([[frame.A for frame in demo.frames] for demo in shown])
+    b = np.stack([[frame.b for frame in demo.frames] for demo in shown])
+    return np.stack([demo.x for demo in shown]), A, b
+
+
+def synthetic_valve(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+    """Four movements of 7 positions and 7 speeds, each from a point of one frame to a point of another."""
+    s = np.linspace(0.0, 1.0, STEPS)[:, None]
+    blend = 10 * s**3 - 15 * s**4 + 6 * s**5
+    ends, x, A, b = rng.normal(size=(2, 7)), [], [], []
+    for _ in range(4):
+        turns = [np.linalg.qr(rng.normal(size=(7, 7)))[0] for _ in ends]
+        moves = rng.normal(size=(2, 7))
+        begin, end = (turn @ point + move for turn, point, move in zip(turns, ends, moves, strict=True))
+        places = begin + blend * (end - begin) + 0.01 * rng.normal(size=(STEPS, 7))
+        x.append(np.hstack([places, np.gradient(places, PERIOD, axis=0)]))
+        A.append([np.kron(np.eye(2), turn) for turn in turns])
+        b.append([np.concatenate([move, np.zeros(7)]) for move in moves])
+    return np.stack(x), np.array(A), np.array(b)
+
+
+def time_bins(demonstrations: int) -> Integers:
+    """The state of every step when each demonstration is cut into equal times."""
+    return np.tile(np.arange(STEPS) * STATES // STEPS, demonstrations).astype(np.int64)
+
+
+def gaussians_of(x: Floats, labels: Integers, ridge: float) -> tuple[Floats, Floats]:
+    """Mean and covariance of the points of every label, variances raised by ridge."""
+    groups = [x[labels == k] for k in range(labels.max() + 1)]
+    covariances = [np.cov(g.T, bias=True) + ridge * np.eye(x.shape[1]) for g in groups]
+    return np.stack([g.mean(axis=0) for g in groups]), np.stack(covariances)
+
+
+def sticky(states: int, stay: float) -> Floats:
+    """Transitions that stay with one probability and share the rest among the other states."""
+    leave = (1.0 - stay) / (states - 1)
+    return leave * np.ones((states, states)) + (stay - leave) * np.eye(states)
+
+
+def valve_in_one_frame(x: Floats, iterations: int) -> Sequences:
+    flat = x.reshape(-1, x.shape[-1])
+    means, covariances = gaussians_of(flat, time_bins(len(x)), ridge=1e-4)
+    uniform, lengths = np.full(STATES, 1 / STATES), np.full(len(x), STEPS)
+    return Sequences(flat, lengths, uniform, sticky(STATES, 0.9), means, covariances, iterations)
+
+
+def valve_in_frames(x: Floats, A: Floats, b: Floats, iterations: int) -> Framed:
+    seen = np.linalg.solve(A, (x[:, None] - b[:, :, None]).swapaxes(-1, -2)).swapaxes(-1, -2)  # (M, P, T, D)
+    joint = np.ascontiguousarray(seen.transpose(0, 2, 1, 3).reshape(-1, A.shape[1] * x.shape[-1]))
+    labels = time_bins(len(x))
+    means, covariances = gaussians_of(joint, labels, ridge=REGULARISATION)
+    weights = np.bincount(labels) / len(labels)
+    return Framed(x, A, b, STATES, iterations, joint, weights, means, covariances)
+
+
+def drawn_from_a_chain(rng: np.random.Generator, iterations: int) -> Sequences:
+    """50 sequences of 500 steps in 14 dimensions, from 10 overlapping Gaussians that last 50 steps on average."""
+    M, T, D, K = 50, 500, 14, 10
+    transitions, means = sticky(K, 0.98), rng.normal(size=(K, D))
+    factors = rng.normal(size=(K, D, D)) / np.sqrt(D) + 0.3 * np.eye(D)
+    states = np.empty((M, T), dtype=np.int64)
+    states[:, 0] = rng.integers(K, size=M)
+    for t in range(1, T):
+        moves = rng.integers(1, K, size=M)  # to another state, each as likely
+        states[:, t] = np.where(rng.random(M) < 0.98, states[:, t - 1], (states[:, t - 1] + moves) % K)
+    labels = states.ravel()
+    x = means[labels] + np.einsum("nij,nj->ni", factors[labels], rng.normal(size=(M * T, D)))
+    guess = x[rng.choice(len(x), K, replace=False)]
+    pooled = np.tile(np.cov(x.T), (K, 1, 1))
+    return Sequences(x, np.full(M, T), np.full(K, 1 / K), transitions, guess, pooled, iterations)
+
+
+def valve_reference(x: Floats) -> Tracking:
+    """A step-wise plan through the mean of every time bin, weighted by its precision."""
+    system, labels = double_integrator(x.shape[-1] // 2, PERIOD), time_bins(1)
+    means, covariances = gaussians_of(x.reshape(-1, x.shape[-1]), time_bins(len(x)), ridge=SLACK)
+    precisions = np.linalg.inv(covariances)
+    precisions = 0.5 * (precisions + precisions.swapaxes(-1, -2))
+    begins = np.searchsorted(labels, np.arange(STATES))
+    effort = EFFORT * np.eye(system.B.shape[1])
+    return Tracking(system.A, system.B, precisions[labels], means[labels], effort, begins)
+
+
+if __name__ == "__main__":
+    main()

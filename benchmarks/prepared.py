@@ -1,0 +1,22 @@
+"""What a library hands to the clock: a call to time, and how to read what it returned."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A number by which libraries can be compared, and how many units of work (EM iterations, say) it took."""
+
+    value: float
+    units: int = 1
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """run is timed; answer reads its result afterwards."""
+
+    run: Callable[[], Any]
+    answer: Callable[[Any], Answer]

@@ -1,0 +1,95 @@
+"""One library in a process of its own: reads requests, one JSON object a line, and answers each with another.
+
+`python worker.py LIBRARY`. Arrays come from .npy files in the folder that a request names.
+"""
+
+import gc
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import resource
+import sys
+import traceback
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any
+
+from cases import LIBRARIES
+from prepared import Answer, Prepared
+
+Reply = dict[str, Any]  # what JSON carries
+
+
+def serve(library: str) -> None:
+    """Answer until stdin ends. What the library prints goes to stderr, so that only replies are on stdout."""
+    replies = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    warnings.simplefilter("ignore")  # a peer's deprecations are not ours to show
+    calls: dict[str, Prepared] = {}
+    adapter = None
+    for line in sys.stdin:
+        request = json.loads(line)
+        try:
+            if adapter is None:
+                adapter = importlib.import_module(f"libraries.{library}")
+            reply = ACTIONS[request["do"]](adapter, calls, request)
+        except Exception as error:  # noqa: BLE001 - the outermost loop: a library that fails is reported
+            traceback.print_exc()
+            reply = {"error": f"{type(error).__name__}: {error}"}
+        replies.write(json.dumps(reply) + "\n")
+
+
+def introduce(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
+    distribution = LIBRARIES[request["library"]].distribution
+    version = importlib.metadata.version(distribution)
+    numpy = importlib.metadata.version("numpy")
+    python = platform.python_version()
+    return {"version": version, "numpy": numpy, "python": python, "remark": adapter.remark()}
+
+
+def prepare(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
+    calls.clear() if request.get("alone") else None
+    calls[request["call"]] = getattr(adapter, request["function"])(Path(request["folder"]))
+    return {}
+
+
+def run(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
+    """Seconds for one unit of work, over so many calls in a row."""
+    prepared, repeats = calls[request["call"]], request["repeats"]
+    result, cpu, wall = timed(prepared.run, repeats)
+    answer: Answer = prepared.answer(result)
+    share = 1.0 / (repeats * answer.units)
+    return {
+        "cpu": cpu * share,
+        "wall": wall * share,
+        "call_cpu": cpu / repeats,
+        "answer": answer.value,
+        "remark": answer.remark,
+        "peak_mb": peak_mb(),
+    }
+
+
+def timed(call: Callable[[], Any], repeats: int) -> tuple[Any, float, float]:
+    gc.collect()
+    gc.disable()
+    wall, cpu = perf_counter(), process_time()
+    for _ in range(repeats):
+        result = call()
+    spent = process_time() - cpu, perf_counter() - wall
+    gc.enable()
+    return result, *spent
+
+
+def peak_mb() -> float:
+    """The most memory that this process ever held; Linux counts it in KiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+ACTIONS = {"introduce": introduce, "prepare": prepare, "run": run}
+
+if __name__ == "__main__":
+    serve(sys.argv[1])

@@ -1,0 +1,86 @@
+"""The calling side of a worker: starts the process of a library and asks it, over pipes."""
+
+import json
+import os
+import select
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+HERE = Path(__file__).parent
+PATIENCE = 900.0  # s, longer than any one request should take
+THREADS = ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR", "VECLIB_MAXIMUM")
+
+
+class WorkerError(Exception):
+    """A library could not do what it was asked; the message is what it said."""
+
+
+def surroundings() -> dict[str, str]:
+    """The environment of every timed process: one thread for linear algebra, bytecode kept."""
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return inherited | {f"{library}_NUM_THREADS": "1" for library in THREADS}
+
+
+class Worker:
+    """Owns a long-lived process that holds one library."""
+
+    def __init__(self, python: Path, library: str, environment: Mapping[str, str]) -> None:
+        self._library = library
+        self._words = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the worker
+        self._process = subprocess.Popen(
+            [str(python), str(HERE / "worker.py"), library],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._words,
+            text=True,
+            env=environment,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def ask(self, do: str, **details: object) -> dict[str, Any]:
+        """The worker's answer to one request.
+
+        Raises: WorkerError, when the library failed, ended or did not answer in time.
+        """
+        assert self._process.stdin and self._process.stdout
+        try:
+            self._process.stdin.write(json.dumps({"do": do, "library": self._library, **details}) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise WorkerError(self._last_words()) from None
+        if not select.select([self._process.stdout], [], [], PATIENCE)[0]:
+            self.close()
+            raise WorkerError(f"no answer in {PATIENCE:.0f} s")
+        line = self._process.stdout.readline()
+        if not line:
+            raise WorkerError(self._last_words())
+        reply: dict[str, Any] = json.loads(line)
+        if "error" in reply:
+            raise WorkerError(reply["error"])
+        return reply
+
+    def close(self) -> None:
+        if self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe and not pipe.closed:
+                pipe.close()
+        self._words.close()
+
+    def _last_words(self) -> str:
+        code = self._process.wait()
+        self._words.seek(0)
+        lines = self._words.read().strip().splitlines() or ["it said nothing"]
+        return f"the process ended with {code}: {lines[-1]}"

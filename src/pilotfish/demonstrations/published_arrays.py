@@ -1,0 +1,58 @@
+"""Doors for recordings that others have published as NumPy arrays of several demonstrations."""
+
+from pathlib import Path
+
+import numpy as np
+
+from pilotfish.demonstrations.layouts import pose_layout, position_layout
+from pilotfish.demonstrations.numbers import numeric_array
+from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations.signs import continuous_quaternions
+from pilotfish.errors import InvalidInput
+from pilotfish.types import Array, Float
+
+PERIOD = 1 / 60  # s, by the publishers' own reader; rows were resampled to 1000, so time is nominal
+CENTIMETRE = 0.01  # m
+
+
+def read_robotasks_npy(path: str | Path) -> tuple[Demonstration, ...]:
+    """Showings of one household task with a Franka arm: poses, the world's frame alone.
+
+    Centimetres become metres; sign flips of orientations are removed. The end points were made equal by the
+    publishers.
+    Raises: InvalidInput, when the file is not there or holds other than (M, T, 7) numbers.
+    Source: Auddy et al. 2023, Robotics and Autonomous Systems 165, the RoboTasks dataset.
+    """
+    layout, recorded = pose_layout(), _array(path, width=7)
+    scale = np.array([CENTIMETRE] * 3 + [1.0] * 4)
+    return tuple(
+        demonstration(
+            continuous_quaternions(x * scale, layout), PERIOD, layout, name=f"{Path(path).stem} {m + 1}"
+        )
+        for m, x in enumerate(recorded)
+    )
+
+
+def read_helloworld_npy(path: str | Path) -> tuple[Demonstration, ...]:
+    """One letter written several times by hand-guiding a Franka arm: position x y, the world's frame alone.
+
+    Centimetres become metres.
+    Raises: InvalidInput, when the file is not there or holds other than (M, T, 2) numbers.
+    Source: Auddy et al. 2023, Robotics and Autonomous Systems 165, the HelloWorld dataset.
+    """
+    layout, recorded = position_layout(axes=2), _array(path, width=2)
+    return tuple(
+        demonstration(x * CENTIMETRE, PERIOD, layout, name=f"{Path(path).stem} {m + 1}")
+        for m, x in enumerate(recorded)
+    )
+
+
+def _array(path: str | Path, width: int) -> Float[Array, "M T D"]:
+    try:
+        loaded = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InvalidInput(f"{path}: not an array file that can be read: {error}") from error
+    recorded = numeric_array(loaded, str(path))
+    if recorded.ndim != 3 or recorded.shape[2] != width:
+        raise InvalidInput(f"{path} has shape {recorded.shape}, expected (M, T, {width})")
+    return recorded

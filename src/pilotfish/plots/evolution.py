@@ -1,0 +1,57 @@
+"""How a skill expects its states to follow each other in time."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pilotfish.errors import InvalidInput
+from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill, semi_markov_forward
+from pilotfish.plots.doors import require_states
+from pilotfish.plots.style import WIDTH, dress, legend_below, sheet, state_colour, state_dash, state_handles
+from pilotfish.types import Array, Float
+
+
+def forward_variable(
+    skill: Skill | AdaptedSkill, *, horizon: int, log_observed: Float[Array, "S K"] | None = None
+) -> Figure:
+    """Occupancy of the states over time, and below it the rescaled forward variable.
+
+    Occupancy is the probability to be in a state; it is what a plan follows. The rescaled forward variable
+    h_t,i is the probability that a visit to i ends at t, given that some visit does; a final state is never
+    left, so it has none. horizon counts steps; log_observed[t, i] = log p(x_t | state i) for the first S.
+    Raises: InvalidInput, when the skill is not semi-Markov, has too many states, or horizon is too short.
+    Source: after Tanwani 2018, figure 3.6 and equations 3.40-3.42.
+    """
+    chain = skill.dynamics
+    if not isinstance(chain, SemiMarkovChain):
+        raise InvalidInput(f"the skill has {type(chain).__name__}, expected a SemiMarkovChain: learn makes one")
+    require_states(skill.states)
+    if log_observed is None:
+        log_observed = np.empty((0, skill.states))
+    forward = semi_markov_forward(chain, log_observed, horizon)
+    figure = sheet(WIDTH, 5.2)
+    above, below = figure.subplots(2, 1, sharex=True)
+    seconds = skill.period * np.arange(horizon)
+    for axes, log_p in ((above, forward.log_occupancy), (below, forward.log_ends)):
+        _draw_shares(axes, seconds, _rescaled(log_p))
+    dress(above, x="time [s]", y="probability [1]", title="in the state (occupancy)")
+    dress(below, x="time [s]", y="probability [1]", title="a visit ends (forward variable, rescaled)")
+    above.set_xlabel("")
+    legend_below(figure, state_handles(skill.states))
+    return figure
+
+
+def _rescaled(log_p: Float[Array, "T K"]) -> Float[Array, "T K"]:
+    """Rows that sum to one; where nothing is possible, nothing is drawn: nan."""
+    total = np.logaddexp.reduce(log_p, axis=1)
+    total[np.isneginf(total)] = np.nan
+    return np.asarray(np.exp(log_p - total[:, None]))
+
+
+def _draw_shares(axes: Axes, seconds: Float[Array, " T"], shares: Float[Array, "T K"]) -> None:
+    for k, share in enumerate(shares.T):
+        style = {"color": state_colour(k), "linestyle": state_dash(k)}
+        axes.plot(seconds, share, linewidth=2.0, color=style["color"], linestyle=style["linestyle"])
+        axes.fill_between(seconds, share, color=style["color"], alpha=0.15, linewidth=0.0)
+    axes.set_ylim(0.0, 1.04)
+    axes.set_xlim(0.0, seconds[-1] if len(seconds) > 1 else 1.0)

@@ -1,0 +1,78 @@
+"""Finding a public file: in the folder that PILOTFISH_DATA names, in the cache, or at its address."""
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.store.datasets_registry import Dataset
+
+VARIABLE = "PILOTFISH_DATA"
+Retrieve = Callable[[Dataset], Path]
+
+
+def file_of(dataset: Dataset) -> Path:
+    """The file of a dataset on this machine, its sha256 as published; downloaded once when nowhere else.
+
+    Raises: InvalidInput, when PILOTFISH_DATA names no folder or the file there is another;
+    SkillError, when it is not there and cannot be downloaded.
+    """
+    return local_file(dataset, os.environ.get(VARIABLE, "")) or downloaded(dataset, _from_the_address)
+
+
+def local_file(dataset: Dataset, folder: str) -> Path | None:
+    """The dataset's file in a folder of datasets; None when no folder is named or it is not in there.
+
+    Raises: InvalidInput, when the folder is not there or the file has another sha256.
+    """
+    if not folder:
+        return None
+    if not Path(folder).is_dir():
+        raise InvalidInput(f"{VARIABLE} is {folder!r}, expected a folder of datasets; correct it or unset it")
+    file = Path(folder) / dataset.file
+    if not file.is_file():
+        return None
+    if (found := hashlib.sha256(file.read_bytes()).hexdigest()) != dataset.sha256:
+        raise InvalidInput(
+            f"{file} has sha256 {found}, expected {dataset.sha256} as published at {dataset.address}; "
+            f"put the original there, or unset {VARIABLE} to download it"
+        )
+    return file
+
+
+def downloaded(dataset: Dataset, retrieve: Retrieve) -> Path:
+    """The dataset's file as retrieve brings it.
+
+    Raises: SkillError, naming the address and what to do, when it cannot.
+    """
+    try:
+        return retrieve(dataset)
+    except ImportError as error:
+        reason = f"{error.name or error} is not installed: pip install 'pilotfish[data]'"
+        raise SkillError(f"{_not_here(dataset)} ({reason})") from error
+    except (OSError, ValueError) as error:  # requests' errors are OSErrors; a wrong hash is a ValueError
+        raise SkillError(f"{_not_here(dataset)} ({error})") from error
+
+
+def _not_here(dataset: Dataset) -> str:
+    return (
+        f"dataset {dataset.name!r} could not be downloaded from {dataset.address}. Put it by hand at "
+        f"FOLDER/{dataset.file} and set {VARIABLE}=FOLDER; synthetic_valve(rng) needs no network"
+    )
+
+
+def _from_the_address(dataset: Dataset) -> Path:
+    """The file in the user's cache, downloaded to it with a progress bar if it is not there yet."""
+    import pooch  # an extra, and slow to import
+    import tqdm  # noqa: F401 # pooch's progress bar; missing, it should be named here
+
+    place = PurePosixPath(dataset.file)
+    found = pooch.retrieve(
+        dataset.address,
+        known_hash=f"sha256:{dataset.sha256}",
+        fname=place.name,
+        path=Path(pooch.os_cache("pilotfish")) / place.parent,
+        progressbar=True,
+    )
+    return Path(found)

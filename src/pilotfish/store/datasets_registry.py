@@ -1,0 +1,97 @@
+"""Public recordings: where the originals lie, what they must hash to, and whose they are."""
+
+from dataclasses import dataclass
+
+SEMI_TIED = (
+    "https://raw.githubusercontent.com/ajaytanwani/Semi_Tied_GMMs-HMMs/"
+    "bbcdd5a45ff9d15b3027d1c9e7a5c653889914c6/data"
+)
+ROBOTASKS = (
+    "https://raw.githubusercontent.com/sayantanauddy/clfd/"
+    "fa11be5d927b86b0cf6dbe924f3584fb636f598e/datasets/robottasks/pos_ori"
+)
+HELLOWORLD = (
+    "https://raw.githubusercontent.com/sayantanauddy/clfd/"
+    "84da6c067118012658dccfcde5c577c0e69eca8b/datasets/robot_hello_world/processed_demos"
+)
+TANWANI = (
+    "A. K. Tanwani and S. Calinon, Learning Robot Manipulation Tasks with Task-Parameterized Semi-Tied "
+    "Hidden Semi-Markov Model, IEEE Robotics and Automation Letters 1(1), 235-242, 2016, "
+    "doi:10.1109/LRA.2016.2517825"
+)
+AUDDY = (
+    "S. Auddy, J. Hollenstein, M. Saveriano, A. Rodríguez-Sánchez and J. Piater, Continual Learning from "
+    "Demonstration of Robotics Skills, Robotics and Autonomous Systems 165, 2023, "
+    "doi:10.1016/j.robot.2023.104427"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """A public file: its name here, its place in a folder of datasets, its address and its sha256."""
+
+    name: str
+    about: str
+    file: str
+    address: str
+    sha256: str
+    licence: str
+    citation: str
+
+
+def _semi_tied(name: str, about: str, file: str, sha256: str) -> Dataset:
+    return Dataset(name, about, f"{name}/{file}", f"{SEMI_TIED}/{file}", sha256, "BSD-3-Clause", TANWANI)
+
+
+def _robotasks(task: str, about: str, sha256: str) -> Dataset:
+    address = f"{ROBOTASKS}/{task}.npy"
+    text = f"{about}: 9 kinesthetic demonstrations with a Franka arm, 1000 poses each"
+    return Dataset(f"robotasks {task}", text, f"robotasks/{task}.npy", address, sha256, "MIT", AUDDY)
+
+
+def _helloworld(letter: str, sha256: str) -> Dataset:
+    address, about = (
+        f"{HELLOWORLD}/{letter}.npy",
+        f"the letter {letter} written by hand 8 times, 1000 points each",
+    )
+    return Dataset(f"helloworld {letter}", about, f"helloworld/{letter}.npy", address, sha256, "MIT", AUDDY)
+
+
+DATASETS = (
+    _semi_tied(
+        "valve",
+        "a Baxter arm opens a valve: 8 kinesthetic demonstrations, 200 poses each, valve before and after",
+        "BaxterValveDemos2.mat",
+        "a07c3abdb83c1e1d822ee09b53fc2095565a912925daf6a0292a86341b0e4865",
+    ),
+    _semi_tied(
+        "zshape",
+        "a Z-shaped movement in space: 5 demonstrations of 300 points",
+        "Zshape3D.mat",
+        "108717eab4f0a57bde8c088fecfef041baa7396ef8fd76b52368746efcb10160",
+    ),
+    _robotasks(
+        "openbox",
+        "lifting the lid of a box",
+        "22c56b8ec0c0c7ae27f1ebbd388567ff006156c67476c238860fa3704ab8834f",
+    ),
+    _robotasks(
+        "bottle2shelf",
+        "laying a standing bottle on a shelf",
+        "4866e529c32a3ed764096e33105a03aa66525e232d03e7c436559f499f3ae596",
+    ),
+    _robotasks(
+        "platestandingtolying",
+        "laying a standing plate on a platform",
+        "0a227873bc56c923fb8ec7bf73830eefbf0fdac2b27bf829fb0df72f266faf49",
+    ),
+    _robotasks(
+        "pouring",
+        "emptying a cup into a container",
+        "99ed10bb456f3ecca4ae1efe5503a3c46eb23f1526ef66f1c9fcc411be558fa8",
+    ),
+    _helloworld("e", "bb5a365dfc8d8e122ec55a09592638379c9fabcf7c5ab195151d574a33c822c0"),
+    _helloworld("h", "5f2f0926a3abf402ecf1653905118226158784ac121af15e1d6000737256fd1a"),
+    _helloworld("l", "1f48eac28cdc1842eabad465a8410d3ad56068c5d0aa28d4e5bcd57a2baf43e1"),
+    _helloworld("o", "273b0c0fb5d11e4b2d91f062d312da78c4745ec3b091bdedde4a39e30443452b"),
+)

@@ -1,0 +1,171 @@
+"""Durations, adaptation, likelihood and size of learned skills."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import Frame, Layout, Part, Quantity, demonstration, views
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density
+from pilotfish.models import (
+    KMeans,
+    MarkovChain,
+    SemiMarkovChain,
+    adapt,
+    covariance_parameters,
+    learn,
+    learn_markov,
+    learn_mixture,
+    log_emissions,
+    log_likelihood_of_states,
+    runs,
+    semi_markov_parameters,
+    statistics,
+    viterbi,
+    with_durations,
+)
+
+
+def test_runs_put_back_together_are_the_sequence(rng):
+    states = rng.integers(0, 3, size=40)
+    visited, lengths = runs(states)
+    np.testing.assert_array_equal(np.repeat(visited, lengths), states)
+    assert (np.diff(visited) != 0).all()
+
+
+def test_durations_are_counted_within_each_demonstration(rng, scene):
+    """A visit that ends one demonstration is not joined to the first of the next (a fault of peers)."""
+    demos = scene(lengths=(40, 50, 45), stops=3)
+    fit = learn(demos, states=3, rng=rng)
+    paths = [viterbi(fit.markov, d) for d in demos]
+    for k in range(3):
+        lengths = np.concatenate([runs(p)[1][runs(p)[0] == k] for p in paths])
+        np.testing.assert_allclose(fit.skill.dynamics.durations.means[k], lengths.mean())
+        np.testing.assert_allclose(fit.skill.dynamics.durations.deviations[k], np.sqrt(lengths.var() + 1.0))
+
+
+def test_a_left_right_skill_ends_in_a_final_state_and_its_rows_sum_to_one(rng, scene):
+    chain = learn(scene(stops=4), states=4, rng=rng).skill.dynamics
+    np.testing.assert_allclose(chain.transitions.sum(axis=1), [1, 1, 1, 0])
+    np.testing.assert_array_equal(np.diag(chain.transitions), 0.0)
+
+
+def test_a_known_chain_is_recovered_from_its_own_samples(rng):
+    """Two places visited in turn for 8 and 20 steps: durations and transitions come back."""
+    x = np.concatenate([np.repeat([[0.0], [1.0]], [8, 20], axis=0) for _ in range(12)])
+    demo = demonstration(
+        x + 0.01 * rng.normal(size=x.shape),
+        0.1,
+        Layout((Part("place", Quantity.SCALAR, 1, "m"),)),
+        (),
+        "to and fro",
+    )
+    fit = learn_markov([demo], states=2, rng=rng, start=KMeans())
+    chain = with_durations(fit.markov, views([demo]), 1e-6)
+    order = np.argsort(fit.markov.means[0, :, 0])
+    np.testing.assert_allclose(chain.durations.means[order], [8.0, 20.0])
+    np.testing.assert_allclose(chain.transitions, [[0, 1], [1, 0]], atol=1e-12)
+
+
+def test_a_skill_seen_from_a_moved_world_is_the_same_skill(rng, scene):
+    """Learning is blind to where the world's origin lies; the adapted skill moves with the frames."""
+    demos = scene(width=3)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    shift = rng.normal(size=3)
+
+    def moved(frame):
+        return Frame(frame.name, turn @ frame.A, turn @ frame.b + shift)
+
+    there = [replace(d, x=d.x @ turn.T + shift, frames=tuple(map(moved, d.frames))) for d in demos]
+    skill, same = (learn(ds, states=3, rng=rng).skill for ds in (demos, there))
+    np.testing.assert_allclose(same.means, skill.means, atol=1e-8)
+    here, elsewhere = adapt(skill, demos[0].frames), adapt(skill, there[0].frames)
+    np.testing.assert_allclose(elsewhere.means, here.means @ turn.T + shift, atol=1e-8)
+    np.testing.assert_allclose(elsewhere.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
+
+
+def test_adapted_gaussians_are_the_product_of_what_the_frames_say(rng, scene):
+    """log N(x | adapted k) = sum over frames of log N(x | frame, k), up to a constant in x."""
+    demos = scene()
+    skill = learn(demos, states=3, rng=rng).skill
+    here, x = adapt(skill, demos[1].frames), rng.normal(size=(7, 2))
+    seen = np.stack([np.linalg.solve(f.A, (x - f.b).T).T for f in demos[1].frames])
+    gap = log_emissions(skill, seen) - log_likelihood_of_states(here, x)
+    np.testing.assert_allclose(gap, np.broadcast_to(gap[0], gap.shape), atol=1e-8)
+
+
+def test_one_frame_in_the_world_adapts_to_itself(rng, scene):
+    demos = [replace(d, frames=(Frame("world", np.eye(2), np.zeros(2)),)) for d in scene()]
+    skill = learn(demos, states=3, rng=rng).skill
+    here = adapt(skill, demos[0].frames)
+    np.testing.assert_allclose(here.means, skill.means[0])
+    np.testing.assert_allclose(here.covariances, skill.covariances[0].dense)
+
+
+def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, scene):
+    demos = scene()
+    skill, (a, b) = learn(demos, states=2, rng=rng).skill, demos[0].frames
+    np.testing.assert_array_equal(adapt(skill, [b, a]).means, adapt(skill, [a, b]).means)
+    for wrong in ([a], [a, a], [a, b, b], [a, replace(b, name="cup")]):
+        with pytest.raises(InvalidInput, match="object 1"):
+            adapt(skill, wrong)
+    with pytest.raises(InvalidInput, match="singular"):
+        adapt(skill, [a, replace(b, A=np.zeros((2, 2)))])
+    with pytest.raises(InvalidInput, match="not finite"):
+        adapt(skill, [a, replace(b, b=np.array([np.nan, 0.0]))])
+    with pytest.raises(InvalidInput, match="3 columns"):
+        adapt(skill, [a, Frame(b.name, np.eye(3), np.zeros(3))])
+
+
+def test_emissions_multiply_the_frames(rng, scene):
+    demos = scene()
+    skill = learn_mixture(demos, states=2, rng=rng).skill
+    seen = views(demos[:1]).x
+    for k in range(2):
+        expected = sum(
+            log_density(Gaussian(skill.means[p, k], skill.covariances[p].dense[k]), seen[p]) for p in range(2)
+        )
+        np.testing.assert_allclose(log_emissions(skill, seen)[:, k], expected)
+
+
+def test_a_semi_markov_skill_points_to_its_markov_form(rng, scene):
+    demos = scene()
+    fit = learn(demos, states=2, rng=rng)
+    assert isinstance(fit.skill.dynamics, SemiMarkovChain)
+    assert isinstance(fit.markov.dynamics, MarkovChain)
+    with pytest.raises(InvalidInput, match=r"fit\.markov"):
+        statistics(fit.skill, views(demos))
+    with pytest.raises(InvalidInput, match=r"fit\.markov"):
+        viterbi(fit.skill, demos[0])
+
+
+@pytest.mark.parametrize(
+    ("structure", "states", "count"),
+    [(Full(), 3, 372), (SemiTied(), 3, 295), (Full(), 4, 500), (SemiTied(), 4, 332)],
+)
+def test_whole_models_have_the_sizes_of_table_5_1(structure, states, count):
+    """Tanwani 2018, table 5.1: D = 14, means + covariances + K^2 + 2 K."""
+    assert semi_markov_parameters(structure, states, 14) == count
+
+
+@pytest.mark.parametrize(("tying", "count"), [(0.0, 1470), (0.5, 1470), (1.0, 588)])
+def test_valve_covariances_have_the_sizes_of_table_4_1(tying, count):
+    assert covariance_parameters(SemiTied(tying), 7, 14, frames=2) == count
+
+
+def test_provenance_says_what_was_learned_from(rng, scene):
+    demos = scene()
+    one, other = (learn(ds, states=2, rng=rng).skill.provenance for ds in (demos, demos[:2]))
+    assert one.demonstrations == ("passage 0", "passage 1", "passage 2")
+    assert one.datapoints == sum(len(d.x) for d in demos)
+    assert one.data != other.data
+    assert one.structure == "full"
+
+
+def test_dense_and_structured_covariances_adapt_alike(rng, scene):
+    """Only .dense counts when a skill is adapted."""
+    demos = scene()
+    skill = learn(demos, states=3, rng=rng, structure=SemiTied()).skill
+    dense = replace(skill, covariances=tuple(DenseCovariances(c.dense) for c in skill.covariances))
+    np.testing.assert_array_equal(adapt(dense, demos[0].frames).means, adapt(skill, demos[0].frames).means)
