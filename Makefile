@@ -52,7 +52,8 @@ reproduce: $(READY) ## the thesis' experiments: build/reproductions
 	done
 
 clean: ## remove all that make made
-	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/pilotfish/kernels/*.so
+	find src tests benchmarks reproductions examples -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 
 # Editable: Python edits count at once; a change of the C++ sources makes this rule run again.
 $(READY): pyproject.toml constraints.txt .ci/set-up $(KERNELS)

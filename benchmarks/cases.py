@@ -113,7 +113,7 @@ CASES = (
         "fit",
         "whole fit, 4 x 200 x 14 x 2 frames, K = 7",
         "frames",
-        "From demonstrations to a model, begun from equal times, until each library's own criterion is met or 30 "
+        "From demonstrations to a model, begun from equal times, until each library's own criterion is met or {iterations} "
         "iterations are done. The models differ: pilotfish has a 14 x 14 covariance in each frame, and learns "
         "transitions and durations where it says semi-Markov; the others fit one 28 x 28 covariance to both views side "
         "by side, without order in time. gmr does not tell its iterations. Data: the valve.",

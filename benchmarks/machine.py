@@ -15,9 +15,8 @@ class Machine:
 
 
 def machine() -> Machine:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    return Machine(_processor(), cores, f"{platform.system()} {platform.machine()}", memory)
+    return Machine(_processor(), len(os.sched_getaffinity(0)), f"{platform.system()} {platform.machine()}", memory)
 
 
 def load() -> float:

@@ -44,15 +44,19 @@ def serve(library: str) -> None:
 
 
 def introduce(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
-    distribution = LIBRARIES[request["library"]].distribution
-    version = importlib.metadata.version(distribution)
-    numpy = importlib.metadata.version("numpy")
+    versions = version_of(LIBRARIES[request["library"]].distribution), version_of("numpy")
     python = platform.python_version()
-    return {"version": version, "numpy": numpy, "python": python, "remark": adapter.remark()}
+    return {"version": versions[0], "numpy": versions[1], "python": python, "remark": adapter.remark()}
+
+
+def version_of(distribution: str) -> str:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:  # run from a source tree that was never installed
+        return "not installed"
 
 
 def prepare(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
-    calls.clear() if request.get("alone") else None
     calls[request["call"]] = getattr(adapter, request["function"])(Path(request["folder"]))
     return {}
 

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 import pilotfish as pf
+from pilotfish import kernels
 
 TOP = Path(__file__).parents[1]
 
@@ -100,6 +102,14 @@ def test_shapes_in_annotations_are_checked():
     """The test run refuses an array whose shape is not the annotated one."""
     with pytest.raises(Exception, match=r"(?i)type-check"):
         pf.double_integrator("three", period=0.1)  # type: ignore[arg-type]
+
+
+def test_kernels_are_compiled_where_they_can_be():
+    """With a compiler and Python's headers at hand, an install that fell back on the twins has hidden a failure."""
+    headers = Path(sysconfig.get_path("include"), "Python.h")
+    if not headers.exists() or not any(map(shutil.which, ("c++", "g++", "clang++"))):
+        pytest.skip("no C++ compiler or no Python.h: the NumPy twins run")
+    assert kernels.ACTIVE != "numpy", "run: python -m pip install -v --no-build-isolation --no-deps -e ."
 
 
 def test_importing_pilotfish_imports_nothing_slow():

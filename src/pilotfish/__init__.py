@@ -6,6 +6,7 @@ demonstrations -> learn -> Skill -> adapt(frames now) -> plan -> track -> motion
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
 from pilotfish.demonstrations import Demonstration, Frame, demonstration
+from pilotfish.demonstrations import read_folder as load
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
 from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical
 from pilotfish.models import (
@@ -21,6 +22,7 @@ from pilotfish.models import (
     learn_mixture,
 )
 from pilotfish.planning import expected_plan, plan
+from pilotfish.store import datasets, open_skill, save_skill
 
 __version__ = "0.1.0"
 
@@ -45,12 +47,16 @@ __all__ = [
     "TimeBins",
     "UnknownSkill",
     "adapt",
+    "datasets",
     "demonstration",
     "double_integrator",
     "expected_plan",
     "learn",
     "learn_markov",
     "learn_mixture",
+    "load",
+    "open_skill",
     "plan",
+    "save_skill",
     "track",
 ]

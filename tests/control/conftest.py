@@ -41,9 +41,9 @@ def definite(rng: np.random.Generator, *shape: int) -> np.ndarray:
 
 
 def steps(rng: np.random.Generator, n: int, T: int) -> Reference:
-    """A step-wise reference: about four steps hold the same target and weight."""
-    visits = np.sort(rng.integers(0, T // 4 + 2, size=T))
-    return Reference(rng.normal(size=(T, n))[visits], definite(rng, T, n)[visits])
+    """A step-wise reference: targets change every three steps, weights every other, and both come back."""
+    target, weight = np.repeat(rng.integers(4, size=T), 3)[:T], np.repeat(rng.integers(4, size=T), 2)[:T]
+    return Reference(rng.normal(size=(4, n))[target], definite(rng, 4, n)[weight])
 
 
 @pytest.fixture

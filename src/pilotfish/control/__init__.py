@@ -1,8 +1,6 @@
-"""Following a reference at least cost: linear systems, linear quadratic tracking, its feedback and motion.
-
-`track` is for a discrete, finite horizon and `regulate` for an infinite one; `track_continuous` and
-`regulate_continuous` are the same in continuous time; `solve_batch` is one big least-squares problem that
-also knows the covariance of the motion.
+"""Following a reference at least cost, as in linear quadratic control: systems, feedback and their motion.
+`track` has a finite horizon and `regulate` an infinite one; `track_continuous` and `regulate_continuous` are
+the same in continuous time; `solve_batch` is one least-squares problem that also knows how motions spread.
 """
 
 from pilotfish.control.batch import BatchSolution, solve_batch

@@ -56,7 +56,6 @@ def regulate(system: LinearSystem, reference: Reference, effort: float | Float[A
     not die out by itself has no price or is out of the inputs' reach: then no such gain exists.
     Source: the thesis, equation 3.56; the solver is scipy.linalg.solve_discrete_are.
     """
-    require_system(system.A, system.B, rank=2)  # one that varies has no infinite horizon
     R = enter(system, reference, effort)
     weights = reference.weights[:-1]
     firsts, which = distinct(weights)

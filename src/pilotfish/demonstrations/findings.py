@@ -14,7 +14,7 @@ from pilotfish.demonstrations.signs import opposed
 from pilotfish.types import Array, Float, Int
 
 VERY_DIFFERENT = 2.0  # times the length of the shortest
-JUMP = 10.0  # times the steps before and after
+JUMP = 5.0  # times the steps before and after
 JUMP_SHARE = 0.05  # of the way across all that the part ever covers
 
 

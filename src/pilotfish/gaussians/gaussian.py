@@ -40,7 +40,7 @@ def _first_failure(covariances: Float[Array, "K D D"], what: str) -> NotPositive
         smallest, largest = np.linalg.eigvalsh(covariance)[[0, -1]]
         if smallest <= 1e-15 * abs(largest):
             return NotPositiveDefinite(
-                f"{what} {k} is not positive definite: its eigenvalues go from {smallest:.3g} to {largest:.3g}; "
+                f"{what} {k} is not positive definite: eigenvalues go from {smallest:.3g} to {largest:.3g}; "
                 "raise the regularisation, drop constant or repeated columns, or give more data"
             )
     return NotPositiveDefinite(

@@ -14,7 +14,8 @@ from pilotfish.types import Array, Float
 class SemiTiedCovariances:
     """dense = tying H diag(variances) H^T + (1 - tying) samples,  H being the basis.
 
-    Columns of H are the shared directions, with the scale of the estimate; only H diag(variances) H^T has a meaning of its own.
+    Columns of H are the shared directions. Their scale is the estimate's own; only H diag(variances) H^T
+    has a meaning by itself.
     """
 
     basis: Float[Array, "D D"]

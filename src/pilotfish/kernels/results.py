@@ -9,8 +9,8 @@ from pilotfish.types import Array, Float, Int
 class EStep:
     """What a hidden Markov model's posteriors add up to, over M demonstrations.
 
-    gamma is the posterior of a state at a step, zeta of two states at two steps in a row. A demonstration that no
-    path explains has log-likelihood -inf and adds nothing to the sums.
+    gamma is the posterior of a state at a step, zeta of two states at two steps in a row. A demonstration
+    that no path explains has log-likelihood -inf and adds nothing to the sums.
     """
 
     log_likelihoods: Float[Array, " M"]
@@ -25,8 +25,8 @@ class EStep:
 class ForwardBackward:
     """Where a Markov chain was, given everything that it emitted.
 
-    posteriors[t, k] = p(state k at t | all steps), transitions[j, k] = expected number of steps from j to k, and
-    log_forward[t, k] = log p(steps 0 to t, state k at t). All zero where log_likelihood is -inf.
+    posteriors[t, k] = p(state k at t | all steps), transitions[j, k] = expected number of steps from j to k,
+    log_forward[t, k] = log p(steps 0 to t, state k at t). At log_likelihood -inf the first two are zero.
     """
 
     log_likelihood: float
@@ -39,7 +39,7 @@ class ForwardBackward:
 class Viterbi:
     """A most probable path; of equally probable ones, that whose last differing state has the lower index.
 
-    log_probability = log p(all steps, this path). At -inf no path explains the steps, and states mean nothing.
+    log_probability = log p(all steps, this path). At -inf no path explains the steps: states mean nothing.
     """
 
     states: Int[Array, " T"]
@@ -48,9 +48,9 @@ class Viterbi:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Riccati:
-    """The tracker of least cost: u_t = feedforwards[t] - gains[t] (x_t - targets[t]), one step fewer than targets.
+    """The tracker of least cost: u_t = feedforwards[t] - gains[t] (x_t - targets[t]), for S = T - 1 steps.
 
-    The cost still to pay from x_t on is e^T values[t] e + 2 gradients[t]^T e + a constant, with e = x_t - targets[t].
+    The cost still to pay at step t is e^T values[t] e + 2 gradients[t]^T e + constant, e = x_t - targets[t].
     """
 
     gains: Float[Array, "S m n"]

@@ -14,7 +14,7 @@ Plane = tuple[str, str]  # names of the columns that lie to the right and upward
 def require_states(states: int) -> None:
     if not 1 <= states <= MOST_STATES:
         raise InvalidInput(
-            f"there are {states} states, expected 1 to {MOST_STATES}: more cannot be told apart by colour and dash"
+            f"there are {states} states, expected 1 to {MOST_STATES}: the colours and dashes there are"
         )
 
 
@@ -27,7 +27,9 @@ def require_width(what: str, width: int, layout: Layout) -> None:
 
 def require_period(what: str, period: float, expected: float) -> None:
     if period != expected:
-        raise InvalidInput(f"{what} has a period of {period} s, expected the skill's {expected} s; resample it")
+        raise InvalidInput(
+            f"{what} has a period of {period} s, expected the skill's {expected} s; resample it"
+        )
 
 
 def require_human(human: Demonstration, layout: Layout) -> None:
@@ -60,8 +62,8 @@ def chosen_planes(layout: Layout, planes: Sequence[Plane] | None) -> list[tuple[
         space = position_columns(layout)
         if len(space) < 2:
             raise InvalidInput(
-                f"the layout has no position of two or more axes but {', '.join(layout.names)}; name the planes to "
-                "draw, such as planes=[(name, name)]"
+                f"the layout has no position of two or more axes but {', '.join(layout.names)}; name the "
+                "planes to draw, such as planes=[(name, name)]"
             )
         return [(space[0], up) for up in space[1:3]]
     if not planes:

@@ -24,7 +24,9 @@ def forward_variable(
     """
     chain = skill.dynamics
     if not isinstance(chain, SemiMarkovChain):
-        raise InvalidInput(f"the skill has {type(chain).__name__}, expected a SemiMarkovChain: learn makes one")
+        raise InvalidInput(
+            f"the skill has {type(chain).__name__}, expected a SemiMarkovChain: learn makes one"
+        )
     require_states(skill.states)
     if log_observed is None:
         log_observed = np.empty((0, skill.states))

@@ -8,18 +8,27 @@ from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import withStroke
 
 from pilotfish.errors import InvalidInput
-from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill, log_duration_table, longest_duration, occupancy
+from pilotfish.models import (
+    AdaptedSkill,
+    SemiMarkovChain,
+    Skill,
+    log_duration_table,
+    longest_duration,
+    occupancy,
+)
 from pilotfish.plots.doors import require_states
-from pilotfish.plots.style import SMALL, dress, sheet, state_colour
+from pilotfish.plots.style import SMALL, dress, halo, sheet, state_colour
 from pilotfish.types import Array, Int
 
+UNIT = 1.35  # inches between nodes
 RADIUS = 0.27  # of a node; nodes stand one apart
 RING = RADIUS + 0.06  # around a final node
+BEGINNING = 0.34  # length of the arrow into a first state
 RISE = 0.22  # how much higher an arrow climbs for each further node it passes over
 
 
 def state_graph(skill: Skill | AdaptedSkill, *, least: float = 0.01) -> Figure:
-    """States from left to right in the order of their time, transitions as arrows, durations under each state.
+    """States from left to right in order of time, transitions as arrows, and durations under each state.
 
     Arrows onward run above, arrows back below; those less probable than least are left out. A double ring is
     a final state, an arrow from nowhere tells how probable it is to begin there. Under each state: how
@@ -29,15 +38,26 @@ def state_graph(skill: Skill | AdaptedSkill, *, least: float = 0.01) -> Figure:
     """
     chain = skill.dynamics
     if not isinstance(chain, SemiMarkovChain):
-        raise InvalidInput(f"the skill has {type(chain).__name__}, expected a SemiMarkovChain: learn makes one")
+        raise InvalidInput(
+            f"the skill has {type(chain).__name__}, expected a SemiMarkovChain: learn makes one"
+        )
     if not 0.0 <= least <= 1.0:
         raise InvalidInput(f"least is {least}, expected a probability such as .01")
     K = skill.states
     require_states(K)
     order = _in_time(chain)
-    figure = sheet(max(5.0, 1.42 * K + 0.8), 4.6)
-    rows = figure.add_gridspec(2, 1, height_ratios=(1.25, 1.0))
-    _draw_graph(figure.add_subplot(rows[0]), chain, order, least)
+    place = {int(state): x for x, state in enumerate(order)}
+    arrows = [
+        (int(i), int(j)) for i, j in np.argwhere((chain.transitions >= least) & (chain.transitions > 0.0))
+    ]
+    peaks = [_peak(place[i], place[j]) for i, j in arrows]
+    low, high = min(-RING - BEGINNING, *peaks) - 0.2, max(RING, *peaks) + 0.2
+    figure = sheet(max(5.0, UNIT * K + 0.8), UNIT * (high - low) + 2.2)
+    rows = figure.add_gridspec(2, 1, height_ratios=(UNIT * (high - low), 2.2))
+    graph = figure.add_subplot(rows[0])
+    graph.set(xlim=(-0.5, K - 0.5), ylim=(low, high), aspect="equal")
+    graph.axis("off")
+    _draw_graph(graph, chain, place, arrows)
     _draw_durations(figure, rows[1], chain, order, skill.period)
     return figure
 
@@ -51,19 +71,22 @@ def _in_time(chain: SemiMarkovChain) -> Int[Array, " K"]:
     return np.argsort(times, kind="stable")
 
 
-def _draw_graph(axes: Axes, chain: SemiMarkovChain, order: Int[Array, " K"], least: float) -> None:
-    final = ~chain.transitions.any(axis=1)
-    nodes = {int(k): _draw_node(axes, x, int(k), final=bool(final[k])) for x, k in enumerate(order)}
-    reach = [RING, -RING]  # how far up and down the drawing goes
-    for i, j in np.argwhere((chain.transitions >= least) & (chain.transitions > 0.0)):
-        reach.append(_draw_arrow(axes, nodes[int(i)], nodes[int(j)], float(chain.transitions[i, j])))
-    for k, node in nodes.items():
-        if chain.initial[k] >= least and chain.initial[k] > 0.0:
-            reach.append(_draw_beginning(axes, node, float(chain.initial[k])))
-    axes.set_xlim(-0.5, len(order) - 0.5)
-    axes.set_ylim(min(reach) - 0.2, max(reach) + 0.2)
-    axes.set_aspect("equal")
-    axes.axis("off")
+def _peak(start: int, end: int) -> float:
+    """How high an arrow climbs between two places; negative if it leads back and hangs below."""
+    hops = end - start
+    return 0.0 if hops == 1 else float(np.sign(hops)) * (RING + 0.1 + RISE * (abs(hops) - 1))
+
+
+def _draw_graph(
+    axes: Axes, chain: SemiMarkovChain, place: dict[int, int], arrows: list[tuple[int, int]]
+) -> None:
+    final = np.asarray(~chain.transitions.any(axis=1))
+    nodes = {k: _draw_node(axes, x, k, final=bool(final[k])) for k, x in place.items()}
+    for i, j in arrows:
+        arrow = FancyArrowPatch((place[i], 0.0), (place[j], 0.0), patchA=nodes[i], patchB=nodes[j], zorder=2)
+        _draw_arrow(axes, arrow, place[i], place[j], float(chain.transitions[i, j]))
+    for k in np.flatnonzero(chain.initial >= 0.005):  # what would be shown as 0.00 is not
+        _draw_beginning(axes, place[int(k)], float(chain.initial[k]))
 
 
 def _draw_node(axes: Axes, x: int, state: int, *, final: bool) -> Circle:
@@ -79,36 +102,24 @@ def _draw_node(axes: Axes, x: int, state: int, *, final: bool) -> Circle:
     return outline
 
 
-def _draw_arrow(axes: Axes, start: Circle, end: Circle, probability: float) -> float:
-    """The arrow and its probability; returns how high it climbs, negative if it hangs below."""
-    (x, _), (goal, _) = start.get_center(), end.get_center()
-    span, side = abs(goal - x), np.sign(goal - x)
-    height = 0.0 if goal - x == 1 else RING + 0.1 + RISE * (span - 1)
-    arrow = FancyArrowPatch(
-        (x, 0.0),
-        (goal, 0.0),
-        connectionstyle=f"arc3,rad={-2.0 * height / span:.4f}",  # the top of arc3 lies at half of rad times span
-        arrowstyle="-|>",
-        mutation_scale=11.0,
-        linewidth=0.6 + 2.0 * probability,
-        color="0.35",
-        patchA=start,
-        patchB=end,
-        zorder=2,
-    )
+def _draw_arrow(axes: Axes, arrow: FancyArrowPatch, x: int, goal: int, probability: float) -> None:
+    peak = _peak(x, goal)
+    arrow.set_connectionstyle("arc3", rad=-2.0 * peak / (goal - x))  # its top lies at half of rad times span
+    arrow.set_arrowstyle("-|>")
+    arrow.set_mutation_scale(11.0)
+    arrow.set(color="0.35", linewidth=0.6 + 2.0 * probability)
     axes.add_patch(arrow)
-    label = axes.text(0.5 * (x + goal), side * (height + 0.11), f"{probability:.2f}", fontsize=SMALL)
-    label.set(ha="center", va="center")
-    return float(side * (height + 0.11))
+    above = peak + (0.11 if goal > x else -0.11)
+    label = axes.text(0.5 * (x + goal), above, f"{probability:.2f}", fontsize=SMALL, zorder=5)
+    halo(label).set(ha="center", va="center")
 
 
-def _draw_beginning(axes: Axes, node: Circle, probability: float) -> float:
-    """An arrow from nowhere into a first state; returns how low it hangs."""
-    x, low = node.get_center()[0], -RING - 0.42
+def _draw_beginning(axes: Axes, x: int, probability: float) -> None:
+    """An arrow from nowhere into a first state."""
+    low = -RING - BEGINNING
     arrow = {"arrowstyle": "-|>", "color": "0.35", "linewidth": 0.6 + 2.0 * probability}
     axes.annotate("", (x, -RADIUS), (x, low), arrowprops=arrow)
-    axes.text(x + 0.08, low + 0.1, f"begins {probability:.2f}", fontsize=SMALL, ha="left", va="center")
-    return low
+    axes.text(x + 0.08, low + 0.08, f"begins {probability:.2f}", fontsize=SMALL, ha="left", va="center")
 
 
 def _draw_durations(
@@ -119,13 +130,15 @@ def _draw_durations(
     density = np.exp(log_duration_table(chain.durations, longest)) / period  # (S, K), per second
     seconds = period * np.arange(1, longest + 1)
     first: Axes | None = None
-    for cell, k in zip(cells.subgridspec(1, len(order), wspace=0.08), order, strict=True):
-        axes = figure.add_subplot(cell, sharex=first, sharey=first)
+    row = cells.subgridspec(1, len(order), wspace=0.08)
+    for x, k in enumerate(order):
+        axes = figure.add_subplot(row[0, x], sharex=first, sharey=first)
         axes.fill_between(seconds, density[:, k], color=state_colour(int(k)), alpha=0.3)
         axes.plot(seconds, density[:, k], color=state_colour(int(k)), linewidth=1.8)
         dress(axes, x="duration [s]", y="" if first else "density [1/s]")
         mean, deviation = period * chain.durations.means[k], period * chain.durations.deviations[k]
-        axes.set_title(f"{mean:.2g} ± {deviation:.2g} s", fontsize=SMALL + 1)
+        digits = max(0, 1 - int(np.floor(np.log10(deviation))))  # two that count
+        axes.set_title(f"{mean:.{digits}f} ± {deviation:.{digits}f} s", fontsize=SMALL + 1)
         axes.tick_params(labelleft=first is None)
         first = first or axes
     if first is not None:

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from mpl_toolkits.mplot3d.axes3d import Axes3D
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] # matplotlib types no 3-D axes
 
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Frame
-from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill
 from pilotfish.plots.doors import (
     Plane,
@@ -22,8 +22,15 @@ from pilotfish.plots.doors import (
     require_width,
 )
 from pilotfish.plots.ellipses import draw_crosses, draw_ellipses, draw_triads, name_triads
-from pilotfish.plots.style import AXIS_COLOURS, HUMAN, MOTION, dress, legend_below, sheet, state_handles, with_unit
-from pilotfish.types import Array, Float
+from pilotfish.plots.style import (
+    HUMAN,
+    MOTION,
+    dress,
+    legend_below,
+    sheet,
+    state_handles,
+    with_unit,
+)
 
 SPACE = 3
 
@@ -52,14 +59,58 @@ def reproduction(
     solid = len(space) == SPACE
     count = len(chosen) + solid
     figure = sheet(max(6.0, 4.2 * count), 4.8)
-    length = 0.25 * float(np.ptp(motion.x[:, space], axis=0).max()) if space else 0.0
+    cells = figure.add_gridspec(1, count, width_ratios=[1.0] * len(chosen) + [1.25] * solid)
+    length = 0.15 * float(np.ptp(motion.x[:, space], axis=0).max()) if space else 0.0
     for n, plane in enumerate(chosen):
-        panel = figure.add_subplot(1, count, n + 1)
+        panel = figure.add_subplot(cells[0, n])
         _draw_plane(panel, skill, motion, human, plane)
         if set(plane) <= set(space):
             draw_triads(panel, frames, space, plane, length)
             name_triads(panel, frames, plane)
     if solid:
-        _draw_space(figure.add_subplot(1, count, count, projection="3d"), skill, motion, human, frames, length)
-    legend_below(figure, [*_path_handles(human is not None, bool(space)), *state_handles(skill.states)])
+        _draw_space(figure.add_subplot(cells[0, -1], projection="3d"), skill, motion, human, frames, length)
+    legend_below(figure, [*_path_handles(human is not None), *state_handles(skill.states)])
     return figure
+
+
+def _draw_plane(
+    panel: Axes, skill: AdaptedSkill, motion: Motion, human: Demonstration | None, plane: tuple[int, int]
+) -> None:
+    draw_ellipses(panel, skill.means, skill.covariances, plane, "adapted")
+    if human is not None:
+        panel.plot(*human.x[:, plane].T, color=HUMAN, linestyle="--", linewidth=1.6, zorder=2)
+    panel.plot(*motion.x[:, plane].T, color=MOTION, linewidth=1.8, zorder=2)
+    panel.plot(*motion.x[0, list(plane)][:, None], color=MOTION, marker="o", markersize=5, zorder=4)
+    x, y = (with_unit(skill.layout, column) for column in plane)
+    dress(panel, x=x, y=y).set_aspect("equal", adjustable="datalim")
+
+
+def _draw_space(
+    axes: Axes3D,
+    skill: AdaptedSkill,
+    motion: Motion,
+    human: Demonstration | None,
+    frames: Sequence[Frame],
+    length: float,
+) -> None:
+    space = position_columns(skill.layout)
+    draw_crosses(axes, skill.means[:, space], skill.covariances[:, space][:, :, space])
+    draw_triads(axes, frames, space, space, length)
+    if human is not None:
+        axes.plot(*human.x[:, space].T, color=HUMAN, linestyle="--", linewidth=1.6)
+    axes.plot(*motion.x[:, space].T, color=MOTION, linewidth=1.8)
+    for axis, column in zip((axes.xaxis, axes.yaxis, axes.zaxis), space, strict=True):
+        axis.set_label_text(with_unit(skill.layout, column))
+        axis.set_major_locator(MaxNLocator(4))
+        axis.labelpad = 7.0
+    axes.set_aspect("equal")
+    axes.set_box_aspect(None, zoom=0.82)  # room for the labels, which no layout engine knows of
+
+
+def _path_handles(human: bool) -> list[Line2D]:
+    handles = [
+        Line2D([], [], color=MOTION, label="reproduction"),
+        Line2D([], [], color=MOTION, marker="o", markersize=5, linestyle="", label="its beginning"),
+    ]
+    person = Line2D([], [], color=HUMAN, linestyle="--", label="person, same situation")
+    return [*handles, person] if human else handles

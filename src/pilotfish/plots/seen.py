@@ -19,7 +19,7 @@ from pilotfish.types import Array, Float
 def demonstrations_seen(
     skill: Skill, demonstrations: Sequence[Demonstration], *, planes: Sequence[Plane] | None = None
 ) -> Figure:
-    """A row of panels for each frame: the demonstrations seen from it, and the 1-sigma ellipses of the states.
+    """A row of panels for each frame: demonstrations as seen from it, and the states' 1-sigma ellipses.
 
     planes are pairs of column names; x-y and x-z of the position if not given. Where a frame matters, the
     demonstrations come together and the ellipses are small.
@@ -40,6 +40,7 @@ def demonstrations_seen(
         paths = np.split(data.x[p], np.cumsum(data.lengths)[:-1])
         for panel, plane in zip(panels[p], chosen, strict=True):
             _draw_paths(panel, paths, plane)
+            panel.plot(0.0, 0.0, marker="+", markersize=14, markeredgewidth=1.6, color="black", zorder=4)
             draw_ellipses(panel, skill.means[p], skill.covariances[p].dense, plane, name)
             x, y = (with_unit(skill.layout, column) for column in plane)
             dress(panel, x=x, y=y, title=f"seen from {name!r}").set_aspect("equal", adjustable="datalim")
@@ -57,4 +58,5 @@ def _path_handles() -> list[Line2D]:
     return [
         Line2D([], [], color=FAINT, label="demonstrations"),
         Line2D([], [], color="0.4", marker="o", markersize=4, linestyle="", label="their beginnings"),
+        Line2D([], [], color="black", marker="+", markersize=10, linestyle="", label="origin of the frame"),
     ]

@@ -1,7 +1,6 @@
 """One look for every picture: sheets, axes, legends, and colours that mean the same everywhere."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import ceil
 
 from matplotlib.artist import Artist
@@ -10,27 +9,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
+from matplotlib.typing import LineStyleType
 
 from pilotfish.demonstrations import Layout
 
-# Okabe & Ito 2008, Color universal design; without its yellow, which is lost on white.
-STATE_COLOURS = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#D55E00",
-    "#6B4C9A",
-    "#555555",
-)
-DASHES = ("-", "--", ":")
+# Six of Okabe & Ito 2008, without the yellow that is lost on white, and two of Paul Tol's dark ones.
+STATE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#332288", "#882255")
+DASHES: tuple[LineStyleType, ...] = ("-", "--", ":")
 MOST_STATES = len(STATE_COLOURS) * len(DASHES)
 
-# What lies beside states is neutral; the axes of space and the columns of a part share three colours and a grey.
-MOTION, HUMAN, FAINT = "black", "#BB5566", "0.72"
-AXIS_COLOURS = {"x": "#BB5566", "y": "#117733", "z": "#004488", "w": "#777777"}
-COLUMN_COLOURS = (*AXIS_COLOURS.values(), "#DDAA33", "#66CCEE", "#AA3377", "black")
+# What lies beside states is grey or black. Axes of space, and columns named for them, have their own colours.
+MOTION, HUMAN, FAINT = "black", "0.45", "0.72"
+AXIS_COLOURS = {"x": "#BB5566", "y": "#DDAA33", "z": "#004488", "w": "#66CCEE"}
+COLUMN_COLOURS = (*AXIS_COLOURS.values(), "#44AA99", "#882255", "#999999", "#222222")
 
 SMALL, WIDTH = 9.0, 10.0  # points; inches
 
@@ -39,7 +30,7 @@ def state_colour(state: int) -> str:
     return STATE_COLOURS[state % len(STATE_COLOURS)]
 
 
-def state_dash(state: int) -> str:
+def state_dash(state: int) -> LineStyleType:
     """Solid for the first states; later ones repeat the colours with other dashes."""
     return DASHES[state // len(STATE_COLOURS) % len(DASHES)]
 
@@ -52,19 +43,6 @@ def column_colour(name: str, place: int) -> str:
 def sheet(width: float, height: float) -> Figure:
     """An empty figure [inches] that makes room for all it is labelled with."""
     return Figure(figsize=(width, height), layout="constrained")
-
-
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """Rows and columns that hold so many panels, as few empty as can be."""
-
-    rows: int
-    columns: int
-
-
-def grid(panels: int, most_columns: int) -> Grid:
-    rows = ceil(panels / most_columns)
-    return Grid(rows, ceil(panels / rows))
 
 
 def dress(axes: Axes, *, x: str, y: str, title: str = "") -> Axes:
@@ -92,8 +70,16 @@ def halo(text: Text) -> Text:
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """One legend for the whole sheet, under the panels, where it covers nothing."""
-    columns = min(len(handles), max(1, int(figure.get_figwidth() // 1.5)))
-    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL)
+    most = max(1, int(figure.get_figwidth() / max(0.75, 0.35 + 0.09 * _longest(handles))))
+    rows = ceil(len(handles) / most)
+    columns = ceil(len(handles) / rows)
+    figure.legend(
+        handles=list(handles), loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL
+    )
+
+
+def _longest(handles: Sequence[Artist]) -> int:
+    return max(len(str(handle.get_label())) for handle in handles)
 
 
 def state_handles(states: int) -> list[Line2D]:

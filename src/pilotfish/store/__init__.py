@@ -1,9 +1,10 @@
-"""What is kept: skills in files named by the hash of their content (`save_skill`, `open_skill`), published and synthetic
-data sets by name (`datasets`), and files that appear whole or not at all (`whole_file`).
+"""What is kept: skills in files, named by the hash of their content (`save_skill`, `open_skill`), published
+recordings by name (`datasets`), a generated one, and files that appear whole or not at all (`whole_file`).
 """
 
 from pilotfish.store import datasets
 from pilotfish.store.skills import content_hash, decode_skill, encode_skill, open_skill, save_skill
+from pilotfish.store.synthetic import synthetic_valve
 from pilotfish.store.whole_files import whole_file
 
 __all__ = [
@@ -13,5 +14,6 @@ __all__ = [
     "encode_skill",
     "open_skill",
     "save_skill",
+    "synthetic_valve",
     "whole_file",
 ]

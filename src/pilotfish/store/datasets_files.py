@@ -52,7 +52,7 @@ def downloaded(dataset: Dataset, retrieve: Retrieve) -> Path:
         reason = f"{error.name or error} is not installed: pip install 'pilotfish[data]'"
         raise SkillError(f"{_not_here(dataset)} ({reason})") from error
     except (OSError, ValueError) as error:  # requests' errors are OSErrors; a wrong hash is a ValueError
-        raise SkillError(f"{_not_here(dataset)} ({error})") from error
+        raise SkillError(f"{_not_here(dataset)} ({str(error)[:120]})") from error
 
 
 def _not_here(dataset: Dataset) -> str:

@@ -15,7 +15,14 @@ from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
 from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances
 from pilotfish.models import MarkovChain, Provenance, SemiMarkovChain, Skill, Weights
 from pilotfish.store.skills_checks import require_agreement, require_sound
-from pilotfish.store.skills_fields import Arrays, from_json, put_together, require_nothing_left, take_apart, taken
+from pilotfish.store.skills_fields import (
+    Arrays,
+    from_json,
+    put_together,
+    require_nothing_left,
+    take_apart,
+    taken,
+)
 from pilotfish.store.whole_files import whole_file
 from pilotfish.types import Array, Float
 
@@ -109,7 +116,8 @@ def _parts(skill: Skill) -> tuple[dict[str, Any], Arrays]:
 
 
 def _skill(header: dict[str, Any], arrays: Arrays) -> Skill:
-    """The inverse of _parts. Uses header and arrays up, so that what is too much is seen."""
+    """The inverse of _parts. It uses header and arrays up, so that what is too much is seen."""
+    del header["format"], header["version"]
     means = taken(arrays, "means", "the file")
     if means.ndim != 3:
         raise InvalidInput(f"means has shape {means.shape}, expected (frames, states, columns)")
@@ -122,7 +130,9 @@ def _skill(header: dict[str, Any], arrays: Arrays) -> Skill:
             put_together(_kind(one, COVARIANCES, "covariances"), f"covariances.{p}", one, arrays, sizes)
             for p, one in enumerate(_tables(header, "covariances"))
         ),
-        layout=Layout(tuple(put_together(Part, "layout", part, {}, {}) for part in _tables(header, "layout"))),
+        layout=Layout(
+            tuple(put_together(Part, "layout", part, {}, {}) for part in _tables(header, "layout"))
+        ),
         period=from_json(taken(header, "period", "the header"), float, "period"),
         frame_names=from_json(taken(header, "frames", "the header"), tuple[str, ...], "frames"),
         provenance=put_together(Provenance, "provenance", taken(header, "provenance", "the header"), {}, {}),
@@ -139,7 +149,7 @@ def _unpacked(data: bytes) -> tuple[str, Arrays]:
     import safetensors  # slow to import
 
     try:
-        tensors = safetensors.deserialize(data)
+        tensors = safetensors.deserialize(data)  # type: ignore[no-untyped-call]
         length = int.from_bytes(data[:8], "little")
         text = json.loads(data[8 : 8 + length])["__metadata__"][KEY]
     except safetensors.SafetensorError as error:
@@ -204,7 +214,9 @@ def _name(value: object, kinds: dict[str, type[Any]]) -> str:
 def _kind(fields: Any, kinds: dict[str, type[Any]], place: str) -> type[Any]:
     name = taken(fields, "kind", place)
     if not isinstance(name, str) or name not in kinds:
-        raise UnknownSkill(f"{place} are of the kind {name!r}, which this version does not know, only {list(kinds)}")
+        raise UnknownSkill(
+            f"{place} are of the kind {name!r}, which this version does not know, only {list(kinds)}"
+        )
     return kinds[name]
 
 

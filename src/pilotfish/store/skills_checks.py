@@ -22,7 +22,8 @@ def require_agreement(skill: Skill) -> None:
     names = skill.frame_names
     if len(names) != P or len(skill.covariances) != P:
         raise InvalidInput(
-            f"means has {P} frames, but there are {len(names)} frame names and {len(skill.covariances)} covariances"
+            f"means has {P} frames, but there are {len(names)} frame names and "
+            f"{len(skill.covariances)} covariances"
         )
     if len(set(names)) != P:
         raise InvalidInput(f"the frames are named {list(names)}, expected different names")
@@ -60,7 +61,9 @@ def _require_dynamics(dynamics: Dynamics) -> None:
 
 def _require_departures(row: Float[Array, " K"], i: int) -> None:
     if row[i] != 0.0:
-        raise InvalidInput(f"transitions[{i}, {i}] is {row[i]}, expected 0: durations say how long a state lasts")
+        raise InvalidInput(
+            f"transitions[{i}, {i}] is {row[i]}, expected 0: durations say how long a state lasts"
+        )
     if row.any():  # a row of zeros is a final state
         _require_distribution(row, f"transitions[{i}]")
 
@@ -79,7 +82,9 @@ def _require_covariances(covariances: Covariances, what: str) -> None:
     dense = covariances.dense
     skews = np.abs(dense - dense.transpose(0, 2, 1)).max(axis=(1, 2))
     if (bad := np.flatnonzero(skews > SKEW * np.abs(dense).max(axis=(1, 2)))).size:
-        raise InvalidInput(f"{what} {bad[0]} differs from its transpose by {skews[bad[0]]:.3g}, expected symmetry")
+        raise InvalidInput(
+            f"{what} {bad[0]} differs from its transpose by {skews[bad[0]]:.3g}, expected symmetry"
+        )
     cholesky(dense, what)
     if isinstance(covariances, SemiTiedCovariances):
         if not 0.0 <= covariances.tying <= 1.0:

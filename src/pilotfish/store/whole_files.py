@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
@@ -19,7 +19,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     if path.exists() and not path.is_file():
         raise InvalidInput(f"{path} is no regular file; give the name of a file, there or not yet there")
-    part = path.with_name(f".{uuid4().hex}-{path.name}"[:200] + path.suffix)  # writers look at the ending
+    part = path.with_name(f".{uuid4().hex}{path.suffix[-10:]}")  # writers look at the ending
     try:
         yield part
         _to_disk(part)
@@ -27,7 +27,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         _to_disk(path.parent)  # the new name too
     except OSError as error:
         raise InvalidInput(
-            f"{path} cannot be written: {error.strerror}; choose another folder or make room"
+            f"{path} cannot be written: {error.strerror or error}; choose another folder or make room"
         ) from error
     finally:
         _forget(part)
@@ -42,7 +42,5 @@ def _to_disk(path: Path) -> None:
 
 
 def _forget(part: Path) -> None:
-    try:
+    with suppress(OSError):  # there never was one: its folder is no folder
         part.unlink(missing_ok=True)
-    except OSError:
-        pass  # there never was one: its folder is no folder

@@ -163,7 +163,6 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
 
 auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 2> transform, int sweeps) {
   const size_t K = covariances.shape(0), D = transform.shape(0);
-  expect_some(K, "covariances");
   expect_some(D, "transform");
   expect(transform, "transform", {D, D});
   expect(covariances, "covariances", {K, D, D});

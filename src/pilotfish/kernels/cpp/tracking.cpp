@@ -8,26 +8,26 @@ namespace {
 
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Vector = Eigen::VectorXd;
-using MatrixIn = Eigen::Map<const Matrix>;
-using VectorIn = Eigen::Map<const Vector>;
+using GivenMatrix = Eigen::Map<const Matrix>;
+using GivenVector = Eigen::Map<const Vector>;
 
 }  // namespace
 
 long riccati(Tracking problem, Gains result) {
   const long T = problem.T, n = problem.n, m = problem.m;
-  const MatrixIn R(problem.effort, m, m);
+  const GivenMatrix R(problem.effort, m, m);
   Matrix PA(n, n), PB(n, m), S(m, m), G(m, n), Y(m, n);
   Vector pull(n), push(m);
   Eigen::LLT<Matrix> factor(m);
   const auto value = [&](long t) { return Eigen::Map<Matrix>(result.values + t * n * n, n, n); };
   const auto gradient = [&](long t) { return Eigen::Map<Vector>(result.gradients + t * n, n); };
-  const auto weight = [&](long t) { return MatrixIn(problem.weights + t * n * n, n, n); };
-  const auto target = [&](long t) { return VectorIn(problem.targets + t * n, n); };
+  const auto weight = [&](long t) { return GivenMatrix(problem.weights + t * n * n, n, n); };
+  const auto target = [&](long t) { return GivenVector(problem.targets + t * n, n); };
   value(T - 1) = weight(T - 1);
   gradient(T - 1).setZero();
   for (long t = T - 2; t >= 0; --t) {
     const long now = problem.varying ? t : 0;
-    const MatrixIn A(problem.A + now * n * n, n, n), B(problem.B + now * n * m, n, m);
+    const GivenMatrix A(problem.A + now * n * n, n, n), B(problem.B + now * n * m, n, m);
     const auto P = value(t + 1);
     PA.noalias() = P * A;
     PB.noalias() = P * B;

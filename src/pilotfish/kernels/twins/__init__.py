@@ -1,6 +1,5 @@
 """Every kernel in NumPy, reading like its derivation.
-
-They specify the compiled kernels, test them, and run in their place where no compiler was found at the installation.
+They specify the compiled kernels, test them, and run in their place where the installation found no compiler.
 """
 
 from pilotfish.kernels.twins.chain import forward_backward, viterbi

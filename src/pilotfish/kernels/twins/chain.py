@@ -6,10 +6,11 @@ from pilotfish.kernels.results import ForwardBackward, Viterbi
 from pilotfish.types import Array, Float
 
 
-def log_or_never(probability: Float[Array, "..."]) -> Float[Array, "..."]:
+def log_or_never(probability: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Logarithm of a probability, -inf where it is zero."""
     with np.errstate(divide="ignore"):
-        return np.log(probability)
+        logarithm: Float[Array, "*shape"] = np.log(probability)
+    return logarithm
 
 
 def log_forwards(
@@ -19,7 +20,9 @@ def log_forwards(
     forward = np.empty_like(log_emissions)
     forward[0] = log_initial + log_emissions[0]
     for t in range(1, len(forward)):
-        reached = np.logaddexp.reduce(forward[t - 1][:, None] + log_transitions, axis=0)  # over where from, (K,)
+        reached = np.logaddexp.reduce(
+            forward[t - 1][:, None] + log_transitions, axis=0
+        )  # over where from, (K,)
         forward[t] = reached + log_emissions[t]
     return forward
 
@@ -41,7 +44,7 @@ def expected_transitions(
     after: Float[Array, "T K"],
     log_evidence: Float[Array, " T"],
 ) -> Float[Array, "K K"]:
-    """Sum over t of zeta_t,j,k = p(state j at t, state k at t + 1 | all steps).    Source: Rabiner 1989, eq. 37."""
+    """Sum over t of zeta_t,j,k = p(state j at t, k at t + 1 | all steps).    Source: Rabiner 1989, eq. 37."""
     counts = np.empty_like(log_transitions)
     for j, row in enumerate(log_transitions):
         log_zeta = forward[:-1, j, None] + row + after[1:] - log_evidence[:-1, None]  # (T - 1, K)

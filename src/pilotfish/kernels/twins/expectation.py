@@ -18,7 +18,7 @@ def e_step(
 ) -> EStep:
     """Expected sufficient statistics of M demonstrations laid end to end: N = lengths.sum().
 
-    Moments are taken about the means given, close to the new ones, so that nothing cancels when they are shifted.
+    Moments are taken about the means given, close to the new ones: nothing cancels when they are shifted.
     whiteners as in log_emissions.    Source: Rabiner 1989; Tanwani 2018, eqs. 3.8-3.17, 3.22-3.25.
     """
     K, log_likelihoods, posteriors = len(initial), [], []

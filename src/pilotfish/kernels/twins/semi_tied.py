@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.errors import NotPositiveDefinite
+from pilotfish.kernels.refusals import flat_row, singular_transform
 from pilotfish.types import Array, Float
 
 
@@ -11,16 +11,17 @@ def semi_tied_sweeps(
 ) -> Float[Array, "D D"]:
     """A transform B under which the sample covariances S_k = scatters[k] are closer to diagonal together.
 
-    No sweep lowers  sum_k mass_k (2 log |det B| - log |diag(B S_k B^T)|), the part of the log-likelihood (times two)
-    that depends on B when Sigma_k = B^-1 diag(B S_k B^T) B^-T. States without mass are left out.
-    Raises: NotPositiveDefinite, when the covariances leave a direction without any variance.
-    Source: Gales 1999, eqs. 23-26; Tanwani 2018, eqs. 4.17-4.24. The cofactors' scale cancels, so rows of B^-T
-    stand for them, kept up to date by a rank-one inverse update for each row.
+    No sweep lowers  sum_k mass_k (2 log |det B| - log |diag(B S_k B^T)|),  twice what the log-likelihood owes
+    to B when Sigma_k = B^-1 diag(B S_k B^T) B^-T. States without mass are left out.
+    Raises: NotPositiveDefinite, when a covariance leaves a direction without any variance; InvalidInput, when
+    transform has no inverse.
+    Source: Gales 1999; Tanwani 2018, eqs. 4.17-4.24. The cofactors' scale cancels, so rows of B^-T stand for
+    them, kept up to date by a rank-one inverse update for each row.
     """
     S, N = scatters[mass > 0.0], mass[mass > 0.0]
     B = transform.copy()
     for _ in range(sweeps):
-        inverse = np.linalg.inv(B)
+        inverse = inverted(B)
         variances = np.einsum("di,kij,dj->kd", B, S, B)  # (K, D); row d of B alone decides column d
         for d in range(len(B)):
             cofactors = inverse[:, d].copy()  # row d of B^-T
@@ -33,10 +34,18 @@ def semi_tied_sweeps(
     return B
 
 
+def inverted(B: Float[Array, "D D"]) -> Float[Array, "D D"]:
+    try:
+        inverse: Float[Array, "D D"] = np.linalg.inv(B)
+    except np.linalg.LinAlgError:
+        raise singular_transform() from None
+    return inverse
+
+
 def share(N: Float[Array, " K"], variances: Float[Array, " K"], d: int) -> Float[Array, " K"]:
     """Precision that every state gives to row d."""
     if not (variances > 0.0).all():
-        raise NotPositiveDefinite(row_refusal(d))
+        raise flat_row(d)
     return N / variances
 
 
@@ -45,12 +54,6 @@ def solve(G: Float[Array, "D D"], right: Float[Array, " D"], d: int) -> Float[Ar
     try:
         L = np.linalg.cholesky(G)
     except np.linalg.LinAlgError:
-        raise NotPositiveDefinite(row_refusal(d)) from None
-    return np.linalg.solve(L.T, np.linalg.solve(L, right))
-
-
-def row_refusal(d: int) -> str:
-    return (
-        f"row {d} of the semi-tied transform has no update: the covariances' weighted sum G_{d} has no Cholesky "
-        "factor, expected it positive definite; add regularisation * I to every covariance, or give more data"
-    )
+        raise flat_row(d) from None
+    solution: Float[Array, " D"] = np.linalg.solve(L.T, np.linalg.solve(L, right))
+    return solution

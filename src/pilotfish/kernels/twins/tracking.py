@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.errors import NotPositiveDefinite
+from pilotfish.kernels.refusals import free_push
 from pilotfish.kernels.results import Riccati
 from pilotfish.types import Array, Float
 
@@ -14,7 +14,7 @@ def riccati(
     targets: Float[Array, "T n"],
     effort: Float[Array, "m m"],
 ) -> Riccati:
-    """Feedback that minimises sum_t |x_t - targets_t|^2_weights_t + sum_t |u_t|^2_effort, x_t+1 = A_t x_t + B_t u_t.
+    """Feedback at least cost sum_t |x_t - targets_t|^2_weights_t + |u_t|^2_effort, x_t+1 = A_t x_t + B_t u_t.
 
     S is 1 (time-invariant) or T - 1. Weights are symmetric.
     Raises: NotPositiveDefinite, when pushing costs nothing along some direction.
@@ -28,7 +28,9 @@ def riccati(
     for t in range(T - 2, -1, -1):
         PB = P[t + 1] @ B[t]
         L = push_factor(effort + B[t].T @ PB, t)
-        pull = P[t + 1] @ (A[t] @ targets[t] - targets[t + 1]) + d[t + 1]  # gradient where the drift alone leads
+        pull = (
+            P[t + 1] @ (A[t] @ targets[t] - targets[t + 1]) + d[t + 1]
+        )  # gradient where the drift alone leads
         gains[t] = solve(L, PB.T @ A[t])
         feedforwards[t] = -solve(L, B[t].T @ pull)
         closed = A[t] - B[t] @ gains[t]  # (n, n), the system under feedback
@@ -42,14 +44,7 @@ def push_factor(S: Float[Array, "m m"], t: int) -> Float[Array, "m m"]:
     try:
         return np.linalg.cholesky(S)
     except np.linalg.LinAlgError:
-        raise NotPositiveDefinite(push_refusal(t)) from None
-
-
-def push_refusal(t: int) -> str:
-    return (
-        f"the cost of pushing at step {t}, effort + B^T P B, has no Cholesky factor, expected it positive definite; "
-        "make effort positive definite and every weight positive semidefinite"
-    )
+        raise free_push(t) from None
 
 
 def solve(L: Float[Array, "m m"], right: Float[Array, "m ..."]) -> Float[Array, "m ..."]:

@@ -1,0 +1,229 @@
+"""What was measured, as a value, as Markdown and as JSON."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from cases import LIBRARIES, OURS, TARGETS, Case, Ceiling, Lead
+from machine import Machine
+from measure import Effort, Result, Spread
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One run of the benchmarks. introductions is what each library's worker said of itself."""
+
+    command: str
+    date: str
+    quick: bool
+    effort: Effort
+    machine: Machine
+    loads: tuple[float, float]  # before and after
+    valve: str  # real or synthetic
+    introductions: dict[str, dict[str, str]]
+    missing: dict[str, str]
+    cases: list[tuple[Case, list[Result]]]
+    imports: dict[str, Spread]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    promise: str
+    measured: str
+    verdict: str  # pass, miss, or why it cannot be told
+
+
+# ---------------------------------------------------------------------------------------------------- judging
+
+
+def disagreement(results: Sequence[Result]) -> float:
+    """How far apart the answers lie, relative to the largest."""
+    answers = [result.answer for result in results if not result.failure]
+    scale = max((abs(answer) for answer in answers), default=0.0)
+    return (max(answers) - min(answers)) / scale if scale else 0.0
+
+
+def agrees(case: Case, results: Sequence[Result]) -> bool:
+    """Whether the libraries computed the same thing; a NaN agrees with nothing."""
+    return case.agreement is None or disagreement(results) <= case.agreement
+
+
+def ours(results: Sequence[Result]) -> Result | None:
+    """pilotfish's entry; the first, where it has several."""
+    return next((r for r in results if r.entry.library == OURS and r.cpu), None)
+
+
+def judge(target: Ceiling | Lead, cases: Sequence[tuple[Case, list[Result]]]) -> Verdict:
+    case, results = next(((c, r) for c, r in cases if c.name == target.case), (None, []))
+    own = ours(results)
+    promise = promised(target)
+    if case is None or own is None or own.cpu is None:
+        return Verdict(promise, "", "not measured")
+    if not agrees(case, results):
+        return Verdict(promise, "", "not comparable: the answers differ")
+    if isinstance(target, Ceiling):
+        measured, kept = f"{milliseconds(own.cpu.median)} ms", own.cpu.median <= target.milliseconds * 1e-3
+    else:
+        others = [r.cpu.median for r in results if r.entry.library == target.over and r.cpu]
+        if not others:
+            return Verdict(promise, "", "not measured")
+        lead = min(others) / own.cpu.median
+        measured, kept = f"{lead:.1f} x", lead >= target.times
+    return Verdict(promise, measured, "pass" if kept else "miss")
+
+
+def promised(target: Ceiling | Lead) -> str:
+    if isinstance(target, Ceiling):
+        return f"`{target.case}`: at most {target.milliseconds:g} ms CPU"
+    library = LIBRARIES[target.over].name
+    return f"`{target.case}`: at least {target.times:g} times less CPU than {library} at its fastest"
+
+
+def verdicts(report: Report) -> list[Verdict]:
+    return [judge(target, report.cases) for target in TARGETS]
+
+
+# ---------------------------------------------------------------------------------------------------- Markdown
+
+
+def markdown(report: Report) -> str:
+    return "\n".join([*_head(report), *_promises(report), *_times(report), *_notes(report), *_foot(report)]) + "\n"
+
+
+def _head(report: Report) -> Iterator[str]:
+    yield "# Benchmarks"
+    yield ""
+    yield (
+        f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in a process of its own "
+        f"with one thread, taking turns (A B C A B C ...) for {report.effort.rounds} rounds. Times are CPU "
+        "milliseconds; a ratio says how many times pilotfish's median a library takes."
+    )
+    if report.quick:
+        yield ""
+        yield "**A quick run: it shows that everything works. Its figures are not to be quoted.**"
+    if report.valve == "synthetic" and any(case.problem != "large" for case, _ in report.cases):
+        yield ""
+        yield (
+            "**The valve data here is synthetic**, of the recording's size: `PILOTFISH_DATA` named no folder of recordings."
+        )
+
+
+def _promises(report: Report) -> Iterator[str]:
+    yield from ("", "## Targets", "")
+    rows = [(v.promise, v.measured, v.verdict) for v in verdicts(report)]
+    yield from table(("target", "measured", "verdict"), rows, "llr")
+
+
+def _times(report: Report) -> Iterator[str]:
+    yield from ("", "## Times", "")
+    titles = ("case", "library", "CPU ms", "min", "quartiles", "wall ms", "first call", "peak MB", "ratio", "answer")
+    rows = [row for case, results in report.cases for row in _rows(case, results)]
+    yield from table(titles, rows, "llrrrrrrrl")
+    yield ""
+    yield (
+        "CPU, its minimum, its quartiles and wall: of calls in a long-lived process. First call (CPU) and peak memory "
+        "(resident): of a fresh process that does nothing else."
+    )
+    for failed in (r for _, results in report.cases for r in results if r.failure):
+        yield from ("", f"{failed.entry.label} gave no figures: {failed.failure}")
+
+
+def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
+    own = ours(results)
+    for number, result in enumerate(results):
+        name = f"`{case.name}`" if number == 0 else ""
+        if not (result.cpu and result.wall and result.first):
+            yield (name, result.entry.label, *[""] * 7, "failed")
+            continue
+        ratio = f"{result.cpu.median / own.cpu.median:.2f}" if own and own.cpu else ""
+        quartiles = f"{milliseconds(result.cpu.lower)} - {milliseconds(result.cpu.upper)}"
+        times = (milliseconds(result.cpu.median), milliseconds(result.cpu.minimum), quartiles)
+        others = (milliseconds(result.wall.median), milliseconds(result.first.cpu))
+        told = f"{result.answer:.10g}" + (f" ({result.remark})" if result.remark else "")
+        yield (name, result.entry.label, *times, *others, f"{result.first.peak_mb:.0f}", ratio, told)
+
+
+def _notes(report: Report) -> Iterator[str]:
+    yield from ("", "## Cases", "")
+    for case, results in report.cases:
+        explanation = case.explanation.replace("{iterations}", str(report.effort.iterations[0]))
+        yield f"- `{case.name}`: {case.title}. {explanation} Answer: {case.answer}{_agreement(case, results)}."
+
+
+def _agreement(case: Case, results: Sequence[Result]) -> str:
+    told = [result for result in results if not result.failure]
+    if case.agreement is None or len(told) < 2:
+        return ""
+    apart = disagreement(results)
+    if agrees(case, results):
+        return f"; the answers agree within {max(apart, 1e-16):.0e} of their size"
+    return f"; **the answers differ by {apart:.1e} of their size, expected at most {case.agreement:.0e}**"
+
+
+def _foot(report: Report) -> Iterator[str]:
+    yield from ("", "## Libraries and machine", "")
+    rows = []
+    for name, said in report.introductions.items():
+        taken = report.imports.get(name)
+        seconds = f"{taken.median:.3f} ({taken.minimum:.3f})" if taken and not math.isnan(taken.median) else ""
+        library = LIBRARIES[name]
+        about = library.does + (f"; {said['remark']}" if said["remark"] else "")
+        rows.append((library.name, said["version"], f"`import {library.module}`", seconds, about))
+    yield from table(("library", "version", "import", "s, median (min)", "what is timed"), rows, "lllrl")
+    for name, reason in report.missing.items():
+        yield from ("", f"{LIBRARIES[name].name} is not here: {reason}")
+    machine, said = report.machine, next(iter(report.introductions.values()), {"python": "?", "numpy": "?"})
+    yield ""
+    yield (
+        f"Imports: wall seconds in a fresh process, {report.effort.import_rounds} of each, by turns. Machine: "
+        f"{machine.processor}, {machine.cores} cores, {machine.memory_gb:.0f} GB, {machine.system}; Python "
+        f"{said['python']}, NumPy {said['numpy']}; load {report.loads[0]:.1f} before and {report.loads[1]:.1f} after."
+    )
+
+
+def milliseconds(seconds: float) -> str:
+    """Three figures."""
+    value = seconds * 1e3
+    if value <= 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.{max(0, 2 - math.floor(math.log10(value)))}f}"
+
+
+def table(titles: Sequence[str], rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
+    yield f"| {' | '.join(titles)} |"
+    yield f"| {' | '.join('---:' if side == 'r' else '---' for side in sides)} |"
+    yield from (f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows)
+
+
+# ---------------------------------------------------------------------------------------------------- JSON
+
+
+def as_json(report: Report) -> dict[str, Any]:
+    """Everything, samples too [s]; what is not a number is null."""
+    cases = [
+        {
+            "case": case.name,
+            "title": case.title,
+            "disagreement": disagreement(results) if case.agreement is not None else None,
+            "entries": [asdict(result) for result in results],
+        }
+        for case, results in report.cases
+    ]
+    imports = {name: asdict(taken) for name, taken in report.imports.items()}
+    rest = {
+        name: getattr(report, name)
+        for name in ("command", "date", "quick", "loads", "valve", "introductions", "missing")
+    }
+    judged = [asdict(verdict) for verdict in verdicts(report)]
+    told = {"machine": asdict(report.machine), "effort": asdict(report.effort), "targets": judged}
+    whole: dict[str, Any] = _without_nan({**rest, **told, "cases": cases, "imports": imports})
+    return whole
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,132 @@
+"""Time pilotfish beside its peers, on the same data, in one run in which they take turns.
+
+`python benchmarks/run.py` installs the peers of peers.txt into build/peers-venv when they are missing, measures, prints the
+tables and writes them to docs/benchmarks.md. Progress is told on stderr. A run of a part (--quick, --only, --cases)
+writes no file unless --out names one.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from cases import CASES, LIBRARIES, OURS, PEERS, Case
+from machine import load, machine
+from measure import FULL, QUICK, Effort, Floor, measure, measure_imports
+from peer_environment import FOLDER
+from peer_environment import PEERS as LISTED
+from peer_environment import execute, peer_environment
+from report import Report, as_json, markdown
+from workers import Worker, WorkerError, surroundings
+
+HERE = Path(__file__).parent
+DOCUMENT = HERE.parent / "docs" / "benchmarks.md"
+
+
+def main() -> None:
+    asked = arguments()
+    report = benchmark(asked)
+    text = markdown(report)
+    print(text)
+    whole = not (asked.quick or asked.only or asked.cases)
+    out = asked.out or (DOCUMENT if whole else None)
+    if out:
+        out.write_text(text, encoding="utf-8")
+    if asked.json:
+        asked.json.write_text(json.dumps(as_json(report), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="few repetitions: does everything work?")
+    parser.add_argument("--rounds", type=int, help=f"turns that each library has (default {FULL.rounds})")
+    parser.add_argument("--only", nargs="+", choices=LIBRARIES, help="these libraries (default: all)")
+    parser.add_argument("--cases", nargs="+", choices=[case.name for case in CASES], help="these cases (default: all)")
+    parser.add_argument("--out", type=Path, help="file for the tables (default docs/benchmarks.md, for a whole run)")
+    parser.add_argument("--json", type=Path, help="file for all figures, samples too")
+    return parser.parse_args()
+
+
+def command_of(asked: argparse.Namespace) -> str:
+    """The command as a reader would repeat it, without the files it wrote."""
+    words = ["python benchmarks/run.py"]
+    words += ["--quick"] if asked.quick else []
+    words += [f"--rounds {asked.rounds}"] if asked.rounds else []
+    words += [f"--only {' '.join(asked.only)}"] if asked.only else []
+    words += [f"--cases {' '.join(asked.cases)}"] if asked.cases else []
+    return " ".join(words)
+
+
+def say(words: str) -> None:
+    print(words, file=sys.stderr, flush=True)
+
+
+def effort_of(asked: argparse.Namespace) -> Effort:
+    effort = QUICK if asked.quick else FULL
+    return replace(effort, rounds=asked.rounds) if asked.rounds else effort
+
+
+def benchmark(asked: argparse.Namespace) -> Report:
+    effort, before = effort_of(asked), load()
+    pythons, missing = places(asked.only or list(LIBRARIES))
+    cases = [case for case in CASES if not asked.cases or case.name in asked.cases]
+    with tempfile.TemporaryDirectory(prefix="benchmarks-") as scratch, ExitStack() as stack:
+        problems = Path(scratch)
+        valve = make_problems(problems, effort)
+        workers = {
+            name: stack.enter_context(Worker(python, name, surroundings()))
+            for name, python in pythons.items()
+            if name not in missing
+        }
+        introductions = introduce(workers, missing)
+        floor = Floor(pythons, workers, missing)
+        taken = [(case, measure(case, floor, problems, effort, say)) for case in cases if shared(case, pythons)]
+        imports = measure_imports(floor, effort, say)
+    now = datetime.now(UTC).strftime("%Y-%m-%d")
+    return Report(
+        command_of(asked), now, asked.quick, effort, machine(), (before, load()), valve, introductions, missing, taken, imports
+    )
+
+
+def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
+    """The python that each library runs in, and why some cannot."""
+    pythons = {name: Path(sys.executable) for name in libraries if name not in PEERS}
+    peers = [name for name in libraries if name in PEERS]
+    if not peers:
+        return pythons, {}
+    say("peers: looking after their environment")
+    python, failures = peer_environment(FOLDER, LISTED, execute)
+    missing = {name: failures[d] for name in peers if (d := LIBRARIES[name].distribution) in failures}
+    return pythons | dict.fromkeys(peers, python), missing
+
+
+def make_problems(folder: Path, effort: Effort) -> str:
+    command = [sys.executable, str(HERE / "make_problems.py"), str(folder), *map(str, effort.iterations)]
+    made = subprocess.run(command, env=surroundings(), stdout=subprocess.PIPE, text=True, check=True)
+    return made.stdout.split()[-1]
+
+
+def introduce(workers: dict[str, Worker], missing: dict[str, str]) -> dict[str, dict[str, str]]:
+    """What each library says of itself; one that cannot even be imported joins the missing."""
+    introductions = {}
+    for name, worker in workers.items():
+        try:
+            introductions[name] = worker.ask("introduce")
+        except WorkerError as error:
+            if name == OURS:
+                raise
+            missing[name] = str(error)
+    return introductions
+
+
+def shared(case: Case, pythons: dict[str, Path]) -> bool:
+    return any(entry.library in pythons for entry in case.entries)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,249 @@
+"""The Z-shaped movement: figures 3.1 to 3.4 and 4.2 of the thesis, from its own recording.
+
+    python reproductions/zshape.py --json zshape.json --out zshape/
+
+Source: Tanwani 2018, sections 3.1-3.3 and 4.2.
+"""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import pilotfish as pf
+from pilotfish import plots
+from pilotfish.demonstrations import Demonstration, with_derivatives
+from pilotfish.gaussians import Mixture, SemiTiedCovariances, component_correlation
+from pilotfish.models import MarkovChain, SemiMarkovChain, Weights, most_probable_states, sample_states
+
+NOT_REPRODUCED = (
+    "figure 3.3 needs frames, the recording has none: we put one at each demonstration's first and last point",
+    "figure 3.2 names no data: it is drawn for these movements",
+    "the thesis names neither regularisation nor effort for these figures: 1e-5 and R = 1e-2 I are ours",
+)
+STATES, EFFORT = 3, 1e-2
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", type=Path, help="file for the figures' numbers")
+    parser.add_argument("--out", type=Path, help="folder for the pictures")
+    arguments = parser.parse_args()
+    try:
+        rows, pictures = reproduce(pf.datasets.zshape())
+    except pf.SkillError as error:
+        parser.exit(1, f"{error}\n")
+    for row in rows:
+        print("  ".join(f"{key}: {value}" for key, value in row.items()))
+    for reason in NOT_REPRODUCED:
+        print(f"note: {reason}")
+    if arguments.out:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        for name, figure in pictures.items():
+            figure.savefig(arguments.out / f"{name}.png", dpi=110)
+        print(f"{len(pictures)} pictures in {arguments.out}")
+    if arguments.json:
+        arguments.json.write_text(json.dumps({"rows": rows, "notes": NOT_REPRODUCED}, indent=2) + "\n")
+
+
+def reproduce(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
+    rows: list[dict[str, object]] = []
+    pictures: dict[str, Figure] = {}
+    for part in (mixture, graphs, task_parameterised, tracked, semi_tied):
+        more, drawn = part(demonstrations)
+        rows += more
+        pictures |= drawn
+    return rows, pictures
+
+
+def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
+    """Figure 3.1: three components find the strokes, narrow where the demonstrations agree."""
+    rng = np.random.default_rng(0)
+    fit = pf.learn_mixture(demonstrations, states=STATES, rng=rng)
+    figure = Figure(figsize=(11, 5.2), layout="constrained")
+    left, right = (figure.add_subplot(1, 2, n, projection="3d") for n in (1, 2))
+    for axes in (left, right):
+        draw_paths(axes, demonstrations)
+    dynamics = fit.skill.dynamics
+    assert isinstance(dynamics, Weights)
+    draw_ellipsoids(right, Mixture(dynamics.weights, fit.skill.means[0], fit.skill.covariances[0].dense))
+    left.set_title("five demonstrations")
+    right.set_title("a mixture of 3 Gaussians (1-sigma ellipsoids)")
+    spreads = [np.sqrt(np.linalg.eigvalsh(c)) for c in fit.skill.covariances[0].dense]
+    row: dict[str, object] = {"figure": "3.1", "weights": rounded(dynamics.weights)}
+    row["deviations along the axes of each component"] = [rounded(s) for s in spreads]
+    return [row], {"figure-3.1-mixture": figure}
+
+
+def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
+    """Figure 3.2: seven components without order, with one-step transitions, and with durations."""
+    rng = np.random.default_rng(0)
+    fit = pf.learn(demonstrations, states=7, rng=rng)
+    weights = pf.learn_mixture(demonstrations, states=7, rng=rng).skill.dynamics
+    chain, semi = fit.markov.dynamics, fit.skill.dynamics
+    assert isinstance(weights, Weights)
+    assert isinstance(chain, MarkovChain)
+    assert isinstance(semi, SemiMarkovChain)
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    panels = figure.subplots(1, 3)
+    draw_ring(panels[0], np.zeros((7, 7)), [f"{w:.2f}" for w in weights.weights], "GMM: weights")
+    draw_ring(
+        panels[1],
+        chain.transitions,
+        [f"{p:.2f}" for p in np.diag(chain.transitions)],
+        "HMM: staying, leaving",
+    )
+    lasting = zip(semi.durations.means, semi.durations.deviations, strict=True)
+    draw_ring(panels[2], semi.transitions, [f"{m:.0f}±{s:.0f}" for m, s in lasting], "HSMM: steps in a state")
+    row: dict[str, object] = {"figure": "3.2"}
+    row["mean duration of an HMM state [steps]"] = rounded(1 / (1 - np.diag(chain.transitions)[:-1]))
+    row["mean duration of an HSMM state [steps]"] = rounded(semi.durations.means[:-1])
+    return [row], {"figure-3.2-graphs": figure, "figure-3.2-hsmm": plots.state_graph(fit.skill)}
+
+
+def task_parameterised(
+    demonstrations: tuple[Demonstration, ...],
+) -> tuple[list[dict[str, object]], dict[str, Figure]]:
+    """Figure 3.3: two frames at the ends of the movement carry it to ends never shown."""
+    framed = [with_derivatives(between_its_ends(d)) for d in demonstrations]
+    fit = pf.learn(framed, states=7, rng=np.random.default_rng(0))
+    first, last = framed[0].frames
+    assert isinstance(first, pf.Frame)
+    assert isinstance(last, pf.Frame)
+    moved = [
+        replace(first, b=first.b + np.array([0.0, 10.0, -15.0, 0, 0, 0])),
+        replace(last, b=last.b + np.array([0.0, -15.0, 20.0, 0, 0, 0])),
+    ]
+    here = pf.adapt(fit.skill, moved)
+    start = np.concatenate([moved[0].b[:3], np.zeros(3)])
+    system = pf.double_integrator(3, period=here.period)
+    motion = pf.track(system, pf.expected_plan(here, horizon=300), effort=EFFORT).rollout(start)
+    shown = [float(np.mean((replayed(fit.skill, d)[:, :3] - d.x[:, :3]) ** 2)) for d in framed]
+    row: dict[str, object] = {
+        "figure": "3.3",
+        "mean squared error to each demonstration": rounded(np.array(shown), 2),
+    }
+    return [row], {
+        "figure-3.3-seen-from-frames": plots.demonstrations_seen(fit.skill, framed),
+        "figure-3.3-new-situation": plots.reproduction(here, motion, moved),
+        "figure-3.3-graph": plots.state_graph(fit.skill),
+    }
+
+
+def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
+    """Figure 3.4: a step-wise sequence of states, followed smoothly by a linear quadratic tracker."""
+    moving = [with_derivatives(d) for d in demonstrations]
+    fit = pf.learn(moving, states=7, rng=np.random.default_rng(0))
+    frames = [f for f in moving[0].frames if isinstance(f, pf.Frame)]
+    here = pf.adapt(fit.skill, frames)
+    nothing = np.empty((0, here.states))
+    states = most_probable_states(here.dynamics, nothing, 300)
+    reference = pf.expected_plan(here, horizon=300)
+    system = pf.double_integrator(3, period=here.period)
+    motion = pf.track(system, reference, effort=EFFORT).rollout(moving[0].x[0])
+    errors = [float(np.mean((motion.x[:, :3] - d.x[:, :3]) ** 2)) for d in moving]
+    drawn = [sample_states(here.dynamics, 300, np.random.default_rng(seed)) for seed in range(20)]
+    row: dict[str, object] = {
+        "figure": "3.4",
+        "mean squared error to each demonstration": rounded(np.array(errors), 2),
+    }
+    row["states visited by 20 random sequences"] = sorted({len(np.unique(s)) for s in drawn})
+    return [row], {
+        "figure-3.4-over-time": plots.tracked_coordinates(here, states, motion, human=moving[0]),
+        "figure-3.4-in-space": plots.reproduction(here, motion, frames, human=moving[0]),
+        "figure-3.4-forward-variable": plots.forward_variable(fit.skill, horizon=300),
+    }
+
+
+def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
+    """Figure 4.2: one set of basis vectors for all three strokes; the first and third stroke correlate."""
+    fits = [
+        pf.learn_mixture(demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure)
+        for structure in (pf.SemiTied(), pf.Full())
+    ]
+    tied, full = (component_correlation(fit.skill.covariances[0].dense) for fit in fits)
+    skill = fits[0].skill
+    basis = skill.covariances[0]
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    draw_paths(axes, demonstrations)
+    draw_ellipsoids(axes, Mixture(np.full(STATES, 1 / STATES), skill.means[0], basis.dense))
+    assert isinstance(basis, SemiTiedCovariances)
+    directions = basis.basis / np.linalg.norm(basis.basis, axis=0)
+    for n, direction in enumerate(directions.T):
+        axes.quiver(0, 0, 0, *(30 * direction), color=("#BB5566", "#117733", "#004488")[n], linewidth=2.5)
+        axes.text(*(34 * direction), f"h{n}", fontsize=11)
+    axes.set_title("semi-tied components, basis vectors at the origin")
+    row: dict[str, object] = {"figure": "4.2"}
+    for name, matrix in (("semi-tied", tied), ("full", full)):
+        row |= {
+            f"{name} correlation {i}-{j}": round(float(matrix[i, j]), 3) for i, j in ((0, 2), (0, 1), (1, 2))
+        }
+    return [row], {
+        "figure-4.2-semi-tied": figure,
+        "figure-4.2-basis": plots.basis_vectors(skill),
+        "figure-4.2-correlation": plots.component_correlations([fits[1].skill, skill]),
+    }
+
+
+def replayed(skill: pf.Skill, demonstration: Demonstration) -> np.ndarray:
+    """The skill in the situation of a demonstration, from where it began."""
+    here = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
+    reference = pf.expected_plan(here, horizon=len(demonstration.x))
+    system = pf.double_integrator(3, period=here.period)
+    return pf.track(system, reference, effort=EFFORT).rollout(demonstration.x[0]).x
+
+
+def between_its_ends(demonstration: Demonstration) -> Demonstration:
+    """The same movement, seen from its own first and its own last point."""
+    ends = (("beginning", demonstration.x[0]), ("end", demonstration.x[-1]))
+    return replace(demonstration, frames=tuple(pf.Frame(name, np.eye(3), point) for name, point in ends))
+
+
+def draw_paths(axes, demonstrations) -> None:  # type: ignore[no-untyped-def]  # 3-D axes are untyped in matplotlib
+    for demonstration in demonstrations:
+        axes.plot(*demonstration.x[:, :3].T, color="0.6", linewidth=0.9)
+    axes.set_xlabel("x [unit of the file]")
+    axes.set_ylabel("y [unit of the file]")
+    axes.set_zlabel("z [unit of the file]")
+    axes.set_box_aspect(None, zoom=0.85)  # leaves room for the label of z
+
+
+def draw_ellipsoids(axes, gaussians: Mixture) -> None:  # type: ignore[no-untyped-def]
+    """The 1-sigma ellipsoid of every component, as a mesh."""
+    around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 33), np.linspace(0, np.pi, 17))
+    ball = np.stack([np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)], axis=-1)
+    for k, (mean, covariance) in enumerate(zip(gaussians.means, gaussians.covariances, strict=True)):
+        values, vectors = np.linalg.eigh(covariance)
+        surface = mean + (ball * np.sqrt(values)) @ vectors.T
+        axes.plot_surface(*np.moveaxis(surface, -1, 0), color=plots.state_colour(k), alpha=0.35, linewidth=0)
+        axes.text(*mean, str(k), fontsize=12, fontweight="bold")
+
+
+def draw_ring(axes, transitions, labels: list[str], title: str) -> None:  # type: ignore[no-untyped-def]
+    """States on a ring, arrows as dark as their transition is probable."""
+    angles = np.pi / 2 - 2 * np.pi * np.arange(len(labels)) / len(labels)
+    places = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for i, j in np.argwhere(transitions * (1 - np.eye(len(labels))) > 1e-3):
+        darkness = 0.35 + 0.65 * float(transitions[i, j])
+        style = {"arrowstyle": "-|>", "alpha": darkness, "shrinkA": 21, "shrinkB": 21, "mutation_scale": 16}
+        axes.annotate("", places[j], places[i], arrowprops=style | {"connectionstyle": "arc3,rad=-0.15"})
+    for k, (place, label) in enumerate(zip(places, labels, strict=True)):
+        axes.plot(*place, "o", markersize=36, color=plots.state_colour(k), alpha=0.85)
+        axes.text(*place, str(k), color="white", ha="center", va="center", fontsize=13, fontweight="bold")
+        axes.text(*(np.array([1.55, 1.36]) * place), label, ha="center", va="center", fontsize=10)
+    axes.set(xlim=(-1.9, 1.9), ylim=(-1.6, 1.6), aspect="equal", title=title)
+    axes.axis("off")
+
+
+def rounded(values: np.ndarray, digits: int = 3) -> list[float]:
+    return [round(float(value), digits) for value in values]
+
+
+if __name__ == "__main__":
+    main()

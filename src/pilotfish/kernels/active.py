@@ -1,0 +1,48 @@
+"""The compiled kernels where they exist, their NumPy twins elsewhere."""
+
+import warnings
+
+
+class SlowKernels(UserWarning):
+    """The compiled kernels are missing: the same numbers, an order of magnitude later."""
+
+
+try:
+    from pilotfish.kernels.compiled import LEVEL as ACTIVE
+    from pilotfish.kernels.compiled import (
+        e_step,
+        forward_backward,
+        log_emissions,
+        riccati,
+        semi_tied_sweeps,
+        viterbi,
+    )
+except ImportError as reason:
+    from pilotfish.kernels.twins import (
+        e_step,
+        forward_backward,
+        log_emissions,
+        riccati,
+        semi_tied_sweeps,
+        viterbi,
+    )
+
+    ACTIVE = "numpy"
+    warnings.warn(
+        f"pilotfish runs on NumPy, without its compiled kernels ({reason}): same results, but learning "
+        "and planning take many times as long; install a C++17 compiler (Debian: apt install g++), then "
+        "pip install --force-reinstall --no-binary pilotfish pilotfish",
+        SlowKernels,
+        stacklevel=2,
+    )
+
+__all__ = [
+    "ACTIVE",
+    "SlowKernels",
+    "e_step",
+    "forward_backward",
+    "log_emissions",
+    "riccati",
+    "semi_tied_sweeps",
+    "viterbi",
+]

@@ -1,0 +1,22 @@
+"""What the kernels refuse, in the same words whether compiled or not."""
+
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
+
+
+def free_push(t: int) -> NotPositiveDefinite:
+    return NotPositiveDefinite(
+        f"the cost of pushing at step {t}, effort + B^T P B, has no Cholesky factor, expected it positive "
+        "definite; make effort positive definite and every weight positive semidefinite"
+    )
+
+
+def flat_row(d: int) -> NotPositiveDefinite:
+    return NotPositiveDefinite(
+        f"row {d} of the semi-tied transform has no update: the covariances' weighted sum G_{d} has no "
+        "Cholesky factor, expected it positive definite; add regularisation * I to every covariance, "
+        "or give more data"
+    )
+
+
+def singular_transform() -> InvalidInput:
+    return InvalidInput("the semi-tied transform has no inverse, expected one; start from the identity")

@@ -1,0 +1,95 @@
+"""Heat maps: the basis that semi-tied states share, and how alike the covariances of states are."""
+
+from collections.abc import Sequence
+from math import ceil
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.ticker import MaxNLocator
+
+from pilotfish.demonstrations import Layout
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import SemiTiedCovariances, component_correlation
+from pilotfish.models import Skill
+from pilotfish.plots.style import SMALL, sheet
+from pilotfish.types import Array, Float
+
+MOST_LABELS = 40  # more are illegible: then only some columns are named
+MOST_COMPONENTS = 200
+
+
+def basis_vectors(skill: Skill) -> Figure:
+    """For each frame the shared basis H, a column a vector, each scaled to a largest entry of one.
+
+    H has no scale of its own; the sign is such that the largest entry is positive.
+    Raises: InvalidInput, when the skill is not semi-tied.
+    Source: Tanwani 2018, equation 4.17 and figure 4.2.
+    """
+    bases = [_basis(covariances, skill.provenance.structure) for covariances in skill.covariances]
+    size = 1.6 + 0.24 * min(skill.width, MOST_LABELS)
+    figure = sheet(len(bases) * size + 2.0, size + 0.7)
+    panels = figure.subplots(1, len(bases), squeeze=False)[0]
+    for panel, H, name in zip(panels, bases, skill.frame_names, strict=True):
+        image = _draw_matrix(panel, _unit_columns(H), f"frame {name!r}")
+        panel.set(xlabel="basis vector (first is 0)")
+        _name_columns(panel, skill.layout, first=panel is panels[0])
+    figure.colorbar(image, ax=list(panels), label="share of the vector's largest entry [1]", shrink=0.9)
+    return figure
+
+
+def _basis(covariances: object, structure: str) -> Float[Array, "D D"]:
+    if not isinstance(covariances, SemiTiedCovariances):
+        raise InvalidInput(
+            f"the skill's covariances are {structure}, expected semi-tied: learn with SemiTied()"
+        )
+    return covariances.basis
+
+
+def _unit_columns(H: Float[Array, "D D"]) -> Float[Array, "D D"]:
+    largest = np.take_along_axis(H, np.abs(H).argmax(axis=0)[None], axis=0)  # (1, D)
+    return np.asarray(H / largest)
+
+
+def _name_columns(panel: Axes, layout: Layout, *, first: bool) -> None:
+    shown = range(0, layout.width, ceil(layout.width / MOST_LABELS))
+    names = [f"{layout.names[i]} [{layout.units[i]}]" if first else "" for i in shown]
+    panel.set_yticks(list(shown), names, fontsize=SMALL)
+
+
+def component_correlations(skills: Sequence[Skill]) -> Figure:
+    """How alike the covariances of states are: a row for each frame, a column for each skill.
+
+    Entries are correlation coefficients; tying makes components alike.
+    Raises: InvalidInput, when there is no skill, skills differ in frames, or states are too many.
+    Source: Tanwani 2018, equation 4.25.
+    """
+    _require_comparable(skills)
+    names = skills[0].frame_names
+    figure = sheet(2.7 * len(skills) + 1.6, 3.1 * len(names) + 0.3)
+    panels = figure.subplots(len(names), len(skills), squeeze=False)
+    for p, name in enumerate(names):
+        for panel, skill in zip(panels[p], skills, strict=True):
+            matrix = component_correlation(skill.covariances[p].dense)
+            image = _draw_matrix(panel, matrix, f"{skill.provenance.structure}\nframe {name!r}")
+            panel.set(xlabel="state", ylabel="state")
+    figure.colorbar(image, ax=panels.ravel().tolist(), label="correlation coefficient [1]", shrink=0.9)
+    return figure
+
+
+def _require_comparable(skills: Sequence[Skill]) -> None:
+    if not skills:
+        raise InvalidInput("no skills were given, expected at least one")
+    if differing := {skill.frame_names for skill in skills} - {skills[0].frame_names}:
+        raise InvalidInput(f"skills differ in frames: {skills[0].frame_names} and {differing.pop()}")
+    if (most := max(skill.states for skill in skills)) > MOST_COMPONENTS:
+        raise InvalidInput(f"there are {most} states, expected at most {MOST_COMPONENTS}")
+
+
+def _draw_matrix(panel: Axes, matrix: Float[Array, "R C"], title: str) -> AxesImage:
+    image = panel.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="equal", interpolation="nearest")
+    panel.set_title(title, loc="left", fontsize="medium", fontweight="bold")
+    panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    panel.yaxis.set_major_locator(MaxNLocator(integer=True))
+    return image

@@ -1,0 +1,71 @@
+"""Where each frame is precise: the deviation of every state along the columns."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from pilotfish.demonstrations import Layout
+from pilotfish.models import Skill
+from pilotfish.plots.doors import chosen_columns, require_states
+from pilotfish.plots.style import WIDTH, column_colour, dress, legend_below, sheet
+from pilotfish.types import Array, Float
+
+BLUE = "#CFE3F5"
+
+
+def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
+    """A row for each frame: the standard deviation of each state, column by column, on a logarithmic scale.
+
+    Columns of one unit share a panel. Shaded is the state that the frame sees most precisely: the one of
+    least product of deviations in the panel. columns are names; all that are no derivatives if not given.
+    Raises: InvalidInput, when a column is unknown or states are too many.
+    Source: after Tanwani 2018, figure 3.7.
+    """
+    require_states(skill.states)
+    groups = _groups(skill.layout, chosen_columns(skill.layout, columns))
+    rows = len(skill.frame_names)
+    figure = sheet(max(5.5, 0.5 * WIDTH * len(groups)), 2.7 * rows + 0.6)
+    panels = figure.subplots(rows, len(groups), squeeze=False, sharex=True, sharey="col")
+    for p, name in enumerate(skill.frame_names):
+        variances = np.diagonal(skill.covariances[p].dense, axis1=1, axis2=2)  # (K, D)
+        for panel, group in zip(panels[p], groups, strict=True):
+            _draw_deviations(panel, np.sqrt(variances[:, group]), [skill.layout.names[c] for c in group])
+            unit = skill.layout.units[group[0]]
+            dress(panel, x="state", y=f"deviation [{unit}]", title=f"seen from {name!r}")
+            panel.tick_params(labelleft=True, labelbottom=True)
+    legend_below(figure, _handles(skill.layout, groups))
+    return figure
+
+
+def _groups(layout: Layout, columns: list[int]) -> list[list[int]]:
+    """Columns of the same unit together, in the order in which units appear."""
+    units = list(dict.fromkeys(layout.units[column] for column in columns))
+    return [[column for column in columns if layout.units[column] == unit] for unit in units]
+
+
+def _draw_deviations(panel: Axes, spread: Float[Array, "K C"], names: Sequence[str]) -> None:
+    states = np.arange(len(spread))
+    precise = int(np.log(spread).sum(axis=1).argmin())
+    panel.axvspan(precise - 0.5, precise + 0.5, color=BLUE, zorder=0, gid="most precise")
+    for i, name in enumerate(names):
+        panel.plot(
+            states, spread[:, i], color=column_colour(name, i), marker="o", markersize=4, linewidth=1.4
+        )
+    panel.set_yscale("log")
+    panel.set_xticks(states)
+    panel.set_xlim(-0.5, len(spread) - 0.5)
+
+
+def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:
+    lines = [
+        Line2D(
+            [], [], color=column_colour(layout.names[c], i), marker="o", markersize=4, label=layout.names[c]
+        )
+        for group in groups
+        for i, c in enumerate(group)
+    ]
+    return [*lines, Patch(color=BLUE, label="most precise state")]

@@ -1,0 +1,29 @@
+"""How a fit went: the likelihood along the iterations."""
+
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from pilotfish.errors import InvalidInput
+from pilotfish.models import Fit
+from pilotfish.plots.style import COLUMN_COLOURS, dress, legend_below, sheet
+
+
+def likelihood_trace(fits: Sequence[Fit]) -> Figure:
+    """Log-likelihood of the demonstrations before each iteration, a line for each fit.
+
+    Raises: InvalidInput, when there are no fits, or more than can be told apart.
+    """
+    if not 1 <= len(fits) <= len(COLUMN_COLOURS):
+        raise InvalidInput(f"{len(fits)} fits were given, expected 1 to {len(COLUMN_COLOURS)}")
+    figure = sheet(7.0, 4.0)
+    axes = figure.subplots()
+    for fit, colour in zip(fits, COLUMN_COLOURS, strict=False):
+        ended = "converged" if fit.outcome.converged else "not converged"
+        label = f"{fit.skill.provenance.structure}, {ended} after {fit.outcome.iterations}"
+        axes.plot(range(len(fit.trace)), fit.trace, color=colour, marker="o", markersize=3.5, label=label)
+    dress(axes, x="iteration", y="log-likelihood [nat]")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    legend_below(figure, axes.get_lines())
+    return figure

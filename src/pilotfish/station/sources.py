@@ -1,0 +1,71 @@
+"""Where a command takes its recordings from: a folder, or a data set by name."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pilotfish.demonstrations import Demonstration, read_folder, with_derivatives
+from pilotfish.errors import InvalidInput
+from pilotfish.store import datasets, synthetic_valve
+
+PREFIX = "dataset:"
+SYNTHETIC = "synthetic valve"  # the stand-in that needs no download
+
+
+def recordings(source: str) -> tuple[Demonstration, ...]:
+    """The demonstrations of a folder, or those of dataset:NAME.    Raises: SkillError."""
+    if source.startswith(PREFIX):
+        return dataset(source.removeprefix(PREFIX))
+    return read_folder(source)
+
+
+def dataset(name: str) -> tuple[Demonstration, ...]:
+    """A published recording, or the generated valve, by the name that `pilotfish data list` shows.
+
+    Raises: InvalidInput, when there is none; SkillError, when it cannot be downloaded.
+    """
+    if name == SYNTHETIC:
+        return synthetic_valve(np.random.default_rng(0))
+    datasets.info(name)  # refuses a name that is none
+    readers = {
+        "valve": datasets.valve,
+        "zshape": datasets.zshape,
+        "robotasks": datasets.robotasks,
+        "helloworld": datasets.helloworld,
+    }
+    first, *rest = name.split()
+    return readers[first](*rest)
+
+
+def chosen(demonstrations: Sequence[Demonstration], only: str) -> tuple[Demonstration, ...]:
+    """Those that only names, such as 0-3 or 0,2,5-7, in that order; all, when it names none.
+
+    Raises: InvalidInput, when it names one that is not there, or is no list of numbers.
+    """
+    if not only:
+        return tuple(demonstrations)
+    numbers = [n for piece in only.split(",") for n in _numbers(piece, only)]
+    if bad := [n for n in numbers if n >= len(demonstrations)]:
+        last = len(demonstrations) - 1
+        raise InvalidInput(f"--only {only} names demonstration {bad[0]}, there are 0 to {last}")
+    if twice := [n for n in numbers if numbers.count(n) > 1]:
+        raise InvalidInput(f"--only {only} names demonstration {twice[0]} more than once")
+    return tuple(demonstrations[n] for n in numbers)
+
+
+def with_speeds(demonstrations: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
+    """The demonstrations with the speed of every column, where the recording has none."""
+    return tuple(
+        demo if any(part.derivative for part in demo.layout.parts) else with_derivatives(demo)
+        for demo in demonstrations
+    )
+
+
+def _numbers(piece: str, only: str) -> range:
+    ends = [end.strip() for end in piece.split("-")]
+    if len(ends) > 2 or not all(end.isdecimal() and len(end) < 7 for end in ends):
+        raise InvalidInput(f"--only is {only!r}, expected numbers such as 0-3 or 0,2,5 (first is 0)")
+    first, last = int(ends[0]), int(ends[-1])
+    if last < first:
+        raise InvalidInput(f"--only is {only!r}: {piece.strip()} runs backwards; say {last}-{first}")
+    return range(first, last + 1)

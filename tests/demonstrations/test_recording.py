@@ -1,0 +1,134 @@
+"""The door through which every recording comes in."""
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import (
+    Frame,
+    MovingFrame,
+    continuous_quaternions,
+    demonstration,
+    frame,
+    pose_layout,
+    position_layout,
+    world_frame,
+)
+from pilotfish.errors import InvalidInput
+
+LINE = np.arange(8.0).reshape(4, 2)
+PLANE = position_layout(axes=2)
+
+
+def test_the_door_owns_what_it_lets_in(make):
+    """Changing the user's array afterwards changes nothing, and nobody can change the demonstration."""
+    x, A = LINE.copy(), np.eye(2)
+    demo = demonstration(x, 0.1, PLANE, [Frame("cup", A, np.zeros(2))])
+    x[:], A[:] = 7.0, 7.0
+    np.testing.assert_array_equal(demo.x, LINE)
+    np.testing.assert_array_equal(demo.frames[0].A, np.eye(2))
+    for array in (demo.x, demo.frames[0].A, demo.frames[0].b):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    "x", [LINE.tolist(), LINE.astype(int), LINE.astype(np.float32), np.asfortranarray(LINE)]
+)
+def test_numbers_of_any_kind_are_let_in(x: object):
+    """Lists, integers, single precision and any memory order give the same demonstration."""
+    demo = demonstration(x, 0.1, PLANE)
+    assert demo.x.dtype == np.float64
+    assert demo.x.flags.c_contiguous
+    np.testing.assert_array_equal(demo.x, LINE)
+
+
+NOT_ROWS = [
+    ([[0, 1], [2]], "different lengths"),
+    (np.array([[0, 1], None], dtype=object), "no real numbers"),
+    (np.zeros((0, 2)), r"shape \(0, 2\), expected \(T, 2\) with T of 2 or more"),
+    (np.zeros((1, 2)), r"shape \(1, 2\)"),
+    (np.zeros(4), r"shape \(4,\)"),
+    (np.zeros((2, 2, 2)), r"shape \(2, 2, 2\)"),
+    (np.zeros((4, 3)), "has 3 columns, but its layout has 2: position x, position y"),
+    (LINE.astype(complex), "complex128 values"),
+    (LINE.astype(str), "no real numbers"),
+    (LINE > 3, "bool values"),
+    (np.ma.masked_greater(LINE, 6), "masked entries"),
+    (None, "no real numbers"),
+    ("recording.csv", "no real numbers"),
+]
+
+
+@pytest.mark.parametrize(("x", "message"), NOT_ROWS, ids=range(len(NOT_ROWS)))
+def test_what_is_not_rows_of_numbers_is_refused(x: object, message: str):
+    """The message says what was found and what was expected."""
+    with pytest.raises(InvalidInput, match=f"demonstration 'reach'.*{message}"):
+        demonstration(x, 0.1, PLANE, name="reach")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_located(bad: float):
+    """Row, column and how many more are named."""
+    x = LINE.copy()
+    x[2, 1] = x[3, 0] = bad
+    with pytest.raises(InvalidInput, match=r"'reach': row 2 .*column 'position y' is .*and 1 more"):
+        demonstration(x, 0.1, PLANE, name="reach")
+
+
+@pytest.mark.parametrize("period", [0.0, -0.1, np.nan, np.inf])
+def test_time_must_go_forward(period: float):
+    """A period is a positive, finite time."""
+    with pytest.raises(InvalidInput, match=f"period is {period} s"):
+        demonstration(LINE, period, PLANE)
+
+
+def test_orientations_must_be_units(make):
+    """Beyond a thousandth the norm, the row and the fix are named; within, nothing is changed."""
+    x = make.x(pose_layout(), 6)
+    x[4, 3:] *= 1.0009
+    np.testing.assert_array_equal(demonstration(x, 0.1, pose_layout()).x, x)
+    x[4, 3:] *= 1.0009
+    with pytest.raises(InvalidInput, match=r"orientation: row 4 .*norm 1\.0018.*1 such rows.*normalise"):
+        demonstration(x, 0.1, pose_layout())
+    x[4, 3:] = 0.0
+    with pytest.raises(InvalidInput, match="norm 0, expected 1"):
+        demonstration(x, 0.1, pose_layout())
+
+
+def test_orientations_must_not_flip_and_the_named_fix_works(make):
+    """The row is named, and what the message proposes lets the recording in, derivatives included."""
+    layout = pose_layout().differentiated()
+    smooth = make.x(layout, 8)
+    flipped = smooth.copy()
+    flipped[3:6, 3:7] *= -1
+    flipped[3:6, 10:14] *= -1
+    with pytest.raises(
+        InvalidInput, match=r"flips sign at row 3 .*2 times.*continuous_quaternions\(x, layout\)"
+    ):
+        demonstration(flipped, 0.1, layout)
+    mended = demonstration(continuous_quaternions(flipped, layout), 0.1, layout)
+    np.testing.assert_array_equal(mended.x, smooth)
+
+
+def test_quaternions_of_another_width_have_no_signs_to_mend():
+    """The array must fit the layout here too."""
+    with pytest.raises(InvalidInput, match=r"shape \(4, 2\), expected \(T, 7\)"):
+        continuous_quaternions(LINE, pose_layout())
+
+
+BAD_SETS = [
+    ([world_frame(3)], "frame 'world' is 3 wide, expected 2"),
+    ([frame("cup", np.eye(2), [0, 0]), frame("cup", np.eye(2), [1, 0])], "two frames named 'cup'"),
+    (
+        [MovingFrame("belt", np.tile(np.eye(2), (3, 1, 1)), np.zeros((3, 2)))],
+        "'belt' has 3 steps, expected 4",
+    ),
+    ([Frame("flat", np.zeros((2, 2)), np.zeros(2))], "'flat': A is singular"),
+]
+
+
+@pytest.mark.parametrize(("frames", "message"), BAD_SETS, ids=range(len(BAD_SETS)))
+def test_frames_must_fit_the_recording(frames: list[Frame], message: str):
+    """Width, length, names and invertibility, each with the demonstration and the frame named."""
+    with pytest.raises(InvalidInput, match=f"demonstration 'reach'.*{message}"):
+        demonstration(LINE, 0.1, PLANE, frames, "reach")
