@@ -78,8 +78,9 @@ _HMMLEARN = (
     Entry("hmmlearn", "em_scaling", "hmmlearn, by scaling"),
 )
 _EM = (
-    "E-step and M-step of a hidden Markov model with full covariances in one frame. Every library begins from the same "
-    "parameters, adds nothing to covariances and does the same number of iterations; times are for one iteration."
+    "E-step and M-step of a hidden Markov model with full covariances in one frame. Every library begins "
+    "from the same parameters, adds nothing to covariances and does the same number of iterations; times "
+    "are for one."
 )
 
 CASES = (
@@ -105,7 +106,8 @@ CASES = (
         "em_frames",
         "task-parameterised EM iteration, 4 x 200 x 14 x 2 frames, K = 7",
         "frames",
-        "The same for a model seen from two frames at once, which no peer here has. Data: the valve; 1e-5 on variances.",
+        "The same for a model seen from two frames at once, which no peer here has. Data: the valve; 1e-5 "
+        "is added to variances.",
         "log-likelihood in the last iteration",
         (Entry("pilotfish", "em_frames", "pilotfish"),),
     ),
@@ -113,10 +115,11 @@ CASES = (
         "fit",
         "whole fit, 4 x 200 x 14 x 2 frames, K = 7",
         "frames",
-        "From demonstrations to a model, begun from equal times, until each library's own criterion is met or {iterations} "
-        "iterations are done. The models differ: pilotfish has a 14 x 14 covariance in each frame, and learns "
-        "transitions and durations where it says semi-Markov; the others fit one 28 x 28 covariance to both views side "
-        "by side, without order in time. gmr does not tell its iterations. Data: the valve.",
+        "From demonstrations to a model, begun from equal times, until each library's own criterion is met "
+        "or {iterations} iterations are done. The models differ: pilotfish has a 14 x 14 covariance in each "
+        "frame, and learns transitions and durations where it says semi-Markov; the others fit one 28 x 28 "
+        "covariance to both views side by side, without order in time; gmr adds nothing to variances, the "
+        "others 1e-5, and does not tell its iterations. Data: the valve.",
         "log-likelihood",
         (
             Entry("pilotfish", "fit_semi_markov", "pilotfish, semi-Markov"),
@@ -129,8 +132,8 @@ CASES = (
         "lqt",
         "finite-horizon tracking (LQT), 14 states x 200 steps",
         "tracking",
-        "Gains and feed-forwards along a step-wise reference through 7 targets of the valve, a double integrator of 7 "
-        "axes. pilotfish's time includes the checks of its door.",
+        "Gains and feed-forwards along a step-wise reference through 7 targets of the valve, for a double "
+        "integrator of 7 axes. pilotfish's time includes the checks of its door.",
         "norm of the control law",
         (Entry("pilotfish", "tracker", "pilotfish"), Entry("textbook", "tracker", "NumPy textbook")),
         agreement=1e-6,
@@ -139,8 +142,8 @@ CASES = (
         "lqr",
         "infinite-horizon gains, 14 states, 7 weights",
         "tracking",
-        "The regulator's gain for each of the same 7 weights: seven algebraic Riccati equations. pilotfish finds out "
-        "itself which of the 200 weights are equal; control is told.",
+        "The regulator's gain for each of the same 7 weights: seven algebraic Riccati equations. pilotfish "
+        "finds out itself which of the 200 weights are equal; control is told.",
         "norm of the control law",
         (Entry("pilotfish", "regulator", "pilotfish"), Entry("control", "regulator", "control")),
         agreement=1e-6,

@@ -16,7 +16,9 @@ class Machine:
 
 def machine() -> Machine:
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-    return Machine(_processor(), len(os.sched_getaffinity(0)), f"{platform.system()} {platform.machine()}", memory)
+    return Machine(
+        _processor(), len(os.sched_getaffinity(0)), f"{platform.system()} {platform.machine()}", memory
+    )
 
 
 def load() -> float:
@@ -31,6 +33,8 @@ def _processor() -> str:
         return platform.processor() or platform.machine()
     lines = (line.partition(":") for line in facts.read_text().splitlines())
     told = {name.strip(): value.strip() for name, _, value in lines}
-    numbers = ", ".join(f"{name} {told[name]}" for name in ("cpu family", "model", "stepping") if name in told)
+    numbers = ", ".join(
+        f"{name} {told[name]}" for name in ("cpu family", "model", "stepping") if name in told
+    )
     name = told.get("model name", platform.machine())
     return f"{name} ({numbers})" if numbers else name

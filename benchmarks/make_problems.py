@@ -1,4 +1,4 @@
-"""Writes every problem into the folder named on the command line, and says on stdout whether the valve is real.
+"""Writes every problem into the folder named on the command line, and says whether the valve is real.
 
 `python make_problems.py FOLDER ITERATIONS_SMALL ITERATIONS_LARGE`, in an environment with pilotfish.
 """
@@ -87,7 +87,7 @@ def valve_in_frames(x: Floats, A: Floats, b: Floats, iterations: int) -> Framed:
 
 
 def drawn_from_a_chain(rng: np.random.Generator, iterations: int) -> Sequences:
-    """50 sequences of 500 steps in 14 dimensions, from 10 overlapping Gaussians that last 50 steps on average."""
+    """50 sequences of 500 steps in 14 dimensions, from 10 overlapping Gaussians that last 50 steps each."""
     M, T, D, K = 50, 500, 14, 10
     transitions, means = sticky(K, 0.98), rng.normal(size=(K, D))
     factors = rng.normal(size=(K, D, D)) / np.sqrt(D) + 0.3 * np.eye(D)

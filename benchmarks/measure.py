@@ -4,8 +4,9 @@ import math
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from statistics import median, quantiles
+from statistics import quantiles
 from typing import Any
 
 from cases import LIBRARIES, Case, Entry
@@ -40,13 +41,14 @@ class Spread:
 
 
 def spread(samples: Sequence[float]) -> Spread:
-    lower, _, upper = quantiles(samples, n=4, method="inclusive") if len(samples) > 1 else samples * 3
-    return Spread(median(samples), min(samples), lower, upper, tuple(samples))
+    twice = [*samples, *samples] if len(samples) == 1 else samples
+    lower, middle, upper = quantiles(twice, n=4, method="inclusive")
+    return Spread(middle, min(samples), lower, upper, tuple(samples))
 
 
 @dataclass(frozen=True, slots=True)
 class First:
-    """The first call in a process that does nothing else [s a unit], and the most memory that process held."""
+    """The first call in a process that does nothing else [s a unit], and the most memory it held."""
 
     cpu: float
     wall: float
@@ -90,14 +92,18 @@ class Floor:
 def measure(case: Case, floor: Floor, problems: Path, effort: Effort, say: Say) -> list[Result]:
     """Every entry's first call in a fresh process, then rounds in which each has its turn: A B C A B C ..."""
     folder = problems / case.problem
-    turns = [_Turns(entry, f"{case.name}/{entry.label}") for entry in case.entries if entry.library in floor.pythons]
+    turns = [
+        _Turns(entry, f"{case.name}/{entry.label}")
+        for entry in case.entries
+        if entry.library in floor.pythons
+    ]
     for turn in turns:
         say(f"{case.name}: {turn.entry.label}, first call")
-        _attempt(turn, lambda turn=turn: _begin(turn, floor, folder, effort))
+        _attempt(turn, partial(_begin, turn, floor, folder, effort))
     for number in range(effort.rounds):
         say(f"{case.name}: round {number + 1} of {effort.rounds}")
         for turn in turns:
-            _attempt(turn, lambda turn=turn: _take(turn, floor))
+            _attempt(turn, partial(_take, turn, floor))
     return [_result(turn) for turn in turns]
 
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-PEERS = Path(__file__).parent / "peers.txt"
+LISTED = Path(__file__).parent / "peers.txt"
 FOLDER = Path(__file__).parents[1] / "build" / "peers-venv"
 
 Run = Callable[[Sequence[str]], str]  # runs a command; says why it failed, nothing when it did not
@@ -19,7 +19,7 @@ def execute(command: Sequence[str]) -> str:
 
 
 def peer_environment(folder: Path, listed: Path, run: Run) -> tuple[Path, dict[str, str]]:
-    """The python of the peers, made when it is missing or another list was installed, and why a peer is not there.
+    """The peers' python, made when it is missing or another list was installed, and why a peer is not there.
 
     A peer that cannot be installed does not keep the others out: after all at once, each is tried alone.
     """

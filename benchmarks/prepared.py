@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A number by which libraries can be compared, and how many units of work (EM iterations, say) it took."""
+    """A number by which libraries are compared, and how many units of work (EM iterations, say) it took."""
 
     value: float
     units: int = 1

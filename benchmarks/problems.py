@@ -60,7 +60,7 @@ class Framed(Filed):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracking(Filed):
-    """A step-wise reference for a linear system x' = A x + B u. begins[i] is the first step of the i-th target."""
+    """A step-wise reference for the system x' = A x + B u; begins[i] is the first step of target i."""
 
     A: Floats  # (n, n)
     B: Floats  # (n, m)

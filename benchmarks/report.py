@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from statistics import median
 from typing import Any
 
 from cases import LIBRARIES, OURS, TARGETS, Case, Ceiling, Lead
@@ -34,7 +35,7 @@ class Verdict:
     verdict: str  # pass, miss, or why it cannot be told
 
 
-# ---------------------------------------------------------------------------------------------------- judging
+# -------------------------------------------------------------------------------- judging
 
 
 def disagreement(results: Sequence[Result]) -> float:
@@ -54,6 +55,11 @@ def ours(results: Sequence[Result]) -> Result | None:
     return next((r for r in results if r.entry.library == OURS and r.cpu), None)
 
 
+def ratio(theirs: Spread, own: Spread) -> float:
+    """How many times as long theirs took: the median over rounds, so that slow minutes cancel."""
+    return median(a / b for a, b in zip(theirs.samples, own.samples, strict=True))
+
+
 def judge(target: Ceiling | Lead, cases: Sequence[tuple[Case, list[Result]]]) -> Verdict:
     case, results = next(((c, r) for c, r in cases if c.name == target.case), (None, []))
     own = ours(results)
@@ -65,10 +71,10 @@ def judge(target: Ceiling | Lead, cases: Sequence[tuple[Case, list[Result]]]) ->
     if isinstance(target, Ceiling):
         measured, kept = f"{milliseconds(own.cpu.median)} ms", own.cpu.median <= target.milliseconds * 1e-3
     else:
-        others = [r.cpu.median for r in results if r.entry.library == target.over and r.cpu]
+        others = [ratio(r.cpu, own.cpu) for r in results if r.entry.library == target.over and r.cpu]
         if not others:
             return Verdict(promise, "", "not measured")
-        lead = min(others) / own.cpu.median
+        lead = min(others)
         measured, kept = f"{lead:.1f} x", lead >= target.times
     return Verdict(promise, measured, "pass" if kept else "miss")
 
@@ -84,20 +90,24 @@ def verdicts(report: Report) -> list[Verdict]:
     return [judge(target, report.cases) for target in TARGETS]
 
 
-# ---------------------------------------------------------------------------------------------------- Markdown
+# -------------------------------------------------------------------------------- Markdown
 
 
 def markdown(report: Report) -> str:
-    return "\n".join([*_head(report), *_promises(report), *_times(report), *_notes(report), *_foot(report)]) + "\n"
+    return (
+        "\n".join([*_head(report), *_promises(report), *_times(report), *_notes(report), *_foot(report)])
+        + "\n"
+    )
 
 
 def _head(report: Report) -> Iterator[str]:
     yield "# Benchmarks"
     yield ""
     yield (
-        f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in a process of its own "
-        f"with one thread, taking turns (A B C A B C ...) for {report.effort.rounds} rounds. Times are CPU "
-        "milliseconds; a ratio says how many times pilotfish's median a library takes."
+        f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in a process "
+        f"of its own with one thread, taking turns (A B C A B C ...) for {report.effort.rounds} rounds. Times "
+        "are CPU milliseconds; a ratio says how many times the time of pilotfish's first row a library takes, "
+        "the median over rounds."
     )
     if report.quick:
         yield ""
@@ -105,7 +115,8 @@ def _head(report: Report) -> Iterator[str]:
     if report.valve == "synthetic" and any(case.problem != "large" for case, _ in report.cases):
         yield ""
         yield (
-            "**The valve data here is synthetic**, of the recording's size: `PILOTFISH_DATA` named no folder of recordings."
+            "**The valve data here is synthetic**, of the recording's size: `PILOTFISH_DATA` named no "
+            "folder of recordings."
         )
 
 
@@ -117,13 +128,24 @@ def _promises(report: Report) -> Iterator[str]:
 
 def _times(report: Report) -> Iterator[str]:
     yield from ("", "## Times", "")
-    titles = ("case", "library", "CPU ms", "min", "quartiles", "wall ms", "first call", "peak MB", "ratio", "answer")
+    titles = (
+        "case",
+        "library",
+        "CPU ms",
+        "min",
+        "quartiles",
+        "wall ms",
+        "first call",
+        "peak MB",
+        "ratio",
+        "answer",
+    )
     rows = [row for case, results in report.cases for row in _rows(case, results)]
     yield from table(titles, rows, "llrrrrrrrl")
     yield ""
     yield (
-        "CPU, its minimum, its quartiles and wall: of calls in a long-lived process. First call (CPU) and peak memory "
-        "(resident): of a fresh process that does nothing else."
+        "CPU, its minimum, its quartiles and wall: of calls in a long-lived process. First call (CPU) and "
+        "peak memory (resident): of a fresh process that does nothing else."
     )
     for failed in (r for _, results in report.cases for r in results if r.failure):
         yield from ("", f"{failed.entry.label} gave no figures: {failed.failure}")
@@ -136,19 +158,20 @@ def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
         if not (result.cpu and result.wall and result.first):
             yield (name, result.entry.label, *[""] * 7, "failed")
             continue
-        ratio = f"{result.cpu.median / own.cpu.median:.2f}" if own and own.cpu else ""
+        times_ours = f"{ratio(result.cpu, own.cpu):.2f}" if own and own.cpu else ""
         quartiles = f"{milliseconds(result.cpu.lower)} - {milliseconds(result.cpu.upper)}"
         times = (milliseconds(result.cpu.median), milliseconds(result.cpu.minimum), quartiles)
         others = (milliseconds(result.wall.median), milliseconds(result.first.cpu))
         told = f"{result.answer:.10g}" + (f" ({result.remark})" if result.remark else "")
-        yield (name, result.entry.label, *times, *others, f"{result.first.peak_mb:.0f}", ratio, told)
+        yield (name, result.entry.label, *times, *others, f"{result.first.peak_mb:.0f}", times_ours, told)
 
 
 def _notes(report: Report) -> Iterator[str]:
     yield from ("", "## Cases", "")
     for case, results in report.cases:
         explanation = case.explanation.replace("{iterations}", str(report.effort.iterations[0]))
-        yield f"- `{case.name}`: {case.title}. {explanation} Answer: {case.answer}{_agreement(case, results)}."
+        told = f"Answer: {case.answer}{_agreement(case, results)}."
+        yield f"- `{case.name}`: {case.title}. {explanation} {told}"
 
 
 def _agreement(case: Case, results: Sequence[Result]) -> str:
@@ -166,7 +189,9 @@ def _foot(report: Report) -> Iterator[str]:
     rows = []
     for name, said in report.introductions.items():
         taken = report.imports.get(name)
-        seconds = f"{taken.median:.3f} ({taken.minimum:.3f})" if taken and not math.isnan(taken.median) else ""
+        seconds = (
+            f"{taken.median:.3f} ({taken.minimum:.3f})" if taken and not math.isnan(taken.median) else ""
+        )
         library = LIBRARIES[name]
         about = library.does + (f"; {said['remark']}" if said["remark"] else "")
         rows.append((library.name, said["version"], f"`import {library.module}`", seconds, about))
@@ -176,9 +201,10 @@ def _foot(report: Report) -> Iterator[str]:
     machine, said = report.machine, next(iter(report.introductions.values()), {"python": "?", "numpy": "?"})
     yield ""
     yield (
-        f"Imports: wall seconds in a fresh process, {report.effort.import_rounds} of each, by turns. Machine: "
-        f"{machine.processor}, {machine.cores} cores, {machine.memory_gb:.0f} GB, {machine.system}; Python "
-        f"{said['python']}, NumPy {said['numpy']}; load {report.loads[0]:.1f} before and {report.loads[1]:.1f} after."
+        f"Imports: wall seconds in a fresh process, {report.effort.import_rounds} of each, by turns. "
+        f"Machine: {machine.processor}, {machine.cores} cores, {machine.memory_gb:.0f} GB, {machine.system}; "
+        f"Python {said['python']}, NumPy {said['numpy']}; "
+        f"load {report.loads[0]:.1f} before and {report.loads[1]:.1f} after."
     )
 
 
@@ -196,7 +222,7 @@ def table(titles: Sequence[str], rows: Sequence[Sequence[str]], sides: str) -> I
     yield from (f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows)
 
 
-# ---------------------------------------------------------------------------------------------------- JSON
+# -------------------------------------------------------------------------------- JSON
 
 
 def as_json(report: Report) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """Time pilotfish beside its peers, on the same data, in one run in which they take turns.
 
-`python benchmarks/run.py` installs the peers of peers.txt into build/peers-venv when they are missing, measures, prints the
-tables and writes them to docs/benchmarks.md. Progress is told on stderr. A run of a part (--quick, --only, --cases)
-writes no file unless --out names one.
+`python benchmarks/run.py` installs the peers of peers.txt into build/peers-venv when they are missing,
+measures, prints the tables and writes them to docs/benchmarks.md. Progress is told on stderr. A run of a part
+(--quick, --only, --cases) writes no file unless --out names one.
 """
 
 import argparse
@@ -18,9 +18,7 @@ from pathlib import Path
 from cases import CASES, LIBRARIES, OURS, PEERS, Case
 from machine import load, machine
 from measure import FULL, QUICK, Effort, Floor, measure, measure_imports
-from peer_environment import FOLDER
-from peer_environment import PEERS as LISTED
-from peer_environment import execute, peer_environment
+from peer_environment import FOLDER, LISTED, execute, peer_environment
 from report import Report, as_json, markdown
 from workers import Worker, WorkerError, surroundings
 
@@ -42,12 +40,18 @@ def main() -> None:
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="few repetitions: does everything work?")
     parser.add_argument("--rounds", type=int, help=f"turns that each library has (default {FULL.rounds})")
     parser.add_argument("--only", nargs="+", choices=LIBRARIES, help="these libraries (default: all)")
-    parser.add_argument("--cases", nargs="+", choices=[case.name for case in CASES], help="these cases (default: all)")
-    parser.add_argument("--out", type=Path, help="file for the tables (default docs/benchmarks.md, for a whole run)")
+    parser.add_argument(
+        "--cases", nargs="+", choices=[case.name for case in CASES], help="these cases (default: all)"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="file for the tables (default docs/benchmarks.md, for a whole run)"
+    )
     parser.add_argument("--json", type=Path, help="file for all figures, samples too")
     return parser.parse_args()
 
@@ -85,11 +89,23 @@ def benchmark(asked: argparse.Namespace) -> Report:
         }
         introductions = introduce(workers, missing)
         floor = Floor(pythons, workers, missing)
-        taken = [(case, measure(case, floor, problems, effort, say)) for case in cases if shared(case, pythons)]
+        taken = [
+            (case, measure(case, floor, problems, effort, say)) for case in cases if shared(case, pythons)
+        ]
         imports = measure_imports(floor, effort, say)
     now = datetime.now(UTC).strftime("%Y-%m-%d")
     return Report(
-        command_of(asked), now, asked.quick, effort, machine(), (before, load()), valve, introductions, missing, taken, imports
+        command_of(asked),
+        now,
+        asked.quick,
+        effort,
+        machine(),
+        (before, load()),
+        valve,
+        introductions,
+        missing,
+        taken,
+        imports,
     )
 
 

@@ -53,7 +53,8 @@ class Worker:
 
         Raises: WorkerError, when the library failed, ended or did not answer in time.
         """
-        assert self._process.stdin and self._process.stdout
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
         try:
             self._process.stdin.write(json.dumps({"do": do, "library": self._library, **details}) + "\n")
             self._process.stdin.flush()

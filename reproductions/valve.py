@@ -2,11 +2,11 @@
 
     python reproductions/valve.py --json valve.json --out valve/
 
-Protocol of the published figures: the first four demonstrations train, the last four test; K = 7 states, time
-bins to begin with, regularisation 1e-5, Q = (Sigma + 2e-3 I)^-1, R = 9 I, period 0.1 s, 200 steps. The error
-is the mean over demonstrations of the mean squared difference of the 7 pose coordinates (metres and quaternion
-components alike, as the thesis has it), for a reproduction that starts at the first state's mean; beside it
-the same started at the demonstration's own first point.
+Protocol of the published figures: the first four demonstrations train, the last four test; K = 7 states,
+beginning with time bins, regularisation 1e-5, Q = (Sigma + 2e-3 I)^-1, R = 9 I, period 0.1 s, 200 steps.
+The error is the mean over demonstrations of the mean squared difference of the 7 pose coordinates (metres and
+quaternion components alike, as the thesis has it), for a reproduction that starts at the first state's mean;
+beside it the same started at the demonstration's own first point.
 
 Source: Tanwani 2018, sections 3.4 and 4.3.1.
 """
@@ -127,9 +127,7 @@ def correlation(skill: pf.Skill) -> list[float]:
 
 def print_table(rows: Sequence[dict[str, object]]) -> None:
     print("table 4.1, valve opening: mean squared error (thesis in brackets)")
-    print(
-        "alpha             train             test  from own start: train  test  parameters         CPU seconds"
-    )
+    print("alpha             train             test    own start: train  test   parameters     CPU seconds")
     for row in rows:
         train, test, parameters, seconds = THESIS[float(str(row["alpha"]))]
         cells = (

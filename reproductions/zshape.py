@@ -20,7 +20,7 @@ from pilotfish.gaussians import Mixture, SemiTiedCovariances, component_correlat
 from pilotfish.models import MarkovChain, SemiMarkovChain, Weights, most_probable_states, sample_states
 
 NOT_REPRODUCED = (
-    "figure 3.3 needs frames, the recording has none: we put one at each demonstration's first and last point",
+    "figure 3.3 needs frames, the recording has none: those at each demonstration's ends are ours",
     "figure 3.2 names no data: it is drawn for these movements",
     "the thesis names neither regularisation nor effort for these figures: 1e-5 and R = 1e-2 I are ours",
 )

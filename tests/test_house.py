@@ -105,7 +105,7 @@ def test_shapes_in_annotations_are_checked():
 
 
 def test_kernels_are_compiled_where_they_can_be():
-    """With a compiler and Python's headers at hand, an install that fell back on the twins has hidden a failure."""
+    """With a compiler and Python's headers at hand, an install on the twins has hidden a failure."""
     headers = Path(sysconfig.get_path("include"), "Python.h")
     if not headers.exists() or not any(map(shutil.which, ("c++", "g++", "clang++"))):
         pytest.skip("no C++ compiler or no Python.h: the NumPy twins run")

@@ -1,4 +1,4 @@
-"""python-control: discrete regulators of an infinite horizon, one for each target. It has no finite-horizon tracker."""
+"""python-control: a regulator of infinite horizon for each target. It has no finite-horizon tracker."""
 
 from pathlib import Path
 

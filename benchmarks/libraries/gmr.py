@@ -17,7 +17,11 @@ def fit_mixture(folder: Path) -> Prepared:
     problem = Framed.load(folder)
 
     def run() -> GMM:
-        start = problem.weights.copy(), problem.means.copy(), problem.covariances.copy()  # it writes into them
+        start = (
+            problem.weights.copy(),
+            problem.means.copy(),
+            problem.covariances.copy(),
+        )  # it writes into them
         return GMM(problem.states, *start).from_samples(problem.joint, n_iter=problem.iterations)
 
     return Prepared(run, lambda mixture: Answer(log_likelihood(mixture, problem.joint)))

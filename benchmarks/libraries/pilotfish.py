@@ -33,7 +33,7 @@ REGULARISATION = 1e-5
 
 
 def remark() -> str:
-    return f"kernels: {getattr(kernels, 'ACTIVE', 'NumPy twins')}"
+    return f"kernels: {kernels.ACTIVE}"
 
 
 def em_steps(model: HiddenModel, data: Views, iterations: int, regularisation: float) -> Statistics:

@@ -13,7 +13,7 @@ def remark() -> str:
 
 
 def lqt(A: Floats, B: Floats, Q: Floats, z: Floats, R: Floats) -> tuple[Floats, Floats]:
-    """u[t] = k[t] - K[t] x[t] minimises  sum (x - z)^T Q (x - z) + sum u^T R u,  by dynamic programming backwards."""
+    """u[t] = k[t] - K[t] x[t] makes  sum (x - z)^T Q (x - z) + sum u^T R u  least: dynamic programming."""
     T, (n, m) = len(z), B.shape
     K, k = np.empty((T - 1, m, n)), np.empty((T - 1, m))
     P, s = Q[-1], Q[-1] @ z[-1]

@@ -64,7 +64,8 @@ def viterbi(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> Viterbi:
     log_initial, log_transitions = _packed(log_or_never(initial)), _packed(log_or_never(transitions))
-    return Viterbi(*_native.viterbi(_packed(log_emissions), log_initial, log_transitions))
+    states, log_probability = _native.viterbi(_packed(log_emissions), log_initial, log_transitions)
+    return Viterbi(states.view(np.int64), log_probability)  # the same bits, by the name that NumPy knows them
 
 
 def riccati(

@@ -46,7 +46,8 @@ def share(N: Float[Array, " K"], variances: Float[Array, " K"], d: int) -> Float
     """Precision that every state gives to row d."""
     if not (variances > 0.0).all():
         raise flat_row(d)
-    return N / variances
+    precisions: Float[Array, " K"] = N / variances
+    return precisions
 
 
 def solve(G: Float[Array, "D D"], right: Float[Array, " D"], d: int) -> Float[Array, " D"]:

@@ -1,0 +1,206 @@
+"""pilotfish learn: from recordings to a skill in a file."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from pilotfish import models
+from pilotfish.demonstrations import Demonstration, Severity, check
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical, Structure
+from pilotfish.models import EMSettings, Fit, KMeans, Start, TimeBins, covariance_parameters
+from pilotfish.station.answers import Answer, a_person_watches, answering, plain_table, remark, require_new
+from pilotfish.station.descriptions import skill_facts, states_table
+from pilotfish.station.sources import chosen, recordings, with_speeds
+from pilotfish.store import content_hash, save_skill
+
+LEARNERS = {
+    "semi-markov": models.learn,
+    "markov": models.learn_markov,
+    "mixture": models.learn_mixture,
+}
+STRUCTURES = ("full", "diagonal", "spherical", "semi-tied")
+STARTS = ("time-bins", "k-means")
+JITTER = 0.5  # share of a bin, when several beginnings are tried
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """What the options say."""
+
+    folder: str
+    out: Path
+    states: int
+    structure: str
+    tying: float | None
+    dynamics: str
+    start: str
+    regularisation: float
+    iterations: int
+    restarts: int
+    seed: int
+    only: str
+    speeds: bool
+    force: bool
+
+
+@click.command()
+@click.argument("folder")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="The skill file to write.")
+@click.option("--states", type=click.IntRange(min=1), default=7, show_default=True, help="How many states.")
+@click.option(
+    "--structure",
+    type=click.Choice(STRUCTURES),
+    default="full",
+    show_default=True,
+    help="What covariances may look like; semi-tied states share their directions.",
+)
+@click.option("--tying", type=float, help="How far semi-tied goes, from 0 to 1.  [default: 1]")
+@click.option(
+    "--dynamics",
+    type=click.Choice(tuple(LEARNERS)),
+    default="semi-markov",
+    show_default=True,
+    help="How states follow one another; replay needs an order in time, which a mixture has not.",
+)
+@click.option(
+    "--start",
+    type=click.Choice(STARTS),
+    default="time-bins",
+    show_default=True,
+    help="The first guess: demonstrations cut into equal times, or clusters of points.",
+)
+@click.option(
+    "--regularisation",
+    type=float,
+    default=1e-5,
+    show_default=True,
+    help="Added to every variance [unit squared].",
+)
+@click.option(
+    "--iterations",
+    type=click.IntRange(min=1),
+    default=200,
+    show_default=True,
+    help="At most so many iterations from each beginning.",
+)
+@click.option(
+    "--restarts",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Beginnings to try; the most likely result wins. Above 1, time bins are cut at random.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all chance.")
+@click.option("--only", default="", help="Which demonstrations, such as 0-3 or 0,2.  [default: all]")
+@click.option(
+    "--speeds/--no-speeds",
+    default=True,
+    show_default=True,
+    help="Add the speed of every column where the recording has none; replay needs it.",
+)
+@click.option("--force", is_flag=True, help="Replace the skill file if it is there already.")
+@answering
+def learn(**options: Any) -> Answer:
+    """Learn a skill from the recordings in FOLDER and write it to a file.
+
+    FOLDER may also be dataset:NAME; `pilotfish data list` shows the names.
+
+    \b
+    Example:
+      pilotfish learn dataset:valve --only 0-3 --structure semi-tied --out valve.skill
+    """
+    asked = Choices(**options)
+    require_new(asked.out, force=asked.force)
+    structure = _structure(asked)
+    demonstrations = chosen(recordings(asked.folder), asked.only)
+    if asked.speeds:
+        demonstrations = with_speeds(demonstrations)
+    _warn(demonstrations)
+    fit = _fit(demonstrations, asked, structure)
+    save_skill(fit.skill, asked.out)
+    return _answer(fit, structure, asked)
+
+
+def _structure(asked: Choices) -> Structure:
+    if asked.structure == "semi-tied":
+        return SemiTied() if asked.tying is None else SemiTied(tying=asked.tying)
+    if asked.tying is not None:
+        raise InvalidInput(f"--tying {asked.tying:g} goes with --structure semi-tied, not {asked.structure}")
+    plain: dict[str, Structure] = {"full": Full(), "diagonal": Diagonal(), "spherical": Spherical()}
+    return plain[asked.structure]
+
+
+def _fit(demonstrations: Sequence[Demonstration], asked: Choices, structure: Structure) -> Fit:
+    start: Start = KMeans() if asked.start == "k-means" else TimeBins(JITTER if asked.restarts > 1 else 0.0)
+    settings = EMSettings(
+        regularisation=asked.regularisation, max_iterations=asked.iterations, restarts=asked.restarts
+    )
+    with _progress(settings) as watched:
+        return LEARNERS[asked.dynamics](
+            demonstrations,
+            states=asked.states,
+            rng=np.random.default_rng(asked.seed),
+            structure=structure,
+            start=start,
+            settings=watched,
+        )
+
+
+@contextmanager
+def _progress(settings: EMSettings) -> Iterator[EMSettings]:
+    """The same settings; a bar on stderr follows the iterations when a person watches."""
+    if not a_person_watches():
+        yield settings
+        return
+    with click.progressbar(
+        length=settings.max_iterations * settings.restarts,
+        label="learning",
+        file=sys.stderr,
+        show_eta=False,
+        show_percent=False,
+        show_pos=True,
+        item_show_func=lambda shown: str(shown or ""),
+    ) as bar:
+        yield replace(settings, watch=lambda _, gain: bar.update(1, f"log-likelihood {gain:.6g}"))
+
+
+def _warn(demonstrations: Sequence[Demonstration]) -> None:
+    for finding in check(demonstrations):
+        if finding.severity is not Severity.NOTE:
+            remark(f"{finding.severity.value}: {finding.place} {finding.message}")
+
+
+def _answer(fit: Fit, structure: Structure, asked: Choices) -> Answer:
+    skill, outcome = fit.skill, fit.outcome
+    parameters = covariance_parameters(structure, skill.states, skill.width, len(skill.frame_names))
+    name = content_hash(skill)
+    facts = {
+        "file": str(asked.out),
+        "content": name,
+        **skill_facts(skill),
+        "reason": outcome.reason,
+        "dropped": list(outcome.dropped),
+        "covariance_parameters": parameters,
+    }
+    ended = "converged" if outcome.converged else "not converged"
+    rows = [
+        (
+            "demonstrations",
+            f"{len(skill.provenance.demonstrations)}, {skill.provenance.datapoints} datapoints",
+        ),
+        ("columns", f"{skill.width} every {skill.period:g} s: {', '.join(skill.layout.names)}"),
+        ("log-likelihood", f"{skill.provenance.log_likelihood:.6g} after {outcome.iterations} iterations"),
+        (ended, outcome.reason),
+        ("dropped", ", ".join(outcome.dropped) or "no state"),
+        ("covariances", f"{structure.label}, {parameters} parameters"),
+        ("file", str(asked.out)),
+        ("content", name),
+    ]
+    return Answer(f"{states_table(skill)}\n\n{plain_table(rows)}", facts)

@@ -1,0 +1,68 @@
+"""pilotfish show: what a skill file holds."""
+
+from pathlib import Path
+
+import click
+
+from pilotfish.errors import InvalidInput
+from pilotfish.models import Skill
+from pilotfish.station.answers import Answer, answering, plain_table, require_new
+from pilotfish.station.descriptions import skill_facts, states_table
+from pilotfish.station.pictures import require_matplotlib, save_picture, skill_pictures
+from pilotfish.store import content_hash, open_skill
+
+
+@click.command()
+@click.argument("skill", type=click.Path(path_type=Path))
+@click.option("--pictures", type=click.Path(path_type=Path), help="A folder to draw the skill in.")
+@click.option("--force", is_flag=True, help="Replace pictures that are there already.")
+@answering
+def show(skill: Path, pictures: Path | None, force: bool) -> Answer:
+    """Show what the file SKILL holds: states, durations, frames, columns, where it comes from.
+
+    \b
+    Example:
+      pilotfish show valve.skill --pictures valve-pictures
+    """
+    if pictures:
+        require_matplotlib()
+    opened = open_skill(skill)
+    name = content_hash(opened)
+    facts = {"file": str(skill), "content": name, **skill_facts(opened)}
+    text = f"{states_table(opened)}\n\n{plain_table(_rows(opened, name))}"
+    if pictures:
+        files, left_out = _draw(opened, pictures, force)
+        facts |= {"pictures": files, "not_drawn": left_out}
+        text += "\n\n" + "\n".join([*files, *(f"not drawn: {n}: {why}" for n, why in left_out.items())])
+    return Answer(text, facts)
+
+
+def _rows(skill: Skill, name: str) -> list[tuple[str, str]]:
+    provenance = skill.provenance
+    ended = "converged" if provenance.converged else "not converged"
+    columns = zip(skill.layout.names, skill.layout.units, strict=True)
+    rows = [
+        ("columns", ", ".join(f"{column} [{unit}]" for column, unit in columns)),
+        ("period", f"{skill.period:g} s"),
+        ("demonstrations", ", ".join(provenance.demonstrations)),
+        ("datapoints", f"{provenance.datapoints}, sha256 {provenance.data}"),
+        ("covariances", f"{provenance.structure}, regularisation {provenance.regularisation:g}"),
+        ("log-likelihood", f"{provenance.log_likelihood:.6g}, {provenance.iterations} iterations, {ended}"),
+        ("learned with", provenance.library),
+        ("note", provenance.note),
+        ("content", name),
+    ]
+    return [row for row in rows if row[1]]
+
+
+def _draw(skill: Skill, folder: Path, force: bool) -> tuple[list[str], dict[str, str]]:
+    figures, left_out = skill_pictures(skill)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(f"{folder} cannot be made: {error.strerror}; choose another folder") from error
+    files = {folder / f"{name}.png": figure for name, figure in figures.items()}
+    require_new(*files, force=force)
+    for path, figure in files.items():
+        save_picture(figure, path)
+    return [str(path) for path in files], left_out

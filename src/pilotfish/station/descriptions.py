@@ -1,0 +1,131 @@
+"""A skill in words and numbers: its states, what follows what, and which frame is precise where."""
+
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from pilotfish.demonstrations import Layout, Quantity
+from pilotfish.models import MarkovChain, SemiMarkovChain, Skill, Weights
+from pilotfish.station.answers import table
+from pilotfish.types import Array, Float
+
+LEAST = 0.005  # transitions less probable are not shown
+
+
+def skill_facts(skill: Skill) -> dict[str, Any]:
+    """Everything about a skill but its means and covariances, for programs."""
+    provenance = skill.provenance
+    return {
+        "states": [_state_facts(skill, k) for k in range(skill.states)],
+        "frames": list(skill.frame_names),
+        "columns": [
+            {"name": name, "unit": unit}
+            for name, unit in zip(skill.layout.names, skill.layout.units, strict=True)
+        ],
+        "period": skill.period,
+        "dynamics": _dynamics_name(skill),
+        "structure": provenance.structure,
+        "demonstrations": list(provenance.demonstrations),
+        "datapoints": provenance.datapoints,
+        "data": provenance.data,
+        "regularisation": provenance.regularisation,
+        "log_likelihood": None if isnan(provenance.log_likelihood) else provenance.log_likelihood,
+        "iterations": provenance.iterations,
+        "converged": provenance.converged,
+        "library": provenance.library,
+        "note": provenance.note,
+    }
+
+
+def states_table(skill: Skill) -> str:
+    """A line for each state: how long, what next, and how far it spreads as each frame sees it."""
+    unit = _spread_unit(skill.layout)
+    timing = {"mixture": "share", "markov": "lasts [s]", "semi-markov": "lasts [s]"}[_dynamics_name(skill)]
+    spreads = [f"{name} [{unit}]" for name in skill.frame_names]
+    rows = [
+        [str(k), _timing(skill, k), _next(skill, k), *_marked(row)] for k, row in enumerate(_spreads(skill))
+    ]
+    lines = [table(("state", timing, "next", *spreads), rows)]
+    if len(spreads) > 1:
+        lines.append("* the frame in which the state is most precise (geometric mean of its deviations)")
+    return "\n".join(lines)
+
+
+def _state_facts(skill: Skill, k: int) -> dict[str, Any]:
+    facts: dict[str, Any] = {"state": k}
+    match skill.dynamics:
+        case Weights(weights):
+            facts["share"] = float(weights[k])
+        case MarkovChain(initial, transitions) | SemiMarkovChain(initial, transitions, _):
+            facts["initial"] = float(initial[k])
+            facts["next"] = {str(j): float(p) for j, p in enumerate(transitions[k]) if p > 0.0}
+    if isinstance(skill.dynamics, SemiMarkovChain):
+        durations = skill.dynamics.durations
+        mean, deviation = skill.period * durations.means[k], skill.period * durations.deviations[k]
+        facts["duration"] = {"mean": float(mean), "deviation": float(deviation)}
+    spreads = _spreads(skill)[k]
+    facts["spread"] = dict(zip(skill.frame_names, map(float, spreads), strict=True))
+    facts["precise_frame"] = skill.frame_names[int(spreads.argmin())]
+    return facts
+
+
+def _dynamics_name(skill: Skill) -> str:
+    match skill.dynamics:
+        case Weights():
+            return "mixture"
+        case MarkovChain():
+            return "markov"
+        case SemiMarkovChain():
+            return "semi-markov"
+
+
+def _timing(skill: Skill, k: int) -> str:
+    match skill.dynamics:
+        case Weights(weights):
+            return f"{weights[k]:.3f}"
+        case MarkovChain(_, transitions):
+            leaving = 1.0 - transitions[k, k]
+            return f"{skill.period / leaving:.2f}" if leaving > 0.0 else "to the end"
+        case SemiMarkovChain(_, _, durations):
+            mean, deviation = skill.period * durations.means[k], skill.period * durations.deviations[k]
+            return f"{mean:.2f} ± {deviation:.2f}"
+
+
+def _next(skill: Skill, k: int) -> str:
+    if isinstance(skill.dynamics, Weights):
+        return "any"
+    onward = skill.dynamics.transitions[k].copy()
+    onward[k] = 0.0
+    if not onward.any():
+        return "final"
+    onward /= onward.sum()
+    likely = [j for j in np.argsort(-onward) if onward[j] >= LEAST]
+    return ", ".join(str(j) if onward[j] > 1.0 - LEAST else f"{j} ({onward[j]:.2f})" for j in likely)
+
+
+def _marked(spreads: Float[Array, " P"]) -> list[str]:
+    best = int(spreads.argmin()) if len(spreads) > 1 else -1
+    return [f"{spread:.4f}{' *' if p == best else ''}" for p, spread in enumerate(spreads)]
+
+
+def _spreads(skill: Skill) -> Float[Array, "K P"]:
+    """Geometric mean of the deviations of each state along the axes of its ellipsoid, as each frame sees it.
+
+    Of the positions when there are some; a rotation of the frame does not change it.
+    """
+    columns = _spread_columns(skill.layout)
+    dense = np.stack([c.dense for c in skill.covariances])[:, :, columns][..., columns]  # (P, K, d, d)
+    return np.asarray(np.exp(np.linalg.slogdet(dense)[1] / (2 * len(columns)))).T
+
+
+def _spread_columns(layout: Layout) -> list[int]:
+    parts = list(zip(layout.parts, layout.slices, strict=True))
+    still = [(part, here) for part, here in parts if part.derivative == 0] or parts
+    places = [(part, here) for part, here in still if part.quantity is Quantity.POSITION] or still
+    return [column for _, here in places for column in range(here.start, here.stop)]
+
+
+def _spread_unit(layout: Layout) -> str:
+    units = {layout.units[column] for column in _spread_columns(layout)}
+    return units.pop() if len(units) == 1 else "mixed units"

@@ -1,0 +1,58 @@
+"""Pictures in files; matplotlib is an extra, asked for only here."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.gaussians import SemiTiedCovariances
+from pilotfish.models import SemiMarkovChain, Skill
+from pilotfish.store import whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOTS_PER_INCH = 150
+KINDS = (".png", ".svg", ".pdf")
+PATIENCE = 1.5  # how much longer than all mean durations together the forward variable is drawn
+
+
+def require_matplotlib() -> None:
+    """Raises: SkillError, when pictures cannot be drawn here. To be asked before the work, not after it."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise SkillError(f"pictures need {error.name}: pip install 'pilotfish[plots]'") from error
+
+
+def require_picture(path: Path) -> None:
+    """Raises: SkillError, when no picture can be drawn here; InvalidInput, when path ends in no kind of it."""
+    require_matplotlib()
+    if path.suffix.lower() not in KINDS:
+        raise InvalidInput(f"{path} ends in {path.suffix!r}, expected one of {', '.join(KINDS)}")
+
+
+def save_picture(figure: "Figure", path: Path) -> None:
+    """The picture in a file whose ending says its kind.    Raises: InvalidInput, when it cannot be written."""
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=DOTS_PER_INCH)
+
+
+def skill_pictures(skill: Skill) -> tuple[dict[str, "Figure"], dict[str, str]]:
+    """The pictures that suit the skill, by name; and those that could not be drawn, with the reason."""
+    from pilotfish import plots  # needs matplotlib
+
+    drawings = {"deviations": lambda: plots.deviations(skill)}
+    if isinstance(chain := skill.dynamics, SemiMarkovChain):
+        horizon = int(PATIENCE * chain.durations.means.sum()) + 1
+        drawings["states"] = lambda: plots.state_graph(skill)
+        drawings["occupancy"] = lambda: plots.forward_variable(skill, horizon=horizon)
+    if all(isinstance(c, SemiTiedCovariances) for c in skill.covariances):
+        drawings["basis"] = lambda: plots.basis_vectors(skill)
+    drawn: dict[str, Figure] = {}
+    left_out: dict[str, str] = {}
+    for name, draw in drawings.items():
+        try:
+            drawn[name] = draw()
+        except InvalidInput as error:  # too many states for its colours, say
+            left_out[name] = str(error)
+    return drawn, left_out

@@ -1,0 +1,126 @@
+"""Where things stand now, from files: the frames of objects, and the robot's start."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotfish.demonstrations import Frame, Layout, Quantity, frame, frame_from_pose
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import aligned, pose
+from pilotfish.models import AdaptedSkill, Weights
+from pilotfish.types import Array, Float
+
+BY_POSE, BY_MATRIX = {"name", "position", "quaternion"}, {"name", "A", "b"}
+KEYS = {Quantity.POSITION: "position", Quantity.QUATERNION: "quaternion"}
+
+
+def frames_in(path: Path, layout: Layout) -> tuple[Frame, ...]:
+    """The frames that a JSON or TOML file lists, each by its pose or by A and b.
+
+    Raises: InvalidInput, naming the file, the frame and the nearest fix.
+    """
+    content = _content(path)
+    listed = content.get("frames") if isinstance(content, dict) else content
+    if not isinstance(listed, list) or not listed:
+        raise InvalidInput(f"{path} has no list of frames; expected a list, or a table with the key frames")
+    return tuple(_frame(given, f"{path}, frame {n}", layout) for n, given in enumerate(listed))
+
+
+def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
+    """The robot's start: {"x": [...]} with every column, or {"position", "quaternion"} at rest.
+
+    Of a quaternion and its negative, which are one orientation, the one nearer to where the skill begins.
+    Raises: InvalidInput, naming the file and the nearest fix.
+    """
+    content = _content(path)
+    if not isinstance(content, dict):
+        raise InvalidInput(f"{path} is no table, expected x, or position and quaternion")
+    if set(content) == {"x"}:
+        x = _numbers(content["x"], f"{path}: x")
+        if x.shape != (model.layout.width,):
+            raise InvalidInput(
+                f"{path}: x has shape {x.shape}, expected ({model.layout.width},): {', '.join(model.layout.names)}"
+            )
+        return x
+    return _at_rest(content, str(path), model)
+
+
+def first_mean(model: AdaptedSkill) -> Float[Array, " D"]:
+    """The mean of the state in which the skill most probably begins."""
+    dynamics = model.dynamics
+    shares = dynamics.weights if isinstance(dynamics, Weights) else dynamics.initial
+    return np.asarray(model.means[int(shares.argmax())])
+
+
+def _frame(given: object, place: str, layout: Layout) -> Frame:
+    if not isinstance(given, dict) or set(given) not in (BY_POSE, BY_MATRIX):
+        has = sorted(given) if isinstance(given, dict) else repr(given)
+        raise InvalidInput(f"{place} has {has}, expected name, position, quaternion; or name, A, b")
+    if not isinstance(given["name"], str):
+        raise InvalidInput(f"{place}: name is {given['name']!r}, expected text")
+    try:
+        if set(given) == BY_POSE:
+            return frame_from_pose(given["name"], layout, pose(given["position"], given["quaternion"]))
+        return _of_whole_width(frame(given["name"], given["A"], given["b"]), layout)
+    except (InvalidInput, OverflowError) as error:  # a whole number may have any number of digits
+        raise InvalidInput(f"{place}: {error}") from error
+
+
+def _of_whole_width(given: Frame, layout: Layout) -> Frame:
+    """A frame of the columns as they were recorded turns their speeds too, and does not move them."""
+    n = len(given.b)
+    if sum(part.size for part in layout.parts if part.derivative == 0) == n and layout.width == 2 * n:
+        return Frame(given.name, np.kron(np.eye(2), given.A), np.concatenate([given.b, np.zeros(n)]))
+    return given
+
+
+def _at_rest(content: dict[str, Any], path: str, model: AdaptedSkill) -> Float[Array, " D"]:
+    still = [
+        (part, here)
+        for part, here in zip(model.layout.parts, model.layout.slices, strict=True)
+        if part.derivative == 0
+    ]
+    needed = [KEYS.get(part.quantity, part.name) for part, _ in still]
+    if sorted(content) != sorted(needed):
+        raise InvalidInput(f"{path} has {sorted(content)}, expected {needed}, or x with every column")
+    x, first = np.zeros(model.layout.width), first_mean(model)
+    for (part, here), key in zip(still, needed, strict=True):
+        values = _numbers(content[key], f"{path}: {key}")
+        if values.shape != (part.size,):
+            raise InvalidInput(f"{path}: {key} has shape {values.shape}, expected ({part.size},)")
+        x[here] = _turn(values, first[here], path) if part.quantity is Quantity.QUATERNION else values
+    return x
+
+
+def _turn(q: Float[Array, " 4"], reference: Float[Array, " 4"], path: str) -> Float[Array, " 4"]:
+    try:
+        unit = pose(np.zeros(3), q).quaternion
+    except InvalidInput as error:
+        raise InvalidInput(f"{path}: {error}") from error
+    return aligned(unit[None], reference)[0]
+
+
+def _numbers(value: object, place: str) -> Float[Array, "..."]:
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidInput(f"{place} is {value!r}, expected a list of numbers") from error
+    if not np.isfinite(numbers).all():
+        raise InvalidInput(f"{place} is {value!r}, expected finite numbers")
+    return numbers
+
+
+def _content(path: Path) -> Any:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        return tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+    except OSError as error:
+        raise InvalidInput(
+            f"{path} cannot be read: {error.strerror}; expected a JSON or TOML file"
+        ) from error
+    except (ValueError, RecursionError) as error:
+        kind = "TOML" if path.suffix.lower() == ".toml" else "JSON"
+        raise InvalidInput(f"{path} is no {kind} that can be read: {error}") from error

@@ -1,0 +1,69 @@
+"""Models to try the kernels on, and the two forms in which every kernel exists."""
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from pilotfish.kernels import twins
+
+
+@dataclass(frozen=True)
+class Case:
+    """The arguments of e_step."""
+
+    x: np.ndarray
+    lengths: np.ndarray
+    initial: np.ndarray
+    transitions: np.ndarray
+    means: np.ndarray
+    whiteners: np.ndarray
+
+    @property
+    def arguments(self) -> tuple[np.ndarray, ...]:
+        return self.x, self.lengths, self.initial, self.transitions, self.means, self.whiteners
+
+
+@pytest.fixture(scope="session")
+def compiled() -> ModuleType:
+    """The compiled kernels; a law that needs them is skipped only where they could not be built."""
+    try:
+        return importlib.import_module("pilotfish.kernels.compiled")
+    except ImportError as reason:
+        pytest.skip(f"the compiled kernels are missing: {reason}")
+
+
+@pytest.fixture(params=["twin", "compiled"])
+def kernels(request: pytest.FixtureRequest) -> ModuleType:
+    """Every kernel as a NumPy twin, then as compiled."""
+    return twins if request.param == "twin" else request.getfixturevalue("compiled")
+
+
+@pytest.fixture
+def chain(rng: np.random.Generator) -> Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Log-emissions, initial and transitions of a chain; zeros is the share of transitions that are zero."""
+
+    def draw(T: int, K: int, spread: float = 1.0, zeros: float = 0.0) -> tuple[np.ndarray, ...]:
+        transitions = rng.dirichlet(np.ones(K), size=K) * (rng.random((K, K)) >= zeros)
+        initial = rng.dirichlet(np.ones(K)) * (rng.random(K) >= zeros)
+        initial[rng.integers(K)] += 0.1
+        return spread * rng.normal(size=(T, K)), initial, transitions
+
+    return draw
+
+
+@pytest.fixture
+def case(rng: np.random.Generator) -> Callable[..., Case]:
+    """A model and demonstrations of given lengths that it does not explain all that badly."""
+
+    def draw(P: int, lengths: list[int], D: int, K: int) -> Case:
+        means = rng.normal(size=(P, K, D))
+        whiteners = np.tril(0.2 * rng.normal(size=(P, K, D, D)), -1) + np.eye(D) * rng.uniform(0.5, 2.0, D)
+        x = means[:, rng.integers(K, size=sum(lengths))] + rng.normal(size=(P, sum(lengths), D))
+        initial, transitions = rng.dirichlet(np.ones(K)), rng.dirichlet(np.ones(K), size=K)
+        return Case(x, np.array(lengths), initial, transitions, means, whiteners)
+
+    return draw

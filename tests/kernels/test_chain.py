@@ -1,0 +1,151 @@
+"""Chains short enough to list every path, and chains so long or so unlikely that floating point gives out."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from pilotfish.kernels import twins
+
+SHORT = [(1, 1), (1, 3), (2, 2), (5, 3), (4, 4), (7, 2)]
+
+
+def never_mind_zero():
+    return np.errstate(divide="ignore")
+
+
+def paths(log_emissions, initial, transitions):
+    """Every path (N, T), and log p(emissions, path) (N,)."""
+    T, K = log_emissions.shape
+    every = np.array(list(itertools.product(range(K), repeat=T)))
+    with never_mind_zero():
+        log_p = np.log(initial)[every[:, 0]] + log_emissions[np.arange(T), every].sum(axis=1)
+        log_p += np.log(transitions)[every[:, :-1], every[:, 1:]].sum(axis=1)
+    return every, log_p
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.5])
+@pytest.mark.parametrize("spread", [1.0, 5000.0])
+@pytest.mark.parametrize(("T", "K"), SHORT)
+def test_forward_backward_agrees_with_listing_every_path(kernels, chain, T, K, spread, zeros):
+    """Likelihood, posteriors, expected transitions and forward variable are sums over all paths.
+
+    Emissions of neighbouring states differ by thousands of nats at the larger spread, and half of the transitions
+    are impossible at the larger share of zeros.
+    """
+    problem = chain(T, K, spread, zeros)
+    every, log_p = paths(*problem)
+    result = kernels.forward_backward(*problem)
+    log_likelihood = logsumexp(log_p) if np.isfinite(log_p).any() else -np.inf
+    np.testing.assert_allclose(result.log_likelihood, log_likelihood, rtol=1e-12)
+    share = np.exp(log_p - log_likelihood) if np.isfinite(log_likelihood) else np.zeros(len(log_p))
+    for k in range(K):
+        np.testing.assert_allclose(result.posteriors[:, k], share @ (every == k), rtol=1e-8, atol=1e-11)
+        for j in range(K):
+            steps = ((every[:, :-1] == j) & (every[:, 1:] == k)).sum(axis=1)
+            np.testing.assert_allclose(result.transitions[j, k], share @ steps, rtol=1e-8, atol=1e-11)
+    for t in range(T):
+        heads, log_heads = paths(problem[0][: t + 1], *problem[1:])
+        for k in range(K):
+            expected = np.logaddexp.reduce(log_heads[heads[:, -1] == k])
+            np.testing.assert_allclose(result.log_forward[t, k], expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.3])
+@pytest.mark.parametrize("spread", [1.0, 5000.0])
+@pytest.mark.parametrize(("T", "K"), SHORT)
+def test_viterbi_agrees_with_listing_every_path(kernels, chain, T, K, spread, zeros):
+    """The path found is the most probable of all, and log_probability is its own."""
+    problem = chain(T, K, spread, zeros)
+    every, log_p = paths(*problem)
+    result = kernels.viterbi(*problem)
+    np.testing.assert_allclose(result.log_probability, log_p.max(), rtol=1e-12)
+    if np.isfinite(log_p.max()):
+        np.testing.assert_array_equal(result.states, every[log_p.argmax()])
+
+
+def test_viterbi_takes_the_lower_state_at_a_tie(kernels, rng):
+    """Of equally probable paths, that one whose last differing state has the lower index.
+
+    Whole numbers as emissions and certain transitions make ties exact.
+    """
+    log_emissions = rng.integers(0, 2, size=(6, 3)).astype(float)
+    every, log_p = paths(log_emissions, np.ones(3), np.ones((3, 3)))
+    best = min(every[log_p == log_p.max()].tolist(), key=lambda path: path[::-1])
+    assert kernels.viterbi(log_emissions, np.ones(3), np.ones((3, 3))).states.tolist() == best
+
+
+def test_what_no_path_explains_has_likelihood_zero(kernels):
+    """Log-likelihood -inf, posteriors and transitions zero, nothing undefined: not at the start, not later on."""
+    dead_end = np.array([[0.0, 1.0], [0.0, 0.0]])
+    for log_emissions, initial in [
+        (np.zeros((3, 2)), np.array([1.0, 0.0])),  # two steps lead nowhere
+        (np.full((2, 2), -np.inf), np.array([0.5, 0.5])),
+        (np.zeros((1, 2)), np.zeros(2)),
+    ]:
+        result = kernels.forward_backward(log_emissions, initial, dead_end)
+        assert result.log_likelihood == -np.inf
+        assert not result.posteriors.any()
+        assert not result.transitions.any()
+        assert not np.isnan(result.log_forward).any()
+        assert kernels.viterbi(log_emissions, initial, dead_end).log_probability == -np.inf
+
+
+def test_an_impossible_emission_only_forbids_its_state(kernels):
+    """-inf at one state leaves the paths through the others."""
+    log_emissions = np.array([[0.0, 0.0], [-np.inf, 0.0], [0.0, 0.0]])
+    result = kernels.forward_backward(log_emissions, np.array([0.5, 0.5]), np.full((2, 2), 0.5))
+    np.testing.assert_allclose(result.posteriors, [[0.5, 0.5], [0.0, 1.0], [0.5, 0.5]])
+    np.testing.assert_allclose(result.log_likelihood, np.log(0.5))
+
+
+@pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
+def test_a_path_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
+    """State 1 looks 1e-4000 times less likely at every early step, and is the only one that ends well.
+
+    The way there has probability `rare` at each step, down to what a double can only hold as a subnormal number.
+    """
+    T, turn = 40, 25
+    log_emissions = np.zeros((T, 2))
+    log_emissions[:turn, 1], log_emissions[turn:, 0] = -9000.0, -1e6
+    transitions = np.array([[1.0, rare], [0.0, 1.0]])  # rows need not sum to one
+    result = kernels.forward_backward(log_emissions, np.array([1.0, 0.0]), transitions)
+    np.testing.assert_allclose(result.log_likelihood, np.log(rare), rtol=1e-12)  # change exactly at the turn
+    np.testing.assert_allclose(result.transitions[0, 1], 1.0, rtol=1e-9)
+    assert kernels.viterbi(log_emissions, np.array([1.0, 0.0]), transitions).states.sum() == T - turn
+
+
+@pytest.mark.parametrize("spread", [1.0, 3000.0])
+def test_a_hundred_thousand_steps_lose_nothing(compiled, chain, spread):
+    """Posteriors sum to one at every step, transitions add up to the steps, and the twin agrees.
+
+    Log-probabilities reach 1e8 in the twin, where a rounding error is 1e-8.
+    """
+    problem = chain(100_000, 3, spread, zeros=0.2)
+    result, twin = compiled.forward_backward(*problem), twins.forward_backward(*problem)
+    assert np.isfinite(result.log_likelihood)
+    np.testing.assert_allclose(result.log_likelihood, twin.log_likelihood, rtol=1e-12)
+    np.testing.assert_allclose(result.posteriors.sum(axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(result.transitions.sum(), 99_999, rtol=1e-12)
+    np.testing.assert_allclose(result.transitions.sum(axis=1), result.posteriors[:-1].sum(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(result.posteriors, twin.posteriors, atol=1e-6)
+    np.testing.assert_allclose(result.log_forward, twin.log_forward, rtol=1e-11)
+    states = compiled.viterbi(*problem).states
+    np.testing.assert_array_equal(states, twins.viterbi(*problem).states)
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.6])
+@pytest.mark.parametrize("spread", [1.0, 700.0])
+@pytest.mark.parametrize("K", [1, 2, 7, 8, 9, 16, 17, 30])
+def test_compiled_chain_agrees_with_its_twin(compiled, chain, K, spread, zeros):
+    """Any number of states, also around the multiples of eight to which the kernel pads them."""
+    problem = chain(50, K, spread, zeros)
+    result, twin = compiled.forward_backward(*problem), twins.forward_backward(*problem)
+    np.testing.assert_allclose(result.log_likelihood, twin.log_likelihood, rtol=1e-12)
+    np.testing.assert_allclose(result.log_forward, twin.log_forward, rtol=1e-12)
+    np.testing.assert_allclose(result.posteriors, twin.posteriors, rtol=1e-7, atol=1e-30)
+    np.testing.assert_allclose(result.transitions, twin.transitions, rtol=1e-7, atol=1e-25)
+    found, expected = compiled.viterbi(*problem), twins.viterbi(*problem)
+    assert found.log_probability == expected.log_probability
+    np.testing.assert_array_equal(found.states, expected.states)

@@ -1,0 +1,149 @@
+"""Emissions and expected sums against their definitions, and the compiled kernel against its twin."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from pilotfish.kernels import twins
+
+SUMS = ("log_likelihoods", "mass", "first", "transitions", "offsets", "scatters")
+
+
+@pytest.mark.parametrize(("P", "N", "D", "K"), [(1, 1, 1, 1), (2, 5, 3, 2), (3, 33, 6, 3)])
+def test_log_emissions_add_up_log_densities_over_frames(kernels, case, P, N, D, K):
+    """log b_k(x_n) is a sum over frames of the log density of N(mean, (W^T W)^-1)."""
+    given = case(P, [N], D, K)
+    expected = np.zeros((N, K))
+    for p in range(P):
+        for k in range(K):
+            W = given.whiteners[p, k]
+            density = multivariate_normal(given.means[p, k], np.linalg.inv(W.T @ W))
+            expected[:, k] += density.logpdf(given.x[p])
+    result = kernels.log_emissions(given.x, given.means, given.whiteners)
+    np.testing.assert_allclose(result, expected, rtol=1e-10)
+
+
+def test_nothing_is_read_above_a_whitener_s_diagonal(kernels, case):
+    """A lower triangle is all there is of W."""
+    given = case(2, [40], 5, 3)
+    stained = given.whiteners + np.triu(np.full((5, 5), 1e9), 1)
+    np.testing.assert_array_equal(
+        kernels.log_emissions(given.x, given.means, stained),
+        kernels.log_emissions(given.x, given.means, given.whiteners),
+    )
+
+
+def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, case):
+    """Every sum is its definition, taken over posteriors of demonstrations one at a time."""
+    given = case(2, [7, 1, 20], 4, 3)
+    result = kernels.e_step(*given.arguments)
+    log_emissions = twins.log_emissions(given.x, given.means, given.whiteners)
+    chains = [
+        twins.forward_backward(part, given.initial, given.transitions)
+        for part in np.split(log_emissions, np.cumsum(given.lengths)[:-1])
+    ]
+    gamma = np.concatenate([chain.posteriors for chain in chains])
+    error = given.x[:, :, None] - given.means[:, None]  # (P, N, K, D)
+    expected = {
+        "log_likelihoods": [chain.log_likelihood for chain in chains],
+        "mass": gamma.sum(axis=0),
+        "first": sum(chain.posteriors[0] for chain in chains),
+        "transitions": sum(chain.transitions for chain in chains),
+        "offsets": np.einsum("nk,pnki->pki", gamma, error),
+        "scatters": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
+    }
+    for name in SUMS:
+        np.testing.assert_allclose(getattr(result, name), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("P", "lengths", "D", "K"),
+    [
+        (1, [1], 1, 1),
+        (1, [1, 1, 1], 2, 3),
+        (2, [31], 3, 2),
+        (1, [32], 4, 8),
+        (3, [33], 5, 9),
+        (2, [64, 31, 1], 6, 4),
+        (1, [255, 256, 257], 7, 3),
+        (1, [513], 8, 2),
+        (2, [200, 200, 200, 200], 14, 7),
+        (1, [60], 20, 17),
+        (1, [300], 94, 5),
+    ],
+)
+def test_compiled_e_step_agrees_with_its_twin(compiled, case, P, lengths, D, K):
+    """Any shape: one of everything, odd dimensions, lengths at and beside the edges of blocks and pages."""
+    given = case(P, lengths, D, K)
+    result, twin = compiled.e_step(*given.arguments), twins.e_step(*given.arguments)
+    for name in SUMS:
+        scale = np.abs(getattr(twin, name)).max()
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(twin, name), rtol=1e-9, atol=1e-12 * scale, err_msg=name
+        )
+    np.testing.assert_array_equal(result.scatters, result.scatters.swapaxes(-1, -2))
+    np.testing.assert_allclose(
+        compiled.log_emissions(given.x, given.means, given.whiteners),
+        twins.log_emissions(given.x, given.means, given.whiteners),
+        rtol=1e-11,
+    )
+
+
+def test_ninety_four_dimensions_and_certain_states_stay_finite(compiled, case):
+    """Emissions thousands of nats apart, as after fitting a dance: nothing overflows and the twin agrees."""
+    given = case(1, [500], 94, 6)
+    sharp = 30.0 * given.whiteners
+    arguments = (*given.arguments[:-1], sharp)
+    result, twin = compiled.e_step(*arguments), twins.e_step(*arguments)
+    log_emissions = twins.log_emissions(given.x, given.means, sharp)
+    assert np.ptp(log_emissions, axis=1).min() > 1000.0
+    for name in SUMS:
+        assert np.isfinite(getattr(result, name)).all()
+        scale = np.abs(getattr(twin, name)).max()
+        np.testing.assert_allclose(getattr(result, name), getattr(twin, name), rtol=1e-6, atol=1e-9 * scale)
+
+
+def test_a_hundred_thousand_steps_add_up(compiled, case):
+    """One long demonstration: masses and transitions add up to its length, and the twin agrees."""
+    given = case(1, [100_000], 2, 3)
+    result, twin = compiled.e_step(*given.arguments), twins.e_step(*given.arguments)
+    np.testing.assert_allclose(result.mass.sum(), 100_000, rtol=1e-12)
+    np.testing.assert_allclose(result.transitions.sum(), 99_999, rtol=1e-12)
+    for name in SUMS:
+        np.testing.assert_allclose(getattr(result, name), getattr(twin, name), rtol=1e-7, err_msg=name)
+
+
+def test_a_demonstration_that_no_path_explains_adds_nothing(kernels, case):
+    """Its log-likelihood is -inf; the sums are those of the others."""
+    given = case(1, [4, 5], 2, 2)
+    no_way_on = np.zeros((2, 2))
+    result = kernels.e_step(given.x, np.array([8, 1]), given.initial, no_way_on, given.means, given.whiteners)
+    alone = kernels.e_step(
+        given.x[:, 8:], np.array([1]), given.initial, no_way_on, given.means, given.whiteners
+    )
+    assert result.log_likelihoods[0] == -np.inf
+    for name in SUMS[1:]:
+        np.testing.assert_allclose(getattr(result, name), getattr(alone, name), atol=1e-15, err_msg=name)
+
+
+def test_demonstrations_may_come_in_any_order(kernels, case):
+    """Sums do not depend on which demonstration came first."""
+    given = case(2, [9, 9], 3, 2)
+    swapped = np.concatenate([given.x[:, 9:], given.x[:, :9]], axis=1)
+    result = kernels.e_step(*given.arguments)
+    other = kernels.e_step(swapped, *given.arguments[1:])
+    np.testing.assert_allclose(other.log_likelihoods, result.log_likelihoods[::-1])
+    for name in SUMS[1:]:
+        np.testing.assert_allclose(getattr(other, name), getattr(result, name), rtol=1e-10, atol=1e-12)
+
+
+def test_arrays_may_be_laid_out_anyhow(kernels, case):
+    """Transposed, strided or Fortran-ordered arguments mean the same numbers."""
+    given = case(2, [12], 4, 3)
+    x = np.repeat(given.x, 2, axis=1)[:, ::2]
+    odd = kernels.e_step(
+        np.asfortranarray(x), given.lengths, *(np.asfortranarray(a) for a in given.arguments[2:])
+    )
+    plain = kernels.e_step(*given.arguments)
+    for name in SUMS:
+        np.testing.assert_allclose(getattr(odd, name), getattr(plain, name), rtol=1e-12, atol=1e-12)

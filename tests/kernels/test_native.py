@@ -1,0 +1,119 @@
+"""What only compiled kernels can get wrong: the interpreter's lock, the processor's state, arrays' ends, digits."""
+
+import importlib
+import importlib.util
+import sys
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import pilotfish.kernels
+from pilotfish.kernels import ACTIVE, SlowKernels, active, twins
+
+NATIVE = ("log_emissions", "e_step", "forward_backward", "viterbi", "riccati", "semi_tied_sweeps")
+ULP = np.finfo(float).eps
+
+
+@pytest.fixture
+def baseline(compiled):
+    return importlib.import_module("pilotfish.kernels._baseline")
+
+
+def test_the_compiled_kernels_run_wherever_they_exist(compiled):
+    """ACTIVE names the instruction set, and the room's functions are the compiled ones."""
+    assert compiled.LEVEL == ACTIVE
+    assert ACTIVE in {"x86-64-v3", "baseline"}
+    assert all(getattr(pilotfish.kernels, name) is getattr(compiled, name) for name in NATIVE)
+
+
+def test_without_them_the_twins_run_after_one_warning(monkeypatch):
+    """The warning names what is missing and the remedy; the numbers are the twins'."""
+    monkeypatch.setitem(sys.modules, "pilotfish.kernels.compiled", None)
+    spec = importlib.util.spec_from_file_location("without_compiler", active.__file__)
+    without = importlib.util.module_from_spec(spec)
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        spec.loader.exec_module(without)
+    assert without.ACTIVE == "numpy"
+    assert all(getattr(without, name) is getattr(twins, name) for name in NATIVE)
+    (warning,) = seen
+    assert warning.category.__name__ == SlowKernels.__name__
+    assert "install a C++17 compiler" in str(warning.message)
+
+
+def test_both_instruction_sets_give_the_same_numbers(baseline, case):
+    """What was learned on one computer is learned on another, to rounding."""
+    if not baseline.supports_v3():
+        pytest.skip("this processor has no x86-64-v3, or the compiler did not know it")
+    newer = importlib.import_module("pilotfish.kernels._v3")
+    given = case(2, [70, 33], 9, 5)
+    logs = np.log(given.initial), given.transitions, np.log(given.transitions)
+    arguments = given.x, given.lengths, *logs, given.means, given.whiteners
+    for one, other in zip(baseline.e_step(*arguments), newer.e_step(*arguments), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
+
+
+def test_the_interpreter_runs_on_while_a_kernel_does(compiled, case):
+    """Another thread never waits as long as half of the kernel: the lock is released inside."""
+    given = case(1, [20_000], 30, 20)
+    compiled.e_step(*given.arguments)
+    worker = threading.Thread(target=lambda: [compiled.e_step(*given.arguments) for _ in range(2)])
+    began = last = time.perf_counter()
+    longest = 0.0
+    worker.start()
+    while worker.is_alive():
+        now = time.perf_counter()
+        longest, last = max(longest, now - last), now
+    assert longest < 0.25 * (last - began)  # each of the two calls would have been half of it
+
+
+def test_subnormal_numbers_are_back_after_a_kernel(compiled, case):
+    """Kernels flush them for themselves alone."""
+    tiny = np.finfo(float).tiny
+    compiled.e_step(*case(1, [40], 3, 2).arguments)
+    compiled.viterbi(np.zeros((3, 2)), np.ones(2), np.ones((2, 2)))
+    assert np.array([tiny]) / 2.0 > 0.0
+
+
+def test_exponentials_are_right_to_the_last_digits(compiled):
+    """Posteriors of two states at one step are a logistic function of the difference of their emissions."""
+    x = np.linspace(-707.0, 0.0, 20_011)
+    posteriors = [
+        compiled.forward_backward(np.array([[0.0, value]]), np.ones(2), np.eye(2)).posteriors[0, 1]
+        for value in x
+    ]
+    np.testing.assert_allclose(posteriors, np.exp(x) / (1.0 + np.exp(x)), rtol=4 * ULP)
+
+
+def test_logarithms_are_right_to_the_last_digits(compiled):
+    """Staying in one state for a step costs the logarithm of its probability."""
+    a = np.concatenate([np.geomspace(1e-279, 1.0, 4000), np.linspace(0.4, 1.9, 4001)])
+    steps = [
+        compiled.forward_backward(np.zeros((2, 1)), np.ones(1), np.array([[value]])).log_likelihood
+        for value in a
+    ]
+    np.testing.assert_allclose(steps, np.log(a), rtol=2 * ULP, atol=1e-300)
+
+
+def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
+    """No kernel reads beyond an array's end, whatever it is given."""
+    x, means, whiteners = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.zeros((1, 3, 2, 2))
+    chain = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+    for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
+        with pytest.raises(ValueError, match="lengths"):
+            baseline.e_step(x, np.array(lengths), *chain, means, whiteners)
+    with pytest.raises(ValueError, match="whiteners has 2 entries along axis 1, expected 3"):
+        baseline.log_emissions(x, means, whiteners[:, :2])
+    with pytest.raises(ValueError, match="transitions has 3 entries along axis 0, expected 4"):
+        baseline.forward_backward(np.zeros((2, 4)), np.zeros(4), chain[1], np.zeros((4, 4)))
+    with pytest.raises(ValueError, match="log_emissions is empty"):
+        baseline.viterbi(np.zeros((0, 3)), np.zeros(3), chain[1])
+    with pytest.raises(ValueError, match="A and B hold neither"):
+        baseline.riccati(
+            np.zeros((2, 2, 2)), np.zeros((2, 2, 1)), np.zeros((9, 2, 2)), np.zeros((9, 2)), np.eye(1)
+        )
+    with pytest.raises(ValueError, match="mass has 4 entries"):
+        baseline.semi_tied_sweeps(np.zeros((3, 2, 2)), np.zeros(4), np.eye(2), 1)

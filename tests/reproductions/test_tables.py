@@ -1,0 +1,62 @@
+"""The published numbers come out again, on the published recording."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import pilotfish as pf
+
+FOLDER = Path(__file__).parents[2] / "reproductions"
+SLACK = 1.05
+
+
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"reproduce_{name}", FOLDER / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
+def test_the_valve_rows_of_table_4_1_are_no_worse_than_printed(data_folder, alpha):
+    """Train and test error within 5 %, covariance parameters exactly."""
+    valve, demonstrations = script("valve"), pf.datasets.valve()
+    train, test, parameters, _ = valve.THESIS[alpha]
+    skill = valve.learned(demonstrations[:4], valve.structure(alpha)).skill
+    assert valve.mean_squared_error(skill, demonstrations[:4], own_start=False) <= SLACK * train
+    assert valve.mean_squared_error(skill, demonstrations[4:], own_start=False) <= SLACK * test
+    assert pf.models.covariance_parameters(valve.structure(alpha), 7, 14, frames=2) == parameters
+
+
+def test_frames_of_the_valve_are_precise_when_it_is_grasped_and_when_it_is_left(data_folder):
+    """Figure 3.7: the third state is the most precise in the frame before, the fifth in the one after."""
+    valve = script("valve")
+    skill = valve.learned(pf.datasets.valve()[:4], pf.Full()).skill
+    for frame, state in ((0, 2), (1, 4)):
+        log_volumes = np.linalg.slogdet(skill.covariances[frame].dense[:, :7, :7])[1]
+        assert log_volumes.argmin() == state
+
+
+def test_first_and_third_stroke_of_the_z_share_their_directions(data_folder):
+    """Figure 4.2: components 1 and 3 correlate highly, the second with neither."""
+    rows, _ = script("zshape").semi_tied(pf.datasets.zshape())
+    assert rows[0]["semi-tied correlation 0-2"] > 0.9
+    assert max(rows[0]["semi-tied correlation 0-1"], rows[0]["semi-tied correlation 1-2"]) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["valve", "zshape"])
+def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path, name):
+    report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
+    command = [sys.executable, FOLDER / f"{name}.py", "--json", report, "--out", pictures]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    assert json.loads(report.read_text())["rows"]
+    assert len(list(pictures.glob("*.png"))) >= 10
