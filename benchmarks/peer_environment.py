@@ -15,7 +15,13 @@ Run = Callable[[Sequence[str]], str]  # runs a command; says why it failed, noth
 def execute(command: Sequence[str]) -> str:
     done = subprocess.run(command, capture_output=True, text=True)
     said = (done.stderr or done.stdout).strip().splitlines()
-    return "" if done.returncode == 0 else said[-1] if said else f"{command[0]} ended with {done.returncode}"
+    return (
+        ""
+        if done.returncode == 0
+        else said[-1].strip()
+        if said
+        else f"{command[0]} ended with {done.returncode}"
+    )
 
 
 def peer_environment(folder: Path, listed: Path, run: Run) -> tuple[Path, dict[str, str]]:

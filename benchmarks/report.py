@@ -39,14 +39,16 @@ class Verdict:
 
 
 def disagreement(results: Sequence[Result]) -> float:
-    """How far apart the answers lie, relative to the largest."""
+    """How far apart the answers lie, relative to the largest; infinite, where one is not a finite number."""
     answers = [result.answer for result in results if not result.failure]
+    if not all(map(math.isfinite, answers)):
+        return math.inf
     scale = max((abs(answer) for answer in answers), default=0.0)
     return (max(answers) - min(answers)) / scale if scale else 0.0
 
 
 def agrees(case: Case, results: Sequence[Result]) -> bool:
-    """Whether the libraries computed the same thing; a NaN agrees with nothing."""
+    """Whether the libraries computed the same thing."""
     return case.agreement is None or disagreement(results) <= case.agreement
 
 
@@ -105,8 +107,8 @@ def _head(report: Report) -> Iterator[str]:
     yield ""
     yield (
         f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in a process "
-        f"of its own with one thread, taking turns (A B C A B C ...) for {report.effort.rounds} rounds. Times "
-        "are CPU milliseconds; a ratio says how many times the time of pilotfish's first row a library takes, "
+        f"of its own with one thread, taking turns (A B C A B C ...) for {report.effort.rounds} rounds. "
+        "Times are CPU milliseconds; a ratio says how many times the time of pilotfish's first row it takes, "
         "the median over rounds."
     )
     if report.quick:

@@ -117,8 +117,11 @@ def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
         return pythons, {}
     say("peers: looking after their environment")
     python, failures = peer_environment(FOLDER, LISTED, execute)
-    missing = {name: failures[d] for name in peers if (d := LIBRARIES[name].distribution) in failures}
-    return pythons | dict.fromkeys(peers, python), missing
+    for requirement, reason in failures.items():  # told here only: an installer's words may name this machine
+        say(f"peers: {requirement}: {reason}")
+    missing = [name for name in peers if LIBRARIES[name].distribution in failures]
+    reason = "it could not be installed; the run tells why on stderr"
+    return pythons | dict.fromkeys(peers, python), dict.fromkeys(missing, reason)
 
 
 def make_problems(folder: Path, effort: Effort) -> str:

@@ -1,4 +1,4 @@
-"""Learn to reach for a cup from three sketched reaches, then reach for the cup where it stands now.
+"""Learn to reach for a cup from five sketched reaches, then reach for the cup where it stands now.
 
 Run it:  python examples/adapt_to_a_moved_cup.py
 """
@@ -15,10 +15,10 @@ HOME = Pose(np.zeros(3), UPRIGHT)
 
 
 def sketched_reach(cup, rng):
-    """From near the base to above the cup, straight down on it, and a rest there: a recording to learn from."""
+    """From near the base to above the cup, straight down on it, and a rest there."""
     s = np.linspace(0.0, 1.0, 40)[:, None]
     s = 10 * s**3 - 15 * s**4 + 6 * s**5  # minimum jerk
-    home, above = 0.02 * rng.normal(size=3), cup.position + [0.0, 0.0, 0.15]
+    home, above = 0.02 * rng.normal(size=3), cup.position + np.array([0.0, 0.0, 0.15])
     way = [home + s * (above - home), above + s * (cup.position - above), np.tile(cup.position, (20, 1))]
     x = np.hstack([np.vstack(way), np.tile(UPRIGHT, (100, 1))])
     frames = [frame_from_pose("base", pose_layout(), HOME), frame_from_pose("cup", pose_layout(), cup)]
@@ -26,7 +26,8 @@ def sketched_reach(cup, rng):
 
 
 rng = np.random.default_rng(0)
-cups = [Pose(np.array(place), UPRIGHT) for place in ([0.5, 0.2, 0.1], [0.6, -0.1, 0.1], [0.4, 0.0, 0.2])]
+places = [[0.5, 0.2, 0.1], [0.6, -0.1, 0.1], [0.4, 0.0, 0.2], [0.5, 0.1, 0.0], [0.6, 0.2, 0.2]]
+cups = [Pose(np.array(place), UPRIGHT) for place in places]
 skill = pf.learn([sketched_reach(cup, rng) for cup in cups], states=6, rng=rng).skill
 
 now = Pose(np.array([0.7, 0.3, 0.05]), UPRIGHT)  # a place never shown, beyond all others

@@ -25,6 +25,5 @@ motion = feedback.rollout(unseen.x[0])
 
 miss = np.linalg.norm(motion.x[:, :3] - unseen.x[:, :3], axis=1)  # [m]
 print(f"{unseen.name}: on average {1000 * miss.mean():.0f} mm from what the person did there")
-print(
-    f"stiffness {feedback.stiffness[:, 0, 0].min():.1f} to {feedback.stiffness[:, 0, 0].max():.1f} 1/s^2 along x"
-)
+along_x = feedback.stiffness[:, 0, 0]
+print(f"stiffness along x: {along_x.min():.1f} to {along_x.max():.1f} 1/s^2")

@@ -27,7 +27,8 @@ ARROWS: dict[str, set[str]] = {
 }
 OPEN = {"types", "errors"}
 ARROWS["station"] = set(ARROWS)
-ARROWS["__init__"] = set(ARROWS) - {"station", "plots"}
+ARROWS["__main__"] = {"station"}
+ARROWS["__init__"] = set(ARROWS) - {"station", "plots", "__main__"}
 
 # Clocks, threads, sockets and the operating system stay on the roof.
 WORLD = {"time", "threading", "multiprocessing", "subprocess", "socket", "asyncio", "logging", "os", "signal"}

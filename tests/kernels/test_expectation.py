@@ -103,6 +103,7 @@ def test_ninety_four_dimensions_and_certain_states_stay_finite(compiled, case):
         np.testing.assert_allclose(getattr(result, name), getattr(twin, name), rtol=1e-6, atol=1e-9 * scale)
 
 
+@pytest.mark.parametrize("rng", [0], indirect=True)
 def test_a_hundred_thousand_steps_add_up(compiled, case):
     """One long demonstration: masses and transitions add up to its length, and the twin agrees."""
     given = case(1, [100_000], 2, 3)

@@ -38,7 +38,7 @@ def test_no_sweep_lowers_the_auxiliary_function(kernels, rng, K, D):
 
 
 def test_many_sweeps_end_where_the_gradient_vanishes(kernels, rng):
-    """What the sweeps converge to is a stationary point, of a function whose derivative is checked here too."""
+    """What the sweeps converge to is a stationary point; the derivative is checked by differences."""
     S, N = covariances(rng, 4, 3)
     step, some = 1e-6, np.eye(3) + 0.1 * rng.normal(size=(3, 3))
     nudges = step * np.eye(9).reshape(9, 3, 3)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.frame_doors import frame
 from pilotfish.demonstrations.frames import Frame
 from pilotfish.demonstrations.layouts import pose_layout, position_layout
@@ -15,7 +16,7 @@ VALVE_PERIOD = 0.1  # s, the file's own time row
 VALVE_ANGLES = ("180", "135", "90", "45", "157.5", "112.5", "67.5", "22.5")  # degrees
 VALVE_FRAMES = ("valve before", "valve after")
 ZSHAPE_PERIOD = 0.01  # s, chosen: the file counts steps 1 to 300 and says nothing of seconds
-ZSHAPE_STEPS = 300
+ZSHAPE_COUNT, ZSHAPE_STEPS = 5, 300
 
 
 def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
@@ -34,8 +35,10 @@ def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
             _valve_demonstration(record, f"valve {degrees} deg")
             for record, degrees in zip(records, VALVE_ANGLES, strict=True)
         )
-    except (KeyError, TypeError, IndexError) as error:
-        raise InvalidInput(f"{path}: a record of s lacks {error}: not the valve recording") from error
+    except InvalidInput as error:
+        raise InvalidInput(f"{path}: {error}") from error
+    except (LookupError, TypeError, ValueError) as error:
+        raise InvalidInput(f"{path}: a record of s is not one of the valve recording: {error}") from error
 
 
 def read_zshape_mat(path: str | Path) -> tuple[Demonstration, ...]:
@@ -46,9 +49,11 @@ def read_zshape_mat(path: str | Path) -> tuple[Demonstration, ...]:
     Source: Tanwani 2018, figures 3.1 and 4.2; the file Zshape3D.mat.
     """
     data = np.asarray(_variables(path, "Data")["Data"])
-    if data.ndim != 2 or data.shape[0] != 4 or data.shape[1] % ZSHAPE_STEPS:
-        raise InvalidInput(f"{path}: Data has shape {data.shape}, expected (4, 5 x {ZSHAPE_STEPS})")
-    pieces = np.split(data[1:].T, data.shape[1] // ZSHAPE_STEPS)
+    if data.shape != (4, ZSHAPE_COUNT * ZSHAPE_STEPS):
+        raise InvalidInput(
+            f"{path}: Data has shape {data.shape}, expected (4, {ZSHAPE_COUNT * ZSHAPE_STEPS})"
+        )
+    pieces = np.split(data[1:].T, ZSHAPE_COUNT)  # the leading row is time
     layout = position_layout(axes=3, unit="1")
     return tuple(
         demonstration(x, ZSHAPE_PERIOD, layout, name=f"zshape {m + 1}") for m, x in enumerate(pieces)
@@ -67,7 +72,10 @@ def _without_time(name: str, A: Any, b: Any) -> Frame:
 
 
 def _variables(path: str | Path, name: str) -> dict[str, Any]:
-    """Everything in a MATLAB file (up to version 7.2), structs as dicts; it must hold the variable named."""
+    """Everything in a MATLAB file (up to version 7.2), structs as dicts; it must hold the variable named.
+
+    A damaged file may crash SciPy's reader itself: compare its sha256 first, as datasets does.
+    """
     from scipy.io import loadmat  # slow to import, and only wanted here
     from scipy.io.matlab import MatReadError
 
@@ -75,7 +83,7 @@ def _variables(path: str | Path, name: str) -> dict[str, Any]:
         found: dict[str, Any] = loadmat(Path(path), simplify_cells=True)
     except FileNotFoundError as error:
         raise InvalidInput(f"{path}: no such file") from error
-    except (OSError, ValueError, TypeError, NotImplementedError, MatReadError) as error:
+    except (*DAMAGED, MatReadError) as error:
         raise InvalidInput(f"{path}: not a MATLAB file that can be read: {error}") from error
     if name not in found:
         there = [key for key in found if not key.startswith("__")]

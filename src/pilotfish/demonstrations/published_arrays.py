@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.layouts import pose_layout, position_layout
 from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.demonstrations.recording import Demonstration, demonstration
@@ -50,7 +51,7 @@ def read_helloworld_npy(path: str | Path) -> tuple[Demonstration, ...]:
 def _array(path: str | Path, width: int) -> Float[Array, "M T D"]:
     try:
         loaded = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except DAMAGED as error:
         raise InvalidInput(f"{path}: not an array file that can be read: {error}") from error
     recorded = numeric_array(loaded, str(path))
     if recorded.ndim != 3 or recorded.shape[2] != width:

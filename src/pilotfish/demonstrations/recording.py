@@ -75,7 +75,8 @@ def _refuse_not_finite(place: str, x: Float[Array, "T D"], layout: Layout) -> No
 
 
 def _refuse_quaternions(place: str, q: Float[Array, "T 4"]) -> None:
-    norms = np.linalg.norm(q, axis=1)
+    with np.errstate(over="ignore"):  # a norm too large for float64 is refused like any other
+        norms = np.linalg.norm(q, axis=1)
     if (bad := np.flatnonzero(~(np.abs(norms - 1) <= NORM_TOLERANCE))).size:
         raise InvalidInput(
             f"{place}: row {bad[0]} (first is 0) has norm {norms[bad[0]]:.6g}, expected 1 within "

@@ -2,18 +2,14 @@
 
 import csv
 import io
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-
-# What a damaged archive makes NumPy, zipfile and zlib raise; RuntimeError: encrypted, or not implemented.
-DAMAGED = (OSError, ValueError, EOFError, KeyError, RuntimeError, MemoryError, zlib.error, zipfile.BadZipFile)
 
 
 def csv_bytes(x: Float[Array, "T D"], names: Sequence[str]) -> bytes:
@@ -57,7 +53,7 @@ def arrays_of_npz(data: bytes, file: str) -> dict[str, Float[Array, "..."]]:
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             loaded = {name: archive[name] for name in archive.files}
-    except (*DAMAGED, AttributeError, TypeError) as error:  # the last two: an array, but no archive
+    except DAMAGED as error:
         raise InvalidInput(f"{file}: not an NPZ file of numbers that can be read: {error}") from error
     return {name: numeric_array(value, f"{file}: array {name!r}") for name, value in loaded.items()}
 

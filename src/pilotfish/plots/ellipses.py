@@ -73,10 +73,13 @@ def draw_triads(
 
 
 def name_triads(axes: Axes, frames: Sequence[Frame], shown: Sequence[int]) -> None:
-    """The names of frames beside their origins, in a plane."""
-    for frame in frames:
+    """The names of frames beside their origins, in a plane: in turn to the left and to the right of them.
+
+    So the names of two frames that stand close do not cover each other.
+    """
+    for n, frame in enumerate(frames):
         x, y = frame.b[list(shown)]
-        text = axes.annotate(
-            frame.name, (x, y), (6, -12), textcoords="offset points", fontsize=SMALL, zorder=6
-        )
-        halo(text)
+        side = 1 if n % 2 else -1
+        shift = (7 * side, -13 - 11 * (n // 2))  # points
+        text = axes.annotate(frame.name, (x, y), shift, textcoords="offset points", fontsize=SMALL, zorder=6)
+        halo(text).set_horizontalalignment("left" if side > 0 else "right")

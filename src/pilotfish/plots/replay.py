@@ -104,7 +104,7 @@ def _draw_space(
         axis.set_major_locator(MaxNLocator(4))
         axis.labelpad = 7.0
     axes.set_aspect("equal")
-    axes.set_box_aspect(None, zoom=0.82)  # room for the labels, which no layout engine knows of
+    axes.set_box_aspect(None, zoom=0.9)  # room for the labels, which no layout engine knows of
 
 
 def _path_handles(human: bool) -> list[Line2D]:

@@ -48,7 +48,7 @@ def demonstrations_seen(
     return figure
 
 
-def _draw_paths(panel: Axes, paths: Sequence[Float[Array, "T D"]], plane: tuple[int, int]) -> None:
+def _draw_paths(panel: Axes, paths: Sequence[Float[Array, "_ D"]], plane: tuple[int, int]) -> None:
     for path in paths:
         panel.plot(*path[:, plane].T, color=FAINT, linewidth=1.1, zorder=1)
         panel.plot(*path[0, list(plane)][:, None], marker="o", markersize=4, color="0.4", zorder=2)

@@ -35,21 +35,34 @@ def answering(work: Callable[..., Answer]) -> Callable[..., None]:
             answer = work(**chosen)
         except SkillError as error:
             raise click.ClickException(" ".join(str(error).split())) from error
-        click.echo(json.dumps(answer.facts, allow_nan=False) if as_json else answer.text)
+        if as_json:
+            click.echo(json.dumps(answer.facts, allow_nan=False))
+        elif answer.text:  # demo has said it all by then
+            click.echo(answer.text)
         if answer.code:
             click.get_current_context().exit(answer.code)
 
     return command
 
 
+def example(*lines: str) -> str:
+    """The end of a command's help: what one might type."""
+    return "\n".join(["\b", "Example:", *(f"  {line}" for line in lines)])
+
+
+def as_json() -> bool:
+    """Whether the command that runs was asked to answer a program."""
+    return bool(click.get_current_context().params["as_json"])
+
+
 def a_person_watches() -> bool:
-    """Whether remarks and progress on stderr are seen by someone: a terminal, and no --json."""
-    return sys.stderr.isatty() and not click.get_current_context().params["as_json"]
+    """Whether progress on stderr is seen by someone: a terminal, and no --json."""
+    return sys.stderr.isatty() and not as_json()
 
 
 def remark(text: str) -> None:
     """A line on stderr, out of the way of the answer."""
-    if not click.get_current_context().params["as_json"]:
+    if not as_json():
         click.echo(text, err=True)
 
 

@@ -7,7 +7,8 @@ import click
 
 from pilotfish.demonstrations import Demonstration, Finding, MovingFrame, Severity, check, write_folder
 from pilotfish.errors import InvalidInput
-from pilotfish.station.answers import Answer, answering, plain_table, table
+from pilotfish.station.answers import Answer, answering, example, plain_table, table
+from pilotfish.station.descriptions import columns_text
 from pilotfish.station.sources import SYNTHETIC, dataset, recordings
 from pilotfish.store import datasets
 
@@ -19,48 +20,35 @@ def data() -> None:
     """List, describe, check and export recordings."""
 
 
-@data.command(name="list")
+@data.command(name="list", epilog=example("pilotfish data list"))
 @answering
 def list_datasets() -> Answer:
     """List the data sets that can be learned from by name.
 
     Names go where a folder goes, as dataset:NAME. Put quotes around those with a blank.
-
-    \b
-    Example:
-      pilotfish data list
     """
     about = {name: datasets.info(name).about for name in datasets.names()} | {SYNTHETIC: SYNTHETIC_ABOUT}
     return Answer(table(("name", "what"), list(about.items())), {"datasets": about})
 
 
-@data.command()
+@data.command(epilog=example("pilotfish data info valve"))
 @click.argument("name")
 @answering
 def info(name: str) -> Answer:
-    """Describe data set NAME: where it comes from, its licence and whom to cite.
-
-    \b
-    Example:
-      pilotfish data info valve
-    """
+    """Describe data set NAME: where it comes from, its licence and whom to cite."""
     if name == SYNTHETIC:
         return Answer(SYNTHETIC_ABOUT, {"name": name, "about": SYNTHETIC_ABOUT})
     facts = asdict(datasets.info(name))
     return Answer(plain_table(list(facts.items())), facts)
 
 
-@data.command(name="check")
+@data.command(name="check", epilog=example("pilotfish data check my-valve"))
 @click.argument("folder")
 @answering
 def check_folder(folder: str) -> Answer:
     """Check the recordings in FOLDER and tell what is odd about them.
 
     Exit code 1 when they cannot be learned from together; warnings and notes leave it at 0.
-
-    \b
-    Example:
-      pilotfish data check my-recordings
     """
     demonstrations = recordings(folder)
     findings = check(demonstrations)
@@ -72,18 +60,13 @@ def check_folder(folder: str) -> Answer:
     return Answer(text, facts, code=int(any(finding.severity is Severity.ERROR for finding in findings)))
 
 
-@data.command()
+@data.command(epilog=example("pilotfish data export valve my-valve"))
 @click.argument("name")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--force", is_flag=True, help="Replace a folder of demonstrations that is there already.")
 @answering
 def export(name: str, folder: Path, force: bool) -> Answer:
-    """Write data set NAME to FOLDER, in the format that learn reads.
-
-    \b
-    Example:
-      pilotfish data export valve my-valve
-    """
+    """Write data set NAME to FOLDER, in the format that learn reads."""
     if folder.exists() and not force and (not folder.is_dir() or any(folder.iterdir())):
         raise InvalidInput(f"{folder} exists; choose another name, or replace it with --force")
     demonstrations = dataset(name)
@@ -97,7 +80,7 @@ def _shown(demonstrations: tuple[Demonstration, ...]) -> str:
         (str(m), demo.name, str(len(demo.x)), f"{len(demo.x) * demo.period:.4g}", _frames(demo))
         for m, demo in enumerate(demonstrations)
     ]
-    columns = ", ".join(demonstrations[0].layout.names)
+    columns = columns_text(demonstrations[0].layout)
     return f"{table(('', 'name', 'steps', 'seconds', 'frames'), rows)}\ncolumns: {columns}"
 
 

@@ -15,8 +15,16 @@ from pilotfish.demonstrations import Demonstration, Severity, check
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical, Structure
 from pilotfish.models import EMSettings, Fit, KMeans, Start, TimeBins, covariance_parameters
-from pilotfish.station.answers import Answer, a_person_watches, answering, plain_table, remark, require_new
-from pilotfish.station.descriptions import skill_facts, states_table
+from pilotfish.station.answers import (
+    Answer,
+    a_person_watches,
+    answering,
+    example,
+    plain_table,
+    remark,
+    require_new,
+)
+from pilotfish.station.descriptions import columns_text, skill_facts, states_table
 from pilotfish.station.sources import chosen, recordings, with_speeds
 from pilotfish.store import content_hash, save_skill
 
@@ -50,7 +58,9 @@ class Choices:
     force: bool
 
 
-@click.command()
+@click.command(
+    epilog=example("pilotfish learn dataset:valve --only 0-3 --structure semi-tied --out valve.skill")
+)
 @click.argument("folder")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="The skill file to write.")
 @click.option("--states", type=click.IntRange(min=1), default=7, show_default=True, help="How many states.")
@@ -111,10 +121,6 @@ def learn(**options: Any) -> Answer:
     """Learn a skill from the recordings in FOLDER and write it to a file.
 
     FOLDER may also be dataset:NAME; `pilotfish data list` shows the names.
-
-    \b
-    Example:
-      pilotfish learn dataset:valve --only 0-3 --structure semi-tied --out valve.skill
     """
     asked = Choices(**options)
     require_new(asked.out, force=asked.force)
@@ -195,7 +201,7 @@ def _answer(fit: Fit, structure: Structure, asked: Choices) -> Answer:
             "demonstrations",
             f"{len(skill.provenance.demonstrations)}, {skill.provenance.datapoints} datapoints",
         ),
-        ("columns", f"{skill.width} every {skill.period:g} s: {', '.join(skill.layout.names)}"),
+        ("columns", f"{columns_text(skill.layout)}, every {skill.period:g} s"),
         ("log-likelihood", f"{skill.provenance.log_likelihood:.6g} after {outcome.iterations} iterations"),
         (ended, outcome.reason),
         ("dropped", ", ".join(outcome.dropped) or "no state"),

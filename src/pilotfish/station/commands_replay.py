@@ -13,7 +13,7 @@ from pilotfish.demonstrations import Frame, Layout, Quantity, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning import plan
-from pilotfish.station.answers import Answer, answering, plain_table, require_new
+from pilotfish.station.answers import Answer, answering, example, plain_table, require_new
 from pilotfish.station.pictures import require_picture, save_picture
 from pilotfish.station.situations import first_mean, frames_in, start_in
 from pilotfish.store import open_skill, whole_file
@@ -50,7 +50,7 @@ class Replay:
 FILE = click.Path(path_type=Path)
 
 
-@click.command()
+@click.command(epilog=example("pilotfish replay valve.skill --frames now.json --out motion.csv"))
 @click.argument("skill", type=FILE)
 @click.option(
     "--frames",
@@ -86,10 +86,6 @@ def replay(**options: Any) -> Answer:
     """Replay the skill in the file SKILL where the objects stand now.
 
     The motion is that of a unit mass on every axis, under the tracking controller of the skill.
-
-    \b
-    Example:
-      pilotfish replay valve.skill --frames now.json --out motion.csv
     """
     asked = Choices(**options)
     require_new(asked.out, asked.gains, asked.picture, force=asked.force)
@@ -113,11 +109,11 @@ def _replay(skill: Skill, asked: Choices) -> Replay:
 
 def _frames(skill: Skill, path: Path | None) -> tuple[Frame, ...]:
     if path:
-        return frames_in(path, skill.layout)
+        return frames_in(path, skill)
     if skill.frame_names == ("world",):
         return (world_frame(skill.width),)
     raise InvalidInput(
-        f"the skill was learned in {list(skill.frame_names)}; say with --frames FILE where each of them stands now"
+        f"the skill was learned in {list(skill.frame_names)}; say where each stands now: --frames FILE"
     )
 
 
@@ -160,7 +156,13 @@ def _write_motion(path: Path, motion: Motion, layout: Layout) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["time [s]", *header])
-        writer.writerows([motion.period * t, *row] for t, row in enumerate(motion.x.tolist()))
+        times = [_rounded(motion.period * t) for t in range(len(motion.x))]
+        writer.writerows([time, *row] for time, row in zip(times, motion.x.tolist(), strict=True))
+
+
+def _rounded(seconds: float) -> float:
+    """0.3, where float64 multiplies to 0.30000000000000004."""
+    return float(f"{seconds:.12g}")
 
 
 def _answer(replayed: Replay, asked: Choices) -> Answer:
@@ -176,7 +178,7 @@ def _answer(replayed: Replay, asked: Choices) -> Answer:
     facts = {
         "skill": str(asked.skill),
         "steps": len(motion.x),
-        "seconds": motion.period * (len(motion.x) - 1),
+        "seconds": _rounded(motion.period * (len(motion.x) - 1)),
         "final": final,
         "largest_acceleration": efforts,
         "distance_to_reference": distances,
@@ -184,7 +186,7 @@ def _answer(replayed: Replay, asked: Choices) -> Answer:
     }
     rows = [("steps", f"{len(motion.x)}, {facts['seconds']:g} s")]
     for part, _ in still:
-        unit, gap = part.unit, distances[part.name]
+        unit, gap = part.unit, distances[part.name]  # a quaternion has the unit 1
         rows += [
             (f"final {part.name}", f"{' '.join(f'{v:.4f}' for v in final[part.name])} [{unit}]"),
             ("  largest acceleration", f"{efforts[part.name]:.4g} {unit}/s²"),

@@ -6,24 +6,19 @@ import click
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Skill
-from pilotfish.station.answers import Answer, answering, plain_table, require_new
-from pilotfish.station.descriptions import skill_facts, states_table
+from pilotfish.station.answers import Answer, answering, example, plain_table, require_new
+from pilotfish.station.descriptions import columns_text, skill_facts, states_table
 from pilotfish.station.pictures import require_matplotlib, save_picture, skill_pictures
 from pilotfish.store import content_hash, open_skill
 
 
-@click.command()
+@click.command(epilog=example("pilotfish show valve.skill --pictures valve-pictures"))
 @click.argument("skill", type=click.Path(path_type=Path))
 @click.option("--pictures", type=click.Path(path_type=Path), help="A folder to draw the skill in.")
 @click.option("--force", is_flag=True, help="Replace pictures that are there already.")
 @answering
 def show(skill: Path, pictures: Path | None, force: bool) -> Answer:
-    """Show what the file SKILL holds: states, durations, frames, columns, where it comes from.
-
-    \b
-    Example:
-      pilotfish show valve.skill --pictures valve-pictures
-    """
+    """Show what the file SKILL holds: states, durations, frames, columns, where it comes from."""
     if pictures:
         require_matplotlib()
     opened = open_skill(skill)
@@ -40,10 +35,8 @@ def show(skill: Path, pictures: Path | None, force: bool) -> Answer:
 def _rows(skill: Skill, name: str) -> list[tuple[str, str]]:
     provenance = skill.provenance
     ended = "converged" if provenance.converged else "not converged"
-    columns = zip(skill.layout.names, skill.layout.units, strict=True)
     rows = [
-        ("columns", ", ".join(f"{column} [{unit}]" for column, unit in columns)),
-        ("period", f"{skill.period:g} s"),
+        ("columns", f"{columns_text(skill.layout)}, every {skill.period:g} s"),
         ("demonstrations", ", ".join(provenance.demonstrations)),
         ("datapoints", f"{provenance.datapoints}, sha256 {provenance.data}"),
         ("covariances", f"{provenance.structure}, regularisation {provenance.regularisation:g}"),

@@ -10,25 +10,30 @@ from pilotfish.station.lessons import Lesson
 from pilotfish.station.report import Notice, Picture, Section, Table
 
 INTRODUCTION = (
-    "A person guided a robot arm through opening a valve, from several angles at which the valve stood. From "
-    "the first four showings a task-parameterised hidden semi-Markov model was learned: seven states that follow each "
-    "other, each with a Gaussian as seen from the valve before and from the valve after, and a duration. Then the "
-    "skill was adapted to where the valve stands in each situation, four of them new to it, and a "
-    "linear-quadratic tracker made the motion."
+    "A person guided a robot arm through opening a valve, from several angles at which the valve stood. "
+    "From the first four showings a task-parameterised hidden semi-Markov model was learned: seven states "
+    "that follow each other, each with a Gaussian as seen from the valve before and from the valve after, "
+    "and a duration. Then the skill was adapted to where the valve stands in each situation, four of them "
+    "new to it, and a linear-quadratic tracker made the motion. States are numbered from 0, and a state has "
+    "the same colour in every picture."
+)
+AFTERWARDS = (
+    "Until the valve is open, its frames tell where the hand must be. Then the hand lets go and leaves as "
+    "it likes: there the demonstrations differ, and so do the person and the skill. Errors of the end "
+    "measure that last part."
 )
 
 
-def sections(
-    lessons: Sequence[Lesson], measured: Sequence[Table], notices: Sequence[str]
-) -> tuple[Section, ...]:
+def sections(lessons: Sequence[Lesson], measured: Sequence[Table], notice: str) -> tuple[Section, ...]:
     """The report, from the skill of the last lesson; the lessons before serve for comparison."""
     *numbers, errors = measured
     lesson = lessons[-1]
+    notices = (Notice(notice),) if notice else ()
     return (
-        Section("In short", (*map(Notice, notices), INTRODUCTION, errors)),
+        Section("In short", (*notices, INTRODUCTION, errors)),
         Section("What was shown, and what was learned", _learned(lesson)),
         Section("Where each frame is precise", _precise(lesson)),
-        Section("New situations", _replayed(lesson)),
+        Section("New situations", (AFTERWARDS, *_replayed(lesson))),
         Section("How the motion was tracked", _tracked(lesson)),
         Section("What full and semi-tied covariances share", _shared(lessons)),
         Section("All numbers", (_protocol(lessons), *numbers)),
@@ -40,19 +45,22 @@ def _learned(lesson: Lesson) -> tuple[Picture, ...]:
     return (
         Picture(
             plots.demonstrations_seen(skill, lesson.shown[:TRAINED]),
-            "The four demonstrations as each frame sees them, with the one-sigma ellipses of the states. Paths meet "
-            "at the origin where the hand grasps (seen from the valve before) and lets go (seen from the valve after).",
+            "The four demonstrations as each frame sees them, with the one-sigma ellipses of the states. "
+            "Paths meet at the origin where the hand grasps (seen from the valve before) and lets go (seen "
+            "from the valve after).",
             "Four panels of paths with coloured ellipses, x-y and x-z planes, one row for each frame.",
         ),
         Picture(
             plots.state_graph(skill),
             "The states in the order of time, how probably one follows another, and how long each lasts.",
-            f"A chain of {skill.states} numbered nodes with arrows; under each node the density of its duration.",
+            f"A chain of {skill.states} numbered nodes with arrows; under each node the density of its "
+            "duration.",
         ),
         Picture(
             plots.forward_variable(skill, horizon=horizon),
-            "Above: how probably the skill is in each state as time goes by, before anything is observed. Below: the "
-            "rescaled forward variable, how probably a visit to each state ends, given that one does.",
+            "Above: how probably the skill is in each state as time goes by, before anything is observed. "
+            "Below: the rescaled forward variable, how probably a visit to each state ends, given that one "
+            "does.",
             "Two panels over time in which one coloured curve after the other rises and falls.",
         ),
     )
@@ -62,8 +70,8 @@ def _precise(lesson: Lesson) -> tuple[Picture, ...]:
     return (
         Picture(
             plots.deviations(lesson.fit.skill),
-            "Standard deviation of each state in each frame. A dip is a phase that all demonstrations share in "
-            "that frame: grasping in the first, stopping the turn in the second.",
+            "Standard deviation of each state in each frame. A dip is a phase that all demonstrations share"
+            " in that frame: grasping in the first, stopping the turn in the second.",
             "Four panels of lines over the states on a logarithmic scale; the most precise state is shaded.",
         ),
     )
@@ -91,14 +99,14 @@ def _tracked(lesson: Lesson) -> tuple[Picture, ...]:
     return (
         Picture(
             plots.tracked_coordinates(replay.skill, states, replay.motion, human=shown),
-            f"{shown.name}: the planned states' means with bands of one standard deviation, the motion, and what a "
-            "person did. The tracker keeps to narrow bands and yields in wide ones.",
+            f"{shown.name}: the planned states' means with bands of one standard deviation, the motion, and"
+            " what a person did. The tracker keeps to narrow bands and yields in wide ones.",
             "Seven panels over time, one for each coordinate of the pose.",
         ),
         Picture(
             plots.gains(replay.feedback, replay.skill.layout),
-            f"{shown.name}: how firmly the tracker pulls towards its targets. Towards the end of the horizon there "
-            "is nothing left to gain, so stiffness fades.",
+            f"{shown.name}: how firmly the tracker pulls towards its targets. Towards the end of the "
+            "horizon there is nothing left to gain, so stiffness fades.",
             "Four panels over time: stiffness above, damping below, for position and orientation.",
         ),
     )
@@ -127,8 +135,8 @@ def _shared(lessons: Sequence[Lesson]) -> tuple[Picture, ...]:
 def _protocol(lessons: Sequence[Lesson]) -> str:
     skill, shown = lessons[-1].fit.skill, lessons[-1].shown
     return (
-        f"{skill.states} states started from time bins, regularisation {SETTINGS.regularisation:g}, slack {SLACK:g} "
-        f"added to variances in the plan, effort {EFFORT:g}, period {skill.period:g} s, {len(shown[0].x)} steps. The "
-        f"first {TRAINED} situations were shown, the others are new. Errors of the end compare the last step with "
-        f"the person's. Made by {skill.provenance.library}."
+        f"{skill.states} states started from time bins, regularisation {SETTINGS.regularisation:g}, slack "
+        f"{SLACK:g} added to variances in the plan, effort {EFFORT:g}, period {skill.period:g} s, "
+        f"{len(shown[0].x)} steps. The first {TRAINED} situations were shown, the others are new. Errors of"
+        f" the end compare the last step with the person's. Made by {skill.provenance.library}."
     )

@@ -38,6 +38,13 @@ def skill_facts(skill: Skill) -> dict[str, Any]:
     }
 
 
+def columns_text(layout: Layout) -> str:
+    """The parts of a row with size and unit, a dash for each derivative."""
+    return ", ".join(
+        f"{part.name}{chr(39) * part.derivative} ({part.size}) [{part.unit}]" for part in layout.parts
+    )
+
+
 def states_table(skill: Skill) -> str:
     """A line for each state: how long, what next, and how far it spreads as each frame sees it."""
     unit = _spread_unit(skill.layout)

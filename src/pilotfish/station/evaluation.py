@@ -34,7 +34,7 @@ class Replay:
 def replay(
     skill: Skill, demonstration: Demonstration, *, slack: float = SLACK, effort: float = EFFORT
 ) -> Replay:
-    """The skill where the objects of the demonstration stood, from where the person began, as many steps long.
+    """The skill where the demonstration's objects stood, from where the person began, as many steps long.
 
     Raises: InvalidInput, when skill and demonstration differ in columns, period or frames, a frame moves, or
     the columns are not coordinates followed by the derivative of each.
@@ -112,15 +112,18 @@ def largest_push(motion: Motion, layout: Layout) -> float:
 
 
 def _adapted(skill: Skill, demonstration: Demonstration) -> AdaptedSkill:
-    if (demonstration.layout, demonstration.period) != (skill.layout, skill.period):
+    here, learned = (
+        (", ".join(given.layout.names), given.period, given.layout) for given in (demonstration, skill)
+    )
+    if here != learned:
         raise InvalidInput(
-            f"demonstration {demonstration.name!r} has the columns {', '.join(demonstration.layout.names)} every "
-            f"{demonstration.period} s, the skill {', '.join(skill.layout.names)} every {skill.period} s"
+            f"demonstration {demonstration.name!r} has the columns {here[0]} every {here[1]} s, the skill "
+            f"{learned[0]} every {learned[1]} s"
         )
     moving = [given.name for given in demonstration.frames if isinstance(given, MovingFrame)]
     if moving:
         raise InvalidInput(
-            f"frame {moving[0]!r} moves, expected frames that stand: adapt to frame.at(t) instead"
+            f"frame {moving[0]!r} moves, expected frames that stand; adapt to frame.at(t) instead"
         )
     return adapt(skill, [given for given in demonstration.frames if isinstance(given, Frame)])
 
@@ -138,8 +141,8 @@ def _require_halves(layout: Layout) -> int:
     there = layout.parts[len(here) :]
     if [(p.name, p.size, p.derivative + 1) for p in here] != [(p.name, p.size, p.derivative) for p in there]:
         raise InvalidInput(
-            f"the columns are {', '.join(layout.names)}, expected coordinates, then the derivative of each; see "
-            "with_derivatives"
+            f"the columns are {', '.join(layout.names)}, expected coordinates, then the derivative of each; "
+            "see with_derivatives"
         )
     return half
 

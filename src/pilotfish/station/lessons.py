@@ -57,7 +57,7 @@ def tables(lesson: Lesson) -> tuple[Table, Table]:
 
 def summary(lessons: Sequence[Lesson], published: bool) -> Table:
     """Mean squared errors where shown and where new, beside the published ones if they are comparable."""
-    head = ("covariances", "parameters", "learned in [s]", "begun at", "shown", "new")
+    head = ("covariances", "parameters", "learned in [s]", "begun at", "error, shown", "error, new")
     rows = []
     for lesson in lessons:
         skill, label = lesson.fit.skill, lesson.structure.label
@@ -66,7 +66,7 @@ def summary(lessons: Sequence[Lesson], published: bool) -> Table:
             errors = [mean_squared_error(r.motion, d) for r, d in zip(replays, lesson.shown, strict=True)]
             row = [label, str(count), f"{lesson.seconds:.2f}", begun, *map(_error, _shares(errors))]
             rows.append((*row, *PUBLISHED.get(label, ("", ""))) if published else tuple(row))
-    more = ("shown, published", "new, published") if published else ()
+    more = ("published, shown", "published, new") if published else ()
     return Table("Mean squared error of the seven coordinates of the pose", (*head, *more), tuple(rows))
 
 

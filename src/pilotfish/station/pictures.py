@@ -1,5 +1,6 @@
 """Pictures in files; matplotlib is an extra, asked for only here."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,14 +26,14 @@ def require_matplotlib() -> None:
 
 
 def require_picture(path: Path) -> None:
-    """Raises: SkillError, when no picture can be drawn here; InvalidInput, when path ends in no kind of it."""
+    """Raises: SkillError, when no picture can be drawn here; InvalidInput, when path ends in no kind."""
     require_matplotlib()
     if path.suffix.lower() not in KINDS:
         raise InvalidInput(f"{path} ends in {path.suffix!r}, expected one of {', '.join(KINDS)}")
 
 
 def save_picture(figure: "Figure", path: Path) -> None:
-    """The picture in a file whose ending says its kind.    Raises: InvalidInput, when it cannot be written."""
+    """The picture in a file whose ending says its kind.    Raises: InvalidInput, when the disk refuses."""
     with whole_file(path) as part:
         figure.savefig(part, dpi=DOTS_PER_INCH)
 
@@ -41,7 +42,7 @@ def skill_pictures(skill: Skill) -> tuple[dict[str, "Figure"], dict[str, str]]:
     """The pictures that suit the skill, by name; and those that could not be drawn, with the reason."""
     from pilotfish import plots  # needs matplotlib
 
-    drawings = {"deviations": lambda: plots.deviations(skill)}
+    drawings: dict[str, Callable[[], Figure]] = {"deviations": lambda: plots.deviations(skill)}
     if isinstance(chain := skill.dynamics, SemiMarkovChain):
         horizon = int(PATIENCE * chain.durations.means.sum()) + 1
         drawings["states"] = lambda: plots.state_graph(skill)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from io import BytesIO
 from pathlib import Path
-
-from matplotlib.figure import Figure
+from typing import Any, Protocol, runtime_checkable
 
 from pilotfish.errors import InvalidInput
 from pilotfish.store import whole_file
@@ -15,11 +14,20 @@ from pilotfish.store import whole_file
 DOTS_PER_INCH = 160
 
 
+@runtime_checkable
+class Drawing(Protocol):
+    """What a report needs of a matplotlib figure."""
+
+    def savefig(self, fname: Any, **options: Any) -> None: ...
+
+    def get_size_inches(self) -> Any: ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
     """A figure with a caption, and the words that stand for it where it cannot be seen."""
 
-    figure: Figure
+    figure: Drawing
     caption: str
     alt: str
 
@@ -102,8 +110,8 @@ def _table(table: Table) -> str:
     )
     caption = escape(table.caption)
     return (
-        f'<div class="wide" tabindex="0" role="region" aria-label="{caption}"><table><caption>{caption}</caption>\n'
-        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
+        f'<div class="wide" tabindex="0" role="region" aria-label="{caption}"><table>\n'
+        f"<caption>{caption}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
     )
 
 
@@ -126,7 +134,8 @@ PAGE = """<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<meta http-equiv="Content-Security-Policy"
+      content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
 <title>{title}</title>
 <style>{style}</style>
 </head>
@@ -141,9 +150,11 @@ PAGE = """<!DOCTYPE html>
 """
 
 STYLE = """
-:root { --ink: #1b1f24; --soft: #57606a; --paper: #fdfdfc; --line: #d0d7de; --notice: #fff3cd; --link: #0b5cad; }
+:root { --ink: #1b1f24; --soft: #57606a; --paper: #fdfdfc; --line: #d0d7de;
+        --notice: #fff3cd; --link: #0b5cad; }
 @media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e8eb; --soft: #9aa4af; --paper: #15181c; --line: #3a424c; --notice: #4d3b00; --link: #7db8f5; }
+  :root { --ink: #e6e8eb; --soft: #9aa4af; --paper: #15181c; --line: #3a424c;
+          --notice: #4d3b00; --link: #7db8f5; }
 }
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--paper); color: var(--ink);
@@ -154,7 +165,8 @@ h2 { font-size: 1.25rem; margin: 2.5rem 0 .6rem; border-top: 1px solid var(--lin
 p { max-width: 46rem; }
 a { color: var(--link); }
 nav ol { columns: 18rem; padding-left: 1.4rem; margin: 0; }
-.notice { background: var(--notice); border-left: .35rem solid #d29922; padding: .7rem 1rem; font-weight: 600; }
+.notice { background: var(--notice); border-left: .35rem solid #d29922; padding: .7rem 1rem;
+          font-weight: 600; }
 .wide { overflow-x: auto; }
 figure { margin: 1.2rem 0 1.8rem; }
 figure .wide { background: #fff; border: 1px solid var(--line); border-radius: .4rem; padding: .4rem; }
@@ -162,7 +174,8 @@ img { display: block; margin: 0 auto; max-width: 100%; height: auto; }
 figcaption { color: var(--soft); font-size: .92rem; max-width: 52rem; margin-top: .4rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 1rem 0; }
 caption { text-align: left; font-weight: 600; padding-bottom: .4rem; }
-th, td { padding: .25rem .8rem; border-bottom: 1px solid var(--line); text-align: right; white-space: nowrap; }
+th, td { padding: .25rem .8rem; border-bottom: 1px solid var(--line); text-align: right;
+         white-space: nowrap; }
 thead th { color: var(--soft); font-weight: 600; vertical-align: bottom; }
 th:first-child { text-align: left; padding-left: 0; }
 tbody th { font-weight: 400; }

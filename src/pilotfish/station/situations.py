@@ -9,24 +9,27 @@ import numpy as np
 
 from pilotfish.demonstrations import Frame, Layout, Quantity, frame, frame_from_pose
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import aligned, pose
-from pilotfish.models import AdaptedSkill, Weights
+from pilotfish.geometry import pose
+from pilotfish.models import AdaptedSkill, Skill, Weights
+from pilotfish.station.frame_signs import agreeing, nearest_signs
 from pilotfish.types import Array, Float
 
 BY_POSE, BY_MATRIX = {"name", "position", "quaternion"}, {"name", "A", "b"}
 KEYS = {Quantity.POSITION: "position", Quantity.QUATERNION: "quaternion"}
 
 
-def frames_in(path: Path, layout: Layout) -> tuple[Frame, ...]:
+def frames_in(path: Path, skill: Skill) -> tuple[Frame, ...]:
     """The frames that a JSON or TOML file lists, each by its pose or by A and b.
 
+    Poses have the sign of their quaternion in which the frames agree; A and b are taken as they are.
     Raises: InvalidInput, naming the file, the frame and the nearest fix.
     """
     content = _content(path)
     listed = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(listed, list) or not listed:
         raise InvalidInput(f"{path} has no list of frames; expected a list, or a table with the key frames")
-    return tuple(_frame(given, f"{path}, frame {n}", layout) for n, given in enumerate(listed))
+    frames = [_frame(given, f"{path}, frame {n}", skill.layout) for n, given in enumerate(listed)]
+    return agreeing(frames, [set(given) == BY_POSE for given in listed], skill)
 
 
 def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
@@ -41,11 +44,10 @@ def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
     if set(content) == {"x"}:
         x = _numbers(content["x"], f"{path}: x")
         if x.shape != (model.layout.width,):
-            raise InvalidInput(
-                f"{path}: x has shape {x.shape}, expected ({model.layout.width},): {', '.join(model.layout.names)}"
-            )
-        return x
-    return _at_rest(content, str(path), model)
+            columns = ", ".join(model.layout.names)
+            raise InvalidInput(f"{path}: x has shape {x.shape}, expected ({model.layout.width},): {columns}")
+        return nearest_signs(x, first_mean(model), model.layout)
+    return nearest_signs(_at_rest(content, str(path), model.layout), first_mean(model), model.layout)
 
 
 def first_mean(model: AdaptedSkill) -> Float[Array, " D"]:
@@ -77,30 +79,26 @@ def _of_whole_width(given: Frame, layout: Layout) -> Frame:
     return given
 
 
-def _at_rest(content: dict[str, Any], path: str, model: AdaptedSkill) -> Float[Array, " D"]:
-    still = [
-        (part, here)
-        for part, here in zip(model.layout.parts, model.layout.slices, strict=True)
-        if part.derivative == 0
-    ]
+def _at_rest(content: dict[str, Any], path: str, layout: Layout) -> Float[Array, " D"]:
+    parts = zip(layout.parts, layout.slices, strict=True)
+    still = [(part, here) for part, here in parts if part.derivative == 0]
     needed = [KEYS.get(part.quantity, part.name) for part, _ in still]
     if sorted(content) != sorted(needed):
         raise InvalidInput(f"{path} has {sorted(content)}, expected {needed}, or x with every column")
-    x, first = np.zeros(model.layout.width), first_mean(model)
+    x = np.zeros(layout.width)
     for (part, here), key in zip(still, needed, strict=True):
         values = _numbers(content[key], f"{path}: {key}")
         if values.shape != (part.size,):
             raise InvalidInput(f"{path}: {key} has shape {values.shape}, expected ({part.size},)")
-        x[here] = _turn(values, first[here], path) if part.quantity is Quantity.QUATERNION else values
+        x[here] = _unit(values, path) if part.quantity is Quantity.QUATERNION else values
     return x
 
 
-def _turn(q: Float[Array, " 4"], reference: Float[Array, " 4"], path: str) -> Float[Array, " 4"]:
+def _unit(q: Float[Array, " 4"], path: str) -> Float[Array, " 4"]:
     try:
-        unit = pose(np.zeros(3), q).quaternion
+        return pose(np.zeros(3), q).quaternion
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from error
-    return aligned(unit[None], reference)[0]
 
 
 def _numbers(value: object, place: str) -> Float[Array, "..."]:

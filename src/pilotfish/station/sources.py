@@ -1,6 +1,6 @@
 """Where a command takes its recordings from: a folder, or a data set by name."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def dataset(name: str) -> tuple[Demonstration, ...]:
     if name == SYNTHETIC:
         return synthetic_valve(np.random.default_rng(0))
     datasets.info(name)  # refuses a name that is none
-    readers = {
+    readers: dict[str, Callable[..., tuple[Demonstration, ...]]] = {
         "valve": datasets.valve,
         "zshape": datasets.zshape,
         "robotasks": datasets.robotasks,

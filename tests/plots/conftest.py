@@ -1,0 +1,126 @@
+"""Small skills, demonstrations and motions to draw, built without learning anything."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.control import Feedback, double_integrator, track
+from pilotfish.demonstrations import (
+    Demonstration,
+    Frame,
+    Layout,
+    demonstration,
+    frame_from_pose,
+    pose_layout,
+)
+from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances
+from pilotfish.geometry import Pose
+from pilotfish.models import (
+    AdaptedSkill,
+    Fit,
+    GaussianDurations,
+    Outcome,
+    Provenance,
+    SemiMarkovChain,
+    Skill,
+)
+from pilotfish.planning import reference
+
+PERIOD = 0.1  # s
+LAYOUT = pose_layout().differentiated()
+FRAMES = ("cup before", "cup after")
+
+
+def definite(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
+    """Symmetric positive definite matrices whose deviations are about a tenth."""
+    root = rng.normal(scale=0.1 / np.sqrt(width), size=(count, width, width))
+    return root @ root.transpose(0, 2, 1) + 1e-4 * np.eye(width)
+
+
+def left_right(rng: np.random.Generator, states: int) -> SemiMarkovChain:
+    """One state after the other; the last is final."""
+    durations = GaussianDurations(rng.uniform(3.0, 9.0, states), rng.uniform(0.5, 3.0, states))
+    return SemiMarkovChain(np.eye(states)[0], np.eye(states, k=1), durations)
+
+
+def semi_tied(rng: np.random.Generator, states: int, width: int) -> SemiTiedCovariances:
+    H, variances = rng.normal(size=(width, width)), rng.uniform(0.001, 0.01, (states, width))
+    return SemiTiedCovariances(H, variances, 1.0, np.einsum("id,kd,jd->kij", H, variances, H))
+
+
+MakeSkill = Callable[..., Skill]
+
+
+@pytest.fixture
+def make_skill(rng: np.random.Generator) -> MakeSkill:
+    """A skill of so many states, seen from these frames, its covariances full or semi-tied."""
+
+    def make(
+        states: int = 4,
+        frames: tuple[str, ...] = FRAMES,
+        layout: Layout = LAYOUT,
+        *,
+        tied: bool = False,
+    ) -> Skill:
+        width = layout.width
+        covariances = [
+            semi_tied(rng, states, width) if tied else DenseCovariances(definite(rng, states, width))
+            for _ in frames
+        ]
+        means = np.cumsum(rng.normal(scale=0.2, size=(len(frames), states, width)), axis=1)
+        label = "semi-tied(1)" if tied else "full"
+        provenance = Provenance(("a",), 9, "", label, 0.0, 1.0, 3, True, "pilotfish")
+        chain = left_right(rng, states)
+        return Skill(chain, means, tuple(covariances), layout, PERIOD, frames, provenance)
+
+    return make
+
+
+@pytest.fixture
+def skill(make_skill: MakeSkill) -> Skill:
+    return make_skill()
+
+
+@pytest.fixture
+def frames(rng: np.random.Generator) -> tuple[Frame, ...]:
+    quaternions = rng.normal(size=(len(FRAMES), 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    poses = [Pose(rng.normal(scale=0.3, size=3), q) for q in quaternions]
+    return tuple(frame_from_pose(name, LAYOUT, where) for name, where in zip(FRAMES, poses, strict=True))
+
+
+@pytest.fixture
+def demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> tuple[Demonstration, ...]:
+    """Three smooth random paths of different lengths."""
+    shown = []
+    for m, steps in enumerate((20, 25, 31)):
+        x = np.cumsum(rng.normal(scale=0.03, size=(steps, LAYOUT.width)), axis=0)
+        q = np.array([1.0, 0.0, 0.0, 0.0]) + 0.3 * x[:, 3:7]
+        x[:, 3:7] = q / np.linalg.norm(q, axis=1, keepdims=True)
+        shown.append(demonstration(x, PERIOD, LAYOUT, frames, f"showing {m}"))
+    return tuple(shown)
+
+
+@pytest.fixture
+def adapted(skill: Skill) -> AdaptedSkill:
+    """The skill as its first frame sees it."""
+    return AdaptedSkill(skill.dynamics, skill.means[0], skill.covariances[0].dense, LAYOUT, PERIOD)
+
+
+@pytest.fixture
+def states(adapted: AdaptedSkill) -> np.ndarray:
+    """A planned sequence that visits every state for a while."""
+    return np.repeat(np.arange(adapted.states), 6)
+
+
+@pytest.fixture
+def feedback(adapted: AdaptedSkill, states: np.ndarray) -> Feedback:
+    return track(double_integrator(7, PERIOD), reference(adapted, states, 2e-3), 9.0)
+
+
+@pytest.fixture
+def fit(skill: Skill, rng: np.random.Generator) -> Fit:
+    trace = np.sort(rng.normal(scale=100.0, size=8))
+    return Fit(skill, replace(skill), trace, Outcome(True, 8, "it was enough", ()))

@@ -1,0 +1,71 @@
+"""docs/command-line.md tells what the commands tell, and what it shows works as shown."""
+
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import Result
+
+DOCS = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
+
+
+def section(path: str) -> str:
+    """What the docs say about a command."""
+    assert f"\n## `{path}`\n" in DOCS, f"docs/command-line.md has no section `{path}`"
+    return DOCS.split(f"\n## `{path}`\n")[1].split("\n## ")[0]
+
+
+def first_sentence(command: click.Command) -> str:
+    """The command's own words."""
+    return " ".join(str(command.help).split("\n\n")[0].split())
+
+
+def example(command: click.Command) -> list[str]:
+    return [line.strip() for line in str(command.epilog).splitlines()[2:]]
+
+
+def test_the_docs_know_every_command_and_no_other(every_command: dict[str, click.Command]):
+    """A heading for each command there is."""
+    assert set(re.findall(r"^## `(pilotfish [^`]+)`$", DOCS, re.MULTILINE)) == set(every_command)
+
+
+def test_help_and_docs_say_the_same(every_command: dict[str, click.Command]):
+    """The sentence and the example of every command stand in its section, and each of its options too."""
+    for path, command in every_command.items():
+        text = section(path)
+        assert first_sentence(command) in text, path
+        for line in example(command):
+            assert f"\n{line}\n" in text, line
+        for parameter in command.params:
+            names = [
+                name for name in parameter.opts if name.startswith("--") and name not in ("--json", "--help")
+            ]
+            assert all(f"`{name}" in text for name in names), (path, names)
+
+
+def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Result], tmp_path: Path):
+    """Typed in their order in an empty folder, all commands but the long demonstration do what they should."""
+    for name, text in re.findall(r"`(\S+\.(?:json|toml))`:\n\n```\w+\n(.*?)```", DOCS, re.DOTALL):
+        (tmp_path / name).write_text(text)
+    lines = [line for block in re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL) for line in block.splitlines()]
+    assert len(lines) == 9
+    for line in lines:
+        program, *arguments = shlex.split(line)
+        assert program == "pilotfish"
+        if arguments[0] != "demo":
+            result = run(*arguments)
+            assert (result.exit_code, result.stderr) == (0, ""), line
+    written = {"my-valve", "valve.skill", "valve-pictures", "motion.csv", "gains.npz", "motion.png"}
+    assert written <= {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_demonstration_of_the_docs_runs(data_folder: Path, run: Callable[..., Result], tmp_path: Path):
+    """The last command leaves a report and a skill."""
+    result = run("demo", "--out", "build/demo")
+    assert result.exit_code == 0
+    assert (tmp_path / "build" / "demo" / "report.html").is_file()
+    assert (tmp_path / "build" / "demo" / "valve.skill").is_file()
