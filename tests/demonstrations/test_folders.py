@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -14,6 +15,7 @@ from hypothesis.extra import numpy as hnp
 
 from pilotfish.demonstrations import (
     Demonstration,
+    Quantity,
     demonstration,
     frame,
     frame_from_pose,
@@ -21,6 +23,7 @@ from pilotfish.demonstrations import (
     pose_layout,
     position_layout,
     read_folder,
+    views,
     with_derivatives,
     write_folder,
 )
@@ -396,6 +399,41 @@ def test_a_failed_write_leaves_nothing_behind(tmp_path: Path, make):
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.parametrize("moment", ["write_bytes", "first rename", "second rename"])
+def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
+    tmp_path: Path, make, monkeypatch: pytest.MonkeyPatch, moment: str
+):
+    """Wherever writing stops, the folder that was there is there, and nothing beside it."""
+    old, new = make(), make()
+    write_folder([old], tmp_path / "set")
+    *nth, method = moment.split()
+    real, calls = getattr(Path, method), []
+
+    def fails_once(self: Path, argument: Path | bytes) -> Path | int:
+        calls.append(self)
+        if len(calls) == (2 if nth == ["second"] else 1):
+            raise OSError(28, "No space left on device")
+        return real(self, argument)
+
+    monkeypatch.setattr(Path, method, fails_once)
+    with pytest.raises(InvalidInput, match="No space left on device"):
+        write_folder([new], tmp_path / "set", overwrite=True)
+    monkeypatch.undo()
+    assert [file.name for file in tmp_path.iterdir()] == ["set"]
+    assert same(*read_folder(tmp_path / "set"), old)
+    write_folder([new], tmp_path / "set", overwrite=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["set"]
+    assert same(*read_folder(tmp_path / "set"), new)
+
+
+def test_a_key_that_stands_twice_is_refused(written: tuple[Path, tuple[Demonstration, ...]]):
+    """JSON readers would take the last without a word."""
+    file = written[0] / "demonstrations.json"
+    file.write_text(file.read_text().replace('"period": 0.1', '"period": 0.2, "period": 0.1'))
+    with pytest.raises(InvalidInput, match="key 'period' stands more than once"):
+        read_folder(written[0])
+
+
 def test_a_folder_holds_one_layout_and_one_period(tmp_path: Path, make):
     """Others are refused before anything is written."""
     demo = make()
@@ -406,3 +444,18 @@ def test_a_folder_holds_one_layout_and_one_period(tmp_path: Path, make):
     with pytest.raises(InvalidInput, match="no demonstrations to write"):
         write_folder([], tmp_path / "set")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_worked_example_of_the_documentation_reads(tmp_path: Path):
+    """The files that docs/folder-format.md shows make a folder, and its words about them are true."""
+    page = (Path(__file__).parents[2] / "docs" / "folder-format.md").read_text(encoding="utf-8")
+    for name, text in re.findall(r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
+        (tmp_path / name).write_text(text)
+    left, right = read_folder(tmp_path)
+    assert (left.name, len(left.x), right.name, len(right.x)) == ("cup on the left", 3, "cup on the right", 4)
+    assert left.layout == pose_layout()
+    ends = [views([demo]).x[0, -1] for demo in (left, right)]
+    assert all(np.linalg.norm(end[:3]) < 0.06 for end in ends)  # m; the hand ends at the cup
+    np.testing.assert_allclose([end[3:] for end in ends], [[1, 0, 0, 0]] * 2, atol=1e-12)
+    for quantity in Quantity:
+        assert f"`{quantity.value}`:" in page

@@ -7,12 +7,13 @@ import pytest
 
 from pilotfish.demonstrations import Frame, Layout, Part, Quantity, demonstration, views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density
+from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density, regress
 from pilotfish.models import (
     KMeans,
     MarkovChain,
     SemiMarkovChain,
     adapt,
+    as_mixture,
     covariance_parameters,
     learn,
     learn_markov,
@@ -169,3 +170,16 @@ def test_dense_and_structured_covariances_adapt_alike(rng, scene):
     skill = learn(demos, states=3, rng=rng, structure=SemiTied()).skill
     dense = replace(skill, covariances=tuple(DenseCovariances(c.dense) for c in skill.covariances))
     np.testing.assert_array_equal(adapt(dense, demos[0].frames).means, adapt(skill, demos[0].frames).means)
+
+
+def test_a_mixture_skill_regresses_time_to_place(rng):
+    """Time -> place learned from a ramp comes out as the ramp, with its slope as derivative."""
+    t = np.linspace(0.0, 4.0, 200)
+    x = np.stack([t, 3.0 * t + 0.01 * rng.normal(size=200)], axis=1)
+    demo = demonstration(x, 0.02, Layout((Part("ramp", Quantity.SCALAR, 2, "1"),)))
+    fit = learn_mixture([demo], states=4, rng=rng)
+    told = regress(as_mixture(adapt(fit.skill, demo.frames)), np.array([0]), np.array([[1.0], [2.5]]))
+    np.testing.assert_allclose(told.means[:, 0], [3.0, 7.5], atol=0.05)
+    np.testing.assert_allclose(told.jacobians[:, 0, 0], 3.0, atol=0.2)
+    with pytest.raises(InvalidInput, match="learn_mixture"):
+        as_mixture(adapt(learn([demo], states=2, rng=rng).skill, demo.frames))

@@ -1,12 +1,13 @@
 """Small skills, demonstrations and motions to draw, built without learning anything."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
 
-from pilotfish.control import Feedback, double_integrator, track
+from pilotfish.control import Feedback, Motion, double_integrator, track
 from pilotfish.demonstrations import (
     Demonstration,
     Frame,
@@ -50,49 +51,35 @@ def semi_tied(rng: np.random.Generator, states: int, width: int) -> SemiTiedCova
     return SemiTiedCovariances(H, variances, 1.0, np.einsum("id,kd,jd->kij", H, variances, H))
 
 
-MakeSkill = Callable[..., Skill]
-
-
-@pytest.fixture
-def make_skill(rng: np.random.Generator) -> MakeSkill:
+def make_skill(
+    rng: np.random.Generator,
+    states: int = 4,
+    frames: tuple[str, ...] = FRAMES,
+    layout: Layout = LAYOUT,
+    *,
+    tied: bool = False,
+) -> Skill:
     """A skill of so many states, seen from these frames, its covariances full or semi-tied."""
-
-    def make(
-        states: int = 4,
-        frames: tuple[str, ...] = FRAMES,
-        layout: Layout = LAYOUT,
-        *,
-        tied: bool = False,
-    ) -> Skill:
-        width = layout.width
-        covariances = [
-            semi_tied(rng, states, width) if tied else DenseCovariances(definite(rng, states, width))
-            for _ in frames
-        ]
-        means = np.cumsum(rng.normal(scale=0.2, size=(len(frames), states, width)), axis=1)
-        label = "semi-tied(1)" if tied else "full"
-        provenance = Provenance(("a",), 9, "", label, 0.0, 1.0, 3, True, "pilotfish")
-        chain = left_right(rng, states)
-        return Skill(chain, means, tuple(covariances), layout, PERIOD, frames, provenance)
-
-    return make
+    width = layout.width
+    covariances = [
+        semi_tied(rng, states, width) if tied else DenseCovariances(definite(rng, states, width))
+        for _ in frames
+    ]
+    means = np.cumsum(rng.normal(scale=0.2, size=(len(frames), states, width)), axis=1)
+    label = "semi-tied(1)" if tied else "full"
+    provenance = Provenance(("a",), 9, "", label, 0.0, 1.0, 3, True, "pilotfish")
+    chain = left_right(rng, states)
+    return Skill(chain, means, tuple(covariances), layout, PERIOD, frames, provenance)
 
 
-@pytest.fixture
-def skill(make_skill: MakeSkill) -> Skill:
-    return make_skill()
-
-
-@pytest.fixture
-def frames(rng: np.random.Generator) -> tuple[Frame, ...]:
+def make_frames(rng: np.random.Generator) -> tuple[Frame, ...]:
     quaternions = rng.normal(size=(len(FRAMES), 4))
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
     poses = [Pose(rng.normal(scale=0.3, size=3), q) for q in quaternions]
     return tuple(frame_from_pose(name, LAYOUT, where) for name, where in zip(FRAMES, poses, strict=True))
 
 
-@pytest.fixture
-def demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> tuple[Demonstration, ...]:
+def make_demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> tuple[Demonstration, ...]:
     """Three smooth random paths of different lengths."""
     shown = []
     for m, steps in enumerate((20, 25, 31)):
@@ -103,24 +90,50 @@ def demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> tuple
     return tuple(shown)
 
 
-@pytest.fixture
-def adapted(skill: Skill) -> AdaptedSkill:
-    """The skill as its first frame sees it."""
-    return AdaptedSkill(skill.dynamics, skill.means[0], skill.covariances[0].dense, LAYOUT, PERIOD)
+@dataclass(frozen=True)
+class Things:
+    """All that the pictures of the room show."""
+
+    skill: Skill
+    tied: Skill
+    frames: tuple[Frame, ...]
+    demonstrations: tuple[Demonstration, ...]
+    adapted: AdaptedSkill  # the skill as its first frame sees it
+    states: np.ndarray  # a plan that visits every state for a while
+    feedback: Feedback
+    motion: Motion
+    fit: Fit
+
+
+def make_things(rng: np.random.Generator) -> Things:
+    skill, frames = make_skill(rng), make_frames(rng)
+    shown = make_demonstrations(rng, frames)
+    adapted = AdaptedSkill(skill.dynamics, skill.means[0], skill.covariances[0].dense, LAYOUT, PERIOD)
+    states = np.repeat(np.arange(skill.states), 6)
+    feedback = track(double_integrator(7, PERIOD), reference(adapted, states, 2e-3), 9.0)
+    fit = Fit(skill, skill, np.sort(rng.normal(size=8)), Outcome(True, 8, "it was enough", ()))
+    motion = feedback.rollout(shown[0].x[0])
+    return Things(skill, make_skill(rng, tied=True), frames, shown, adapted, states, feedback, motion, fit)
 
 
 @pytest.fixture
-def states(adapted: AdaptedSkill) -> np.ndarray:
-    """A planned sequence that visits every state for a while."""
-    return np.repeat(np.arange(adapted.states), 6)
+def things(rng: np.random.Generator) -> Things:
+    return make_things(rng)
+
+
+@pytest.fixture(scope="module")
+def same_things() -> Things:
+    """Drawn once for many laws: pictures take time."""
+    return make_things(np.random.default_rng(0))
 
 
 @pytest.fixture
-def feedback(adapted: AdaptedSkill, states: np.ndarray) -> Feedback:
-    return track(double_integrator(7, PERIOD), reference(adapted, states, 2e-3), 9.0)
+def skills(rng: np.random.Generator) -> Callable[..., Skill]:
+    """Makes skills of other sizes."""
+    return partial(make_skill, rng)
 
 
-@pytest.fixture
-def fit(skill: Skill, rng: np.random.Generator) -> Fit:
-    trace = np.sort(rng.normal(scale=100.0, size=8))
-    return Fit(skill, replace(skill), trace, Outcome(True, 8, "it was enough", ()))
+@pytest.fixture(scope="module")
+def same_skills() -> Callable[..., Skill]:
+    """Makes the same skills of other sizes for every law."""
+    return partial(make_skill, np.random.default_rng(0))

@@ -70,13 +70,14 @@ def refusal(run: Runs) -> Callable[..., str]:
 
 def reach(rng: np.random.Generator, name: str) -> Demonstration:
     """A hand moves from a place in the world to a cup that stands elsewhere each time, and turns with it."""
-    layout, share = pose_layout(), np.linspace(0.0, 1.0, STEPS)[:, None]
+    layout, s = pose_layout(), np.clip(np.linspace(0.0, 1.3, STEPS), 0.0, 1.0)
+    share = (s**2 * (3.0 - 2.0 * s))[:, None]  # begins and ends at rest
     turn = exp(np.array([0.0, 0.0, 0.3 * rng.normal()]))
     cup = pose(np.array([0.6, 0.0, 0.1]) + 0.1 * rng.normal(size=3), turn)
     home = np.array([0.0, -0.4, 0.3]) + 0.02 * rng.normal(size=3)
     grasp = cup.position + rotation_matrix(turn) @ np.array([0.0, 0.0, 0.05])
     x = (1.0 - share) * home + share * grasp + 0.003 * rng.normal(size=(STEPS, 3))
-    turns = [multiply(turn, exp(np.array([0.4 * (1.0 - s), 0.0, 0.0]))) for s in share[:, 0]]
+    turns = [multiply(turn, exp(np.array([0.4 * (1.0 - a), 0.0, 0.0]))) for a in share[:, 0]]
     frames = [
         frame_from_pose("home", layout, pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))),
         frame_from_pose("cup", layout, cup),

@@ -40,17 +40,16 @@ def test_help_and_docs_say_the_same(every_command: dict[str, click.Command]):
         for line in example(command):
             assert f"\n{line}\n" in text, line
         for parameter in command.params:
-            names = [
-                name for name in parameter.opts if name.startswith("--") and name not in ("--json", "--help")
-            ]
+            names = {name for name in parameter.opts if name.startswith("--")} - {"--json"}
             assert all(f"`{name}" in text for name in names), (path, names)
 
 
 def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Result], tmp_path: Path):
-    """Typed in their order in an empty folder, all commands but the long demonstration do what they should."""
+    """Typed in their order in an empty folder, all but the long demonstration do what they should."""
     for name, text in re.findall(r"`(\S+\.(?:json|toml))`:\n\n```\w+\n(.*?)```", DOCS, re.DOTALL):
         (tmp_path / name).write_text(text)
-    lines = [line for block in re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL) for line in block.splitlines()]
+    blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines()]
     assert len(lines) == 9
     for line in lines:
         program, *arguments = shlex.split(line)

@@ -1,6 +1,7 @@
 """What every command has in common: help, one JSON object, refusals in one line, quick help, whole files."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -24,8 +25,6 @@ def process(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def environment() -> dict[str, str]:
-    import os
-
     top = Path(__file__).parents[2]
     return {**os.environ, "PYTHONPATH": str(top / "src")}
 
@@ -58,7 +57,7 @@ def test_every_command_answers_programs_and_helps_people(run: Runs, every_comman
         told = run(*path.split()[1:], "--help")
         assert told.exit_code == 0
         assert "Example:" in told.stdout
-        assert f"\n    {path} " in told.stdout + " ", path
+        assert f"\n    {path}" in told.stdout, path
 
 
 def test_a_bug_keeps_its_traceback(run: Runs, folder: Path, monkeypatch: pytest.MonkeyPatch):

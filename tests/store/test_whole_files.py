@@ -71,3 +71,15 @@ def test_a_device_is_never_replaced_by_a_file():
     with pytest.raises(InvalidInput, match="no regular file"), whole_file("/dev/null") as part:
         part.write_text("x")
     assert Path("/dev/null").is_char_device()
+
+
+def test_who_reads_the_old_file_reads_it_to_the_end(tmp_path: Path):
+    """The new file takes the name of the old one at once; a reader never meets half of both."""
+    path = tmp_path / "skill"
+    path.write_text("the old skill")
+    with path.open() as reader:
+        assert reader.read(8) == "the old "
+        with whole_file(path) as part:
+            part.write_text("THE NEW SKILL")
+        assert reader.read() == "skill"
+    assert path.read_text() == "THE NEW SKILL"

@@ -30,8 +30,8 @@ except ImportError as reason:
     ACTIVE = "numpy"
     warnings.warn(
         f"pilotfish runs on NumPy, without its compiled kernels ({reason}): same results, but learning "
-        "and planning take many times as long; install a C++17 compiler (Debian: apt install g++), then "
-        "pip install --force-reinstall --no-binary pilotfish pilotfish",
+        "and planning take many times as long; install a C++17 compiler (Debian: g++, python3-dev), "
+        "then install pilotfish again",
         SlowKernels,
         stacklevel=2,
     )

@@ -16,6 +16,7 @@ from pilotfish.models.dynamics import (
 from pilotfish.models.em import EMSettings, Outcome, Run, improve
 from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
+from pilotfish.models.regression import as_mixture
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood_of_states,
@@ -56,6 +57,7 @@ __all__ = [
     "TimeBins",
     "Weights",
     "adapt",
+    "as_mixture",
     "covariance_parameters",
     "improve",
     "labelled_statistics",

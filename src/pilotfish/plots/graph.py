@@ -23,7 +23,6 @@ from pilotfish.types import Array, Int
 UNIT = 1.35  # inches between nodes
 RADIUS = 0.27  # of a node; nodes stand one apart
 RING = RADIUS + 0.06  # around a final node
-BEGINNING = 0.34  # length of the arrow into a first state
 RISE = 0.22  # how much higher an arrow climbs for each further node it passes over
 
 
@@ -51,13 +50,14 @@ def state_graph(skill: Skill | AdaptedSkill, *, least: float = 0.01) -> Figure:
         (int(i), int(j)) for i, j in np.argwhere((chain.transitions >= least) & (chain.transitions > 0.0))
     ]
     peaks = [_peak(place[i], place[j]) for i, j in arrows]
-    low, high = min(-RING - BEGINNING, *peaks) - 0.2, max(RING, *peaks) + 0.2
+    foot, high = min([-RING - 0.2, *peaks]) - 0.2, max([RING, *peaks]) + 0.2
+    low = foot - 0.12
     figure = sheet(max(5.0, UNIT * K + 0.8), UNIT * (high - low) + 2.2)
     rows = figure.add_gridspec(2, 1, height_ratios=(UNIT * (high - low), 2.2))
     graph = figure.add_subplot(rows[0])
     graph.set(xlim=(-0.5, K - 0.5), ylim=(low, high), aspect="equal")
     graph.axis("off")
-    _draw_graph(graph, chain, place, arrows)
+    _draw_graph(graph, chain, place, arrows, foot)
     _draw_durations(figure, rows[1], chain, order, skill.period)
     return figure
 
@@ -78,7 +78,7 @@ def _peak(start: int, end: int) -> float:
 
 
 def _draw_graph(
-    axes: Axes, chain: SemiMarkovChain, place: dict[int, int], arrows: list[tuple[int, int]]
+    axes: Axes, chain: SemiMarkovChain, place: dict[int, int], arrows: list[tuple[int, int]], foot: float
 ) -> None:
     final = np.asarray(~chain.transitions.any(axis=1))
     nodes = {k: _draw_node(axes, x, k, final=bool(final[k])) for k, x in place.items()}
@@ -86,7 +86,7 @@ def _draw_graph(
         arrow = FancyArrowPatch((place[i], 0.0), (place[j], 0.0), patchA=nodes[i], patchB=nodes[j], zorder=2)
         _draw_arrow(axes, arrow, place[i], place[j], float(chain.transitions[i, j]))
     for k in np.flatnonzero(chain.initial >= 0.005):  # what would be shown as 0.00 is not
-        _draw_beginning(axes, place[int(k)], float(chain.initial[k]))
+        _draw_beginning(axes, place[int(k)], foot, float(chain.initial[k]))
 
 
 def _draw_node(axes: Axes, x: int, state: int, *, final: bool) -> Circle:
@@ -114,12 +114,11 @@ def _draw_arrow(axes: Axes, arrow: FancyArrowPatch, x: int, goal: int, probabili
     halo(label).set(ha="center", va="center")
 
 
-def _draw_beginning(axes: Axes, x: int, probability: float) -> None:
-    """An arrow from nowhere into a first state."""
-    low = -RING - BEGINNING
+def _draw_beginning(axes: Axes, x: int, foot: float, probability: float) -> None:
+    """An arrow from nowhere, below all others, into a first state."""
     arrow = {"arrowstyle": "-|>", "color": "0.35", "linewidth": 0.6 + 2.0 * probability}
-    axes.annotate("", (x, -RADIUS), (x, low), arrowprops=arrow)
-    axes.text(x + 0.08, low + 0.08, f"begins {probability:.2f}", fontsize=SMALL, ha="left", va="center")
+    axes.annotate("", (x, -RADIUS), (x, foot), arrowprops=arrow)
+    axes.text(x + 0.06, foot, f"begins {probability:.2f}", fontsize=SMALL, ha="left", va="center")
 
 
 def _draw_durations(

@@ -179,7 +179,7 @@ def _progress(settings: EMSettings) -> Iterator[EMSettings]:
 
 def _warn(demonstrations: Sequence[Demonstration]) -> None:
     for finding in check(demonstrations):
-        if finding.severity is not Severity.NOTE:
+        if finding.severity is Severity.WARNING:  # an error is refused by learning
             remark(f"{finding.severity.value}: {finding.place} {finding.message}")
 
 

@@ -1,7 +1,7 @@
 """The demonstration: learn to open a valve, open it where it never stood, and draw what happened."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -12,10 +12,9 @@ from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians import Full, SemiTied, Structure
 from pilotfish.models import learn
-from pilotfish.station.answers import Answer, answering, remark
+from pilotfish.station.demo_pages import sections
 from pilotfish.station.evaluation import SETTINGS, STATES, TRAINED, replay, replay_from_mean
 from pilotfish.station.lessons import Lesson, summary, tables
-from pilotfish.station.pictures import require_matplotlib
 from pilotfish.station.report import Table, write_report
 from pilotfish.store import datasets, save_skill, synthetic_valve
 
@@ -49,68 +48,30 @@ def demo(out: Path, *, seed: int = 0, say: Say = click.echo) -> DemoResult:
     """Learn from the first four openings of the valve, replay all eight, and write report and skill to out.
 
     Skills have seven states, with full and with semi-tied covariances; the semi-tied one is saved. say is
-    told what is going on, a line at a time.
-    Raises: SkillError, when pictures cannot be drawn here, out cannot be written, or PILOTFISH_DATA names
-    something else than the recording.
+    told what is going on and what came out, a line or a table at a time.
+    Raises: SkillError, when out cannot be written or PILOTFISH_DATA names something else than the recording.
     Source: Tanwani 2018, sections 3.4 and 4.3.1.
     """
     began, rng = perf_counter(), np.random.default_rng(seed)
-    require_matplotlib()
-    from pilotfish.station.demo_pages import sections  # needs matplotlib
-
     _make(out)
     shown, notice = _demonstrations(rng)
     if notice:
-        say(notice)
+        say(f"*** {notice} ***")
     lessons = [_lesson(shown, structure, rng, say) for structure in (Full(), SemiTied())]
     measured = (
         *(table for lesson in lessons for table in tables(lesson)),
         summary(lessons, published=not notice),
     )
+    for table in measured:
+        say(f"\n{in_columns(table)}")
     report, skill = out / "report.html", out / "valve.skill"
-    say("drawing the report")
     save_skill(lessons[-1].fit.skill, skill)
     write_report(report, TITLE, sections(lessons, measured, notice))
-    return DemoResult(report, skill, measured, notice, perf_counter() - began)
-
-
-@click.command("demo")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("build/demo"),
-    show_default=True,
-    help="The folder for report.html and valve.skill; both are replaced.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of random choices.")
-@answering
-def demo_command(out: Path, seed: int) -> Answer:
-    r"""Learn to open a valve from four demonstrations, open it where it never stood, and draw what happened.
-
-    \b
-    Example:
-      pilotfish demo --out build/demo
-    """
-    result = demo(out, seed=seed, say=remark)
-    return Answer(told(result), facts(result))
-
-
-def told(result: DemoResult) -> str:
-    """The result for people."""
-    notice = (f"*** {result.notice} ***",) if result.notice else ()
-    where = f"skill:  {result.skill}\nreport: {result.report}\n{result.seconds:.1f} s in all"
-    return "\n\n".join([*notice, *map(in_columns, result.tables), where])
-
-
-def facts(result: DemoResult) -> dict[str, object]:
-    """The result for programs."""
-    return {
-        "report": str(result.report),
-        "skill": str(result.skill),
-        "synthetic": result.synthetic,
-        "seconds": result.seconds,
-        "tables": [asdict(table) for table in result.tables],
-    }
+    seconds = perf_counter() - began
+    say(f"\nskill:  {skill}\nreport: {report}\n{seconds:.1f} s in all")
+    if notice:
+        say(f"\n*** {SYNTHETIC} ***")
+    return DemoResult(report, skill, measured, notice, seconds)
 
 
 def in_columns(table: Table) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
 from pilotfish.demonstrations import Demonstration, Frame, Layout, MovingFrame, Quantity
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import angle, normalise
+from pilotfish.geometry import angle
 from pilotfish.models import AdaptedSkill, EMSettings, Skill, adapt
 from pilotfish.planning import expected_plan, plan
 from pilotfish.types import Array, Float
@@ -93,13 +93,13 @@ def end_point_error(motion: Motion, demonstration: Demonstration) -> float:
 
 
 def end_turn_error(motion: Motion, demonstration: Demonstration) -> float:
-    """The angle [rad] between the last orientations; the motion's quaternion is brought to unit length.
+    """The angle [rad] between the last orientations, whatever the length of the motion's quaternion.
 
     Raises: InvalidInput, when the two differ in shape or have no orientation.
     """
     _require_same_shape(motion, demonstration)
     columns = _first(demonstration.layout, Quantity.QUATERNION)
-    return float(angle(normalise(motion.x[-1, columns]), demonstration.x[-1, columns]))
+    return float(angle(motion.x[-1, columns], demonstration.x[-1, columns]))
 
 
 def largest_push(motion: Motion, layout: Layout) -> float:

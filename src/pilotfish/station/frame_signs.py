@@ -16,7 +16,8 @@ def agreeing(frames: Sequence[Frame], free: Sequence[bool], skill: Skill) -> tup
     to the same half of S^3, states counting as much as they are precise: q and -q would be averaged else.
     Frames that are not those of the skill are left as they are, for `adapt` to refuse.
     """
-    if sorted(frame.name for frame in frames) != sorted(skill.frame_names):
+    widths = {len(frame.b) for frame in frames}
+    if sorted(frame.name for frame in frames) != sorted(skill.frame_names) or widths != {skill.width}:
         return tuple(frames)
     first = min(range(len(frames)), key=lambda n: free[n])
     return tuple(

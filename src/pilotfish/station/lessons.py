@@ -75,7 +75,7 @@ def _table(caption: str, replays: Sequence[Replay], shown: Sequence[Demonstratio
     names = [(d.name, "yes" if m < TRAINED else "no") for m, d in enumerate(shown)]
     names += [("mean where shown", "yes"), ("mean where new", "no")]
     numbers = np.vstack([numbers, numbers[:TRAINED].mean(axis=0), numbers[TRAINED:].mean(axis=0)])
-    rows = [(*name, *_cells(row)) for name, row in zip(names, numbers, strict=True)]
+    rows = [(*name, *_cells(*row)) for name, row in zip(names, numbers.tolist(), strict=True)]
     return Table(caption, HEAD, tuple(rows))
 
 
@@ -89,8 +89,7 @@ def _numbers(replay: Replay, demonstration: Demonstration) -> tuple[float, float
     )
 
 
-def _cells(row: Sequence[float]) -> tuple[str, ...]:
-    error, point, turn, push = row
+def _cells(error: float, point: float, turn: float, push: float) -> tuple[str, ...]:
     return _error(error), f"{point:.0f}", f"{turn:.1f}", f"{push:.2f}"
 
 

@@ -1,5 +1,6 @@
 """Where a command takes its recordings from: a folder, or a data set by name."""
 
+import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -8,6 +9,7 @@ from pilotfish.demonstrations import Demonstration, read_folder, with_derivative
 from pilotfish.errors import InvalidInput
 from pilotfish.store import datasets, synthetic_valve
 
+NUMBER = re.compile("[0-9]{1,6}")
 PREFIX = "dataset:"
 SYNTHETIC = "synthetic valve"  # the stand-in that needs no download
 
@@ -63,7 +65,7 @@ def with_speeds(demonstrations: Sequence[Demonstration]) -> tuple[Demonstration,
 
 def _numbers(piece: str, only: str) -> range:
     ends = [end.strip() for end in piece.split("-")]
-    if len(ends) > 2 or not all(end.isdecimal() and len(end) < 7 for end in ends):
+    if len(ends) > 2 or not all(NUMBER.fullmatch(end) for end in ends):
         raise InvalidInput(f"--only is {only!r}, expected numbers such as 0-3 or 0,2,5 (first is 0)")
     first, last = int(ends[0]), int(ends[-1])
     if last < first:

@@ -17,12 +17,8 @@ PERIOD, STEPS = 0.1, 200  # s, rows
 CENTRE, RADIUS = np.array([0.59, -1.085, 0.26]), 0.175  # m, the valve's axis and how far out its handle is
 HOME, REST = np.array([0.43, -0.73, 0.16]), np.array([0.93, -0.59, 0.18])  # m, where the hand starts and ends
 HOME_TURN = 2 * np.pi / 3  # rad; the hand starts turned like this handle: no handle is half a turn away
-GRASP, TURN, RELEASE, LEAVE = (
-    60,
-    75,
-    125,
-    140,
-)  # rows: grasped by, turned from, turned to, left at; give or take 3
+# Rows by which the handle is grasped, from and to which it turns, and at which it is left; give or take 3.
+GRASP, TURN, RELEASE, LEAVE = 60, 75, 125, 140
 
 
 def synthetic_valve(rng: np.random.Generator) -> tuple[Demonstration, ...]:

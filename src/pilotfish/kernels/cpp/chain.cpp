@@ -11,12 +11,14 @@ constexpr double DOUBTFUL = 1e-280;  // a sum this small may have lost a term to
 
 int padded(int K) { return (K + LANES - 1) / LANES * LANES; }
 
-// (K, width) copy of a (K, K) matrix or its transpose.
-Buffer pad(const double* matrix, int K, bool transposed, double padding) {
+// (K, width) copy of a (K, K) matrix or its transpose, padded with ones: sums over rows of it are never
+// doubtful.
+Buffer pad(const double* matrix, int K, bool transposed) {
   const int width = padded(K);
-  Buffer rows(size_t(K) * width, padding);
+  Buffer rows(size_t(K) * width, 1.0);
   for (int j = 0; j < K; ++j)
-    for (int k = 0; k < K; ++k) rows[size_t(j) * width + k] = transposed ? matrix[k * K + j] : matrix[j * K + k];
+    for (int k = 0; k < K; ++k)
+      rows[size_t(j) * width + k] = transposed ? matrix[k * K + j] : matrix[j * K + k];
   return rows;
 }
 
@@ -34,27 +36,41 @@ void product(const double* weight, const double* rows, int K, int width, double*
   }
 }
 
-// log sum over k of exp(a[k] + b[k]), exactly; terms[k] is left as the share of k in the sum.
-double log_sum(const double* a, const double* b, double* terms, int width) {
-  for (int k = 0; k < width; ++k) terms[k] = a[k] + b[k];
-  const double most = largest(terms, width);
-  if (most == NEVER) return NEVER;
-  exponentials(terms, most, terms, width);
-  const double sum = total(terms, width);
-  for (int k = 0; k < width; ++k) terms[k] /= sum;
-  return most + std::log(sum);
+}  // namespace
+
+Neighbours::Neighbours(const double* log_transitions, int K, bool transposed) : begin{0} {
+  for (int j = 0; j < K; ++j) {
+    for (int k = 0; k < K; ++k) {
+      const double log_probability = log_transitions[transposed ? k * K + j : j * K + k];
+      if (log_probability == NEVER) continue;
+      states.push_back(k);
+      log_probabilities.push_back(log_probability);
+    }
+    begin.push_back(int(states.size()));
+  }
 }
 
-}  // namespace
+double Neighbours::log_sum(int state, const double* values, double* terms) const {
+  const int first = begin[state], count = begin[state + 1] - first;
+  double most = NEVER, sum = 0.0;
+  for (int i = 0; i < count; ++i) {
+    terms[i] = values[states[first + i]] + log_probabilities[first + i];
+    most = std::max(most, terms[i]);
+  }
+  if (most == NEVER) return NEVER;
+  for (int i = 0; i < count; ++i) terms[i] = exponential(terms[i] - most);
+  for (int i = 0; i < count; ++i) sum += terms[i];
+  return most + std::log(sum);
+}
 
 Chain::Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions)
     : K_(K),
       width_(padded(K)),
       log_initial_(size_t(width_), NEVER),
-      from_(pad(transitions, K, false, 1.0)),
-      into_(pad(transitions, K, true, 1.0)),
-      log_from_(pad(log_transitions, K, false, NEVER)),
-      log_into_(pad(log_transitions, K, true, NEVER)) {
+      from_(pad(transitions, K, false)),
+      into_(pad(transitions, K, true)),
+      successors_(log_transitions, K, false),
+      origins_(log_transitions, K, true) {
   std::copy_n(log_initial, K, log_initial_.begin());
 }
 
@@ -76,8 +92,7 @@ double Chain::forward(const double* log_emissions, long T, double* forward, doub
     logarithms(sum.data(), next, width_);
     if (smallest(sum.data(), width_) < DOUBTFUL) {
       for (int k = 0; k < K_; ++k)
-        if (sum[k] < DOUBTFUL)
-          next[k] = log_sum(forward, log_into_.data() + size_t(k) * width_, terms.data(), width_) - most;
+        if (sum[k] < DOUBTFUL) next[k] = origins_.log_sum(k, forward, terms.data()) - most;
     }
     log_emissions += width_;
     for (int k = 0; k < width_; ++k) next[k] += log_emissions[k];
@@ -93,8 +108,8 @@ struct Chain::Step {
   Buffer likelihood;  // exp of it, relative to the largest
   Buffer sum;         // sum over k of a_jk likelihood_k
   Buffer terms;
-  Buffer ratios;      // over all steps, sum of gamma_j / sum_j likelihood_k: times a_jk it counts transitions
-  Buffer exact;       // over all steps, transitions of rows whose sum was doubtful
+  Buffer ratios;  // over all steps, sum of gamma_j / sum_j likelihood_k: times a_jk it counts transitions
+  Buffer exact;   // over all steps, transitions of rows whose sum was doubtful
 };
 
 void Chain::backward(const double* log_emissions, long T, double* forward, double* counts) const {
@@ -128,7 +143,7 @@ void Chain::look_back(Step& step, double* later) const {
   if (smallest(step.sum.data(), width_) >= DOUBTFUL) return;
   for (int j = 0; j < K_; ++j)
     if (step.sum[j] < DOUBTFUL)
-      later[j] = log_sum(step.ahead.data(), log_from_.data() + size_t(j) * width_, step.terms.data(), width_) - most;
+      later[j] = successors_.log_sum(j, step.ahead.data(), step.terms.data()) - most;
 }
 
 // zeta_jk = gamma_j a_jk likelihood_k / sum_j: the state now, then where it goes.
@@ -142,14 +157,17 @@ void Chain::add_transitions(Step& step, const double* gamma) const {
         lanes<LANES>(ratios + c) += ratio * lanes<LANES>(step.likelihood.data() + c);
     } else {
       double* exact = step.exact.data() + size_t(j) * width_;
-      log_sum(step.ahead.data(), log_from_.data() + size_t(j) * width_, step.terms.data(), width_);
-      for (int k = 0; k < width_; ++k) exact[k] += gamma[j] * step.terms[k];
+      const double log_sum = successors_.log_sum(j, step.ahead.data(), step.terms.data());
+      for (int i = successors_.begin[j]; i < successors_.begin[j + 1]; ++i) {
+        const int k = successors_.states[i];
+        exact[k] += gamma[j] * std::exp(step.ahead[k] + successors_.log_probabilities[i] - log_sum);
+      }
     }
   }
 }
 
-double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors, double* counts,
-                        double* log_forward) {
+double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
+                        double* counts, double* log_forward) {
   const long K = chain.states(), width = chain.width();
   Buffer padded(T * width, NEVER), gamma(T * width), offsets(T);
   for (long t = 0; t < T; ++t) std::copy_n(log_emissions + t * K, K, padded.data() + t * width);

@@ -5,9 +5,23 @@
 
 namespace pilotfish {
 
+// The states that each state is linked to, and log-probabilities of these transitions.
+struct Neighbours {
+  Neighbours(const double* log_transitions, int K, bool transposed);
+
+  // log sum over neighbours i of exp(values[i] + log_probability[i]), exactly; terms[i] becomes i's share in
+  // it.
+  double log_sum(int state, const double* values, double* terms) const;
+
+  std::vector<int> begin;  // K + 1; those of state k are begin[k] to begin[k + 1]
+  std::vector<int> states;
+  std::vector<double> log_probabilities;
+};
+
 // The K states are padded with impossible ones to a width that is a multiple of LANES.
-// Log-probabilities travel relative to a running offset, so that long chains lose no digits. A step is a product of
-// exponentials with the transition matrix; a sum so small that a path may have underflowed is done again exactly.
+// Log-probabilities travel relative to a running offset, so that long chains lose no digits. A step is a
+// product of exponentials with the transition matrix; a sum so small that a path may have underflowed is done
+// again exactly.
 class Chain {
  public:
   Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions);
@@ -15,7 +29,8 @@ class Chain {
   int states() const { return K_; }
   int width() const { return width_; }
 
-  // forward[t] + offsets[t] = log p(steps 0 to t, state at t); returns log p(all steps), -inf when no path is left.
+  // forward[t] + offsets[t] = log p(steps 0 to t, state at t); returns log p(all steps), -inf when no path is
+  // left.
   double forward(const double* log_emissions, long T, double* forward, double* offsets) const;
 
   // Turns forward (T, width) into posteriors and adds the expected transitions to counts (K, K).
@@ -30,13 +45,13 @@ class Chain {
 
   int K_, width_;
   Buffer log_initial_;
-  Buffer from_, into_;          // row j: to every k; row k: from every j. Padded with ones
-  Buffer log_from_, log_into_;  // their logarithms, padded with -inf
+  Buffer from_, into_;               // row j: to every k; row k: from every j. Padded with ones
+  Neighbours successors_, origins_;  // of every state
 };
 
 // The same for arrays that are not padded: posteriors and log_forward (T, K), counts (K, K), all of them set.
-double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors, double* counts,
-                        double* log_forward);
+double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
+                        double* counts, double* log_forward);
 
 // A most probable path into states (T), at ties the lower index; returns its log-probability.
 double viterbi(int K, long T, const double* log_emissions, const double* log_initial,

@@ -1,23 +1,23 @@
 // Numbers side by side in the processor's vector registers, and exp and log of them.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <cstring>
 #include <limits>
 #include <vector>
 
-#include <Eigen/Core>
-
 namespace pilotfish {
 
-// Eigen keeps arrays of a fixed size in registers, whatever their width here; the compilers' own loops do not.
+// Eigen keeps arrays of a fixed size in registers, whatever their width here; the compilers' own loops do
+// not.
 #ifdef __AVX__
 constexpr int REGISTER = 4;
 #else
 constexpr int REGISTER = 2;
 #endif
-constexpr int LANES = 8;      // states of a chain are padded to a multiple of this
-constexpr int BLOCK = 32;     // time steps of a block, laid side by side
+constexpr int LANES = 8;   // states of a chain are padded to a multiple of this
+constexpr int BLOCK = 32;  // time steps of a block, laid side by side
 constexpr double NEVER = -std::numeric_limits<double>::infinity();  // log of probability zero
 
 template <int N>
@@ -50,12 +50,23 @@ constexpr double LN2_HIGH = 0x1.62e42feep-1;  // so few bits that whole multiple
 constexpr double LN2_LOW = 0x1.a39ef35793c76p-33;
 
 // exp(x) for x <= 0, to one unit in the last place; exactly zero below -708, where results turn subnormal.
-// x = n log 2 + f with |f| <= log(2) / 2, and Taylor's series for exp(f). Without a branch, so that loops vectorise.
+// x = n log 2 + f with |f| <= log(2) / 2, and Taylor's series for exp(f). Without a branch, so that loops
+// vectorise.
 inline double exponential(double x) {
-  constexpr double INVERSE_FACTORIAL[] = {1.0,           1.0,           1.0 / 2,          1.0 / 6,
-                                          1.0 / 24,      1.0 / 120,     1.0 / 720,        1.0 / 5040,
-                                          1.0 / 40320,   1.0 / 362880,  1.0 / 3628800,    1.0 / 39916800,
-                                          1.0 / 479001600, 1.0 / 6227020800.0};
+  constexpr double INVERSE_FACTORIAL[] = {1.0,
+                                          1.0,
+                                          1.0 / 2,
+                                          1.0 / 6,
+                                          1.0 / 24,
+                                          1.0 / 120,
+                                          1.0 / 720,
+                                          1.0 / 5040,
+                                          1.0 / 40320,
+                                          1.0 / 362880,
+                                          1.0 / 3628800,
+                                          1.0 / 39916800,
+                                          1.0 / 479001600,
+                                          1.0 / 6227020800.0};
   constexpr double ROUND = 0x1.8p52;  // adding it leaves the nearest integer in the low bits
   const double clipped = x < -708.0 ? -708.0 : x;
   const double rounded = clipped * 0x1.71547652b82fep0 + ROUND;  // x / log 2
@@ -67,8 +78,8 @@ inline double exponential(double x) {
   return x < -708.0 ? 0.0 : series * power;
 }
 
-// log(x) for normal x > 0, to one unit in the last place: x = 2^n m with m in [1/sqrt 2, sqrt 2), and the series of
-// log m = 2 artanh(s), s = (m - 1) / (m + 1). Without a branch, so that loops vectorise.
+// log(x) for normal x > 0, to one unit in the last place: x = 2^n m with m in [1/sqrt 2, sqrt 2), and the
+// series of log m = 2 artanh(s), s = (m - 1) / (m + 1). Without a branch, so that loops vectorise.
 inline double logarithm(double x) {
   constexpr uint64_t ROOT_HALF = 0x3fe6a09e667f3bcdULL;  // 1 / sqrt 2
   constexpr uint64_t EXPONENT = 0xfff0000000000000ULL;

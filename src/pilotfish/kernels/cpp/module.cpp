@@ -1,11 +1,12 @@
-// The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released in between.
-// Built twice, for two instruction sets; kernels/compiled.py picks one and gives its results their names.
-#include <algorithm>
-#include <string>
-
+// The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released in
+// between. Built twice, for two instruction sets; kernels/compiled.py picks one and gives its results their
+// names.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
+
+#include <algorithm>
+#include <string>
 
 #include "chain.hpp"
 #include "expectation.hpp"
@@ -43,8 +44,9 @@ void expect(const Array& array, const char* name, std::initializer_list<size_t> 
   size_t axis = 0;
   for (size_t size : shape) {
     if (array.shape(axis) != size)
-      throw nb::value_error((std::string(name) + " has " + std::to_string(array.shape(axis)) + " entries along axis " +
-                             std::to_string(axis) + ", expected " + std::to_string(size))
+      throw nb::value_error((std::string(name) + " has " + std::to_string(array.shape(axis)) +
+                             " entries along axis " + std::to_string(axis) + ", expected " +
+                             std::to_string(size))
                                 .c_str());
     ++axis;
   }
@@ -94,7 +96,8 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   if (sum != sizes.N) throw nb::value_error("lengths do not add up to the N datapoints of x");
   auto result = std::make_tuple(empty<Out>({M}), empty<Out>({K}), empty<Out>({K}), empty<Out>({K, K}),
                                 empty<Out>({P, K, D}), empty<Out>({P, K, D, D}));
-  const Model model{log_initial.data(), transitions.data(), log_transitions.data(), means.data(), whiteners.data()};
+  const Model model{log_initial.data(), transitions.data(), log_transitions.data(), means.data(),
+                    whiteners.data()};
   const Sums sums{std::get<0>(result).data(), std::get<1>(result).data(), std::get<2>(result).data(),
                   std::get<3>(result).data(), std::get<4>(result).data(), std::get<5>(result).data()};
   {
@@ -117,8 +120,8 @@ auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In
   {
     Free run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
-    log_likelihood = pilotfish::forward_backward(chain, log_emissions.data(), long(T), posteriors.data(), counts.data(),
-                                      log_forward.data());
+    log_likelihood = pilotfish::forward_backward(chain, log_emissions.data(), long(T), posteriors.data(),
+                                                 counts.data(), log_forward.data());
   }
   return std::make_tuple(log_likelihood, posteriors, counts, log_forward);
 }
@@ -133,18 +136,20 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   double log_probability;
   {
     Free run;
-    log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), log_initial.data(), log_transitions.data(),
-                              states.data());
+    log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), log_initial.data(),
+                                         log_transitions.data(), states.data());
   }
   return std::make_tuple(states, log_probability);
 }
 
-auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double, 2> targets, In<double, 2> effort) {
+auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double, 2> targets,
+             In<double, 2> effort) {
   const size_t T = targets.shape(0), n = targets.shape(1), m = B.shape(2), S = A.shape(0);
   expect_some(T, "targets");
   expect_some(n, "the last axis of targets");
   expect_some(m, "the last axis of B");
-  if (S != 1 && S + 1 != T) throw nb::value_error("A and B hold neither one matrix nor one for each step but the last");
+  if (S != 1 && S + 1 != T)
+    throw nb::value_error("A and B hold neither one matrix nor one for each step but the last");
   expect(A, "A", {S, n, n});
   expect(B, "B", {S, n, m});
   expect(weights, "weights", {T, n, n});
@@ -156,7 +161,8 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
   long refused;
   {
     Free run;
-    refused = pilotfish::riccati(problem, Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
+    refused = pilotfish::riccati(problem,
+                                 Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
   }
   return std::make_tuple(refused, gains, feedforwards, values, gradients);
 }
@@ -172,7 +178,8 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 
   int refused;
   {
     Free run;
-    refused = pilotfish::semi_tied_sweeps(int(K), int(D), covariances.data(), mass.data(), result.data(), sweeps);
+    refused =
+        pilotfish::semi_tied_sweeps(int(K), int(D), covariances.data(), mass.data(), result.data(), sweeps);
   }
   return std::make_tuple(refused, result);
 }

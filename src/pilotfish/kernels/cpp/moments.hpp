@@ -26,8 +26,8 @@ class Moments {
   double* offsets_;
   double* scatters_;
   Page page_;
-  Buffer error_, weighted_;     // (rows, BLOCK) of one state and block
-  Buffer first_, second_;       // sums over a page, REGISTER of them for each number
+  Buffer error_, weighted_;  // (rows, BLOCK) of one state and block
+  Buffer first_, second_;    // sums over a page, REGISTER of them for each number
 };
 
 }  // namespace pilotfish

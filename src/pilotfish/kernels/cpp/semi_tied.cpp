@@ -1,8 +1,7 @@
 #include "semi_tied.hpp"
 
-#include <cmath>
-
 #include <Eigen/LU>
+#include <cmath>
 
 #include "lanes.hpp"
 
@@ -38,12 +37,15 @@ void solve(const Matrix& U, Vector& x) {
 
 }  // namespace
 
-int semi_tied_sweeps(int K, int D, const double* covariances, const double* mass, double* transform, int sweeps) {
+int semi_tied_sweeps(int K, int D, const double* covariances, const double* mass, double* transform,
+                     int sweeps) {
   Eigen::Map<Matrix> B(transform, D, D);
   Matrix inverse(D, D), G(D, D);
   Vector cofactors(D), direction(D), change(D), image(D);
   const double whole = Eigen::Map<const Vector>(mass, K).sum();
-  const auto covariance = [&](int k) { return Eigen::Map<const Matrix>(covariances + size_t(k) * D * D, D, D); };
+  const auto covariance = [&](int k) {
+    return Eigen::Map<const Matrix>(covariances + size_t(k) * D * D, D, D);
+  };
   for (int sweep = 0; sweep < sweeps; ++sweep) {
     inverse = B.inverse();
     if (!inverse.allFinite()) return D;

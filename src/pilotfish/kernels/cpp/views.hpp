@@ -15,8 +15,8 @@ struct Sizes {
   int rows() const { return (D + 3) / 4 * 4; }  // dimensions padded, so that tiles of four need no remainder
 };
 
-constexpr int PAGE = 8;                // blocks of a page
-constexpr int STEPS = PAGE * BLOCK;    // time steps of a page
+constexpr int PAGE = 8;              // blocks of a page
+constexpr int STEPS = PAGE * BLOCK;  // time steps of a page
 
 // Up to STEPS consecutive datapoints of one frame, dimension by dimension: block, row, step. Padding is zero.
 class Page {
@@ -36,7 +36,8 @@ class Page {
 // error[i] = x[i] - mean[i] for a block; error's padded rows stay as they are.
 void deviations(const double* block, const double* mean, int D, double* error);
 
-// Densities of K Gaussians in each of P frames: the whiteners' lower triangles, packed in the order of their use.
+// Densities of K Gaussians in each of P frames: the whiteners' lower triangles, packed in the order of their
+// use.
 class Densities {
  public:
   Densities(Sizes sizes, const double* means, const double* whiteners);
@@ -50,7 +51,7 @@ class Densities {
 
   Sizes sizes_;
   const double* means_;
-  size_t packed_;                  // numbers of one packed triangle
+  size_t packed_;  // numbers of one packed triangle
   Buffer triangles_;
   std::vector<double> constants_;  // (P, K), log density at the mean
   Page page_;

@@ -1,0 +1,124 @@
+"""What cannot be drawn is refused in words that help, before a figure is begun."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pilotfish import plots
+from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, world_frame
+from pilotfish.errors import InvalidInput
+from pilotfish.models import MarkovChain, Skill
+
+
+def test_more_states_than_can_be_told_apart_are_refused(skills: Callable[..., Skill], things: Any):
+    """Every picture that colours states names the number that it can tell apart."""
+    many = skills(plots.MOST_STATES + 1)
+    for draw in (
+        lambda: plots.state_graph(many),
+        lambda: plots.forward_variable(many, horizon=9),
+        lambda: plots.deviations(many),
+        lambda: plots.demonstrations_seen(many, things.demonstrations),
+    ):
+        with pytest.raises(
+            InvalidInput, match=rf"{plots.MOST_STATES + 1} states, .*1 to {plots.MOST_STATES}"
+        ):
+            draw()
+
+
+def test_widths_that_disagree_are_refused(things: Any):
+    """A motion, a frame, a feedback or a demonstration of other columns is named with both widths."""
+    narrow = replace(things.motion, x=things.motion.x[:, :7])
+    with pytest.raises(InvalidInput, match="the motion has 7 columns, expected the layout's 14"):
+        plots.reproduction(things.adapted, narrow, things.frames)
+    with pytest.raises(InvalidInput, match="frame 'world' has 3 columns"):
+        plots.reproduction(things.adapted, things.motion, [world_frame(3)])
+    with pytest.raises(InvalidInput, match="the feedback has 14 columns, expected the layout's 7"):
+        plots.gains(things.feedback, pose_layout())
+    other = replace(things.demonstrations[0], layout=pose_layout(), x=things.demonstrations[0].x[:, :7])
+    with pytest.raises(InvalidInput, match="'showing 0' has the columns"):
+        plots.tracked_coordinates(things.adapted, things.states, things.motion, human=other)
+
+
+def test_a_plan_of_another_length_or_of_unknown_states_is_refused(things: Any):
+    """States are planned for every step of the motion, and are states of the skill."""
+    with pytest.raises(InvalidInput, match="23 states were planned, expected 24"):
+        plots.tracked_coordinates(things.adapted, things.states[1:], things.motion)
+    with pytest.raises(InvalidInput, match="states run from 1 to 4, the skill has 0 to 3"):
+        plots.tracked_coordinates(things.adapted, things.states + 1, things.motion)
+
+
+def test_another_period_is_refused(things: Any):
+    """Motions and demonstrations of another period would be stretched in time."""
+    with pytest.raises(InvalidInput, match=r"the motion has a period of 0\.2 s, expected the skill's 0\.1 s"):
+        plots.tracked_coordinates(things.adapted, things.states, replace(things.motion, period=0.2))
+
+
+def test_unknown_columns_are_refused_with_the_nearest(things: Any):
+    """A misspelt column or plane is answered with the name that was probably meant."""
+    with pytest.raises(InvalidInput, match="no column 'position w', the nearest is 'position"):
+        plots.deviations(things.skill, columns=["position w"])
+    with pytest.raises(InvalidInput, match="no column 'hight'"):
+        plots.demonstrations_seen(things.skill, things.demonstrations, planes=[("position x", "hight")])
+    with pytest.raises(InvalidInput, match="no columns were asked for"):
+        plots.tracked_coordinates(things.adapted, things.states, things.motion, columns=[])
+    with pytest.raises(InvalidInput, match="no planes were asked for"):
+        plots.reproduction(things.adapted, things.motion, things.frames, planes=[])
+
+
+def test_without_a_position_planes_must_be_named(things: Any, skills: Callable[..., Skill]):
+    """A layout of joints has no planes of its own; named ones are drawn."""
+    joints = Layout((Part("joint", Quantity.SCALAR, 4, "rad"),))
+    skill = skills(3, ("world",), joints)
+    shown = replace(
+        things.demonstrations[0],
+        layout=joints,
+        x=things.demonstrations[0].x[:, :4],
+        frames=(world_frame(4),),
+    )
+    with pytest.raises(InvalidInput, match="no position of two or more axes but joint 1, joint 2"):
+        plots.demonstrations_seen(skill, [shown])
+    figure = plots.demonstrations_seen(skill, [shown], planes=[("joint 1", "joint 3")])
+    assert figure.axes[0].get_ylabel() == "joint 3 [rad]"
+
+
+def test_demonstrations_of_other_frames_are_refused(things: Any, skills: Callable[..., Skill]):
+    """The skill and the demonstrations are seen from the same frames."""
+    with pytest.raises(InvalidInput, match="demonstrations have the frames"):
+        plots.demonstrations_seen(skills(2, ("world",)), things.demonstrations)
+
+
+def test_only_semi_markov_skills_have_a_graph(things: Any):
+    """A Markov chain has no durations to show."""
+    markov = replace(things.skill, dynamics=MarkovChain(np.full(4, 0.25), np.full((4, 4), 0.25)))
+    for draw in (plots.state_graph, lambda skill: plots.forward_variable(skill, horizon=5)):
+        with pytest.raises(InvalidInput, match="has MarkovChain, expected a SemiMarkovChain"):
+            draw(markov)
+    with pytest.raises(InvalidInput, match=r"least is 1\.5"):
+        plots.state_graph(things.skill, least=1.5)
+
+
+def test_gains_need_coordinates_and_their_derivatives(things: Any):
+    """Stiffness and damping have their units only where the second half is the derivative of the first."""
+    parts = things.adapted.layout.parts
+    mixed = Layout((parts[2], parts[3], parts[0], parts[1]))
+    with pytest.raises(InvalidInput, match="expected coordinates, then the derivative of each"):
+        plots.gains(things.feedback, mixed)
+
+
+def test_only_semi_tied_skills_have_a_basis(things: Any):
+    """Full covariances share nothing."""
+    with pytest.raises(InvalidInput, match="covariances are full, expected semi-tied"):
+        plots.basis_vectors(things.skill)
+
+
+def test_skills_that_cannot_be_compared_are_refused(things: Any, skills: Callable[..., Skill]):
+    """Correlations are shown frame by frame, so skills have the same frames; and there is at least one."""
+    with pytest.raises(InvalidInput, match="skills differ in frames"):
+        plots.component_correlations([things.skill, skills(4, ("world",))])
+    with pytest.raises(InvalidInput, match="no skills"):
+        plots.component_correlations([])
+    with pytest.raises(InvalidInput, match="0 fits were given"):
+        plots.likelihood_trace([])

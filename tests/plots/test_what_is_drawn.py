@@ -1,0 +1,198 @@
+"""What is drawn is what the values say: contours, bands, arrows, densities, lines and shades."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyArrowPatch, Polygon
+
+from pilotfish import plots
+from pilotfish.demonstrations import views
+from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances, component_correlation
+from pilotfish.models import GaussianDurations, SemiMarkovChain, Skill, occupancy
+
+NOTHING_SEEN = np.empty((0, 4))  # log p(x | state) of no observation, four states
+
+
+def by_gid(figure: Figure, kind: type, text: str) -> list[Any]:
+    return figure.findobj(lambda artist: isinstance(artist, kind) and text in (artist.get_gid() or ""))
+
+
+def chain(rng: np.random.Generator) -> SemiMarkovChain:
+    """Four states in a circle with leaps and ways back; none is final."""
+    onward = rng.uniform(0.05, 1.0, (4, 4)) * (1.0 - np.eye(4))
+    onward /= onward.sum(axis=1, keepdims=True)
+    durations = GaussianDurations(rng.uniform(3.0, 9.0, 4), rng.uniform(0.5, 2.0, 4))
+    return SemiMarkovChain(np.eye(4)[0], onward, durations)
+
+
+def test_ellipses_are_the_contours_at_one_deviation(things: Any):
+    """Every vertex drawn for a state lies at Mahalanobis distance one from the marginal of its Gaussian."""
+    figure = plots.demonstrations_seen(things.skill, things.demonstrations)
+    for p, name in enumerate(things.skill.frame_names):
+        for k in range(things.skill.states):
+            for plane, patch in zip(
+                ((0, 1), (0, 2)), by_gid(figure, Polygon, f"{name} state {k}"), strict=True
+            ):
+                mean = things.skill.means[p, k][list(plane)]
+                covariance = things.skill.covariances[p].dense[k][np.ix_(plane, plane)]
+                offsets = patch.get_xy() - mean
+                distances = np.einsum("ni,ij,nj->n", offsets, np.linalg.inv(covariance), offsets)
+                np.testing.assert_allclose(distances, 1.0, rtol=1e-9)
+
+
+def test_there_is_one_ellipse_for_each_state_frame_and_plane(things: Any):
+    """Named planes draw as many ellipses as there are states, in each row of panels."""
+    planes = [("position y", "position z"), ("position x", "position x'"), ("position z", "position y")]
+    figure = plots.demonstrations_seen(things.skill, things.demonstrations, planes=planes)
+    count = len(by_gid(figure, Polygon, "state "))
+    assert count == things.skill.states * len(things.skill.frame_names) * len(planes)
+
+
+def test_demonstrations_are_drawn_as_their_frames_see_them(things: Any):
+    """The paths in a row of panels are the views from that row's frame, one a demonstration."""
+    figure = plots.demonstrations_seen(things.skill, things.demonstrations)
+    data, ends = views(things.demonstrations), np.cumsum([len(d.x) for d in things.demonstrations])
+    for p in range(2):
+        lines = [line for line in figure.axes[2 * p].get_lines() if len(line.get_xdata()) > 1]
+        for line, path in zip(lines, np.split(data.x[p], ends[:-1]), strict=True):
+            np.testing.assert_array_equal(line.get_xydata(), path[:, :2])
+
+
+def test_a_state_has_the_same_colour_in_every_picture(things: Any):
+    """Ellipse, node and band of a state are of one colour."""
+    seen = plots.demonstrations_seen(things.skill, things.demonstrations)
+    graph = plots.state_graph(things.skill)
+    tracked = plots.tracked_coordinates(things.adapted, things.states, things.motion)
+    for k in range(things.skill.states):
+        ellipse = by_gid(seen, Polygon, f"state {k}")[0].get_edgecolor()
+        node = by_gid(graph, Circle, f"state {k}")[0].get_facecolor()
+        band = by_gid(tracked, object, f"band of state {k}")[0].get_facecolor()[0]
+        np.testing.assert_allclose(ellipse[:3], node[:3])
+        np.testing.assert_allclose(ellipse[:3], band[:3])
+
+
+def test_bands_are_one_deviation_about_the_planned_mean(things: Any):
+    """In each panel the band of a visit reaches from mean - deviation to mean + deviation, as long as it."""
+    figure = plots.tracked_coordinates(things.adapted, things.states, things.motion)
+    for column, panel in enumerate(figure.axes):
+        end = -0.05  # half a step before the first
+        for k in range(things.skill.states):
+            (band,) = (c for c in panel.collections if c.get_gid() == f"band of state {k}")
+            (x0, low), (x1, high) = band.get_paths()[0].get_extents().get_points()
+            mean = things.adapted.means[k, column]
+            deviation = np.sqrt(things.adapted.covariances[k, column, column])
+            np.testing.assert_allclose([low, high], [mean - deviation, mean + deviation])
+            np.testing.assert_allclose([x0, x1], [end, end + 0.6])  # six steps of .1 s, no gap
+            end = x1
+
+
+def test_every_sufficient_transition_has_an_arrow(things: Any, rng: np.random.Generator):
+    """As many arrows are drawn as transitions reach the least probability asked for."""
+    skill = replace(things.skill, dynamics=chain(rng))
+    for least in (0.0, 0.2, 0.5):
+        figure = plots.state_graph(skill, least=least)
+        arrows = [a for a in figure.axes[0].patches if isinstance(a, FancyArrowPatch)]
+        wanted = (skill.dynamics.transitions >= least) & (skill.dynamics.transitions > 0.0)
+        assert len(arrows) == wanted.sum()
+
+
+def test_the_order_of_the_graph_is_that_of_time_whatever_the_labels(things: Any, rng: np.random.Generator):
+    """Relabelling the states of a skill relabels its nodes and moves none."""
+    plain, shuffled = things.skill.dynamics, rng.permutation(4)
+    relabelled = SemiMarkovChain(
+        plain.initial[shuffled],
+        plain.transitions[np.ix_(shuffled, shuffled)],
+        GaussianDurations(plain.durations.means[shuffled], plain.durations.deviations[shuffled]),
+    )
+    figure = plots.state_graph(replace(things.skill, dynamics=relabelled))
+    places = [by_gid(figure, Circle, f"state {k}")[0].get_center()[0] for k in range(4)]
+    np.testing.assert_array_equal(places, shuffled)
+
+
+def test_duration_densities_integrate_to_one(things: Any):
+    """Under each node the density times the period sums to one: units are one over seconds."""
+    figure = plots.state_graph(things.skill)
+    for axes in figure.axes[1:]:
+        density = axes.get_lines()[0].get_ydata()
+        assert float(np.sum(density)) * things.skill.period == pytest.approx(1.0, abs=1e-12)
+
+
+def test_the_forward_picture_shows_occupancy_and_rows_that_sum_to_one(things: Any, rng: np.random.Generator):
+    """The upper curves are the occupancy; both panels sum to one wherever anything can be."""
+    skill = replace(things.skill, dynamics=chain(rng))
+    above, below = plots.forward_variable(skill, horizon=25).axes
+    shares = np.stack([line.get_ydata() for line in above.get_lines()], axis=1)
+    np.testing.assert_allclose(shares, occupancy(skill.dynamics, NOTHING_SEEN, 25))
+    ends = np.stack([line.get_ydata() for line in below.get_lines()], axis=1).sum(axis=1)
+    np.testing.assert_allclose(ends[~np.isnan(ends)], 1.0)
+    assert np.isfinite(ends[-1])
+
+
+def test_gains_show_the_diagonal_and_the_norm_of_each_part(things: Any):
+    """The lines of a part are its own stiffness or damping; the last is the norm of its block."""
+    blocks = (things.feedback.stiffness, things.feedback.damping)
+    figure = plots.gains(things.feedback, things.adapted.layout)
+    for panel, (row, here) in zip(
+        figure.axes, ((row, here) for row in blocks for here in (slice(0, 3), slice(3, 7))), strict=True
+    ):
+        lines = [line.get_ydata() for line in panel.get_lines()]
+        block = row[:, here, here]
+        np.testing.assert_array_equal(np.transpose(lines[: block.shape[1]]), np.diagonal(block, 0, 1, 2))
+        np.testing.assert_allclose(lines[block.shape[1]], np.sqrt((block**2).sum(axis=(1, 2))))
+
+
+@pytest.mark.parametrize("precise", [0, 2, 3])
+def test_the_most_precise_state_of_a_frame_is_shaded(things: Any, precise: int):
+    """A state whose covariance shrinks a thousandfold is the one that is shaded, in that frame."""
+    dense = things.skill.covariances[1].dense.copy()
+    dense[precise] *= 1e-3
+    covariances = (things.skill.covariances[0], DenseCovariances(dense))
+    figure = plots.deviations(replace(things.skill, covariances=covariances))
+    for panel in figure.axes[2:]:
+        (shade,) = (patch for patch in panel.patches if patch.get_gid() == "most precise")
+        assert shade.get_x() + 0.5 * shade.get_width() == pytest.approx(precise)
+
+
+def test_deviations_are_roots_of_variances(things: Any):
+    """The line of a column is the root of the diagonal of the states' covariances."""
+    figure = plots.deviations(things.skill, columns=["position y", "orientation w"])
+    for p, panel in enumerate(figure.axes[::2]):
+        expected = np.sqrt(things.skill.covariances[p].dense[:, 1, 1])
+        np.testing.assert_allclose(panel.get_lines()[0].get_ydata(), expected)
+
+
+def test_a_basis_looks_the_same_at_any_scale_and_sign(things: Any, rng: np.random.Generator):
+    """Basis vectors have no scale of their own: the heat map does not change when columns are scaled."""
+
+    def scaled(c: SemiTiedCovariances) -> SemiTiedCovariances:
+        return replace(c, basis=c.basis * rng.choice([-3.0, 0.1, 7.0], size=c.basis.shape[1]))
+
+    other = replace(things.tied, covariances=tuple(map(scaled, things.tied.covariances)))
+    for one, two in zip(plots.basis_vectors(things.tied).axes, plots.basis_vectors(other).axes, strict=True):
+        for a, b in zip(one.get_images(), two.get_images(), strict=True):
+            np.testing.assert_allclose(a.get_array(), b.get_array())
+            np.testing.assert_allclose(np.abs(a.get_array()).max(axis=0), 1.0)
+
+
+def test_correlations_are_those_of_the_covariances(things: Any, skills: Callable[..., Skill]):
+    """Rows of panels are frames, columns are skills; skills may differ in states."""
+    both = [things.skill, skills(6)]
+    panels = iter(plots.component_correlations(both).axes)
+    for p in range(2):
+        for skill in both:
+            expected = component_correlation(skill.covariances[p].dense)
+            np.testing.assert_array_equal(next(panels).get_images()[0].get_array(), expected)
+
+
+def test_the_trace_is_that_of_each_fit(things: Any):
+    """Every line holds the log-likelihoods of its fit, and says whether that converged."""
+    failed = replace(things.fit, outcome=replace(things.fit.outcome, converged=False))
+    lines = plots.likelihood_trace([things.fit, failed]).axes[0].get_lines()
+    for line in lines:
+        np.testing.assert_array_equal(line.get_ydata(), things.fit.trace)
+    assert "not converged" in str(lines[1].get_label())
+    assert "not converged" not in str(lines[0].get_label())

@@ -1,0 +1,260 @@
+"""Bad input, command by command: one line that names the value, the place and the fix; nothing is written."""
+
+import json
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+
+Refusal = Callable[..., str]
+Runs = Callable[..., Result]
+
+
+def damaged(folder: Path, line: int, column: int, value: str) -> Path:
+    """The folder with one cell of its first recording replaced, as someone would by hand."""
+    manifest = json.loads((folder / "demonstrations.json").read_text())
+    table = folder / manifest["demonstration"][0]["file"]
+    rows = [row.split(",") for row in table.read_text().splitlines()]
+    rows[line][column] = value
+    table.write_text("\n".join(map(",".join, rows)))
+    del manifest["sha256"], manifest["demonstration"][0]["sha256"]
+    (folder / "demonstrations.json").write_text(json.dumps(manifest))
+    return folder
+
+
+@pytest.mark.parametrize("command", [["data", "check"], ["learn", "--out", "out"]])
+@pytest.mark.parametrize(("name", "words"), [("none", "no folder"), ("empty", "demonstrations.toml")])
+def test_a_folder_without_recordings(
+    refusal: Refusal, tmp_path: Path, command: list[str], name: str, words: str
+):
+    """Missing or empty: named, with what was expected in it."""
+    (tmp_path / "empty").mkdir()
+    told = refusal(*command, name)
+    assert name in told
+    assert words in told
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", [["data", "check"], ["learn", "--out", "out"]])
+@pytest.mark.parametrize("value", ["nan", "2,0", "high"])
+def test_a_cell_that_is_no_number(refusal: Refusal, folder: Path, command: list[str], value: str):
+    """File, row and column are named, in every command that reads it."""
+    told = refusal(*command, damaged(folder, line=5, column=1, value=value))
+    assert re.search(r"1-reach-0\.csv.*(line 6|row 4)", told)
+
+
+@pytest.mark.parametrize("only", ["7", "0-9", "3-1", "a", "1-2-3", "0,0", "-1", ",", "٣", "99999999"])
+def test_demonstrations_that_are_not_there(run: Runs, folder: Path, tmp_path: Path, only: str):
+    """--only is quoted back."""
+    result = run("learn", folder, f"--only={only}", "--out", "out")
+    assert result.exit_code == 1
+    assert only in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("start", ["time-bins", "k-means"])
+def test_more_states_than_data(refusal: Refusal, folder: Path, start: str):
+    """Told with both numbers."""
+    assert "500" in refusal("learn", folder, "--states", "500", "--start", start, "--out", "out")
+
+
+def test_frames_that_differ_between_demonstrations(refusal: Refusal, folder: Path):
+    """Which demonstration, and both lists of names."""
+    manifest = json.loads((folder / "demonstrations.json").read_text())
+    manifest["demonstration"][1]["frames"][1]["name"] = "mug"
+    del manifest["sha256"]
+    (folder / "demonstrations.json").write_text(json.dumps(manifest))
+    told = refusal("learn", folder, "--out", "out")
+    assert "demonstration 1" in told
+    assert "mug" in told
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--structure", "full", "--tying", "0.5"], "semi-tied"),
+        (["--structure", "semi-tied", "--tying", "1.5"], "tying is 1.5"),
+        (["--regularisation", "-1"], "regularisation is -1"),
+        (["--regularisation", "nan"], "regularisation is nan"),
+    ],
+)
+def test_options_that_do_not_fit(refusal: Refusal, folder: Path, options: list[str], words: str):
+    """The value is quoted back."""
+    assert words in refusal("learn", folder, *options, "--out", "out")
+
+
+def test_a_covariance_that_collapses(refusal: Refusal, tmp_path: Path, folder: Path):
+    """Without regularisation a constant column has no variance: the fix is named."""
+    told = refusal("learn", folder, "--regularisation", "0", "--states", "12", "--out", "out")
+    assert "regularisation" in told
+
+
+def test_misuse_has_exit_code_two(run: Runs, folder: Path):
+    """A missing or unknown option, an impossible choice: click's words, not ours."""
+    for options in ([], ["--out", "o", "--states", "0"], ["--out", "o", "--start", "dice"], ["--nonsense"]):
+        result = run("learn", folder, *options)
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert "Usage: pilotfish learn" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["show", "replay"])
+@pytest.mark.parametrize("fault", ["none", "folder", "truncated", "text", "newer"])
+def test_a_file_that_is_no_skill(refusal: Refusal, skill: Path, command: str, fault: str):
+    """Each command that opens a skill names the file and what is wrong with it."""
+    data = skill.read_bytes()
+    words = {
+        "none": "No such file",
+        "folder": "directory",
+        "truncated": "no safetensors file",
+        "text": "no safetensors file",
+        "newer": "newer pilotfish (format 2",
+    }[fault]
+    if fault in ("none", "folder"):
+        skill.unlink()
+    if fault == "folder":
+        skill.mkdir()
+    if fault == "truncated":
+        skill.write_bytes(data[:-100])
+    if fault == "text":
+        skill.write_text("not a skill\n")
+    if fault == "newer":
+        skill.write_bytes(data.replace(b'\\"version\\":1', b'\\"version\\":2'))
+    told = refusal(command, skill)
+    assert "reach.skill" in told
+    assert words in told
+
+
+def test_names_of_data_sets_that_are_none(refusal: Refusal):
+    """With the nearest that there is."""
+    for command in (
+        ["data", "info", "vlave"],
+        ["data", "export", "vlave", "out"],
+        ["learn", "dataset:vlave", "--out", "out"],
+    ):
+        assert "did you mean 'valve'" in refusal(*command)
+
+
+def test_an_export_never_replaces_what_is_no_recording(refusal: Refusal, tmp_path: Path):
+    """Without --force nothing, with it only a folder of demonstrations."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    assert "mine exists" in refusal("data", "export", "synthetic valve", "mine")
+    assert "mine" in refusal("data", "export", "synthetic valve", "mine", "--force")
+    assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
+
+
+CUP = {"name": "cup", "position": [0.5, 0.2, 0.1], "quaternion": [1, 0, 0, 0]}
+HOME = {"name": "home", "position": [0, 0, 0], "quaternion": [1, 0, 0, 0]}
+WRONG_FRAMES: dict[str, tuple[Any, str]] = {
+    "a frame too few": ([CUP], "['cup'] were given"),
+    "a wrong name": ([CUP, {**HOME, "name": "hoem"}], "hoem"),
+    "a frame twice": ([CUP, CUP], "give each of these once"),
+    "no list": (3, "list of frames"),
+    "an empty list": ([], "list of frames"),
+    "no quaternion": ([{"name": "cup", "position": [0, 0, 0]}], "expected name, position, quaternion"),
+    "a long quaternion": ([{**CUP, "quaternion": [2, 0, 0, 0]}], "norm 2"),
+    "two coordinates": ([{**CUP, "position": [0, 0]}], "frame 0"),
+    "an infinite place": ([{**CUP, "position": [0, 0, 1e999]}], "finite"),
+    "an endless number": ([{**CUP, "position": [0, 0, 10**400]}], "frame 0"),
+    "text": ([{**CUP, "position": "here"}], "'here'"),
+    "a number for a name": ([{**CUP, "name": 3}], "name is 3"),
+    "a singular matrix": ([HOME, {"name": "cup", "A": [[0.0] * 7] * 7, "b": [0.0] * 7}], "singular"),
+    "a narrow matrix": ([HOME, {"name": "cup", "A": [[1, 0], [0, 1]], "b": [0, 0]}], "2 columns"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG_FRAMES)
+def test_frames_that_cannot_be_used(refusal: Refusal, skill: Path, tmp_path: Path, what: str):
+    """The file or the frame is named, with what was expected."""
+    content, words = WRONG_FRAMES[what]
+    (tmp_path / "frames.json").write_text(json.dumps(content))
+    assert words in refusal("replay", skill, "--frames", "frames.json", "--out", "out.csv")
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_no_frames_at_all(refusal: Refusal, skill: Path):
+    """The skill's frames are named, and the option."""
+    told = refusal("replay", skill)
+    assert "['home', 'cup']" in told
+    assert "--frames" in told
+
+
+WRONG_STARTS: dict[str, tuple[str, str]] = {
+    "half a state": ('{"x": [0, 0, 0, 1, 0, 0, 0]}', "expected (14,)"),
+    "no state": ('{"x": 3}', "expected (14,)"),
+    "a place alone": ('{"position": [0, 0, 0]}', "['position', 'quaternion']"),
+    "a flat place": ('{"position": [0, 0], "quaternion": [1, 0, 0, 0]}', "expected (3,)"),
+    "no turn": ('{"position": [0, 0, 0], "quaternion": [0, 0, 0, 0]}', "norm 0"),
+    "not finite": ('{"position": [0, 0, NaN], "quaternion": [1, 0, 0, 0]}', "finite"),
+    "a list": ("[1, 2]", "no table"),
+    "broken": ("{", "no JSON that can be read"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG_STARTS)
+def test_starts_that_cannot_be_used(refusal: Refusal, skill: Path, frames: Path, tmp_path: Path, what: str):
+    """The file is named, with what was expected."""
+    content, words = WRONG_STARTS[what]
+    (tmp_path / "start.json").write_text(content)
+    told = refusal("replay", skill, "--frames", frames, "--start", "start.json")
+    assert "start.json" in told
+    assert words in told
+
+
+@pytest.mark.parametrize("file", ["frames", "start"])
+def test_files_of_a_situation_that_are_not_there(refusal: Refusal, skill: Path, frames: Path, file: str):
+    """Named, with what kind of file was expected."""
+    assert "none.toml cannot be read" in refusal(
+        "replay", skill, "--frames", frames, f"--{file}", "none.toml"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--effort", "0"], "effort is 0"),
+        (["--effort", "nan"], "effort is nan"),
+        (["--slack", "-1"], "slack is -1"),
+        (["--picture", "motion.bmp"], "'.bmp'"),
+    ],
+)
+def test_replays_that_cannot_be(refusal: Refusal, skill: Path, frames: Path, options: list[str], words: str):
+    """The value is quoted back."""
+    assert words in refusal("replay", skill, "--frames", frames, *options)
+
+
+def test_a_skill_without_speeds_cannot_be_replayed(run: Runs, refusal: Refusal, folder: Path, frames: Path):
+    """The fix is named: learn it with speeds."""
+    run("learn", folder, "--no-speeds", "--states", "2", "--out", "still.skill")
+    assert "--speeds" in refusal("replay", "still.skill", "--frames", frames)
+
+
+def test_a_mixture_cannot_be_replayed(run: Runs, refusal: Refusal, folder: Path, frames: Path):
+    """It has no order in time."""
+    run("learn", folder, "--dynamics", "mixture", "--states", "2", "--out", "mixture.skill")
+    assert "mixture" in refusal("replay", "mixture.skill", "--frames", frames)
+
+
+def test_pictures_without_matplotlib(
+    refusal: Refusal, skill: Path, frames: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The extra that brings it is named, before any work."""
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for command in (
+        ["show", skill, "--pictures", "here"],
+        ["replay", skill, "--frames", frames, "--picture", "motion.png"],
+    ):
+        assert "pilotfish[plots]" in refusal(*command)
+
+
+def test_pictures_that_are_there_are_not_replaced(run: Runs, refusal: Refusal, skill: Path, tmp_path: Path):
+    """None is drawn when one would be lost."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "states.png").write_text("mine")
+    assert "states.png exists" in refusal("show", skill, "--pictures", "here")
+    assert [file.name for file in (tmp_path / "here").iterdir()] == ["states.png"]

@@ -1,0 +1,122 @@
+"""The demonstration learns, replays, draws and saves, and says plainly when its data is generated."""
+
+import json
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+from click.testing import CliRunner
+
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.station import demo as room
+from pilotfish.station.command_line import cli
+from pilotfish.station.demo import DemoResult, demo, in_columns
+from pilotfish.station.report import Table
+from pilotfish.store import datasets, open_skill
+
+pytestmark = pytest.mark.slow  # it learns twice, replays 32 times and draws thirteen pictures
+
+
+def out_of_reach() -> NoReturn:
+    raise SkillError("the network is down")
+
+
+@pytest.fixture(scope="module")
+def generated(tmp_path_factory: pytest.TempPathFactory) -> tuple[DemoResult, list[str]]:
+    """The demonstration where no recording can be had, and all that it said meanwhile."""
+    said: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(datasets, "valve", out_of_reach)
+        return demo(tmp_path_factory.mktemp("demo") / "deep" / "inside", say=said.append), said
+
+
+def test_generated_data_is_called_so_first_of_all(generated: tuple[DemoResult, list[str]]):
+    """Terminal and report begin by saying that the data is synthetic, and why."""
+    result, said = generated
+    assert result.synthetic
+    for text in (said[0], result.report.read_text(encoding="utf-8").partition("<table>")[0]):
+        assert "SYNTHETIC DATA" in text
+        assert "the network is down" in text
+    assert said[0].startswith("*** SYNTHETIC DATA")
+    assert said[-1].startswith("\n*** SYNTHETIC DATA")  # what scrolled away is said again
+
+
+def test_published_numbers_stand_beside_the_recording_alone(generated: tuple[DemoResult, list[str]]):
+    """Nothing measured on generated data is put beside a published number."""
+    result, _ = generated
+    assert "published" not in " ".join(cell for table in result.tables for cell in table.head)
+
+
+def test_the_skill_that_is_saved_can_be_opened(generated: tuple[DemoResult, list[str]]):
+    """It is the semi-tied one, learned from the first four demonstrations."""
+    result, _ = generated
+    skill = open_skill(result.skill)
+    assert skill.provenance.structure == "semi-tied(1)"
+    assert len(skill.provenance.demonstrations) == 4
+    assert "synthetic" in skill.provenance.demonstrations[0]
+    assert skill.states == 7
+
+
+def test_every_replay_has_a_row(generated: tuple[DemoResult, list[str]]):
+    """Two structures and two beginnings, each with eight situations and two means; and a summary."""
+    result, _ = generated
+    *numbers, summary = result.tables
+    assert [len(table.rows) for table in numbers] == [10] * 4
+    assert [row[1] for row in numbers[0].rows] == ["yes"] * 4 + ["no"] * 4 + ["yes", "no"]
+    assert [row[1] for row in summary.rows] == ["1470", "1470", "588", "588"]  # covariance parameters
+    assert 0.0 < result.seconds < 600.0
+
+
+def test_the_report_shows_every_new_situation(generated: tuple[DemoResult, list[str]]):
+    """Thirteen pictures are inside, one for each of the four new situations among them."""
+    result, _ = generated
+    text = result.report.read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == 13
+    for degrees in ("157.5", "112.5", "67.5", "22.5"):
+        assert f"synthetic valve {degrees} deg, never shown" in text
+
+
+def test_a_wrong_recording_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """PILOTFISH_DATA that names no folder is an error of its own, not a reason to generate data."""
+    monkeypatch.setenv("PILOTFISH_DATA", str(tmp_path / "nowhere"))
+    with pytest.raises(InvalidInput, match="PILOTFISH_DATA"):
+        demo(tmp_path / "out", say=lambda _: None)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path):
+    """A file stands where the folder should be."""
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InvalidInput, match="choose another folder"):
+        demo(tmp_path / "taken" / "demo", say=lambda _: None)
+
+
+def test_the_command_tells_people_and_programs(
+    data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """--json prints one object and nothing else; the recording is not called generated."""
+    monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
+    answer = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path), "--json"], catch_exceptions=False)
+    assert answer.exit_code == 0
+    facts = json.loads(answer.stdout)
+    assert not facts["synthetic"]
+    assert Path(facts["report"]).is_file()
+    rows = {tuple(row[:1] + row[3:4]): row[4:] for row in facts["tables"][-1]["rows"]}
+    assert rows["full", "first mean"][2:] == [".0021", ".0146"]  # as published
+    assert float(rows["semi-tied(1)", "first mean"][1]) < float(rows["full", "first mean"][1])
+
+
+def test_a_refusal_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What the demonstration refuses ends the command with exit code 1 and no traceback."""
+    monkeypatch.setattr(room, "_demonstrations", lambda _: out_of_reach())
+    answer = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path)])
+    assert answer.exit_code == 1
+    assert answer.stderr.strip() == "Error: the network is down"
+
+
+def test_columns_are_aligned():
+    """Every line of a table is equally long; the first column stands to the left."""
+    caption, *lines = in_columns(Table("caption", ("a", "long head"), (("word", "1"), ("w", "22")))).split(
+        "\n"
+    )
+    assert caption == "caption"
+    assert lines == ["a     long head", "word          1", "w            22"]
