@@ -1,5 +1,7 @@
 """Demonstrations made for the laws: smooth movements seen from objects that stand and objects that move."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,27 @@ from pilotfish.demonstrations import (
 from pilotfish.geometry import Pose, exp, multiply, normalise
 
 PERIOD = 0.05  # s
+TOML = """
+format = "pilotfish demonstrations"
+version = 1
+period = 0.5 # s
+
+[[layout]]
+name = "position"
+quantity = "position"
+size = 2
+unit = "m"
+
+[[demonstration]]
+name = "first"
+file = "first.csv"
+frames = [{ name = "cup", A = [[1, 0], [0, 2]], b = [0.5, 0] }]
+
+[[demonstration]]
+file = "second.csv"
+frames = [{ name = "cup", A = [[1, 0], [0, 2]], b = [0, 0] }]
+"""
+CSV = "position x,position y\n0,1\n2,3.5\n-4e-3,5\n"
 
 
 class Maker:
@@ -66,3 +89,12 @@ class Maker:
 @pytest.fixture
 def make(rng: np.random.Generator) -> Maker:
     return Maker(rng)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder as a person would write it."""
+    (tmp_path / "demonstrations.toml").write_text(TOML)
+    for name in ("first", "second"):
+        (tmp_path / f"{name}.csv").write_text(CSV)
+    return tmp_path

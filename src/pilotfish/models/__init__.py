@@ -24,6 +24,7 @@ from pilotfish.models.sequences import (
     sample_states,
     viterbi,
 )
+from pilotfish.models.signs import on_the_half_of
 from pilotfish.models.size import covariance_parameters, semi_markov_parameters
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Provenance, Skill
 from pilotfish.models.starts import Given, KMeans, Start, TimeBins
@@ -74,6 +75,7 @@ __all__ = [
     "most_likely_weights",
     "most_probable_states",
     "occupancy",
+    "on_the_half_of",
     "runs",
     "sample_states",
     "semi_markov_forward",

@@ -7,6 +7,7 @@ import numpy as np
 from pilotfish.demonstrations import Frame, Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, product, transform
+from pilotfish.models.signs import agreeing
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 
@@ -15,11 +16,11 @@ def adapt(skill: Skill, frames: Sequence[Frame]) -> AdaptedSkill:
     """The skill in the world, for objects whose frames stand as given, in any order.
 
     Each state's Gaussians are carried into the world by their frames and multiplied; a state is then precise
-    where any frame was. Quaternion means are brought back to unit length.
+    where any frame was. Quaternion means are brought back to unit length; a frame may give q or -q.
     Raises: InvalidInput, when a frame is missing, unknown, singular or of another width.
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
-    ordered = _matched(skill, frames)
+    ordered = agreeing(_matched(skill, frames), skill)
     states = [
         product(
             [

@@ -5,7 +5,7 @@ import numpy as np
 from pilotfish.control import Reference
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import cholesky
-from pilotfish.models import AdaptedSkill, log_likelihood_of_states, most_probable_states
+from pilotfish.models import AdaptedSkill, log_likelihood_of_states, most_probable_states, on_the_half_of
 from pilotfish.types import Array, Float, Int
 
 
@@ -13,6 +13,7 @@ def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack:
     """The reference of the most probable states over horizon steps, from where the robot is now.
 
     start is taken as the first observation: a robot that already stands at a later state begins there.
+    Targets have the sign of the start's quaternions, q and -q being one orientation.
     slack [unit of x squared] is added to every variance before it becomes a weight, so that no direction is
     followed with more than 1 / slack, however well demonstrations agreed.
     Raises: InvalidInput, when start, horizon or slack cannot be used.
@@ -24,6 +25,7 @@ def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack:
         )
     if not np.isfinite(start).all():
         raise InvalidInput(f"start holds values that are not finite: {start.tolist()}")
+    model = on_the_half_of(start, model)
     observed = log_likelihood_of_states(model, start[None])
     return reference(model, most_probable_states(model.dynamics, observed, horizon), slack)
 

@@ -82,7 +82,7 @@ def page(title: str, sections: Sequence[Section]) -> str:
     """The report as text."""
     links = "".join(f'<li><a href="#s{n}">{escape(s.heading)}</a></li>' for n, s in enumerate(sections))
     body = "\n".join(_section(n, section) for n, section in enumerate(sections))
-    return PAGE.format(title=title, style=STYLE, links=links, body=body)
+    return PAGE.format(title=escape(title), style=STYLE, links=links, body=body)
 
 
 def _section(number: int, section: Section) -> str:

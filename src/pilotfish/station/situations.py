@@ -11,7 +11,6 @@ from pilotfish.demonstrations import Frame, Layout, Quantity, frame, frame_from_
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
 from pilotfish.models import AdaptedSkill, Skill, Weights
-from pilotfish.station.frame_signs import agreeing, nearest_signs
 from pilotfish.types import Array, Float
 
 BY_POSE, BY_MATRIX = {"name", "position", "quaternion"}, {"name", "A", "b"}
@@ -21,21 +20,18 @@ KEYS = {Quantity.POSITION: "position", Quantity.QUATERNION: "quaternion"}
 def frames_in(path: Path, skill: Skill) -> tuple[Frame, ...]:
     """The frames that a JSON or TOML file lists, each by its pose or by A and b.
 
-    Poses have the sign of their quaternion in which the frames agree; A and b are taken as they are.
     Raises: InvalidInput, naming the file, the frame and the nearest fix.
     """
     content = _content(path)
     listed = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(listed, list) or not listed:
         raise InvalidInput(f"{path} has no list of frames; expected a list, or a table with the key frames")
-    frames = [_frame(given, f"{path}, frame {n}", skill.layout) for n, given in enumerate(listed)]
-    return agreeing(frames, [set(given) == BY_POSE for given in listed], skill)
+    return tuple(_frame(given, f"{path}, frame {n}", skill.layout) for n, given in enumerate(listed))
 
 
 def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
     """The robot's start: {"x": [...]} with every column, or {"position", "quaternion"} at rest.
 
-    Of a quaternion and its negative, which are one orientation, the one nearer to where the skill begins.
     Raises: InvalidInput, naming the file and the nearest fix.
     """
     content = _content(path)
@@ -46,8 +42,8 @@ def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
         if x.shape != (model.layout.width,):
             columns = ", ".join(model.layout.names)
             raise InvalidInput(f"{path}: x has shape {x.shape}, expected ({model.layout.width},): {columns}")
-        return nearest_signs(x, first_mean(model), model.layout)
-    return nearest_signs(_at_rest(content, str(path), model.layout), first_mean(model), model.layout)
+        return x
+    return _at_rest(content, str(path), model.layout)
 
 
 def first_mean(model: AdaptedSkill) -> Float[Array, " D"]:

@@ -1,0 +1,77 @@
+"""q and -q are one orientation: the signs in which frames, skill and start speak of it alike."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from pilotfish.demonstrations import Frame, Layout, Quantity
+from pilotfish.models.dynamics import Weights
+from pilotfish.models.sequences import log_likelihood_of_states
+from pilotfish.models.skill import AdaptedSkill, Skill
+from pilotfish.types import Array, Float
+
+
+def agreeing(frames: Sequence[Frame], skill: Skill) -> list[Frame]:
+    """The same poses of the skill's objects, their quaternions with the sign that agrees with the first.
+
+    Frames agree when they carry the states' orientations to the same half of S^3, states counting as much as
+    they are precise. Without this, fusing q with -q would average them to nothing.
+    """
+    return [_with_signs(frame, _agreeing_signs(frames, n, skill)) for n, frame in enumerate(frames)]
+
+
+def on_the_half_of(start: Float[Array, " D"], model: AdaptedSkill) -> AdaptedSkill:
+    """The same skill, its orientations on the half of S^3 on which it most probably begins at start.
+
+    A robot that reports -q is where one that reports q is; its plan must not make it turn all the way round.
+    """
+    if isinstance(model.dynamics, Weights) or not model.layout.quaternions:
+        return model
+    with np.errstate(divide="ignore"):
+        log_initial = np.log(model.dynamics.initial)
+
+    def evidence(signs: Float[Array, " D"]) -> float:
+        return float(
+            np.logaddexp.reduce(log_initial + log_likelihood_of_states(model, (signs * start)[None])[0])
+        )
+
+    signs = max(_sign_choices(model.layout), key=evidence)
+    return replace(model, means=signs * model.means, covariances=np.outer(signs, signs) * model.covariances)
+
+
+def _sign_choices(layout: Layout) -> Iterator[Float[Array, " D"]]:
+    """Ones, and every way to negate quaternions together with their derivatives; ones come first."""
+    names = [
+        part.name for part in layout.parts if part.quantity is Quantity.QUATERNION and not part.derivative
+    ]
+    for chosen in product((1.0, -1.0), repeat=len(names)):
+        yield _signs(layout, dict(zip(names, chosen, strict=True)))
+
+
+def _signs(layout: Layout, sign_of: dict[str, float]) -> Float[Array, " D"]:
+    turns = [sign_of.get(p.name, 1.0) if p.quantity is Quantity.QUATERNION else 1.0 for p in layout.parts]
+    return np.repeat(turns, [part.size for part in layout.parts])
+
+
+def _agreeing_signs(frames: Sequence[Frame], n: int, skill: Skill) -> Float[Array, " D"]:
+    sign_of = {}
+    for part, columns in zip(skill.layout.parts, skill.layout.slices, strict=True):
+        if part.quantity is Quantity.QUATERNION and part.derivative == 0:
+            (q, spread), (first, spread_first) = (_carried(frames[m], m, skill, columns) for m in (n, 0))
+            agreement = (np.sum(q * first, axis=1) / (spread + spread_first)).sum()
+            sign_of[part.name] = -1.0 if agreement < 0.0 else 1.0
+    return _signs(skill.layout, sign_of)
+
+
+def _carried(
+    frame: Frame, p: int, skill: Skill, columns: slice
+) -> tuple[Float[Array, "K 4"], Float[Array, " K"]]:
+    """The states' orientations as frame p carries them into the world, and how uncertain they are."""
+    dense = skill.covariances[p].dense[:, columns, columns]
+    return skill.means[p][:, columns] @ frame.A[columns, columns].T, np.trace(dense, axis1=1, axis2=2)
+
+
+def _with_signs(frame: Frame, signs: Float[Array, " D"]) -> Frame:
+    return replace(frame, A=signs[:, None] * frame.A)

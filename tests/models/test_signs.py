@@ -1,0 +1,66 @@
+"""q and -q are one orientation, whoever speaks: a frame, or the robot at the start."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from pilotfish.control import double_integrator, track
+from pilotfish.demonstrations import (
+    demonstration,
+    frame_from_pose,
+    pose_layout,
+    with_derivatives,
+)
+from pilotfish.geometry import Pose, exp, multiply
+from pilotfish.models import adapt, learn
+from pilotfish.planning import plan
+
+SIGNS = np.repeat([1.0, -1.0, 1.0, -1.0], [3, 4, 3, 4])  # negates a quaternion and its derivative
+
+
+@pytest.fixture
+def turning(rng):
+    """Tools that turn from one object's orientation to another's, in five random situations."""
+
+    def situation():
+        home = exp(0.3 * rng.normal(size=3))
+        return Pose(rng.normal(size=3), home), Pose(
+            rng.normal(size=3), multiply(exp(0.5 * rng.normal(size=3)), home)
+        )
+
+    def shown(a, b):
+        s = np.linspace(0.0, 1.0, 40)[:, None]
+        q = (1 - s) * a.quaternion + s * b.quaternion + 0.002 * rng.normal(size=(40, 4))
+        x = np.hstack([(1 - s) * a.position + s * b.position, q / np.linalg.norm(q, axis=1, keepdims=True)])
+        frames = [frame_from_pose(n, pose_layout(), p) for n, p in (("a", a), ("b", b))]
+        return with_derivatives(demonstration(x, 0.1, pose_layout(), frames))
+
+    return [shown(*situation()) for _ in range(5)]
+
+
+def test_a_frame_may_be_given_by_either_quaternion(rng, turning):
+    """All four choices of sign for two objects adapt to one skill, up to one common sign."""
+    skill, frames = learn(turning, states=4, rng=rng).skill, turning[0].frames
+    expected = adapt(skill, frames)
+    for choice in product((False, True), repeat=2):
+        given = [
+            replace(f, A=SIGNS[:, None] * f.A) if flip else f for f, flip in zip(frames, choice, strict=True)
+        ]
+        here = adapt(skill, given)
+        signs = SIGNS if choice[0] else np.ones(14)
+        np.testing.assert_allclose(here.means, signs * expected.means, atol=1e-12)
+        np.testing.assert_allclose(
+            here.covariances, np.outer(signs, signs) * expected.covariances, atol=1e-12
+        )
+
+
+def test_a_robot_that_reports_minus_q_moves_the_same_way(rng, turning):
+    here, start = adapt(learn(turning, states=4, rng=rng).skill, turning[0].frames), turning[0].x[0]
+    one, other = (
+        track(double_integrator(7, 0.1), plan(here, begin, horizon=40), 1.0).rollout(begin)
+        for begin in (start, SIGNS * start)
+    )
+    np.testing.assert_allclose(other.x, SIGNS * one.x, atol=1e-9)
+    assert np.linalg.norm(other.x[-1, 3:7] - other.x[0, 3:7]) < 1.0  # nobody turned all the way round
