@@ -61,7 +61,9 @@ def test_unknown_columns_are_refused_with_the_nearest(things: Any):
     with pytest.raises(InvalidInput, match="no column 'position w', the nearest is 'position"):
         plots.deviations(things.skill, columns=["position w"])
     with pytest.raises(InvalidInput, match="no column 'height of it'"):
-        plots.demonstrations_seen(things.skill, things.demonstrations, planes=[("position x", "height of it")])
+        plots.demonstrations_seen(
+            things.skill, things.demonstrations, planes=[("position x", "height of it")]
+        )
     with pytest.raises(InvalidInput, match="no columns were asked for"):
         plots.tracked_coordinates(things.adapted, things.states, things.motion, columns=[])
     with pytest.raises(InvalidInput, match="no planes were asked for"):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
@@ -73,6 +74,21 @@ def test_a_state_has_the_same_colour_in_every_picture(things: Any):
         band = by_gid(tracked, object, f"band of state {k}")[0].get_facecolor()[0]
         np.testing.assert_allclose(ellipse[:3], node[:3])
         np.testing.assert_allclose(ellipse[:3], band[:3])
+
+
+@pytest.mark.parametrize("gap", [-0.03, 0.0, 0.001, 0.03, 0.5])
+def test_names_of_frames_that_stand_together_are_readable(things: Any, gap: float):
+    """However close two origins are, in either order, their names do not overlap."""
+    first, second = things.frames
+    near = first.b.copy()
+    near[:3] += gap
+    figure = plots.reproduction(things.adapted, things.motion, (first, replace(second, b=near)))
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    for panel in figure.axes[:2]:
+        names = [text for text in panel.texts if text.get_text() in things.skill.frame_names]
+        one, two = (text.get_window_extent(renderer) for text in names)
+        assert not one.overlaps(two)
 
 
 def test_bands_are_one_deviation_about_the_planned_mean(things: Any):

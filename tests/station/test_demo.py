@@ -73,7 +73,7 @@ def test_the_report_shows_every_new_situation(generated: tuple[DemoResult, list[
     text = result.report.read_text(encoding="utf-8")
     assert text.count("data:image/png;base64,") == 13
     for degrees in ("157.5", "112.5", "67.5", "22.5"):
-        assert f"synthetic valve {degrees} deg, never shown" in text
+        assert f"synthetic valve {degrees} deg, new to the skill" in text
 
 
 def test_a_wrong_recording_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

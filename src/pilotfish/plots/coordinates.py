@@ -1,4 +1,4 @@
-"""Coordinates over time: what the skill asked for, what the tracker did, and what a person did."""
+"""Coordinates over time: what the skill asked for, what the tracker did, and what was shown."""
 
 from collections.abc import Sequence
 
@@ -109,5 +109,5 @@ def _draw_bands(panel: Axes, skill: AdaptedSkill, states: Int[Array, " T"], colu
 def _handles(human: bool, states: int) -> list[Artist]:
     handles: list[Artist] = [Line2D([], [], color=MOTION, label="tracked motion")]
     if human:
-        handles.append(Line2D([], [], color=HUMAN, linestyle="--", label="person, same situation"))
+        handles.append(Line2D([], [], color=HUMAN, linestyle="--", label="demonstration"))
     return [*handles, *state_handles(states)]

@@ -72,14 +72,13 @@ def draw_triads(
         axes.plot(*origin[:, None], marker="s", markersize=4, color="0.25", zorder=4)
 
 
-def name_triads(axes: Axes, frames: Sequence[Frame], shown: Sequence[int]) -> None:
-    """The names of frames beside their origins, in a plane: in turn to the left and to the right of them.
+def name_triads(axes: Axes, frames: Sequence[Frame], plane: tuple[int, int]) -> None:
+    """The names of frames beneath their origins: the lower a frame, the further beneath.
 
-    So the names of two frames that stand close do not cover each other.
+    So names of frames that stand together are at least a line apart.
     """
-    for n, frame in enumerate(frames):
-        x, y = frame.b[list(shown)]
-        side = 1 if n % 2 else -1
-        shift = (7 * side, -13 - 11 * (n // 2))  # points
-        text = axes.annotate(frame.name, (x, y), shift, textcoords="offset points", fontsize=SMALL, zorder=6)
-        halo(text).set_horizontalalignment("left" if side > 0 else "right")
+    right, up = plane
+    for n, frame in enumerate(sorted(frames, key=lambda frame: -frame.b[up])):
+        place, shift = (frame.b[right], frame.b[up]), (7, -13 - 12 * n)  # the shift in points
+        text = axes.annotate(frame.name, place, shift, textcoords="offset points", fontsize=SMALL, zorder=6)
+        halo(text)

@@ -45,7 +45,7 @@ def reproduction(
 ) -> Figure:
     """The adapted states and the motion in each plane, and in space when the position has three axes.
 
-    Frames stand as triads of axes. human is what a person did in the same situation, for comparison.
+    Frames stand as triads of axes. human is what was shown in the same situation, for comparison.
     Raises: InvalidInput, when widths differ or states are too many.
     Source: after Tanwani 2018, figures 3.3 and 3.6.
     """
@@ -104,7 +104,7 @@ def _draw_space(
         axis.set_major_locator(MaxNLocator(4))
         axis.labelpad = 7.0
     axes.set_aspect("equal")
-    axes.set_box_aspect(None, zoom=0.9)  # room for the labels, which no layout engine knows of
+    axes.set_box_aspect(None, zoom=0.84)  # room for the labels, which no layout engine knows of
 
 
 def _path_handles(human: bool) -> list[Line2D]:
@@ -112,5 +112,5 @@ def _path_handles(human: bool) -> list[Line2D]:
         Line2D([], [], color=MOTION, label="reproduction"),
         Line2D([], [], color=MOTION, marker="o", markersize=5, linestyle="", label="its beginning"),
     ]
-    person = Line2D([], [], color=HUMAN, linestyle="--", label="person, same situation")
-    return [*handles, person] if human else handles
+    shown = Line2D([], [], color=HUMAN, linestyle="--", label="demonstration")
+    return [*handles, shown] if human else handles

@@ -9,8 +9,9 @@ from pilotfish.station.evaluation import EFFORT, SETTINGS, SLACK, TRAINED
 from pilotfish.station.lessons import Lesson
 from pilotfish.station.report import Notice, Picture, Section, Table
 
+RECORDED = "A person guided a robot arm through opening a valve, which stood at another angle each time. "
+GENERATED = "Generated movements stand in for a person who guides a robot arm through opening a valve. "
 INTRODUCTION = (
-    "A person guided a robot arm through opening a valve, from several angles at which the valve stood. "
     "From the first four showings a task-parameterised hidden semi-Markov model was learned: seven states "
     "that follow each other, each with a Gaussian as seen from the valve before and from the valve after, "
     "and a duration. Then the skill was adapted to where the valve stands in each situation, four of them "
@@ -19,8 +20,8 @@ INTRODUCTION = (
 )
 AFTERWARDS = (
     "Until the valve is open, its frames tell where the hand must be. Then the hand lets go and leaves as "
-    "it likes: there the demonstrations differ, and so do the person and the skill. Errors of the end "
-    "measure that last part."
+    "it likes: there the demonstrations differ from each other, and a replay from what was shown. Errors "
+    "of the end measure that last part."
 )
 
 
@@ -30,7 +31,7 @@ def sections(lessons: Sequence[Lesson], measured: Sequence[Table], notice: str) 
     lesson = lessons[-1]
     notices = (Notice(notice),) if notice else ()
     return (
-        Section("In short", (*notices, INTRODUCTION, errors)),
+        Section("In short", (*notices, (GENERATED if notice else RECORDED) + INTRODUCTION, errors)),
         Section("What was shown, and what was learned", _learned(lesson)),
         Section("Where each frame is precise", _precise(lesson)),
         Section("New situations", (AFTERWARDS, *_replayed(lesson))),
@@ -81,8 +82,9 @@ def _replayed(lesson: Lesson) -> tuple[Picture, ...]:
     return tuple(
         Picture(
             plots.reproduction(replay.skill, replay.motion, _standing(shown), human=shown),
-            f"{shown.name}, never shown: adapted states, the reproduction and what a person did there.",
-            f"Two planes and a view in space of the motion for {shown.name}, beside the person's path.",
+            f"{shown.name}, new to the skill: adapted states, the reproduction and the demonstration made "
+            "there.",
+            f"Two planes and a view in space of the motion for {shown.name}, beside the path that was shown.",
         )
         for replay, shown in zip(lesson.own[TRAINED:], lesson.shown[TRAINED:], strict=True)
     )
@@ -99,8 +101,8 @@ def _tracked(lesson: Lesson) -> tuple[Picture, ...]:
     return (
         Picture(
             plots.tracked_coordinates(replay.skill, states, replay.motion, human=shown),
-            f"{shown.name}: the planned states' means with bands of one standard deviation, the motion, and"
-            " what a person did. The tracker keeps to narrow bands and yields in wide ones.",
+            f"{shown.name}: the planned states' means with bands of one standard deviation, the motion, and "
+            "the demonstration made there. The tracker keeps to narrow bands and yields in wide ones.",
             "Seven panels over time, one for each coordinate of the pose.",
         ),
         Picture(
@@ -138,5 +140,5 @@ def _protocol(lessons: Sequence[Lesson]) -> str:
         f"{skill.states} states started from time bins, regularisation {SETTINGS.regularisation:g}, slack "
         f"{SLACK:g} added to variances in the plan, effort {EFFORT:g}, period {skill.period:g} s, "
         f"{len(shown[0].x)} steps. The first {TRAINED} situations were shown, the others are new. Errors of"
-        f" the end compare the last step with the person's. Made by {skill.provenance.library}."
+        f" the end compare the last step with the demonstration's. Made by {skill.provenance.library}."
     )

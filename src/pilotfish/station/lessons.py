@@ -26,7 +26,7 @@ HEAD = (
     "end turn [deg]",
     "largest push [m/s²]",
 )
-# Tanwani 2018, table 4.1, valve: mean squared error where shown and where new, and covariance parameters.
+# Tanwani 2018, table 4.1, valve: mean squared error where shown and where new.
 PUBLISHED = {"full": (".0021", ".0146"), "semi-tied(1)": (".0040", ".0119")}
 
 
@@ -34,8 +34,8 @@ PUBLISHED = {"full": (".0021", ".0146"), "semi-tied(1)": (".0040", ".0119")}
 class Lesson:
     """A fit to the first demonstrations, and its replays in the situation of each.
 
-    own begins where the person began, mean at the mean of the skill's first state; seconds is the time it
-    took to learn.
+    own begins at the demonstration's first point, mean at the mean of the skill's first state; seconds is
+    the time it took to learn.
     """
 
     fit: Fit
@@ -47,11 +47,11 @@ class Lesson:
 
 
 def tables(lesson: Lesson) -> tuple[Table, Table]:
-    """The numbers of every replay, from the person's start and from the first state's mean."""
+    """The numbers of every replay, from the first state's mean and from the demonstration's first point."""
     label = lesson.structure.label
     return (
         _table(f"{label} covariances, begun at the first state's mean", lesson.mean, lesson.shown),
-        _table(f"{label} covariances, begun where the person began", lesson.own, lesson.shown),
+        _table(f"{label} covariances, begun at the demonstration's first point", lesson.own, lesson.shown),
     )
 
 
@@ -62,7 +62,7 @@ def summary(lessons: Sequence[Lesson], published: bool) -> Table:
     for lesson in lessons:
         skill, label = lesson.fit.skill, lesson.structure.label
         count = covariance_parameters(lesson.structure, skill.states, skill.width, len(skill.frame_names))
-        for begun, replays in (("first mean", lesson.mean), ("person's start", lesson.own)):
+        for begun, replays in (("first mean", lesson.mean), ("first point", lesson.own)):
             errors = [mean_squared_error(r.motion, d) for r, d in zip(replays, lesson.shown, strict=True)]
             row = [label, str(count), f"{lesson.seconds:.2f}", begun, *map(_error, _shares(errors))]
             rows.append((*row, *PUBLISHED.get(label, ("", ""))) if published else tuple(row))

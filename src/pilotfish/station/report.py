@@ -166,7 +166,7 @@ p { max-width: 46rem; }
 a { color: var(--link); }
 nav ol { columns: 18rem; padding-left: 1.4rem; margin: 0; }
 .notice { background: var(--notice); border-left: .35rem solid #d29922; padding: .7rem 1rem;
-          font-weight: 600; }
+          font-weight: 600; overflow-wrap: anywhere; }
 .wide { overflow-x: auto; }
 figure { margin: 1.2rem 0 1.8rem; }
 figure .wide { background: #fff; border: 1px solid var(--line); border-radius: .4rem; padding: .4rem; }
