@@ -22,10 +22,10 @@ from matplotlib.figure import Figure
 
 import pilotfish as pf
 from pilotfish import plots
-from pilotfish.control import Feedback
 from pilotfish.demonstrations import Demonstration
 from pilotfish.gaussians import Structure, component_correlation
-from pilotfish.models import covariance_parameters, most_probable_states
+from pilotfish.models import covariance_parameters, log_likelihood_of_states, most_probable_states
+from pilotfish.station.evaluation import STATES, mean_squared_error, replay, replay_from_mean
 
 PRINTED = ("train_mse", "test_mse", "covariance_parameters", "fit_seconds")
 THESIS = {  # table 4.1: train and test mean squared error, covariance parameters, seconds of training
@@ -38,7 +38,7 @@ NOT_REPRODUCED = (
     "the pick-and-place rows of table 4.1: their recording was never published",
     "the inner sweeps of the semi-tied fit, which the thesis does not name: two in each M-step are ours",
 )
-STATES, HORIZON, EFFORT, SLACK, POSE = 7, 200, 9.0, 2e-3, 7
+HORIZON = 200
 TIMED_FITS = 9
 
 
@@ -77,23 +77,9 @@ def learned(demonstrations: Sequence[Demonstration], structure: Structure) -> pf
     return pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure)
 
 
-def feedback(skill: pf.Skill, demonstration: Demonstration, *, own_start: bool) -> Feedback:
-    here = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
-    if own_start:
-        reference = pf.plan(here, demonstration.x[0], horizon=HORIZON, slack=SLACK)
-    else:
-        reference = pf.expected_plan(here, horizon=HORIZON, slack=SLACK)
-    return pf.track(pf.double_integrator(POSE, period=demonstration.period), reference, effort=EFFORT)
-
-
-def reproduced(skill: pf.Skill, demonstration: Demonstration, *, own_start: bool) -> pf.Motion:
-    control = feedback(skill, demonstration, own_start=own_start)
-    return control.rollout(demonstration.x[0] if own_start else control.reference.targets[0])
-
-
-def mean_squared_error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_start: bool) -> float:
-    errors = [reproduced(skill, d, own_start=own_start).x[:, :POSE] - d.x[:, :POSE] for d in demonstrations]
-    return float(np.mean([np.mean(error**2) for error in errors]))
+def mean_error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_start: bool = False) -> float:
+    again = replay if own_start else replay_from_mean
+    return float(np.mean([mean_squared_error(again(skill, d).motion, d) for d in demonstrations]))
 
 
 def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
@@ -105,10 +91,10 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
         spent.append(time.process_time() - begin)
     return {
         "alpha": alpha,
-        "train_mse": mean_squared_error(fit.skill, train, own_start=False),
-        "test_mse": mean_squared_error(fit.skill, test, own_start=False),
-        "train_mse_own_start": mean_squared_error(fit.skill, train, own_start=True),
-        "test_mse_own_start": mean_squared_error(fit.skill, test, own_start=True),
+        "train_mse": mean_error(fit.skill, train),
+        "test_mse": mean_error(fit.skill, test),
+        "train_mse_own_start": mean_error(fit.skill, train, own_start=True),
+        "test_mse_own_start": mean_error(fit.skill, test, own_start=True),
         "covariance_parameters": covariance_parameters(structure(alpha), STATES, fit.skill.width, frames=2),
         "fit_seconds": float(np.median(spent)),
         "iterations": fit.outcome.iterations,
@@ -147,10 +133,7 @@ def sensitivity(demonstrations: Sequence[Demonstration]) -> list[dict[str, objec
     for alpha in (0.5, 1.0):
         for sweeps in (1, 2, 3, 5, 10, 20, 50):
             skill = learned(demonstrations[:4], structure(alpha, sweeps)).skill
-            errors = [
-                mean_squared_error(skill, part, own_start=False)
-                for part in (demonstrations[:4], demonstrations[4:])
-            ]
+            errors = [mean_error(skill, part) for part in (demonstrations[:4], demonstrations[4:])]
             rows.append({"alpha": alpha, "sweeps": sweeps, "train_mse": errors[0], "test_mse": errors[1]})
     return rows
 
@@ -179,14 +162,15 @@ def pictures(fits: dict[float, pf.Fit], demonstrations: Sequence[Demonstration])
         ("figure-4.5-full", free, demonstrations[4]),
         ("figure-4.5-semi-tied", tied, demonstrations[4]),
     ):
-        frames = [f for f in demonstration.frames if isinstance(f, pf.Frame)]
-        here, control = pf.adapt(skill, frames), feedback(skill, demonstration, own_start=True)
-        motion = control.rollout(demonstration.x[0])
-        drawn[name] = plots.reproduction(here, motion, frames, human=demonstration)
-    nothing = np.empty((0, here.states))
-    states = most_probable_states(here.dynamics, nothing, HORIZON)
-    drawn["figure-4.5-over-time"] = plots.tracked_coordinates(here, states, motion, human=demonstration)
-    drawn["figure-4.5-gains"] = plots.gains(control, here.layout)
+        done = replay(skill, demonstration)
+        frames = [frame for frame in demonstration.frames if isinstance(frame, pf.Frame)]
+        drawn[name] = plots.reproduction(done.skill, done.motion, frames, human=demonstration)
+    observed = log_likelihood_of_states(done.skill, demonstration.x[:1])
+    states = most_probable_states(done.skill.dynamics, observed, HORIZON)
+    drawn["figure-4.5-over-time"] = plots.tracked_coordinates(
+        done.skill, states, done.motion, human=demonstration
+    )
+    drawn["figure-4.5-gains"] = plots.gains(done.feedback, done.skill.layout)
     return drawn
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pilotfish.demonstrations import Frame, Layout, Part, Quantity, demonstration, views
+from pilotfish.demonstrations import Frame, Layout, MovingFrame, Part, Quantity, demonstration, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density, regress
 from pilotfish.models import (
@@ -115,6 +115,8 @@ def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, scene):
         adapt(skill, [a, replace(b, A=np.zeros((2, 2)))])
     with pytest.raises(InvalidInput, match="not finite"):
         adapt(skill, [a, replace(b, b=np.array([np.nan, 0.0]))])
+    with pytest.raises(InvalidInput, match=r"frame\.at"):
+        adapt(skill, [a, MovingFrame(b.name, b.A[None], b.b[None])])
     with pytest.raises(InvalidInput, match="3 columns"):
         adapt(skill, [a, Frame(b.name, np.eye(3), np.zeros(3))])
 

@@ -24,8 +24,6 @@ from pilotfish.station.evaluation import (
     mean_squared_error,
     replay,
     replay_from_mean,
-    reproduce,
-    reproduce_from_mean,
 )
 from pilotfish.store import datasets, synthetic_valve
 
@@ -52,10 +50,10 @@ def test_a_replay_is_adapt_plan_track_and_rollout():
     here, system = adapt(skill, situation.frames), double_integrator(7, period=0.1)
     wanted = plan(here, situation.x[0], horizon=200, slack=2e-3)
     expected = track(system, wanted, 9.0).rollout(situation.x[0])
-    np.testing.assert_array_equal(reproduce(skill, situation).x, expected.x)
+    np.testing.assert_array_equal(replay(skill, situation).motion.x, expected.x)
     wanted = expected_plan(here, horizon=200, slack=2e-3)
     expected = track(system, wanted, 9.0).rollout(wanted.targets[0])
-    np.testing.assert_array_equal(reproduce_from_mean(skill, situation).x, expected.x)
+    np.testing.assert_array_equal(replay_from_mean(skill, situation).motion.x, expected.x)
 
 
 def test_a_replay_begins_where_it_says():
@@ -148,6 +146,6 @@ def test_the_published_experiment_is_reproduced(
     shown = datasets.valve()
     rng = np.random.default_rng(0)
     skill = learn(shown[:TRAINED], states=STATES, rng=rng, structure=structure, settings=SETTINGS).skill
-    errors = [mean_squared_error(reproduce_from_mean(skill, d), d) for d in shown]
+    errors = [mean_squared_error(replay_from_mean(skill, d).motion, d) for d in shown]
     assert np.mean(errors[:TRAINED]) == pytest.approx(train, rel=0.1)
     assert np.mean(errors[TRAINED:]) == pytest.approx(test, rel=0.1)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout
+from pilotfish.demonstrations import Frame, Layout, MovingFrame
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, product, transform
 from pilotfish.models.signs import agreeing
@@ -12,12 +12,12 @@ from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 
 
-def adapt(skill: Skill, frames: Sequence[Frame]) -> AdaptedSkill:
+def adapt(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> AdaptedSkill:
     """The skill in the world, for objects whose frames stand as given, in any order.
 
     Each state's Gaussians are carried into the world by their frames and multiplied; a state is then precise
     where any frame was. Quaternion means are brought back to unit length; a frame may give q or -q.
-    Raises: InvalidInput, when a frame is missing, unknown, singular or of another width.
+    Raises: InvalidInput, when a frame is missing, unknown, moving, singular or of another width.
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
     ordered = agreeing(_matched(skill, frames), skill)
@@ -36,15 +36,18 @@ def adapt(skill: Skill, frames: Sequence[Frame]) -> AdaptedSkill:
     )
 
 
-def _matched(skill: Skill, frames: Sequence[Frame]) -> list[Frame]:
+def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:
     """The frames in the skill's order, checked."""
-    named = {frame.name: frame for frame in frames}
+    if moving := [frame.name for frame in frames if isinstance(frame, MovingFrame)]:
+        raise InvalidInput(f"frame {moving[0]!r} moves; adapt to where it stands at a step, frame.at(t)")
+    standing = [frame for frame in frames if isinstance(frame, Frame)]
+    named = {frame.name: frame for frame in standing}
     if sorted(named) != sorted(skill.frame_names) or len(frames) != len(skill.frame_names):
         raise InvalidInput(
             f"frames {[f.name for f in frames]} were given, the skill knows {list(skill.frame_names)}; "
             "give each of these once"
         )
-    for frame in frames:
+    for frame in standing:
         if frame.b.shape != (skill.width,):
             raise InvalidInput(
                 f"frame {frame.name!r} has {len(frame.b)} columns, the skill has {skill.width}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
-from pilotfish.demonstrations import Demonstration, Frame, Layout, MovingFrame, Quantity
+from pilotfish.demonstrations import Demonstration, Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
 from pilotfish.models import AdaptedSkill, EMSettings, Skill, adapt
@@ -55,20 +55,6 @@ def replay_from_mean(
     here = _adapted(skill, demonstration)
     reference = expected_plan(here, horizon=len(demonstration.x), slack=slack)
     return _tracked(here, reference, reference.targets[0], effort)
-
-
-def reproduce(
-    skill: Skill, demonstration: Demonstration, *, slack: float = SLACK, effort: float = EFFORT
-) -> Motion:
-    """The motion of replay."""
-    return replay(skill, demonstration, slack=slack, effort=effort).motion
-
-
-def reproduce_from_mean(
-    skill: Skill, demonstration: Demonstration, *, slack: float = SLACK, effort: float = EFFORT
-) -> Motion:
-    """The motion of replay_from_mean."""
-    return replay_from_mean(skill, demonstration, slack=slack, effort=effort).motion
 
 
 def mean_squared_error(motion: Motion, demonstration: Demonstration) -> float:
@@ -120,12 +106,7 @@ def _adapted(skill: Skill, demonstration: Demonstration) -> AdaptedSkill:
             f"demonstration {demonstration.name!r} has the columns {here[0]} every {here[1]} s, the skill "
             f"{learned[0]} every {learned[1]} s"
         )
-    moving = [given.name for given in demonstration.frames if isinstance(given, MovingFrame)]
-    if moving:
-        raise InvalidInput(
-            f"frame {moving[0]!r} moves, expected frames that stand; adapt to frame.at(t) instead"
-        )
-    return adapt(skill, [given for given in demonstration.frames if isinstance(given, Frame)])
+    return adapt(skill, demonstration.frames)
 
 
 def _tracked(skill: AdaptedSkill, reference: Reference, start: Float[Array, " D"], effort: float) -> Replay:
