@@ -164,7 +164,7 @@ h1 { font-size: 1.7rem; line-height: 1.25; margin: 1rem 0; }
 h2 { font-size: 1.25rem; margin: 2.5rem 0 .6rem; border-top: 1px solid var(--line); padding-top: 1.2rem; }
 p { max-width: 46rem; }
 a { color: var(--link); }
-nav ol { columns: 18rem; padding-left: 1.4rem; margin: 0; }
+nav ol { columns: 18rem; column-gap: 2.5rem; padding-left: 1.4rem; margin: 0; }
 .notice { background: var(--notice); border-left: .35rem solid #d29922; padding: .7rem 1rem;
           font-weight: 600; overflow-wrap: anywhere; }
 .wide { overflow-x: auto; }
@@ -176,7 +176,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; margin: 1
 caption { text-align: left; font-weight: 600; padding-bottom: .4rem; }
 th, td { padding: .25rem .8rem; border-bottom: 1px solid var(--line); text-align: right;
          white-space: nowrap; }
-thead th { color: var(--soft); font-weight: 600; vertical-align: bottom; }
+thead th { color: var(--soft); font-weight: 600; vertical-align: bottom; white-space: normal; }
 th:first-child { text-align: left; padding-left: 0; }
 tbody th { font-weight: 400; }
 @media screen and (max-width: 46rem) { img { max-width: none; width: 46rem; } }
