@@ -11,8 +11,7 @@ constexpr double DOUBTFUL = 1e-280;  // a sum this small may have lost a term to
 
 int padded(int K) { return (K + LANES - 1) / LANES * LANES; }
 
-// (K, width) copy of a (K, K) matrix or its transpose, padded with ones: sums over rows of it are never
-// doubtful.
+// (K, width) copy of a (K, K) matrix or its transpose, padded with ones: no sum over the padding is doubtful.
 Buffer pad(const double* matrix, int K, bool transposed) {
   const int width = padded(K);
   Buffer rows(size_t(K) * width, 1.0);
@@ -107,9 +106,9 @@ struct Chain::Step {
   Buffer ahead;       // log p(step t + 1 and all later | state there), relative
   Buffer likelihood;  // exp of it, relative to the largest
   Buffer sum;         // sum over k of a_jk likelihood_k
-  Buffer terms;
-  Buffer ratios;  // over all steps, sum of gamma_j / sum_j likelihood_k: times a_jk it counts transitions
-  Buffer exact;   // over all steps, transitions of rows whose sum was doubtful
+  Buffer terms;       // room to work in
+  Buffer ratios;      // over all steps, sum of gamma_j / sum_j likelihood_k: times a_jk it counts transitions
+  Buffer exact;       // over all steps, transitions of rows whose sum was doubtful
 };
 
 void Chain::backward(const double* log_emissions, long T, double* forward, double* counts) const {

@@ -9,8 +9,7 @@ namespace pilotfish {
 struct Neighbours {
   Neighbours(const double* log_transitions, int K, bool transposed);
 
-  // log sum over neighbours i of exp(values[i] + log_probability[i]), exactly; terms[i] becomes i's share in
-  // it.
+  // log sum over neighbours i of exp(values[i] + log_probability[i]), exactly. terms is room to work in.
   double log_sum(int state, const double* values, double* terms) const;
 
   std::vector<int> begin;  // K + 1; those of state k are begin[k] to begin[k + 1]
@@ -19,9 +18,9 @@ struct Neighbours {
 };
 
 // The K states are padded with impossible ones to a width that is a multiple of LANES.
-// Log-probabilities travel relative to a running offset, so that long chains lose no digits. A step is a
-// product of exponentials with the transition matrix; a sum so small that a path may have underflowed is done
-// again exactly.
+// Log-probabilities travel relative to a running offset, so that long chains lose no digits. A step
+// multiplies exponentials by the transition matrix, and does again exactly what may have lost a path to
+// underflow.
 class Chain {
  public:
   Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions);
@@ -29,8 +28,7 @@ class Chain {
   int states() const { return K_; }
   int width() const { return width_; }
 
-  // forward[t] + offsets[t] = log p(steps 0 to t, state at t); returns log p(all steps), -inf when no path is
-  // left.
+  // forward[t] + offsets[t] = log p(steps 0 to t, state at t). Returns log p(all steps).
   double forward(const double* log_emissions, long T, double* forward, double* offsets) const;
 
   // Turns forward (T, width) into posteriors and adds the expected transitions to counts (K, K).

@@ -9,8 +9,7 @@
 
 namespace pilotfish {
 
-// Eigen keeps arrays of a fixed size in registers, whatever their width here; the compilers' own loops do
-// not.
+// Eigen keeps arrays of a fixed size in registers, whatever their width; a compiler's own loops do not.
 #ifdef __AVX__
 constexpr int REGISTER = 4;
 #else
@@ -50,23 +49,13 @@ constexpr double LN2_HIGH = 0x1.62e42feep-1;  // so few bits that whole multiple
 constexpr double LN2_LOW = 0x1.a39ef35793c76p-33;
 
 // exp(x) for x <= 0, to one unit in the last place; exactly zero below -708, where results turn subnormal.
-// x = n log 2 + f with |f| <= log(2) / 2, and Taylor's series for exp(f). Without a branch, so that loops
-// vectorise.
+// x = n log 2 + f with |f| <= log(2) / 2, and Taylor's series for exp(f). No branch: loops vectorise.
 inline double exponential(double x) {
-  constexpr double INVERSE_FACTORIAL[] = {1.0,
-                                          1.0,
-                                          1.0 / 2,
-                                          1.0 / 6,
-                                          1.0 / 24,
-                                          1.0 / 120,
-                                          1.0 / 720,
-                                          1.0 / 5040,
-                                          1.0 / 40320,
-                                          1.0 / 362880,
-                                          1.0 / 3628800,
-                                          1.0 / 39916800,
-                                          1.0 / 479001600,
-                                          1.0 / 6227020800.0};
+  // clang-format off
+  constexpr double INVERSE_FACTORIAL[] = {
+      1.0, 1.0, 1.0 / 2, 1.0 / 6, 1.0 / 24, 1.0 / 120, 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880,
+      1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
+  // clang-format on
   constexpr double ROUND = 0x1.8p52;  // adding it leaves the nearest integer in the low bits
   const double clipped = x < -708.0 ? -708.0 : x;
   const double rounded = clipped * 0x1.71547652b82fep0 + ROUND;  // x / log 2

@@ -1,6 +1,5 @@
-// The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released in
-// between. Built twice, for two instruction sets; kernels/compiled.py picks one and gives its results their
-// names.
+// The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released
+// between. Built twice, for two instruction sets: kernels/compiled.py picks one, and names its results.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>

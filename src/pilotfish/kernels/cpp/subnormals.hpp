@@ -1,5 +1,4 @@
-// Numbers below 1e-308 slow a processor down up to a hundred times; for the life of this object they are
-// zero.
+// Numbers below 1e-308 slow a processor down a hundredfold: for the life of this object they are zero.
 #pragma once
 
 #if defined(__SSE2__) || defined(_M_X64)

@@ -1,6 +1,5 @@
 #include "views.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 namespace pilotfish {

@@ -1,6 +1,7 @@
 // Datapoints laid out for vector registers, and the Gaussians that read them.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "lanes.hpp"
@@ -36,8 +37,7 @@ class Page {
 // error[i] = x[i] - mean[i] for a block; error's padded rows stay as they are.
 void deviations(const double* block, const double* mean, int D, double* error);
 
-// Densities of K Gaussians in each of P frames: the whiteners' lower triangles, packed in the order of their
-// use.
+// Densities of K Gaussians in each of P frames; the whiteners' lower triangles are packed as they are used.
 class Densities {
  public:
   Densities(Sizes sizes, const double* means, const double* whiteners);
