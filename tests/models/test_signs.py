@@ -64,3 +64,11 @@ def test_a_robot_that_reports_minus_q_moves_the_same_way(rng, turning):
     )
     np.testing.assert_allclose(other.x, SIGNS * one.x, atol=1e-9)
     assert np.linalg.norm(other.x[-1, 3:7] - other.x[0, 3:7]) < 1.0  # nobody turned all the way round
+
+
+def test_adapted_orientations_are_unit_quaternions(rng, turning):
+    """Fusing frames that disagree shortens a quaternion; the skill that comes out holds rotations."""
+    skill = learn(turning, states=4, rng=rng).skill
+    for situation in turning:
+        means = adapt(skill, situation.frames).means
+        np.testing.assert_allclose(np.linalg.norm(means[:, 3:7], axis=1), 1.0)
