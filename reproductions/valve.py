@@ -65,6 +65,7 @@ def main() -> None:
             figure.savefig(arguments.out / f"{name}.png", dpi=110)
         print(f"pictures in {arguments.out}")
     if arguments.json:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
         numbers = {"rows": rows, "sweeps": sweep_rows, "not_reproduced": NOT_REPRODUCED}
         arguments.json.write_text(json.dumps(numbers, indent=2) + "\n")
 

@@ -15,3 +15,13 @@ class NotPositiveDefinite(SkillError, ArithmeticError):
 
 class UnknownSkill(SkillError):
     """A skill file that this version cannot read: damaged, of another kind, or written by a newer version."""
+
+
+def require_kind(what: str, value: object, kinds: type | tuple[type, ...], fix: str) -> None:
+    """Nothing, when value is of one of the kinds.
+
+    Raises: InvalidInput otherwise, naming the kind given, those expected and the fix.
+    """
+    if isinstance(value, type) or not isinstance(value, kinds):
+        expected = " or ".join(kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))
+        raise InvalidInput(f"{what} is of the kind {type(value).__name__}, expected {expected}; {fix}")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from jaxtyping import TypeCheckError
 
 from pilotfish.control import (
     BatchSolution,
@@ -78,6 +79,7 @@ def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
     reference = object.__new__(Reference)
     object.__setattr__(reference, "targets", targets)
     object.__setattr__(reference, "weights", weights)
+    object.__setattr__(reference, "period", None)
     return reference
 
 
@@ -88,7 +90,7 @@ def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
         (-2.0, InvalidInput, "effort is -2.0, expected a positive price"),
         (np.nan, InvalidInput, "effort is nan, expected a positive price"),
         (np.inf, InvalidInput, "effort is inf, expected a positive price"),
-        (np.eye(3), InvalidInput, r"effort has shape \(3, 3\), expected \(2, 2\)"),
+        (np.eye(3), InvalidInput, r"effort has shape \(3, 3\), expected one number or \(2, 2\)"),
         (np.diag([1.0, np.nan]), InvalidInput, r"effort\[1, 1\] is nan"),
         (np.array([[1.0, 0.5], [0.0, 1.0]]), InvalidInput, "effort differs from its transpose by 0.5"),
         (np.diag([1.0, 0.0]), NotPositiveDefinite, "effort has the eigenvalue 0, expected all above zero"),
@@ -212,3 +214,31 @@ def test_a_weight_of_lower_rank_is_let_pass(rng):
     root = rng.normal(size=(4, 2))
     track(SYSTEM, Reference(TARGETS, np.stack([1e3 * root @ root.T] * 5)), 1.0)
     track(SYSTEM, Reference(TARGETS, np.zeros((5, 4, 4))), 1.0)
+
+
+def test_a_plan_for_another_period_is_not_followed():
+    """Ten times slower is not what was shown."""
+    targets, weights = np.zeros((5, 4)), np.tile(np.eye(4), (5, 1, 1))
+    planned = Reference(targets, weights, period=0.1)
+    assert track(double_integrator(2, 0.1), planned, 1.0).gains.shape == (4, 2, 4)
+    for follow in (
+        lambda: track(double_integrator(2, 1.0), planned, 1.0),
+        lambda: track_continuous(continuous_double_integrator(2), planned, 1.0, period=1.0),
+    ):
+        with pytest.raises(InvalidInput, match=r"every 0\.1 s, the system moves every 1 s"):
+            follow()
+
+
+def test_gains_beyond_all_numbers_are_refused():
+    """An unstable motion that no input reaches outgrows float64 over a long horizon."""
+    system = LinearSystem(np.diag([10.0, 1.0]), np.array([[0.0], [1.0]]), 0.1)
+    reference = Reference(np.zeros((400, 2)), np.tile(np.eye(2), (400, 1, 1)))
+    with pytest.raises(InvalidInput, match="not finite"), np.errstate(all="ignore"):
+        track(system, reference, 1.0)
+
+
+def test_what_varies_has_no_steady_gain():
+    system = VaryingSystem(np.tile(np.eye(2), (4, 1, 1)), np.ones((4, 2, 1)), 0.1)
+    reference = Reference(np.zeros((5, 2)), np.tile(np.eye(2), (5, 1, 1)))
+    with pytest.raises((InvalidInput, TypeCheckError), match="LinearSystem"):
+        regulate(system, reference, 1.0)  # type: ignore[arg-type]

@@ -82,20 +82,6 @@ def test_held_rows_are_found(good: list[Demonstration]):
     only(check([*good[:2], with_x(good[2], x)]), Severity.WARNING, "(c)", "position jumps at row 20")
 
 
-def test_an_opposed_quaternion_is_found(make):
-    """The same rotations with the other sign, in one demonstration of three."""
-    first = make(steps=10)
-    x = resampled(first, 13).x.copy()
-    x[:, 3:] *= -1
-    x[:, :3] += 0.01
-    opposed = with_x(resampled(first, 13), x)
-    opposed = replace(opposed, period=first.period)
-    frames_differ = replace(opposed, frames=make().frames)
-    messages = [found.message for found in check([first, frames_differ]) if "opposite sign" in found.message]
-    assert len(messages) == 1
-    assert "consistent_quaternions" in messages[0]
-
-
 @pytest.mark.parametrize("moving", [False, True])
 def test_a_frame_that_never_differs_is_found(make, moving: bool):
     """One that differs anywhere is not."""

@@ -9,7 +9,6 @@ from scipy.io import loadmat, savemat
 from pilotfish.demonstrations import (
     Severity,
     check,
-    consistent_quaternions,
     demonstration,
     frame_from_pose,
     pose_layout,
@@ -79,8 +78,8 @@ def test_the_valve_recording_needs_no_mending(valve_file: Path):
     demonstrations = read_valve_mat(valve_file)
     (only,) = check(demonstrations)
     assert (only.severity, only.place) == (Severity.NOTE, "frame 'valve after'")
-    for demo, same in zip(demonstrations, consistent_quaternions(demonstrations), strict=True):
-        np.testing.assert_array_equal(same.x, demo.x)
+    for later in demonstrations[1:]:
+        assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0
 
 
 def test_the_z_shapes_are_the_ones_published(data_folder: Path):
@@ -102,8 +101,8 @@ def test_household_tasks_are_in_metres(data_folder: Path, task: str):
         np.testing.assert_allclose(demo.x[:, :3], theirs[:, :3] / 100, rtol=1e-15)
         np.testing.assert_array_equal(demo.x[:, 3:], theirs[:, 3:])
         assert np.abs(demo.x[:, :3]).max() < 1.0  # m, within reach of the arm
-    for demo, same in zip(demonstrations, consistent_quaternions(demonstrations), strict=True):
-        np.testing.assert_array_equal(same.x, demo.x)
+    for later in demonstrations[1:]:
+        assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0
 
 
 @pytest.mark.parametrize("letter", ["h", "e", "l", "o"])

@@ -1,7 +1,5 @@
 """Derivatives, resampling and signs: what is made of a demonstration keeps what matters about it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,14 +7,13 @@ from pilotfish.demonstrations import (
     Layout,
     Part,
     Quantity,
-    consistent_quaternions,
     demonstration,
     pose_layout,
     resampled,
     with_derivatives,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import angle, exp, multiply
+from pilotfish.geometry import exp, multiply
 
 
 def test_derivatives_lead_from_each_row_to_the_next(make):
@@ -80,22 +77,3 @@ def test_fewer_than_two_rows_are_no_movement(make, steps: int):
     """Refused, with the number."""
     with pytest.raises(InvalidInput, match=f"steps is {steps}"):
         resampled(make(), steps)
-
-
-def test_signs_are_made_those_of_the_first(make):
-    """Whole demonstrations flip, rotations stay, derivatives go along, lengths may differ."""
-    first = with_derivatives(make(steps=10))
-    turned = first.x.copy()
-    turned[:, [*range(3, 7), *range(10, 14)]] *= -1
-    opposite = replace(resampled(replace(first, x=turned), 17), period=first.period)
-    _, mended = consistent_quaternions([first, opposite])
-    expected = replace(resampled(first, 17), period=first.period)
-    np.testing.assert_allclose(mended.x, expected.x, atol=1e-14)
-    assert np.all(angle(mended.x[:, 3:7], opposite.x[:, 3:7]) < 1e-7)
-
-
-def test_signs_that_agree_are_left(make):
-    """The first demonstration is never changed, nor is one that runs beside it."""
-    demo = make()
-    for same in consistent_quaternions([demo, demo]):
-        np.testing.assert_array_equal(same.x, demo.x)

@@ -131,3 +131,13 @@ def test_a_singular_covariance_is_reported_with_its_number_and_the_remedy():
         whiteners(covariances, "state")
     with pytest.raises(NotPositiveDefinite, match="not finite"):
         whiteners(np.full((1, 2, 2), np.nan))
+
+
+def test_columns_may_be_counted_from_the_end_and_must_exist(rng):
+    g = random_gaussian(rng, 3)
+    last, same = (condition(g, np.array([n]), np.array([0.3])) for n in (-1, 2))
+    np.testing.assert_array_equal(last.mean, same.mean)
+    np.testing.assert_array_equal(last.covariance, same.covariance)
+    for columns in ([3], [-4], [0, 0], [1, -2]):
+        with pytest.raises(InvalidInput, match="columns"):
+            condition(g, np.array(columns), np.zeros(len(columns)))

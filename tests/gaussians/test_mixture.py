@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import Gaussian, Mixture, condition, regress
 
 
@@ -59,3 +59,9 @@ def test_far_from_all_components_the_answer_is_finite(rng):
 def test_inputs_must_leave_something_to_predict(rng):
     with pytest.raises(InvalidInput, match="nothing to map"):
         regress(random_mixture(rng, 2, 2), np.array([0, 1]), np.zeros((1, 2)))
+
+
+def test_a_component_that_is_singular_in_the_inputs_is_named(rng):
+    singular = Mixture(np.ones(1), np.zeros((1, 3)), np.diag([0.0, 1.0, 1.0])[None])
+    with pytest.raises(NotPositiveDefinite, match="component 0"):
+        regress(singular, np.array([0]), np.zeros((1, 1)))

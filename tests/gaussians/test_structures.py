@@ -95,3 +95,13 @@ def test_component_correlation_is_one_for_multiples_and_symmetric(rng):
     np.testing.assert_allclose(M[0, 3], 1.0)
     np.testing.assert_allclose(M, M.T)
     assert np.abs(M).max() <= 1.0 + 1e-12
+
+
+def test_semi_tied_goes_on_from_the_basis_before(rng):
+    """Two sweeps at once are one sweep and one more."""
+    S, mass = samples(rng, 5, 6)
+    one = SemiTied(1.0, sweeps=1)
+    twice = one.estimate(mass, S, one.estimate(mass, S, None)).dense
+    np.testing.assert_allclose(
+        twice, SemiTied(1.0, sweeps=2).estimate(mass, S, None).dense, rtol=1e-8, atol=1e-10
+    )

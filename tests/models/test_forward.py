@@ -199,3 +199,28 @@ def test_nonsense_is_refused():
         occupancy(Weights(np.ones(1)), np.empty((0, 1)), 2)
     with pytest.raises(InvalidInput, match="horizon"):
         sample_states(chain, 0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("shift", [2.0**30, 2.0**40])
+def test_what_speaks_alike_for_all_states_changes_nothing(rng, shift):
+    """An outlier far from every state, at one step or at all, leaves the occupancy as it is."""
+    chain, log_b = random_chain(rng, 3, final=True), rng.integers(-40, 0, size=(300, 3)) / 8.0
+    expected = occupancy(chain, log_b, 320)
+    outlier = log_b.copy()
+    outlier[100] -= shift  # eighths: nothing of log_b is rounded away
+    np.testing.assert_allclose(occupancy(chain, outlier, 320), expected, atol=1e-9)
+    np.testing.assert_allclose(occupancy(chain, log_b - shift, 320), expected, atol=1e-9)
+
+
+def test_a_final_state_is_stayed_in_for_tens_of_thousands_of_steps():
+    """Linear in the horizon: what has settled is carried along."""
+    p = occupancy(left_right([5, 5, 5], [1, 1, 1]), np.empty((0, 3)), 30_000)
+    np.testing.assert_allclose(p[100:], np.broadcast_to([0, 0, 1.0], (29_900, 3)), atol=1e-9)
+
+
+def test_visits_outlast_the_longest_duration_with_next_to_no_probability():
+    for mean, deviation in ((1.0, 10.0), (30.0, 1.0), (5.0, 5.0)):
+        durations = GaussianDurations(np.array([mean]), np.array([deviation]))
+        longest = longest_duration(durations)
+        table = np.exp(log_duration_table(durations, 20 * longest))
+        assert table[longest:].sum() < 2e-9

@@ -9,6 +9,7 @@ from pilotfish.demonstrations import Frame, Layout, MovingFrame, Part, Quantity,
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density, regress
 from pilotfish.models import (
+    HiddenModel,
     KMeans,
     MarkovChain,
     SemiMarkovChain,
@@ -185,3 +186,33 @@ def test_a_mixture_skill_regresses_time_to_place(rng):
     np.testing.assert_allclose(told.jacobians[:, 0, 0], 3.0, atol=0.2)
     with pytest.raises(InvalidInput, match="learn_mixture"):
         as_mixture(adapt(learn([demo], states=2, rng=rng).skill, demo.frames))
+
+
+def test_a_state_that_is_never_visited_lasts_as_long_as_it_would_stay(rng, scene):
+    """Viterbi may pass a state by; its duration is then that of its self-transition, 1 / (1 - a)."""
+    demos = scene(stops=2)
+    model = learn_markov(demos, states=2, rng=rng).markov
+    third = HiddenModel(
+        MarkovChain(np.array([0.5, 0.5, 0.0]), np.array([[0.9, 0.1, 0], [0.1, 0.9, 0], [0.1, 0.1, 0.8]])),
+        np.concatenate([model.means, model.means[:, :1] + 1e3], axis=1),
+        tuple(DenseCovariances(np.concatenate([c.dense, np.eye(2)[None]])) for c in model.covariances),
+    )
+    durations = with_durations(third, views(demos), 1.0).durations
+    np.testing.assert_allclose(durations.means[2], 5.0)
+    np.testing.assert_allclose(durations.deviations[2], np.sqrt(5.0**2 + 1.0))
+
+
+def test_the_fingerprint_is_that_of_values_frames_and_period(rng, scene):
+    """Anything that changes what is learned changes it; names do not."""
+    demos = scene()
+    frame = demos[0].frames[0]
+
+    def data(first):
+        provenance = learn([first, *demos[1:]], states=2, rng=rng).skill.provenance
+        return provenance.data
+
+    moved = replace(demos[0], frames=(replace(frame, b=frame.b + 1.0), *demos[0].frames[1:]))
+    assert len(data(demos[0])) == 64
+    assert data(replace(demos[0], name="other")) == data(demos[0])
+    assert data(moved) != data(demos[0])
+    assert data(replace(demos[0], x=demos[0].x + 1e-12)) != data(demos[0])

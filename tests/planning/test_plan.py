@@ -6,7 +6,7 @@ import pytest
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.models import AdaptedSkill, GaussianDurations, SemiMarkovChain
-from pilotfish.planning import expected_plan, plan, reference
+from pilotfish.planning import expected_plan, plan, planned_states, reference
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_a_start_far_from_everything_still_gets_a_plan(model):
 
 
 def test_unusable_starts_horizons_and_slacks_are_refused(model):
-    with pytest.raises(InvalidInput, match=r"3 values.*2 columns"):
+    with pytest.raises(InvalidInput, match=r"\(3,\), expected \(2,\)"):
         plan(model, np.zeros(3), horizon=10)
     with pytest.raises(InvalidInput, match="not finite"):
         plan(model, np.array([np.nan, 0.0]), horizon=10)
@@ -65,3 +65,15 @@ def test_a_certain_state_without_slack_is_reported(model):
     certain = AdaptedSkill(model.dynamics, model.means, np.zeros((3, 2, 2)), model.layout, 0.1)
     with pytest.raises(NotPositiveDefinite, match="state 0"):
         expected_plan(certain, horizon=5, slack=0.0)
+
+
+def test_planned_states_are_those_of_the_plan(model):
+    """The sequence that a picture needs is the one that the reference was made of."""
+    start = model.means[1]
+    states = planned_states(model, start, horizon=20)
+    np.testing.assert_array_equal(plan(model, start, horizon=20).targets, model.means[states])
+
+
+def test_a_plan_knows_the_time_between_its_targets(model):
+    assert plan(model, model.means[0], horizon=5).period == model.period
+    assert expected_plan(model, horizon=5).period == model.period

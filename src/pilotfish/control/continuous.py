@@ -7,6 +7,7 @@ from pilotfish.control.doors import (
     effort_matrix,
     require_period,
     require_reference,
+    require_same_period,
     require_system,
     require_terminal,
 )
@@ -80,6 +81,7 @@ def _enter(
 ) -> Float[Array, "m m"]:
     require_system(system.A, system.B, rank=2)
     require_period(period)
+    require_same_period(reference.period, period)
     require_reference(reference.targets, reference.weights, len(system.A))
     return effort_matrix(effort, system.B.shape[1])
 

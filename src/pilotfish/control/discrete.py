@@ -6,13 +6,14 @@ from pilotfish.control.doors import (
     effort_matrix,
     require_period,
     require_reference,
+    require_same_period,
     require_steps,
     require_system,
 )
 from pilotfish.control.feedback import Feedback
 from pilotfish.control.reference import Reference, distinct
 from pilotfish.control.systems import DiscreteSystem, LinearSystem, VaryingSystem
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.kernels import riccati
 from pilotfish.types import Array, Float
 
@@ -21,8 +22,11 @@ def enter(
     system: DiscreteSystem, reference: Reference, effort: float | Float[Array, "m m"]
 ) -> Float[Array, "m m"]:
     """The door of every discrete solver: its three arguments agree, and R is returned."""
+    require_kind("system", system, (LinearSystem, VaryingSystem), "see pf.double_integrator")
+    require_kind("reference", reference, Reference, "pf.plan makes one from an adapted skill")
     require_system(system.A, system.B, rank=3 if isinstance(system, VaryingSystem) else 2)
     require_period(system.period)
+    require_same_period(reference.period, system.period)
     require_reference(reference.targets, reference.weights, system.B.shape[-2])
     require_steps(system.A, len(reference.targets))
     return effort_matrix(effort, system.B.shape[-1])
@@ -42,6 +46,11 @@ def track(system: DiscreteSystem, reference: Reference, effort: float | Float[Ar
     varies = isinstance(system, VaryingSystem)
     A, B = (system.A, system.B) if varies else (system.A[None], system.B[None])
     solution = riccati(*map(_contiguous, (A, B, reference.weights, reference.targets, R)))
+    if not (np.isfinite(solution.gains).all() and np.isfinite(solution.feedforwards).all()):
+        raise InvalidInput(
+            "the gains are not finite: over this horizon the system outgrows what numbers can hold; no input "
+            "reaches one of its growing motions, or the horizon is too long"
+        )
     return Feedback(system, reference, solution.gains, solution.feedforwards)
 
 
@@ -57,6 +66,7 @@ def regulate(system: LinearSystem, reference: Reference, effort: float | Float[A
     Source: the thesis, equation 3.56; the solver is scipy.linalg.solve_discrete_are.
     """
     R = enter(system, reference, effort)
+    require_kind("system", system, LinearSystem, "what varies has no steady gain: use track")
     weights = reference.weights[:-1]
     firsts, which = distinct(weights)
     gains = np.stack([_steady_gain(system, weights[t], R, f"weights[{t}]") for t in firsts])[which]

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
 from pilotfish.types import Array, Float
 
 ROUNDING = 1e-8  # what computing a weight may cost in symmetry or sign, as a share of its largest entry
 
 
 def require_axes(axes: int) -> None:
+    require_kind("axes", axes, (int, np.integer), "give a whole number: half the columns of the skill")
     if axes < 1:
         raise InvalidInput(f"axes is {axes}, expected 1 or more: one for each position of the state")
 
@@ -32,6 +33,15 @@ def require_system(A: Array, B: Array, *, rank: int) -> None:
     _require_finite("B", B)
 
 
+def require_same_period(planned: float | None, period: float) -> None:
+    """A plan made for one time between targets is not followed at another pace."""
+    if planned is not None and abs(planned - period) > ROUNDING * period:
+        raise InvalidInput(
+            f"the reference has a target every {planned:g} s, the system moves every {period:g} s; give the "
+            "system the period of the skill"
+        )
+
+
 def require_steps(A: Array, horizon: int) -> None:
     """A system that varies is given for exactly the periods between the targets."""
     if A.ndim == 3 and len(A) != horizon - 1:
@@ -44,7 +54,8 @@ def require_reference(targets: Array, weights: Array, states: int) -> None:
     """At least two targets of the system's states, each with a symmetric positive semidefinite weight."""
     if targets.ndim != 2 or targets.shape[1] != states:
         raise InvalidInput(
-            f"targets has shape {targets.shape}, expected (T, {states}) as the system has {states} states"
+            f"targets has shape {targets.shape}, expected (T, {states}) as the system has {states} states; a "
+            "double integrator follows positions with their speeds (pf.with_derivatives adds these)"
         )
     if len(targets) < 2:
         raise InvalidInput(
@@ -76,6 +87,7 @@ def require_semidefinite(name: str, weight: Array) -> None:
 
 def effort_matrix(effort: float | Array, inputs: int) -> Float[Array, "m m"]:
     """R: effort times the identity, or effort itself if it is a symmetric positive definite matrix."""
+    require_kind("effort", effort, (float, int, np.number, np.ndarray), "give a number, or R as an array")
     if np.ndim(effort) == 0:
         if not 0 < effort < np.inf:
             raise InvalidInput(
@@ -85,7 +97,8 @@ def effort_matrix(effort: float | Array, inputs: int) -> Float[Array, "m m"]:
     R = np.asarray(effort, dtype=np.float64)
     if R.shape != (inputs, inputs):
         raise InvalidInput(
-            f"effort has shape {R.shape}, expected {(inputs, inputs)} as there are {inputs} inputs"
+            f"effort has shape {R.shape}, expected one number or {(inputs, inputs)} for {inputs} inputs; "
+            "np.diag makes a matrix of a price for each"
         )
     _require_finite("effort", R)
     _require_symmetric("effort", R)

@@ -12,11 +12,13 @@ class Reference:
     """Where to be at each step, and how much it matters.
 
     Weights are symmetric, positive semidefinite, in one over the square of the state's unit: the precision of
-    the target, when it comes from a Gaussian. A zero weight leaves the step free.
+    the target, when it comes from a Gaussian. A zero weight leaves the step free. period is the time from one
+    target to the next [s], if they were planned for one: a system of another period then refuses to follow.
     """
 
     targets: Float[Array, "T n"]
     weights: Float[Array, "T n n"]
+    period: float | None = None
 
 
 def distinct(arrays: Float[Array, "T ..."]) -> tuple[list[int], Int[Array, " T"]]:

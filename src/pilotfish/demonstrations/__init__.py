@@ -19,7 +19,7 @@ from pilotfish.demonstrations.published import read_valve_mat, read_zshape_mat
 from pilotfish.demonstrations.published_arrays import read_helloworld_npy, read_robotasks_npy
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resampled
-from pilotfish.demonstrations.signs import consistent_quaternions, continuous_quaternions
+from pilotfish.demonstrations.signs import continuous_quaternions
 
 __all__ = [
     "Demonstration",
@@ -32,7 +32,6 @@ __all__ = [
     "Severity",
     "Views",
     "check",
-    "consistent_quaternions",
     "continuous_quaternions",
     "demonstration",
     "frame",

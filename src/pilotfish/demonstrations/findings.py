@@ -10,7 +10,6 @@ import numpy as np
 from pilotfish.demonstrations.frame_views import disagreement
 from pilotfish.demonstrations.frames import Frame, MovingFrame, is_world
 from pilotfish.demonstrations.recording import Demonstration
-from pilotfish.demonstrations.signs import opposed
 from pilotfish.types import Array, Float, Int
 
 VERY_DIFFERENT = 2.0  # times the length of the shortest
@@ -36,14 +35,14 @@ class Finding:
 
 
 def check(demonstrations: Sequence[Demonstration]) -> tuple[Finding, ...]:
-    """All that is odd: disagreement, duplicates, opposed quaternions, unequal lengths, frames that never
+    """All that is odd: disagreement, duplicates, unequal lengths, frames that never
     differ, constant columns, jumps and held rows. Nothing found is an empty tuple.
     """
     if not demonstrations:
         return (Finding(Severity.ERROR, "the set", "holds no demonstrations, expected at least one"),)
     found = list(_disagreements(demonstrations))
     if not found:
-        found += [*_opposed_quaternions(demonstrations), *_frames_that_never_differ(demonstrations)]
+        found += [*_frames_that_never_differ(demonstrations)]
     found += [*_duplicates(demonstrations), *_lengths(demonstrations)]
     for m, demo in enumerate(demonstrations):
         found += [*_constant_columns(_place(m, demo), demo), *_jumps(_place(m, demo), demo)]
@@ -58,16 +57,6 @@ def _disagreements(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]
     for m, demo in enumerate(demonstrations):
         if reason := disagreement(demonstrations[0], demo):
             yield Finding(Severity.ERROR, _place(m, demo), f"it and the first {reason}")
-
-
-def _opposed_quaternions(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]:
-    first = demonstrations[0]
-    for m, demo in enumerate(demonstrations):
-        for columns in demo.layout.quaternions:
-            if opposed(demo.x[:, columns], first.x[:, columns]):
-                part = demo.layout.names[columns.start].removesuffix(" w")
-                message = f"{part} has the opposite sign of the first's; consistent_quaternions mends it"
-                yield Finding(Severity.WARNING, _place(m, demo), message)
 
 
 def _frames_that_never_differ(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]:

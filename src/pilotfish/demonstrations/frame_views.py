@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.demonstrations.frames import Frame, MovingFrame
+from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.demonstrations.recording import Demonstration
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.types import Array, Float, Int
 
 
@@ -22,17 +23,25 @@ class Views:
 def views(demonstrations: Sequence[Demonstration]) -> Views:
     """x[j] solves A_j x[j] + b_j = world, for frame j of each demonstration.
 
+    An orientation that runs closer to the first demonstration's after a change of sign has it changed, its
+    derivatives with it: q and -q are one orientation, whether recordings or poses of frames differ so.
     Raises: InvalidInput, when there is none, or when they differ in layout, period or names of frames.
     Source: Tanwani 2018, eq. 3.21.
     """
     refuse_disagreement(demonstrations)
     seen = [np.stack([_seen(given, demo.x) for given in demo.frames]) for demo in demonstrations]
+    for later in seen[1:]:
+        for x, first in zip(later, seen[0], strict=True):
+            x *= _signs(x, first, demonstrations[0].layout)
     lengths = np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
     return Views(np.ascontiguousarray(np.concatenate(seen, axis=1)), lengths)
 
 
 def refuse_disagreement(demonstrations: Sequence[Demonstration]) -> None:
     """Raises: InvalidInput, when there is none, or when they differ in layout, period or names of frames."""
+    require_kind("demonstrations", demonstrations, Sequence, "give a list, also of one")
+    for demo in demonstrations:
+        require_kind("a demonstration", demo, Demonstration, "pf.demonstration makes one of an array")
     if not demonstrations:
         raise InvalidInput("there are no demonstrations, expected at least one")
     first = demonstrations[0]
@@ -51,6 +60,23 @@ def disagreement(first: Demonstration, other: Demonstration) -> str:
     if names != expected:
         return f"differ in frames: {names} and {expected}; give the same frames in the same order"
     return ""
+
+
+def _signs(x: Float[Array, "T D"], first: Float[Array, "S D"], layout: Layout) -> Float[Array, " D"]:
+    """Minus one for the columns of orientations that run closer to the first's when negated."""
+    signs = np.ones(layout.width)
+    for part, columns in zip(layout.parts, layout.slices, strict=True):
+        if part.quantity is Quantity.QUATERNION and opposed(
+            *(v[:, layout.columns(part.name)] for v in (x, first))
+        ):
+            signs[columns] = -1.0
+    return signs
+
+
+def opposed(q: Float[Array, "T 4"], reference: Float[Array, "S 4"]) -> bool:
+    """Whether -q runs closer to the reference than q, both stretched to the same duration."""
+    steps = np.linspace(0, len(reference) - 1, len(q)).round().astype(int)
+    return bool(np.einsum("td,td->", q, reference[steps]) < 0)
 
 
 def _seen(given: Frame | MovingFrame, x: Float[Array, "T D"]) -> Float[Array, "T D"]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, left_matrix, rotation_matrix
+from pilotfish.geometry import Pose, continuous, left_matrix, rotation_matrix
 from pilotfish.types import Array, Float
 
 WORLD = "world"
@@ -58,10 +58,10 @@ def frame_from_pose(name: str, layout: Layout, pose: Pose) -> Frame:
 
 
 def moving_frame_from_poses(name: str, layout: Layout, poses: Sequence[Pose]) -> MovingFrame:
-    """As frame_from_pose, one pose for each step. Consecutive quaternions should not flip sign."""
+    """As frame_from_pose, one pose for each step; quaternions may flip sign, being poses."""
     _refuse_other_than_three_axes(name, layout)
     positions = np.stack([pose.position for pose in poses])
-    quaternions = np.stack([pose.quaternion for pose in poses])
+    quaternions = continuous(np.stack([pose.quaternion for pose in poses]))
     A = np.zeros((len(poses), layout.width, layout.width))
     b = np.zeros((len(poses), layout.width))
     for part, columns in zip(layout.parts, layout.slices, strict=True):

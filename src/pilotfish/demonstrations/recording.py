@@ -13,6 +13,7 @@ from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 
+LARGEST = 1e100
 NORM_TOLERANCE = 1e-3  # recordings are rounded; what is within is left as it is
 
 
@@ -39,14 +40,16 @@ def demonstration(
 ) -> Demonstration:
     """The door for recordings: owns read-only copies, or raises InvalidInput. No frames: the world's alone.
 
-    Refused, with place and nearest fix: fewer than two rows, numbers that are not finite, a width other than
-    the layout's, orientations that are no unit quaternions (within 1e-3) or flip sign from one row to the
-    next, a period that is not positive, frames that are singular or of another width or length.
+    Refused, with place and nearest fix: fewer than two rows, numbers that are not finite or beyond 1e100, a
+    width other than the layout's, orientations that are no unit quaternions (within 1e-3) or flip sign from
+    one row to the next, a period that is not positive, frames that are singular or of another width or
+    length.
     """
     place = f"demonstration {name!r}" if name else "demonstration"
     points = numeric_array(x, place)
     _refuse_shape(place, points, layout)
     _refuse_not_finite(place, points, layout)
+    _refuse_huge(place, points, layout)
     for columns in layout.quaternions:
         _refuse_quaternions(f"{place}, {layout.names[columns.start][:-2]}", points[:, columns])
     if not 0 < period < inf:
@@ -71,6 +74,15 @@ def _refuse_not_finite(place: str, x: Float[Array, "T D"], layout: Layout) -> No
         raise InvalidInput(
             f"{place}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]}{more}, "
             "expected finite numbers; cut those rows or fill the gap"
+        )
+
+
+def _refuse_huge(place: str, x: Float[Array, "T D"], layout: Layout) -> None:
+    if (bad := np.argwhere(np.abs(x) > LARGEST)).size:
+        row, column = bad[0].tolist()
+        raise InvalidInput(
+            f"{place}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]:g}, "
+            f"expected at most {LARGEST:g}; check the recording, or choose a larger unit"
         )
 
 

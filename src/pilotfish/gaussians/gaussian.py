@@ -75,8 +75,8 @@ def transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"]) -> Gau
 def product(gaussians: Sequence[Gaussian]) -> Gaussian:
     """The normalised product of the densities: every opinion about one x, fused.
 
-    Folded in pairs in the parallel form Sp (Sp + Sq)^-1 Sq, which subtracts nothing: exact when
-    scales differ by many orders, and an opinion may be certain along some directions.
+    Folded in pairs in the parallel form Sp (Sp + Sq)^-1 Sq, which subtracts nothing: few digits are lost
+    when scales differ by many orders, and an opinion may be certain along some directions.
     Raises: NotPositiveDefinite, when two opinions are certain about the same direction.
     Source: Tanwani 2018, equations 3.34-3.35, with the inverse that (3.34) leaves out.
     """
@@ -106,12 +106,25 @@ def condition(g: Gaussian, columns: Int[Array, " E"], value: Float[Array, " E"])
     Raises: NotPositiveDefinite, when the chosen columns have a singular covariance.
     Source: Bishop 2006, equations 2.81-2.82.
     """
-    rest = np.setdiff1d(np.arange(g.mean.size), columns)
+    columns, rest = split_columns(columns, g.mean.size)
     known, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, rest)]
     cholesky(known[None], "the covariance of the given columns, number")
     slope = np.linalg.solve(known, cross).T  # S_rk S_kk^-1, (D - E, E)
     covariance = g.covariance[np.ix_(rest, rest)] - slope @ cross
     return Gaussian(g.mean[rest] + slope @ (value - g.mean[columns]), _symmetric(covariance))
+
+
+def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E"], Int[Array, " R"]]:
+    """The same columns counted from the front, and the others.
+
+    Raises: InvalidInput, when one is out of range or given twice.
+    """
+    from_front = np.where(columns < 0, columns + width, columns)
+    if from_front.size and not 0 <= from_front.min() <= from_front.max() < width:
+        raise InvalidInput(f"columns {columns.tolist()} are not all among the {width} there are")
+    if len(np.unique(from_front)) < len(from_front):
+        raise InvalidInput(f"columns {columns.tolist()} name one twice")
+    return from_front, np.setdiff1d(np.arange(width), from_front)
 
 
 def sample(g: Gaussian, count: int, rng: np.random.Generator) -> Float[Array, "N D"]:

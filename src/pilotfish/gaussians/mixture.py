@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians.gaussian import LOG_2_PI, whiteners
+from pilotfish.gaussians.gaussian import LOG_2_PI, split_columns, whiteners
 from pilotfish.types import Array, Float, Int
 
 
@@ -38,14 +38,14 @@ def regress(mixture: Mixture, inputs: Int[Array, " I"], x: Float[Array, "N I"]) 
     singular in the inputs.
     Source: Ghahramani & Jordan 1994; Tanwani 2018, section 6.2 for the use of the derivative.
     """
-    outputs = np.setdiff1d(np.arange(mixture.means.shape[1]), inputs)
+    inputs, outputs = split_columns(inputs, mixture.means.shape[1])
     if not len(outputs) or not len(inputs):
         raise InvalidInput(
             f"inputs {inputs.tolist()} of {mixture.means.shape[1]} columns leave nothing to map"
         )
     centred = x[:, None, :] - mixture.means[:, inputs]  # (N, K, I)
-    slopes, conditional = _conditionals(mixture, inputs, outputs)
     shares, gradients = _responsibilities(mixture, inputs, centred)
+    slopes, conditional = _conditionals(mixture, inputs, outputs)
     local = mixture.means[:, outputs] + np.einsum("koi,nki->nko", slopes, centred)  # each component's guess
     means = np.einsum("nk,nko->no", shares, local)
     spread = local - means[:, None, :]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians.structures import Covariances
 from pilotfish.types import Array, Float
 
@@ -37,6 +37,7 @@ class SemiTied:
     sweeps: int = 2
 
     def __post_init__(self) -> None:
+        require_kind("tying", self.tying, (float, int), "give a number from 0 (free) to 1 (fully tied)")
         if not 0.0 <= self.tying <= 1.0:
             raise InvalidInput(f"tying is {self.tying}, expected a number from 0 (free) to 1 (fully tied)")
         if self.sweeps < 1:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pilotfish.demonstrations import Frame, Layout, MovingFrame
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import Gaussian, product, transform
 from pilotfish.models.signs import agreeing
 from pilotfish.models.skill import AdaptedSkill, Skill
@@ -20,6 +20,7 @@ def adapt(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> AdaptedSkill:
     Raises: InvalidInput, when a frame is missing, unknown, moving, singular or of another width.
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
+    require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
     ordered = agreeing(_matched(skill, frames), skill)
     states = [
         product(
@@ -38,6 +39,10 @@ def adapt(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> AdaptedSkill:
 
 def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:
     """The frames in the skill's order, checked."""
+    fix = "give a list of frames, say a demonstration's .frames"
+    require_kind("frames", frames, Sequence, fix)
+    for frame in frames:
+        require_kind("a frame", frame, (Frame, MovingFrame), fix)
     if moving := [frame.name for frame in frames if isinstance(frame, MovingFrame)]:
         raise InvalidInput(f"frame {moving[0]!r} moves; adapt to where it stands at a step, frame.at(t)")
     standing = [frame for frame in frames if isinstance(frame, Frame)]

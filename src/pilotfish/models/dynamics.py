@@ -51,7 +51,7 @@ def final_states(chain: SemiMarkovChain) -> Float[Array, " K"]:
 
 
 def longest_duration(durations: GaussianDurations) -> int:
-    """The number of steps that a visit outlasts with probability below 1e-9 in every state."""
+    """The number of steps that a visit outlasts with probability below 2e-9, for means of a step or more."""
     return max(1, int(np.ceil((durations.means + 6.0 * durations.deviations).max())))
 
 

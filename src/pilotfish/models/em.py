@@ -101,7 +101,7 @@ def _climb(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings) 
         gain = sums.log_likelihood - trace[-1] if trace else np.inf
         small = settings.tolerance * abs(sums.log_likelihood)
         if best and gain < 0.0:
-            reason = f"a step that lost {-gain:.3g} nats was undone"
+            reason = f"the next step would have lost {-gain:.3g} nats, as regularisation or partial tying may"
             return replace(best, outcome=Outcome(-gain <= small, iteration, reason, ()))
         trace.append(sums.log_likelihood)
         if settings.watch:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.dynamics import (
     Dynamics,
     MarkovChain,
@@ -39,21 +39,29 @@ def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"
     _check(log_observed, horizon)
     (S, K), longest = log_observed.shape, min(horizon, longest_duration(chain.durations))
     log_last, log_longer = _log_visits(chain, longest)
+    best = log_observed.max(
+        axis=1, initial=-np.inf
+    )  # taken out, so that differences of sums keep their digits
     seen = np.zeros((horizon + 1, K))
-    seen[1 : S + 1] = np.cumsum(log_observed, axis=0)
+    seen[1 : S + 1] = np.cumsum(log_observed - best[:, None], axis=0)
     seen[S + 1 :] = seen[S]  # unobserved steps speak for no state
     log_starts, log_ends, log_occupancy = np.full((3, horizon + 1, K), -np.inf)
     with np.errstate(divide="ignore"):
         log_starts[0], log_transitions = np.log(chain.initial), np.log(chain.transitions)
+    settled = np.where(final_states(chain) > 0.0, 0.0, -np.inf)  # only final states outlast the longest visit
+    log_settled = np.full(K, -np.inf)
     for t in range(1, horizon + 1):
         d = np.arange(1, min(longest, t) + 1)  # how long the visit has lasted
         visits = log_starts[t - d] + seen[t] - seen[t - d]
-        log_ends[t] = np.logaddexp.reduce(visits + log_last[d - 1], axis=0)
-        log_occupancy[t] = np.logaddexp.reduce(visits + log_longer[d - 1], axis=0)
         if longest < t:
-            log_occupancy[t] = np.logaddexp(log_occupancy[t], _settled(chain, log_starts, seen, t, longest))
+            begun = t - longest - 1
+            log_settled = np.logaddexp(log_settled, log_starts[begun] - seen[begun] + settled)
+        log_ends[t] = np.logaddexp.reduce(visits + log_last[d - 1], axis=0)
+        lasting = np.logaddexp.reduce(visits + log_longer[d - 1], axis=0)
+        log_occupancy[t] = np.logaddexp(lasting, log_settled + seen[t])
         log_starts[t] = np.logaddexp.reduce(log_ends[t][:, None] + log_transitions, axis=0)
-    return Forward(log_ends[1:], log_occupancy[1:])
+    taken = np.cumsum(np.append(best, np.zeros(horizon - S)))[:, None]
+    return Forward(log_ends[1:] + taken, log_occupancy[1:] + taken)
 
 
 def _log_visits(chain: SemiMarkovChain, longest: int) -> tuple[Float[Array, "L K"], Float[Array, "L K"]]:
@@ -62,14 +70,6 @@ def _log_visits(chain: SemiMarkovChain, longest: int) -> tuple[Float[Array, "L K
     log_longer = np.logaddexp.accumulate(table[::-1], axis=0)[::-1]
     final = final_states(chain) > 0.0
     return np.where(final, -np.inf, table)[:longest], np.where(final, 0.0, log_longer)[:longest]
-
-
-def _settled(
-    chain: SemiMarkovChain, log_starts: Float[Array, "U K"], seen: Float[Array, "U K"], t: int, longest: int
-) -> Float[Array, " K"]:
-    """Visits to final states that have lasted beyond the longest duration of the others."""
-    visits = np.logaddexp.reduce(log_starts[: t - longest] - seen[: t - longest], axis=0) + seen[t]
-    return np.where(final_states(chain) > 0.0, visits, -np.inf)
 
 
 def markov_forward(
@@ -91,12 +91,16 @@ def occupancy(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: in
 
     Within the observed prefix this is filtering (3.38), beyond it prediction (3.41). With no observation
     (S = 0) it is the skill's own expectation.
-    Raises: InvalidInput, when an observation is impossible in every state or the model has no dynamics.
+    Raises: InvalidInput, when a log-probability is not finite or the model has no dynamics.
     """
     if isinstance(dynamics, Weights):
         raise InvalidInput(
             "a mixture has no order in time, so no occupancy; learn a Markov or semi-Markov skill"
         )
+    _check(log_observed, horizon)
+    log_observed = log_observed - log_observed.max(
+        axis=1, keepdims=True, initial=-np.inf
+    )  # rows are normalised
     if isinstance(dynamics, SemiMarkovChain):
         log_p = semi_markov_forward(dynamics, log_observed, horizon).log_occupancy
     else:
@@ -105,6 +109,7 @@ def occupancy(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: in
 
 
 def _check(log_observed: Float[Array, "S K"], horizon: int) -> None:
+    require_kind("horizon", horizon, (int, np.integer), "give a whole number of steps")
     if horizon < max(1, len(log_observed)):
         raise InvalidInput(
             f"horizon is {horizon} steps, expected at least 1, and the {len(log_observed)} observed ones"

@@ -9,13 +9,13 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
 from pilotfish.gaussians import Full, Structure
 from pilotfish.models.durations import with_durations
 from pilotfish.models.dynamics import Dynamics
-from pilotfish.models.em import EMSettings, MStep, Outcome, improve
+from pilotfish.models.em import EMSettings, MStep, Outcome, Run, improve
 from pilotfish.models.skill import Provenance, Skill
-from pilotfish.models.starts import Start, TimeBins
+from pilotfish.models.starts import Given, KMeans, Start, TimeBins
 from pilotfish.models.statistics import Statistics, maximise, most_likely_chain, most_likely_weights
 from pilotfish.types import Array, Float
 
@@ -101,17 +101,22 @@ def learn_mixture(
 def _guess(
     start: Start, states: int, rng: np.random.Generator, restarts: int
 ) -> Callable[[Views], Statistics]:
+    require_kind("start", start, (TimeBins, KMeans, Given, Start), "give an instance, say pf.KMeans()")
+    require_kind("states", states, (int, np.integer), "give a whole number")
+    require_kind("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
     if states < 1:
         raise InvalidInput(f"states is {states}, expected at least 1")
-    if restarts > 1 and start == TIME_BINS:
+    if restarts > 1 and (start == TIME_BINS or isinstance(start, Given)):
         raise InvalidInput(
-            f"{restarts} restarts from the same time bins would all end alike; "
+            f"{restarts} restarts from the same beginning would all end alike; "
             "use TimeBins(jitter=0.5) or KMeans()"
         )
     return partial(start.guess, states=states, rng=rng)
 
 
 def _m_step(structure: Structure, settings: EMSettings, chain: Callable[[Statistics], Dynamics]) -> MStep:
+    require_kind("structure", structure, Structure, "give an instance, say pf.Full() or pf.SemiTied()")
+    require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
     return partial(maximise, structure=structure, regularisation=settings.regularisation, chain=chain)
 
 
@@ -123,8 +128,7 @@ def _learn(
     settings: EMSettings,
 ) -> Fit:
     data = views(demonstrations)
-    runs = [improve(guess(data), data, m_step, settings) for _ in range(settings.restarts)]
-    run = max(runs, key=lambda run: run.trace[-1])
+    run = _likeliest([guess(data) for _ in range(settings.restarts)], data, m_step, settings)
     one = demonstrations[0]
     provenance = Provenance(
         demonstrations=tuple(d.name for d in demonstrations),
@@ -142,10 +146,31 @@ def _learn(
     return Fit(skill, skill, run.trace, run.outcome)
 
 
+def _likeliest(guesses: Sequence[Statistics], data: Views, m_step: MStep, settings: EMSettings) -> Run:
+    """The best of the fits from all guesses; a fit that collapses counts only when all do."""
+    runs: list[Run] = []
+    failed: list[NotPositiveDefinite] = []
+    for guess in guesses:
+        try:
+            runs.append(improve(guess, data, m_step, settings))
+        except NotPositiveDefinite as error:
+            failed.append(error)
+    if not runs:
+        raise failed[0]
+    best = max(runs, key=lambda run: run.trace[-1])
+    if not failed:
+        return best
+    reason = f"{best.outcome.reason}; {len(failed)} of {len(guesses)} restarts collapsed: {failed[0]}"
+    return replace(best, outcome=replace(best.outcome, reason=reason))
+
+
 def _fingerprint(demonstrations: Sequence[Demonstration]) -> str:
+    """SHA-256 of all that is learned from: values, shapes, period and frames of every demonstration."""
     digest = hashlib.sha256()
     for demonstration in demonstrations:
-        digest.update(np.ascontiguousarray(demonstration.x).tobytes())
+        digest.update(repr((demonstration.x.shape, demonstration.period, demonstration.layout)).encode())
+        for array in (demonstration.x, *(a for frame in demonstration.frames for a in (frame.A, frame.b))):
+            digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 

@@ -21,7 +21,7 @@ class HiddenModel:
 class Provenance:
     """Where a skill comes from, for whoever finds its file.
 
-    data is the SHA-256 of the demonstrations' values, structure the label of the covariance structure.
+    data is the SHA-256 of the demonstrations and their frames, structure names the covariance structure.
     """
 
     demonstrations: tuple[str, ...]

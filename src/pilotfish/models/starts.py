@@ -11,6 +11,8 @@ from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics, labelled_statistics, statistics
 from pilotfish.types import Array, Float, Int
 
+ATTEMPTS = 20
+
 
 @runtime_checkable
 class Start(Protocol):
@@ -30,16 +32,16 @@ class TimeBins:
     jitter: float = 0.0
 
     def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        if (shortest := int(views.lengths.min())) < states:
+            raise InvalidInput(
+                f"demonstration {views.lengths.argmin()} (first is 0) has {shortest} steps, which cannot "
+                f"be cut into {states} states; ask for at most {shortest} states or resample it to more steps"
+            )
         labels = [_bins(int(length), states, self.jitter, rng) for length in views.lengths]
         return labelled_statistics(views, np.concatenate(labels), states)
 
 
 def _bins(length: int, states: int, jitter: float, rng: np.random.Generator) -> Int[Array, " T"]:
-    if length < states:
-        raise InvalidInput(
-            f"a demonstration of {length} steps cannot be cut into {states} states; ask for at most {length} "
-            "states or resample it to more steps"
-        )
     order = np.arange(1, states)
     cuts = np.ceil((order + jitter * rng.uniform(-0.5, 0.5, states - 1)) * length / states).astype(np.int64)
     cuts = np.maximum.accumulate(np.maximum(cuts - order, 0)) + order  # every bin keeps at least one step,
@@ -62,19 +64,25 @@ class KMeans:
         distinct = len(np.unique(joint, axis=0))
         if distinct < states:
             raise InvalidInput(f"{states} states were asked for but the data has {distinct} distinct points")
-        from scipy.cluster.vq import kmeans2  # here, because scipy doubles the time of importing pilotfish
-
-        for _ in range(20):
-            _, labels = kmeans2(joint, states, minit="++", missing="warn", iter=50, rng=rng)
-            if len(np.unique(labels)) == states:
-                break
-        else:
-            raise InvalidInput(
-                f"k-means found no {states} separate clusters in 20 attempts; ask for fewer states"
-            )
-        sums = labelled_statistics(views, np.asarray(labels, dtype=np.int64), states)
+        labels = _clusters(joint, states, rng)
+        sums = labelled_statistics(views, labels, states)
         spread = self.pseudocount / states
         return Statistics(sums.moments, sums.first + spread, sums.transitions + spread, sums.log_likelihood)
+
+
+def _clusters(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> Int[Array, " N"]:
+    from scipy.cluster.vq import ClusterError, kmeans2  # here: scipy doubles the time of importing pilotfish
+
+    for _ in range(ATTEMPTS):
+        try:
+            return np.asarray(
+                kmeans2(x, states, minit="++", missing="raise", iter=50, rng=rng)[1], dtype=np.int64
+            )
+        except ClusterError:  # a cluster lost its points
+            continue
+    raise InvalidInput(
+        f"k-means found no {states} separate clusters in {ATTEMPTS} attempts; ask for fewer states"
+    )
 
 
 def _joint_view(views: Views) -> Float[Array, "N C"]:

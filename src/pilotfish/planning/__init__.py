@@ -2,6 +2,6 @@
 the only place where a model's precision turns into a tracking weight.
 """
 
-from pilotfish.planning.plan import expected_plan, plan, reference
+from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
 
-__all__ = ["expected_plan", "plan", "reference"]
+__all__ = ["expected_plan", "plan", "planned_states", "reference"]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilotfish.control import Reference
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import cholesky
 from pilotfish.models import AdaptedSkill, log_likelihood_of_states, most_probable_states, on_the_half_of
 from pilotfish.types import Array, Float, Int
@@ -12,36 +12,51 @@ from pilotfish.types import Array, Float, Int
 def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack: float = 2e-3) -> Reference:
     """The reference of the most probable states over horizon steps, from where the robot is now.
 
-    start is taken as the first observation: a robot that already stands at a later state begins there.
-    Targets have the sign of the start's quaternions, q and -q being one orientation.
+    start is taken as the first observation: of the states in which the skill may begin, the one that explains
+    it goes first. Targets have the sign of the start's quaternions, q and -q being one orientation.
     slack [unit of x squared] is added to every variance before it becomes a weight, so that no direction is
     followed with more than 1 / slack, however well demonstrations agreed.
     Raises: InvalidInput, when start, horizon or slack cannot be used.
     Source: Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + slack I)^-1.
     """
+    states = planned_states(model, start, horizon=horizon)
+    return reference(on_the_half_of(start, model), states, slack)
+
+
+def planned_states(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int) -> Int[Array, " T"]:
+    """The state that a plan from start is in at each of horizon steps.
+
+    Raises: InvalidInput, when start or horizon cannot be used.
+    """
+    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_kind("start", start, np.ndarray, "give np.array(start)")
     if start.shape != (width := model.means.shape[1],):
         raise InvalidInput(
-            f"start has {start.size} values, the skill has {width} columns: {model.layout.names}"
+            f"start has shape {start.shape}, expected ({width},): {', '.join(model.layout.names)}"
         )
     if not np.isfinite(start).all():
         raise InvalidInput(f"start holds values that are not finite: {start.tolist()}")
-    model = on_the_half_of(start, model)
-    observed = log_likelihood_of_states(model, start[None])
-    return reference(model, most_probable_states(model.dynamics, observed, horizon), slack)
+    here = on_the_half_of(start, model)
+    return most_probable_states(here.dynamics, log_likelihood_of_states(here, start[None]), horizon)
 
 
 def expected_plan(model: AdaptedSkill, *, horizon: int, slack: float = 2e-3) -> Reference:
-    """The reference that the skill itself expects, wherever the robot is: no observation taken."""
+    """The reference that the skill itself expects, wherever the robot is: no observation taken.
+
+    Raises: InvalidInput, when horizon or slack cannot be used.
+    """
+    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     nothing = np.empty((0, model.states))
     return reference(model, most_probable_states(model.dynamics, nothing, horizon), slack)
 
 
 def reference(model: AdaptedSkill, states: Int[Array, " T"], slack: float) -> Reference:
     """Means and weights (covariance + slack I)^-1 of a given state sequence."""
+    require_kind("slack", slack, (float, int), "give a variance")
     if not 0.0 <= slack < np.inf:
-        raise InvalidInput(f"slack is {slack}, expected a variance of at least 0")
+        raise InvalidInput(f"slack is {slack}, expected a finite variance of at least 0")
     softened = model.covariances + slack * np.eye(model.means.shape[1])
     cholesky(softened, "the softened covariance of state")
     inverse = np.linalg.solve(softened, np.broadcast_to(np.eye(softened.shape[1]), softened.shape))
     weights = 0.5 * (inverse + inverse.transpose(0, 2, 1))
-    return Reference(model.means[states], weights[states])
+    return Reference(model.means[states], weights[states], model.period)

@@ -185,7 +185,10 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 
 
 #ifdef PILOTFISH_KNOWS_V3
 bool supports_v3() {
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2");
+  // All that x86-64-v3 may use beyond the baseline; a hypervisor may mask any of these.
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
+         __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("f16c") && __builtin_cpu_supports("lzcnt") &&
+         __builtin_cpu_supports("movbe");
 }
 #else
 bool supports_v3() { return false; }

@@ -1,0 +1,63 @@
+"""Arguments of a wrong kind are refused with the kind given, the one expected and the fix."""
+
+import subprocess
+import sys
+
+# Run without the hook that checks annotations, as a user runs it.
+MISTAKES = """
+import sys
+import numpy as np
+import pilotfish as pf
+from pilotfish.models import Given
+
+rng = np.random.default_rng(0)
+demos = pf.store.synthetic_valve(rng)[:3]
+fit = pf.learn(demos, states=3, rng=rng)
+here = pf.adapt(fit.skill, demos[0].frames)
+x0 = demos[0].x[0]
+reference = pf.plan(here, x0, horizon=20)
+system = pf.double_integrator(7, 0.1)
+mistakes = {
+    "start as a list": (lambda: pf.plan(here, list(x0), horizon=9), "np.array(start)"),
+    "start in a row": (lambda: pf.plan(here, x0[None], horizon=9), "(1, 14)"),
+    "skill not adapted": (lambda: pf.plan(fit.skill, x0, horizon=9), "pf.adapt"),
+    "fractional horizon": (lambda: pf.plan(here, x0, horizon=9.5), "whole number"),
+    "slack as text": (lambda: pf.plan(here, x0, horizon=9, slack="a"), "slack"),
+    "effort as text": (lambda: pf.track(system, reference, effort="9"), "effort"),
+    "effort as a list": (lambda: pf.track(system, reference, effort=[1.0] * 7), "effort"),
+    "effort of each input": (lambda: pf.track(system, reference, effort=np.ones(7)), "np.diag"),
+    "another period": (lambda: pf.track(pf.double_integrator(7, 1.0), reference, effort=9.0), "every 0.1 s"),
+    "plan instead of reference": (lambda: pf.track(system, here, effort=9.0), "pf.plan"),
+    "fractional axes": (lambda: pf.double_integrator(7.0, 0.1), "whole number"),
+    "fractional states": (lambda: pf.learn(demos, states=3.5, rng=rng), "whole number"),
+    "a seed": (lambda: pf.learn(demos, states=3, rng=0), "default_rng"),
+    "structure by name": (lambda: pf.learn(demos, states=3, rng=rng, structure="full"), "pf.Full()"),
+    "structure's class": (lambda: pf.learn(demos, states=3, rng=rng, structure=pf.SemiTied), "pf.Full()"),
+    "start's class": (lambda: pf.learn(demos, states=3, rng=rng, start=pf.KMeans), "pf.KMeans()"),
+    "one demonstration": (lambda: pf.learn(demos[0], states=3, rng=rng), "list"),
+    "arrays": (lambda: pf.learn([d.x for d in demos], states=3, rng=rng), "pf.demonstration"),
+    "a fit": (lambda: pf.adapt(fit, demos[0].frames), "fit.skill"),
+    "one frame": (lambda: pf.adapt(fit.skill, demos[0].frames[0]), "list of frames"),
+    "a demonstration for frames": (lambda: pf.adapt(fit.skill, demos[0]), ".frames"),
+    "given restarts": (lambda: pf.learn(demos, states=3, rng=rng, start=Given(fit.markov),
+                                        settings=pf.EMSettings(restarts=2)), "restarts"),
+    "tying as text": (lambda: pf.SemiTied("a"), "tying"),
+}
+for name, (mistake, words) in mistakes.items():
+    try:
+        mistake()
+    except pf.InvalidInput as error:
+        if words not in str(error):
+            sys.exit(f"{name}: {error}")
+    except Exception as error:
+        sys.exit(f"{name}: {error!r}")
+    else:
+        sys.exit(f"{name}: accepted")
+print(len(mistakes))
+"""
+
+
+def test_arguments_of_a_wrong_kind_are_told_how_to_be_right():
+    ran = subprocess.run([sys.executable, "-c", MISTAKES], check=False, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    assert int(ran.stdout) > 20
