@@ -18,14 +18,25 @@ BAD_MANIFESTS = [
     ("period", "perod", "unknown key 'perod'; did you mean 'period'"),
     ("period = 0.5", "", "key 'period' is missing"),
     ("period = 0.5", "period = nan", "period is nan, expected a finite number"),
-    ("period = 0.5", "period = -1", "first.csv.*period is -1.0 s"),
+    ("period = 0.5", "period = -1", "^demonstrations.toml: period is -1.0 s, expected a positive"),
+    ("period = 0.5", "period = 0", "^demonstrations.toml: period is 0.0 s, expected a positive"),
     ("period = 0.5", "period = 'fast'", "period is 'fast'"),
     ("period = 0.5", "period = 1" + 400 * "0", "period is 1000.*, expected a finite number"),
     ("period = 0.5", "period = 1" + 5000 * "0", "not TOML that can be read|too long"),
     ("period = 0.5", "period = ", "not TOML that can be read: .*line 4"),
     ("[[layout]]", "[layout]", "layout is .*expected a list"),
     ('"position"\nsize', '"posture"\nsize', "layout 0: quantity is 'posture', expected one of position"),
-    ("size = 2", "size = 3", "first.csv, line 1: the header .*2 columns, expected 3"),
+    ("size = 2", "size = 3", "^demonstrations.toml: demonstration 0, frame 0: .*2 wide, .*layout.* 3"),
+    (
+        "{ name",
+        "{ name = 'cup', A = [[1, 0], [0, 1]], b = [0, 0] }, { name",
+        "^demonstrations.toml: demonstration 0: two frames are named 'cup'",
+    ),
+    (
+        "A = [[1, 0], [0, 2]], b = [0.5, 0]",
+        "A = [[1]], b = [0.5]",
+        "^demonstrations.toml: demonstration 0, frame 0: .*1 wide, .*layout.* 2",
+    ),
     ("size = 2", "size = -2", "layout 0: part 'position' has size -2"),
     ("size = 2", "size = 2.0", "layout 0: size is 2.0, expected a whole number"),
     ('unit = "m"', "unit = 1", "layout 0: unit is 1, expected text"),
@@ -85,8 +96,8 @@ BAD_TABLES = [
     ("position x,position y\n0,1\n2,3 m\n", "first.csv, line 3, column 'position y' is '3 m'"),
     ("position x,position y\n0,1\n2,1_0\n", "line 3, column 'position y' is '1_0'"),
     ("position x,position y\n0,1\n,3\n", "line 3, column 'position x' is ''"),
-    ("position x,position y\n0,1\nnan,3\n", r"\(row 0 is line 2\): .*row 1 .*column 'position x' is nan"),
-    ("position x,position y\n0,1\n1e999,3\n", "row 1 .*column 'position x' is inf"),
+    ("position x,position y\n0,1\nnan,3\n", "^first.csv, line 3, column 'position x' is nan"),
+    ("position x,position y\n0,1\n1e999,3\n", "^first.csv, line 3, column 'position x' is 1e999"),
     ('position x,position y\n0,1\n"2,3\n', "not CSV that can be read"),
     (b"position x,position y\n0,1\n2,\xff\n", "first.csv: byte 28 is no UTF-8 text"),
     (b"position x,position y\n0,1\n2,\x00\n", "first.csv, line 3"),
@@ -134,8 +145,9 @@ def test_an_array_alone_is_no_archive(folder: Path):
     for write in (lambda f: np.save(f, np.zeros((2, 2))), lambda f: f.write(b"rubbish"), lambda f: None):
         with (folder / "first.npz").open("wb") as file:
             write(file)
-        with pytest.raises(InvalidInput, match=r"first\.npz: not an NPZ file"):
+        with pytest.raises(InvalidInput, match=r"first\.npz: not an NPZ file") as refused:
             read_folder(folder)
+        assert "pickle" not in str(refused.value)  # NumPy's advice is not ours
 
 
 def test_a_folder_needs_exactly_one_manifest(folder: Path):

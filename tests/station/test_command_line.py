@@ -111,11 +111,18 @@ def test_outputs_are_replaced_only_by_force(
 
 
 @pytest.mark.parametrize("what", ["learn", "motion", "gains", "picture"])
-@pytest.mark.parametrize("place", ["missing/file.png", "."])
+@pytest.mark.parametrize("place", ["missing/file.png", "here.png"])
 def test_outputs_that_cannot_be_written_are_refused_at_once(
-    refusal: Callable[..., str], skill: Path, folder: Path, frames: Path, what: str, place: str
+    refusal: Callable[..., str],
+    skill: Path,
+    folder: Path,
+    frames: Path,
+    tmp_path: Path,
+    what: str,
+    place: str,
 ):
     """No folder, or a folder where a file should be: named, with what to do."""
+    (tmp_path / "here.png").mkdir()
     command, _ = outputs(skill, folder, frames)[what]
     assert place.split("/")[0] in refusal(*command[:-1], place)
 

@@ -42,18 +42,24 @@ def test_a_folder_without_recordings(
 @pytest.mark.parametrize("command", [["data", "check"], ["learn", "--out", "out"]])
 @pytest.mark.parametrize("value", ["nan", "2,0", "high"])
 def test_a_cell_that_is_no_number(refusal: Refusal, folder: Path, command: list[str], value: str):
-    """File, row and column are named, in every command that reads it."""
+    """File, line and column are named, in every command that reads it."""
     told = refusal(*command, damaged(folder, line=5, column=1, value=value))
-    assert re.search(r"1-reach-0\.csv.*(line 6|row 4)", told)
+    assert re.search(r"1-reach-0\.csv, line 6(, column 'position y')?", told)
 
 
-@pytest.mark.parametrize("only", ["7", "0-9", "3-1", "a", "1-2-3", "0,0", "-1", ",", "٣", "99999999"])
-def test_demonstrations_that_are_not_there(run: Runs, folder: Path, tmp_path: Path, only: str):
+@pytest.mark.parametrize("only", ["7", "0-9", "0,0"])
+def test_demonstrations_that_are_not_there(refusal: Refusal, folder: Path, tmp_path: Path, only: str):
     """--only is quoted back."""
+    assert only in refusal("learn", folder, f"--only={only}", "--out", "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("only", ["3-1", "a", "1-2-3", "-1", ",", "٣", "99999999"])
+def test_no_list_of_demonstrations(run: Runs, folder: Path, tmp_path: Path, only: str):
+    """Misuse, whatever lies in the folder."""
     result = run("learn", folder, f"--only={only}", "--out", "out")
-    assert result.exit_code == 1
+    assert (result.exit_code, result.stdout) == (2, "")
     assert only in result.stderr
-    assert result.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
@@ -77,15 +83,19 @@ def test_frames_that_differ_between_demonstrations(refusal: Refusal, folder: Pat
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--structure", "full", "--tying", "0.5"], "semi-tied"),
-        (["--structure", "semi-tied", "--tying", "1.5"], "tying is 1.5"),
-        (["--regularisation", "-1"], "regularisation is -1"),
-        (["--regularisation", "nan"], "regularisation is nan"),
+        ("--structure full --tying 0.5", "semi-tied"),
+        ("--structure semi-tied --tying 1.5", "1.5 is not in the range"),
+        ("--tying nan", "nan"),
+        ("--regularisation -1", "-1.0 is not in the range"),
+        ("--regularisation nan", "nan"),
+        ("--regularisation inf", "inf"),
     ],
 )
-def test_options_that_do_not_fit(refusal: Refusal, folder: Path, options: list[str], words: str):
-    """The value is quoted back."""
-    assert words in refusal("learn", folder, *options, "--out", "out")
+def test_options_that_do_not_fit(run: Runs, folder: Path, options: str, words: str):
+    """Misuse; the value is quoted back."""
+    result = run("learn", folder, *options.split(), "--out", "out")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert words in result.stderr.splitlines()[-1]
 
 
 def test_a_covariance_that_collapses(refusal: Refusal, tmp_path: Path, folder: Path):
@@ -136,7 +146,15 @@ def test_names_of_data_sets_that_are_none(refusal: Refusal):
         ["data", "export", "vlave", "out"],
         ["learn", "dataset:vlave", "--out", "out"],
     ):
-        assert "did you mean 'valve'" in refusal(*command)
+        told = refusal(*command)
+        assert "did you mean 'valve'" in told
+        assert "synthetic valve" in told
+
+
+@pytest.mark.parametrize("name", ["synthetic valv", "synthetic"])
+def test_the_generated_data_set_is_a_near_name_too(refusal: Refusal, name: str):
+    """It is learned from by name like the others."""
+    assert "did you mean 'synthetic valve'" in refusal("data", "info", name)
 
 
 def test_an_export_never_replaces_what_is_no_recording(refusal: Refusal, tmp_path: Path):
@@ -144,7 +162,8 @@ def test_an_export_never_replaces_what_is_no_recording(refusal: Refusal, tmp_pat
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     assert "mine exists" in refusal("data", "export", "synthetic valve", "mine")
-    assert "mine" in refusal("data", "export", "synthetic valve", "mine", "--force")
+    told = refusal("data", "export", "synthetic valve", "mine", "--force")
+    assert "mine is not a folder of demonstrations and is not replaced" in told
     assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
 
 
@@ -217,15 +236,20 @@ def test_files_of_a_situation_that_are_not_there(refusal: Refusal, skill: Path, 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--effort", "0"], "effort is 0"),
-        (["--effort", "nan"], "effort is nan"),
-        (["--slack", "-1"], "slack is -1"),
-        (["--picture", "motion.bmp"], "'.bmp'"),
+        ("--effort 0", "0.0 is not in the range"),
+        ("--effort -1", "-1.0 is not in the range"),
+        ("--effort nan", "nan"),
+        ("--effort inf", "inf"),
+        ("--slack -1", "-1.0 is not in the range"),
+        ("--horizon 0", "0 is not in the range"),
+        ("--picture motion.bmp", "'.bmp'"),
     ],
 )
-def test_replays_that_cannot_be(refusal: Refusal, skill: Path, frames: Path, options: list[str], words: str):
-    """The value is quoted back."""
-    assert words in refusal("replay", skill, "--frames", frames, *options)
+def test_replays_that_cannot_be(run: Runs, skill: Path, frames: Path, options: str, words: str):
+    """Misuse; the value is quoted back."""
+    result = run("replay", skill, "--frames", frames, *options.split())
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert words in result.stderr.splitlines()[-1]
 
 
 def test_a_skill_without_speeds_cannot_be_replayed(run: Runs, refusal: Refusal, folder: Path, frames: Path):

@@ -186,7 +186,12 @@ def _refuse_place(place: Path, overwrite: bool) -> None:
         return
     if not overwrite:
         raise InvalidInput(f"{place} exists; choose another place, or say overwrite=True")
-    known = {*NAMES, *(entry.file for entry in _manifest(place).entries)}
+    try:
+        known = {*NAMES, *(entry.file for entry in _manifest(place).entries)}
+    except InvalidInput as error:
+        raise InvalidInput(
+            f"{place} is not a folder of demonstrations and is not replaced ({error}); choose another place"
+        ) from error
     if strange := sorted(file.name for file in place.iterdir() if file.name not in known):
         raise InvalidInput(
             f"{place} also holds {strange[0]!r}, which is no demonstration of it; move that away"
@@ -202,7 +207,7 @@ def _move(built: Path, place: Path) -> None:
     place.rename(old)
     try:
         built.rename(place)
-    except OSError:
-        old.rename(place)
-        raise
+    finally:  # an interrupt too puts back what was there
+        if not place.exists():
+            old.rename(place)
     shutil.rmtree(old)

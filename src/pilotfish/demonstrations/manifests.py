@@ -65,7 +65,7 @@ def parsed_manifest(data: bytes, name: str) -> Manifest:
     files = [entry.file for entry in entries]
     if twice := [file for file in files if files.count(file) > 1]:
         raise InvalidInput(f"{name}: file {twice[0]!r} is named more than once, expected a file for each")
-    return Manifest(number(top["period"], f"{name}: period"), layout, tuple(entries))
+    return Manifest(_period(top["period"], f"{name}: period"), layout, tuple(entries))
 
 
 def written_manifest(content: dict[str, Any]) -> bytes:
@@ -145,6 +145,13 @@ def _refuse_changed(top: dict[str, Any], name: str) -> None:
         )
 
 
+def _period(value: object, place: str) -> float:
+    period = number(value, place)
+    if period <= 0.0:
+        raise InvalidInput(f"{place} is {period} s, expected a positive number")
+    return period
+
+
 def _layout(value: object, place: str) -> Layout:
     parts = [_part(item, f"{place} {n}") for n, item in enumerate(items(value, place))]
     try:
@@ -177,6 +184,9 @@ def _entry(value: object, place: str, layout: Layout) -> Entry:
         )
     listed = items(said.get("frames", []), f"{place}: frames")
     frames = [_frame(item, f"{place}, frame {n}", layout) for n, item in enumerate(listed)]
+    names = [given.name for given in frames]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidInput(f"{place}: two frames are named {twice[0]!r}, expected different names")
     name, sha256 = (
         text(said.get("name", ""), f"{place}: name"),
         text(said.get("sha256", ""), f"{place}: sha256"),
@@ -194,6 +204,15 @@ def _frame(value: object, place: str, layout: Layout) -> Frame | FrameKeys:
             return frame_from_pose(name, layout, pose(said["position"], said["quaternion"]))
         if isinstance(said["A"], str):
             return FrameKeys(name, said["A"], text(said["b"], f"{place}: b"))
-        return frame(name, finite_array(said["A"], "A"), finite_array(said["b"], "b"))
+        return _of_the_layout(frame(name, finite_array(said["A"], "A"), finite_array(said["b"], "b")), layout)
     except InvalidInput as error:
         raise InvalidInput(f"{place}: {error}") from error
+
+
+def _of_the_layout(given: Frame, layout: Layout) -> Frame:
+    if len(given.b) != layout.width:
+        raise InvalidInput(
+            f"frame {given.name!r}: A and b are {len(given.b)} wide, expected as wide as the layout: "
+            f"{layout.width} columns"
+        )
+    return given

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+
+ARCHIVE = b"PK"  # how every NPZ file begins
 
 
 def csv_bytes(x: Float[Array, "T D"], names: Sequence[str]) -> bytes:
@@ -50,11 +53,16 @@ def arrays_of_npz(data: bytes, file: str) -> dict[str, Float[Array, "..."]]:
 
     Raises: InvalidInput, when it is damaged or holds other than numbers.
     """
+    if not data.startswith(ARCHIVE):
+        raise InvalidInput(
+            f"{file}: not an NPZ file of numbers that can be read: no archive; write it with numpy.savez"
+        )
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             loaded = {name: archive[name] for name in archive.files}
-    except DAMAGED as error:
-        raise InvalidInput(f"{file}: not an NPZ file of numbers that can be read: {error}") from error
+    except DAMAGED as error:  # NumPy advises to load pickles all the same; we do not
+        why = "it holds Python objects, which are never loaded" if "pickle" in str(error) else error
+        raise InvalidInput(f"{file}: not an NPZ file of numbers that can be read: {why}") from error
     return {name: numeric_array(value, f"{file}: array {name!r}") for name, value in loaded.items()}
 
 
@@ -81,8 +89,13 @@ def _numbers(row: Sequence[str], place: str, names: Sequence[str]) -> list[float
 
 def _number(value: str, place: str, name: str) -> float:
     try:
-        if "_" not in value:  # float takes 1_0 for 10
-            return float(value)
+        read = float(value) if "_" not in value else None  # float takes 1_0 for 10
     except ValueError:
-        pass
-    raise InvalidInput(f"{place}, column {name!r} is {value!r}, expected a number such as 0.25")
+        read = None
+    if read is None:
+        raise InvalidInput(f"{place}, column {name!r} is {value!r}, expected a number such as 0.25")
+    if not isfinite(read):
+        raise InvalidInput(
+            f"{place}, column {name!r} is {value}, expected a finite number; cut that row or fill the gap"
+        )
+    return read

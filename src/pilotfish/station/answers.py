@@ -2,9 +2,10 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import wraps
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ class Answer:
 def answering(work: Callable[..., Answer]) -> Callable[..., None]:
     """A command that prints the answer of work; a refusal of ours is one line on stderr and exit code 1.
 
-    A bug keeps its traceback.
+    Misuse (click.UsageError) is told by click, with exit code 2. A bug keeps its traceback.
     """
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
@@ -66,20 +67,40 @@ def remark(text: str) -> None:
         click.echo(text, err=True)
 
 
-def require_new(*outputs: Path | None, force: bool) -> None:
+def finite(_: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
+    """What a range lets through: nan, and inf where it has no end.    Raises: click.BadParameter."""
+    if value is not None and not isfinite(value):
+        raise click.BadParameter(f"{value} is not a finite number.", param=parameter)
+    return value
+
+
+def require_new(*outputs: Path | None, force: bool, inputs: Iterable[Path | None] = ()) -> None:
     """Each output's folder is there and the output is not, unless force allows to replace it.
 
-    Raises: InvalidInput. To be asked before the work, not after it.
+    Raises: click.UsageError, when a file is to be two outputs, or an input and an output, force or not;
+    InvalidInput. To be asked before the work, not after it.
     """
-    for path in outputs:
-        if path is None:
-            continue
+    written = [path for path in outputs if path is not None]
+    _refuse_twins(written, [path for path in inputs if path is not None])
+    for path in written:
         if not path.parent.is_dir():
             raise InvalidInput(f"{path} cannot be written: {path.parent} is no folder; make it first")
         if path.is_dir():
             raise InvalidInput(f"{path} is a folder; give the name of a file")
         if path.exists() and not force:
             raise InvalidInput(f"{path} exists; choose another name, or replace it with --force")
+
+
+def _refuse_twins(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """A file is one, whatever path leads to it."""
+    read = {path.resolve() for path in inputs}
+    written: set[Path] = set()
+    for path in outputs:
+        if (file := path.resolve()) in read:
+            raise click.UsageError(f"{path} is what this command reads; choose another name for the output")
+        if file in written:
+            raise click.UsageError(f"{path} is named for two outputs; choose another name for one")
+        written.add(file)
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -9,7 +9,7 @@ from pilotfish.demonstrations import Demonstration, Finding, MovingFrame, Severi
 from pilotfish.errors import InvalidInput
 from pilotfish.station.answers import Answer, answering, example, plain_table, table
 from pilotfish.station.descriptions import columns_text
-from pilotfish.station.sources import SYNTHETIC, dataset, recordings
+from pilotfish.station.sources import SYNTHETIC, dataset, recordings, require_dataset
 from pilotfish.store import datasets
 
 SYNTHETIC_ABOUT = "generated openings of a valve, made by no person: a stand-in that needs no download"
@@ -36,6 +36,7 @@ def list_datasets() -> Answer:
 @answering
 def info(name: str) -> Answer:
     """Describe data set NAME: where it comes from, its licence and whom to cite."""
+    require_dataset(name)
     if name == SYNTHETIC:
         return Answer(SYNTHETIC_ABOUT, {"name": name, "about": SYNTHETIC_ABOUT})
     facts = asdict(datasets.info(name))

@@ -12,7 +12,6 @@ import numpy as np
 
 from pilotfish import models
 from pilotfish.demonstrations import Demonstration, Severity, check
-from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical, Structure
 from pilotfish.models import EMSettings, Fit, KMeans, Start, TimeBins, covariance_parameters
 from pilotfish.station.answers import (
@@ -20,12 +19,13 @@ from pilotfish.station.answers import (
     a_person_watches,
     answering,
     example,
+    finite,
     plain_table,
     remark,
     require_new,
 )
 from pilotfish.station.descriptions import columns_text, skill_facts, states_table
-from pilotfish.station.sources import chosen, recordings, with_speeds
+from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
 from pilotfish.store import content_hash, save_skill
 
 LEARNERS = {
@@ -71,7 +71,12 @@ class Choices:
     show_default=True,
     help="What covariances may look like; semi-tied states share their directions.",
 )
-@click.option("--tying", type=float, help="How far semi-tied goes, from 0 to 1.  [default: 1]")
+@click.option(
+    "--tying",
+    type=click.FloatRange(0.0, 1.0),
+    callback=finite,
+    help="How far semi-tied goes.  [default: 1]",
+)
 @click.option(
     "--dynamics",
     type=click.Choice(tuple(LEARNERS)),
@@ -88,7 +93,8 @@ class Choices:
 )
 @click.option(
     "--regularisation",
-    type=float,
+    type=click.FloatRange(min=0.0),
+    callback=finite,
     default=1e-5,
     show_default=True,
     help="Added to every variance [unit squared].",
@@ -108,7 +114,12 @@ class Choices:
     help="Beginnings to try; the most likely result wins. Above 1, time bins are cut at random.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all chance.")
-@click.option("--only", default="", help="Which demonstrations, such as 0-3 or 0,2.  [default: all]")
+@click.option(
+    "--only",
+    default="",
+    callback=a_choice,
+    help="Which demonstrations, such as 0-3 or 0,2.  [default: all]",
+)
 @click.option(
     "--speeds/--no-speeds",
     default=True,
@@ -123,7 +134,7 @@ def learn(**options: Any) -> Answer:
     FOLDER may also be dataset:NAME; `pilotfish data list` shows the names.
     """
     asked = Choices(**options)
-    require_new(asked.out, force=asked.force)
+    require_new(asked.out, force=asked.force, inputs=_recordings_in(Path(asked.folder)))
     structure = _structure(asked)
     demonstrations = chosen(recordings(asked.folder), asked.only)
     if asked.speeds:
@@ -134,11 +145,18 @@ def learn(**options: Any) -> Answer:
     return _answer(fit, structure, asked)
 
 
+def _recordings_in(folder: Path) -> list[Path]:
+    """What may be a recording or say what recordings mean, and so must not become a skill."""
+    return [path for path in folder.glob("*") if path.suffix in (".csv", ".npz", ".toml", ".json")]
+
+
 def _structure(asked: Choices) -> Structure:
     if asked.structure == "semi-tied":
         return SemiTied() if asked.tying is None else SemiTied(tying=asked.tying)
     if asked.tying is not None:
-        raise InvalidInput(f"--tying {asked.tying:g} goes with --structure semi-tied, not {asked.structure}")
+        raise click.UsageError(
+            f"--tying {asked.tying:g} goes with --structure semi-tied, not {asked.structure}"
+        )
     plain: dict[str, Structure] = {"full": Full(), "diagonal": Diagonal(), "spherical": Spherical()}
     return plain[asked.structure]
 

@@ -1,23 +1,33 @@
 """pilotfish replay: a skill in a situation that may never have been shown."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
-from pilotfish.demonstrations import Frame, Layout, Quantity, world_frame
+from pilotfish.demonstrations import Frame, Layout, Part, Quantity, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning import plan
-from pilotfish.station.answers import Answer, answering, example, plain_table, require_new
-from pilotfish.station.pictures import require_picture, save_picture
+from pilotfish.station.answers import Answer, answering, example, finite, plain_table, require_new
+from pilotfish.station.motions import (
+    final_state_reached,
+    notes_on_the_end,
+    notes_on_the_start,
+    on_the_sphere,
+    places,
+    rounded,
+    write_motion,
+)
+from pilotfish.station.pictures import a_picture, require_matplotlib, save_picture
 from pilotfish.station.situations import first_mean, frames_in, start_in
 from pilotfish.store import open_skill, whole_file
-from pilotfish.types import Array, Float
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +37,7 @@ class Choices:
     skill: Path
     frames: Path | None
     start: Path | None
-    horizon: int
+    horizon: int | None
     effort: float
     slack: float
     out: Path | None
@@ -48,6 +58,7 @@ class Replay:
 
 
 FILE = click.Path(path_type=Path)
+PART_FACTS = ("final", "largest_acceleration", "start_to_first_target", "distance_to_reference")
 
 
 @click.command(epilog=example("pilotfish replay valve.skill --frames now.json --out motion.csv"))
@@ -62,24 +73,30 @@ FILE = click.Path(path_type=Path)
     type=FILE,
     help="JSON or TOML: where the robot starts.  [default: where the skill begins]",
 )
-@click.option("--horizon", type=click.IntRange(min=2), default=200, show_default=True, help="How many steps.")
+@click.option(
+    "--horizon",
+    type=click.IntRange(min=2),
+    help="How many steps.  [default: as many as the demonstrations had on average]",
+)
 @click.option(
     "--effort",
-    type=float,
+    type=click.FloatRange(min=0.0, min_open=True),
+    callback=finite,
     default=9.0,
     show_default=True,
     help="The price of acceleration; a higher one gives a softer motion.",
 )
 @click.option(
     "--slack",
-    type=float,
+    type=click.FloatRange(min=0.0),
+    callback=finite,
     default=2e-3,
     show_default=True,
     help="Added to every variance before it becomes a weight [unit squared].",
 )
 @click.option("--out", type=FILE, help="The motion as a CSV file.")
 @click.option("--gains", type=FILE, help="The controller as an NPZ file.")
-@click.option("--picture", type=FILE, help="The motion as a .png, .svg or .pdf file.")
+@click.option("--picture", type=FILE, callback=a_picture, help="The motion as a .png, .svg or .pdf file.")
 @click.option("--force", is_flag=True, help="Replace files that are there already.")
 @answering
 def replay(**options: Any) -> Answer:
@@ -88,11 +105,13 @@ def replay(**options: Any) -> Answer:
     The motion is that of a unit mass on every axis, under the tracking controller of the skill.
     """
     asked = Choices(**options)
-    require_new(asked.out, asked.gains, asked.picture, force=asked.force)
+    inputs = (asked.skill, asked.frames, asked.start)
+    require_new(asked.out, asked.gains, asked.picture, force=asked.force, inputs=inputs)
     if asked.picture:
-        require_picture(asked.picture)
+        require_matplotlib()
     replayed = _replay(open_skill(asked.skill), asked)
-    _write(replayed, asked)
+    figure = _drawn(replayed) if asked.picture else None  # what cannot be drawn leaves no other file
+    _write(replayed, figure, asked)
     return _answer(replayed, asked)
 
 
@@ -101,10 +120,19 @@ def _replay(skill: Skill, asked: Choices) -> Replay:
     frames = _frames(skill, asked.frames)
     adapted = adapt(skill, frames)
     start = start_in(asked.start, adapted) if asked.start else first_mean(adapted)
-    reference = plan(adapted, start, horizon=asked.horizon, slack=asked.slack)
+    horizon = asked.horizon or _steps_shown(skill)
+    reference = plan(adapted, start, horizon=horizon, slack=asked.slack)
     system = double_integrator(skill.width // 2, skill.period)
     feedback = track(system, reference, asked.effort)
     return Replay(adapted, frames, reference, feedback, feedback.rollout(start))
+
+
+def _steps_shown(skill: Skill) -> int:
+    """How many steps a demonstration had on average."""
+    shown = skill.provenance
+    if not shown.demonstrations or shown.datapoints < 2 * len(shown.demonstrations):
+        raise InvalidInput("the skill does not say how long its demonstrations were; say --horizon")
+    return round(shown.datapoints / len(shown.demonstrations))
 
 
 def _frames(skill: Skill, path: Path | None) -> tuple[Frame, ...]:
@@ -129,10 +157,18 @@ def _require_second_order(layout: Layout) -> None:
         )
 
 
-def _write(replayed: Replay, asked: Choices) -> None:
+def _drawn(replayed: Replay) -> "Figure":
+    from pilotfish import plots  # needs matplotlib
+
+    return plots.reproduction(replayed.adapted, replayed.motion, replayed.frames)
+
+
+def _write(replayed: Replay, figure: "Figure | None", asked: Choices) -> None:
+    if asked.picture and figure:
+        save_picture(figure, asked.picture)
     if asked.out:
         with whole_file(asked.out) as part:
-            _write_motion(part, replayed.motion, replayed.adapted.layout)
+            write_motion(part, replayed.motion, replayed.adapted.layout)
     if asked.gains:
         with whole_file(asked.gains) as part, part.open("wb") as file:
             feedback = replayed.feedback
@@ -144,57 +180,58 @@ def _write(replayed: Replay, asked: Choices) -> None:
                 weights=replayed.reference.weights,
                 period=np.float64(replayed.motion.period),
             )
-    if asked.picture:
-        from pilotfish import plots  # needs matplotlib
-
-        save_picture(plots.reproduction(replayed.adapted, replayed.motion, replayed.frames), asked.picture)
 
 
-def _write_motion(path: Path, motion: Motion, layout: Layout) -> None:
-    """Every number with the digits it takes to read it back equal."""
-    header = [f"{name} [{unit}]" for name, unit in zip(layout.names, layout.units, strict=True)]
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time [s]", *header])
-        times = [_rounded(motion.period * t) for t in range(len(motion.x))]
-        writer.writerows([time, *row] for time, row in zip(times, motion.x.tolist(), strict=True))
-
-
-def _rounded(seconds: float) -> float:
-    """0.3, where float64 multiplies to 0.30000000000000004."""
-    return float(f"{seconds:.12g}")
+def _notes(replayed: Replay, asked: Choices) -> list[str]:
+    model = replayed.adapted
+    notes = notes_on_the_end(model, replayed.reference)
+    notes += notes_on_the_start(model, replayed.motion.x[0])
+    arms = [part.name for part, _ in places(model.layout) if part.quantity is Quantity.POSITION]
+    if asked.picture and len(arms) > 1:
+        notes.append(f"the picture shows {arms[0]} alone, not {', '.join(arms[1:])}")
+    return notes
 
 
 def _answer(replayed: Replay, asked: Choices) -> Answer:
-    motion, layout = replayed.motion, replayed.adapted.layout
-    still = [(p, h) for p, h in zip(layout.parts, layout.slices, strict=True) if p.derivative == 0]
-    final, efforts, distances = {}, {}, {}
-    for part, here in still:
-        final[part.name] = _unit(motion.x[-1, here], part.quantity).tolist()
-        efforts[part.name] = float(np.linalg.norm(motion.u[:, here], axis=1).max())
-        gaps = np.linalg.norm(motion.x[:, here] - replayed.reference.targets[:, here], axis=1)
-        distances[part.name] = {"mean": float(gaps.mean()), "last": float(gaps[-1])}
+    motion, model = replayed.motion, replayed.adapted
+    parts: dict[str, dict[str, Any]] = {
+        part.name: _part_facts(replayed, here) for part, here in places(model.layout)
+    }
     files = {name: str(path) for name in ("out", "gains", "picture") if (path := getattr(asked, name))}
+    notes = _notes(replayed, asked)
     facts = {
         "skill": str(asked.skill),
         "steps": len(motion.x),
-        "seconds": _rounded(motion.period * (len(motion.x) - 1)),
-        "final": final,
-        "largest_acceleration": efforts,
-        "distance_to_reference": distances,
+        "seconds": rounded(motion.period * (len(motion.x) - 1)),
+        "final_state_reached": final_state_reached(model, replayed.reference),
+        **{fact: {name: told[fact] for name, told in parts.items()} for fact in PART_FACTS},
+        "notes": notes,
         "files": files,
     }
     rows = [("steps", f"{len(motion.x)}, {facts['seconds']:g} s")]
-    for part, _ in still:
-        unit, gap = part.unit, distances[part.name]  # a quaternion has the unit 1
-        rows += [
-            (f"final {part.name}", f"{' '.join(f'{v:.4f}' for v in final[part.name])} [{unit}]"),
-            ("  largest acceleration", f"{efforts[part.name]:.4g} {unit}/s²"),
-            ("  distance to reference", f"{gap['mean']:.4g} {unit} on average, {gap['last']:.4g} at the end"),
-        ]
+    for part, _ in places(model.layout):
+        rows += _part_rows(part, parts[part.name])
+    rows += [("note", note) for note in notes]
     return Answer(plain_table([*rows, *(("written", path) for path in files.values())]), facts)
 
 
-def _unit(values: Float[Array, " d"], quantity: Quantity) -> Float[Array, " d"]:
-    """An orientation as a unit quaternion; the motion leaves the sphere a little."""
-    return values / np.linalg.norm(values) if quantity is Quantity.QUATERNION else values
+def _part_facts(replayed: Replay, here: slice) -> dict[str, Any]:
+    """Of these columns, what PART_FACTS name."""
+    motion, targets = replayed.motion, replayed.reference.targets
+    gaps = np.linalg.norm(motion.x[:, here] - targets[:, here], axis=1)
+    return {
+        "final": on_the_sphere(motion.x[-1:], replayed.adapted.layout)[0, here].tolist(),
+        "largest_acceleration": float(np.linalg.norm(motion.u[:, here], axis=1).max()),
+        "start_to_first_target": float(gaps[0]),
+        "distance_to_reference": {"mean": float(gaps.mean()), "last": float(gaps[-1])},
+    }
+
+
+def _part_rows(part: Part, told: dict[str, Any]) -> list[tuple[str, str]]:
+    unit, gap = part.unit, told["distance_to_reference"]  # a quaternion has the unit 1
+    return [
+        (f"final {part.name}", f"{' '.join(f'{v:.4f}' for v in told['final'])} [{unit}]"),
+        ("  largest acceleration", f"{told['largest_acceleration']:.4g} {unit}/s²"),
+        ("  start to first target", f"{told['start_to_first_target']:.4g} {unit}"),
+        ("  distance to reference", f"{gap['mean']:.4g} {unit} on average, {gap['last']:.4g} at the end"),
+    ]

@@ -26,9 +26,10 @@ def show(skill: Path, pictures: Path | None, force: bool) -> Answer:
     facts = {"file": str(skill), "content": name, **skill_facts(opened)}
     text = f"{states_table(opened)}\n\n{plain_table(_rows(opened, name))}"
     if pictures:
-        files, left_out = _draw(opened, pictures, force)
+        files, left_out = _draw(opened, skill, pictures, force)
         facts |= {"pictures": files, "not_drawn": left_out}
         text += "\n\n" + "\n".join([*files, *(f"not drawn: {n}: {why}" for n, why in left_out.items())])
+        return Answer(text, facts, code=int(not files))
     return Answer(text, facts)
 
 
@@ -48,14 +49,17 @@ def _rows(skill: Skill, name: str) -> list[tuple[str, str]]:
     return [row for row in rows if row[1]]
 
 
-def _draw(skill: Skill, folder: Path, force: bool) -> tuple[list[str], dict[str, str]]:
+def _draw(skill: Skill, file: Path, folder: Path, force: bool) -> tuple[list[str], dict[str, str]]:
+    """The pictures written, and those that were left out with the reason; no folder when all were."""
     figures, left_out = skill_pictures(skill)
+    if not figures:
+        return [], left_out
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(f"{folder} cannot be made: {error.strerror}; choose another folder") from error
     files = {folder / f"{name}.png": figure for name, figure in figures.items()}
-    require_new(*files, force=force)
+    require_new(*files, force=force, inputs=[file])
     for path, figure in files.items():
         save_picture(figure, path)
     return [str(path) for path in files], left_out

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians import SemiTiedCovariances
 from pilotfish.models import SemiMarkovChain, Skill
@@ -25,11 +27,14 @@ def require_matplotlib() -> None:
         raise SkillError(f"pictures need {error.name}: pip install 'pilotfish[plots]'") from error
 
 
-def require_picture(path: Path) -> None:
-    """Raises: SkillError, when no picture can be drawn here; InvalidInput, when path ends in no kind."""
-    require_matplotlib()
-    if path.suffix.lower() not in KINDS:
-        raise InvalidInput(f"{path} ends in {path.suffix!r}, expected one of {', '.join(KINDS)}")
+def a_picture(_: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:
+    """A path that ends in a kind of picture.    Raises: click.BadParameter."""
+    if path and path.suffix.lower() not in KINDS:
+        expected = ", ".join(KINDS)
+        raise click.BadParameter(
+            f"{path} ends in {path.suffix!r}, expected one of {expected}", param=parameter
+        )
+    return path
 
 
 def save_picture(figure: "Figure", path: Path) -> None:

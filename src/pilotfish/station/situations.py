@@ -2,12 +2,13 @@
 
 import json
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, Quantity, frame, frame_from_pose
+from pilotfish.demonstrations import Frame, Layout, Part, Quantity, frame, frame_from_pose
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
 from pilotfish.models import AdaptedSkill, Skill, Weights
@@ -32,6 +33,7 @@ def frames_in(path: Path, skill: Skill) -> tuple[Frame, ...]:
 def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
     """The robot's start: {"x": [...]} with every column, or {"position", "quaternion"} at rest.
 
+    Of two positions, two arms say, each is called by the name of its part; so are other quantities.
     Raises: InvalidInput, naming the file and the nearest fix.
     """
     content = _content(path)
@@ -51,6 +53,14 @@ def first_mean(model: AdaptedSkill) -> Float[Array, " D"]:
     dynamics = model.dynamics
     shares = dynamics.weights if isinstance(dynamics, Weights) else dynamics.initial
     return np.asarray(model.means[int(shares.argmax())])
+
+
+def _keys(parts: Sequence[Part]) -> list[str]:
+    """What the file calls each part: its quantity where it is the only one of it, or its name."""
+    kinds = [part.quantity for part in parts]
+    return [
+        KEYS.get(part.quantity, part.name) if kinds.count(part.quantity) == 1 else part.name for part in parts
+    ]
 
 
 def _frame(given: object, place: str, layout: Layout) -> Frame:
@@ -78,7 +88,7 @@ def _of_whole_width(given: Frame, layout: Layout) -> Frame:
 def _at_rest(content: dict[str, Any], path: str, layout: Layout) -> Float[Array, " D"]:
     parts = zip(layout.parts, layout.slices, strict=True)
     still = [(part, here) for part, here in parts if part.derivative == 0]
-    needed = [KEYS.get(part.quantity, part.name) for part, _ in still]
+    needed = _keys([part for part, _ in still])
     if sorted(content) != sorted(needed):
         raise InvalidInput(f"{path} has {sorted(content)}, expected {needed}, or x with every column")
     x = np.zeros(layout.width)

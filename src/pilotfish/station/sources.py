@@ -1,8 +1,10 @@
 """Where a command takes its recordings from: a folder, or a data set by name."""
 
+import difflib
 import re
 from collections.abc import Callable, Sequence
 
+import click
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, read_folder, with_derivatives
@@ -28,7 +30,7 @@ def dataset(name: str) -> tuple[Demonstration, ...]:
     """
     if name == SYNTHETIC:
         return synthetic_valve(np.random.default_rng(0))
-    datasets.info(name)  # refuses a name that is none
+    require_dataset(name)
     readers: dict[str, Callable[..., tuple[Demonstration, ...]]] = {
         "valve": datasets.valve,
         "zshape": datasets.zshape,
@@ -39,14 +41,34 @@ def dataset(name: str) -> tuple[Demonstration, ...]:
     return readers[first](*rest)
 
 
+def require_dataset(name: str) -> None:
+    """Raises: InvalidInput, with all that there are and the nearest, when no data set has that name."""
+    known = (*datasets.names(), SYNTHETIC)
+    if name in known:
+        return
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise InvalidInput(f"no data set is named {name!r}, there are {', '.join(known)}{hint}")
+
+
+def a_choice(_: click.Context, parameter: click.Parameter, only: str) -> str:
+    """A list of numbers such as 0-3 or 0,2,5-7, or none.    Raises: click.BadParameter."""
+    try:
+        if only:
+            _listed(only)
+    except InvalidInput as error:
+        raise click.BadParameter(str(error), param=parameter) from error
+    return only
+
+
 def chosen(demonstrations: Sequence[Demonstration], only: str) -> tuple[Demonstration, ...]:
     """Those that only names, such as 0-3 or 0,2,5-7, in that order; all, when it names none.
 
-    Raises: InvalidInput, when it names one that is not there, or is no list of numbers.
+    Raises: InvalidInput, when it names one that is not there or one twice, or is no list of numbers.
     """
     if not only:
         return tuple(demonstrations)
-    numbers = [n for piece in only.split(",") for n in _numbers(piece, only)]
+    numbers = _listed(only)
     if bad := [n for n in numbers if n >= len(demonstrations)]:
         last = len(demonstrations) - 1
         raise InvalidInput(f"--only {only} names demonstration {bad[0]}, there are 0 to {last}")
@@ -61,6 +83,10 @@ def with_speeds(demonstrations: Sequence[Demonstration]) -> tuple[Demonstration,
         demo if any(part.derivative for part in demo.layout.parts) else with_derivatives(demo)
         for demo in demonstrations
     )
+
+
+def _listed(only: str) -> list[int]:
+    return [n for piece in only.split(",") for n in _numbers(piece, only)]
 
 
 def _numbers(piece: str, only: str) -> range:
