@@ -243,6 +243,25 @@ def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
     assert same(*read_folder(tmp_path / "set"), new)
 
 
+def test_an_interrupt_between_the_two_renames_leaves_the_folder_that_was_there(make, tmp_path, monkeypatch):
+    """Ctrl-C may come at any moment; what was there is put back."""
+    old, real, calls = make(), Path.rename, []
+    write_folder([old], tmp_path / "set")
+
+    def interrupted(self: Path, target: Path) -> Path:
+        calls.append(self)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return real(self, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_folder([make()], tmp_path / "set", overwrite=True)
+    monkeypatch.undo()
+    assert [file.name for file in tmp_path.iterdir()] == ["set"]
+    assert same(*read_folder(tmp_path / "set"), old)
+
+
 def test_a_key_that_stands_twice_is_refused(written: tuple[Path, tuple[Demonstration, ...]]):
     """JSON readers would take the last without a word."""
     file = written[0] / "demonstrations.json"
