@@ -19,6 +19,7 @@ from pilotfish.plots.doors import (
     require_period,
     require_states,
 )
+from pilotfish.plots.kinds import require_array, require_kind
 from pilotfish.plots.style import (
     HUMAN,
     MOTION,
@@ -49,6 +50,9 @@ def tracked_coordinates(
     not given.
     Raises: InvalidInput, when lengths, widths or periods differ, or a state or column is unknown.
     """
+    require_kind("skill", skill, AdaptedSkill)
+    require_kind("motion", motion, Motion)
+    require_array("states", states, "T", np.integer, "pilotfish.planning.planned_states makes one")
     require_states(skill.states)
     require_motion(motion, skill.layout)
     require_period("the motion", motion.period, skill.period)

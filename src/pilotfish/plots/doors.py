@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Layout, Quantity
 from pilotfish.errors import InvalidInput
+from pilotfish.plots.kinds import require_kind, require_list, require_pairs
 from pilotfish.plots.style import MOST_STATES
 
 Plane = tuple[str, str]  # names of the columns that lie to the right and upward
@@ -34,6 +35,7 @@ def require_period(what: str, period: float, expected: float) -> None:
 
 def require_human(human: Demonstration, layout: Layout) -> None:
     """A demonstration shown beside a motion has the same columns."""
+    require_kind("human", human, Demonstration)
     if human.layout != layout:
         raise InvalidInput(
             f"demonstration {human.name!r} has the columns {', '.join(human.layout.names)}, expected "
@@ -66,6 +68,7 @@ def chosen_planes(layout: Layout, planes: Sequence[Plane] | None) -> list[tuple[
                 "planes to draw, such as planes=[(name, name)]"
             )
         return [(space[0], up) for up in space[1:3]]
+    require_pairs("planes", planes)
     if not planes:
         raise InvalidInput("no planes were asked for, expected at least one pair of column names")
     return [(column(layout, right), column(layout, up)) for right, up in planes]
@@ -79,6 +82,7 @@ def chosen_columns(layout: Layout, columns: Sequence[str] | None) -> list[int]:
     if columns is None:
         parts = zip(layout.parts, layout.slices, strict=True)
         return [i for part, here in parts if part.derivative == 0 for i in range(here.start, here.stop)]
+    require_list("columns", columns, str)
     if not columns:
         raise InvalidInput("no columns were asked for, expected at least one name")
     return [column(layout, name) for name in columns]

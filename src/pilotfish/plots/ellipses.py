@@ -1,18 +1,30 @@
 """Gaussians on paper: 1-sigma ellipses in a plane, crosses in space, triads of axes where frames stand."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
+from matplotlib.text import Annotation
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] # matplotlib types no 3-D axes
 
 from pilotfish.demonstrations import Frame
 from pilotfish.gaussians import Gaussian, ellipse, marginal
+from pilotfish.plots.labels import label
 from pilotfish.plots.style import SMALL, halo, state_colour, state_dash
 from pilotfish.types import Array, Float
 
 CONTOUR_POINTS = 73  # one every five degrees
+
+
+@dataclass(frozen=True, slots=True)
+class Triad:
+    """A frame's name, and its origin and axes in D columns, the axes side by side."""
+
+    name: str
+    origin: Float[Array, " D"]
+    arms: Float[Array, "D 3"]
 
 
 def draw_ellipses(
@@ -21,8 +33,12 @@ def draw_ellipses(
     covariances: Float[Array, "K D D"],
     plane: tuple[int, int],
     gid: str,
-) -> None:
-    """The 1-sigma contour of every state's marginal in the plane, its number where it lies outermost."""
+) -> list[Annotation]:
+    """The 1-sigma contour of every state's marginal in the plane, its number where it lies outermost.
+
+    The numbers are returned: they are to be settled when all is drawn.
+    """
+    labels = []
     centre = means[:, plane].mean(axis=0)
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         g = marginal(Gaussian(mean, covariance), np.array(plane))
@@ -32,10 +48,11 @@ def draw_ellipses(
         )
         patch.set(zorder=3, gid=f"{gid} state {k}")
         axes.add_patch(patch)
-        x, y = contour[np.linalg.norm(contour - centre, axis=1).argmax()]
-        label = axes.text(x, y, str(k), color=colour, fontweight="bold", zorder=5)
-        halo(label).set(ha="center", va="center")
+        outermost = contour[np.linalg.norm(contour - centre, axis=1).argmax()]
+        labels.append(label(axes, str(k), outermost))
+        labels[-1].set(color=colour, fontweight="bold")
     axes.autoscale_view()
+    return labels
 
 
 def draw_crosses(axes: Axes3D, means: Float[Array, "K 3"], covariances: Float[Array, "K 3 3"]) -> None:
@@ -47,38 +64,51 @@ def draw_crosses(axes: Axes3D, means: Float[Array, "K 3"], covariances: Float[Ar
         axes.plot(*mean[:, None], marker="o", markersize=5, color=state_colour(k))
 
 
-def draw_triads(
-    axes: Axes, frames: Sequence[Frame], space: Sequence[int], shown: Sequence[int], length: float
-) -> None:
-    """Where frames stand: their axes, as long as given, in the chosen columns of a plane or of space.
+def draw_triads(axes: Axes, triads: Sequence[Triad]) -> None:
+    """Where frames stand: their axes, in a plane or in space."""
+    for triad in triads:
+        for arm in triad.arms.T:
+            axes.plot(
+                *np.stack([triad.origin, triad.origin + arm], axis=1), color="0.25", linewidth=1.4, zorder=4
+            )
+        axes.plot(*triad.origin[:, None], color="0.25", marker="s", markersize=4, zorder=4)
 
-    space lists the columns of the whole position. An axis that points at the viewer has no letter.
-    """
+
+def triads_of(
+    frames: Sequence[Frame], space: Sequence[int], shown: Sequence[int], length: float
+) -> list[Triad]:
+    """The axes of frames, so long, in the columns shown; space lists those of the whole position."""
     places = [space.index(column) for column in shown]
-    for frame in frames:
-        origin = frame.b[list(space)][places]
-        arms = length * frame.A[np.ix_(space, space)][places]  # a column an axis
-        for name, arm in zip("xyz", arms.T, strict=False):
-            axes.plot(*np.stack([origin, origin + arm], axis=1), color="0.25", linewidth=1.4, zorder=4)
-            if np.linalg.norm(arm) > 0.3 * length:
-                letter = axes.text(
-                    *(origin + 1.18 * arm),
-                    name,  # type: ignore[call-arg] # three in space
-                    color="0.25",
-                    fontsize=SMALL,
-                    zorder=6,
-                )
-                halo(letter).set(ha="center", va="center")
-        axes.plot(*origin[:, None], marker="s", markersize=4, color="0.25", zorder=4)
+    return [
+        Triad(frame.name, frame.b[list(space)][places], length * frame.A[np.ix_(space, space)][places])
+        for frame in frames
+    ]
 
 
-def name_triads(axes: Axes, frames: Sequence[Frame], plane: tuple[int, int]) -> None:
-    """The names of frames beneath their origins: the lower a frame, the further beneath.
+def letter_in_space(axes: Axes3D, triads: Sequence[Triad]) -> None:
+    for triad in triads:
+        for name, arm in zip("xyz", triad.arms.T, strict=False):
+            letter = axes.text(*(triad.origin + 1.18 * arm), name, color="0.25", fontsize=SMALL, zorder=6)
+            halo(letter).set(ha="center", va="center")
 
-    So names of frames that stand together are at least a line apart.
-    """
-    right, up = plane
-    for n, frame in enumerate(sorted(frames, key=lambda frame: -frame.b[up])):
-        place, shift = (frame.b[right], frame.b[up]), (7, -13 - 12 * n)  # the shift in points
-        text = axes.annotate(frame.name, place, shift, textcoords="offset points", fontsize=SMALL, zorder=6)
-        halo(text)
+
+def label_triads(axes: Axes, triads: Sequence[Triad], length: float) -> list[Annotation]:
+    """A letter beyond each axis, but for those that point at the viewer, and names beneath the origins."""
+    names = [label(axes, triad.name, triad.origin, (0.0, -14.0)) for triad in triads]
+    letters = [
+        label(axes, letter, triad.origin + arm, _beyond(arm))
+        for triad in triads
+        for letter, arm in zip("xyz", triad.arms.T, strict=False)
+        if np.linalg.norm(arm) > 0.3 * length
+    ]
+    for text in letters:
+        text.set_color("0.25")
+    for text in (*names, *letters):
+        text.set_fontsize(SMALL)
+    return [*names, *letters]
+
+
+def _beyond(arm: Float[Array, "2"]) -> tuple[float, float]:
+    """Seven points further."""
+    right, up = 7.0 * arm / np.linalg.norm(arm)
+    return float(right), float(up)

@@ -7,8 +7,11 @@ from matplotlib.figure import Figure
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill, semi_markov_forward
 from pilotfish.plots.doors import require_states
+from pilotfish.plots.kinds import require_array, require_kind, require_whole
 from pilotfish.plots.style import WIDTH, dress, legend_below, sheet, state_colour, state_dash, state_handles
 from pilotfish.types import Array, Float
+
+NO_END = "a final state: no visit ends"
 
 
 def forward_variable(
@@ -22,6 +25,10 @@ def forward_variable(
     Raises: InvalidInput, when the skill is not semi-Markov, has too many states, or horizon is too short.
     Source: after Tanwani 2018, figure 3.6 and equations 3.40-3.42.
     """
+    require_kind("skill", skill, Skill, AdaptedSkill)
+    require_whole("horizon", horizon)
+    if log_observed is not None:
+        require_array("log_observed", log_observed, "S K", np.floating, "log_likelihood_of_states makes one")
     chain = skill.dynamics
     if not isinstance(chain, SemiMarkovChain):
         raise InvalidInput(
@@ -39,6 +46,9 @@ def forward_variable(
     dress(above, x="time [s]", y="probability [1]", title="in the state (occupancy)")
     dress(below, x="time [s]", y="probability [1]", title="a visit ends (forward variable, rescaled)")
     above.set_xlabel("")
+    if not chain.transitions.any():
+        note = below.text(0.5, 0.5, NO_END, transform=below.transAxes, color="0.35")
+        note.set(ha="center", va="center")
     legend_below(figure, state_handles(skill.states))
     return figure
 

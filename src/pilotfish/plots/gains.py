@@ -11,6 +11,7 @@ from pilotfish.control import Feedback
 from pilotfish.demonstrations import Layout, Part
 from pilotfish.errors import InvalidInput
 from pilotfish.plots.doors import require_width
+from pilotfish.plots.kinds import require_kind
 from pilotfish.plots.style import WIDTH, column_colour, dress, legend_below, sheet
 from pilotfish.types import Array, Float
 
@@ -22,6 +23,8 @@ def gains(feedback: Feedback, layout: Layout) -> Figure:
     the Frobenius norm of the part's whole block, couplings between its coordinates included.
     Raises: InvalidInput, when the layout is not positions followed by their derivatives, or of another width.
     """
+    require_kind("feedback", feedback, Feedback)
+    require_kind("layout", layout, Layout)
     require_width("the feedback", feedback.gains.shape[2], layout)
     parts = _parts(feedback, layout)
     figure = sheet(max(5.5, 0.5 * WIDTH * len(parts)), 5.4)

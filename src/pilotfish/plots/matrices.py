@@ -13,6 +13,7 @@ from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import SemiTiedCovariances, component_correlation
 from pilotfish.models import Skill
+from pilotfish.plots.kinds import require_kind, require_list
 from pilotfish.plots.style import SMALL, sheet
 from pilotfish.types import Array, Float
 
@@ -27,6 +28,7 @@ def basis_vectors(skill: Skill) -> Figure:
     Raises: InvalidInput, when the skill is not semi-tied.
     Source: Tanwani 2018, equation 4.17 and figure 4.2.
     """
+    require_kind("skill", skill, Skill)
     bases = [_basis(covariances, skill.provenance.structure) for covariances in skill.covariances]
     size = 1.6 + 0.24 * min(skill.width, MOST_LABELS)
     figure = sheet(len(bases) * size + 2.0, size + 0.7)
@@ -79,6 +81,7 @@ def component_correlations(skills: Sequence[Skill]) -> Figure:
 
 
 def _require_comparable(skills: Sequence[Skill]) -> None:
+    require_list("skills", skills, Skill)
     if not skills:
         raise InvalidInput("no skills were given, expected at least one")
     if differing := {skill.frame_names for skill in skills} - {skills[0].frame_names}:

@@ -1,20 +1,25 @@
 """Where each frame is precise: the deviation of every state along the columns."""
 
 from collections.abc import Sequence
+from math import ceil
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from pilotfish.demonstrations import Layout
 from pilotfish.models import Skill
 from pilotfish.plots.doors import chosen_columns, require_states
+from pilotfish.plots.kinds import require_kind
 from pilotfish.plots.style import WIDTH, column_colour, dress, legend_below, sheet
 from pilotfish.types import Array, Float
 
 BLUE = "#CFE3F5"
+MOST_TICKS = 15
+ONE_DECADE, MANY_DECADES = 0.8, 3.0  # less than the first is about linear
 
 
 def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
@@ -25,6 +30,7 @@ def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
     Raises: InvalidInput, when a column is unknown or states are too many.
     Source: after Tanwani 2018, figure 3.7.
     """
+    require_kind("skill", skill, Skill)
     require_states(skill.states)
     groups = _groups(skill.layout, chosen_columns(skill.layout, columns))
     rows = len(skill.frame_names)
@@ -37,6 +43,8 @@ def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
             unit = skill.layout.units[group[0]]
             dress(panel, x="state", y=f"deviation [{unit}]", title=f"seen from {name!r}")
             panel.tick_params(labelleft=True, labelbottom=True)
+    for panel in panels[0]:  # a column of panels has one scale
+        _tick_readably(panel)
     legend_below(figure, _handles(skill.layout, groups))
     return figure
 
@@ -56,8 +64,20 @@ def _draw_deviations(panel: Axes, spread: Float[Array, "K C"], names: Sequence[s
             states, spread[:, i], color=column_colour(name, i), marker="o", markersize=4, linewidth=1.4
         )
     panel.set_yscale("log")
-    panel.set_xticks(states)
+    panel.set_xticks(states[:: ceil(len(states) / MOST_TICKS)])
     panel.set_xlim(-0.5, len(spread) - 0.5)
+
+
+def _tick_readably(panel: Axes) -> None:
+    """Plain numbers at round values; powers of ten only where the scale spans several."""
+    low, high = panel.get_ylim()
+    if (decades := np.log10(high / low)) >= MANY_DECADES:
+        return
+    panel.yaxis.set_major_locator(
+        MaxNLocator(4) if decades < ONE_DECADE else LogLocator(subs=(1.0, 2.0, 5.0))
+    )
+    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    panel.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:

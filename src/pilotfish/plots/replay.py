@@ -1,11 +1,13 @@
 """A skill in the situation at hand, and the motion that came of it."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Annotation
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] # matplotlib types no 3-D axes
 
@@ -21,7 +23,17 @@ from pilotfish.plots.doors import (
     require_states,
     require_width,
 )
-from pilotfish.plots.ellipses import draw_crosses, draw_ellipses, draw_triads, name_triads
+from pilotfish.plots.ellipses import (
+    Triad,
+    draw_crosses,
+    draw_ellipses,
+    draw_triads,
+    label_triads,
+    letter_in_space,
+    triads_of,
+)
+from pilotfish.plots.kinds import require_kind, require_list
+from pilotfish.plots.labels import settle
 from pilotfish.plots.style import (
     HUMAN,
     MOTION,
@@ -33,6 +45,8 @@ from pilotfish.plots.style import (
 )
 
 SPACE = 3
+THINNEST = 0.4  # of the longest side of the box in space
+BEGINNING: dict[str, Any] = {"color": MOTION, "marker": "o", "markersize": 6.5, "markeredgecolor": "white"}
 
 
 def reproduction(
@@ -49,6 +63,9 @@ def reproduction(
     Raises: InvalidInput, when widths differ or states are too many.
     Source: after Tanwani 2018, figures 3.3 and 3.6.
     """
+    require_kind("skill", skill, AdaptedSkill)
+    require_kind("motion", motion, Motion)
+    require_list("frames", frames, Frame)
     require_states(skill.states)
     require_motion(motion, skill.layout)
     for frame in frames:
@@ -61,28 +78,36 @@ def reproduction(
     figure = sheet(max(6.0, 4.2 * count), 4.8)
     cells = figure.add_gridspec(1, count, width_ratios=[1.0] * len(chosen) + [1.25] * solid)
     length = 0.15 * float(np.ptp(motion.x[:, space], axis=0).max()) if space else 0.0
+    drawn = []
     for n, plane in enumerate(chosen):
         panel = figure.add_subplot(cells[0, n])
-        _draw_plane(panel, skill, motion, human, plane)
-        if set(plane) <= set(space):
-            draw_triads(panel, frames, space, plane, length)
-            name_triads(panel, frames, plane)
+        triads = triads_of(frames, space, plane, length) if set(plane) <= set(space) else []
+        draw_triads(panel, triads)
+        labels = [*label_triads(panel, triads, length), *_draw_plane(panel, skill, motion, human, plane)]
+        drawn.append((panel, labels, np.stack([motion.x[0, list(plane)], *(t.origin for t in triads)])))
     if solid:
-        _draw_space(figure.add_subplot(cells[0, -1], projection="3d"), skill, motion, human, frames, length)
+        triads = triads_of(frames, space, space, length)
+        _draw_space(figure.add_subplot(cells[0, -1], projection="3d"), skill, motion, human, triads)
     legend_below(figure, [*_path_handles(human is not None), *state_handles(skill.states)])
+    figure.draw_without_rendering()  # only then is known where labels stand
+    for panel, labels, marks in drawn:
+        settle(panel, labels, marks)
     return figure
 
 
 def _draw_plane(
     panel: Axes, skill: AdaptedSkill, motion: Motion, human: Demonstration | None, plane: tuple[int, int]
-) -> None:
-    draw_ellipses(panel, skill.means, skill.covariances, plane, "adapted")
+) -> list[Annotation]:
+    """All but the frames; the numbers of states are returned, to be settled."""
+    panel.margins(0.1)  # room for labels
+    numbers = draw_ellipses(panel, skill.means, skill.covariances, plane, "adapted")
     if human is not None:
         panel.plot(*human.x[:, plane].T, color=HUMAN, linestyle="--", linewidth=1.6, zorder=2)
     panel.plot(*motion.x[:, plane].T, color=MOTION, linewidth=1.8, zorder=2)
-    panel.plot(*motion.x[0, list(plane)][:, None], color=MOTION, marker="o", markersize=5, zorder=4)
+    panel.plot(*motion.x[0, list(plane)][:, None], **BEGINNING, zorder=7)
     x, y = (with_unit(skill.layout, column) for column in plane)
     dress(panel, x=x, y=y).set_aspect("equal", adjustable="datalim")
+    return numbers
 
 
 def _draw_space(
@@ -90,27 +115,36 @@ def _draw_space(
     skill: AdaptedSkill,
     motion: Motion,
     human: Demonstration | None,
-    frames: Sequence[Frame],
-    length: float,
+    triads: Sequence[Triad],
 ) -> None:
     space = position_columns(skill.layout)
     draw_crosses(axes, skill.means[:, space], skill.covariances[:, space][:, :, space])
-    draw_triads(axes, frames, space, space, length)
+    draw_triads(axes, triads)
+    letter_in_space(axes, triads)
     if human is not None:
         axes.plot(*human.x[:, space].T, color=HUMAN, linestyle="--", linewidth=1.6)
     axes.plot(*motion.x[:, space].T, color=MOTION, linewidth=1.8)
+    axes.plot(*motion.x[0, space][:, None], **BEGINNING, zorder=7)
     for axis, column in zip((axes.xaxis, axes.yaxis, axes.zaxis), space, strict=True):
         axis.set_label_text(with_unit(skill.layout, column))
         axis.set_major_locator(MaxNLocator(4))
         axis.labelpad = 7.0
-    axes.set_aspect("equal")
-    axes.set_box_aspect(None, zoom=0.84)  # room for the labels, which no layout engine knows of
+    _scale_equally(axes)
+
+
+def _scale_equally(axes: Axes3D) -> None:
+    """A metre is as long in every direction; a flat box is made thick enough for its ticks."""
+    limits = np.array([axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()])
+    half = np.maximum(np.ptp(limits, axis=1), THINNEST * np.ptp(limits, axis=1).max()) / 2
+    low, high = limits.mean(axis=1) - half, limits.mean(axis=1) + half
+    axes.set(xlim3d=(low[0], high[0]), ylim3d=(low[1], high[1]), zlim3d=(low[2], high[2]))
+    axes.set_box_aspect(half, zoom=0.84)  # room for the labels, which no layout engine knows of
 
 
 def _path_handles(human: bool) -> list[Line2D]:
     handles = [
         Line2D([], [], color=MOTION, label="reproduction"),
-        Line2D([], [], color=MOTION, marker="o", markersize=5, linestyle="", label="its beginning"),
+        Line2D([], [], **BEGINNING, linestyle="", label="its beginning"),
     ]
     shown = Line2D([], [], color=HUMAN, linestyle="--", label="demonstration")
     return [*handles, shown] if human else handles

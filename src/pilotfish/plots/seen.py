@@ -12,6 +12,8 @@ from pilotfish.errors import InvalidInput
 from pilotfish.models import Skill
 from pilotfish.plots.doors import Plane, chosen_planes, require_human, require_states
 from pilotfish.plots.ellipses import draw_ellipses
+from pilotfish.plots.kinds import require_kind, require_list
+from pilotfish.plots.labels import settle
 from pilotfish.plots.style import FAINT, WIDTH, dress, legend_below, sheet, state_handles, with_unit
 from pilotfish.types import Array, Float
 
@@ -26,6 +28,10 @@ def demonstrations_seen(
     Raises: InvalidInput, when demonstrations and skill differ in columns or frames, or states are too many.
     Source: after Tanwani 2018, figures 3.3 and 3.7.
     """
+    require_kind("skill", skill, Skill)
+    require_list("demonstrations", demonstrations, Demonstration)
+    if not demonstrations:
+        raise InvalidInput("no demonstrations were given, expected at least one")
     require_states(skill.states)
     chosen = chosen_planes(skill.layout, planes)
     for demonstration in demonstrations:
@@ -36,15 +42,19 @@ def demonstrations_seen(
     rows, columns = len(skill.frame_names), len(chosen)
     figure = sheet(WIDTH if columns > 1 else 0.6 * WIDTH, 3.9 * rows + 0.5)
     panels = figure.subplots(rows, columns, squeeze=False)
+    labels = {}
     for p, name in enumerate(skill.frame_names):
         paths = np.split(data.x[p], np.cumsum(data.lengths)[:-1])
         for panel, plane in zip(panels[p], chosen, strict=True):
             _draw_paths(panel, paths, plane)
             panel.plot(0.0, 0.0, marker="+", markersize=14, markeredgewidth=1.6, color="black", zorder=4)
-            draw_ellipses(panel, skill.means[p], skill.covariances[p].dense, plane, name)
+            labels[panel] = draw_ellipses(panel, skill.means[p], skill.covariances[p].dense, plane, name)
             x, y = (with_unit(skill.layout, column) for column in plane)
             dress(panel, x=x, y=y, title=f"seen from {name!r}").set_aspect("equal", adjustable="datalim")
     legend_below(figure, [*_path_handles(), *state_handles(skill.states)])
+    figure.draw_without_rendering()  # only then is known where labels stand
+    for panel, numbers in labels.items():
+        settle(panel, numbers, np.zeros((1, 2)))
     return figure
 
 

@@ -7,6 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Fit
+from pilotfish.plots.kinds import require_list
 from pilotfish.plots.style import COLUMN_COLOURS, dress, legend_below, sheet
 
 
@@ -15,6 +16,7 @@ def likelihood_trace(fits: Sequence[Fit]) -> Figure:
 
     Raises: InvalidInput, when there are no fits, or more than can be told apart.
     """
+    require_list("fits", fits, Fit)
     if not 1 <= len(fits) <= len(COLUMN_COLOURS):
         raise InvalidInput(f"{len(fits)} fits were given, expected 1 to {len(COLUMN_COLOURS)}")
     figure = sheet(7.0, 4.0)
