@@ -13,6 +13,7 @@ from pilotfish.demonstrations import (
     pose_layout,
     with_derivatives,
 )
+from pilotfish.gaussians import DenseCovariances
 from pilotfish.geometry import Pose, exp, multiply
 from pilotfish.models import adapt, learn
 from pilotfish.planning import plan
@@ -72,3 +73,16 @@ def test_adapted_orientations_are_unit_quaternions(rng, turning):
     for situation in turning:
         means = adapt(skill, situation.frames).means
         np.testing.assert_allclose(np.linalg.norm(means[:, 3:7], axis=1), 1.0)
+
+
+def test_frames_are_held_to_what_they_know_precisely(rng, turning):
+    """One state that both frames know well outweighs two that hardly anyone knows and that point away."""
+    skill = learn(turning, states=3, rng=rng).skill
+    q, away = np.array([1.0, 0, 0, 0]), np.array([-1.0, 0, 0, 0])
+    means = np.zeros((2, 3, 14))
+    means[0, :, 3:7], means[1, :, 3:7] = q, (q, away, away)
+    spread = np.array([1e-4, 10.0, 10.0])[:, None, None] * np.eye(14)
+    known = replace(skill, means=means, covariances=(DenseCovariances(spread), DenseCovariances(spread)))
+    frames = [replace(f, A=np.eye(14), b=np.zeros(14)) for f in turning[0].frames]
+    means[1, 1:, 4] = 0.5  # not quite opposite, so that the fused orientation has a length
+    np.testing.assert_allclose(adapt(known, frames).means[0, 3:7], q)
