@@ -37,10 +37,12 @@ def _first_failure(covariances: Float[Array, "K D D"], what: str) -> NotPositive
     for k, covariance in enumerate(covariances):
         if not np.isfinite(covariance).all():
             return NotPositiveDefinite(f"{what} {k} holds values that are not finite")
-        smallest, largest = np.linalg.eigvalsh(covariance)[[0, -1]]
-        if smallest <= 1e-15 * abs(largest):
+        values, vectors = np.linalg.eigh(covariance)
+        if values[0] <= 1e-15 * abs(values[-1]):
+            flattest = int(np.abs(vectors[:, 0]).argmax())
             return NotPositiveDefinite(
-                f"{what} {k} is not positive definite: eigenvalues go from {smallest:.3g} to {largest:.3g}; "
+                f"{what} {k} is not positive definite: eigenvalues go from {values[0]:.3g} to {values[-1]:.3g}, "
+                f"it is flattest along column {flattest} (first is 0); "
                 "raise the regularisation, drop constant or repeated columns, or give more data"
             )
     return NotPositiveDefinite(
