@@ -41,8 +41,8 @@ def _first_failure(covariances: Float[Array, "K D D"], what: str) -> NotPositive
         if values[0] <= 1e-15 * abs(values[-1]):
             flattest = int(np.abs(vectors[:, 0]).argmax())
             return NotPositiveDefinite(
-                f"{what} {k} is not positive definite: eigenvalues go from {values[0]:.3g} to {values[-1]:.3g}, "
-                f"it is flattest along column {flattest} (first is 0); "
+                f"{what} {k} is not positive definite: eigenvalues go from {values[0]:.3g} to "
+                f"{values[-1]:.3g}, it is flattest along column {flattest} (first is 0); "
                 "raise the regularisation, drop constant or repeated columns, or give more data"
             )
     return NotPositiveDefinite(
