@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import (
-    aligned,
     angle,
     conjugate,
     continuous,
@@ -172,15 +171,6 @@ def test_continuous_leaves_one_point_alone():
     """A curve of one point has nothing to flip."""
     q = np.array([[0.0, 0.0, -1.0, 0.0]])
     np.testing.assert_array_equal(continuous(q), q)
-
-
-def test_aligned_chooses_the_half_of_the_reference(rng: np.random.Generator):
-    """Every quaternion is itself or its negative, and none looks away from the reference."""
-    q, reference = units(rng, 30), units(rng)
-    chosen = aligned(q, reference)
-    assert np.all(chosen @ reference >= 0)
-    np.testing.assert_array_equal(np.abs(chosen), np.abs(q))
-    assert np.all(np.abs(np.einsum("td,td->t", chosen, q)) > 1 - EXACT)
 
 
 @pytest.mark.parametrize("bad", [[0.0] * 4, [np.nan, 0, 0, 1.0], [np.inf, 0, 0, 0]])

@@ -4,7 +4,6 @@ Names are short because the room is used by its name: `geometry.multiply(p, q)`.
 
 from pilotfish.geometry.poses import Pose, pose
 from pilotfish.geometry.quaternions import (
-    aligned,
     angle,
     conjugate,
     continuous,
@@ -19,7 +18,6 @@ from pilotfish.geometry.quaternions import (
 
 __all__ = [
     "Pose",
-    "aligned",
     "angle",
     "conjugate",
     "continuous",

@@ -128,8 +128,3 @@ def continuous(q: Float[Array, "T 4"]) -> Float[Array, "T 4"]:
     flips = np.einsum("td,td->t", q[1:], q[:-1]) < 0
     signs = np.where(np.concatenate([[False], np.logical_xor.accumulate(flips)]), -1.0, 1.0)
     return q * signs[:, None]
-
-
-def aligned(q: Float[Array, "T 4"], reference: Float[Array, " 4"]) -> Float[Array, "T 4"]:
-    """The same rotations, each with the sign that lies on the reference's half of S^3."""
-    return np.where((q @ reference < 0)[:, None], -q, q)

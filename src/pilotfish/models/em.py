@@ -92,10 +92,12 @@ def improve(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings)
 
 
 def _climb(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings) -> Run:
-    model = m_step(guess, None)
+    model: HiddenModel | None = None
+    sums = guess
     best: Run | None = None
     trace: list[float] = []
     for iteration in range(1, settings.max_iterations + 1):
+        model = m_step(sums, model)
         sums = statistics(model, data)
         _refuse_impossible(sums.log_likelihood, iteration)
         gain = sums.log_likelihood - trace[-1] if trace else np.inf
@@ -106,11 +108,11 @@ def _climb(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings) 
         trace.append(sums.log_likelihood)
         if settings.watch:
             settings.watch(iteration, sums.log_likelihood)
-        reason = f"the last of {iteration} iterations gained {gain:.3g} nats"
+        gained = f"gained {gain:.3g} nats" if best else "had none before it to compare with"
+        reason = f"the last of {iteration} iterations {gained}"
         best = Run(model, sums, np.array(trace), Outcome(gain <= small, iteration, reason, ()))
         if gain <= small or _empty(sums).any():
             break
-        model = m_step(sums, model)
     assert best is not None  # settings allow at least one iteration
     return best
 

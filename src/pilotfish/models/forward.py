@@ -39,9 +39,8 @@ def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"
     _check(log_observed, horizon)
     (S, K), longest = log_observed.shape, min(horizon, longest_duration(chain.durations))
     log_last, log_longer = _log_visits(chain, longest)
-    best = log_observed.max(
-        axis=1, initial=-np.inf
-    )  # taken out, so that differences of sums keep their digits
+    # The best of each step is taken out, and put back at the end: differences of sums keep their digits.
+    best = log_observed.max(axis=1, initial=-np.inf)
     seen = np.zeros((horizon + 1, K))
     seen[1 : S + 1] = np.cumsum(log_observed - best[:, None], axis=0)
     seen[S + 1 :] = seen[S]  # unobserved steps speak for no state
@@ -98,9 +97,7 @@ def occupancy(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: in
             "a mixture has no order in time, so no occupancy; learn a Markov or semi-Markov skill"
         )
     _check(log_observed, horizon)
-    log_observed = log_observed - log_observed.max(
-        axis=1, keepdims=True, initial=-np.inf
-    )  # rows are normalised
+    log_observed = log_observed - log_observed.max(axis=1, keepdims=True, initial=-np.inf)  # rows sum to one
     if isinstance(dynamics, SemiMarkovChain):
         log_p = semi_markov_forward(dynamics, log_observed, horizon).log_occupancy
     else:

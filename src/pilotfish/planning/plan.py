@@ -19,8 +19,8 @@ def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack:
     Raises: InvalidInput, when start, horizon or slack cannot be used.
     Source: Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + slack I)^-1.
     """
-    states = planned_states(model, start, horizon=horizon)
-    return reference(on_the_half_of(start, model), states, slack)
+    here, states = _from(model, start, horizon)
+    return reference(here, states, slack)
 
 
 def planned_states(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int) -> Int[Array, " T"]:
@@ -28,6 +28,13 @@ def planned_states(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: i
 
     Raises: InvalidInput, when start or horizon cannot be used.
     """
+    return _from(model, start, horizon)[1]
+
+
+def _from(
+    model: AdaptedSkill, start: Float[Array, " D"], horizon: int
+) -> tuple[AdaptedSkill, Int[Array, " T"]]:
+    """The skill on the start's half of S^3, and its most probable states from there."""
     require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_kind("start", start, np.ndarray, "give np.array(start)")
     if start.shape != (width := model.means.shape[1],):
@@ -37,7 +44,7 @@ def planned_states(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: i
     if not np.isfinite(start).all():
         raise InvalidInput(f"start holds values that are not finite: {start.tolist()}")
     here = on_the_half_of(start, model)
-    return most_probable_states(here.dynamics, log_likelihood_of_states(here, start[None]), horizon)
+    return here, most_probable_states(here.dynamics, log_likelihood_of_states(here, start[None]), horizon)
 
 
 def expected_plan(model: AdaptedSkill, *, horizon: int, slack: float = 2e-3) -> Reference:

@@ -8,11 +8,12 @@ import click
 import numpy as np
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
-from pilotfish.demonstrations import Frame, Layout, Part, Quantity, world_frame
+from pilotfish.demonstrations import Frame, Part, Quantity, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
-from pilotfish.planning import plan
+from pilotfish.planning import plan, planned_states
 from pilotfish.station.answers import Answer, answering, example, finite, plain_table, require_new
+from pilotfish.station.evaluation import coordinates_with_speeds
 from pilotfish.station.motions import (
     final_state_reached,
     notes_on_the_end,
@@ -48,10 +49,11 @@ class Choices:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replay:
-    """The skill where things stand, what it was asked to follow, and what came of it."""
+    """The skill where things stand, the state it ends in, what it was asked to follow, what came of it."""
 
     adapted: AdaptedSkill
     frames: tuple[Frame, ...]
+    last: int
     reference: Reference
     feedback: Feedback
     motion: Motion
@@ -116,15 +118,15 @@ def replay(**options: Any) -> Answer:
 
 
 def _replay(skill: Skill, asked: Choices) -> Replay:
-    _require_second_order(skill.layout)
+    axes = coordinates_with_speeds(skill.layout)
     frames = _frames(skill, asked.frames)
     adapted = adapt(skill, frames)
     start = start_in(asked.start, adapted) if asked.start else first_mean(adapted)
     horizon = asked.horizon or _steps_shown(skill)
     reference = plan(adapted, start, horizon=horizon, slack=asked.slack)
-    system = double_integrator(skill.width // 2, skill.period)
-    feedback = track(system, reference, asked.effort)
-    return Replay(adapted, frames, reference, feedback, feedback.rollout(start))
+    last = int(planned_states(adapted, start, horizon=horizon)[-1])
+    feedback = track(double_integrator(axes, skill.period), reference, asked.effort)
+    return Replay(adapted, frames, last, reference, feedback, feedback.rollout(start))
 
 
 def _steps_shown(skill: Skill) -> int:
@@ -143,18 +145,6 @@ def _frames(skill: Skill, path: Path | None) -> tuple[Frame, ...]:
     raise InvalidInput(
         f"the skill was learned in {list(skill.frame_names)}; say where each stands now: --frames FILE"
     )
-
-
-def _require_second_order(layout: Layout) -> None:
-    """Columns are places, then the speed of each, as the system that moves them needs."""
-    places = [(part.name, part.size) for part in layout.parts if part.derivative == 0]
-    speeds = [(part.name, part.size) for part in layout.parts if part.derivative == 1]
-    order = [part.derivative for part in layout.parts]
-    if places != speeds or order != sorted(order) or len(order) != 2 * len(places):
-        raise InvalidInput(
-            f"the skill's columns are {', '.join(layout.names)}, expected places and then the speed of each; "
-            "learn it again with --speeds"
-        )
 
 
 def _drawn(replayed: Replay) -> "Figure":
@@ -184,7 +174,7 @@ def _write(replayed: Replay, figure: "Figure | None", asked: Choices) -> None:
 
 def _notes(replayed: Replay, asked: Choices) -> list[str]:
     model = replayed.adapted
-    notes = notes_on_the_end(model, replayed.reference)
+    notes = notes_on_the_end(model, replayed.last)
     notes += notes_on_the_start(model, replayed.motion.x[0])
     arms = [part.name for part, _ in places(model.layout) if part.quantity is Quantity.POSITION]
     if asked.picture and len(arms) > 1:
@@ -203,7 +193,7 @@ def _answer(replayed: Replay, asked: Choices) -> Answer:
         "skill": str(asked.skill),
         "steps": len(motion.x),
         "seconds": rounded(motion.period * (len(motion.x) - 1)),
-        "final_state_reached": final_state_reached(model, replayed.reference),
+        "final_state_reached": final_state_reached(model, replayed.last),
         **{fact: {name: told[fact] for name, told in parts.items()} for fact in PART_FACTS},
         "notes": notes,
         "files": files,

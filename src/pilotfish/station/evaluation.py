@@ -110,20 +110,23 @@ def _adapted(skill: Skill, demonstration: Demonstration) -> AdaptedSkill:
 
 
 def _tracked(skill: AdaptedSkill, reference: Reference, start: Float[Array, " D"], effort: float) -> Replay:
-    axes = _require_halves(skill.layout)
+    axes = coordinates_with_speeds(skill.layout)
     feedback = track(double_integrator(axes, period=skill.period), reference, effort)
     return Replay(skill, reference, feedback, feedback.rollout(start))
 
 
-def _require_halves(layout: Layout) -> int:
-    """How many coordinates there are, when each has its derivative in the second half."""
+def coordinates_with_speeds(layout: Layout) -> int:
+    """How many coordinates there are, when each has its derivative in the second half.
+
+    Raises: InvalidInput, when the columns are others: a double integrator cannot follow them.
+    """
     half = layout.width // 2
     here = [part for part, columns in zip(layout.parts, layout.slices, strict=True) if columns.stop <= half]
     there = layout.parts[len(here) :]
     if [(p.name, p.size, p.derivative + 1) for p in here] != [(p.name, p.size, p.derivative) for p in there]:
         raise InvalidInput(
             f"the columns are {', '.join(layout.names)}, expected coordinates, then the derivative of each; "
-            "see with_derivatives"
+            "learn it again with them: pf.with_derivatives, or pilotfish learn --speeds"
         )
     return half
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pilotfish.control import Motion, Reference
+from pilotfish.control import Motion
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.models import AdaptedSkill, Weights
 from pilotfish.types import Array, Float
@@ -50,26 +50,17 @@ def final_states(model: AdaptedSkill) -> list[int]:
     return np.flatnonzero(~onward.any(axis=1)).tolist()
 
 
-def state_at_the_end(model: AdaptedSkill, reference: Reference) -> int:
-    """The state whose mean is the last target, up to the sign of its quaternions."""
-    means, target = model.means.copy(), reference.targets[-1].copy()
-    for part, here in zip(model.layout.parts, model.layout.slices, strict=True):
-        if part.quantity is Quantity.QUATERNION:
-            means[:, here], target[here] = np.abs(means[:, here]), np.abs(target[here])
-    return int(np.abs(means - target).max(axis=1).argmin())
-
-
-def final_state_reached(model: AdaptedSkill, reference: Reference) -> bool | None:
-    """Whether the plan comes to a state after which nothing comes; None when there is no such state."""
+def final_state_reached(model: AdaptedSkill, last: int) -> bool | None:
+    """Whether a plan that ends in state last comes to one after which nothing comes; None without such."""
     finals = final_states(model)
-    return state_at_the_end(model, reference) in finals if finals else None
+    return last in finals if finals else None
 
 
-def notes_on_the_end(model: AdaptedSkill, reference: Reference) -> list[str]:
+def notes_on_the_end(model: AdaptedSkill, last: int) -> list[str]:
     """A remark when the motion ends before the skill does."""
-    if final_state_reached(model, reference) is not False:
+    if final_state_reached(model, last) is not False:
         return []
-    last, names = state_at_the_end(model, reference), " or ".join(map(str, final_states(model)))
+    names = " or ".join(map(str, final_states(model)))
     return [f"the motion ends in state {last}, before the final state {names}; a longer --horizon goes on"]
 
 
