@@ -1,6 +1,7 @@
 """Recursions of semi-Markov and Markov chains, against listing every segmentation."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -66,10 +67,15 @@ def segmentations(chain, log_b):
                 yield False, k, log_p + logsumexp(table[d:, k]) if d < longest else -np.inf
 
 
+@pytest.mark.parametrize("brief", [False, True])
 @pytest.mark.parametrize("final", [False, True])
-def test_forward_variable_and_occupancy_agree_with_listing_every_segmentation(rng, final):
+def test_forward_variable_and_occupancy_agree_with_listing_every_segmentation(rng, final, brief):
+    """Also when visits are brief, so that a final state is observed beyond the longest of the others."""
     T, K = 6, 3
     chain, log_b = random_chain(rng, K, final), rng.normal(size=(T, K)) * 3
+    if brief:
+        chain = replace(chain, durations=GaussianDurations(rng.uniform(1.0, 1.4, size=K), np.full(K, 0.1)))
+        assert longest_duration(chain.durations) < T - 2
     forward = semi_markov_forward(chain, log_b, T)
     for t in range(1, T + 1):
         listed = list(segmentations(chain, log_b[:t]))
