@@ -87,7 +87,10 @@ def decode(folder: Path) -> Prepared:
 
     def answer(paths: object) -> Answer:
         chain = problem.initial, problem.transitions
-        own = [kernels.viterbi(log_emissions(model, demo.x[None]), *chain) for demo in shown]
+        own = [
+            kernels.viterbi(log_emissions(model, Views(demo.x[None], np.array([len(demo.x)]))), *chain)
+            for demo in shown
+        ]
         return Answer(sum(path.log_probability for path in own))
 
     return Prepared(lambda: [viterbi(model, demo) for demo in shown], answer)

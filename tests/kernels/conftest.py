@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from pilotfish.kernels import twins
+from pilotfish.kernels import Emissions, twins
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,12 @@ class Case:
     whiteners: np.ndarray
 
     @property
-    def arguments(self) -> tuple[np.ndarray, ...]:
-        return self.x, self.lengths, self.initial, self.transitions, self.means, self.whiteners
+    def emissions(self) -> Emissions:
+        return Emissions(self.means, self.whiteners)
+
+    @property
+    def arguments(self) -> tuple[object, ...]:
+        return self.x, self.lengths, self.initial, self.transitions, self.emissions
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pilotfish.kernels import twins
+from pilotfish.kernels import Emissions, twins
 
 SUMS = ("log_likelihoods", "mass", "first", "transitions", "offsets", "scatters")
 
@@ -19,7 +19,7 @@ def test_log_emissions_add_up_log_densities_over_frames(kernels, case, P, N, D, 
             W = given.whiteners[p, k]
             density = multivariate_normal(given.means[p, k], np.linalg.inv(W.T @ W))
             expected[:, k] += density.logpdf(given.x[p])
-    result = kernels.log_emissions(given.x, given.means, given.whiteners)
+    result = kernels.log_emissions(given.x, given.emissions)
     np.testing.assert_allclose(result, expected, rtol=1e-10)
 
 
@@ -28,8 +28,8 @@ def test_nothing_is_read_above_a_whitener_s_diagonal(kernels, case):
     given = case(2, [40], 5, 3)
     stained = given.whiteners + np.triu(np.full((5, 5), 1e9), 1)
     np.testing.assert_array_equal(
-        kernels.log_emissions(given.x, given.means, stained),
-        kernels.log_emissions(given.x, given.means, given.whiteners),
+        kernels.log_emissions(given.x, Emissions(given.means, stained)),
+        kernels.log_emissions(given.x, given.emissions),
     )
 
 
@@ -37,7 +37,7 @@ def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, 
     """Every sum is its definition, taken over posteriors of demonstrations one at a time."""
     given = case(2, [7, 1, 20], 4, 3)
     result = kernels.e_step(*given.arguments)
-    log_emissions = twins.log_emissions(given.x, given.means, given.whiteners)
+    log_emissions = twins.log_emissions(given.x, given.emissions)
     chains = [
         twins.forward_backward(part, given.initial, given.transitions)
         for part in np.split(log_emissions, np.cumsum(given.lengths)[:-1])
@@ -83,8 +83,8 @@ def test_compiled_e_step_agrees_with_its_twin(compiled, case, P, lengths, D, K):
         )
     np.testing.assert_array_equal(result.scatters, result.scatters.swapaxes(-1, -2))
     np.testing.assert_allclose(
-        compiled.log_emissions(given.x, given.means, given.whiteners),
-        twins.log_emissions(given.x, given.means, given.whiteners),
+        compiled.log_emissions(given.x, given.emissions),
+        twins.log_emissions(given.x, given.emissions),
         rtol=1e-11,
     )
 
@@ -93,9 +93,9 @@ def test_ninety_four_dimensions_and_certain_states_stay_finite(compiled, case):
     """Emissions thousands of nats apart, as after fitting a dance: nothing overflows and the twin agrees."""
     given = case(1, [500], 94, 6)
     sharp = 30.0 * given.whiteners
-    arguments = (*given.arguments[:-1], sharp)
+    arguments = (*given.arguments[:-1], Emissions(given.means, sharp))
     result, twin = compiled.e_step(*arguments), twins.e_step(*arguments)
-    log_emissions = twins.log_emissions(given.x, given.means, sharp)
+    log_emissions = twins.log_emissions(given.x, Emissions(given.means, sharp))
     assert np.ptp(log_emissions, axis=1).min() > 1000.0
     for name in SUMS:
         assert np.isfinite(getattr(result, name)).all()
@@ -118,10 +118,8 @@ def test_a_demonstration_that_no_path_explains_adds_nothing(kernels, case):
     """Its log-likelihood is -inf; the sums are those of the others."""
     given = case(1, [4, 5], 2, 2)
     no_way_on = np.zeros((2, 2))
-    result = kernels.e_step(given.x, np.array([8, 1]), given.initial, no_way_on, given.means, given.whiteners)
-    alone = kernels.e_step(
-        given.x[:, 8:], np.array([1]), given.initial, no_way_on, given.means, given.whiteners
-    )
+    result = kernels.e_step(given.x, np.array([8, 1]), given.initial, no_way_on, given.emissions)
+    alone = kernels.e_step(given.x[:, 8:], np.array([1]), given.initial, no_way_on, given.emissions)
     assert result.log_likelihoods[0] == -np.inf
     for name in SUMS[1:]:
         np.testing.assert_allclose(getattr(result, name), getattr(alone, name), atol=1e-15, err_msg=name)
@@ -143,7 +141,10 @@ def test_arrays_may_be_laid_out_anyhow(kernels, case):
     given = case(2, [12], 4, 3)
     x = np.repeat(given.x, 2, axis=1)[:, ::2]
     odd = kernels.e_step(
-        np.asfortranarray(x), given.lengths, *(np.asfortranarray(a) for a in given.arguments[2:])
+        np.asfortranarray(x),
+        given.lengths,
+        *(np.asfortranarray(a) for a in given.arguments[2:4]),
+        Emissions(np.asfortranarray(given.means), np.asfortranarray(given.whiteners)),
     )
     plain = kernels.e_step(*given.arguments)
     for name in SUMS:

@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pilotfish.demonstrations import Frame, Layout, MovingFrame, Part, Quantity, demonstration, views
+from pilotfish.demonstrations import (
+    Frame,
+    Layout,
+    MovingFrame,
+    Part,
+    Quantity,
+    Views,
+    demonstration,
+    views,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density, regress
 from pilotfish.models import (
@@ -93,7 +102,7 @@ def test_adapted_gaussians_are_the_product_of_what_the_frames_say(rng, scene):
     skill = learn(demos, states=3, rng=rng).skill
     here, x = adapt(skill, demos[1].frames), rng.normal(size=(7, 2))
     seen = np.stack([np.linalg.solve(f.A, (x - f.b).T).T for f in demos[1].frames])
-    gap = log_emissions(skill, seen) - log_likelihood_of_states(here, x)
+    gap = log_emissions(skill, Views(seen, np.array([7]))) - log_likelihood_of_states(here, x)
     np.testing.assert_allclose(gap, np.broadcast_to(gap[0], gap.shape), atol=1e-8)
 
 
@@ -125,12 +134,13 @@ def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, scene):
 def test_emissions_multiply_the_frames(rng, scene):
     demos = scene()
     skill = learn_mixture(demos, states=2, rng=rng).skill
-    seen = views(demos[:1]).x
+    data = views(demos[:1])
     for k in range(2):
         expected = sum(
-            log_density(Gaussian(skill.means[p, k], skill.covariances[p].dense[k]), seen[p]) for p in range(2)
+            log_density(Gaussian(skill.means[p, k], skill.covariances[p].dense[k]), data.x[p])
+            for p in range(2)
         )
-        np.testing.assert_allclose(log_emissions(skill, seen)[:, k], expected)
+        np.testing.assert_allclose(log_emissions(skill, data)[:, k], expected)
 
 
 def test_a_semi_markov_skill_points_to_its_markov_form(rng, scene):

@@ -14,10 +14,14 @@ from pilotfish.types import Array, Float, Int
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Views:
-    """Demonstrations one after the other, seen from each of P frames; N is the sum of their lengths."""
+    """Demonstrations one after the other, seen from each of P frames; N is the sum of their lengths.
+
+    turns holds the first column of each unit quaternion that is treated as a point of S^3 (Layout.turns).
+    """
 
     x: Float[Array, "P N D"]
     lengths: Int[Array, " M"]
+    turns: tuple[int, ...] = ()
 
 
 def views(demonstrations: Sequence[Demonstration]) -> Views:
@@ -34,7 +38,7 @@ def views(demonstrations: Sequence[Demonstration]) -> Views:
         for x, first in zip(later, seen[0], strict=True):
             x *= _signs(x, first, demonstrations[0].layout)
     lengths = np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
-    return Views(np.ascontiguousarray(np.concatenate(seen, axis=1)), lengths)
+    return Views(np.ascontiguousarray(np.concatenate(seen, axis=1)), lengths, demonstrations[0].layout.turns)
 
 
 def refuse_disagreement(demonstrations: Sequence[Demonstration]) -> None:

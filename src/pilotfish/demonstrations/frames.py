@@ -75,7 +75,7 @@ def _block(part: Part, quaternions: Float[Array, "T 4"]) -> Float[Array, "T d d"
     match part.quantity:
         case Quantity.POSITION | Quantity.VECTOR:
             return rotation_matrix(quaternions)
-        case Quantity.QUATERNION:
+        case Quantity.QUATERNION | Quantity.ORIENTATION:
             return left_matrix(quaternions)
         case Quantity.SCALAR:
             return np.broadcast_to(np.eye(part.size), (len(quaternions), part.size, part.size))

@@ -14,7 +14,8 @@ class Quantity(Enum):
     """How a part changes when the frame it is seen from moves."""
 
     POSITION = "position"  # turns and moves
-    QUATERNION = "quaternion"  # w x y z, multiplied from the left
+    QUATERNION = "quaternion"  # w x y z, multiplied from the left; four numbers like any others
+    ORIENTATION = "orientation"  # the same, as a point of the sphere S^3: differences are rotation vectors
     VECTOR = "vector"  # turns, does not move: a force
     SCALAR = "scalar"  # untouched: time, a joint, a gripper
 
@@ -42,7 +43,7 @@ class Part:
                 f"part {self.name!r} has size {self.size} and derivative {self.derivative}, "
                 "expected a size of 1 or more and a derivative of 0 or more"
             )
-        if self.quantity is Quantity.QUATERNION and self.size != QUATERNION_SIZE:
+        if self.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION) and self.size != QUATERNION_SIZE:
             raise InvalidInput(
                 f"part {self.name!r} is a quaternion of size {self.size}, expected 4 (w x y z)"
             )
@@ -90,6 +91,15 @@ class Layout:
             if part.quantity is Quantity.QUATERNION and part.derivative == 0
         )
 
+    @property
+    def turns(self) -> tuple[int, ...]:
+        """The first column of each part that lives on S^3; its four columns have three tangents."""
+        return tuple(
+            columns.start
+            for part, columns in zip(self.parts, self.slices, strict=True)
+            if part.quantity is Quantity.ORIENTATION
+        )
+
     def columns(self, name: str, derivative: int = 0) -> slice:
         """Raises: InvalidInput, when no part has that name and derivative."""
         for part, columns in zip(self.parts, self.slices, strict=True):
@@ -131,7 +141,7 @@ def _column_names(part: Part) -> list[str]:
 def _axes(part: Part) -> list[str]:
     if part.size == 1 and part.quantity is not Quantity.POSITION:
         return [""]
-    if part.quantity is Quantity.QUATERNION:
+    if part.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION):
         return [" w", " x", " y", " z"]
     if part.quantity is not Quantity.SCALAR and part.size <= len("xyz"):
         return [f" {axis}" for axis in "xyz"[: part.size]]

@@ -6,6 +6,7 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.gaussians.gaussian import whiteners
 from pilotfish.gaussians.structures import Covariances
 from pilotfish.types import Array, Float
 
@@ -22,6 +23,9 @@ class SemiTiedCovariances:
     variances: Float[Array, "K D"]
     tying: float
     dense: Float[Array, "K D D"]
+
+    def whiteners(self, what: str) -> Float[Array, "K D D"]:
+        return whiteners(self.dense, what)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from pilotfish.gaussians.gaussian import whiteners
 from pilotfish.types import Array, Float
 
 
@@ -19,6 +20,13 @@ class Covariances(Protocol):
     @property
     def dense(self) -> Float[Array, "K D D"]:
         """The same covariances written out, symmetric."""
+        ...
+
+    def whiteners(self, what: str) -> Float[Array, "K D D"]:
+        """Lower triangular W with W^T W = covariance^-1.
+
+        Raises: NotPositiveDefinite, naming the first that has none as what and its number.
+        """
         ...
 
 
@@ -47,6 +55,9 @@ class DenseCovariances:
     """Covariances kept written out."""
 
     dense: Float[Array, "K D D"]
+
+    def whiteners(self, what: str) -> Float[Array, "K D D"]:
+        return whiteners(self.dense, what)
 
 
 @dataclass(frozen=True, slots=True)

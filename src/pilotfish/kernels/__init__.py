@@ -12,13 +12,25 @@ from pilotfish.kernels.active import (
     semi_tied_sweeps,
     viterbi,
 )
-from pilotfish.kernels.results import EStep, ForwardBackward, Riccati, Viterbi
+from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
+from pilotfish.kernels.results import (
+    EStep,
+    ForwardBackward,
+    Riccati,
+    SemiMarkov,
+    SemiMarkovEStep,
+    Viterbi,
+)
 
 __all__ = [
     "ACTIVE",
     "EStep",
+    "Emissions",
     "ForwardBackward",
     "Riccati",
+    "SemiMarkov",
+    "SemiMarkovEStep",
+    "SemiMarkovTables",
     "SlowKernels",
     "Viterbi",
     "e_step",

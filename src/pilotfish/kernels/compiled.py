@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from pilotfish.kernels import twins
+from pilotfish.kernels.arguments import Emissions
 from pilotfish.kernels.refusals import flat_row, free_push, singular_transform
 from pilotfish.kernels.results import EStep, ForwardBackward, Riccati, Viterbi
 from pilotfish.kernels.twins.chain import log_or_never
@@ -23,10 +25,12 @@ def _packed(values: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def log_emissions(
-    x: Float[Array, "P N D"], means: Float[Array, "P K D"], whiteners: Float[Array, "P K D D"]
-) -> Float[Array, "N K"]:
-    log_densities: Float[Array, "N K"] = _native.log_emissions(_packed(x), _packed(means), _packed(whiteners))
+def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
+    if emissions.turns:
+        return twins.log_emissions(x, emissions)
+    log_densities: Float[Array, "N K"] = _native.log_emissions(
+        _packed(x), _packed(emissions.means), _packed(emissions.whiteners)
+    )
     return log_densities
 
 
@@ -35,17 +39,19 @@ def e_step(
     lengths: Int[Array, " M"],
     initial: Float[Array, " K"],
     transitions: Float[Array, "K K"],
-    means: Float[Array, "P K D"],
-    whiteners: Float[Array, "P K D D"],
+    emissions: Emissions,
+    threads: int = 1,
 ) -> EStep:
+    if emissions.turns:
+        return twins.e_step(x, lengths, initial, transitions, emissions)
     sums = _native.e_step(
         _packed(x),
         np.ascontiguousarray(lengths, dtype=np.int64),
         _packed(log_or_never(initial)),
         _packed(transitions),
         _packed(log_or_never(transitions)),
-        _packed(means),
-        _packed(whiteners),
+        _packed(emissions.means),
+        _packed(emissions.whiteners),
     )
     return EStep(*sums)
 

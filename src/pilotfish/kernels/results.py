@@ -17,8 +17,8 @@ class EStep:
     mass: Float[Array, " K"]  # sum of gamma
     first: Float[Array, " K"]  # sum over demonstrations of gamma at their first step
     transitions: Float[Array, "K K"]  # sum of zeta
-    offsets: Float[Array, "P K D"]  # sum of gamma (x - mean), about the means given
-    scatters: Float[Array, "P K D D"]  # sum of gamma (x - mean) (x - mean)^T
+    offsets: Float[Array, "P K E"]  # sum of gamma e, e the deviation from the mean given
+    scatters: Float[Array, "P K E E"]  # sum of gamma e e^T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +33,39 @@ class ForwardBackward:
     posteriors: Float[Array, "T K"]
     transitions: Float[Array, "K K"]
     log_forward: Float[Array, "T K"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SemiMarkov:
+    """Where a semi-Markov chain was, given everything that it emitted.
+
+    posteriors[t, k] = p(state k at t | all steps), transitions[j, k] = expected number of visits to k right
+    after one to j. visits[c, s - 1, k] = expected number of visits to k of s steps, of the four kinds c that
+    SemiMarkovTables tells; beyond[0, k] and beyond[1, k] of last and of only visits longer than its S steps.
+    At log_likelihood -inf all but it are zero.
+    """
+
+    log_likelihood: float
+    posteriors: Float[Array, "T K"]
+    transitions: Float[Array, "K K"]
+    visits: Float[Array, "4 S K"]
+    beyond: Float[Array, "2 K"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SemiMarkovEStep:
+    """What a hidden semi-Markov model's posteriors add up to, over M demonstrations; fields as in EStep and
+    SemiMarkov. A demonstration that no path explains has log-likelihood -inf and adds nothing to the sums.
+    """
+
+    log_likelihoods: Float[Array, " M"]
+    mass: Float[Array, " K"]
+    first: Float[Array, " K"]
+    transitions: Float[Array, "K K"]
+    visits: Float[Array, "4 S K"]
+    beyond: Float[Array, "2 K"]
+    offsets: Float[Array, "P K E"]
+    scatters: Float[Array, "P K E E"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,7 +44,7 @@ def with_durations(model: HiddenModel | Skill, data: Views, floor: float) -> Sem
 
 def _visits(model: HiddenModel | Skill, data: Views) -> tuple[Int[Array, " R"], Int[Array, " R"]]:
     initial, transitions = one_step_chain(model.dynamics)
-    parts = np.split(log_emissions(model, data.x), np.cumsum(data.lengths)[:-1])
+    parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
     paths = [runs(kernels.viterbi(np.ascontiguousarray(part), initial, transitions).states) for part in parts]
     return np.concatenate([p[0] for p in paths]), np.concatenate([p[1] for p in paths])
 

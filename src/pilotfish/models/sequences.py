@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.demonstrations import Demonstration, views
+from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import whiteners
 from pilotfish.models.dynamics import (
@@ -20,16 +20,16 @@ from pilotfish.models.statistics import one_step_chain
 from pilotfish.types import Array, Float, Int
 
 
-def log_emissions(model: HiddenModel | Skill, x: Float[Array, "P T D"]) -> Float[Array, "T K"]:
-    """log p(x_t | state i), frames multiplied together, for points as the frames see them."""
-    W = np.stack([whiteners(c.dense, "the covariance of state") for c in model.covariances])
-    return kernels.log_emissions(x, model.means, W)
+def log_emissions(model: HiddenModel | Skill, data: Views) -> Float[Array, "N K"]:
+    """log p(x_n | state i), frames multiplied together, of every datapoint of every demonstration."""
+    W = np.stack([c.whiteners("the covariance of state") for c in model.covariances])
+    return kernels.log_emissions(data.x, kernels.Emissions(model.means, W, data.turns))
 
 
 def log_likelihood_of_states(model: AdaptedSkill, x: Float[Array, "T D"]) -> Float[Array, "T K"]:
     """log p(x_t | state i) of an adapted skill, for points in the world."""
     W = whiteners(model.covariances, "the adapted covariance of state")
-    return kernels.log_emissions(x[None], model.means[None], W[None])
+    return kernels.log_emissions(x[None], kernels.Emissions(model.means[None], W[None], model.layout.turns))
 
 
 def most_probable_states(
@@ -45,7 +45,7 @@ def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Arr
     Raises: InvalidInput for a semi-Markov skill, whose Markov form is fit.markov.
     """
     initial, transitions = one_step_chain(model.dynamics)
-    return kernels.viterbi(log_emissions(model, views([demonstration]).x), initial, transitions).states
+    return kernels.viterbi(log_emissions(model, views([demonstration])), initial, transitions).states
 
 
 def sample_states(dynamics: Dynamics, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:

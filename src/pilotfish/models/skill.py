@@ -40,7 +40,9 @@ class Provenance:
 class Skill:
     """A learned movement, seen from P frames at once: K states, and how they follow one another.
 
-    means[p, k] and covariances[p].dense[k] describe state k as an observer at frame p sees it.
+    means[p, k] and covariances[p].dense[k] describe state k as an observer at frame p sees it. Where the
+    layout has orientations, means hold unit quaternions and covariances are those of deviations: rotation
+    vectors [rad] in the axes of the turned body, three columns for four.
     period is the time of one step [s]; frame_names says which object each frame belongs to.
     """
 
@@ -63,11 +65,14 @@ class Skill:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdaptedSkill:
-    """A skill where the objects stand now: one Gaussian for each state, in the world."""
+    """A skill where the objects stand now: one Gaussian for each state, in the world.
+
+    Covariances are of deviations: E = D less one for each orientation of the layout (see Skill).
+    """
 
     dynamics: Dynamics
     means: Float[Array, "K D"]
-    covariances: Float[Array, "K D D"]
+    covariances: Float[Array, "K E E"]
     layout: Layout
     period: float
 

@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Covariances, Moments, Structure, moments, moments_about, whiteners
+from pilotfish.gaussians import Covariances, Moments, Structure, moments, moments_about
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.types import Array, Float, Int
@@ -43,8 +43,9 @@ def statistics(model: HiddenModel | Skill, views: Views) -> Statistics:
     Raises: InvalidInput for a semi-Markov model, whose Markov form is fit.markov; NotPositiveDefinite.
     """
     initial, transitions = one_step_chain(model.dynamics)
-    W = np.stack([whiteners(c.dense, "the covariance of state") for c in model.covariances])
-    step = kernels.e_step(views.x, views.lengths, initial, transitions, model.means, W)
+    W = np.stack([c.whiteners("the covariance of state") for c in model.covariances])
+    emissions = kernels.Emissions(model.means, W, views.turns)
+    step = kernels.e_step(views.x, views.lengths, initial, transitions, emissions)
     frames = [
         moments_about(origins, step.mass, offsets, scatters)
         for origins, offsets, scatters in zip(model.means, step.offsets, step.scatters, strict=True)
