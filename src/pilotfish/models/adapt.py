@@ -12,29 +12,65 @@ from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 
 
-def adapt(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> AdaptedSkill:
+def adapt(
+    skill: Skill, frames: Sequence[Frame | MovingFrame], *, relevance: Float[Array, "P K"] | None = None
+) -> AdaptedSkill:
     """The skill in the world, for objects whose frames stand as given, in any order.
 
     Each state's Gaussians are carried into the world by their frames and multiplied; a state is then precise
     where any frame was. Quaternion means are brought back to unit length; a frame may give q or -q.
-    Raises: InvalidInput, when a frame is missing, unknown, moving, singular or of another width.
+    relevance[p, k], from 0 to 1, is the power to which frame p (in the skill's order) is heard about state k:
+    its covariance is divided by it, and at 0 it is not heard at all. None hears every frame in full.
+    Raises: InvalidInput, when a frame is missing, unknown, moving, singular or of another width, or when a
+    state is left without any frame.
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
     require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
-    ordered = agreeing(_matched(skill, frames), skill)
-    states = [
-        product(
-            [
-                transform(Gaussian(skill.means[p, k], skill.covariances[p].dense[k]), f.A, f.b)
-                for p, f in enumerate(ordered)
-            ]
-        )
-        for k in range(skill.states)
-    ]
+    matched = _matched(skill, frames)
+    powers = _powers(relevance, skill)
+    ordered = agreeing(matched, skill, powers)
+    states = [_fused(skill, ordered, powers, k) for k in range(skill.states)]
     means = _unit_quaternions(np.stack([g.mean for g in states]), skill.layout)
     return AdaptedSkill(
         skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period
     )
+
+
+def _fused(skill: Skill, frames: Sequence[Frame], powers: Float[Array, "P K"], k: int) -> Gaussian:
+    """State k in the world: the product of what its frames say, each to its power."""
+    return product(
+        [
+            transform(
+                Gaussian(skill.means[p, k], skill.covariances[p].dense[k] / powers[p, k]), frame.A, frame.b
+            )
+            for p, frame in enumerate(frames)
+            if powers[p, k] > 0.0
+        ]
+    )
+
+
+def _powers(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array, "P K"]:
+    """The relevance, checked; ones when there is none."""
+    P, K = len(skill.frame_names), skill.states
+    if relevance is None:
+        return np.ones((P, K))
+    require_kind("relevance", relevance, np.ndarray, "give an array with a row for each frame")
+    if relevance.shape != (P, K):
+        raise InvalidInput(
+            f"relevance has shape {relevance.shape}, expected ({P}, {K}): frames {list(skill.frame_names)} "
+            "in this order, and a column for each state"
+        )
+    if (bad := np.argwhere(~((relevance >= 0.0) & (relevance <= 1.0)))).size:
+        p, k = bad[0].tolist()
+        raise InvalidInput(
+            f"relevance of frame {skill.frame_names[p]!r} to state {k} is {relevance[p, k]}, expected 0 to 1"
+        )
+    if (deaf := np.flatnonzero(~relevance.any(axis=0))).size:
+        raise InvalidInput(
+            f"state {deaf[0]} (first is 0) has relevance 0 in every frame, {len(deaf)} states in all; "
+            "leave it at least one frame, or drop the state"
+        )
+    return relevance
 
 
 def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:

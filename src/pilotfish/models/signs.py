@@ -13,13 +13,17 @@ from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 
 
-def agreeing(frames: Sequence[Frame], skill: Skill) -> list[Frame]:
-    """The same poses of the skill's objects, their quaternions with the sign that agrees with the first.
+def agreeing(frames: Sequence[Frame], skill: Skill, powers: Float[Array, "P K"]) -> list[Frame]:
+    """The same poses of the skill's objects, quaternions with the sign that agrees with the frames before.
 
     Frames agree when they carry the states' orientations to the same half of S^3, states counting as much as
-    they are precise. Without this, fusing q with -q would average them to nothing.
+    both are precise about them, to the powers given. Without this, fusing q with -q would average them to
+    nothing.
     """
-    return [_with_signs(frame, _agreeing_signs(frames, n, skill)) for n, frame in enumerate(frames)]
+    agreed: list[Frame] = []
+    for frame in frames:
+        agreed.append(_with_signs(frame, _agreeing_signs([*agreed, frame], skill, powers)))
+    return agreed
 
 
 def on_the_half_of(start: Float[Array, " D"], model: AdaptedSkill) -> AdaptedSkill:
@@ -55,22 +59,28 @@ def _signs(layout: Layout, sign_of: dict[str, float]) -> Float[Array, " D"]:
     return np.repeat(turns, [part.size for part in layout.parts])
 
 
-def _agreeing_signs(frames: Sequence[Frame], n: int, skill: Skill) -> Float[Array, " D"]:
+def _agreeing_signs(frames: Sequence[Frame], skill: Skill, powers: Float[Array, "P K"]) -> Float[Array, " D"]:
+    """Those of the last frame that agree with the others, which agree already."""
+    *others, last = range(len(frames))
     sign_of = {}
     for part, columns in zip(skill.layout.parts, skill.layout.slices, strict=True):
         if part.quantity is Quantity.QUATERNION and part.derivative == 0:
-            (q, spread), (first, spread_first) = (_carried(frames[m], m, skill, columns) for m in (n, 0))
-            agreement = (np.sum(q * first, axis=1) / (spread + spread_first)).sum()
+            q, spread = _carried(frames[last], last, skill, columns, powers)
+            agreement = 0.0
+            for p in others:
+                other, spread_other = _carried(frames[p], p, skill, columns, powers)
+                agreement += float((np.sum(q * other, axis=1) / (spread + spread_other)).sum())
             sign_of[part.name] = -1.0 if agreement < 0.0 else 1.0
     return _signs(skill.layout, sign_of)
 
 
 def _carried(
-    frame: Frame, p: int, skill: Skill, columns: slice
+    frame: Frame, p: int, skill: Skill, columns: slice, powers: Float[Array, "P K"]
 ) -> tuple[Float[Array, "K 4"], Float[Array, " K"]]:
-    """The states' orientations as frame p carries them into the world, and how uncertain they are."""
-    dense = skill.covariances[p].dense[:, columns, columns]
-    return skill.means[p][:, columns] @ frame.A[columns, columns].T, np.trace(dense, axis1=1, axis2=2)
+    """The states' orientations as frame p carries them into the world, and how uncertain they are there."""
+    variances = np.trace(skill.covariances[p].dense[:, columns, columns], axis1=1, axis2=2)
+    spread = np.divide(variances, powers[p], out=np.full_like(variances, np.inf), where=powers[p] > 0.0)
+    return skill.means[p][:, columns] @ frame.A[columns, columns].T, spread
 
 
 def _with_signs(frame: Frame, signs: Float[Array, " D"]) -> Frame:
