@@ -10,23 +10,49 @@ import pytest
 
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.store import datasets
-from pilotfish.store.datasets_files import downloaded, local_file
+from pilotfish.store.datasets_files import downloaded, file_of, local_file
 from pilotfish.store.datasets_registry import DATASETS
 
 RECORDING = b"a recording"
+COUNTS = {"valve": 8, "zshape": 5, "robotasks": 9, "helloworld": 8}
+COUNTS |= {"chicken_dance": 1, "mocap6": 4, "letters": 30}
 MADE = replace(datasets.info("valve"), sha256=hashlib.sha256(RECORDING).hexdigest())
 
 
+EXTRACTS = [dataset.name for dataset in DATASETS if dataset.extract]
+
+
 @pytest.mark.parametrize("name", datasets.names())
-def test_every_dataset_says_whose_it_is_and_where_it_lies(name: str):
-    """A whole sha256, an address with the commit, a licence, a citation with its identifier."""
+def test_every_dataset_says_whose_it_is(name: str):
+    """A whole sha256, an address, a licence, a citation."""
     dataset = datasets.info(name)
     assert re.fullmatch(r"[0-9a-f]{64}", dataset.sha256)
+    assert re.fullmatch(r"https?://\S+", dataset.address)
+    assert dataset.licence
+    assert len(dataset.citation) > 80
+    assert dataset.about
+
+
+@pytest.mark.parametrize("name", [name for name in datasets.names() if name not in EXTRACTS])
+def test_an_original_is_had_at_its_address(name: str):
+    """With the commit, under a licence that lets anyone keep it, cited with its identifier."""
+    dataset = datasets.info(name)
     assert re.fullmatch(r"https://raw\.githubusercontent\.com/\w+/[\w-]+/[0-9a-f]{40}/\S+", dataset.address)
     assert dataset.address.rsplit("/", 1)[1] == dataset.file.rsplit("/", 1)[1]
     assert dataset.licence in {"BSD-3-Clause", "MIT"}
     assert "doi:10." in dataset.citation
-    assert dataset.about
+
+
+def test_an_extract_is_never_downloaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Where it is not in the folder, the message names the original, what was taken of it, and the place."""
+    assert EXTRACTS == ["chicken_dance", "mocap6", "letters"]
+    monkeypatch.setenv("PILOTFISH_DATA", str(tmp_path))
+    for name in EXTRACTS:
+        dataset = datasets.info(name)
+        with pytest.raises(SkillError, match=f"{name!r} is an extract of") as caught:
+            file_of(dataset)
+        for word in (dataset.address, dataset.extract, f"FOLDER/{dataset.file}", "PILOTFISH_DATA=FOLDER"):
+            assert word in str(caught.value)
 
 
 def test_names_files_and_hashes_are_each_different():
@@ -43,8 +69,7 @@ def test_every_dataset_is_in_the_folder_and_reads(
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
     function, *argument = name.split()
     demonstrations = getattr(datasets, function)(*argument)
-    count = {"valve": 8, "zshape": 5, "robotasks": 9, "helloworld": 8}[function]
-    assert len(demonstrations) == count
+    assert len(demonstrations) == COUNTS[function]
     assert np.isfinite(demonstrations[-1].x).all()
 
 

@@ -17,6 +17,12 @@ from pilotfish.demonstrations.frames import (
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.demonstrations.published import read_valve_mat, read_zshape_mat
 from pilotfish.demonstrations.published_arrays import read_helloworld_npy, read_robotasks_npy
+from pilotfish.demonstrations.published_extracts import (
+    read_chicken_dance_npz,
+    read_letters_npz,
+    read_mocap6_labels_npz,
+    read_mocap6_npz,
+)
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resampled
 from pilotfish.demonstrations.signs import continuous_quaternions
@@ -40,8 +46,12 @@ __all__ = [
     "moving_frame_from_poses",
     "pose_layout",
     "position_layout",
+    "read_chicken_dance_npz",
     "read_folder",
     "read_helloworld_npy",
+    "read_letters_npz",
+    "read_mocap6_labels_npz",
+    "read_mocap6_npz",
     "read_robotasks_npy",
     "read_valve_mat",
     "read_zshape_mat",

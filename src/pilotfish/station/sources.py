@@ -36,6 +36,9 @@ def dataset(name: str) -> tuple[Demonstration, ...]:
         "zshape": datasets.zshape,
         "robotasks": datasets.robotasks,
         "helloworld": datasets.helloworld,
+        "chicken_dance": datasets.chicken_dance,
+        "mocap6": datasets.mocap6,
+        "letters": datasets.letters,
     }
     first, *rest = name.split()
     return readers[first](*rest)

@@ -8,7 +8,11 @@ import difflib
 
 from pilotfish.demonstrations import (
     Demonstration,
+    read_chicken_dance_npz,
     read_helloworld_npy,
+    read_letters_npz,
+    read_mocap6_labels_npz,
+    read_mocap6_npz,
     read_robotasks_npy,
     read_valve_mat,
     read_zshape_mat,
@@ -16,8 +20,21 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.store.datasets_files import file_of
 from pilotfish.store.datasets_registry import DATASETS, Dataset
+from pilotfish.types import Array, Int
 
-__all__ = ["Dataset", "helloworld", "info", "names", "robotasks", "valve", "zshape"]
+__all__ = [
+    "Dataset",
+    "chicken_dance",
+    "helloworld",
+    "info",
+    "letters",
+    "mocap6",
+    "mocap6_labels",
+    "names",
+    "robotasks",
+    "valve",
+    "zshape",
+]
 
 
 def names() -> tuple[str, ...]:
@@ -71,3 +88,35 @@ def helloworld(letter: str) -> tuple[Demonstration, ...]:
     Raises: InvalidInput, for another letter; SkillError, when the file is neither here nor to be had.
     """
     return read_helloworld_npy(file_of(info(f"helloworld {letter}")))
+
+
+def chicken_dance() -> tuple[Demonstration, ...]:
+    """One person's chicken dance: the positions of 28 nodes of the body, 12.8 s at 120 Hz.
+
+    Raises: SkillError, when the file is not here: it is an extract and is not downloaded.
+    """
+    return read_chicken_dance_npz(file_of(info("chicken_dance")))
+
+
+def mocap6() -> tuple[Demonstration, ...]:
+    """Four sequences of exercises: height of the hips and eleven joint angles, 20 to 45 s at 10 Hz.
+
+    Raises: SkillError, when the file is not here: it is an extract and is not downloaded.
+    """
+    return read_mocap6_npz(file_of(info("mocap6")))
+
+
+def mocap6_labels() -> tuple[Int[Array, " _"], ...]:
+    """Which exercise, a number from 1 to 12, a person saw at every step of each sequence of mocap6.
+
+    Raises: SkillError, when the file is not here: it is an extract and is not downloaded.
+    """
+    return read_mocap6_labels_npz(file_of(info("mocap6")))
+
+
+def letters() -> tuple[Demonstration, ...]:
+    """Letters by a pen on a tablet, five each of a, b, c, d, e and m, in that order: velocity and force.
+
+    Raises: SkillError, when the file is not here: it is an extract and is not downloaded.
+    """
+    return read_letters_npz(file_of(info("letters")))

@@ -16,9 +16,21 @@ def file_of(dataset: Dataset) -> Path:
     """The file of a dataset on this machine, its sha256 as published; downloaded once when nowhere else.
 
     Raises: InvalidInput, when PILOTFISH_DATA names no folder or the file there is another;
-    SkillError, when it is not there and cannot be downloaded.
+    SkillError, when it is not there and cannot be downloaded, as extracts cannot.
     """
-    return local_file(dataset, os.environ.get(VARIABLE, "")) or downloaded(dataset, _from_the_address)
+    if here := local_file(dataset, os.environ.get(VARIABLE, "")):
+        return here
+    refuse_extract(dataset)
+    return downloaded(dataset, _from_the_address)
+
+
+def refuse_extract(dataset: Dataset) -> None:
+    """Raises: SkillError, when the dataset's file is an extract, which nobody publishes."""
+    if dataset.extract:
+        raise SkillError(
+            f"dataset {dataset.name!r} is an extract of {dataset.address} ({dataset.extract}) and is not "
+            f"downloaded: put it at FOLDER/{dataset.file} and set {VARIABLE}=FOLDER"
+        )
 
 
 def local_file(dataset: Dataset, folder: str) -> Path | None:

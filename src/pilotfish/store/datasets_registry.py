@@ -25,10 +25,29 @@ AUDDY = (
     "doi:10.1016/j.robot.2023.104427"
 )
 
+CMU = (
+    "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding "
+    "from NSF EIA-0196217."
+)
+FOX = (
+    "E. Fox, M. Hughes, E. Sudderth and M. Jordan, "
+    "Joint modeling of multiple time series via the beta process "  # codespell:ignore modeling
+    "with application to motion capture segmentation, Annals of Applied Statistics 8(3), 1281-1313, 2014, "
+    f"doi:10.1214/14-AOAS742. {CMU}"
+)
+WILLIAMS = (
+    "B. H. Williams, M. Toussaint and A. J. Storkey, Extracting motion primitives from natural handwriting "
+    "data, International Conference on Artificial Neural Networks, 634-643, 2006"
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """A public file: its name here, its place in a folder of datasets, its address and its sha256."""
+    """A public file: its name here, its place in a folder of datasets, its address and its sha256.
+
+    extract  what was taken from the original at the address, where the file is not the original itself and
+             cannot be downloaded; empty otherwise
+    """
 
     name: str
     about: str
@@ -37,6 +56,7 @@ class Dataset:
     sha256: str
     licence: str
     citation: str
+    extract: str = ""
 
 
 def _semi_tied(name: str, about: str, file: str, sha256: str) -> Dataset:
@@ -94,4 +114,34 @@ DATASETS = (
     _helloworld("h", "5f2f0926a3abf402ecf1653905118226158784ac121af15e1d6000737256fd1a"),
     _helloworld("l", "1f48eac28cdc1842eabad465a8410d3ad56068c5d0aa28d4e5bcd57a2baf43e1"),
     _helloworld("o", "273b0c0fb5d11e4b2d91f062d312da78c4745ec3b091bdedde4a39e30443452b"),
+    Dataset(
+        "chicken_dance",
+        "a person dances the chicken dance: the whole body once, 1536 times 28 positions at 120 Hz",
+        "chicken_dance/cmu_18_15_chicken_dance.npz",
+        "http://mocap.cs.cmu.edu/search.php?subjectnumber=18",
+        "8d53a1e12304fc5b32c14e133e23009e6b4cbacae675bfd94d88bcdc11ed9210",
+        "free for all uses but selling the data itself",
+        CMU,
+        "subject 18, trial 15: angles of its joints, and the positions in metres that follow from them",
+    ),
+    Dataset(
+        "mocap6",
+        "two people's exercises, labelled: 4 sequences of the hips' height and 11 joint angles at 10 Hz",
+        "mocap6/mocap6_dev.npz",
+        "https://github.com/bnpy/bnpy/tree/master/bnpy/datasets/mocap6",
+        "ae4fcce4799321e61419ba714bb84dd78caf61206575f4af4eb44c4c29ec5b55",
+        "BSD-3-Clause",
+        FOX,
+        "sequences 0, 1, 3 and 4 of six, with their labels",
+    ),
+    Dataset(
+        "letters",
+        "the letters a, b, c, d, e and m by a pen on a tablet, five of each: velocity and force at 200 Hz",
+        "letters/uci_letters_dev.npz",
+        "https://archive.ics.uci.edu/dataset/175/character+trajectories",
+        "97a62c8351fe02e4d8f21e03cd60769e745fb1cd745dac472e2627701d194bce",
+        "CC-BY-4.0",
+        WILLIAMS,
+        "five samples each of six letters, of 2858 samples of 20 letters",
+    ),
 )
