@@ -9,6 +9,9 @@ from pilotfish.kernels.active import (
     forward_backward,
     log_emissions,
     riccati,
+    semi_markov,
+    semi_markov_e_step,
+    semi_markov_viterbi,
     semi_tied_sweeps,
     viterbi,
 )
@@ -37,6 +40,9 @@ __all__ = [
     "forward_backward",
     "log_emissions",
     "riccati",
+    "semi_markov",
+    "semi_markov_e_step",
+    "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
 ]

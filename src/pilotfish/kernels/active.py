@@ -14,6 +14,9 @@ try:
         forward_backward,
         log_emissions,
         riccati,
+        semi_markov,
+        semi_markov_e_step,
+        semi_markov_viterbi,
         semi_tied_sweeps,
         viterbi,
     )
@@ -23,6 +26,9 @@ except ImportError as reason:
         forward_backward,
         log_emissions,
         riccati,
+        semi_markov,
+        semi_markov_e_step,
+        semi_markov_viterbi,
         semi_tied_sweeps,
         viterbi,
     )
@@ -43,6 +49,9 @@ __all__ = [
     "forward_backward",
     "log_emissions",
     "riccati",
+    "semi_markov",
+    "semi_markov_e_step",
+    "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
 ]

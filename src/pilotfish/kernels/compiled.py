@@ -13,7 +13,22 @@ from pilotfish.kernels.arguments import Emissions
 from pilotfish.kernels.refusals import flat_row, free_push, singular_transform
 from pilotfish.kernels.results import EStep, ForwardBackward, Riccati, Viterbi
 from pilotfish.kernels.twins.chain import log_or_never
+from pilotfish.kernels.twins.expectation import semi_markov_e_step
+from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_viterbi
 from pilotfish.types import Array, Float, Int
+
+__all__ = [
+    "LEVEL",
+    "e_step",
+    "forward_backward",
+    "log_emissions",
+    "riccati",
+    "semi_markov",
+    "semi_markov_e_step",
+    "semi_markov_viterbi",
+    "semi_tied_sweeps",
+    "viterbi",
+]
 
 _baseline: Any = import_module("pilotfish.kernels._baseline")
 LEVEL: str = "x86-64-v3" if _baseline.supports_v3() else "baseline"

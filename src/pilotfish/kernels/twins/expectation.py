@@ -1,11 +1,12 @@
-"""The expectation step of a task-parameterised hidden Markov model."""
+"""The expectation steps of task-parameterised hidden Markov and semi-Markov models."""
 
 import numpy as np
 
-from pilotfish.kernels.arguments import Emissions
-from pilotfish.kernels.results import EStep
+from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
+from pilotfish.kernels.results import EStep, SemiMarkovEStep
 from pilotfish.kernels.twins.chain import forward_backward
 from pilotfish.kernels.twins.emission import deviations, log_emissions
+from pilotfish.kernels.twins.semi_markov import semi_markov
 from pilotfish.types import Array, Float, Int
 
 
@@ -34,6 +35,31 @@ def e_step(
     gamma = np.concatenate(posteriors)  # (N, K)
     offsets, scatters = moments(x, gamma, emissions)
     return EStep(np.array(log_likelihoods), gamma.sum(axis=0), first, counts, offsets, scatters)
+
+
+def semi_markov_e_step(
+    x: Float[Array, "P N D"],
+    lengths: Int[Array, " M"],
+    tables: SemiMarkovTables,
+    emissions: Emissions,
+    threads: int = 1,
+) -> SemiMarkovEStep:
+    """The same of a semi-Markov chain, and how long its visits are expected to have lasted.
+
+    threads bounds how many share the work of the compiled kernel; the sums do not depend on it.
+    """
+    parts = np.split(x, np.cumsum(lengths)[:-1], axis=1)
+    chains = [semi_markov(log_emissions(part, emissions), tables) for part in parts]
+    gamma = np.concatenate([chain.posteriors for chain in chains])  # (N, K)
+    return SemiMarkovEStep(
+        np.array([chain.log_likelihood for chain in chains]),
+        gamma.sum(axis=0),
+        np.sum([chain.posteriors[0] for chain in chains], axis=0),
+        np.sum([chain.transitions for chain in chains], axis=0),
+        np.sum([chain.visits for chain in chains], axis=0),
+        np.sum([chain.beyond for chain in chains], axis=0),
+        *moments(x, gamma, emissions),
+    )
 
 
 def moments(

@@ -1,0 +1,283 @@
+"""Semi-Markov chains short enough to list every path, and those that are Markov chains in other words."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from pilotfish.kernels import SemiMarkovTables, twins
+
+SHORT = [(1, 1), (1, 3), (4, 1), (2, 2), (6, 2), (5, 3)]
+EXPECTED = ("posteriors", "transitions", "visits", "beyond")
+SUMS = ("log_likelihoods", "mass", "first", "transitions", "visits", "beyond", "offsets", "scatters")
+
+
+def log_of(values):
+    with np.errstate(divide="ignore"):
+        return np.log(values)
+
+
+@pytest.fixture
+def problem(rng):
+    """Log-emissions and tables; zeros is the share of impossible weights, transitions and emissions."""
+
+    def draw(T, K, S, spread=1.0, zeros=0.0):
+        def possible(shape):
+            return rng.random(shape) >= zeros
+
+        transitions = rng.uniform(0.1, 1.0, (K, K)) * (1.0 - np.eye(K)) * possible((K, K))
+        tables = SemiMarkovTables(
+            rng.uniform(0.1, 1.0, K) * possible(K),
+            transitions,
+            np.where(possible((4, S, K)), rng.normal(size=(4, S, K)), -np.inf),
+            np.where(possible((2, K)), rng.normal(size=(2, K)), -np.inf),
+        )
+        return np.where(possible((T, K)), spread * rng.normal(size=(T, K)), -np.inf), tables
+
+    return draw
+
+
+def visits_of(path):
+    """State, begin and end of every visit: a path's maximal runs."""
+    cuts = [0, *(t for t in range(1, len(path)) if path[t] != path[t - 1]), len(path)]
+    return [(path[b], b, e) for b, e in itertools.pairwise(cuts)]
+
+
+def weigh(log_emissions, tables, path, counts):
+    """log p(emissions, path) by its definition; counts are those of this path alone, to be filled."""
+    T, S = len(path), tables.log_visits.shape[1]
+    visits = visits_of(path)
+    log_p = log_of(tables.initial)[path[0]] + log_emissions[np.arange(T), path].sum()
+    for state, begin, end in visits:
+        s = end - begin
+        if end < T and s > S:
+            return -np.inf
+        kind = 2 * (end == T) + (begin == 0)
+        where = (kind - 2, state) if s > S else (kind, s - 1, state)
+        log_p += (tables.log_beyond if s > S else tables.log_visits)[where]
+        counts["beyond" if s > S else "visits"][where] += 1.0
+        counts["posteriors"][begin:end, state] = 1.0
+    for (j, *_), (k, *_) in itertools.pairwise(visits):
+        log_p += log_of(tables.transitions)[j, k]
+        counts["transitions"][j, k] += 1.0
+    return log_p
+
+
+def every_path(log_emissions, tables):
+    """Every path, log p(emissions, path), and what each counts."""
+    shapes = {
+        "posteriors": log_emissions.shape,
+        "transitions": tables.transitions.shape,
+        "visits": tables.log_visits.shape,
+        "beyond": tables.log_beyond.shape,
+    }
+    T, K = log_emissions.shape
+    paths, log_p, counts = [], [], []
+    for path in itertools.product(range(K), repeat=T):
+        counts.append({name: np.zeros(shape) for name, shape in shapes.items()})
+        log_p.append(weigh(log_emissions, tables, path, counts[-1]))
+        paths.append(path)
+    return paths, np.array(log_p), counts
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.25])
+@pytest.mark.parametrize("spread", [1.0, 3000.0])
+@pytest.mark.parametrize("S", [1, 2, 4, 9])
+@pytest.mark.parametrize(("T", "K"), SHORT)
+def test_semi_markov_agrees_with_listing_every_path(kernels, problem, T, K, S, spread, zeros):
+    """Likelihood, posteriors, changes of state and lengths of visits are sums over all paths.
+
+    Every path is cut into visits of the four kinds, each with weights of its own; visits may be shorter or
+    longer than the tables. At the larger share of zeros a quarter of all there is cannot be.
+    """
+    given = problem(T, K, S, spread, zeros)
+    _, log_p, counts = every_path(*given)
+    result = kernels.semi_markov(*given)
+    log_likelihood = logsumexp(log_p) if np.isfinite(log_p).any() else -np.inf
+    np.testing.assert_allclose(result.log_likelihood, log_likelihood, rtol=1e-12, atol=1e-12)
+    share = np.exp(log_p - log_likelihood) if np.isfinite(log_likelihood) else np.zeros(len(log_p))
+    for name in EXPECTED:
+        expected = sum(p * count[name] for p, count in zip(share, counts, strict=True))
+        np.testing.assert_allclose(getattr(result, name), expected, rtol=1e-8, atol=1e-11, err_msg=name)
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.25])
+@pytest.mark.parametrize("spread", [1.0, 3000.0])
+@pytest.mark.parametrize("S", [1, 3, 9])
+@pytest.mark.parametrize(("T", "K"), SHORT)
+def test_semi_markov_viterbi_agrees_with_listing_every_path(kernels, problem, T, K, S, spread, zeros):
+    """The path found is the most probable of all, and log_probability is its own."""
+    given = problem(T, K, S, spread, zeros)
+    paths, log_p, _ = every_path(*given)
+    result = kernels.semi_markov_viterbi(*given)
+    np.testing.assert_allclose(result.log_probability, log_p.max(), rtol=1e-12, atol=1e-12)
+    if np.isfinite(log_p.max()):
+        np.testing.assert_array_equal(result.states, paths[log_p.argmax()])
+
+
+@pytest.mark.parametrize("S", [2, 9])
+def test_semi_markov_viterbi_takes_the_lower_state_at_a_tie(kernels, rng, S):
+    """Of equally probable paths, that one whose last differing state has the lower index.
+
+    Whole numbers everywhere make ties exact.
+    """
+    T, K = 6, 3
+    tables = SemiMarkovTables(
+        np.ones(K), np.ones((K, K)) - np.eye(K), rng.integers(0, 2, (4, S, K)).astype(float), np.zeros((2, K))
+    )
+    log_emissions = rng.integers(0, 2, (T, K)).astype(float)
+    paths, log_p, _ = every_path(log_emissions, tables)
+    ties = [path for path, p in zip(paths, log_p, strict=True) if p == log_p.max()]
+    result = kernels.semi_markov_viterbi(log_emissions, tables)
+    assert tuple(result.states) == min(ties, key=lambda path: path[::-1])
+
+
+def geometric(initial, transitions, S):
+    """The semi-Markov chain that a Markov chain is: geometric lengths of visits, states left for others."""
+    stay = np.diag(transitions)
+    leave = transitions * (1.0 - np.eye(len(stay)))
+    survival = np.arange(S)[:, None] * log_of(stay)  # log p(a visit lasts longer than s - 1), s = 1 ... S
+    ended = survival + log_of(1.0 - stay)
+    visits = np.stack([ended, ended, survival, survival])
+    return SemiMarkovTables(
+        initial, leave / leave.sum(axis=1, keepdims=True), visits, np.full((2, len(stay)), -np.inf)
+    )
+
+
+@pytest.mark.parametrize(("T", "K"), [(1, 2), (2, 2), (40, 2), (60, 5)])
+def test_with_geometric_lengths_it_is_a_markov_chain(kernels, chain, T, K):
+    """Likelihood, posteriors, changes of state and the most probable path are the hidden Markov model's."""
+    log_emissions, initial, transitions = chain(T, K, spread=3.0)
+    transitions = 0.5 * (transitions + np.eye(K))
+    tables = geometric(initial, transitions / transitions.sum(axis=1, keepdims=True), T)
+    markov = twins.forward_backward(log_emissions, initial, transitions)
+    result = kernels.semi_markov(log_emissions, tables)
+    np.testing.assert_allclose(result.log_likelihood, markov.log_likelihood, rtol=1e-12)
+    np.testing.assert_allclose(result.posteriors, markov.posteriors, rtol=1e-8, atol=1e-12)
+    changes = markov.transitions * (1.0 - np.eye(K))
+    np.testing.assert_allclose(result.transitions, changes, rtol=1e-8, atol=1e-12)
+    best, expected = (
+        kernels.semi_markov_viterbi(log_emissions, tables),
+        twins.viterbi(log_emissions, initial, transitions),
+    )
+    np.testing.assert_array_equal(best.states, expected.states)
+    np.testing.assert_allclose(best.log_probability, expected.log_probability, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("T", "S"), [(300, 40), (300, 400)])
+@pytest.mark.parametrize("spread", [1.0, 700.0])
+def test_what_is_counted_adds_up(kernels, problem, T, S, spread):
+    """Visits weighted by their lengths fill the recording, but for those longer than the tables; one visit
+    more than changes of state; the posteriors' sum is each state's share of the recording.
+    """
+    log_emissions, tables = problem(T, 4, S, spread)
+    result = kernels.semi_markov(log_emissions, tables)
+    np.testing.assert_allclose(result.posteriors.sum(axis=1), 1.0, rtol=1e-12)
+    inside = np.einsum("csk,s->k", result.visits, np.arange(1.0, S + 1.0))
+    np.testing.assert_allclose(
+        result.visits.sum() + result.beyond.sum(), 1.0 + result.transitions.sum(), rtol=1e-10
+    )
+    np.testing.assert_allclose(result.visits[2:].sum() + result.beyond.sum(), 1.0, rtol=1e-10)
+    if S >= T:
+        np.testing.assert_allclose(inside, result.posteriors.sum(axis=0), rtol=1e-9, atol=1e-9)
+        assert not result.beyond.any()
+        assert not result.visits[:, T:].any()
+
+
+def test_a_state_that_is_never_left_keeps_the_rest(kernels):
+    """Its row of transitions is zero: it lasts beyond any table, and no visit to it ends."""
+    T, S = 30, 4
+    log_emissions = np.zeros((T, 2))
+    log_emissions[:3, 1] = -50.0
+    log_emissions[3:, 0] = -50.0
+    tables = SemiMarkovTables(
+        np.array([1.0, 0.0]),
+        np.array([[0.0, 1.0], [0.0, 0.0]]),
+        np.full((4, S, 2), np.log(0.25)),
+        np.zeros((2, 2)),
+    )
+    result = kernels.semi_markov(log_emissions, tables)
+    np.testing.assert_allclose(result.posteriors[:, 1], np.arange(T) >= 3, atol=1e-12)
+    np.testing.assert_allclose(result.beyond, [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(result.log_likelihood, np.log(0.25), atol=1e-12)
+    assert kernels.semi_markov_viterbi(log_emissions, tables).states.tolist() == [0] * 3 + [1] * (T - 3)
+
+
+def test_what_no_path_explains_has_likelihood_zero(kernels):
+    """Log-likelihood -inf and zeros, nothing undefined."""
+    tables = SemiMarkovTables(
+        np.array([1.0, 0.0]), np.zeros((2, 2)), np.zeros((4, 2, 2)), np.full((2, 2), -np.inf)
+    )
+    for log_emissions, chain in [
+        (np.zeros((3, 2)), tables),  # no way on from the first state, and it cannot last
+        (np.full((2, 2), -np.inf), tables),
+        (
+            np.zeros((1, 2)),
+            SemiMarkovTables(np.zeros(2), np.zeros((2, 2)), np.zeros((4, 1, 2)), np.zeros((2, 2))),
+        ),
+    ]:
+        result = kernels.semi_markov(log_emissions, chain)
+        assert result.log_likelihood == -np.inf
+        assert not any(getattr(result, name).any() for name in EXPECTED)
+        assert kernels.semi_markov_viterbi(log_emissions, chain).log_probability == -np.inf
+
+
+@pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
+def test_a_visit_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
+    """State 1 looks 1e-4000 times less likely at every early step, and is the only one that ends well."""
+    T, turn, S = 40, 25, 30
+    log_emissions = np.zeros((T, 2))
+    log_emissions[:turn, 1], log_emissions[turn:, 0] = -9000.0, -1e6
+    tables = SemiMarkovTables(
+        np.array([1.0, 0.0]),
+        np.array([[0.0, rare], [0.0, 0.0]]),
+        np.full((4, S, 2), -800.0),
+        np.zeros((2, 2)),
+    )
+    result = kernels.semi_markov(log_emissions, tables)
+    np.testing.assert_allclose(result.log_likelihood, np.log(rare) - 1600.0, rtol=1e-12)  # change at the turn
+    np.testing.assert_allclose(result.transitions[0, 1], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(result.visits[1, turn - 1, 0], 1.0, rtol=1e-9)
+    assert kernels.semi_markov_viterbi(log_emissions, tables).states.sum() == T - turn
+
+
+def tables_for(case, rng, S):
+    K = len(case.initial)
+    transitions = case.transitions * (1.0 - np.eye(K))
+    log_visits = rng.normal(size=(4, S, K)) - 0.1 * np.square(np.arange(S) - S / 3.0)[:, None]
+    return SemiMarkovTables(case.initial, transitions, log_visits, rng.normal(size=(2, K)))
+
+
+def test_semi_markov_e_step_sums_what_is_found_in_each_demonstration(kernels, case, rng):
+    """Every sum is its definition, taken over posteriors of demonstrations one at a time."""
+    given = case(2, [7, 1, 20], 4, 3)
+    tables = tables_for(given, rng, 6)
+    result = kernels.semi_markov_e_step(given.x, given.lengths, tables, given.emissions)
+    parts = np.split(twins.log_emissions(given.x, given.emissions), np.cumsum(given.lengths)[:-1])
+    chains = [twins.semi_markov(part, tables) for part in parts]
+    gamma = np.concatenate([chain.posteriors for chain in chains])
+    error = given.x[:, :, None] - given.means[:, None]  # (P, N, K, D)
+    expected = {
+        "log_likelihoods": [chain.log_likelihood for chain in chains],
+        "mass": gamma.sum(axis=0),
+        "first": sum(chain.posteriors[0] for chain in chains),
+        "transitions": sum(chain.transitions for chain in chains),
+        "visits": sum(chain.visits for chain in chains),
+        "beyond": sum(chain.beyond for chain in chains),
+        "offsets": np.einsum("nk,pnki->pki", gamma, error),
+        "scatters": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
+    }
+    for name in SUMS:
+        np.testing.assert_allclose(getattr(result, name), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
+
+
+def test_a_demonstration_that_no_visits_explain_adds_nothing(kernels, case):
+    """Its log-likelihood is -inf; the sums are those of the others."""
+    given = case(1, [8, 1], 2, 2)
+    tables = SemiMarkovTables(given.initial, np.zeros((2, 2)), np.zeros((4, 3, 2)), np.full((2, 2), -np.inf))
+    result = kernels.semi_markov_e_step(given.x, given.lengths, tables, given.emissions)
+    alone = kernels.semi_markov_e_step(given.x[:, 8:], np.array([1]), tables, given.emissions)
+    assert result.log_likelihoods[0] == -np.inf
+    for name in SUMS[1:]:
+        np.testing.assert_allclose(getattr(result, name), getattr(alone, name), atol=1e-15, err_msg=name)
