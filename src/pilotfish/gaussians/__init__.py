@@ -16,8 +16,17 @@ from pilotfish.gaussians.gaussian import (
     transform,
     whiteners,
 )
-from pilotfish.gaussians.mixture import Mixture, Regression, regress
+from pilotfish.gaussians.mixture import Mixture
 from pilotfish.gaussians.moments import Moments, moments, moments_about
+from pilotfish.gaussians.regression import (
+    Conditionals,
+    Regression,
+    conditionals,
+    log_input_densities,
+    regress,
+    regress_means,
+    regress_shared,
+)
 from pilotfish.gaussians.semi_tied import SemiTied, SemiTiedCovariances
 from pilotfish.gaussians.structures import (
     Covariances,
@@ -30,6 +39,7 @@ from pilotfish.gaussians.structures import (
 )
 
 __all__ = [
+    "Conditionals",
     "Covariances",
     "DenseCovariances",
     "Diagonal",
@@ -45,15 +55,19 @@ __all__ = [
     "cholesky",
     "component_correlation",
     "condition",
+    "conditionals",
     "confidence_radius",
     "ellipse",
     "inside",
     "log_density",
+    "log_input_densities",
     "marginal",
     "moments",
     "moments_about",
     "product",
     "regress",
+    "regress_means",
+    "regress_shared",
     "sample",
     "transform",
     "whiteners",
