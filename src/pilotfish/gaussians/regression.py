@@ -116,10 +116,12 @@ def regress_means(mixture: Mixture, inputs: Int[Array, " I"], x: Float[Array, "N
 
 
 def _shares(mixture: Mixture, given: Conditionals, x: Float[Array, "N _"]) -> Float[Array, "N K"]:
-    """p(component k | input x_n); rows sum to one."""
+    """p(component k | input x_n); rows sum to one, however far the input is."""
+    log_densities = log_input_densities(given, x)
     with np.errstate(divide="ignore"):
-        log_joint = np.log(mixture.weights) + log_input_densities(given, x)
-    return np.asarray(np.exp(log_joint - np.logaddexp.reduce(log_joint, axis=1)[:, None]))
+        log_joint = np.log(mixture.weights) + (log_densities - log_densities.max(axis=1, keepdims=True))
+    joint = np.exp(log_joint - log_joint.max(axis=1, keepdims=True))
+    return np.asarray(joint / joint.sum(axis=1, keepdims=True))
 
 
 def regress_shared(given: Conditionals, x: Float[Array, "N _"], shares: Float[Array, "N K"]) -> Regression:
