@@ -3,15 +3,22 @@ learned by a fold of statistics, adapted to where objects stand, and unrolled in
 """
 
 from pilotfish.models.adapt import adapt
-from pilotfish.models.durations import runs, with_durations
-from pilotfish.models.dynamics import (
-    Dynamics,
+from pilotfish.models.durations import (
+    Durations,
+    GammaDurations,
     GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    NegativeBinomialDurations,
+    PoissonDurations,
+)
+from pilotfish.models.durations_counted import runs, with_durations
+from pilotfish.models.dynamics import (
+    Censoring,
+    Dynamics,
     MarkovChain,
     SemiMarkovChain,
     Weights,
-    log_duration_table,
-    longest_duration,
 )
 from pilotfish.models.em import EMSettings, Outcome, Run, improve
 from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
@@ -19,6 +26,7 @@ from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
 from pilotfish.models.regression import as_mixture
 from pilotfish.models.sequences import (
     log_emissions,
+    log_likelihood,
     log_likelihood_of_states,
     most_probable_states,
     sample_states,
@@ -39,16 +47,23 @@ from pilotfish.models.statistics import (
 
 __all__ = [
     "AdaptedSkill",
+    "Censoring",
+    "Durations",
     "Dynamics",
     "EMSettings",
     "Fit",
     "Forward",
+    "GammaDurations",
     "GaussianDurations",
     "Given",
     "HiddenModel",
+    "HistogramDurations",
     "KMeans",
+    "LogNormalDurations",
     "MarkovChain",
+    "NegativeBinomialDurations",
     "Outcome",
+    "PoissonDurations",
     "Provenance",
     "Run",
     "SemiMarkovChain",
@@ -65,10 +80,9 @@ __all__ = [
     "learn",
     "learn_markov",
     "learn_mixture",
-    "log_duration_table",
     "log_emissions",
+    "log_likelihood",
     "log_likelihood_of_states",
-    "longest_duration",
     "markov_forward",
     "maximise",
     "most_likely_chain",

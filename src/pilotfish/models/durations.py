@@ -1,55 +1,191 @@
-"""From a Markov model to a semi-Markov one: durations counted along the most likely state sequences."""
+"""How long a visit to a state lasts: laws on whole steps s = 1, 2, ..., their parameters state by state."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from pilotfish import kernels
-from pilotfish.demonstrations import Views
-from pilotfish.models.dynamics import GaussianDurations, SemiMarkovChain
-from pilotfish.models.sequences import log_emissions
-from pilotfish.models.skill import HiddenModel, Skill
-from pilotfish.models.statistics import one_step_chain, statistics
+from pilotfish.models.durations_sums import least_outlasted, log_normalised, moments_of, quantile
 from pilotfish.types import Array, Float, Int
 
 
-def runs(states: Int[Array, " T"]) -> tuple[Int[Array, " R"], Int[Array, " R"]]:
-    """The visits of a state sequence in order: which state, and for how many steps."""
-    begins = np.concatenate([[0], np.flatnonzero(np.diff(states)) + 1])
-    return states[begins], np.diff(np.append(begins, len(states)))
+@runtime_checkable
+class Durations(Protocol):
+    """How many steps a visit to each of K states lasts, one at least."""
+
+    @property
+    def means(self) -> Float[Array, " K"]:
+        """In steps."""
+        ...
+
+    @property
+    def deviations(self) -> Float[Array, " K"]:
+        """In steps."""
+        ...
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        """table[s - 1, k] = log p(a visit to k lasts s steps), s = 1 ... longest, normalised over all s."""
+        ...
+
+    def longest(self, lost: float) -> int:
+        """The least number of steps that a visit to any state outlasts with probability at most lost."""
+        ...
 
 
-def with_durations(model: HiddenModel | Skill, data: Views, floor: float) -> SemiMarkovChain:
-    """The thesis' semi-Markov reading of a fitted Markov model, demonstration by demonstration.
+@dataclass(frozen=True, slots=True, eq=False)
+class GaussianDurations:
+    """The density of N(mean, deviation^2) at whole steps s >= 1, normalised over them.
 
-    Durations are the mean and deviation of the runs of the Viterbi sequence; floor [steps^2] is added to
-    their variance. The last run of a demonstration is counted as if it ended there, a known bias. A state
-    that the sequences never visit gets the mean duration of its self-transition.
-    Transitions are the expected counts between different states, renormalised; a state that all
-    demonstrations together leave less than half a time is final.
-    Source: Tanwani 2018, sections 3.2.1-3.2.2, equation 3.29 without the self-transitions in its denominator.
+    means and deviations [steps] are those of the density, before it is cut.
     """
-    initial, transitions = one_step_chain(model.dynamics)
-    visited, lengths = _visits(model, data)
-    K = len(initial)
-    geometric = 1.0 / np.maximum(1.0 - np.diag(transitions), 1.0 / len(data.x[0]))
-    means, variances = geometric.copy(), geometric**2
-    for k in range(K):
-        if len(own := lengths[visited == k]):
-            means[k], variances[k] = own.mean(), own.var()
-    return SemiMarkovChain(
-        initial,
-        _between(statistics(model, data).transitions),
-        GaussianDurations(means, np.sqrt(variances + floor)),
-    )
+
+    means: Float[Array, " K"]
+    deviations: Float[Array, " K"]
+
+    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+        return np.asarray(-0.5 * ((steps[:, None] - self.means) / self.deviations) ** 2)
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        return log_normalised(self.log_weights, longest)
+
+    def longest(self, lost: float) -> int:
+        return quantile(self.log_weights, lost)
 
 
-def _visits(model: HiddenModel | Skill, data: Views) -> tuple[Int[Array, " R"], Int[Array, " R"]]:
-    initial, transitions = one_step_chain(model.dynamics)
-    parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
-    paths = [runs(kernels.viterbi(np.ascontiguousarray(part), initial, transitions).states) for part in parts]
-    return np.concatenate([p[0] for p in paths]), np.concatenate([p[1] for p in paths])
+@dataclass(frozen=True, slots=True, eq=False)
+class LogNormalDurations:
+    """The density at whole steps s >= 1 that makes log s normal, normalised over them.
+
+    log_means and log_deviations are those of log s, before the density is cut.
+    """
+
+    log_means: Float[Array, " K"]
+    log_deviations: Float[Array, " K"]
+
+    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+        log_s = np.log(steps)[:, None]
+        return np.asarray(-0.5 * ((log_s - self.log_means) / self.log_deviations) ** 2 - log_s)
+
+    @property
+    def means(self) -> Float[Array, " K"]:
+        return moments_of(self.log_weights)[0]
+
+    @property
+    def deviations(self) -> Float[Array, " K"]:
+        return moments_of(self.log_weights)[1]
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        return log_normalised(self.log_weights, longest)
+
+    def longest(self, lost: float) -> int:
+        return quantile(self.log_weights, lost)
 
 
-def _between(counts: Float[Array, "K K"]) -> Float[Array, "K K"]:
-    leaving = counts * (1.0 - np.eye(len(counts)))
-    departures = leaving.sum(axis=1, keepdims=True)
-    return np.asarray(np.divide(leaving, departures, out=np.zeros_like(leaving), where=departures >= 0.5))
+@dataclass(frozen=True, slots=True, eq=False)
+class GammaDurations:
+    """The density s^(shape - 1) e^(-rate s) at whole steps s >= 1, normalised over them; rates [1/step]."""
+
+    shapes: Float[Array, " K"]
+    rates: Float[Array, " K"]
+
+    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+        return np.asarray(np.log(steps)[:, None] * (self.shapes - 1.0) - steps[:, None] * self.rates)
+
+    @property
+    def means(self) -> Float[Array, " K"]:
+        return moments_of(self.log_weights)[0]
+
+    @property
+    def deviations(self) -> Float[Array, " K"]:
+        return moments_of(self.log_weights)[1]
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        return log_normalised(self.log_weights, longest)
+
+    def longest(self, lost: float) -> int:
+        return quantile(self.log_weights, lost)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoissonDurations:
+    """One step, and as many more as a Poisson law of mean `more` says."""
+
+    more: Float[Array, " K"]
+
+    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+        from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
+
+        return np.asarray((steps - 1)[:, None] * np.log(self.more) - gammaln(steps)[:, None])
+
+    @property
+    def means(self) -> Float[Array, " K"]:
+        return 1.0 + self.more
+
+    @property
+    def deviations(self) -> Float[Array, " K"]:
+        return np.asarray(np.sqrt(self.more))
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        return log_normalised(self.log_weights, longest)
+
+    def longest(self, lost: float) -> int:
+        return quantile(self.log_weights, lost)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NegativeBinomialDurations:
+    """One step, and as many more as a negative binomial law says.
+
+    p(s) = Gamma(s - 1 + shape) / (Gamma(shape) (s - 1)!) leaving^shape (1 - leaving)^(s - 1). With shape one
+    it is the geometric law of a Markov chain, leaving the probability of a step to another state.
+    """
+
+    shapes: Float[Array, " K"]
+    leaving: Float[Array, " K"]
+
+    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+        from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
+
+        more = (steps - 1)[:, None]
+        choices = gammaln(more + self.shapes) - gammaln(self.shapes) - gammaln(steps)[:, None]
+        return np.asarray(choices + more * np.log1p(-self.leaving))
+
+    @property
+    def means(self) -> Float[Array, " K"]:
+        return np.asarray(1.0 + self.shapes * (1.0 - self.leaving) / self.leaving)
+
+    @property
+    def deviations(self) -> Float[Array, " K"]:
+        return np.asarray(np.sqrt(self.shapes * (1.0 - self.leaving)) / self.leaving)
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        return log_normalised(self.log_weights, longest)
+
+    def longest(self, lost: float) -> int:
+        return quantile(self.log_weights, lost)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HistogramDurations:
+    """Any probabilities of s = 1 ... S steps, columns summing to one; nothing lasts longer."""
+
+    probabilities: Float[Array, "S K"]
+
+    @property
+    def means(self) -> Float[Array, " K"]:
+        return np.asarray(np.arange(1.0, len(self.probabilities) + 1) @ self.probabilities)
+
+    @property
+    def deviations(self) -> Float[Array, " K"]:
+        away = np.arange(1.0, len(self.probabilities) + 1)[:, None] - self.means
+        return np.asarray(np.sqrt((np.square(away) * self.probabilities).sum(axis=0)))
+
+    def log_table(self, longest: int) -> Float[Array, "S K"]:
+        S, K = self.probabilities.shape
+        table = np.full((longest, K), -np.inf)
+        with np.errstate(divide="ignore"):
+            table[:S] = np.log(self.probabilities[:longest])
+        return table
+
+    def longest(self, lost: float) -> int:
+        return least_outlasted(self.probabilities, lost)

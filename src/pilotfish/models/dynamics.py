@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.types import Array, Float
+from pilotfish.models.durations import Durations
+from pilotfish.types import Array, Bool, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,45 +23,38 @@ class MarkovChain:
     transitions: Float[Array, "K K"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GaussianDurations:
-    """Steps spent in a state at one visit: N(mean, deviation^2), cut to whole steps s >= 1."""
+@dataclass(frozen=True, slots=True)
+class Censoring:
+    """What recordings cut off.
 
-    means: Float[Array, " K"]
-    deviations: Float[Array, " K"]
+    first  a recording begins inside a visit, of which only the rest was seen; else it begins with a visit
+    last   a recording may end inside a visit, of which only the beginning was seen; else it ends with one
+    """
+
+    first: bool = False
+    last: bool = True
+
+
+CUT_SHORT = Censoring()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SemiMarkovChain:
     """transitions[i, j] is the probability that a visit to j follows a visit to i.
 
-    The diagonal is zero. A row of zeros is a final state: once there, the skill stays.
+    The diagonal is zero. A row of zeros is a final state: once there, the skill stays. initial says which
+    state the first step is in; whether a visit begins with it, or goes on, censoring says.
     """
 
     initial: Float[Array, " K"]
     transitions: Float[Array, "K K"]
-    durations: GaussianDurations
+    durations: Durations
+    censoring: Censoring = CUT_SHORT
 
 
 Dynamics = Weights | MarkovChain | SemiMarkovChain
 
 
-def final_states(chain: SemiMarkovChain) -> Float[Array, " K"]:
-    """One for states that are never left, zero for the others."""
-    return np.asarray(~chain.transitions.any(axis=1), dtype=np.float64)
-
-
-def longest_duration(durations: GaussianDurations) -> int:
-    """The number of steps that a visit outlasts with probability below 2e-9, for means of a step or more."""
-    return max(1, int(np.ceil((durations.means + 6.0 * durations.deviations).max())))
-
-
-def log_duration_table(durations: GaussianDurations, longest: int) -> Float[Array, "S K"]:
-    """table[s - 1, i] = log p(a visit to i lasts s steps), s = 1 ... longest, each column normalised.
-
-    Normalising the cut Gaussian keeps every visit at least one step long; a mean far outside the range
-    leaves all weight on the nearest length, never on none.
-    """
-    steps = np.arange(1, longest + 1)[:, None]
-    log_p = -0.5 * ((steps - durations.means) / durations.deviations) ** 2
-    return np.asarray(log_p - np.logaddexp.reduce(log_p, axis=0))
+def final_states(chain: SemiMarkovChain) -> Bool[Array, " K"]:
+    """Whether a state is never left."""
+    return np.asarray(~chain.transitions.any(axis=1))

@@ -5,16 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.models.dynamics import (
-    Dynamics,
-    MarkovChain,
-    SemiMarkovChain,
-    Weights,
-    final_states,
-    log_duration_table,
-    longest_duration,
-)
+from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights, final_states
+from pilotfish.models.visits import log_tails
 from pilotfish.types import Array, Float
+
+LOST = 1e-12  # a visit outlasts what is followed of it with less probability
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +28,12 @@ def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"
     """The forward variable of a semi-Markov chain over horizon steps, of which the first S are observed.
 
     log_observed[t, i] = log p(x_t | state i). A final state is never left, so no visit to it ends.
-    Cost: O(T K (K + longest duration)).
+    Cost: O(T K (K + L)), L the longest duration, or the S observed steps where these are more.
     Source: Tanwani 2018, equations 3.40-3.41, with the segments that begin at t = 1, which (3.40) forgets.
     """
     _check(log_observed, horizon)
-    (S, K), longest = log_observed.shape, min(horizon, longest_duration(chain.durations))
+    (S, K) = log_observed.shape
+    longest = min(horizon, max(S, chain.durations.longest(LOST)))  # observed, any visit may have lasted
     log_last, log_longer = _log_visits(chain, longest)
     # The best of each step is taken out, and put back at the end: differences of sums keep their digits.
     best = log_observed.max(axis=1, initial=-np.inf)
@@ -47,7 +43,7 @@ def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"
     log_starts, log_ends, log_occupancy = np.full((3, horizon + 1, K), -np.inf)
     with np.errstate(divide="ignore"):
         log_starts[0], log_transitions = np.log(chain.initial), np.log(chain.transitions)
-    settled = np.where(final_states(chain) > 0.0, 0.0, -np.inf)  # only final states outlast the longest visit
+    settled = np.where(final_states(chain), 0.0, -np.inf)  # only final states outlast the longest visit
     log_settled = np.full(K, -np.inf)
     for t in range(1, horizon + 1):
         d = np.arange(1, min(longest, t) + 1)  # how long the visit has lasted
@@ -55,20 +51,27 @@ def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"
         if longest < t:
             begun = t - longest - 1
             log_settled = np.logaddexp(log_settled, log_starts[begun] - seen[begun] + settled)
-        log_ends[t] = np.logaddexp.reduce(visits + log_last[d - 1], axis=0)
-        lasting = np.logaddexp.reduce(visits + log_longer[d - 1], axis=0)
+        first = (d == t).astype(np.int64)  # one for the visit that is the first
+        log_ends[t] = np.logaddexp.reduce(visits + log_last[first, d - 1], axis=0)
+        lasting = np.logaddexp.reduce(visits + log_longer[first, d - 1], axis=0)
         log_occupancy[t] = np.logaddexp(lasting, log_settled + seen[t])
         log_starts[t] = np.logaddexp.reduce(log_ends[t][:, None] + log_transitions, axis=0)
     taken = np.cumsum(np.append(best, np.zeros(horizon - S)))[:, None]
     return Forward(log_ends[1:] + taken, log_occupancy[1:] + taken)
 
 
-def _log_visits(chain: SemiMarkovChain, longest: int) -> tuple[Float[Array, "L K"], Float[Array, "L K"]]:
-    """log p(a visit lasts exactly d) and log p(it lasts d or more), d = 1 ... longest."""
-    table = log_duration_table(chain.durations, max(longest, longest_duration(chain.durations)))
-    log_longer = np.logaddexp.accumulate(table[::-1], axis=0)[::-1]
-    final = final_states(chain) > 0.0
-    return np.where(final, -np.inf, table)[:longest], np.where(final, 0.0, log_longer)[:longest]
+def _log_visits(chain: SemiMarkovChain, longest: int) -> tuple[Float[Array, "2 L K"], Float[Array, "2 L K"]]:
+    """log p(a visit lasts exactly d) and log p(it lasts d or more), d = 1 ... longest.
+
+    [0] of one that begins after the first step, [1] of the first one, which may have begun before it.
+    """
+    last = chain.durations.log_table(longest)
+    longer, excess = log_tails(chain.durations, longest)
+    lasts, lasts_longer = np.stack([last, last]), np.stack([longer, longer])
+    if chain.censoring.first:
+        lasts[1], lasts_longer[1] = longer - excess[0], excess - excess[0]
+    final = final_states(chain)
+    return np.where(final, -np.inf, lasts), np.where(final, 0.0, lasts_longer)
 
 
 def markov_forward(

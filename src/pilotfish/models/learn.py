@@ -11,7 +11,7 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
 from pilotfish.gaussians import Full, Structure
-from pilotfish.models.durations import with_durations
+from pilotfish.models.durations_counted import with_durations
 from pilotfish.models.dynamics import Dynamics
 from pilotfish.models.em import EMSettings, MStep, Outcome, Run, improve
 from pilotfish.models.skill import Provenance, Skill

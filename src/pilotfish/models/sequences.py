@@ -1,22 +1,18 @@
 """State sequences of a skill: the most probable at each time, random ones, and the one that explains data."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import whiteners
-from pilotfish.models.dynamics import (
-    Dynamics,
-    MarkovChain,
-    SemiMarkovChain,
-    Weights,
-    log_duration_table,
-    longest_duration,
-)
-from pilotfish.models.forward import occupancy
+from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
+from pilotfish.models.forward import LOST, occupancy
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
 from pilotfish.models.statistics import one_step_chain
+from pilotfish.models.visits import log_tails, visit_tables
 from pilotfish.types import Array, Float, Int
 
 
@@ -40,12 +36,32 @@ def most_probable_states(
 
 
 def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Array, " T"]:
-    """The single most likely state sequence of a demonstration under a mixture or Markov skill.
+    """The single most likely state sequence of a demonstration; of a semi-Markov skill, of its visits.
 
-    Raises: InvalidInput for a semi-Markov skill, whose Markov form is fit.markov.
+    Cost: O(T K^2), and O(T^2 K) more for a semi-Markov skill.
     """
-    initial, transitions = one_step_chain(model.dynamics)
-    return kernels.viterbi(log_emissions(model, views([demonstration])), initial, transitions).states
+    emissions = log_emissions(model, views([demonstration]))
+    if isinstance(model.dynamics, SemiMarkovChain):
+        tables = visit_tables(model.dynamics, len(emissions))
+        return kernels.semi_markov_viterbi(emissions, tables).states
+    return kernels.viterbi(emissions, *one_step_chain(model.dynamics)).states
+
+
+def log_likelihood(
+    model: HiddenModel | Skill, demonstrations: Sequence[Demonstration], *, longest: int | None = None
+) -> Float[Array, " M"]:
+    """log p(demonstration) under the model [nats], for each of them: over all state sequences, in all frames.
+
+    Densities are those of the rows as every frame sees them, multiplied. For a semi-Markov skill this costs
+    O(T K (K + T)); longest, where given, leaves out visits of more steps, which bounds the cost.
+    """
+    data = views(demonstrations)
+    parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
+    if isinstance(model.dynamics, SemiMarkovChain):
+        tables = visit_tables(model.dynamics, min(longest or np.inf, data.lengths.max()))
+        return np.array([kernels.semi_markov(part, tables).log_likelihood for part in parts])
+    chain = one_step_chain(model.dynamics)
+    return np.array([kernels.forward_backward(part, *chain).log_likelihood for part in parts])
 
 
 def sample_states(dynamics: Dynamics, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
@@ -71,14 +87,20 @@ def _sample_markov(chain: MarkovChain, horizon: int, rng: np.random.Generator) -
 
 
 def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
-    K, longest = len(chain.initial), longest_duration(chain.durations)
-    table = np.exp(log_duration_table(chain.durations, longest))  # (S, K)
-    state = rng.choice(K, p=chain.initial)
+    table = np.exp(chain.durations.log_table(chain.durations.longest(LOST)))  # (S, K)
+    state = int(rng.choice(len(chain.initial), p=chain.initial))
+    lengths = _lengths_left(chain) if chain.censoring.first else table
     states: list[int] = []
     while len(states) < horizon:
         onward = chain.transitions[state]
         if not onward.any():
             return np.array(states + [state] * (horizon - len(states)))
-        states += [state] * int(rng.choice(longest, p=table[:, state]) + 1)
-        state = rng.choice(K, p=onward)
+        odds = lengths[:, state] / lengths[:, state].sum()
+        states += [state] * int(rng.choice(len(odds), p=odds) + 1)
+        state, lengths = int(rng.choice(len(onward), p=onward)), table
     return np.array(states[:horizon])
+
+
+def _lengths_left(chain: SemiMarkovChain) -> Float[Array, "S K"]:
+    """p(s steps are left of a visit that is met at a random one of its steps), up to a factor."""
+    return np.asarray(np.exp(log_tails(chain.durations, chain.durations.longest(LOST))[0]))

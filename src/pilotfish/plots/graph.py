@@ -15,8 +15,6 @@ from pilotfish.models import (
     AdaptedSkill,
     SemiMarkovChain,
     Skill,
-    log_duration_table,
-    longest_duration,
     occupancy,
 )
 from pilotfish.plots.doors import require_states
@@ -31,6 +29,7 @@ RISE = 0.22  # how much higher an arrow climbs for each further node it passes o
 LINE = 0.2  # between names of goals in other rows
 ABREAST, MARGIN = 10, 1  # most states in a row; room at its end, in nodes, when there are several
 DURATIONS = 2.2  # inches that the densities of a row are high
+OUT_OF_SIGHT = 1e-4  # how much of a state's durations lies to the right of what is drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,8 +188,8 @@ def _draw_durations(
     period: float,
 ) -> None:
     """How probable each duration is, state by state, on the same scales for all states of the skill."""
-    longest = longest_duration(chain.durations)
-    density = np.exp(log_duration_table(chain.durations, longest)) / period  # (S, K), per second
+    longest = chain.durations.longest(OUT_OF_SIGHT)
+    density = np.exp(chain.durations.log_table(longest)) / period  # (S, K), per second
     seconds = period * np.arange(1, longest + 1)
     row = cells.subgridspec(1, breadth, wspace=0.08)
     for x, k in enumerate(line):

@@ -6,7 +6,20 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Covariances, SemiTiedCovariances, cholesky
-from pilotfish.models import Dynamics, MarkovChain, SemiMarkovChain, Skill, Weights
+from pilotfish.models import (
+    Durations,
+    Dynamics,
+    GammaDurations,
+    GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    MarkovChain,
+    NegativeBinomialDurations,
+    PoissonDurations,
+    SemiMarkovChain,
+    Skill,
+    Weights,
+)
 from pilotfish.store.skills_fields import require_finite
 from pilotfish.types import Array, Float
 
@@ -56,7 +69,27 @@ def _require_dynamics(dynamics: Dynamics) -> None:
             _require_distribution(initial, "initial")
             for i, row in enumerate(transitions):
                 _require_departures(row, i)
-            _require_positive(durations.deviations, "durations.deviations")
+            _require_durations(durations)
+
+
+def _require_durations(durations: Durations) -> None:
+    match durations:
+        case GaussianDurations(_, deviations):
+            _require_positive(deviations, "durations.deviations")
+        case LogNormalDurations(_, log_deviations):
+            _require_positive(log_deviations, "durations.log_deviations")
+        case PoissonDurations(more):
+            _require_positive(more, "durations.more")
+        case GammaDurations(shapes, rates):
+            _require_positive(shapes, "durations.shapes")
+            _require_positive(rates, "durations.rates")
+        case NegativeBinomialDurations(shapes, leaving):
+            _require_positive(shapes, "durations.shapes")
+            _require_positive(leaving, "durations.leaving")
+            _require_positive(1.0 - leaving, "1 - durations.leaving")
+        case HistogramDurations(probabilities):
+            for k, column in enumerate(probabilities.T):
+                _require_distribution(column, f"durations.probabilities[:, {k}]")
 
 
 def _require_departures(row: Float[Array, " K"], i: int) -> None:

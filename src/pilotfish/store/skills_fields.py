@@ -9,6 +9,15 @@ from typing import Any, TypeVar, get_type_hints
 import numpy as np
 
 from pilotfish.errors import InvalidInput
+from pilotfish.models import (
+    Durations,
+    GammaDurations,
+    GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    NegativeBinomialDurations,
+    PoissonDurations,
+)
 from pilotfish.types import Array, Float
 
 Arrays = dict[str, Array]
@@ -16,19 +25,36 @@ T = TypeVar("T")
 
 PLAIN = (bool, int, float, str)
 
+# What a field that says how long visits last may hold, by the name it has in a file. To add a kind, add a
+# line. The first has no name in a file: there was no other when files were first written.
+DURATIONS: dict[str, type[Any]] = {
+    "gaussian": GaussianDurations,
+    "log-normal": LogNormalDurations,
+    "gamma": GammaDurations,
+    "poisson": PoissonDurations,
+    "negative-binomial": NegativeBinomialDurations,
+    "histogram": HistogramDurations,
+}
+KINDS: dict[type[Any], dict[str, type[Any]]] = {Durations: DURATIONS}
+
 
 def take_apart(value: Any, place: str, sizes: Mapping[str, int]) -> tuple[dict[str, Any], Arrays]:
     """The plain fields of a dataclass by name, and its arrays by dotted name, nested dataclasses included.
 
-    Arrays have the shape that their annotation gives them; sizes says how long its letters are.
+    Arrays have the shape that their annotation gives them; sizes says how long its letters are, others may
+    have any length. An inner dataclass that equals the default of its field is left out.
     Raises: InvalidInput, when a field does not hold what is declared.
     """
     plain: dict[str, Any] = {}
     arrays: Arrays = {}
     for name, kind in _declared(type(value)).items():
         here, content = f"{place}.{name}", getattr(value, name)
-        if is_dataclass(kind):
+        if is_dataclass(kind) and content == _default(type(value), name):
+            continue
+        if is_dataclass(kind) or kind in KINDS:
             inner, more = take_apart(content, here, sizes)
+            if kind in KINDS:
+                inner |= _kind_of(content, KINDS[kind])
             plain |= {f"{name}.{key}": item for key, item in inner.items()}
             arrays |= more
         elif _is_plain(kind):
@@ -47,10 +73,17 @@ def put_together(kind: type[T], place: str, plain: Any, arrays: Arrays, sizes: M
     values: dict[str, Any] = {}
     for name, declared in _declared(kind).items():
         here = f"{place}.{name}"
-        if is_dataclass(declared):
+        if is_dataclass(declared) or declared in KINDS:
             inner = {key: plain.pop(key) for key in list(plain) if key.startswith(f"{name}.")}
             inner = {key.removeprefix(f"{name}."): item for key, item in inner.items()}
-            values[name] = put_together(_class(declared), here, inner, arrays, sizes)
+            default = _default(kind, name)
+            if not inner and default is not None:
+                values[name] = default
+                continue
+            chosen = _chosen(inner, KINDS[declared], here) if declared in KINDS else _class(declared)
+            values[name] = put_together(chosen, here, inner, arrays, sizes)
+            if default is not None and values[name] == default:
+                raise InvalidInput(f"{here} is written out, expected it left out: it is {default}")
         elif _is_plain(declared):
             values[name] = from_json(taken(plain, name, place), declared, here)
         else:
@@ -75,8 +108,9 @@ def require_nothing_left(things: Mapping[str, Any], place: str) -> None:
 
 def require_array(array: Array, kind: Any, place: str, sizes: Mapping[str, int]) -> None:
     """The array is finite and has the annotated shape, as in Float[Array, "K D"]."""
-    shape = tuple(sizes[letter] for letter in kind.dim_str.split())
-    if array.shape != shape:
+    letters = kind.dim_str.split()
+    shape = tuple(sizes.get(letter, size) for letter, size in zip(letters, array.shape, strict=False))
+    if array.shape != shape or len(letters) != array.ndim or array.size == 0:
         known = ", ".join(f"{letter} = {size}" for letter, size in sizes.items())
         raise InvalidInput(f"{place} has shape {array.shape}, expected {shape}: {kind.dim_str} of {known}")
     require_finite(array, place)
@@ -123,6 +157,28 @@ def _declared(kind: type) -> dict[str, Any]:
 
 def _is_plain(kind: Any) -> bool:
     return kind in PLAIN or kind == tuple[str, ...] or (isinstance(kind, type) and issubclass(kind, Enum))
+
+
+def _default(kind: type, name: str) -> Any:
+    """The default of a field that is a dataclass itself; None, where there is none."""
+    (value,) = (field.default for field in fields(kind) if field.name == name)
+    return value if is_dataclass(value) else None
+
+
+def _kind_of(value: Any, kinds: Mapping[str, type[Any]]) -> dict[str, str]:
+    for n, (name, kind) in enumerate(kinds.items()):
+        if type(value) is kind:
+            return {"kind": name} if n else {}
+    raise InvalidInput(f"{type(value).__name__} cannot be written to a skill file, only {', '.join(kinds)}")
+
+
+def _chosen(inner: dict[str, Any], kinds: Mapping[str, type[Any]], place: str) -> type[Any]:
+    first, *others = kinds
+    if "kind" not in inner:
+        return kinds[first]
+    if isinstance(name := inner.pop("kind"), str) and name in others:
+        return kinds[name]
+    raise InvalidInput(f"{place} are of the kind {name!r}, which this version does not know, only {others}")
 
 
 def _class(kind: Any) -> type[Any]:
