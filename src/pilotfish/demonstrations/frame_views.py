@@ -33,12 +33,16 @@ def views(demonstrations: Sequence[Demonstration]) -> Views:
     Source: Tanwani 2018, eq. 3.21.
     """
     refuse_disagreement(demonstrations)
-    seen = [np.stack([_seen(given, demo.x) for given in demo.frames]) for demo in demonstrations]
-    for later in seen[1:]:
-        for x, first in zip(later, seen[0], strict=True):
-            x *= _signs(x, first, demonstrations[0].layout)
-    lengths = np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
-    return Views(np.ascontiguousarray(np.concatenate(seen, axis=1)), lengths, demonstrations[0].layout.turns)
+    one, lengths = demonstrations[0], np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
+    x = np.empty(
+        (len(one.frames), lengths.sum(), one.layout.width)
+    )  # filled in place: each view is held once
+    for demo, end in zip(demonstrations, np.cumsum(lengths), strict=True):
+        for given, view in zip(demo.frames, x, strict=True):
+            seen = view[end - len(demo.x) : end]
+            seen[:] = _seen(given, demo.x)
+            seen *= _signs(seen, view[: lengths[0]], one.layout)  # ones, for the first demonstration
+    return Views(x, lengths, one.layout.turns)
 
 
 def refuse_disagreement(demonstrations: Sequence[Demonstration]) -> None:

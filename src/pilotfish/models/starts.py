@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
 from pilotfish.models.skill import HiddenModel, Skill
-from pilotfish.models.statistics import Statistics, labelled_statistics, statistics
+from pilotfish.models.statistics import BLOCK, Statistics, labelled_statistics, statistics
 from pilotfish.types import Array, Float, Int
 
 ATTEMPTS = 20
@@ -61,8 +61,7 @@ class KMeans:
 
     def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         joint = _joint_view(views)
-        distinct = len(np.unique(joint, axis=0))
-        if distinct < states:
+        if (distinct := _distinct(joint, states)) < states:
             raise InvalidInput(f"{states} states were asked for but the data has {distinct} distinct points")
         labels = _clusters(joint, states, rng)
         sums = labelled_statistics(views, labels, states)
@@ -86,9 +85,23 @@ def _clusters(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> 
 
 
 def _joint_view(views: Views) -> Float[Array, "N C"]:
-    joint = np.concatenate(list(views.x), axis=1)  # (N, P D)
-    deviations = joint.std(axis=0)
-    return joint / np.where(deviations > 0.0, deviations, 1.0)
+    """All views side by side, filled in place: at the large size a copy more is felt."""
+    P, N, D = views.x.shape
+    joint = np.empty((N, P * D))
+    for p, x in enumerate(views.x):
+        deviations = np.array([column.std() for column in x.T])
+        np.divide(x, np.where(deviations > 0.0, deviations, 1.0), out=joint[:, p * D : (p + 1) * D])
+    return joint
+
+
+def _distinct(x: Float[Array, "N C"], enough: int) -> int:
+    """How many different points there are, counted no further than enough."""
+    found = x[:0]
+    for begin in range(0, len(x), BLOCK):
+        found = np.unique(np.concatenate([found, x[begin : begin + BLOCK]]), axis=0)[:enough]
+        if len(found) == enough:
+            break
+    return len(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

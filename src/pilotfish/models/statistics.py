@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -12,6 +14,8 @@ from pilotfish.gaussians import Covariances, Moments, Structure, moments, moment
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.types import Array, Float, Int
+
+BLOCK = 8192  # rows summed up at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,14 +70,28 @@ def one_step_chain(dynamics: Dynamics) -> tuple[Float[Array, " K"], Float[Array,
 
 def labelled_statistics(views: Views, labels: Int[Array, " N"], states: int) -> Statistics:
     """Statistics of data whose states are known; the log-likelihood is not evaluated (NaN)."""
-    shares = np.eye(states)[labels]  # (N, K), one-hot
     ends = np.cumsum(views.lengths)
     inner = np.ones(len(labels) - 1, dtype=bool)
     inner[ends[:-1] - 1] = False  # no step leads from one demonstration to the next
     counts = np.zeros((states, states))
     np.add.at(counts, (labels[:-1][inner], labels[1:][inner]), 1.0)
-    first = shares[ends - views.lengths].sum(axis=0)
-    return Statistics(tuple(moments(x, shares) for x in views.x), first, counts, np.nan)
+    first = np.bincount(labels[ends - views.lengths], minlength=states).astype(float)
+    return Statistics(tuple(_labelled_moments(x, labels, states) for x in views.x), first, counts, np.nan)
+
+
+def _labelled_moments(x: Float[Array, "N D"], labels: Int[Array, " N"], states: int) -> Moments:
+    """Moments of the points of each label, so many at a time: what they need beside the data stays small."""
+    each = [_moments_of_rows(x, np.flatnonzero(labels == k)) for k in range(states)]
+    return Moments(
+        np.concatenate([m.mass for m in each]),
+        np.concatenate([m.means for m in each]),
+        np.concatenate([m.scatters for m in each]),
+    )
+
+
+def _moments_of_rows(x: Float[Array, "N D"], rows: Int[Array, " n"]) -> Moments:
+    blocks = (rows[begin : begin + BLOCK] for begin in range(0, max(len(rows), 1), BLOCK))
+    return reduce(add, (moments(x[block], np.ones((len(block), 1))) for block in blocks))
 
 
 def maximise(
