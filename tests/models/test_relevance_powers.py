@@ -59,15 +59,15 @@ def test_rows_of_relevance_follow_the_order_of_the_skills_frames(skill, scene, r
 def test_a_frame_that_is_not_heard_has_no_say_in_signs(skill):
     """Frames told by q or -q agree with those that are heard, though one not heard lies between them."""
     layout = pose_layout()
-    turned = np.array([1.0, 0.0, 0.0, 0.0]), exp(np.array([1.5, 0.0, 0.0])), exp(np.array([1.7, 0.0, 0.0]))
+    turned = np.array([1.0, 0.0, 0.0, 0.0]), exp(np.array([1.2, 0.0, 0.0])), exp(np.array([2.3, 0.0, 0.0]))
     means = np.zeros((3, 1, 7))
     means[..., 3] = 1.0
-    flat = DenseCovariances(1e-2 * np.eye(7)[None])
+    spreads = tuple(DenseCovariances(s * np.eye(7)[None]) for s in (1e-6, 1e-2, 1e-2))
     known = replace(
         skill,
         dynamics=replace(skill.dynamics, initial=np.ones(1), transitions=np.ones((1, 1))),
         means=means,
-        covariances=(flat,) * 3,
+        covariances=spreads,
         layout=layout,
     )
     powers = np.array([[0.0], [1.0], [1.0]])
@@ -77,7 +77,7 @@ def test_a_frame_that_is_not_heard_has_no_say_in_signs(skill):
             for p, (sign, q) in enumerate(zip(signs, turned, strict=True))
         ]
         fused = adapt(known, frames, relevance=powers).means[0, 3:]
-        assert abs(fused @ exp(np.array([1.6, 0.0, 0.0]))) == pytest.approx(1.0, abs=1e-12)
+        assert abs(fused @ exp(np.array([1.75, 0.0, 0.0]))) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_unusable_relevance_is_refused(skill, scene):
