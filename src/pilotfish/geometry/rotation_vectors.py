@@ -1,0 +1,91 @@
+"""Rotation vectors [rad] as coordinates of turns, and how they change: v stands for the turn exp(v / 2)."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from pilotfish.geometry.quaternions import conjugate, multiply
+from pilotfish.types import Array, Float
+
+SMALL = 0.3  # rad; below, quotients cancel and their series, to the terms given, are exact to rounding
+
+
+def rotation_vector(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 3"]:
+    """The turn from p to q in the axes of the body that p turned: 2 log(p* q), of q or -q the nearer one.
+
+    At most pi long. Lengths of p and q do not matter.
+    """
+    between = multiply(conjugate(p), q)
+    between = np.where(between[..., :1] < 0.0, -between, between)
+    sine = np.linalg.norm(between[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, between[..., :1])
+    return np.asarray(between[..., 1:] * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0))
+
+
+def cross_matrix(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
+    """[v] with [v] w = v x w."""
+    x, y, z = np.moveaxis(v, -1, 0)
+    o = np.zeros_like(x)
+    rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
+    """J with exp((v + h) / 2) = exp(v / 2) exp(J h / 2) to first order: the body's angular velocity is J v'.
+
+    Singular where |v| = 2 pi.
+    Source: Chirikjian 2012, Stochastic Models, Information Theory, and Lie Groups 2, section 10.6.
+    """
+    V, angle = cross_matrix(v), _angles(v)
+    one_minus_cosine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2  # (1 - cos a) / a^2
+    rest = _with_series(angle, lambda a: (a - np.sin(a)) / a**3, [1 / 6, -1 / 120, 1 / 5040, -1 / 362880])
+    return np.asarray(np.eye(3) - one_minus_cosine * V + rest * (V @ V))
+
+
+def inverse_right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
+    """The inverse of right_jacobian: v' = J^-1 times the body's angular velocity. |v| < 2 pi."""
+    V = cross_matrix(v)
+    return np.asarray(np.eye(3) + 0.5 * V + _cotangent_rest(_angles(v)) * (V @ V))
+
+
+def inverse_right_jacobian_change(
+    v: Float[Array, "*#B 3"], w: Float[Array, "*#B 3"]
+) -> Float[Array, "*B 3 3"]:
+    """The derivative of inverse_right_jacobian(v) @ w with respect to v, w held."""
+    V, W, angle = cross_matrix(v), cross_matrix(w), _angles(v)
+    twice = np.cross(v, np.cross(v, w))  # V V w
+    towards = twice[..., :, None] * v[..., None, :]
+    inner = cross_matrix(np.cross(v, w)) + V @ W
+    return np.asarray(-0.5 * W - _cotangent_rest(angle) * inner + _cotangent_slope(angle) * towards)
+
+
+def _angles(v: Float[Array, "*B 3"]) -> Float[Array, "*B 1 1"]:
+    return np.asarray(np.linalg.norm(v, axis=-1)[..., None, None])
+
+
+def _cotangent_rest(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
+    """(1 - (a / 2) cot(a / 2)) / a^2."""
+    series = [1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160]
+    return _with_series(angle, lambda a: (1.0 - 0.5 * a / np.tan(0.5 * a)) / a**2, series)
+
+
+def _cotangent_slope(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
+    """The derivative of _cotangent_rest by a, divided by a."""
+
+    def quotient(a: Float[Array, "*B"]) -> Float[Array, "*B"]:
+        half = 0.5 * a
+        change = 0.25 * a / np.sin(half) ** 2 - 0.5 / np.tan(half)
+        return np.asarray((change - 2.0 * (1.0 - half / np.tan(half)) / a) / a**3)
+
+    return _with_series(angle, quotient, [1 / 360, 1 / 7560, 1 / 201600, 1 / 5987520])
+
+
+def _with_series(
+    angle: Float[Array, "*B"],
+    quotient: Callable[[Float[Array, "*B"]], Float[Array, "*B"]],
+    series: Sequence[float],
+) -> Float[Array, "*B"]:
+    """quotient(angle), and its even power series where the angle is small."""
+    small = angle < SMALL
+    power = np.polynomial.polynomial.polyval(np.where(small, angle, 0.0) ** 2, series)
+    return np.asarray(np.where(small, power, quotient(np.where(small, 1.0, angle))))

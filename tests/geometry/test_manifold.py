@@ -1,0 +1,154 @@
+"""Tangent spaces of R^n x S^3 against the sphere's embedding in R^4 and against finite differences."""
+
+import numpy as np
+import pytest
+
+from pilotfish.geometry import (
+    angle,
+    differential,
+    exp,
+    exp_at,
+    inverse_differential,
+    inverse_right_jacobian,
+    inverse_right_jacobian_change,
+    karcher_mean,
+    log_at,
+    multiply,
+    normalise,
+    right_jacobian,
+    rotation_vector,
+    tangent_slices,
+    transport,
+)
+
+LAYOUTS = [(4, (0,)), (7, (3,)), (10, (0, 6)), (3, ()), (8, (0, 4))]
+LENGTHS = [0.0, 1e-300, 1e-9, 1e-4, 0.29999, 0.30001, 1.0, 3.0, np.pi - 1e-9]
+
+
+def points(rng, width, turns, *batch):
+    x = rng.normal(size=(*batch, width))
+    for start in turns:
+        x[..., start : start + 4] = normalise(x[..., start : start + 4])
+    return x
+
+
+def of_length(rng, length):
+    v = rng.normal(size=3)
+    return length * v / np.linalg.norm(v)
+
+
+@pytest.mark.parametrize(("width", "turns"), LAYOUTS)
+def test_columns_and_tangents_are_each_named_once(width, turns):
+    pieces = list(tangent_slices(width, turns))
+    assert [i for here, _, _ in pieces for i in range(here.start, here.stop)] == list(range(width))
+    tangents = [i for _, there, _ in pieces for i in range(there.start, there.stop)]
+    assert tangents == list(range(width - len(turns)))
+    assert [here.start for here, _, turn in pieces if turn] == sorted(turns)
+
+
+@pytest.mark.parametrize(("width", "turns"), LAYOUTS)
+def test_exp_leads_where_log_points(rng, width, turns):
+    """exp_at(base, log_at(base, x)) is x or -x on each orientation, for one base and for many."""
+    base, x = points(rng, width, turns, 5), points(rng, width, turns, 5)
+    for b in (base, base[0]):
+        back = exp_at(b, log_at(b, x, turns), turns)
+        for here, _, turn in tangent_slices(width, turns):
+            signs = np.sign(np.sum(back[:, here] * x[:, here], axis=1, keepdims=True)) if turn else 1.0
+            np.testing.assert_allclose(back[:, here], signs * x[:, here], atol=1e-14)
+
+
+@pytest.mark.parametrize("length", LENGTHS)
+def test_log_finds_the_tangent_vector_that_exp_followed(rng, length):
+    """From the shortest turns to almost half a one, and the turn is as long as its vector."""
+    base, v = points(rng, 7, (3,)), np.concatenate([rng.normal(size=3), of_length(rng, length)])
+    x = exp_at(base, v, (3,))
+    np.testing.assert_allclose(log_at(base, x, (3,)), v, atol=1e-14)
+    np.testing.assert_allclose(angle(base[3:], x[3:]), length, atol=1e-14)
+    np.testing.assert_array_equal(log_at(base, np.append(x[:3], -x[3:]), (3,)), log_at(base, x, (3,)))
+
+
+def test_turning_the_world_leaves_body_axes_alone(rng):
+    world, base, x = points(rng, 4, (0,)), points(rng, 4, (0,), 6), points(rng, 4, (0,), 6)
+    turned = log_at(multiply(world, base), multiply(world, x), (0,))
+    np.testing.assert_allclose(turned, log_at(base, x, (0,)), atol=1e-13)
+
+
+@pytest.mark.parametrize("length", LENGTHS)
+def test_transport_is_that_of_the_sphere_in_four_dimensions(rng, length):
+    """w + (u.w) ((cos s - 1) u - sin s p), along the great circle from p with unit direction u through s."""
+    p, d, w = points(rng, 4, (0,)), of_length(rng, length), rng.normal(size=3)
+
+    def embedded(point, body):
+        return multiply(point, np.array([0.0, *(0.5 * body)]))
+
+    u = embedded(p, 2.0 * d / length if length else np.zeros(3))
+    s, w4 = 0.5 * length, embedded(p, w)
+    expected = w4 + (u @ w4) * ((np.cos(s) - 1.0) * u - np.sin(s) * p)
+    np.testing.assert_allclose(embedded(exp_at(p, d, (0,)), transport(d, (0,)) @ w), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("length", [*LENGTHS[:-1], 3.1, 5.0])
+def test_the_differential_is_that_of_finite_differences(rng, length):
+    """Central differences of exp_at(base, v + h), read off in the tangent space at exp_at(base, v)."""
+    base, v = points(rng, 7, (3,)), np.concatenate([rng.normal(size=3), of_length(rng, length)])
+    x, step = exp_at(base, v, (3,)), 1e-5
+
+    def moved(h):
+        return log_at(x, exp_at(base, v + h, (3,)), (3,))
+
+    numeric = np.stack([(moved(step * e) - moved(-step * e)) / (2 * step) for e in np.eye(6)], axis=1)
+    np.testing.assert_allclose(differential(v, (3,)), numeric, atol=1e-9)
+    np.testing.assert_allclose(differential(v, (3,)) @ v, v, atol=1e-13)
+    identity = inverse_differential(v, (3,)) @ differential(v, (3,))
+    np.testing.assert_allclose(identity, np.eye(6), atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-4, 0.29, 0.31, 1.0, 3.0, 5.0])
+def test_the_inverse_differential_changes_as_finite_differences_say(rng, length):
+    v, w, step = of_length(rng, length), rng.normal(size=3), 1e-5
+    numeric = np.stack(
+        [
+            (inverse_right_jacobian(v + step * e) - inverse_right_jacobian(v - step * e)) @ w / (2 * step)
+            for e in np.eye(3)
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(inverse_right_jacobian_change(v, w), numeric, atol=2e-9)
+
+
+@pytest.mark.parametrize("of", [right_jacobian, inverse_right_jacobian])
+def test_series_and_quotients_meet(rng, of):
+    """No jump where the series takes over."""
+    v = of_length(rng, 1.0)
+    np.testing.assert_allclose(of((0.3 - 1e-12) * v), of((0.3 + 1e-12) * v), atol=1e-11)
+
+
+def test_angular_velocity_is_the_differential_times_the_speed_of_the_vector(rng):
+    """Along any curve v(t): exp(v(t) / 2) turns at J v' in body axes."""
+    a, b, h = rng.normal(size=3), rng.normal(size=3), 1e-6
+    before, after = (exp(0.5 * (a + t * b)) for t in (-h, h))
+    np.testing.assert_allclose(rotation_vector(before, after) / (2 * h), right_jacobian(a) @ b, atol=1e-8)
+
+
+@pytest.mark.parametrize(("width", "turns"), LAYOUTS)
+def test_tangents_to_the_karcher_mean_cancel(rng, width, turns):
+    """Whatever the signs of the quaternions; off the orientations it is the ordinary mean."""
+    spread = 0.4 * rng.normal(size=(40, width - len(turns)))
+    x, shares = exp_at(points(rng, width, turns), spread, turns), rng.uniform(size=40)
+    mean = karcher_mean(x, shares, turns)
+    np.testing.assert_allclose(shares @ log_at(mean, x, turns), 0.0, atol=1e-10)
+    for start in turns:
+        x[:, start : start + 4] *= rng.choice([-1.0, 1.0], size=(40, 1))
+    np.testing.assert_allclose(karcher_mean(x, shares, turns), mean, atol=1e-11)
+
+
+def test_the_karcher_mean_of_one_point_is_that_point(rng):
+    x = points(rng, 7, (3,), 1)
+    x[:, 3:] *= np.sign(x[:, 3:4])
+    np.testing.assert_allclose(karcher_mean(x, np.array([0.3]), (3,)), x[0], atol=1e-14)
+
+
+def test_the_karcher_mean_of_nothing_is_still_a_point(rng):
+    """A state that no datapoint belongs to has a mean of unit length somewhere."""
+    mean = karcher_mean(points(rng, 7, (3,), 4), np.zeros(4), (3,))
+    np.testing.assert_allclose(np.linalg.norm(mean[3:]), 1.0)
