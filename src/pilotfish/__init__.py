@@ -5,7 +5,7 @@ demonstrations -> learn -> Skill -> adapt(frames now) -> plan -> track -> motion
 """
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
-from pilotfish.demonstrations import Demonstration, Frame, demonstration, with_derivatives
+from pilotfish.demonstrations import Demonstration, Frame, demonstration, on_sphere, with_derivatives
 from pilotfish.demonstrations import read_folder as load
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
 from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical
@@ -55,6 +55,7 @@ __all__ = [
     "learn_markov",
     "learn_mixture",
     "load",
+    "on_sphere",
     "open_skill",
     "plan",
     "save_skill",

@@ -12,6 +12,8 @@ from pilotfish.demonstrations.frames import (
     MovingFrame,
     frame_from_pose,
     moving_frame_from_poses,
+    require_turns,
+    tangent_map,
     world_frame,
 )
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
@@ -26,6 +28,7 @@ from pilotfish.demonstrations.published_extracts import (
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resampled
 from pilotfish.demonstrations.signs import continuous_quaternions
+from pilotfish.demonstrations.sphere import on_sphere
 
 __all__ = [
     "Demonstration",
@@ -44,6 +47,7 @@ __all__ = [
     "frame_from_pose",
     "moving_frame",
     "moving_frame_from_poses",
+    "on_sphere",
     "pose_layout",
     "position_layout",
     "read_chicken_dance_npz",
@@ -55,7 +59,9 @@ __all__ = [
     "read_robotasks_npy",
     "read_valve_mat",
     "read_zshape_mat",
+    "require_turns",
     "resampled",
+    "tangent_map",
     "views",
     "with_derivatives",
     "world_frame",

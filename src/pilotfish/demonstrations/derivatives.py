@@ -2,33 +2,51 @@
 
 import numpy as np
 
-from pilotfish.demonstrations.frames import Frame, MovingFrame
+from pilotfish.demonstrations.frames import Frame, MovingFrame, flat_columns, tangent_map
 from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.geometry import log_at
 from pilotfish.types import Array, Float
 
 
 def with_derivatives(demo: Demonstration) -> Demonstration:
     """Each part and its rate of change v, such that x[t+1] = x[t] + period v[t]; the last v is repeated.
 
+    Of an orientation on S^3 it is the angular velocity in body axes, x[t+1] = x[t] exp(period v[t] / 2).
     Frames that stand turn derivatives as they turn the parts and do not move them: A again on the new block,
     b zero. Frames that move carry things along: what is seen from them are the differences of what is seen.
     Raises: InvalidInput, when the layout has derivatives already.
     """
     layout = demo.layout.differentiated()
-    slopes = np.diff(demo.x, axis=0) / demo.period
-    x = np.hstack([demo.x, np.vstack([slopes, slopes[-1:]])])
-    return demonstration(x, demo.period, layout, [_extended(f, demo.period) for f in demo.frames], demo.name)
+    slopes = _slopes(demo.x, demo.layout.turns, demo.period)
+    frames = [_standing(f, demo) if isinstance(f, Frame) else _moving(f, demo, slopes) for f in demo.frames]
+    return demonstration(np.hstack([demo.x, slopes]), demo.period, layout, frames, demo.name)
 
 
-def _extended(given: Frame | MovingFrame, period: float) -> Frame | MovingFrame:
-    if isinstance(given, Frame):
-        return Frame(given.name, np.kron(np.eye(2), given.A), np.append(given.b, np.zeros_like(given.b)))
+def _slopes(x: Float[Array, "T D"], turns: tuple[int, ...], period: float) -> Float[Array, "T E"]:
+    """Deviations of each row from the one before, per second; the last repeated."""
+    slopes = log_at(x[:-1], x[1:], turns) / period
+    return np.vstack([slopes, slopes[-1:]])
+
+
+def _standing(given: Frame, demo: Demonstration) -> Frame:
+    D, carried = len(given.b), tangent_map(given.A, demo.layout.turns)
+    A = np.zeros((D + len(carried),) * 2)
+    A[:D, :D], A[D:, D:] = given.A, carried
+    return Frame(given.name, A, np.append(given.b, np.zeros(len(carried))))
+
+
+def _moving(given: MovingFrame, demo: Demonstration, slopes: Float[Array, "T E"]) -> MovingFrame:
     T, D = given.b.shape
-    later = np.minimum(np.arange(T) + 1, T - 1)
+    later, (flat, tangents) = np.minimum(np.arange(T) + 1, T - 1), flat_columns(D, demo.layout.turns)
     # x = A y + b, hence (x' - x) / h = A' (y' - y) / h + (A' - A) / h y + (b' - b) / h
-    A = np.zeros((T, 2 * D, 2 * D))
-    A[:, :D, :D], A[:, D:, D:], A[:, D:, :D] = given.A, given.A[later], _rates(given.A, period)
-    return MovingFrame(given.name, A, np.hstack([given.b, _rates(given.b, period)]))
+    A = np.zeros((T, D + slopes.shape[1], D + slopes.shape[1]))
+    A[:, :D, :D], A[:, D:, D:] = given.A, tangent_map(given.A[later], demo.layout.turns)
+    A[:, D + tangents[:, None], flat] = _rates(given.A, demo.period)[:, flat[:, None], flat]
+    # Of a turn, the angular velocity seen and the one in the world differ by that of the frame in body axes.
+    seen = np.linalg.solve(given.A, (demo.x - given.b)[..., None])[..., 0]
+    b = slopes - _slopes(seen, demo.layout.turns, demo.period)
+    b[:, tangents] = _rates(given.b, demo.period)[:, flat]
+    return MovingFrame(given.name, A, np.hstack([given.b, b]))
 
 
 def _rates(values: Float[Array, "T *d"], period: float) -> Float[Array, "T *d"]:

@@ -1,7 +1,7 @@
 """What is odd about a set of demonstrations, though each of them is well formed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import combinations
 
@@ -10,6 +10,7 @@ import numpy as np
 from pilotfish.demonstrations.frame_views import disagreement
 from pilotfish.demonstrations.frames import Frame, MovingFrame, is_world
 from pilotfish.demonstrations.recording import Demonstration
+from pilotfish.demonstrations.signs import without_flips
 from pilotfish.types import Array, Float, Int
 
 VERY_DIFFERENT = 2.0  # times the length of the shortest
@@ -45,7 +46,8 @@ def check(demonstrations: Sequence[Demonstration]) -> tuple[Finding, ...]:
         found += [*_frames_that_never_differ(demonstrations)]
     found += [*_duplicates(demonstrations), *_lengths(demonstrations)]
     for m, demo in enumerate(demonstrations):
-        found += [*_constant_columns(_place(m, demo), demo), *_jumps(_place(m, demo), demo)]
+        here = replace(demo, x=without_flips(demo.x, demo.layout.turns))
+        found += [*_constant_columns(_place(m, demo), here), *_jumps(_place(m, demo), here)]
     return tuple(found)
 
 

@@ -7,11 +7,12 @@ import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, continuous, left_matrix, rotation_matrix
-from pilotfish.types import Array, Float
+from pilotfish.geometry import Pose, continuous, left_matrix, rotation_matrix, tangent_slices
+from pilotfish.types import Array, Float, Int
 
 WORLD = "world"
 SPACE = 3  # axes of the space that poses live in
+ROTATION_TOLERANCE = 1e-4  # a published rotation matrix carries about six digits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,4 +89,49 @@ def _refuse_other_than_three_axes(name: str, layout: Layout) -> None:
             raise InvalidInput(
                 f"frame {name!r}: part {part.name!r} has {part.size} axes, expected 3 to turn it by a pose; "
                 "give A and b of the frame instead: frame(name, A, b)"
+            )
+
+
+def tangent_map(A: Float[Array, "*B D D"], turns: tuple[int, ...]) -> Float[Array, "*B E E"]:
+    """How frames with these matrices carry deviations: as they carry differences, but for orientations.
+
+    Those stay: a frame multiplies an orientation from the left, and body axes turn with the body.
+    """
+    flat, tangents, E = *flat_columns(A.shape[-1], turns), A.shape[-1] - len(turns)
+    carried = np.zeros((*A.shape[:-2], E, E)) + np.eye(E)
+    carried[..., tangents[:, None], tangents] = A[..., flat[:, None], flat]
+    return carried
+
+
+def flat_columns(width: int, turns: tuple[int, ...]) -> tuple[Int[Array, " F"], Int[Array, " F"]]:
+    """The columns that belong to no orientation, among those of points and among those of deviations."""
+    flat = [(here, there) for here, there, turn in tangent_slices(width, turns) if not turn]
+    points = [column for here, _ in flat for column in range(here.start, here.stop)]
+    tangents = [column for _, there in flat for column in range(there.start, there.stop)]
+    return np.array(points, dtype=np.int64), np.array(tangents, dtype=np.int64)
+
+
+def require_turns(
+    place: str, A: Float[Array, "*B D D"], b: Float[Array, "*B D"], turns: tuple[int, ...]
+) -> None:
+    """Nothing, when each orientation on S^3 is multiplied from the left by a unit quaternion and no more.
+
+    Raises: InvalidInput otherwise: whatever else a frame did to it would not stay on S^3.
+    """
+    for start in turns:
+        columns = np.arange(start, start + 4)
+        block = A[..., columns[:, None], columns]
+        others = np.delete(np.arange(A.shape[-1]), columns)
+        worst = max(
+            np.abs(block - left_matrix(block[..., 0])).max(),
+            np.abs(np.linalg.norm(block[..., 0], axis=-1) - 1.0).max(),
+            np.abs(b[..., columns]).max(),
+            np.abs(A[..., columns[:, None], others]).max(initial=0.0),
+            np.abs(A[..., others[:, None], columns]).max(initial=0.0),
+        )
+        if worst > ROTATION_TOLERANCE:
+            raise InvalidInput(
+                f"{place}: columns {start} to {start + 3} are an orientation on S^3, and A and b differ by "
+                f"{worst:.3g} from multiplying it by a unit quaternion from the left, expected at most "
+                f"{ROTATION_TOLERANCE:g}; see frame_from_pose"
             )

@@ -7,7 +7,7 @@ from itertools import accumulate
 
 from pilotfish.errors import InvalidInput
 
-QUATERNION_SIZE = 4
+QUATERNION_SIZE, ROTATION_VECTOR_SIZE = 4, 3
 
 
 class Quantity(Enum):
@@ -46,6 +46,11 @@ class Part:
         if self.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION) and self.size != QUATERNION_SIZE:
             raise InvalidInput(
                 f"part {self.name!r} is a quaternion of size {self.size}, expected 4 (w x y z)"
+            )
+        if self.quantity is Quantity.ORIENTATION and self.derivative:
+            raise InvalidInput(
+                f"part {self.name!r} is a derivative of an orientation, which is no point of S^3; give the "
+                "angular velocity in body axes, a scalar part of size 3 [rad/s]"
             )
 
 
@@ -115,12 +120,19 @@ class Layout:
     def differentiated(self) -> "Layout":
         """The same parts, then their first derivatives [unit/s].
 
+        That of an orientation on S^3 is an angular velocity [rad/s] in the axes of the turning body, which
+        no frame changes.
         Raises: InvalidInput, when there are derivatives already.
         """
         if derived := [part.name for part in self.parts if part.derivative]:
             raise InvalidInput(f"the layout has a derivative of {derived[0]!r} already, expected none")
-        moving = tuple(replace(part, unit=f"{part.unit}/s", derivative=1) for part in self.parts)
+        moving = tuple(replace(part, unit=f"{part.unit}/s", derivative=1) for part in self.tangent.parts)
         return Layout(self.parts + moving)
+
+    @property
+    def tangent(self) -> "Layout":
+        """The columns of deviations: a rotation vector [rad] in body axes for each orientation on S^3."""
+        return Layout(tuple(_tangent_part(part) for part in self.parts))
 
 
 def pose_layout() -> Layout:
@@ -132,6 +144,12 @@ def pose_layout() -> Layout:
 def position_layout(axes: int = 3, unit: str = "m") -> Layout:
     """Columns "position" alone, in a space of so many axes."""
     return Layout((Part("position", Quantity.POSITION, axes, unit),))
+
+
+def _tangent_part(part: Part) -> Part:
+    if part.quantity is not Quantity.ORIENTATION:
+        return part
+    return replace(part, quantity=Quantity.SCALAR, size=ROTATION_VECTOR_SIZE, unit="rad")
 
 
 def _column_names(part: Part) -> list[str]:

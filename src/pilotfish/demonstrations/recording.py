@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from pilotfish.demonstrations.frame_doors import frame, moving_frame
-from pilotfish.demonstrations.frames import Frame, MovingFrame, world_frame
+from pilotfish.demonstrations.frames import Frame, MovingFrame, require_turns, world_frame
 from pilotfish.demonstrations.layouts import Layout
 from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.errors import InvalidInput
@@ -41,20 +41,25 @@ def demonstration(
     """The door for recordings: owns read-only copies, or raises InvalidInput. No frames: the world's alone.
 
     Refused, with place and nearest fix: fewer than two rows, numbers that are not finite or beyond 1e100, a
-    width other than the layout's, orientations that are no unit quaternions (within 1e-3) or flip sign from
-    one row to the next, a period that is not positive, frames that are singular or of another width or
-    length.
+    width other than the layout's, orientations that are no unit quaternions (within 1e-3) or - unless they
+    are points of S^3, where signs mean nothing - flip sign from one row to the next, a period that is not
+    positive, frames that are singular, of another width or length, or that take an orientation off S^3.
     """
     place = f"demonstration {name!r}" if name else "demonstration"
     points = numeric_array(x, place)
     _refuse_shape(place, points, layout)
     _refuse_not_finite(place, points, layout)
     _refuse_huge(place, points, layout)
-    for columns in layout.quaternions:
-        _refuse_quaternions(f"{place}, {layout.names[columns.start][:-2]}", points[:, columns])
+    for start in sorted([*layout.turns, *(columns.start for columns in layout.quaternions)]):
+        q, named = points[:, start : start + 4], f"{place}, {layout.names[start][:-2]}"
+        _refuse_lengths(named, q)
+        if start not in layout.turns:
+            _refuse_flips(named, q)
     if not 0 < period < inf:
         raise InvalidInput(f"{place}: period is {period} s, expected a positive number")
     checked = _checked_frames(place, frames, points.shape)
+    for given in checked:
+        require_turns(f"{place}, frame {given.name!r}", given.A, given.b, layout.turns)
     return Demonstration(points, float(period), layout, checked, name)
 
 
@@ -86,7 +91,7 @@ def _refuse_huge(place: str, x: Float[Array, "T D"], layout: Layout) -> None:
         )
 
 
-def _refuse_quaternions(place: str, q: Float[Array, "T 4"]) -> None:
+def _refuse_lengths(place: str, q: Float[Array, "T 4"]) -> None:
     with np.errstate(over="ignore"):  # a norm too large for float64 is refused like any other
         norms = np.linalg.norm(q, axis=1)
     if (bad := np.flatnonzero(~(np.abs(norms - 1) <= NORM_TOLERANCE))).size:
@@ -94,6 +99,9 @@ def _refuse_quaternions(place: str, q: Float[Array, "T 4"]) -> None:
             f"{place}: row {bad[0]} (first is 0) has norm {norms[bad[0]]:.6g}, expected 1 within "
             f"{NORM_TOLERANCE:g} ({bad.size} such rows); geometry.normalise mends lengths"
         )
+
+
+def _refuse_flips(place: str, q: Float[Array, "T 4"]) -> None:
     dots = np.einsum("td,td->t", q[1:], q[:-1])
     if (bad := np.flatnonzero(dots < 0)).size:
         raise InvalidInput(

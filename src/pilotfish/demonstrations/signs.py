@@ -27,6 +27,14 @@ def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:
     return points
 
 
+def without_flips(x: Float[Array, "T D"], turns: tuple[int, ...]) -> Float[Array, "T D"]:
+    """The same recording, each orientation on S^3 told by the quaternion that is nearer to the one before."""
+    x = x.copy()
+    for start in turns:
+        x[:, start : start + 4] = continuous(x[:, start : start + 4])
+    return x
+
+
 def _with_derivatives(layout: Layout, columns: slice) -> list[slice]:
     """The columns of an orientation and of its derivatives."""
     parts = list(zip(layout.parts, layout.slices, strict=True))
