@@ -124,7 +124,7 @@ def test_what_a_moving_frame_sees_turn_is_the_difference_of_what_it_sees(poses, 
         seen = views([demo if sphere_first else on_sphere(demo)]).x[0]
         rates = log_at(seen[:-1, :7], seen[1:, :7], (3,)) / 0.1
         fastest = np.linalg.norm(rates[:, 3:], axis=1).max()
-            accurate = 1e-10 if sphere_first else fastest**3 * 0.1**2 / 20 + 1e-12
+        accurate = 1e-10 if sphere_first else fastest**3 * 0.1**2 / 20 + 1e-12
         np.testing.assert_allclose(seen[:-1, 7:], rates, atol=accurate)
 
 
