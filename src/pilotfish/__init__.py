@@ -8,7 +8,7 @@ from pilotfish.control import Feedback, Motion, Reference, double_integrator, tr
 from pilotfish.demonstrations import Demonstration, Frame, demonstration, on_sphere, with_derivatives
 from pilotfish.demonstrations import read_folder as load
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
-from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical
+from pilotfish.gaussians import EMLLT, HDDC, MFA, MLT, MPPCA, Diagonal, Full, HDDCShare, SemiTied, Spherical
 from pilotfish.models import (
     AdaptedSkill,
     EMSettings,
@@ -27,6 +27,11 @@ from pilotfish.store import datasets, open_skill, save_skill
 __version__ = "0.1.0"
 
 __all__ = [
+    "EMLLT",
+    "HDDC",
+    "MFA",
+    "MLT",
+    "MPPCA",
     "AdaptedSkill",
     "Demonstration",
     "Diagonal",
@@ -35,6 +40,7 @@ __all__ = [
     "Fit",
     "Frame",
     "Full",
+    "HDDCShare",
     "InvalidInput",
     "KMeans",
     "Motion",

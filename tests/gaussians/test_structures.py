@@ -4,7 +4,22 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical, component_correlation
+from pilotfish.gaussians import (
+    EMLLT,
+    HDDC,
+    MFA,
+    MLT,
+    MPPCA,
+    Diagonal,
+    ExpandedPrecisions,
+    Full,
+    HDDCShare,
+    LatentCovariances,
+    MultipleTransformCovariances,
+    SemiTied,
+    Spherical,
+    component_correlation,
+)
 
 
 def samples(rng, K, D):
@@ -82,11 +97,89 @@ def test_a_tying_outside_0_to_1_is_refused(tying):
         (SemiTied(1.0), 75, 94, 15_886),
         (Diagonal(), 7, 14, 98),
         (Spherical(), 7, 14, 7),
+        (MFA(4), 3, 14, 210),
+        (MFA(4), 4, 14, 280),
+        (MPPCA(4), 3, 14, 171),
+        (HDDC(4), 3, 14, 171),
+        (HDDC((4, 3, 4)), 3, 14, 154 + 3),
+        (HDDC((5, 5, 4, 3)), 4, 14, 238 + 4),
+        (EMLLT(14), 7, 14, 294),
+        (EMLLT(20), 7, 14, 420),
+        (MLT(1), 7, 14, 294),
+        (MLT(3), 7, 14, 686),
     ],
 )
 def test_parameters_of_one_frame_are_counted_as_the_thesis_does(structure, states, width, count):
-    """Tanwani 2018, sections 4.2.2-4.2.3 and table 4.1 (half of 1470 and 588, for one of two frames)."""
+    """Tanwani 2018, sections 4.2.2-4.2.3, table 4.1 (half of 1470 and 588, for one of two frames), table 5.1.
+
+    Table 5.1 leaves the one variance of noise of a state with a subspace out.
+    """
     assert structure.parameter_count(states, width) == count
+
+
+def latent(numbers, K, D, d, isotropic):
+    """K covariances of d factors out of as many numbers as they have parameters."""
+    loadings, noise = np.split(numbers, [K * D * d])
+    noise = np.repeat(noise, D) if isotropic else noise
+    return LatentCovariances(loadings.reshape(K, D, d), np.exp(noise).reshape(K, D)).dense
+
+
+def expansion(numbers, K, D, R):
+    directions, weights = np.split(numbers, [R * D])
+    return ExpandedPrecisions(directions.reshape(R, D), np.exp(weights).reshape(K, R)).dense
+
+
+def transforms(numbers, K, D, C):
+    bases, variances = np.split(numbers, [C * D * D])
+    membership = np.eye(C)[np.arange(K) % C]
+    return MultipleTransformCovariances(
+        bases.reshape(C, D, D), np.exp(variances).reshape(K, D), membership
+    ).dense
+
+
+FAMILIES = {
+    "MFA(1)": (MFA(1), lambda v, K, D: latent(v, K, D, 1, False)),
+    "MFA(2)": (MFA(2), lambda v, K, D: latent(v, K, D, 2, False)),
+    "MFA(3), more numbers than a covariance": (MFA(3), lambda v, K, D: latent(v, K, D, 3, False)),
+    "MPPCA(2)": (MPPCA(2), lambda v, K, D: latent(v, K, D, 2, True)),
+    "MPPCA(3)": (MPPCA(3), lambda v, K, D: latent(v, K, D, 3, True)),
+    "HDDC(2)": (HDDC(2), lambda v, K, D: latent(v, K, D, 2, True)),
+    "semi-tied": (SemiTied(), lambda v, K, D: transforms(v, K, D, 1)),
+    "EMLLT(6)": (EMLLT(6), lambda v, K, D: expansion(v, K, D, 6)),
+    "EMLLT(10), full": (EMLLT(10), lambda v, K, D: expansion(v, K, D, 10)),
+    "MLT(2)": (MLT(2), lambda v, K, D: transforms(v, K, D, 2)),
+}
+
+
+@pytest.mark.parametrize("K", [1, 2, 4])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_degrees_of_freedom_are_the_dimensions_that_covariances_can_move_in(rng, name, K):
+    """The rank of the derivative of the covariances by all their parameters, at random ones."""
+    structure, covariances = FAMILIES[name]
+    K, D = K * (2 if isinstance(structure, MLT) else 1), 4  # as many states for either basis
+    numbers = rng.normal(size=structure.parameter_count(K, D))
+    steps = 1e-5 * np.eye(len(numbers))
+    slopes = [covariances(numbers + h, K, D) - covariances(numbers - h, K, D) for h in steps]
+    slopes = np.stack(slopes).reshape(len(numbers), -1) / 2e-5
+    slopes /= np.linalg.norm(slopes, axis=1, keepdims=True)
+    assert np.linalg.matrix_rank(slopes, tol=1e-7) == structure.degrees_of_freedom(K, D)
+
+
+@pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical(), SemiTied(0.5)])
+def test_structures_without_redundant_numbers_count_the_same_twice(structure):
+    assert structure.degrees_of_freedom(5, 4) == structure.parameter_count(5, 4)
+
+
+def test_dimensions_that_data_decide_are_counted_after_the_fit(rng):
+    S, mass = samples(rng, 3, 5)
+    structure = HDDCShare(0.8)
+    fitted = structure.as_fitted(structure.estimate(mass, S, None))
+    np.testing.assert_allclose(
+        fitted.estimate(mass, S, None).dense, structure.estimate(mass, S, None).dense, atol=1e-12
+    )
+    for count in (structure.parameter_count, structure.degrees_of_freedom):
+        with pytest.raises(InvalidInput, match="fitted_parameters"):
+            count(3, 5)
 
 
 def test_component_correlation_is_one_for_multiples_and_symmetric(rng):

@@ -42,6 +42,11 @@ mistakes = {
     "given restarts": (lambda: pf.learn(demos, states=3, rng=rng, start=Given(fit.markov),
                                         settings=pf.EMSettings(restarts=2)), "restarts"),
     "tying as text": (lambda: pf.SemiTied("a"), "tying"),
+    "factors as text": (lambda: pf.MFA("4"), "factors"),
+    "half a component": (lambda: pf.MPPCA(1.5), "components"),
+    "a share as dimension": (lambda: pf.HDDC(0.95), "dimensions"),
+    "fractional vectors": (lambda: pf.EMLLT(20.0), "vectors"),
+    "fractional transforms": (lambda: pf.MLT(2.0), "transforms"),
 }
 for name, (mistake, words) in mistakes.items():
     try:

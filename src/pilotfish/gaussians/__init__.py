@@ -2,6 +2,8 @@
 covariance structures, and regression with mixtures.
 """
 
+from pilotfish.gaussians.emllt import EMLLT, ExpandedPrecisions
+from pilotfish.gaussians.factor_analysers import MFA, MPPCA
 from pilotfish.gaussians.gaussian import (
     Gaussian,
     cholesky,
@@ -16,7 +18,10 @@ from pilotfish.gaussians.gaussian import (
     transform,
     whiteners,
 )
+from pilotfish.gaussians.hddc import HDDC, HDDCShare
+from pilotfish.gaussians.latent import LatentCovariances, principal_components
 from pilotfish.gaussians.mixture import Mixture
+from pilotfish.gaussians.mlt import MLT, MultipleTransformCovariances
 from pilotfish.gaussians.moments import Moments, moments, moments_about
 from pilotfish.gaussians.regression import (
     Conditionals,
@@ -39,14 +44,23 @@ from pilotfish.gaussians.structures import (
 )
 
 __all__ = [
+    "EMLLT",
+    "HDDC",
+    "MFA",
+    "MLT",
+    "MPPCA",
     "Conditionals",
     "Covariances",
     "DenseCovariances",
     "Diagonal",
+    "ExpandedPrecisions",
     "Full",
     "Gaussian",
+    "HDDCShare",
+    "LatentCovariances",
     "Mixture",
     "Moments",
+    "MultipleTransformCovariances",
     "Regression",
     "SemiTied",
     "SemiTiedCovariances",
@@ -64,6 +78,7 @@ __all__ = [
     "marginal",
     "moments",
     "moments_about",
+    "principal_components",
     "product",
     "regress",
     "regress_means",

@@ -66,6 +66,11 @@ class SemiTied:
         """D^2 + K D when fully tied; below, every sample covariance has its part: K D (D + 1) / 2."""
         return width * width + states * width if self.tying == 1.0 else states * width * (width + 1) // 2
 
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        """D fewer than parameters when fully tied, since variances make up for the length of vectors."""
+        full = states * width * (width + 1) // 2
+        return min(width * width + (states - 1) * width, full) if self.tying == 1.0 else full
+
 
 def _transform(previous: Covariances | None, width: int) -> Float[Array, "D D"]:
     if isinstance(previous, SemiTiedCovariances):

@@ -46,7 +46,11 @@ class Structure(Protocol):
         ...
 
     def parameter_count(self, states: int, width: int) -> int:
-        """Free numbers of the covariances of one frame."""
+        """Numbers that the covariances of one frame are made of, as the thesis counts them."""
+        ...
+
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        """Dimension of what these covariances can be: parameters, less those that change no covariance."""
         ...
 
 
@@ -76,6 +80,9 @@ class Full:
     def parameter_count(self, states: int, width: int) -> int:
         return states * width * (width + 1) // 2
 
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        return self.parameter_count(states, width)
+
 
 @dataclass(frozen=True, slots=True)
 class Diagonal:
@@ -92,6 +99,9 @@ class Diagonal:
 
     def parameter_count(self, states: int, width: int) -> int:
         return states * width
+
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        return self.parameter_count(states, width)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +120,9 @@ class Spherical:
 
     def parameter_count(self, states: int, width: int) -> int:
         return states
+
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        return self.parameter_count(states, width)
 
 
 def component_correlation(covariances: Float[Array, "K D D"]) -> Float[Array, "K K"]:

@@ -33,7 +33,12 @@ from pilotfish.models.sequences import (
     viterbi,
 )
 from pilotfish.models.signs import on_the_half_of
-from pilotfish.models.size import covariance_parameters, semi_markov_parameters
+from pilotfish.models.size import (
+    covariance_freedom,
+    covariance_parameters,
+    fitted_parameters,
+    semi_markov_parameters,
+)
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Provenance, Skill
 from pilotfish.models.starts import Given, KMeans, Start, TimeBins
 from pilotfish.models.statistics import (
@@ -74,7 +79,9 @@ __all__ = [
     "Weights",
     "adapt",
     "as_mixture",
+    "covariance_freedom",
     "covariance_parameters",
+    "fitted_parameters",
     "improve",
     "labelled_statistics",
     "learn",

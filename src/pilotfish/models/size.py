@@ -1,11 +1,32 @@
 """How many free numbers a model has."""
 
-from pilotfish.gaussians import Structure
+from collections.abc import Sequence
+
+from pilotfish.gaussians import Covariances, HDDCShare, Structure
 
 
 def covariance_parameters(structure: Structure, states: int, width: int, frames: int = 1) -> int:
-    """Free numbers of all covariances: those of one frame, times the frames."""
+    """Numbers that all covariances are made of: those of one frame, times the frames."""
     return frames * structure.parameter_count(states, width)
+
+
+def covariance_freedom(structure: Structure, covariances: Sequence[Covariances]) -> int:
+    """Degrees of freedom of covariances that were learned with this structure, over all frames.
+
+    These, not the parameters, belong in an information criterion: numbers that change no covariance fit
+    nothing, such as turns of factors among themselves and lengths of shared vectors.
+    """
+    return sum(as_fitted(structure, c).degrees_of_freedom(*c.dense.shape[:2]) for c in covariances)
+
+
+def fitted_parameters(structure: Structure, covariances: Sequence[Covariances]) -> int:
+    """Numbers that covariances learned with this structure are made of, over all frames."""
+    return sum(as_fitted(structure, c).parameter_count(*c.dense.shape[:2]) for c in covariances)
+
+
+def as_fitted(structure: Structure, covariances: Covariances) -> Structure:
+    """The same structure with everything that it left to the data decided, as these covariances are."""
+    return structure.as_fitted(covariances) if isinstance(structure, HDDCShare) else structure
 
 
 def semi_markov_parameters(structure: Structure, states: int, width: int, frames: int = 1) -> int:

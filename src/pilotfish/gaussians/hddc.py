@@ -1,0 +1,116 @@
+"""High-dimensional data clustering (HDDC): leading directions kept, the others made equal."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.gaussians.latent import LatentCovariances, principal_components, require_factors
+from pilotfish.gaussians.structures import Covariances
+from pilotfish.types import Array, Float, Int
+
+
+@dataclass(frozen=True, slots=True)
+class HDDC:
+    """Every state keeps its leading eigenpairs; every other eigenvalue is the mean of the others.
+
+    dimensions  how many are kept: one number for all states, or one for each
+    This is the likeliest covariance of its kind, so that expectation-maximisation never loses likelihood.
+    Columns should have comparable units.
+    Source: Bouveyron, Girard & Schmid 2007; Tanwani 2018, equation 4.1.
+    """
+
+    dimensions: int | tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        for dimension in self._listed():
+            require_kind("dimensions", dimension, int, "give a whole number, or a tuple of one a state")
+            if dimension < 0:
+                raise InvalidInput(f"dimensions is {self.dimensions}, expected at least 0")
+
+    @property
+    def label(self) -> str:
+        return f"HDDC({','.join(map(str, self._listed()))})"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> LatentCovariances:
+        dimensions = self._of_states(len(samples))
+        require_factors(self.label, max(dimensions), samples.shape[1])
+        return principal_components(samples, np.array(dimensions))
+
+    def parameter_count(self, states: int, width: int) -> int:
+        """D d numbers of leading directions and one mean for each state, as with MPPCA.
+
+        Less one a state this is what table 5.1 of the thesis counts for subspaces of different size.
+        """
+        return sum(width * d + 1 for d in self._of_states(states))
+
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        """d (d - 1) / 2 fewer than parameters for each state: the directions kept are orthogonal."""
+        return sum(width * d + 1 - d * (d - 1) // 2 for d in self._of_states(states))
+
+    def _listed(self) -> tuple[int, ...]:
+        return self.dimensions if isinstance(self.dimensions, tuple) else (self.dimensions,)
+
+    def _of_states(self, states: int) -> tuple[int, ...]:
+        if not isinstance(self.dimensions, tuple):
+            return (self.dimensions,) * states
+        if len(self.dimensions) != states:
+            raise InvalidInput(
+                f"{self.label} names {len(self.dimensions)} dimensions for {states} states; give one number "
+                "for all, or as many as there are states (a state that loses its data is dropped)"
+            )
+        return self.dimensions
+
+
+@dataclass(frozen=True, slots=True)
+class HDDCShare:
+    """HDDC that keeps, in every state, the fewest directions that hold this share of the variance.
+
+    Within a fit a state may gain directions and never loses any, so that the likelihood never falls. How many
+    there are is known after the fit: see as_fitted.
+    Source: as HDDC; a share of the variance instead of their scree test.
+    """
+
+    share: float = 0.95
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.share < 1.0:
+            raise InvalidInput(f"share is {self.share}, expected a number between 0 and 1, say .95")
+
+    @property
+    def label(self) -> str:
+        return f"HDDC({self.share:g})"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> LatentCovariances:
+        dimensions = _holding(samples, self.share)
+        if isinstance(previous, LatentCovariances) and len(previous.noise) == len(samples):
+            dimensions = np.maximum(dimensions, previous.factors)
+        return principal_components(samples, dimensions)
+
+    def parameter_count(self, states: int, width: int) -> int:
+        raise self._unknown()
+
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        raise self._unknown()
+
+    def as_fitted(self, covariances: Covariances) -> HDDC:
+        """HDDC with the dimensions that the states of these covariances ended with."""
+        assert isinstance(covariances, LatentCovariances)  # nothing else comes out of estimate
+        return HDDC(tuple(int(d) for d in covariances.factors))
+
+    def _unknown(self) -> InvalidInput:
+        return InvalidInput(
+            f"{self.label} has as many parameters as its data ask for; after the fit, fitted_parameters of "
+            "pilotfish.models counts them"
+        )
+
+
+def _holding(S: Float[Array, "K D D"], share: float) -> Int[Array, " K"]:
+    """The fewest leading eigenvalues whose sum is this share of all, at most D - 1."""
+    values = np.maximum(np.linalg.eigvalsh(S)[:, ::-1], 0.0)
+    held = np.cumsum(values, axis=1) < share * values.sum(axis=1, keepdims=True)
+    return np.asarray(np.minimum(held.sum(axis=1) + 1, S.shape[1] - 1), dtype=np.int64)

@@ -1,0 +1,148 @@
+"""Multiple linear transforms (MLT): several semi-tied bases, and every state with the one that suits it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish import kernels
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.gaussians.gaussian import whiteners
+from pilotfish.gaussians.structures import Covariances
+from pilotfish.types import Array, Float, Int
+
+FIRST_SWEEPS = 10  # of the one transform that a fit begins with
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MultipleTransformCovariances:
+    """Sigma_k = H diag(variances[k]) H^T,  H being the basis where row k of membership holds its one."""
+
+    bases: Float[Array, "C D D"]
+    variances: Float[Array, "K D"]
+    membership: Float[Array, "K C"]
+
+    @property
+    def dense(self) -> Float[Array, "K D D"]:
+        roots = self.bases[self.membership.argmax(axis=1)] * np.sqrt(self.variances)[:, None, :]
+        return np.asarray(roots @ roots.transpose(0, 2, 1))
+
+    def whiteners(self, what: str) -> Float[Array, "K D D"]:
+        return whiteners(self.dense, what)
+
+
+@dataclass(frozen=True, slots=True)
+class MLT:
+    """Several semi-tied bases; in every M-step each state takes the one under which it is likeliest.
+
+    Neither the choice nor the sweeps lower the likelihood. Simplified: a state chooses a whole basis, as with
+    the classes of Gales 1999, never single vectors out of a pool.
+    sweeps  passes over the rows of each inverse basis in every M-step, as in SemiTied
+    Source: Goel & Gopinath 2001, Multiple linear transforms.
+    """
+
+    transforms: int
+    sweeps: int = 2
+
+    def __post_init__(self) -> None:
+        for name in ("transforms", "sweeps"):
+            require_kind(name, getattr(self, name), int, "give a whole number")
+            if (value := getattr(self, name)) < 1:
+                raise InvalidInput(f"{name} is {value}, expected at least 1")
+
+    @property
+    def label(self) -> str:
+        return f"MLT({self.transforms})"
+
+    def estimate(
+        self, mass: Float[Array, " K"], samples: Float[Array, "K D D"], previous: Covariances | None
+    ) -> MultipleTransformCovariances:
+        K, D = samples.shape[:2]
+        if self.transforms > K:
+            raise InvalidInput(f"{self.label} has more transforms than the {K} states there are")
+        if isinstance(previous, MultipleTransformCovariances) and previous.bases.shape == (
+            self.transforms,
+            D,
+            D,
+        ):
+            B = np.linalg.inv(previous.bases)
+        else:
+            B = _first_transforms(mass, samples, self.transforms)
+        B, choice = _chosen(B, mass, samples)
+        for c in range(self.transforms):
+            own = choice == c
+            B[c] = kernels.semi_tied_sweeps(samples[own], mass[own], B[c], self.sweeps)
+        return _in_bases(B, choice, samples)
+
+    def parameter_count(self, states: int, width: int) -> int:
+        """C D^2 + K D; which basis a state has is not counted."""
+        return self.transforms * width * width + states * width
+
+    def degrees_of_freedom(self, states: int, width: int) -> int:
+        """C D fewer than parameters, since variances make up for the length of vectors; no more than full.
+
+        Too many by what a basis has to spare that fewer than two states use.
+        """
+        free = self.parameter_count(states, width) - self.transforms * width
+        return min(free, states * width * (width + 1) // 2)
+
+
+def _log_likelihoods(B: Float[Array, "C D D"], S: Float[Array, "K D D"]) -> Float[Array, "K C"]:
+    """Twice what each state's datapoints have on average under each transform, constants left out."""
+    variances = np.einsum("cdi,kij,cdj->kcd", B, S, B, optimize=True)
+    with np.errstate(divide="ignore"):
+        return np.asarray(2.0 * np.linalg.slogdet(B)[1] - np.log(variances).sum(axis=2))
+
+
+def _chosen(
+    B: Float[Array, "C D D"], mass: Float[Array, " K"], S: Float[Array, "K D D"]
+) -> tuple[Float[Array, "C D D"], Int[Array, " K"]]:
+    """The likeliest transform of every state. One that no state takes begins anew at the state told worst."""
+    B = B.copy()
+    choice = _log_likelihoods(B, S).argmax(axis=1)
+    while len(unused := np.setdiff1d(np.arange(len(B)), choice)):
+        shared = np.bincount(choice, minlength=len(B))[choice] > 1
+        worst = int(np.where(shared, _losses(B, mass, S), -np.inf).argmax())
+        B[unused[0]] = _transform_from(worst, B, mass, S)
+        choice[worst] = unused[0]
+    return B, choice
+
+
+def _losses(
+    B: Float[Array, "C D D"], mass: Float[Array, " K"], S: Float[Array, "K D D"]
+) -> Float[Array, " K"]:
+    """What every state loses by its best transform against a covariance of its own."""
+    own = -np.linalg.slogdet(S)[1]
+    return np.asarray(mass * (own - _log_likelihoods(B, S).max(axis=1)))
+
+
+def _first_transforms(
+    mass: Float[Array, " K"], S: Float[Array, "K D D"], transforms: int
+) -> Float[Array, "C D D"]:
+    """One transform for all, then, as often as asked, one more that begins at the state told worst."""
+    B = kernels.semi_tied_sweeps(S, mass, np.eye(S.shape[1]), FIRST_SWEEPS)[None]
+    while len(B) < transforms:
+        worst = int(_losses(B, mass, S).argmax())
+        B = np.concatenate([B, _transform_from(worst, B, mass, S)[None]])
+    return B
+
+
+def _transform_from(
+    worst: int, B: Float[Array, "C D D"], mass: Float[Array, " K"], S: Float[Array, "K D D"]
+) -> Float[Array, "D D"]:
+    """Of the transforms that make this state and one other diagonal, the one that helps all states most.
+
+    Two covariances have one basis in common, their generalised eigenvectors; one alone has many.
+    """
+    W = whiteners(S[[worst]], "the covariance of state")[0]
+    pairs = np.linalg.eigh(W @ S @ W.T)[1].transpose(0, 2, 1) @ W  # (K, D, D), a candidate for each partner
+    before = _log_likelihoods(B, S).max(axis=1, keepdims=True)
+    after = np.maximum(before, _log_likelihoods(pairs, S))  # (K, candidates)
+    return np.asarray(pairs[(mass @ after).argmax()])
+
+
+def _in_bases(
+    B: Float[Array, "C D D"], choice: Int[Array, " K"], S: Float[Array, "K D D"]
+) -> MultipleTransformCovariances:
+    rows = B[choice]  # (K, D, D)
+    variances = np.einsum("kdi,kij,kdj->kd", rows, S, rows, optimize=True)
+    return MultipleTransformCovariances(np.linalg.inv(B), variances, np.eye(len(B))[choice])

@@ -1,0 +1,124 @@
+"""Every covariance structure inside expectation-maximisation: likelihood, sizes, and what comes out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import views
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import (
+    EMLLT,
+    HDDC,
+    MFA,
+    MLT,
+    MPPCA,
+    DenseCovariances,
+    Full,
+    HDDCShare,
+    LatentCovariances,
+    SemiTied,
+)
+from pilotfish.models import (
+    EMSettings,
+    KMeans,
+    TimeBins,
+    adapt,
+    covariance_freedom,
+    covariance_parameters,
+    fitted_parameters,
+    learn,
+    learn_markov,
+    learn_mixture,
+    maximise,
+    most_likely_chain,
+    most_likely_weights,
+    semi_markov_parameters,
+    statistics,
+)
+from pilotfish.store import datasets
+
+STRUCTURES = [MFA(1), MFA(2), MPPCA(1), HDDC(2), HDDC((2, 1, 1)), HDDCShare(0.8), EMLLT(5), MLT(2)]
+
+
+@pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
+@pytest.mark.parametrize("frames", [1, 2])
+@pytest.mark.parametrize("chain", [most_likely_chain, most_likely_weights])
+@pytest.mark.parametrize("start", [TimeBins(1.0), KMeans()], ids=["bins", "k-means"])
+def test_the_likelihood_of_plain_expectation_maximisation_never_falls(
+    rng, scene, structure, frames, chain, start
+):
+    """Without regularisation nothing is undone: every single step gains, to rounding."""
+    data = views(scene(frames=frames, width=3, stops=3, lengths=(50, 60, 31), noise=0.3))
+    model = maximise(start.guess(data, 3, rng), None, structure, 0.0, chain)
+    values = []
+    for _ in range(12):
+        sums = statistics(model, data)
+        values.append(sums.log_likelihood)
+        model = maximise(sums, model, structure, 0.0, chain)
+    assert np.diff(values).min() > -1e-9 * abs(values[-1])
+
+
+@pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
+def test_a_structured_skill_is_no_likelier_than_a_full_one_that_goes_on_from_it(rng, scene, structure):
+    """Full covariances can be whatever any structure is."""
+    demos, settings = scene(width=3, stops=3, noise=0.3), EMSettings(regularisation=0.0, max_iterations=20)
+    model = learn_markov(demos, states=3, rng=rng, structure=structure, settings=settings).skill
+    sums = statistics(model, views(demos))
+    free = maximise(sums, None, Full(), 0.0, most_likely_chain)
+    assert statistics(free, views(demos)).log_likelihood >= sums.log_likelihood
+
+
+@pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
+@pytest.mark.parametrize("fit", [learn, learn_mixture])
+def test_only_the_covariances_written_out_count_when_a_skill_is_adapted(rng, scene, structure, fit):
+    demos = scene(width=3, noise=0.3)
+    skill = fit(demos, states=3, rng=rng, structure=structure).skill
+    assert skill.provenance.structure == structure.label
+    dense = replace(skill, covariances=tuple(DenseCovariances(c.dense) for c in skill.covariances))
+    one, other = (adapt(s, demos[0].frames) for s in (skill, dense))
+    np.testing.assert_allclose(one.means, other.means, atol=1e-12)
+    np.testing.assert_allclose(one.covariances, other.covariances, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "structure", [MFA(4), MPPCA(4), HDDCShare(0.9), EMLLT(24), MLT(2)], ids=lambda s: s.label
+)
+def test_the_likelihood_of_a_real_skill_never_falls(rng, data_folder, monkeypatch, structure):
+    """Valve opening, 14 columns in two frames, with nothing added to its variances but what holds them."""
+    monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
+    data = views(datasets.valve()[:4])
+    model = maximise(TimeBins(0.5).guess(data, 5, rng), None, structure, 1e-6, most_likely_chain)
+    values = []
+    for _ in range(8):
+        sums = statistics(model, data)
+        values.append(sums.log_likelihood)
+        model = maximise(sums, model, structure, 1e-6, most_likely_chain)
+    assert np.diff(values).min() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("structure", "states", "count"),
+    [(MFA(4), 3, 267), (MFA(4), 4, 360), (HDDC((4, 3, 4)), 3, 211 + 3), (HDDC((5, 5, 4, 3)), 4, 318 + 4)],
+)
+def test_whole_latent_models_have_the_sizes_of_table_5_1(structure, states, count):
+    """Tanwani 2018, table 5.1: D = 14; the noise of subspaces, one number a state, is not counted there."""
+    assert semi_markov_parameters(structure, states, 14) == count
+
+
+def test_sizes_of_a_fit_are_those_of_its_frames(rng, scene):
+    """What is known beforehand is the same after the fit; shares of variance are known only then."""
+    demos = scene(width=4, noise=0.3)
+    for structure in (MFA(2), SemiTied(), Full()):
+        skill = learn(demos, states=3, rng=rng, structure=structure).skill
+        known = covariance_parameters(structure, 3, 4, frames=2)
+        assert fitted_parameters(structure, skill.covariances) == known
+        assert covariance_freedom(structure, skill.covariances) == 2 * structure.degrees_of_freedom(3, 4)
+    skill = learn(demos, states=3, rng=rng, structure=HDDCShare(0.8)).skill
+    expected = 0
+    for c in skill.covariances:
+        assert isinstance(c, LatentCovariances)
+        expected += int((4 * c.factors + 1).sum())
+    assert fitted_parameters(HDDCShare(0.8), skill.covariances) == expected
+    with pytest.raises(InvalidInput, match="fitted_parameters"):
+        covariance_parameters(HDDCShare(0.8), 3, 4)
