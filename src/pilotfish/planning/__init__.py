@@ -3,5 +3,7 @@ the only place where a model's precision turns into a tracking weight.
 """
 
 from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
+from pilotfish.planning.through import through
+from pilotfish.planning.via_points import ViaPoint, via_point
 
-__all__ = ["expected_plan", "plan", "planned_states", "reference"]
+__all__ = ["ViaPoint", "expected_plan", "plan", "planned_states", "reference", "through", "via_point"]

@@ -1,0 +1,137 @@
+"""Where a person wants a motion to pass, and when."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pilotfish.control import Reference
+from pilotfish.demonstrations import Layout
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.types import Array, Float, Int
+
+Numbers = float | Sequence[float] | Array
+UNIT_TOLERANCE = 1e-3  # what typing a quaternion may cost in its norm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViaPoint:
+    """At a time [s] after the start, what is to be value, give or take deviation.
+
+    what is a part of the layout, or one column of it: "position", "position z", "position'" for its speed.
+    deviation is one standard deviation of each column, in its unit: the wish counts like a measurement of
+    that precision. That of a whole orientation, a unit quaternion w x y z, is the angle of a rotation [rad].
+    """
+
+    what: str
+    value: Float[Array, " C"]
+    time: float
+    deviation: Float[Array, " C"]
+
+
+def via_point(what: str, value: Numbers, *, time: float, deviation: Numbers) -> ViaPoint:
+    """The door for a person's wishes; see ViaPoint. One deviation may stand for all columns.
+
+    Raises: InvalidInput, when a number is not finite, time is negative or a deviation is not above zero.
+    """
+    require_kind("what", what, str, 'give the name of a part or column, say "position"')
+    wished = np.atleast_1d(np.array(value, dtype=np.float64))
+    spread = np.array(deviation, dtype=np.float64)
+    if wished.ndim != 1 or spread.shape not in ((), wished.shape):
+        raise InvalidInput(
+            f"{what!r} is wished to be of shape {wished.shape} within {spread.shape}, expected a number for "
+            "each column, and one deviation for each or one for all"
+        )
+    if not np.isfinite(wished).all():
+        raise InvalidInput(f"{what!r} is wished to be {wished.tolist()}, expected finite numbers")
+    if not (np.isfinite(spread).all() and (spread > 0.0).all()):
+        raise InvalidInput(
+            f"the deviation of {what!r} is {spread.tolist()}, expected positive numbers in the unit of its "
+            "columns; a small one, say 1e-4, makes it exact"
+        )
+    if not 0.0 <= time < np.inf:
+        raise InvalidInput(f"the time of {what!r} is {time} s, expected seconds after the start")
+    return ViaPoint(what, wished, float(time), np.broadcast_to(spread, wished.shape).copy())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """A via-point at its step: x[step, columns] = values, with independent deviations."""
+
+    step: int
+    columns: Int[Array, " C"]
+    values: Float[Array, " C"]
+    deviations: Float[Array, " C"]
+
+
+def observations(points: Sequence[ViaPoint], layout: Layout, reference: Reference) -> list[Observation]:
+    """The via-points at the steps of a plan, each at the nearest: at most half a period from its time.
+
+    A quaternion takes the sign that agrees with the plan's target there.
+    Raises: InvalidInput, when a point is outside the plan's time, names no part or column, has another number
+    of columns, or is an orientation but no unit quaternion; when the plan knows no period; and when two
+    points want one column at one step further apart than both deviations together.
+    """
+    require_kind("points", points, Sequence, "give a list: [pf.via_point(...)]")
+    for point in points:
+        require_kind("a via-point", point, ViaPoint, 'pf.via_point("position", ...) makes one')
+    found = [_at_its_step(point, layout, reference) for point in points]
+    for (one, a), (other, b) in combinations(zip(points, found, strict=True), 2):
+        if a.step == b.step:
+            _refuse_contradiction(one, other, a, b)
+    return found
+
+
+def _at_its_step(point: ViaPoint, layout: Layout, reference: Reference) -> Observation:
+    columns, turn = _columns(point.what, layout)
+    if len(columns) != len(point.value):
+        raise InvalidInput(
+            f"{point.what!r} is wished to be {len(point.value)} numbers, expected {len(columns)}: "
+            f"{', '.join(layout.names[c] for c in columns)}"
+        )
+    step = _step(point, reference)
+    if not turn:
+        return Observation(step, columns, point.value, point.deviation)
+    norm = float(np.linalg.norm(point.value))
+    if abs(norm - 1.0) > UNIT_TOLERANCE:
+        raise InvalidInput(
+            f"{point.what!r} is wished to be {point.value.tolist()} of norm {norm:.4g}, expected a unit "
+            "quaternion w x y z"
+        )
+    sign = -1.0 if point.value @ reference.targets[step, columns] < 0.0 else 1.0
+    # Turning by an angle moves a unit quaternion by half of it.
+    return Observation(step, columns, sign * point.value / norm, 0.5 * point.deviation)
+
+
+def _columns(what: str, layout: Layout) -> tuple[Int[Array, " C"], bool]:
+    """The columns of a part or of one column, and whether they are a whole orientation."""
+    if what in layout.names:
+        return np.array([layout.names.index(what)]), False
+    name = what.rstrip("'")
+    columns = np.arange(layout.width)[layout.columns(name, len(what) - len(name))]
+    return columns, any(columns[0] == quaternion.start for quaternion in layout.quaternions)
+
+
+def _step(point: ViaPoint, reference: Reference) -> int:
+    if reference.period is None:
+        raise InvalidInput(
+            "the plan knows no period, so no step has a time; give it one: Reference(..., period)"
+        )
+    step, last = round(point.time / reference.period), len(reference.targets) - 1
+    if not 1 <= step <= last:
+        raise InvalidInput(
+            f"{point.what!r} is wished at {point.time:g} s, expected {reference.period:g} to "
+            f"{last * reference.period:g} s: the motion begins at its start and ends with the plan's horizon"
+        )
+    return step
+
+
+def _refuse_contradiction(one: ViaPoint, other: ViaPoint, a: Observation, b: Observation) -> None:
+    shared, in_a, in_b = np.intersect1d(a.columns, b.columns, return_indices=True)
+    apart = np.abs(a.values[in_a] - b.values[in_b])
+    if (apart > a.deviations[in_a] + b.deviations[in_b]).any():
+        raise InvalidInput(
+            f"{one.what!r} and {other.what!r} are wished {apart.max():.3g} apart at step {a.step}, in column "
+            f"{shared[apart.argmax()]}: no motion is within the deviation of both; move one in time, or widen"
+        )

@@ -1,0 +1,237 @@
+"""A plan drawn through points is the distribution of its motions, conditioned on measuring these points."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.control import Reference, double_integrator, solve_batch, track
+from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import angle
+from pilotfish.planning import ViaPoint, through, via_point
+
+PERIOD, STEPS = 0.1, 12
+LAYOUT = position_layout(axes=2).differentiated()
+EFFORT = 0.3
+START = np.array([0.1, -0.2, 0.0, 0.3])
+
+
+def random_plan(rng, steps=STEPS, width=4):
+    root = rng.normal(size=(steps, width, width))
+    weights = root @ root.transpose(0, 2, 1) + 0.1 * np.eye(width)
+    return Reference(rng.normal(size=(steps, width)), weights, PERIOD)
+
+
+def joint_distribution(plan):
+    """Mean and covariance of all states at once, of density exp(-cost / 2), from its definition."""
+    system, T, n = double_integrator(2, PERIOD), len(plan.targets), 4
+    forced, free = np.zeros((T, n, (T - 1) * 2)), [np.eye(n)]
+    for t in range(T - 1):
+        free.append(system.A @ free[-1])
+        forced[t + 1] = system.A @ forced[t]
+        forced[t + 1, :, 2 * t : 2 * t + 2] += system.B
+    hessian = np.einsum("tia,tij,tjb->ab", forced, plan.weights, forced) + EFFORT * np.eye(2 * T - 2)
+    errors = plan.targets - np.array(free) @ START
+    u = np.linalg.solve(hessian, np.einsum("tia,tij,tj->a", forced, plan.weights, errors))
+    flat = forced.reshape(T * n, -1)
+    mean = (np.array(free) @ START).ravel() + flat @ u
+    return mean, flat @ np.linalg.solve(hessian, flat.T)
+
+
+def conditioned(mean, covariance, places, values, deviations):
+    """The Gaussian given measurements of some of its entries with independent noise."""
+    seen = covariance[np.ix_(places, places)] + np.diag(np.square(deviations))
+    gain = np.linalg.solve(seen, covariance[places]).T
+    return mean + gain @ (values - mean[places]), covariance - gain @ covariance[places]
+
+
+def tracked(plan):
+    return track(double_integrator(2, PERIOD), plan, EFFORT).rollout(START).x
+
+
+def test_tracking_gives_the_trajectory_distribution_conditioned_on_the_points(rng):
+    """One big Gaussian over all steps, conditioned by the textbook, against a plan with other targets."""
+    plan = random_plan(rng)
+    points = [
+        via_point("position", [0.5, -0.4], time=0.5, deviation=0.01),
+        via_point("position y", 0.9, time=0.8, deviation=0.2),
+        via_point("position'", [0.0, 1.0], time=0.8, deviation=[0.1, 1e-3]),
+    ]
+    places = [5 * 4, 5 * 4 + 1, 8 * 4 + 1, 8 * 4 + 2, 8 * 4 + 3]
+    values, deviations = np.array([0.5, -0.4, 0.9, 0.0, 1.0]), np.array([0.01, 0.01, 0.2, 0.1, 1e-3])
+    mean, covariance = conditioned(*joint_distribution(plan), places, values, deviations)
+    drawn = through(plan, points, LAYOUT)
+    np.testing.assert_allclose(tracked(drawn), mean.reshape(STEPS, 4), atol=1e-8)
+    spread = solve_batch(double_integrator(2, PERIOD), drawn, EFFORT, START).covariances
+    for t in range(STEPS):
+        block = covariance[4 * t : 4 * t + 4, 4 * t : 4 * t + 4]
+        np.testing.assert_allclose(spread[t], block, atol=1e-8)
+
+
+def test_a_plan_without_points_is_left_as_it_is(rng):
+    plan = random_plan(rng)
+    drawn = through(plan, [], LAYOUT)
+    np.testing.assert_array_equal(drawn.targets, plan.targets)
+    np.testing.assert_array_equal(drawn.weights, plan.weights)
+    assert drawn.period == plan.period
+
+
+def test_only_the_steps_of_points_change_and_the_plan_given_stays(rng):
+    plan = random_plan(rng)
+    kept = plan.targets.copy(), plan.weights.copy()
+    drawn = through(plan, [via_point("position", [1.0, 1.0], time=0.34, deviation=0.1)], LAYOUT)
+    changed = np.flatnonzero((drawn.targets != plan.targets).any(axis=1))
+    np.testing.assert_array_equal(changed, [3])
+    np.testing.assert_array_equal(plan.targets, kept[0])
+    np.testing.assert_array_equal(plan.weights, kept[1])
+
+
+def test_two_looks_at_one_place_are_one_of_more_precision(rng):
+    """Precisions add, in any order; agreeing wishes may differ by their deviations."""
+    plan = random_plan(rng)
+    first = via_point("position x", 0.5, time=0.6, deviation=0.3)
+    second = via_point("position x", 0.7, time=0.6, deviation=0.1)
+    mean = (0.5 / 0.09 + 0.7 / 0.01) / (1 / 0.09 + 1 / 0.01)
+    both = via_point("position x", mean, time=0.6, deviation=(1 / 0.09 + 1 / 0.01) ** -0.5)
+    expected = through(plan, [both], LAYOUT)
+    for points in ([first, second], [second, first]):
+        drawn = through(plan, points, LAYOUT)
+        np.testing.assert_allclose(drawn.targets, expected.targets, rtol=1e-9)
+        np.testing.assert_allclose(drawn.weights, expected.weights, rtol=1e-12)
+
+
+@pytest.mark.parametrize("deviation", [1e-3, 1e-5, 1e-7])
+def test_a_precise_point_is_passed_within_its_deviation(rng, deviation):
+    """As exactly as asked, seven orders of magnitude finer than the rest of the plan."""
+    point = via_point("position", [2.0, 1.0], time=0.6, deviation=deviation)
+    assert np.abs(tracked(through(random_plan(rng), [point], LAYOUT))[6, :2] - point.value).max() < deviation
+
+
+def test_a_point_is_missed_by_the_square_of_its_deviation(rng):
+    """By s^2 / (S + s^2) of the way, S the variance of motions there: ten times finer is a hundred times closer."""
+    plan = random_plan(rng)
+    S = solve_batch(double_integrator(2, PERIOD), plan, EFFORT, START).covariances[6, 0, 0]
+    way = 2.0 - tracked(plan)[6, 0]
+    for s in (0.1, 0.01):
+        drawn = through(plan, [via_point("position x", 2.0, time=0.6, deviation=s)], LAYOUT)
+        assert 2.0 - tracked(drawn)[6, 0] == pytest.approx(way * s**2 / (S + s**2), rel=1e-6)
+
+
+def test_a_free_step_is_drawn_only_where_the_point_says(rng):
+    """A weight of zero leaves the other columns free, with their targets where they were."""
+    plan = random_plan(rng)
+    plan.weights[4] = 0.0
+    drawn = through(plan, [via_point("position x", 3.0, time=0.4, deviation=0.5)], LAYOUT)
+    np.testing.assert_allclose(drawn.targets[4], [3.0, *plan.targets[4, 1:]])
+    np.testing.assert_allclose(drawn.weights[4], np.diag([4.0, 0.0, 0.0, 0.0]))
+
+
+def test_a_half_free_step_is_conditioned_all_the_same(rng):
+    """Weights of rank one, of any scale: the point and what the plan insists on are both kept."""
+    plan = random_plan(rng)
+    line = np.array([1.0, 1.0, 0.0, 0.0])
+    plan.weights[4], plan.targets[4] = 1e-6 * np.outer(line, line), 0.0
+    drawn = through(plan, [via_point("position x", 3.0, time=0.4, deviation=1e-7)], LAYOUT)
+    np.testing.assert_allclose(drawn.targets[4], [3.0, -3.0, 0.0, 0.0], rtol=1e-6, atol=1e-9)
+
+
+@pytest.fixture
+def pose_plan(rng):
+    """A robot that keeps its orientation q while it moves."""
+    q = rng.normal(size=4)
+    q /= np.linalg.norm(q)
+    layout = pose_layout().differentiated()
+    targets = np.zeros((STEPS, 14))
+    targets[:, 3:7] = q
+    return Reference(targets, np.tile(np.eye(14), (STEPS, 1, 1)), PERIOD), layout, q
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_orientation_may_be_given_as_q_or_minus_q(pose_plan, rng, sign):
+    """One orientation, one plan: no via-point makes the robot turn all the way round."""
+    plan, layout, q = pose_plan
+    wished = q + 0.3 * rng.normal(size=4)
+    wished /= np.linalg.norm(wished)
+    drawn = through(plan, [via_point("orientation", sign * wished, time=0.5, deviation=0.01)], layout)
+    same = through(plan, [via_point("orientation", wished, time=0.5, deviation=0.01)], layout)
+    np.testing.assert_allclose(drawn.targets, same.targets)
+    assert drawn.targets[5, 3:7] @ q > 0.0
+
+
+def test_an_orientation_may_be_typed_to_three_digits(pose_plan):
+    """A norm of one but for rounding is brought to one; how fast it changes has any norm."""
+    plan, layout, q = pose_plan
+    exact = through(plan, [via_point("orientation", q, time=0.5, deviation=0.01)], layout)
+    typed = through(plan, [via_point("orientation", 1.0005 * q, time=0.5, deviation=0.01)], layout)
+    np.testing.assert_allclose(typed.targets, exact.targets, atol=1e-12)
+    turning = through(plan, [via_point("orientation'", 3.0 * q, time=0.5, deviation=1e-6)], layout)
+    np.testing.assert_allclose(turning.targets[5, 10:], 3.0 * q)
+
+
+def test_the_deviation_of_an_orientation_is_an_angle(pose_plan):
+    """A turn by one deviation away from the wish costs as much as a position one deviation away."""
+    plan, layout, q = pose_plan
+    drawn = through(plan, [via_point("orientation", q, time=0.5, deviation=0.02)], layout)
+    aside = q + 1e-2 * np.linalg.svd(q[None])[2][1]  # off along a direction orthogonal to q
+    aside /= np.linalg.norm(aside)
+    assert angle(q, aside) == pytest.approx(0.02, rel=1e-3)
+    added = drawn.weights[5, 3:7, 3:7] - np.eye(4)
+    assert (aside - q) @ added @ (aside - q) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_points_outside_the_plans_time_are_refused(rng):
+    plan = random_plan(rng)
+    for time in (0.0, 0.04, 1.16, 50.0):
+        with pytest.raises(InvalidInput, match=r"expected 0.1 to 1.1 s"):
+            through(plan, [via_point("position", [0.0, 0.0], time=time, deviation=0.1)], LAYOUT)
+    through(plan, [via_point("position", [0.0, 0.0], time=1.14, deviation=0.1)], LAYOUT)
+    with pytest.raises(InvalidInput, match="no period"):
+        through(replace(plan, period=None), [via_point("position x", 0.0, time=1.0, deviation=0.1)], LAYOUT)
+
+
+def test_contradictions_are_refused(rng):
+    """Two places for one column at one step, further apart than both deviations together."""
+    plan, here = random_plan(rng), via_point("position", [0.0, 0.0], time=0.5, deviation=0.1)
+    with pytest.raises(InvalidInput, match=r"'position' and 'position y'.*0\.5 apart at step 5"):
+        through(plan, [here, via_point("position y", 0.5, time=0.5, deviation=0.1)], LAYOUT)
+    with pytest.raises(InvalidInput, match=r"0\.7 apart at step 5, in column 0"):
+        through(plan, [here, via_point("position", [0.7, 0.3], time=0.5, deviation=0.1)], LAYOUT)
+    through(plan, [here, via_point("position y", 0.19, time=0.5, deviation=0.1)], LAYOUT)
+    through(plan, [here, via_point("position y", 0.5, time=0.6, deviation=0.1)], LAYOUT)
+
+
+def test_points_that_mean_nothing_are_refused(rng, pose_plan):
+    plan, layout, q = pose_plan
+    with pytest.raises(InvalidInput, match="did you mean 'position'"):
+        through(plan, [via_point("positon", np.zeros(3), time=0.5, deviation=0.1)], layout)
+    with pytest.raises(InvalidInput, match="2 numbers, expected 3: position x, position y, position z"):
+        through(plan, [via_point("position", np.zeros(2), time=0.5, deviation=0.1)], layout)
+    with pytest.raises(InvalidInput, match=r"norm 2.*unit quaternion"):
+        through(plan, [via_point("orientation", 2.0 * q, time=0.5, deviation=0.1)], layout)
+    with pytest.raises(InvalidInput, match="finite"):
+        via_point("position", [0.0, np.nan, 0.0], time=0.5, deviation=0.1)
+    for deviation in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(InvalidInput, match="positive"):
+            via_point("position", np.zeros(3), time=0.5, deviation=deviation)
+    with pytest.raises(InvalidInput, match="one for all"):
+        via_point("position", np.zeros(3), time=0.5, deviation=[0.1, 0.2])
+    for time in (-1.0, np.nan, np.inf):
+        with pytest.raises(InvalidInput, match="seconds after"):
+            via_point("position", np.zeros(3), time=time, deviation=0.1)
+
+
+def test_a_part_of_one_number_and_one_of_four_that_does_not_turn(rng):
+    """A gripper's width is named by its part; four joints are four numbers, of any norm."""
+    layout = Layout((Part("gripper", Quantity.SCALAR, 1, "m"), Part("joints", Quantity.SCALAR, 4, "rad")))
+    plan = Reference(np.zeros((4, 5)), np.tile(np.eye(5), (4, 1, 1)), PERIOD)
+    wished = np.array([-3.0, 2.0, -2.0, 1.0])
+    points = [
+        via_point("gripper", 0.08, time=0.1, deviation=1e-6),
+        via_point("joints", wished, time=0.2, deviation=1e-6),
+        ViaPoint("joints 2", np.array([1.0]), 0.3, np.array([1.0])),
+    ]
+    drawn = through(plan, points, layout)
+    np.testing.assert_allclose(drawn.targets[1], [0.08, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(drawn.targets[2, 1:], wished)
+    np.testing.assert_allclose(drawn.targets[3], [0.0, 0.0, 0.5, 0.0, 0.0])
