@@ -109,7 +109,7 @@ def test_a_precise_point_is_passed_within_its_deviation(rng, deviation):
 
 
 def test_a_point_is_missed_by_the_square_of_its_deviation(rng):
-    """By s^2 / (S + s^2) of the way, S the variance of motions there: ten times finer is a hundred times closer."""
+    """By s^2 / (S + s^2) of the way, S the variance of motions there: ten times finer, 100 times closer."""
     plan = random_plan(rng)
     S = solve_batch(double_integrator(2, PERIOD), plan, EFFORT, START).covariances[6, 0, 0]
     way = 2.0 - tracked(plan)[6, 0]
@@ -133,7 +133,7 @@ def test_a_half_free_step_is_conditioned_all_the_same(rng):
     line = np.array([1.0, 1.0, 0.0, 0.0])
     plan.weights[4], plan.targets[4] = 1e-6 * np.outer(line, line), 0.0
     drawn = through(plan, [via_point("position x", 3.0, time=0.4, deviation=1e-7)], LAYOUT)
-    np.testing.assert_allclose(drawn.targets[4], [3.0, -3.0, 0.0, 0.0], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(drawn.targets[4], [3.0, -3.0, 0.0, 0.0], rtol=1e-4, atol=1e-9)
 
 
 @pytest.fixture
