@@ -149,3 +149,27 @@ def test_arrays_may_be_laid_out_anyhow(kernels, case):
     plain = kernels.e_step(*given.arguments)
     for name in SUMS:
         np.testing.assert_allclose(getattr(odd, name), getattr(plain, name), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("M", [1, 2, 5, 37])
+def test_sums_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, case, rng, M):
+    """Work that is cut into several groups, and shared, adds up in the order of the demonstrations."""
+    given = case(2, rng.integers(300, 900, size=M).tolist(), 20, 8)
+    alone = compiled.e_step(*given.arguments)
+    for threads in (0, 2, 7):
+        together = compiled.e_step(*given.arguments, threads=threads)
+        for name in SUMS:
+            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), err_msg=name)
+
+
+@pytest.mark.parametrize("rng", [0], indirect=True)
+def test_groups_of_demonstrations_leave_none_out(compiled, case, rng):
+    """As many demonstrations as make several groups, some of them of one step: the twin agrees."""
+    lengths = [1, 2, *rng.integers(1, 400, size=60).tolist(), 3000, 1]
+    given = case(2, lengths, 14, 6)
+    result, twin = compiled.e_step(*given.arguments, threads=2), twins.e_step(*given.arguments)
+    for name in SUMS:
+        scale = np.abs(getattr(twin, name)).max()
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(twin, name), rtol=1e-9, atol=1e-12 * scale, err_msg=name
+        )

@@ -11,9 +11,19 @@ import numpy as np
 import pytest
 
 import pilotfish.kernels
-from pilotfish.kernels import ACTIVE, SlowKernels, active, twins
+from pilotfish.kernels import ACTIVE, Emissions, EStep, SlowKernels, active, twins
 
-NATIVE = ("log_emissions", "e_step", "forward_backward", "viterbi", "riccati", "semi_tied_sweeps")
+NATIVE = (
+    "log_emissions",
+    "e_step",
+    "forward_backward",
+    "viterbi",
+    "semi_markov",
+    "semi_markov_viterbi",
+    "semi_markov_e_step",
+    "riccati",
+    "semi_tied_sweeps",
+)
 ULP = np.finfo(float).eps
 
 
@@ -50,10 +60,14 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
         pytest.skip("this processor has no x86-64-v3, or the compiler did not know it")
     newer = importlib.import_module("pilotfish.kernels._v3")
     given = case(2, [70, 33], 9, 5)
-    logs = np.log(given.initial), given.transitions, np.log(given.transitions)
-    arguments = given.x, given.lengths, *logs, given.means, given.whiteners
-    for one, other in zip(baseline.e_step(*arguments), newer.e_step(*arguments), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
+    data, gaussians = (given.x, given.lengths), (given.means, given.whiteners[..., :8, :8], np.array([4]), 2)
+    logs = np.log(given.initial), np.log(given.transitions)
+    markov = *data, logs[0], given.transitions, logs[1], *gaussians
+    semi_markov = *data, *logs, np.zeros((4, 30, 5)), np.zeros((2, 5)), *gaussians
+    for name, arguments in [("e_step", markov), ("semi_markov_e_step", semi_markov)]:
+        one, other = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
+        for old, new in zip(one, other, strict=True):
+            np.testing.assert_allclose(old, new, rtol=1e-10, atol=1e-10, err_msg=name)
 
 
 def test_the_interpreter_runs_on_while_a_kernel_does(compiled, case):
@@ -83,6 +97,17 @@ def test_subnormal_numbers_are_back_after_a_kernel(compiled, case):
     assert np.array([tiny]) / 2.0 > 0.0
 
 
+def test_other_threads_flush_them_as_well(compiled, case):
+    """Numbers of a group of demonstrations do not depend on which thread took it: not in any digit."""
+    given = case(2, [100] * 60, 14, 10)
+    arguments = (*given.arguments[:-1], Emissions(given.means, 40.0 * given.whiteners))
+    alone = compiled.e_step(*arguments, threads=1)
+    for threads in (0, 2, 3, 50):
+        together = compiled.e_step(*arguments, threads=threads)
+        for name in EStep.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), err_msg=name)
+
+
 def test_exponentials_are_right_to_the_last_digits(compiled):
     """Posteriors of many states at one step are in the ratio of their emissions' exponentials."""
     x = np.concatenate([np.linspace(-700.0, 0.0, 301), np.linspace(-3.0, 0.0, 300)])
@@ -103,12 +128,23 @@ def test_logarithms_are_right_to_the_last_digits(compiled):
 def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
     """No kernel reads beyond an array's end, whatever it is given."""
     x, means, whiteners = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.zeros((1, 3, 2, 2))
-    chain = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
+    chain, no_turns = (np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))), np.array([], dtype=np.int64)
     for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
         with pytest.raises(ValueError, match="lengths"):
-            baseline.e_step(x, np.array(lengths), *chain, means, whiteners)
+            baseline.e_step(x, np.array(lengths), *chain, means, whiteners, no_turns, 1)
     with pytest.raises(ValueError, match="whiteners has 2 entries along axis 1, expected 3"):
-        baseline.log_emissions(x, means, whiteners[:, :2])
+        baseline.log_emissions(x, means, whiteners[:, :2], no_turns)
+    for turns in ([0], [-1], [2**40]):
+        with pytest.raises(ValueError, match="turns are not columns"):
+            baseline.log_emissions(x, means, whiteners, np.array(turns))
+    with pytest.raises(ValueError, match="turns are not columns"):  # they overlap
+        baseline.log_emissions(np.zeros((1, 5, 8)), np.zeros((1, 3, 8)), whiteners, np.array([0, 3]))
+    with pytest.raises(ValueError, match="threads is -1, expected"):
+        baseline.e_step(x, np.array([5]), *chain, means, whiteners, no_turns, -1)
+    with pytest.raises(ValueError, match="log_visits has 5 entries along axis 0, expected 4"):
+        baseline.semi_markov(np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="second axis of log_visits is empty"):
+        baseline.semi_markov_viterbi(np.zeros((9, 3)), *chain[:2], np.zeros((4, 0, 3)), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="transitions has 3 entries along axis 0, expected 4"):
         baseline.forward_backward(np.zeros((2, 4)), np.zeros(4), chain[1], np.zeros((4, 4)))
     with pytest.raises(ValueError, match="log_emissions is empty"):

@@ -281,3 +281,64 @@ def test_a_demonstration_that_no_visits_explain_adds_nothing(kernels, case):
     assert result.log_likelihoods[0] == -np.inf
     for name in SUMS[1:]:
         np.testing.assert_allclose(getattr(result, name), getattr(alone, name), atol=1e-15, err_msg=name)
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.3])
+@pytest.mark.parametrize("spread", [1.0, 700.0])
+@pytest.mark.parametrize(
+    ("T", "K", "S"), [(1, 1, 1), (50, 1, 7), (31, 2, 8), (120, 3, 1), (64, 8, 9), (97, 9, 17), (150, 17, 200)]
+)
+def test_compiled_semi_markov_chain_agrees_with_its_twin(compiled, problem, T, K, S, spread, zeros):
+    """Any number of states and steps, also around the multiples of eight that registers hold."""
+    given = problem(T, K, S, spread, zeros)
+    result, twin = compiled.semi_markov(*given), twins.semi_markov(*given)
+    np.testing.assert_allclose(result.log_likelihood, twin.log_likelihood, rtol=1e-11, atol=1e-11)
+    for name in EXPECTED:
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(twin, name), rtol=1e-7, atol=1e-10, err_msg=name
+        )
+    found, expected = compiled.semi_markov_viterbi(*given), twins.semi_markov_viterbi(*given)
+    np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-11, atol=1e-11)
+    if np.isfinite(expected.log_probability):
+        np.testing.assert_array_equal(found.states, expected.states)
+
+
+@pytest.mark.parametrize("rng", [0], indirect=True)
+@pytest.mark.parametrize("spread", [1.0, 3000.0])
+def test_a_hundred_thousand_steps_of_visits_lose_nothing(compiled, problem, spread):
+    """Lengths of visits add up to the recording's, one visit follows each change, and posteriors sum to one.
+
+    None of the numbers kept grows with time: in the twin, log probabilities reach 1e8.
+    """
+    T, S = 100_000, 30
+    result = compiled.semi_markov(*problem(T, 3, S, spread))
+    assert np.isfinite(result.log_likelihood)
+    lasted = np.einsum("csk,s->", result.visits, np.arange(1.0, S + 1.0))
+    np.testing.assert_allclose(lasted + result.beyond.sum() * S, T, rtol=1e-9)
+    np.testing.assert_allclose(result.visits.sum() + result.beyond.sum(), 1.0 + result.transitions.sum())
+    np.testing.assert_allclose(result.visits[2:].sum() + result.beyond.sum(), 1.0, rtol=1e-8)
+    np.testing.assert_allclose(result.visits[1::2].sum() + result.beyond[1].sum(), 1.0, rtol=1e-8)
+
+
+@pytest.mark.parametrize("S", [5, 60])
+def test_compiled_semi_markov_e_step_agrees_with_its_twin(compiled, case, rng, S):
+    """Demonstrations of unequal lengths, shorter and longer than the tables, on one thread and on several."""
+    given = case(2, [1, 40, 33, 90, 2], 7, 5)
+    arguments = given.x, given.lengths, tables_for(given, rng, S), given.emissions
+    result, twin = compiled.semi_markov_e_step(*arguments), twins.semi_markov_e_step(*arguments)
+    for name in SUMS:
+        scale = np.abs(getattr(twin, name)).max()
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(twin, name), rtol=1e-8, atol=1e-11 * scale, err_msg=name
+        )
+
+
+def test_visits_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, case, rng):
+    """Work that is cut into several groups, and shared, adds up in the order of the demonstrations."""
+    given = case(1, rng.integers(50, 400, size=23).tolist(), 6, 10)
+    arguments = given.x, given.lengths, tables_for(given, rng, 100), given.emissions
+    alone = compiled.semi_markov_e_step(*arguments)
+    for threads in (0, 2, 7):
+        together = compiled.semi_markov_e_step(*arguments, threads=threads)
+        for name in SUMS:
+            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), err_msg=name)

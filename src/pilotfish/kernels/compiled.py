@@ -8,27 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.kernels import twins
-from pilotfish.kernels.arguments import Emissions
+from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.refusals import flat_row, free_push, singular_transform
-from pilotfish.kernels.results import EStep, ForwardBackward, Riccati, Viterbi
+from pilotfish.kernels.results import EStep, ForwardBackward, Riccati, SemiMarkov, SemiMarkovEStep, Viterbi
 from pilotfish.kernels.twins.chain import log_or_never
-from pilotfish.kernels.twins.expectation import semi_markov_e_step
-from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_viterbi
 from pilotfish.types import Array, Float, Int
-
-__all__ = [
-    "LEVEL",
-    "e_step",
-    "forward_backward",
-    "log_emissions",
-    "riccati",
-    "semi_markov",
-    "semi_markov_e_step",
-    "semi_markov_viterbi",
-    "semi_tied_sweeps",
-    "viterbi",
-]
 
 _baseline: Any = import_module("pilotfish.kernels._baseline")
 LEVEL: str = "x86-64-v3" if _baseline.supports_v3() else "baseline"
@@ -40,12 +24,27 @@ def _packed(values: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
-    if emissions.turns:
-        return twins.log_emissions(x, emissions)
-    log_densities: Float[Array, "N K"] = _native.log_emissions(
-        _packed(x), _packed(emissions.means), _packed(emissions.whiteners)
+def _gaussians(
+    emissions: Emissions,
+) -> tuple[Float[Array, "P K D"], Float[Array, "P K E E"], Int[Array, " turns"]]:
+    turns = np.array(sorted(emissions.turns), dtype=np.int64)
+    return _packed(emissions.means), _packed(emissions.whiteners), turns
+
+
+def _chain(
+    tables: SemiMarkovTables,
+) -> tuple[Float[Array, " K"], Float[Array, "K K"], Float[Array, "4 S K"], Float[Array, "2 K"]]:
+    log_initial, log_transitions = log_or_never(tables.initial), log_or_never(tables.transitions)
+    return (
+        _packed(log_initial),
+        _packed(log_transitions),
+        _packed(tables.log_visits),
+        _packed(tables.log_beyond),
     )
+
+
+def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
+    log_densities: Float[Array, "N K"] = _native.log_emissions(_packed(x), *_gaussians(emissions))
     return log_densities
 
 
@@ -57,18 +56,33 @@ def e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> EStep:
-    if emissions.turns:
-        return twins.e_step(x, lengths, initial, transitions, emissions)
     sums = _native.e_step(
         _packed(x),
         np.ascontiguousarray(lengths, dtype=np.int64),
         _packed(log_or_never(initial)),
         _packed(transitions),
         _packed(log_or_never(transitions)),
-        _packed(emissions.means),
-        _packed(emissions.whiteners),
+        *_gaussians(emissions),
+        threads,
     )
     return EStep(*sums)
+
+
+def semi_markov_e_step(
+    x: Float[Array, "P N D"],
+    lengths: Int[Array, " M"],
+    tables: SemiMarkovTables,
+    emissions: Emissions,
+    threads: int = 1,
+) -> SemiMarkovEStep:
+    sums = _native.semi_markov_e_step(
+        _packed(x),
+        np.ascontiguousarray(lengths, dtype=np.int64),
+        *_chain(tables),
+        *_gaussians(emissions),
+        threads,
+    )
+    return SemiMarkovEStep(*sums)
 
 
 def forward_backward(
@@ -87,6 +101,15 @@ def viterbi(
     log_initial, log_transitions = _packed(log_or_never(initial)), _packed(log_or_never(transitions))
     states, log_probability = _native.viterbi(_packed(log_emissions), log_initial, log_transitions)
     return Viterbi(states.view(np.int64), log_probability)  # the same bits, by the name that NumPy knows them
+
+
+def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkov:
+    return SemiMarkov(*_native.semi_markov(_packed(log_emissions), *_chain(tables)))
+
+
+def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:
+    states, log_probability = _native.semi_markov_viterbi(_packed(log_emissions), *_chain(tables))
+    return Viterbi(states.view(np.int64), log_probability)
 
 
 def riccati(

@@ -47,6 +47,28 @@ class Chain {
   Neighbours successors_, origins_;  // of every state
 };
 
+// Infers demonstrations one at a time, and adds up what is expected of all of them.
+class MarkovInference {
+ public:
+  // Room for demonstrations of up to `longest` steps.
+  MarkovInference(const Chain& chain, long longest)
+      : chain_(chain), offsets_(longest), counts_(size_t(chain.states()) * chain.states(), 0.0) {}
+
+  // posteriors (T, width) from log_emissions (T, width). Returns log p(all steps); at -inf nothing is added,
+  // and posteriors mean nothing.
+  double infer(const double* log_emissions, long T, double* posteriors) {
+    const double log_likelihood = chain_.forward(log_emissions, T, posteriors, offsets_.data());
+    if (log_likelihood != NEVER) chain_.backward(log_emissions, T, posteriors, counts_.data());
+    return log_likelihood;
+  }
+
+  const Buffer& transitions() const { return counts_; }  // (K, K), expected over all demonstrations
+
+ private:
+  const Chain& chain_;
+  Buffer offsets_, counts_;
+};
+
 // The same for arrays that are not padded: posteriors and log_forward (T, K), counts (K, K), all of them set.
 double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
                         double* counts, double* log_forward);

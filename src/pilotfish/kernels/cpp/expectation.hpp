@@ -1,20 +1,33 @@
-// The expectation step of a task-parameterised hidden Markov model.
+// The expectation steps of task-parameterised hidden Markov and semi-Markov models.
 #pragma once
 
+#include "semi_markov.hpp"
 #include "views.hpp"
 
 namespace pilotfish {
 
-struct Model {
-  const double *log_initial, *transitions, *log_transitions, *means, *whiteners;
+// M demonstrations end to end in x (P, N, D).
+struct Demonstrations {
+  const double* x;
+  const int64_t* lengths;
+  long M;
 };
 
-// What every sum is added up into; see EStep in results.py.
+struct Gaussians {
+  const double *means, *whiteners;
+};
+
+// What every sum is added up into; see EStep and SemiMarkovEStep in results.py.
 struct Sums {
-  double *log_likelihoods, *mass, *first, *transitions, *offsets, *scatters;
+  double *log_likelihoods, *mass, *first, *transitions, *offsets, *scatters, *visits, *beyond;
 };
 
-// M demonstrations end to end in x (P, N, D); memory beyond the sums is that of the longest.
-void e_step(Sizes sizes, const double* x, const int64_t* lengths, long M, Model model, Sums sums);
+// Up to `threads` threads share the demonstrations, as many as this process may use if it is zero. The sums
+// do not depend on it. Memory beyond the sums is that of a few more of them, and of the longest
+// demonstration for every thread.
+void e_step(const Sizes& sizes, Demonstrations data, const Chain& chain, Gaussians gaussians, int threads,
+            Sums sums);
+void e_step(const Sizes& sizes, Demonstrations data, const SemiMarkovChain& chain, Gaussians gaussians,
+            int threads, Sums sums);
 
 }  // namespace pilotfish

@@ -33,6 +33,17 @@ inline Eigen::Map<const Lanes<N>, Eigen::AlignedMax> lanes(const double* at) {
   return Eigen::Map<const Lanes<N>, Eigen::AlignedMax>(at);
 }
 
+// The same wherever it begins.
+template <int N>
+inline Eigen::Map<Lanes<N>, Eigen::Unaligned> loose_lanes(double* at) {
+  return Eigen::Map<Lanes<N>, Eigen::Unaligned>(at);
+}
+
+template <int N>
+inline Eigen::Map<const Lanes<N>, Eigen::Unaligned> loose_lanes(const double* at) {
+  return Eigen::Map<const Lanes<N>, Eigen::Unaligned>(at);
+}
+
 inline double as_real(uint64_t bits) {
   double real;
   std::memcpy(&real, &bits, sizeof real);

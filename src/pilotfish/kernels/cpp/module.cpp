@@ -9,6 +9,7 @@
 
 #include "chain.hpp"
 #include "expectation.hpp"
+#include "semi_markov.hpp"
 #include "semi_tied.hpp"
 #include "subnormals.hpp"
 #include "tracking.hpp"
@@ -55,22 +56,60 @@ void expect_some(size_t size, const char* name) {
   if (size == 0) throw nb::value_error((std::string(name) + " is empty, expected at least one").c_str());
 }
 
+void expect_threads(int threads) {
+  if (threads < 0)
+    throw nb::value_error(("threads is " + std::to_string(threads) + ", expected a number, or 0 for all").c_str());
+}
+
 struct Free {  // the interpreter while a kernel runs
   nb::gil_scoped_release others;
   SubnormalsFlushed subnormals;
 };
 
-Sizes sizes_of(const In<double, 3>& x, const In<double, 3>& means, const In<double, 4>& whiteners) {
+Sizes sizes_of(const In<double, 3>& x, const In<double, 3>& means, const In<double, 4>& whiteners,
+               const In<int64_t, 1>& turns) {
   const size_t P = x.shape(0), D = x.shape(2), K = means.shape(1);
   expect_some(D, "the last axis of x");
   expect_some(K, "means");
   expect(means, "means", {P, K, D});
-  expect(whiteners, "whiteners", {P, K, D, D});
-  return {int(P), long(x.shape(1)), int(K), int(D)};
+  Sizes sizes{int(P), long(x.shape(1)), int(K), int(D), {}};
+  int64_t free = 0;
+  for (size_t i = 0; i < turns.shape(0); free = turns(i++) + 4) {
+    if (turns(i) < free || turns(i) > int64_t(D) - 4)
+      throw nb::value_error("turns are not columns in rising order with four columns each");
+    sizes.turns.push_back(int(turns(i)));
+  }
+  const size_t E = sizes.E();
+  expect(whiteners, "whiteners", {P, K, E, E});
+  return sizes;
 }
 
-Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners) {
-  const Sizes sizes = sizes_of(x, means, whiteners);
+Demonstrations demonstrations(const In<double, 3>& x, const In<int64_t, 1>& lengths) {
+  const size_t M = lengths.shape(0);
+  const int64_t N = x.shape(1);
+  expect_some(M, "lengths");
+  int64_t sum = 0;
+  for (size_t m = 0; m < M; ++m) {
+    if (lengths(m) < 1 || lengths(m) > N) throw nb::value_error("lengths are not between 1 and N");
+    sum += lengths(m);
+  }
+  if (sum != N) throw nb::value_error("lengths do not add up to the N datapoints of x");
+  return {x.data(), lengths.data(), long(M)};
+}
+
+SemiMarkovTables tables_of(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions,
+                           const In<double, 3>& log_visits, const In<double, 2>& log_beyond) {
+  const size_t S = log_visits.shape(1);
+  expect_some(S, "the second axis of log_visits");
+  expect(log_initial, "log_initial", {K});
+  expect(log_transitions, "log_transitions", {K, K});
+  expect(log_visits, "log_visits", {4, S, K});
+  expect(log_beyond, "log_beyond", {2, K});
+  return {int(K), long(S), log_initial.data(), log_transitions.data(), log_visits.data(), log_beyond.data()};
+}
+
+Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners, In<int64_t, 1> turns) {
+  const Sizes sizes = sizes_of(x, means, whiteners, turns);
   Out result = empty<Out>({size_t(sizes.N), size_t(sizes.K)});
   {
     Free run;
@@ -80,30 +119,46 @@ Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners)
 }
 
 auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, In<double, 2> transitions,
-            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> whiteners) {
-  const Sizes sizes = sizes_of(x, means, whiteners);
-  const size_t M = lengths.shape(0), P = sizes.P, K = sizes.K, D = sizes.D;
+            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> whiteners,
+            In<int64_t, 1> turns, int threads) {
+  const Sizes sizes = sizes_of(x, means, whiteners, turns);
+  const Demonstrations data = demonstrations(x, lengths);
+  expect_threads(threads);
+  const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
   expect(log_initial, "log_initial", {K});
   expect(transitions, "transitions", {K, K});
   expect(log_transitions, "log_transitions", {K, K});
-  expect_some(M, "lengths");
-  int64_t sum = 0;
-  for (size_t m = 0; m < M; ++m) {
-    if (lengths(m) < 1 || lengths(m) > sizes.N) throw nb::value_error("lengths are not between 1 and N");
-    sum += lengths(m);
-  }
-  if (sum != sizes.N) throw nb::value_error("lengths do not add up to the N datapoints of x");
-  auto result = std::make_tuple(empty<Out>({M}), empty<Out>({K}), empty<Out>({K}), empty<Out>({K, K}),
-                                empty<Out>({P, K, D}), empty<Out>({P, K, D, D}));
-  const Model model{log_initial.data(), transitions.data(), log_transitions.data(), means.data(),
-                    whiteners.data()};
-  const Sums sums{std::get<0>(result).data(), std::get<1>(result).data(), std::get<2>(result).data(),
-                  std::get<3>(result).data(), std::get<4>(result).data(), std::get<5>(result).data()};
+  Out log_likelihoods = empty<Out>({M}), mass = empty<Out>({K}), first = empty<Out>({K});
+  Out counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatters = empty<Out>({P, K, E, E});
+  const Sums sums{log_likelihoods.data(), mass.data(),     first.data(), counts.data(),
+                  offsets.data(),         scatters.data(), nullptr,      nullptr};
   {
     Free run;
-    pilotfish::e_step(sizes, x.data(), lengths.data(), long(M), model, sums);
+    const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
+    pilotfish::e_step(sizes, data, chain, {means.data(), whiteners.data()}, threads, sums);
   }
-  return result;
+  return std::make_tuple(log_likelihoods, mass, first, counts, offsets, scatters);
+}
+
+auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial,
+                        In<double, 2> log_transitions, In<double, 3> log_visits, In<double, 2> log_beyond,
+                        In<double, 3> means, In<double, 4> whiteners, In<int64_t, 1> turns, int threads) {
+  const Sizes sizes = sizes_of(x, means, whiteners, turns);
+  const Demonstrations data = demonstrations(x, lengths);
+  expect_threads(threads);
+  const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E(), S = log_visits.shape(1);
+  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
+  Out log_likelihoods = empty<Out>({M}), mass = empty<Out>({K}), first = empty<Out>({K});
+  Out counts = empty<Out>({K, K}), visits = empty<Out>({4, S, K}), beyond = empty<Out>({2, K});
+  Out offsets = empty<Out>({P, K, E}), scatters = empty<Out>({P, K, E, E});
+  const Sums sums{log_likelihoods.data(), mass.data(),     first.data(),  counts.data(),
+                  offsets.data(),         scatters.data(), visits.data(), beyond.data()};
+  {
+    Free run;
+    const SemiMarkovChain chain(tables);
+    pilotfish::e_step(sizes, data, chain, {means.data(), whiteners.data()}, threads, sums);
+  }
+  return std::make_tuple(log_likelihoods, mass, first, counts, visits, beyond, offsets, scatters);
 }
 
 auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> transitions,
@@ -137,6 +192,44 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
     Free run;
     log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), log_initial.data(),
                                          log_transitions.data(), states.data());
+  }
+  return std::make_tuple(states, log_probability);
+}
+
+auto semi_markov(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions,
+                 In<double, 3> log_visits, In<double, 2> log_beyond) {
+  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1), S = log_visits.shape(1);
+  expect_some(T, "log_emissions");
+  expect_some(K, "the last axis of log_emissions");
+  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
+  Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K});
+  Out visits = empty<Out>({4, S, K}), beyond = empty<Out>({2, K});
+  for (const Out& result : {posteriors, counts, visits, beyond})
+    std::fill_n(result.data(), result.size(), 0.0);
+  double log_likelihood;
+  {
+    Free run;
+    const SemiMarkovChain chain(tables);
+    SemiMarkovInference inference(chain, long(T));
+    log_likelihood = inference.infer(log_emissions.data(), long(T), posteriors.data());
+    inference.add_to(counts.data(), visits.data(), beyond.data());
+  }
+  return std::make_tuple(log_likelihood, posteriors, counts, visits, beyond);
+}
+
+auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
+                         In<double, 2> log_transitions, In<double, 3> log_visits,
+                         In<double, 2> log_beyond) {
+  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
+  expect_some(T, "log_emissions");
+  expect_some(K, "the last axis of log_emissions");
+  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
+  States states = empty<States>({T});
+  double log_probability;
+  {
+    Free run;
+    log_probability =
+        pilotfish::viterbi(SemiMarkovChain(tables), log_emissions.data(), long(T), states.data());
   }
   return std::make_tuple(states, log_probability);
 }
@@ -203,6 +296,9 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("e_step", &python::e_step);
   module.def("forward_backward", &python::forward_backward);
   module.def("viterbi", &python::viterbi);
+  module.def("semi_markov", &python::semi_markov);
+  module.def("semi_markov_viterbi", &python::semi_markov_viterbi);
+  module.def("semi_markov_e_step", &python::semi_markov_e_step);
   module.def("riccati", &python::riccati);
   module.def("semi_tied_sweeps", &python::semi_tied_sweeps);
   module.def("supports_v3", &python::supports_v3);

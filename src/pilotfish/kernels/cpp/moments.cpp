@@ -10,8 +10,8 @@ using Sum = Lanes<REGISTER>;
 
 // The lower triangle in tiles of 2 rows and 4 columns: visit(i, j) for the tile's upper left corner.
 template <typename Visit>
-inline void for_each_tile(int D, Visit visit) {
-  for (int i = 0; i < D; i += 2)
+inline void for_each_tile(int E, Visit visit) {
+  for (int i = 0; i < E; i += 2)
     for (int j = 0; j < i + 2; j += 4) visit(i, j);
 }
 
@@ -34,15 +34,15 @@ inline void add_tile(const double* left, const double* right, double* sum) {
   lanes<REGISTER>(sum + 6 * REGISTER) = s12, lanes<REGISTER>(sum + 7 * REGISTER) = s13;
 }
 
-size_t tiles(int D) {
+size_t tiles(int E) {
   size_t count = 0;
-  for_each_tile(D, [&](int, int) { ++count; });
+  for_each_tile(E, [&](int, int) { ++count; });
   return count;
 }
 
 }  // namespace
 
-Moments::Moments(Sizes sizes, const double* means, double* offsets, double* scatters)
+Moments::Moments(const Sizes& sizes, const double* means, double* offsets, double* scatters)
     : sizes_(sizes),
       means_(means),
       offsets_(offsets),
@@ -50,11 +50,11 @@ Moments::Moments(Sizes sizes, const double* means, double* offsets, double* scat
       page_(sizes),
       error_(size_t(sizes.rows()) * BLOCK),
       weighted_(size_t(sizes.rows()) * BLOCK),
-      first_(size_t(sizes.D) * REGISTER),
-      second_(tiles(sizes.D) * 8 * REGISTER) {
+      first_(size_t(sizes.E()) * REGISTER),
+      second_(tiles(sizes.E()) * 8 * REGISTER) {
   const size_t states = size_t(sizes.P) * sizes.K;
-  std::fill_n(offsets, states * sizes.D, 0.0);
-  std::fill_n(scatters, states * sizes.D * sizes.D, 0.0);
+  std::fill_n(offsets, states * sizes.E(), 0.0);
+  std::fill_n(scatters, states * sizes.E() * sizes.E(), 0.0);
 }
 
 void Moments::add(const double* x, long begin, long end, const double* gamma, long stride) {
@@ -73,7 +73,7 @@ void Moments::add_state(size_t state, const double* gamma, long stride) {
     std::fill_n(share, BLOCK, 0.0);
     for (long l = 0; l < page_.steps_in(b); ++l) share[l] = gamma[(b * BLOCK + l) * stride];
     if (std::all_of(share, share + BLOCK, [](double s) { return s == 0.0; })) continue;
-    deviations(page_.block(b), means_ + state * sizes_.D, sizes_.D, error_.data());
+    deviations(page_.block(b), means_ + state * sizes_.D, sizes_, error_.data());
     add_block(share);
     any = true;
   }
@@ -83,7 +83,7 @@ void Moments::add_state(size_t state, const double* gamma, long stride) {
 void Moments::add_block(const double* share) {
   const double* error = error_.data();
   double* weighted = weighted_.data();
-  for (int i = 0; i < sizes_.D; ++i) {
+  for (int i = 0; i < sizes_.E(); ++i) {
     Sum sum = lanes<REGISTER>(first_.data() + i * REGISTER);
     for (int l = 0; l < BLOCK; l += REGISTER) {
       const Sum product = lanes<REGISTER>(share + l) * lanes<REGISTER>(error + i * BLOCK + l);
@@ -93,31 +93,31 @@ void Moments::add_block(const double* share) {
     lanes<REGISTER>(first_.data() + i * REGISTER) = sum;
   }
   double* sum = second_.data();
-  for_each_tile(sizes_.D, [&](int i, int j) {
+  for_each_tile(sizes_.E(), [&](int i, int j) {
     add_tile(weighted + i * BLOCK, error + j * BLOCK, sum);
     sum += 8 * REGISTER;
   });
 }
 
 void Moments::collect(size_t state) {
-  const int D = sizes_.D;
-  for (int i = 0; i < D; ++i) offsets_[state * D + i] += lanes<REGISTER>(first_.data() + i * REGISTER).sum();
-  double* scatter = scatters_ + state * D * D;
+  const int E = sizes_.E();
+  for (int i = 0; i < E; ++i) offsets_[state * E + i] += lanes<REGISTER>(first_.data() + i * REGISTER).sum();
+  double* scatter = scatters_ + state * E * E;
   const double* sum = second_.data();
-  for_each_tile(D, [&](int i, int j) {
+  for_each_tile(E, [&](int i, int j) {
     for (int r = i; r < i + 2; ++r)
       for (int c = j; c < j + 4; ++c, sum += REGISTER)
-        if (r < D && c <= r) scatter[r * D + c] += lanes<REGISTER>(sum).sum();
+        if (r < E && c <= r) scatter[r * E + c] += lanes<REGISTER>(sum).sum();
   });
   std::fill(first_.begin(), first_.end(), 0.0);
   std::fill(second_.begin(), second_.end(), 0.0);
 }
 
 void Moments::finish() {
-  const int D = sizes_.D;
+  const int E = sizes_.E();
   for (size_t state = 0; state < size_t(sizes_.P) * sizes_.K; ++state)
-    for (int i = 0; i < D; ++i)
-      for (int j = 0; j < i; ++j) scatters_[(state * D + j) * D + i] = scatters_[(state * D + i) * D + j];
+    for (int i = 0; i < E; ++i)
+      for (int j = 0; j < i; ++j) scatters_[(state * E + j) * E + i] = scatters_[(state * E + i) * E + j];
 }
 
 }  // namespace pilotfish

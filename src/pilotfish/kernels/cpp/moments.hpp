@@ -5,10 +5,10 @@
 
 namespace pilotfish {
 
-// Adds up  sum gamma (x - mean)  and  sum gamma (x - mean) (x - mean)^T  for every frame and state.
+// Adds up  sum gamma e  and  sum gamma e e^T,  e the deviation from the mean, for every frame and state.
 class Moments {
  public:
-  Moments(Sizes sizes, const double* means, double* offsets, double* scatters);
+  Moments(const Sizes& sizes, const double* means, double* offsets, double* scatters);
 
   // The datapoints begin to end, gamma[n * stride + k] their share of state k.
   void add(const double* x, long begin, long end, const double* gamma, long stride);

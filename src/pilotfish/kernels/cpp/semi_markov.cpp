@@ -1,0 +1,345 @@
+#include "semi_markov.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pilotfish {
+
+namespace {
+
+constexpr double NEGLIGIBLE = -60.0;  // e^-60: a million of them leave a sum as it was, to the last digit
+
+// Whole registers are read and written beyond the ends of rows; there is room for that.
+long padded(long n) { return (n + LANES - 1) / LANES * LANES + LANES; }
+
+// Adds step to n values, and weights to these: into terms. Returns the largest of the terms.
+double advance(double* values, double step, const double* weights, long n, double* terms) {
+  Lanes<LANES> most = Lanes<LANES>::Constant(NEVER);
+  for (long c = 0; c < n; c += LANES) {
+    const Lanes<LANES> value = loose_lanes<LANES>(values + c) + step;
+    const Lanes<LANES> term = value + loose_lanes<LANES>(weights + c);
+    loose_lanes<LANES>(values + c) = value;
+    lanes<LANES>(terms + c) = term;
+    most = most.max(term);
+  }
+  return most.maxCoeff();
+}
+
+// Turns n terms into exponentials relative to the largest, which is finite; returns their sum.
+double exponential_sum(double* terms, double most, long n) {
+  Lanes<LANES> sum = Lanes<LANES>::Zero();
+  for (long c = 0; c < n; c += LANES) {
+    if (lanes<LANES>(terms + c).maxCoeff() - most < NEGLIGIBLE) {
+      lanes<LANES>(terms + c).setZero();
+      continue;
+    }
+    for (long i = c; i < c + LANES; ++i) terms[i] = exponential(terms[i] - most);
+    sum += lanes<LANES>(terms + c);
+  }
+  return sum.sum();
+}
+
+// log(e^a + e^b)
+double log_add(double a, double b) {
+  const double most = std::max(a, b);
+  return most == NEVER ? NEVER : most + std::log1p(std::exp(std::min(a, b) - most));
+}
+
+}  // namespace
+
+SemiMarkovChain::SemiMarkovChain(SemiMarkovTables tables)
+    : K_(tables.K),
+      S_(tables.S),
+      stride_(padded(tables.S)),
+      log_initial_(tables.log_initial, tables.log_initial + tables.K),
+      log_beyond_(tables.log_beyond, tables.log_beyond + 2 * tables.K),
+      tables_(size_t(4) * K_ * stride_, NEVER),
+      reversed_(size_t(K_) * stride_, NEVER),
+      successors_(tables.log_transitions, K_, false),
+      origins_(tables.log_transitions, K_, true) {
+  for (size_t kind = 0; kind < 4; ++kind)
+    for (long s = 0; s < S_; ++s)
+      for (int k = 0; k < K_; ++k)
+        tables_[(kind * K_ + k) * stride_ + s] = tables.log_visits[(kind * S_ + s) * K_ + k];
+  for (int k = 0; k < K_; ++k) std::reverse_copy(at(0, k), at(0, k) + S_, reversed_.data() + k * stride_);
+}
+
+Lattice::Lattice(const SemiMarkovChain& chain, long longest)
+    : chain(chain),
+      room(padded(longest)),
+      taken(room),
+      emissions(size_t(chain.states()) * room),
+      starts(emissions.size()),
+      ends(emissions.size()),
+      values(emissions.size()),
+      terms(room),
+      few(chain.states()) {}
+
+void Lattice::read(const double* log_emissions, long steps) {
+  const int K = chain.states();
+  T = steps;
+  for (long t = 0; t < T; ++t, log_emissions += K) {
+    const double best = *std::max_element(log_emissions, log_emissions + K);
+    taken[t] = best == NEVER ? 0.0 : best;
+    for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - taken[t];
+  }
+}
+
+template <typename End, typename Start>
+void Lattice::forward(End end, Start start) {
+  const int K = chain.states();
+  const long S = chain.longest();
+  std::fill(values.begin(), values.end(), NEVER);
+  for (int k = 0; k < K; ++k) {
+    row(values, k)[0] = row(starts, k)[0] = chain.log_initial(k);
+    row(ends, k)[0] = NEVER;
+  }
+  double late = 0.0;  // taken out of the step before, but not yet of values
+  for (long t = 1; t < T; ++t) {
+    const long from = std::max<long>(1, t - S), n = t - from;
+    for (int k = 0; k < K; ++k) {
+      const double step = row(emissions, k)[t - 1] - late;
+      double* value = row(values, k);
+      const double most = advance(value + from, step, chain.visits_backwards(k, n), n, terms.data());
+      value[0] += step;
+      const double first = t <= S ? value[0] + chain.visits(true, k)[t - 1] : NEVER;
+      few[k] = row(ends, k)[t] = end(t, k, from, most, first);
+    }
+    for (int k = 0; k < K; ++k) row(values, k)[t] = row(starts, k)[t] = start(t, k);
+    late = take_out(t);
+  }
+}
+
+double Lattice::take_out(long t) {
+  const int K = chain.states();
+  double best = NEVER;
+  for (int k = 0; k < K; ++k) best = std::max(best, row(starts, k)[t]);
+  if (best == NEVER) return 0.0;
+  for (int k = 0; k < K; ++k) {
+    row(starts, k)[t] -= best;
+    row(ends, k)[t] -= best;
+    row(emissions, k)[t - 1] -= best;
+  }
+  taken[t - 1] += best;
+  return best;
+}
+
+template <typename Visit>
+void Lattice::for_each_last_visit(int k, Visit visit) const {
+  double remaining = 0.0;
+  for (long b = T - 1; b >= 0; --b) {
+    remaining += row(emissions, k)[b];
+    visit(b, row(starts, k)[b] + remaining + chain.last(b == 0, k, T - b));
+  }
+}
+
+double Lattice::all_taken() const {
+  double sum = 0.0;
+  for (long t = 0; t < T; ++t) sum += taken[t];
+  return sum;
+}
+
+SemiMarkovInference::SemiMarkovInference(const SemiMarkovChain& chain, long longest)
+    : chain_(chain),
+      lattice_(chain, longest),
+      begun_(lattice_.emissions.size()),
+      finished_(lattice_.emissions.size()),
+      remaining_(chain.states()),
+      after_(chain.states()),
+      transitions_(size_t(chain.states()) * chain.states(), 0.0),
+      visits_(size_t(4) * chain.states() * chain.stride(), 0.0),
+      beyond_(size_t(2) * chain.states(), 0.0) {}
+
+double SemiMarkovInference::infer(const double* log_emissions, long T, double* posteriors) {
+  lattice_.read(log_emissions, T);
+  forward();
+  const double log_likelihood = this->log_likelihood();
+  if (log_likelihood == NEVER) return NEVER;
+  backward(log_likelihood);
+  write(posteriors);
+  return log_likelihood + lattice_.all_taken();
+}
+
+void SemiMarkovInference::forward() {
+  double* terms = lattice_.terms.data();
+  lattice_.forward(
+      [&](long t, int, long from, double most, double first) {
+        if (most == NEVER) return first;
+        const double others = most + std::log(exponential_sum(terms, most, t - from));
+        return first == NEVER ? others : log_add(others, first);
+      },
+      [&](long, int k) { return chain_.origins().log_sum(k, lattice_.few.data(), after_.data()); });
+}
+
+double SemiMarkovInference::log_likelihood() {
+  double* terms = lattice_.terms.data();
+  double log_likelihood = NEVER;
+  for (int k = 0; k < chain_.states(); ++k) {
+    double most = NEVER;
+    lattice_.for_each_last_visit(k, [&](long b, double log_p) {
+      terms[b] = log_p;
+      most = std::max(most, log_p);
+    });
+    if (most == NEVER) continue;
+    std::fill_n(terms + lattice_.T, LANES, NEVER);
+    const double last = most + std::log(exponential_sum(terms, most, lattice_.T));
+    log_likelihood = log_add(log_likelihood, last);
+  }
+  return log_likelihood;
+}
+
+void SemiMarkovInference::backward(double log_likelihood) {
+  const int K = chain_.states();
+  Lattice& in = lattice_;
+  std::fill(in.values.begin(), in.values.end(), NEVER);
+  std::fill(finished_.begin(), finished_.end(), 0.0);
+  std::fill(remaining_.begin(), remaining_.end(), 0.0);
+  for (long b = in.T - 1; b >= 0; --b) {
+    for (int k = 0; k < K; ++k) after_[k] = look_ahead(b, k, log_likelihood);
+    if (b == 0) break;
+    for (int k = 0; k < K; ++k)
+      in.row(in.values, k)[b] = chain_.successors().log_sum(k, after_.data(), in.few.data());
+    add_changes(b);
+  }
+}
+
+// log p(all later steps | a visit begins after b); counts the visits that do. Where none can, no number is
+// asked for.
+double SemiMarkovInference::look_ahead(long b, int k, double log_likelihood) {
+  Lattice& in = lattice_;
+  const bool first = b == 0;
+  const long S = chain_.longest(), n = std::min(S, in.T - 1 - b);
+  const double step = in.row(in.emissions, k)[b], start = in.row(in.starts, k)[b];
+  double *begun = in.row(begun_, k) + b, *until = in.row(finished_, k) + b + 1, *terms = in.terms.data();
+  double most = advance(in.row(in.values, k) + b + 1, step, chain_.visits(first, k), n, terms);
+  remaining_[k] += step;
+  *begun = 0.0;
+  if (start == NEVER) return NEVER;
+  const double last = remaining_[k] + chain_.last(first, k, in.T - b);
+  most = std::max(most, last);
+  if (most == NEVER) return NEVER;
+  const double last_share = std::exp(last - most), sum = exponential_sum(terms, most, n) + last_share;
+  const double log_after = most + std::log(sum);
+  *begun = std::exp(start + log_after - log_likelihood);
+  if (*begun == 0.0) return log_after;
+  const double scale = *begun / sum;
+  double* lasted = counts(first, k);
+  for (long c = 0; c < n; c += LANES) {
+    const Lanes<LANES> visits = scale * lanes<LANES>(terms + c);
+    lanes<LANES>(lasted + c) += visits;
+    loose_lanes<LANES>(until + c) += visits;
+  }
+  const long s = in.T - b;
+  (s <= S ? counts(2 + first, k)[s - 1] : beyond_[first * chain_.states() + k]) += scale * last_share;
+  return log_after;
+}
+
+// Those who begin a visit after b came from a state whose visit ended there.
+void SemiMarkovInference::add_changes(long b) {
+  Lattice& in = lattice_;
+  const Neighbours& origins = chain_.origins();
+  const int K = chain_.states();
+  for (int k = 0; k < K; ++k) {
+    const double expected = in.row(begun_, k)[b];
+    if (expected == 0.0) continue;
+    for (int i = origins.begin[k]; i < origins.begin[k + 1]; ++i) {
+      const int j = origins.states[i];
+      const double share = in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
+      transitions_[size_t(j) * K + k] += expected * std::exp(share);
+    }
+  }
+}
+
+// A state is where visits to it have begun but not ended; rounding is put right.
+void SemiMarkovInference::write(double* posteriors) {
+  const int K = chain_.states();
+  std::fill(after_.begin(), after_.end(), 0.0);
+  for (long t = 0; t < lattice_.T; ++t, posteriors += K) {
+    double sum = 0.0;
+    for (int k = 0; k < K; ++k) {
+      after_[k] += lattice_.row(begun_, k)[t] - lattice_.row(finished_, k)[t];
+      sum += posteriors[k] = std::max(after_[k], 0.0);
+    }
+    for (int k = 0; k < K; ++k) posteriors[k] /= sum;
+  }
+}
+
+void SemiMarkovInference::add_to(double* transitions, double* visits, double* beyond) const {
+  const int K = chain_.states();
+  const long S = chain_.longest();
+  for (size_t i = 0; i < transitions_.size(); ++i) transitions[i] += transitions_[i];
+  for (size_t i = 0; i < beyond_.size(); ++i) beyond[i] += beyond_[i];
+  for (size_t kind = 0; kind < 4; ++kind)
+    for (long s = 0; s < S; ++s)
+      for (int k = 0; k < K; ++k)
+        visits[(kind * S + s) * K + k] += visits_[(kind * K + k) * chain_.stride() + s];
+}
+
+namespace {
+
+// The best path's visits that end with each step, and the states before those that begin after it.
+struct BestVisits {
+  BestVisits(int K, long T) : K(K), begins(size_t(K) * T, 0), origins(size_t(K) * T, 0) {}
+
+  int32_t& begin(long t, int k) { return begins[size_t(t) * K + k]; }
+  int32_t& origin(long b, int k) { return origins[size_t(b) * K + k]; }
+
+  // Of two visits with equal ends the later one, after b, wins if the state before it is lower than its own.
+  bool wins_tie(long b, int k) { return origin(b, k) < k; }
+
+  int K;
+  std::vector<int32_t> begins, origins;
+};
+
+void find_best_visits(Lattice& lattice, BestVisits& best) {
+  lattice.forward(
+      [&](long t, int k, long from, double most, double first) {
+        long found = first >= most ? 0 : -1;
+        for (long b = first > most ? t : from; b < t; ++b)
+          if (lattice.terms[b - from] == most && (found < 0 || best.wins_tie(b, k))) found = b;
+        best.begin(t, k) = int32_t(found);
+        return std::max(first, most);
+      },
+      [&](long t, int k) {
+        const Neighbours& origins = lattice.chain.origins();
+        double most = NEVER;
+        for (int i = origins.begin[k]; i < origins.begin[k + 1]; ++i) {
+          const double log_p = lattice.few[origins.states[i]] + origins.log_probabilities[i];
+          if (log_p > most) {  // the first of equals
+            most = log_p;
+            best.origin(t, k) = origins.states[i];
+          }
+        }
+        return most;
+      });
+}
+
+}  // namespace
+
+double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T, int64_t* states) {
+  const int K = chain.states();
+  Lattice lattice(chain, T);
+  BestVisits best(K, T);
+  lattice.read(log_emissions, T);
+  find_best_visits(lattice, best);
+  double most = NEVER;
+  long begin = 0;
+  int state = 0;
+  for (int k = 0; k < K; ++k) {
+    lattice.for_each_last_visit(k, [&](long b, double log_p) {
+      if (log_p > most || (log_p == most && k == state && !best.wins_tie(begin, k))) {
+        most = log_p;
+        begin = b;
+        state = k;
+      }
+    });
+  }
+  if (most == NEVER) begin = 0;
+  for (long end = T; end > 0; end = begin, begin = end > 0 ? best.begin(end, state) : 0) {
+    std::fill(states + begin, states + end, state);
+    if (begin > 0) state = best.origin(begin, state);
+  }
+  return most + lattice.all_taken();
+}
+
+}  // namespace pilotfish

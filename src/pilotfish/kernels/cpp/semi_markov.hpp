@@ -1,0 +1,121 @@
+// Inference along a semi-Markov chain, in logarithms; the twin tells what every name means.
+#pragma once
+
+#include "chain.hpp"
+
+namespace pilotfish {
+
+// K states and tables of S steps, C-contiguous; see SemiMarkovTables in arguments.py.
+struct SemiMarkovTables {
+  int K;
+  long S;
+  const double *log_initial, *log_transitions, *log_visits, *log_beyond;
+};
+
+// The tables laid out so that lengths of visits lie side by side, and how states follow each other.
+class SemiMarkovChain {
+ public:
+  explicit SemiMarkovChain(SemiMarkovTables tables);
+
+  int states() const { return K_; }
+  long width() const { return K_; }  // of log-emissions and posteriors
+  long longest() const { return S_; }
+  long stride() const { return stride_; }
+  double log_initial(int state) const { return log_initial_[state]; }
+  const Neighbours& successors() const { return successors_; }
+  const Neighbours& origins() const { return origins_; }
+
+  // weights[s - 1] of visits that another follows, by whether they began with the recording.
+  const double* visits(bool first, int state) const { return at(first, state); }
+
+  // The same of those that began inside it, from the longest, n steps, down to one.
+  const double* visits_backwards(int state, long n) const {
+    return reversed_.data() + state * stride_ + (S_ - n);
+  }
+
+  // The weight of the last visit, s steps of which were recorded, by whether it is the first as well.
+  double last(bool first, int state, long s) const {
+    return s <= S_ ? at(2 + first, state)[s - 1] : log_beyond_[first * K_ + state];
+  }
+
+ private:
+  const double* at(int kind, int state) const {
+    return tables_.data() + (size_t(kind) * K_ + state) * stride_;
+  }
+
+  int K_;
+  long S_, stride_;
+  Buffer log_initial_, log_beyond_;
+  Buffer tables_;    // (4, K, stride), padded with impossible lengths
+  Buffer reversed_;  // (K, stride), those of kind 0
+  Neighbours successors_, origins_;
+};
+
+// Where visits may begin and end within one demonstration of T steps. Rows are those of states, of room
+// entries. What is taken out of every step, its best emission and the best start after it, keeps numbers as
+// small as one visit makes them, however long the demonstration.
+struct Lattice {
+  Lattice(const SemiMarkovChain& chain, long longest);
+
+  void read(const double* log_emissions, long T);
+
+  // end(t, k, from, most, first): ends[k, t] from the terms of visits that began after `from` or later, the
+  // largest of them, and that of the visit that began with the recording. start(t, k): starts[k, t] from
+  // what lies ready in few.
+  template <typename End, typename Start>
+  void forward(End end, Start start);
+
+  double take_out(long t);
+
+  // visit(b, log p(all steps, this is the last visit)) for every visit to k, from the latest to the first.
+  template <typename Visit>
+  void for_each_last_visit(int k, Visit visit) const;
+
+  double* row(Buffer& rows, int k) { return rows.data() + k * room; }
+  const double* row(const Buffer& rows, int k) const { return rows.data() + k * room; }
+  double all_taken() const;
+
+  const SemiMarkovChain& chain;
+  long room, T = 0;
+  Buffer taken;         // (room)
+  Buffer emissions;     // (K, room), less what was taken out
+  Buffer starts, ends;  // (K, room), as the twin's, less what was taken out until there
+  Buffer values;        // (K, room), of every start or end: it, and the emissions on the way
+  Buffer terms, few;    // room to work in, of a visit's steps and of the states
+};
+
+// Infers demonstrations one at a time, and adds up what is expected of all of them.
+class SemiMarkovInference {
+ public:
+  // Room for demonstrations of up to `longest` steps.
+  SemiMarkovInference(const SemiMarkovChain& chain, long longest);
+
+  // posteriors (T, K) from log_emissions (T, K). Returns log p(all steps); at -inf nothing is added, and
+  // posteriors are as they were.
+  double infer(const double* log_emissions, long T, double* posteriors);
+
+  // Adds what was expected of all demonstrations: transitions (K, K), visits (4, S, K), beyond (2, K).
+  void add_to(double* transitions, double* visits, double* beyond) const;
+
+ private:
+  void forward();
+  double log_likelihood();
+  void backward(double log_likelihood);
+  double look_ahead(long b, int k, double log_likelihood);
+  void add_changes(long b);
+  void write(double* posteriors);
+  double* counts(int kind, int k) {
+    return visits_.data() + (size_t(kind) * chain_.states() + k) * chain_.stride();
+  }
+
+  const SemiMarkovChain& chain_;
+  Lattice lattice_;
+  Buffer begun_, finished_;               // (K, room), expected visits that begin after b, that end with t
+  Buffer remaining_, after_;              // (K), emissions until the end; log p(them | a visit begins)
+  Buffer transitions_, visits_, beyond_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
+};
+
+// The most probable path into states (T); returns its log-probability.
+double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T, int64_t* states);
+
+}  // namespace pilotfish
