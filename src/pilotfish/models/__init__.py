@@ -23,7 +23,8 @@ from pilotfish.models.dynamics import (
 from pilotfish.models.em import EMSettings, Outcome, Run, improve
 from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
-from pilotfish.models.regression import as_mixture
+from pilotfish.models.posteriors import posteriors
+from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood,
@@ -81,6 +82,7 @@ __all__ = [
     "as_mixture",
     "covariance_freedom",
     "covariance_parameters",
+    "filtered_regression",
     "fitted_parameters",
     "improve",
     "labelled_statistics",
@@ -97,10 +99,12 @@ __all__ = [
     "most_probable_states",
     "occupancy",
     "on_the_half_of",
+    "posteriors",
     "runs",
     "sample_states",
     "semi_markov_forward",
     "semi_markov_parameters",
+    "smoothed_regression",
     "statistics",
     "viterbi",
     "with_durations",

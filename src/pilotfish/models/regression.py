@@ -1,20 +1,78 @@
-"""Regression with a skill that has no order in time: its states as one mixture."""
+"""Regression with a skill: some columns of its states given the others, with or without order in time."""
 
-from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Mixture
+import numpy as np
+
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.gaussians import (
+    Conditionals,
+    Mixture,
+    Regression,
+    conditionals,
+    log_input_densities,
+    regress_shared,
+)
 from pilotfish.models.dynamics import Weights
+from pilotfish.models.forward import occupancy
+from pilotfish.models.posteriors import posteriors
 from pilotfish.models.skill import AdaptedSkill
+from pilotfish.types import Array, Float, Int
 
 
 def as_mixture(model: AdaptedSkill) -> Mixture:
     """The adapted states of a mixture skill, ready for gaussians.regress: y and its derivative, given x.
 
-    Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time; build
-    Mixture(occupancy[t], model.means, model.covariances) for the time in question.
+    Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time.
     """
     if not isinstance(model.dynamics, Weights):
         raise InvalidInput(
             f"the skill has {type(model.dynamics).__name__} dynamics, no fixed weights; learn it with "
-            "pf.learn_mixture, or weigh its states with a row of models.occupancy"
+            "pf.learn_mixture, or follow the inputs in time: models.filtered_regression"
         )
     return Mixture(model.dynamics.weights, model.means, model.covariances)
+
+
+def filtered_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Regression:
+    """The columns that are not inputs at each step, given the inputs at this step and all before it.
+
+    For use while the inputs come in: step t does not depend on later rows. States speak for the probability
+    that the chain is in them, which the inputs alone drive; inputs that look alike at two moments are told
+    apart by what led there. jacobians[t] is the exact derivative with respect to x[t], the past held.
+    A mixture has no past: its answer is that of gaussians.regress. Quaternions are four numbers here; bring
+    those that come out to unit length.
+    Raises: InvalidInput, when inputs are no columns or leave none to predict, x does not fit them or has no
+    row, or the skill holds orientations on S^3; NotPositiveDefinite, when a state is singular in the inputs.
+    Source: Calinon et al. 2010, Learning and reproduction of gestures by imitation, where a Markov chain's
+    forward variable weighs the states; ours: explicit durations too, the covariance, the exact derivative.
+    """
+    given, log_observed = _observed(model, inputs, x)
+    if isinstance(model.dynamics, Weights):
+        return regress_shared(given, x, posteriors(model.dynamics, log_observed))
+    return regress_shared(given, x, occupancy(model.dynamics, log_observed, len(x)))
+
+
+def smoothed_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Regression:
+    """The columns that are not inputs at each step, given the inputs at all T steps.
+
+    For use when all inputs are known, say one half of a recorded movement: what follows a step helps to tell
+    in which state it was. jacobians[t] is the exact derivative of means[t] with respect to x[t], all other
+    steps held; means[t] depends on these too.
+    Raises: InvalidInput and NotPositiveDefinite, as filtered_regression does.
+    """
+    given, log_observed = _observed(model, inputs, x)
+    return regress_shared(given, x, posteriors(model.dynamics, log_observed))
+
+
+def _observed(
+    model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
+) -> tuple[Conditionals, Float[Array, "T K"]]:
+    """The states as maps from inputs to the rest, and log p(x_t | state)."""
+    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_kind("x", x, np.ndarray, "give an array, a row for each step")
+    if not len(x):
+        raise InvalidInput("x has no rows, expected the inputs of at least one step")
+    if model.layout.turns:
+        raise InvalidInput(
+            "the skill holds orientations as points of S^3; learn it from quaternions to regress on columns"
+        )
+    given = conditionals(model.means, model.covariances, inputs)
+    return given, log_input_densities(given, x)
