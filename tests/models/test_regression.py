@@ -158,8 +158,8 @@ def test_the_same_input_at_two_moments_is_told_apart_by_what_led_there():
 
 
 def test_inputs_far_from_every_state_still_get_an_answer(rng):
-    for chain in (markov, semi_markov):
-        model, x = skill(rng, chain(rng)), 1e7 * rng.normal(size=(5, 2))
+    for dynamics in (markov(rng), semi_markov(rng), Weights(np.full(K, 1 / K))):
+        model, x = skill(rng, dynamics), 1e7 * rng.normal(size=(5, 2))
         for follow in (filtered_regression, smoothed_regression):
             told = follow(model, INPUTS, x)
             assert np.isfinite(told.means).all()
