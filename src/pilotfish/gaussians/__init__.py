@@ -42,6 +42,7 @@ from pilotfish.gaussians.structures import (
     Structure,
     component_correlation,
 )
+from pilotfish.gaussians.tangent_moments import TangentMoments, tangent_moments
 
 __all__ = [
     "EMLLT",
@@ -66,6 +67,7 @@ __all__ = [
     "SemiTiedCovariances",
     "Spherical",
     "Structure",
+    "TangentMoments",
     "cholesky",
     "component_correlation",
     "condition",
@@ -84,6 +86,7 @@ __all__ = [
     "regress_means",
     "regress_shared",
     "sample",
+    "tangent_moments",
     "transform",
     "whiteners",
 ]

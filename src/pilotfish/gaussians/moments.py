@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Bool, Float
 
 TINY = float(np.finfo(float).tiny)
 
@@ -27,6 +27,9 @@ class Moments:
         between = np.einsum("k,ki,kj->kij", self.mass * share, shift, shift)
         means = self.means + share[:, None] * shift
         return Moments(mass, means, self.scatters + other.scatters + between)
+
+    def __getitem__(self, kept: Bool[Array, " K"]) -> "Moments":
+        return Moments(self.mass[kept], self.means[kept], self.scatters[kept])
 
 
 def moments(x: Float[Array, "N D"], shares: Float[Array, "N K"]) -> Moments:

@@ -7,7 +7,6 @@ import numpy as np
 
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Moments
 from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics, statistics
 from pilotfish.types import Array, Bool, Float
@@ -132,7 +131,7 @@ def without(sums: Statistics, gone: Bool[Array, " K"]) -> Statistics:
             transitions[np.ix_(others, others)] += np.outer(transitions[others, k], onward / onward.sum())
         transitions[k], transitions[:, k] = 0.0, 0.0
     kept = ~gone
-    frames = tuple(Moments(m.mass[kept], m.means[kept], m.scatters[kept]) for m in sums.moments)
+    frames = tuple(m[kept] for m in sums.moments)
     return Statistics(frames, sums.first[kept], transitions[np.ix_(kept, kept)], sums.log_likelihood)
 
 

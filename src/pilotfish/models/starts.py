@@ -7,6 +7,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
+from pilotfish.geometry import karcher_mean, log_at
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import BLOCK, Statistics, labelled_statistics, statistics
 from pilotfish.types import Array, Float, Int
@@ -87,10 +88,13 @@ def _clusters(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> 
 def _joint_view(views: Views) -> Float[Array, "N C"]:
     """All views side by side, filled in place: at the large size a copy more is felt."""
     P, N, D = views.x.shape
-    joint = np.empty((N, P * D))
+    E = D - len(views.turns)
+    joint = np.empty((N, P * E))
     for p, x in enumerate(views.x):
+        if views.turns:  # q and -q are one point
+            x = log_at(karcher_mean(x, np.ones(N), views.turns), x, views.turns)
         deviations = np.array([column.std() for column in x.T])
-        np.divide(x, np.where(deviations > 0.0, deviations, 1.0), out=joint[:, p * D : (p + 1) * D])
+        np.divide(x, np.where(deviations > 0.0, deviations, 1.0), out=joint[:, p * E : (p + 1) * E])
     return joint
 
 

@@ -10,7 +10,15 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Covariances, Moments, Structure, moments, moments_about
+from pilotfish.gaussians import (
+    Covariances,
+    Moments,
+    Structure,
+    TangentMoments,
+    moments,
+    moments_about,
+    tangent_moments,
+)
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.types import Array, Float, Int
@@ -27,18 +35,26 @@ class Statistics:
     transitions  expected number of steps from each state to each other
     """
 
-    moments: tuple[Moments, ...]
+    moments: tuple[Moments | TangentMoments, ...]
     first: Float[Array, " K"]
     transitions: Float[Array, "K K"]
     log_likelihood: float
 
     def __add__(self, other: "Statistics") -> "Statistics":
         return Statistics(
-            tuple(a + b for a, b in zip(self.moments, other.moments, strict=True)),
+            tuple(_added(a, b) for a, b in zip(self.moments, other.moments, strict=True)),
             self.first + other.first,
             self.transitions + other.transitions,
             self.log_likelihood + other.log_likelihood,
         )
+
+
+def _added(a: Moments | TangentMoments, b: Moments | TangentMoments) -> Moments | TangentMoments:
+    if isinstance(a, Moments) and isinstance(b, Moments):
+        return a + b
+    if isinstance(a, TangentMoments) and isinstance(b, TangentMoments):
+        return a + b
+    raise InvalidInput("statistics of a skill with orientations on S^3 and of one without do not add up")
 
 
 def statistics(model: HiddenModel | Skill, views: Views) -> Statistics:
@@ -51,7 +67,9 @@ def statistics(model: HiddenModel | Skill, views: Views) -> Statistics:
     emissions = kernels.Emissions(model.means, W, views.turns)
     step = kernels.e_step(views.x, views.lengths, initial, transitions, emissions)
     frames = [
-        moments_about(origins, step.mass, offsets, scatters)
+        TangentMoments(step.mass, origins, offsets, scatters, views.turns)
+        if views.turns
+        else moments_about(origins, step.mass, offsets, scatters)
         for origins, offsets, scatters in zip(model.means, step.offsets, step.scatters, strict=True)
     ]
     return Statistics(tuple(frames), step.first, step.transitions, float(step.log_likelihoods.sum()))
@@ -76,7 +94,13 @@ def labelled_statistics(views: Views, labels: Int[Array, " N"], states: int) -> 
     counts = np.zeros((states, states))
     np.add.at(counts, (labels[:-1][inner], labels[1:][inner]), 1.0)
     first = np.bincount(labels[ends - views.lengths], minlength=states).astype(float)
-    return Statistics(tuple(_labelled_moments(x, labels, states) for x in views.x), first, counts, np.nan)
+    seen = tuple(
+        tangent_moments(x, np.eye(states)[labels], views.turns)
+        if views.turns
+        else _labelled_moments(x, labels, states)
+        for x in views.x
+    )
+    return Statistics(seen, first, counts, np.nan)
 
 
 def _labelled_moments(x: Float[Array, "N D"], labels: Int[Array, " N"], states: int) -> Moments:
@@ -110,7 +134,7 @@ def maximise(
     before: tuple[Covariances | None, ...] = like.covariances if like else (None,) * len(sums.moments)
     covariances = []
     for m, old in zip(sums.moments, before, strict=True):
-        samples = m.scatters / m.mass[:, None, None] + regularisation * np.eye(m.means.shape[1])
+        samples = m.scatters / m.mass[:, None, None] + regularisation * np.eye(m.scatters.shape[2])
         covariances.append(structure.estimate(m.mass, 0.5 * (samples + samples.transpose(0, 2, 1)), old))
     return HiddenModel(chain(sums), np.stack([m.means for m in sums.moments]), tuple(covariances))
 

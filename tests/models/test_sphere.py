@@ -1,0 +1,183 @@
+"""Skills whose orientations are points of S^3: signs and the world's axes mean nothing to them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import (
+    Demonstration,
+    Layout,
+    Quantity,
+    demonstration,
+    frame_from_pose,
+    on_sphere,
+    pose_layout,
+    views,
+    with_derivatives,
+)
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Full, SemiTied, Spherical
+from pilotfish.geometry import Pose, exp, log_at, multiply
+from pilotfish.models import (
+    EMSettings,
+    KMeans,
+    TimeBins,
+    labelled_statistics,
+    learn,
+    learn_markov,
+    learn_mixture,
+    maximise,
+    most_likely_weights,
+    statistics,
+)
+
+POSE = pose_layout()
+SPHERE = Layout((POSE.parts[0], replace(POSE.parts[1], quantity=Quantity.ORIENTATION)))
+PLAIN = EMSettings(regularisation=0.0, tolerance=1e-5, max_iterations=100)
+
+
+def some_pose(rng, turn=1.0):
+    return Pose(rng.normal(size=3), exp(turn * rng.normal(size=3)))
+
+
+def shown(rng, a, b, steps, noise=0.03):
+    """A tool that moves and turns from object a to object b."""
+    s = np.linspace(0.0, 1.0, steps)[:, None]
+    way = 0.5 * log_at(a.quaternion, b.quaternion, (0,))
+    q = multiply(multiply(a.quaternion, exp(s * way)), exp(noise * rng.normal(size=(steps, 3))))
+    p = (1 - s) * a.position + s * b.position + noise * rng.normal(size=(steps, 3))
+    frames = [frame_from_pose(name, SPHERE, pose) for name, pose in (("a", a), ("b", b))]
+    return demonstration(np.hstack([p, q]), 0.1, SPHERE, frames)
+
+
+@pytest.fixture
+def situations(rng):
+    """Where two objects stand, four times; apart by up to a right angle or so."""
+    homes = [some_pose(rng) for _ in range(4)]
+    return [
+        (a, Pose(rng.normal(size=3), multiply(exp(0.4 * rng.normal(size=3)), a.quaternion))) for a in homes
+    ]
+
+
+@pytest.fixture
+def demos(rng, situations):
+    return [shown(rng, a, b, 30 + 3 * m) for m, (a, b) in enumerate(situations)]
+
+
+def negated(rng, demos, every_frame=False):
+    """Rows at random told by -q, and so some frames."""
+    told = []
+    for demo in demos:
+        signs = np.ones(demo.x.shape)
+        signs[:, 3:7] = np.where(rng.uniform(size=(len(signs), 1)) < 0.5, -1.0, 1.0)
+        frames = []
+        for frame in demo.frames:
+            A = frame.A.copy()
+            A[3:7, 3:7] *= -1.0 if every_frame or rng.uniform() < 0.5 else 1.0
+            frames.append(replace(frame, A=A))
+        told.append(demonstration(signs * demo.x, demo.period, demo.layout, frames))
+    return told
+
+
+def turned(demos: list[Demonstration], world: Pose) -> list[Demonstration]:
+    """The same recordings by an observer elsewhere."""
+    A = frame_from_pose("world", demos[0].layout, world)
+    return [
+        demonstration(
+            demo.x @ A.A.T + A.b,
+            demo.period,
+            demo.layout,
+            [replace(f, A=A.A @ f.A, b=A.A @ f.b + A.b) for f in demo.frames],
+        )
+        for demo in demos
+    ]
+
+
+def assert_same_skill(one, other, tolerance=1e-9):
+    apart = log_at(one.means, other.means, one.layout.turns)
+    np.testing.assert_allclose(apart, 0.0, atol=tolerance)
+    for a, b in zip(one.covariances, other.covariances, strict=True):
+        np.testing.assert_allclose(a.dense, b.dense, atol=tolerance)
+
+
+@pytest.mark.parametrize("start", [TimeBins(), KMeans()], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("speeds", [False, True])
+def test_signs_of_quaternions_mean_nothing(rng, demos, start, speeds):
+    """Any rows, any frames: the same trace and the same Gaussians."""
+    demos = [with_derivatives(d) for d in demos] if speeds else demos
+    one, other = (
+        learn_markov(told, states=3, rng=np.random.default_rng(0), start=start)
+        for told in (demos, negated(rng, demos))
+    )
+    np.testing.assert_allclose(other.trace, one.trace, rtol=1e-10)
+    assert_same_skill(one.skill, other.skill)
+
+
+@pytest.mark.parametrize("speeds", [False, True])
+def test_where_the_world_has_its_axes_means_nothing(rng, demos, speeds):
+    demos = [with_derivatives(d) for d in demos] if speeds else demos
+    one, other = (
+        learn_markov(told, states=3, rng=np.random.default_rng(0))
+        for told in (demos, turned(demos, some_pose(rng)))
+    )
+    np.testing.assert_allclose(other.trace, one.trace, rtol=1e-8)
+    assert_same_skill(one.skill, other.skill, 1e-7)
+
+
+@pytest.mark.parametrize("structure", [Full(), Spherical(), SemiTied()], ids=lambda s: s.label)
+def test_the_likelihood_never_falls(rng, demos, structure):
+    """The M-step is exact on S^3 to first order only, yet no step loses what would count as a gain."""
+    fit = learn_markov(demos, states=3, rng=rng, structure=structure, settings=PLAIN)
+    assert np.all(np.diff(fit.trace) >= 0.0)
+    assert fit.trace[-1] > fit.trace[0]
+    assert fit.outcome.converged or fit.outcome.iterations == PLAIN.max_iterations
+
+
+def test_at_the_end_tangent_vectors_to_every_mean_cancel(rng):
+    """The fixed point of E- and M-step is the exact Karcher mean, weighed by responsibilities."""
+    layout, homes = Layout((SPHERE.parts[1],)), exp(np.array([[0.0, 0.0, 0.0], [1.2, 0.0, 0.0]]))
+    q = multiply(homes[np.arange(60) // 30], exp(0.35 * rng.normal(size=(60, 3))))
+    data = views([demonstration(q, 0.1, layout)])
+    sums = labelled_statistics(data, np.arange(60) // 25 % 2, 2)
+    for _ in range(200):
+        model = maximise(sums, None, Full(), 0.0, most_likely_weights)
+        sums = statistics(model, data)
+    (m,) = sums.moments
+    np.testing.assert_allclose(m.offsets / m.mass[:, None], 0.0, atol=1e-9)
+    np.testing.assert_allclose(m.squares / m.mass[:, None, None], model.covariances[0].dense, atol=1e-9)
+
+
+def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
+    """Within a thousandth of a radian S^3 is flat: the fit of rotation vectors, to the same relative size."""
+    size, home = 1e-3, exp(rng.normal(size=3))
+    parts = Layout((replace(SPHERE.tangent.parts[1], name="turn"),))
+    stops = rng.normal(size=(3, 3))
+    vectors = [size * (stops[np.arange(40) * 3 // 40] + 0.2 * rng.normal(size=(40, 3))) for _ in range(3)]
+    flat = [demonstration(v, 0.1, parts) for v in vectors]
+    layout = Layout((SPHERE.parts[1],))
+    sphere = [demonstration(multiply(home, exp(0.5 * v)), 0.1, layout) for v in vectors]
+    fits = [
+        learn_markov(d, states=3, rng=rng, settings=EMSettings(regularisation=0.0)) for d in (flat, sphere)
+    ]
+    for n in (0, -1):
+        np.testing.assert_allclose(fits[1].trace[n], fits[0].trace[n], rtol=size**2)
+    seen = log_at(home, fits[1].skill.means[0], (0,))
+    np.testing.assert_allclose(seen, fits[0].skill.means[0], atol=10 * size**2)
+    dense = [fit.skill.covariances[0].dense for fit in fits]
+    np.testing.assert_allclose(dense[1], dense[0], atol=10 * size**3)
+
+
+@pytest.mark.parametrize("way", [learn, learn_markov, learn_mixture])
+def test_every_way_of_learning_works_on_the_sphere(rng, demos, way):
+    fit = way(demos, states=3, rng=rng)
+    assert fit.skill.means.shape == (2, 3, 7)
+    assert fit.skill.covariances[0].dense.shape == (3, 6, 6)
+    np.testing.assert_allclose(np.linalg.norm(fit.skill.means[..., 3:], axis=-1), 1.0)
+
+
+def test_quaternions_and_orientations_are_not_learned_together(rng, demos):
+    flat = demonstration(demos[0].x, 0.1, POSE, demos[0].frames)
+    with pytest.raises(InvalidInput, match="layout"):
+        learn_markov([*demos, flat], states=2, rng=rng)
+    assert on_sphere(flat).layout == demos[0].layout
