@@ -1,11 +1,12 @@
 """Small worlds that the laws of models are tried in."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pilotfish.demonstrations import Demonstration, Frame, Layout, Part, Quantity, demonstration
+from pilotfish.demonstrations import Demonstration, Frame, Layout, Part, Quantity, demonstration, world_frame
 
 Scene = Callable[..., list[Demonstration]]
 
@@ -34,3 +35,28 @@ def scene(rng: np.random.Generator) -> Scene:
         return demos
 
     return make
+
+
+@pytest.fixture
+def two_objects(rng: np.random.Generator) -> Scene:
+    """From one object, over a place of the world, to another, objects elsewhere each time; and distractors.
+
+    Frames are the two objects', the world's, and distractors'.
+    """
+
+    def make(count=5, distractors=0, noise=0.05) -> list[Demonstration]:
+        return [_passage(rng, f"passage {m}", distractors, noise) for m in range(count)]
+
+    return make
+
+
+def _passage(rng: np.random.Generator, name: str, distractors: int, noise: float) -> Demonstration:
+    names = ["object 0", "object 1", *(f"distractor {n}" for n in range(distractors))]
+    one, other, *rest = (replace(f, b=2.0 * f.b) for f in (random_frame(rng, each, 2) for each in names))
+    stops = np.stack([one.A @ [0.3, 0.1] + one.b, [0.0, 5.0], other.A @ [0.0, 0.4] + other.b])
+    stops += noise * rng.normal(
+        size=(3, 2)
+    )  # what differs between showings, beside noise from point to point
+    x = np.repeat(stops, [18, 15, 20], axis=0)
+    x = x + 0.3 * noise * rng.normal(size=x.shape)
+    return demonstration(x, 0.1, layout(2), (one, other, world_frame(2), *rest), name)

@@ -25,6 +25,7 @@ from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_ma
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
 from pilotfish.models.posteriors import posteriors
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
+from pilotfish.models.relevance import FrameRelevance, relevance, select_frames
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood,
@@ -59,6 +60,7 @@ __all__ = [
     "EMSettings",
     "Fit",
     "Forward",
+    "FrameRelevance",
     "GammaDurations",
     "GaussianDurations",
     "Given",
@@ -100,8 +102,10 @@ __all__ = [
     "occupancy",
     "on_the_half_of",
     "posteriors",
+    "relevance",
     "runs",
     "sample_states",
+    "select_frames",
     "semi_markov_forward",
     "semi_markov_parameters",
     "smoothed_regression",
