@@ -16,6 +16,7 @@ from pilotfish.models.dynamics import Dynamics, SemiMarkovChain
 from pilotfish.models.pools import Held, Opinions, best_powers, log_scores, opinions
 from pilotfish.models.skill import Skill
 from pilotfish.models.statistics import one_step_chain
+from pilotfish.models.visits import visit_tables
 from pilotfish.types import Array, Bool, Float, Int
 
 STRONG = 3.0  # nats: odds of twenty to one, strong evidence on the scale of Kass & Raftery 1995
@@ -57,7 +58,6 @@ def relevance(skill: Skill, demonstrations: Sequence[Demonstration]) -> FrameRel
     the weight of as many demonstrations as a covariance has columns, and one. Frames that say the same share
     the power, or one of them has it. A state that fewer than two demonstrations visit cannot tell: there all
     frames have 1.
-    For a semi-Markov skill, visits are found with the Markov chain of the same mean durations.
     Orientations on S^3 are compared in the tangent space, which holds to first order of their deviations.
     Cost: one E-step, and for each state P^2 / 2 small concave problems at most.
     Raises: InvalidInput, for fewer than two demonstrations, others than the skill's, or moving frames.
@@ -121,14 +121,11 @@ def _each(data: Views) -> list[Float[Array, "P T D"]]:
 
 def _visits(skill: Skill, data: Views) -> list[tuple[Moments, ...]]:
     """For each demonstration and frame, moments of the deviations from the skill's means."""
-    initial, transitions = _one_step(skill.dynamics)
     W = np.stack([c.whiteners("the covariance of state") for c in skill.covariances])
     emissions = kernels.Emissions(skill.means, W, data.turns)
     found: list[tuple[Moments, ...]] = []
     for x in _each(data):
-        step = kernels.e_step(
-            np.ascontiguousarray(x), np.array([x.shape[1]]), initial, transitions, emissions
-        )
+        step = _e_step(skill.dynamics, x, emissions)
         if not np.isfinite(step.log_likelihoods[0]):
             raise InvalidInput(
                 f"demonstration {len(found)} (first is 0) is impossible under the skill; give the "
@@ -143,12 +140,15 @@ def _visits(skill: Skill, data: Views) -> list[tuple[Moments, ...]]:
     return found
 
 
-def _one_step(dynamics: Dynamics) -> tuple[Float[Array, " K"], Float[Array, "K K"]]:
-    """The chain itself; of a semi-Markov chain, the Markov chain whose visits last as long on average."""
-    if not isinstance(dynamics, SemiMarkovChain):
-        return one_step_chain(dynamics)
-    leaving = np.minimum(1.0 / dynamics.durations.means, 1.0) * dynamics.transitions.any(axis=1)
-    return dynamics.initial, leaving[:, None] * dynamics.transitions + np.diag(1.0 - leaving)
+def _e_step(
+    dynamics: Dynamics, x: Float[Array, "P T D"], emissions: kernels.Emissions
+) -> kernels.EStep | kernels.SemiMarkovEStep:
+    """Posterior moments of one demonstration about the means of the states."""
+    x, length = np.ascontiguousarray(x), np.array([x.shape[1]])
+    if isinstance(dynamics, SemiMarkovChain):
+        tables = visit_tables(dynamics, x.shape[1])
+        return kernels.semi_markov_e_step(x, length, tables, emissions)
+    return kernels.e_step(x, length, *one_step_chain(dynamics), emissions)
 
 
 def _from_world(demo: Demonstration, seen: Float[Array, "P T D"]) -> Float[Array, "P E E"]:
