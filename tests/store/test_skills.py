@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from safetensors.numpy import save
 
 from pilotfish.demonstrations import Layout, Part, Quantity
-from pilotfish.errors import InvalidInput, UnknownSkill
-from pilotfish.gaussians import DenseCovariances, SemiTied
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, UnknownSkill
+from pilotfish.gaussians import EMLLT, HDDC, MFA, MLT, DenseCovariances, SemiTied
 from pilotfish.models import (
     GaussianDurations,
     MarkovChain,
@@ -30,7 +30,7 @@ from pilotfish.models import (
 from pilotfish.store import content_hash, decode_skill, encode_skill, open_skill, save_skill
 
 DYNAMICS = ("mixture", "markov", "semi-markov")
-STRUCTURES = ("dense", "semi-tied", "mixed")
+STRUCTURES = ("dense", "semi-tied", "latent", "expanded", "multiple-transforms", "mixed")
 SEEDS = st.integers(0, 2**32 - 1)
 
 Header = dict[str, Any]
@@ -65,9 +65,19 @@ def random_layout(rng: np.random.Generator) -> Layout:
 def random_covariances(rng: np.random.Generator, kind: str, K: int, D: int) -> Any:
     factors = rng.normal(size=(K, D, D))
     samples = factors @ factors.transpose(0, 2, 1) + 0.1 * np.eye(D)
-    if kind == "dense":
-        return DenseCovariances(samples)
-    return SemiTied(tying=float(rng.choice([0.3, 1.0])), sweeps=2).estimate(np.ones(K), samples, None)
+    mass = np.ones(K)
+    match kind:
+        case "dense":
+            return DenseCovariances(samples)
+        case "latent":
+            factors = int(rng.integers(0, D))
+            structure = MFA(factors) if rng.random() < 0.5 else HDDC((factors,) * (K - 1) + (0,))
+            return structure.estimate(mass, samples, None)
+        case "expanded":
+            return EMLLT(int(rng.integers(D, D * (D + 1) // 2 + 1))).estimate(mass, samples, None)
+        case "multiple-transforms":
+            return MLT(int(rng.integers(1, K + 1))).estimate(mass, samples, None)
+    return SemiTied(tying=float(rng.choice([0.3, 1.0])), sweeps=2).estimate(mass, samples, None)
 
 
 def random_skill(rng: np.random.Generator, dynamics: str, structure: str) -> Skill:
@@ -317,6 +327,72 @@ def test_what_is_no_skill_is_refused_though_its_hash_is_right(skill: Skill, what
         open_skill(tmp_path / "file")
     assert str(refusal.value).startswith(str(tmp_path / "file"))
     assert "\n" not in str(refusal.value)
+
+
+def strange(kind: str, **changes: Any) -> Callable[[Skill], Skill]:
+    """An edit of a skill that gives its first frame covariances of this kind, some arrays changed."""
+
+    def edited(skill: Skill) -> Skill:
+        rng = np.random.default_rng(0)
+        one = random_covariances(rng, kind, skill.states, skill.width)
+        arrays = {name: change(getattr(one, name)) for name, change in changes.items()}
+        return replace(skill, covariances=(replace(one, **arrays), skill.covariances[1]))
+
+    return edited
+
+
+UNWRITTEN = {
+    "noise is negative": (r"noise\[0, 0\]", strange("latent", noise=lambda n: n * 0.0 - 1.0)),
+    "noise is missing everywhere": ("positive definite", strange("latent", noise=lambda n: n * 0.0)),
+    "weights are negative": ("positive definite", strange("expanded", weights=lambda w: -w)),
+    "no basis is chosen": ("one 1", strange("multiple-transforms", membership=lambda m: m * 0.0)),
+    "half a basis is chosen": ("one 1", strange("multiple-transforms", membership=lambda m: m * 0.5)),
+    "a variance is negative": ("variances", strange("multiple-transforms", variances=lambda v: -v)),
+}
+
+
+@pytest.mark.parametrize("what", UNWRITTEN)
+def test_covariances_that_are_none_are_not_written(skill: Skill, what: str):
+    """Whatever a file keeps of covariances is checked before, and so it is after reading."""
+    words, edit = UNWRITTEN[what]
+    with pytest.raises((InvalidInput, NotPositiveDefinite), match=words):
+        encode_skill(edit(skill))
+
+
+CUT: dict[str, tuple[str, str, Callable[[np.ndarray], np.ndarray]]] = {
+    "loadings without a state": ("latent", "loadings", lambda a: a[1:]),
+    "loadings without a factor": ("latent", "loadings", lambda a: a[:, :, :0]),
+    "weights without a direction": ("expanded", "weights", lambda a: a[:, 1:]),
+    "directions without a column": ("expanded", "directions", lambda a: a[:, 1:]),
+    "a basis too many": ("multiple-transforms", "bases", lambda a: np.concatenate([a, a])),
+}
+
+
+@pytest.mark.parametrize("what", CUT)
+def test_arrays_of_covariances_agree_in_their_sizes(skill: Skill, what: str):
+    """Sizes that nothing else in the skill tells, such as numbers of factors, are one all the same."""
+    kind, name, change = CUT[what]
+    header, arrays = parts_of(encode_skill(strange(kind)(skill)))
+    arrays[f"covariances.0.{name}"] = change(arrays[f"covariances.0.{name}"]).copy()
+    with pytest.raises(UnknownSkill, match="shape"):
+        decode_skill(signed(header, arrays))
+
+
+def test_orientations_have_covariances_of_three_columns(skill: Skill):
+    """Deviations of a point of S^3 are rotation vectors: a file keeps E = D - 1 columns for each of them."""
+    layout = Layout(
+        (Part("orientation", Quantity.ORIENTATION, 4, "1"), Part("grip", Quantity.SCALAR, 2, "m"))
+    )
+    rng = np.random.default_rng(0)
+    one = replace(
+        skill,
+        means=rng.normal(size=(2, 3, 6)),
+        layout=layout,
+        covariances=tuple(random_covariances(rng, kind, 3, 5) for kind in ("dense", "latent")),
+    )
+    assert equal(decode_skill(encode_skill(one)), one)
+    with pytest.raises(InvalidInput, match="shape"):
+        encode_skill(replace(one, covariances=(random_covariances(rng, "dense", 3, 6),) * 2))
 
 
 def test_numbers_of_another_precision_are_refused(skill: Skill):

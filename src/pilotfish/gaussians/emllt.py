@@ -26,18 +26,21 @@ class ExpandedPrecisions:
 
     @property
     def dense(self) -> Float[Array, "K D D"]:
-        W = self.whiteners("the covariance of state")
-        roots = np.linalg.solve(W, np.broadcast_to(np.eye(W.shape[1]), W.shape))
-        return np.asarray(roots @ roots.transpose(0, 2, 1))
+        inverse = np.linalg.inv(self.precisions)
+        return np.asarray(0.5 * (inverse + inverse.transpose(0, 2, 1)))
+
+    @property
+    def precisions(self) -> Float[Array, "K D D"]:
+        """The inverses of the covariances."""
+        A = self.directions
+        return np.asarray((A.T * self.weights[:, None, :]) @ A)
 
     def whiteners(self, what: str) -> Float[Array, "K D D"]:
         """Lower triangular W with W^T W = covariance^-1: the precision's Cholesky factor, last column first.
 
         Raises: NotPositiveDefinite, naming the first that has none.
         """
-        A = self.directions
-        precisions = np.einsum("rd,kr,re->kde", A, self.weights, A, optimize=True)
-        backwards = cholesky(precisions[:, ::-1, ::-1], f"the precision that belongs to {what}")
+        backwards = cholesky(self.precisions[:, ::-1, ::-1], f"the precision that belongs to {what}")
         return np.ascontiguousarray(backwards[:, ::-1, ::-1].transpose(0, 2, 1))
 
 
@@ -108,11 +111,13 @@ def reweighted(expanded: ExpandedPrecisions, S: Float[Array, "K D D"]) -> Expand
     weights, Sigma = expanded.weights.copy(), expanded.dense
     for r, a in enumerate(expanded.directions):
         image = Sigma @ a  # (K, D)
-        q, s = image @ a, np.einsum("i,kij,j->k", a, S, a)
+        q, s = image @ a, (S @ a) @ a
         _require_variance(s, r)
         change = 1.0 / s - 1.0 / q
         weights[:, r] += change
-        Sigma -= np.einsum("k,ki,kj->kij", change * s / q, image, image)  # Sherman & Morrison 1950
+        Sigma -= ((change * s / q)[:, None] * image)[:, :, None] * image[
+            :, None, :
+        ]  # Sherman & Morrison 1950
     return ExpandedPrecisions(expanded.directions, weights)
 
 
@@ -136,8 +141,8 @@ def turned(
         w = expanded.weights[:, r]
         if not w.any():
             continue
-        gradient = np.einsum("k,kij,j->i", mass * w, Sigma - S, A[r], optimize=True)
-        metric = np.einsum("k,kij->ij", mass * np.abs(w), S)
+        gradient = (mass * w) @ (Sigma @ A[r] - S @ A[r])
+        metric = np.tensordot(mass * np.abs(w), S, axes=1)
         step = _gaining_step(np.linalg.solve(metric, gradient), A[r], w, mass, Sigma, S)
         Sigma = _moved(Sigma, w, A[r], A[r] + step)
         A[r] += step
@@ -154,7 +159,7 @@ def _gaining_step(
 ) -> Float[Array, " D"]:
     """The step, halved until the likelihood gains by it; zeros when it never does."""
     pair = np.stack([a, step])
-    q, s = (np.einsum("ui,kij,vj->kuv", pair, M, pair, optimize=True) for M in (Sigma, S))
+    q, s = (pair @ M @ pair.T for M in (Sigma, S))  # (K, 2, 2)
     for halving in range(HALVINGS):
         t = 0.5**halving
         ends = q[:, 0, 0] + 2.0 * t * q[:, 0, 1] + t * t * q[:, 1, 1]  # (a + t step)^T Sigma (a + t step)
@@ -172,12 +177,12 @@ def _moved(
 ) -> Float[Array, "K D D"]:
     """Sigma after w old old^T in its inverse became w new new^T (Woodbury, 2 x 2)."""
     pair = np.stack([new, old])
-    images = np.einsum("kij,uj->kui", Sigma, pair)  # (K, 2, D)
+    images = pair @ Sigma  # (K, 2, D)
     change = w[:, None] * np.array([1.0, -1.0])  # (K, 2)
-    small = np.eye(2) + change[:, :, None] * np.einsum("kui,vi->kuv", images, pair)
+    small = np.eye(2) + change[:, :, None] * (images @ pair.T)
     middle = np.linalg.solve(small, change[:, :, None] * np.eye(2))
-    moved = Sigma - images.transpose(0, 2, 1) @ middle @ images
-    return np.asarray(0.5 * (moved + moved.transpose(0, 2, 1)))
+    middle = 0.5 * (middle + middle.transpose(0, 2, 1))
+    return np.asarray(Sigma - images.transpose(0, 2, 1) @ (middle @ images))
 
 
 def _semi_tied(mass: Float[Array, " K"], S: Float[Array, "K D D"]) -> ExpandedPrecisions:

@@ -133,6 +133,8 @@ def _shared_noise(
 def _components(S: Float[Array, "K D D"], factors: int) -> LatentCovariances:
     """Principal components, each of at least a faint length."""
     latent = principal_components(S, np.full(len(S), factors))
+    if not factors:
+        return latent
     lengths = np.linalg.norm(latent.loadings, axis=1)  # (K, L)
     least = np.sqrt(FAINT * latent.noise[:, :1])
     directions = np.linalg.eigh(S)[1][:, :, ::-1][:, :, :factors]

@@ -9,6 +9,9 @@ from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.types import Array, Float, Int
 
 FLAT = 1e-15  # share of the largest variance below which a direction counts as having none
+LOST = (
+    1e-29  # the same for a column given others, told by roots of variances and so to the square of rounding
+)
 
 # What is left of every column's variance, and its noise before, to its noise now; both (K, D).
 Noise = Callable[[Float[Array, "K D"], Float[Array, "K D"]], Float[Array, "K D"]]
@@ -18,7 +21,7 @@ Noise = Callable[[Float[Array, "K D"], Float[Array, "K D"]], Float[Array, "K D"]
 class LatentCovariances:
     """Sigma_k = loadings[k] loadings[k]^T + diag(noise[k]): a few factors, and noise of every column's own.
 
-    A state of fewer factors than L has columns of zeros.
+    A state of fewer factors than L has columns of zeros; L is at least 1.
     """
 
     loadings: Float[Array, "K D L"]
@@ -50,7 +53,7 @@ class LatentCovariances:
             loading, noise = self.loadings[:, j], self.noise[:, j]
             seen = np.einsum("kml,km->kl", root, loading)  # root^T loading
             surprise = noise + (seen**2).sum(axis=1)
-            _require_surprise(surprise, what, j)
+            _require_surprise(surprise, noise + (loading**2).sum(axis=1), what, j)
             scale = 1.0 / np.sqrt(surprise)
             W[:, j, :j] = -np.einsum("kl,kld->kd", loading, gains[:, :, :j]) * scale[:, None]
             W[:, j, j] = scale
@@ -61,8 +64,10 @@ class LatentCovariances:
         return W
 
 
-def _require_surprise(surprise: Float[Array, " K"], what: str, column: int) -> None:
-    if (flat := np.flatnonzero(~((surprise > 0.0) & (surprise < np.inf)))).size:
+def _require_surprise(
+    surprise: Float[Array, " K"], variance: Float[Array, " K"], what: str, column: int
+) -> None:
+    if (flat := np.flatnonzero(~((surprise > LOST * variance) & (variance < np.inf)))).size:
         raise NotPositiveDefinite(
             f"{what} {flat[0]} is not positive definite: column {column} (first is 0) has the variance "
             f"{surprise[flat[0]]:.3g} given the columns before it; raise the regularisation"
@@ -83,7 +88,7 @@ def principal_components(S: Float[Array, "K D D"], factors: Int[Array, " K"]) ->
     noise = np.where(kept, 0.0, values).sum(axis=1) / (D - factors)
     _require_noise(noise, values[:, 0], factors)
     spread = np.sqrt(np.where(kept, np.maximum(values - noise[:, None], 0.0), 0.0))
-    L = int(factors.max(initial=0))
+    L = max(1, int(factors.max()))
     return LatentCovariances(vectors[:, :, :L] * spread[:, None, :L], np.tile(noise[:, None], (1, D)))
 
 
@@ -128,5 +133,5 @@ def previous_latent(
     previous: object, samples: Float[Array, "K D D"], factors: int
 ) -> LatentCovariances | None:
     """previous, when a fit of so many factors can go on from it."""
-    shape = (*samples.shape[:2], factors)
+    shape = (*samples.shape[:2], max(1, factors))
     return previous if isinstance(previous, LatentCovariances) and previous.loadings.shape == shape else None

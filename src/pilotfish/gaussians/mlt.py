@@ -23,8 +23,9 @@ class MultipleTransformCovariances:
 
     @property
     def dense(self) -> Float[Array, "K D D"]:
-        roots = self.bases[self.membership.argmax(axis=1)] * np.sqrt(self.variances)[:, None, :]
-        return np.asarray(roots @ roots.transpose(0, 2, 1))
+        H = self.bases[self.membership.argmax(axis=1)]  # (K, D, D)
+        dense = (H * self.variances[:, None, :]) @ H.transpose(0, 2, 1)
+        return np.asarray(0.5 * (dense + dense.transpose(0, 2, 1)))
 
     def whiteners(self, what: str) -> Float[Array, "K D D"]:
         return whiteners(self.dense, what)
@@ -88,7 +89,7 @@ class MLT:
 
 def _log_likelihoods(B: Float[Array, "C D D"], S: Float[Array, "K D D"]) -> Float[Array, "K C"]:
     """Twice what each state's datapoints have on average under each transform, constants left out."""
-    variances = np.einsum("cdi,kij,cdj->kcd", B, S, B, optimize=True)
+    variances = np.stack([((b @ S) * b).sum(axis=2) for b in B], axis=1)  # (K, C, D)
     with np.errstate(divide="ignore"):
         return np.asarray(2.0 * np.linalg.slogdet(B)[1] - np.log(variances).sum(axis=2))
 

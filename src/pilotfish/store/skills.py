@@ -12,7 +12,13 @@ import numpy as np
 
 from pilotfish.demonstrations import Layout, Part
 from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
-from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances
+from pilotfish.gaussians import (
+    DenseCovariances,
+    ExpandedPrecisions,
+    LatentCovariances,
+    MultipleTransformCovariances,
+    SemiTiedCovariances,
+)
 from pilotfish.models import MarkovChain, Provenance, SemiMarkovChain, Skill, Weights
 from pilotfish.store.skills_checks import require_agreement, require_sound
 from pilotfish.store.skills_fields import (
@@ -30,7 +36,13 @@ FORMAT, VERSION, KEY = "pilotfish-skill", 1, "pilotfish"
 
 # What can be written and read, by the name it has in a file. To add a kind, add a line.
 DYNAMICS: dict[str, type[Any]] = {"mixture": Weights, "markov": MarkovChain, "semi-markov": SemiMarkovChain}
-COVARIANCES: dict[str, type[Any]] = {"dense": DenseCovariances, "semi-tied": SemiTiedCovariances}
+COVARIANCES: dict[str, type[Any]] = {
+    "dense": DenseCovariances,
+    "semi-tied": SemiTiedCovariances,
+    "latent": LatentCovariances,
+    "expanded": ExpandedPrecisions,
+    "multiple-transforms": MultipleTransformCovariances,
+}
 
 
 def save_skill(skill: Skill, path: str | Path) -> None:
@@ -98,7 +110,7 @@ def _parts(skill: Skill) -> tuple[dict[str, Any], Arrays]:
     arrays["means"] = np.ascontiguousarray(skill.means, dtype=np.float64)
     covariances = []
     for p, one in enumerate(skill.covariances):
-        fields, more = take_apart(one, f"covariances.{p}", sizes)
+        fields, more = take_apart(one, f"covariances.{p}", _tangent(sizes, skill.layout))
         covariances.append({"kind": _name(one, COVARIANCES), **fields})
         arrays |= more
     require_sound(skill)
@@ -122,17 +134,17 @@ def _skill(header: dict[str, Any], arrays: Arrays) -> Skill:
     if means.ndim != 3:
         raise InvalidInput(f"means has shape {means.shape}, expected (frames, states, columns)")
     sizes = _sizes(means)
+    layout = Layout(tuple(put_together(Part, "layout", part, {}, {}) for part in _tables(header, "layout")))
+    tangent = _tangent(sizes, layout)
     dynamics = taken(header, "dynamics", "the header")
     skill = Skill(
         dynamics=put_together(_kind(dynamics, DYNAMICS, "dynamics"), "dynamics", dynamics, arrays, sizes),
         means=means,
         covariances=tuple(
-            put_together(_kind(one, COVARIANCES, "covariances"), f"covariances.{p}", one, arrays, sizes)
+            put_together(_kind(one, COVARIANCES, "covariances"), f"covariances.{p}", one, arrays, tangent)
             for p, one in enumerate(_tables(header, "covariances"))
         ),
-        layout=Layout(
-            tuple(put_together(Part, "layout", part, {}, {}) for part in _tables(header, "layout"))
-        ),
+        layout=layout,
         period=from_json(taken(header, "period", "the header"), float, "period"),
         frame_names=from_json(taken(header, "frames", "the header"), tuple[str, ...], "frames"),
         provenance=put_together(Provenance, "provenance", taken(header, "provenance", "the header"), {}, {}),
@@ -202,6 +214,11 @@ def _canonical(value: object) -> str:
 
 def _sizes(means: Float[Array, "P K D"]) -> dict[str, int]:
     return dict(zip("PKD", means.shape, strict=True))
+
+
+def _tangent(sizes: dict[str, int], layout: Layout) -> dict[str, int]:
+    """The sizes with D as covariances have it: deviations of an orientation have three columns for four."""
+    return sizes | {"D": sizes["D"] - len(layout.turns)}
 
 
 def _name(value: object, kinds: dict[str, type[Any]]) -> str:

@@ -5,7 +5,13 @@ from math import inf
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Covariances, SemiTiedCovariances, cholesky
+from pilotfish.gaussians import (
+    Covariances,
+    DenseCovariances,
+    LatentCovariances,
+    MultipleTransformCovariances,
+    SemiTiedCovariances,
+)
 from pilotfish.models import (
     Durations,
     Dynamics,
@@ -112,14 +118,35 @@ def _require_positive(values: Float[Array, "..."], place: str) -> None:
 
 
 def _require_covariances(covariances: Covariances, what: str) -> None:
-    dense = covariances.dense
+    match covariances:
+        case DenseCovariances(dense):
+            _require_symmetry(dense, what)
+        case SemiTiedCovariances(_, variances, tying, dense):
+            _require_symmetry(dense, what)
+            if not 0.0 <= tying <= 1.0:
+                raise InvalidInput(f"tying is {tying}, expected a number from 0 to 1")
+            _require_positive(variances, "variances")
+        case LatentCovariances(_, noise):
+            if (bad := np.argwhere(noise < 0.0)).size:
+                raise InvalidInput(f"noise{bad[0].tolist()} is {noise[tuple(bad[0])]}, expected at least 0")
+        case MultipleTransformCovariances(_, variances, membership):
+            _require_positive(variances, "variances")
+            _require_one_of_each(membership)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as not finite
+        covariances.whiteners(what)
+
+
+def _require_symmetry(dense: Float[Array, "K D D"], what: str) -> None:
     skews = np.abs(dense - dense.transpose(0, 2, 1)).max(axis=(1, 2))
     if (bad := np.flatnonzero(skews > SKEW * np.abs(dense).max(axis=(1, 2)))).size:
         raise InvalidInput(
             f"{what} {bad[0]} differs from its transpose by {skews[bad[0]]:.3g}, expected symmetry"
         )
-    cholesky(dense, what)
-    if isinstance(covariances, SemiTiedCovariances):
-        if not 0.0 <= covariances.tying <= 1.0:
-            raise InvalidInput(f"tying is {covariances.tying}, expected a number from 0 to 1")
-        _require_positive(covariances.variances, "variances")
+
+
+def _require_one_of_each(membership: Float[Array, "K C"]) -> None:
+    ones = membership == 1.0
+    if ((membership != 0.0) != ones).any() or (ones.sum(axis=1) != 1).any():
+        raise InvalidInput(
+            f"membership is {membership.tolist()}, expected one 1 in each row, and 0 elsewhere"
+        )

@@ -42,11 +42,12 @@ def take_apart(value: Any, place: str, sizes: Mapping[str, int]) -> tuple[dict[s
     """The plain fields of a dataclass by name, and its arrays by dotted name, nested dataclasses included.
 
     Arrays have the shape that their annotation gives them; sizes says how long its letters are, others may
-    have any length. An inner dataclass that equals the default of its field is left out.
+    have any one length. An inner dataclass that equals the default of its field is left out.
     Raises: InvalidInput, when a field does not hold what is declared.
     """
     plain: dict[str, Any] = {}
     arrays: Arrays = {}
+    sizes = dict(sizes)
     for name, kind in _declared(type(value)).items():
         here, content = f"{place}.{name}", getattr(value, name)
         if is_dataclass(kind) and content == _default(type(value), name):
@@ -71,6 +72,7 @@ def put_together(kind: type[T], place: str, plain: Any, arrays: Arrays, sizes: M
     Raises: InvalidInput, when anything is missing or not what is declared.
     """
     values: dict[str, Any] = {}
+    sizes = dict(sizes)
     for name, declared in _declared(kind).items():
         here = f"{place}.{name}"
         if is_dataclass(declared) or declared in KINDS:
@@ -106,10 +108,10 @@ def require_nothing_left(things: Mapping[str, Any], place: str) -> None:
         raise InvalidInput(f"{place} has {sorted(things)}, expected nothing more")
 
 
-def require_array(array: Array, kind: Any, place: str, sizes: Mapping[str, int]) -> None:
-    """The array is finite and has the annotated shape, as in Float[Array, "K D"]."""
+def require_array(array: Array, kind: Any, place: str, sizes: dict[str, int]) -> None:
+    """The array is finite and has the annotated shape, as in Float[Array, "K D"]; sizes gains new letters."""
     letters = kind.dim_str.split()
-    shape = tuple(sizes.get(letter, size) for letter, size in zip(letters, array.shape, strict=False))
+    shape = tuple(sizes.setdefault(letter, size) for letter, size in zip(letters, array.shape, strict=False))
     if array.shape != shape or len(letters) != array.ndim or array.size == 0:
         known = ", ".join(f"{letter} = {size}" for letter, size in sizes.items())
         raise InvalidInput(f"{place} has shape {array.shape}, expected {shape}: {kind.dim_str} of {known}")
