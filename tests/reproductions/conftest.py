@@ -1,0 +1,30 @@
+"""Reproductions are scripts: tests import them from their files."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "reproductions"
+
+
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"reproduce_{name}", FOLDER / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # a dataclass looks itself up there
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def chicken_dance() -> ModuleType:
+    return script("chicken_dance")
+
+
+@pytest.fixture(scope="session")
+def segmentation() -> ModuleType:
+    return script("segmentation")

@@ -1,0 +1,97 @@
+"""A dance is regenerated from time and from half of the body that dances it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageChops
+
+import pilotfish as pf
+from pilotfish.models import covariance_parameters
+
+
+@pytest.fixture(scope="module")
+def dance(data_folder, chicken_dance):
+    return chicken_dance.timed(pf.demonstrations.resampled(pf.datasets.chicken_dance()[0], 500))
+
+
+def test_parameters_of_the_dance_are_those_printed():
+    """75 components in 94 dimensions: 334,875 numbers when free, 15,886 when tied."""
+    assert covariance_parameters(pf.Full(), states=75, width=94) == 334_875
+    assert covariance_parameters(pf.SemiTied(1.0), states=75, width=94) == 15_886
+
+
+def test_bones_keep_their_length_through_the_dance(data_folder, chicken_dance):
+    """27 bones make one tree of all 28 nodes, and none stretches by a millionth of a millimetre."""
+    (recorded,) = pf.datasets.chicken_dance()
+    names = [part.name for part in recorded.layout.parts]
+    bones = chicken_dance.bones()
+    assert len(bones) == 27
+    joined = {names[0]}
+    while more := {n for bone in bones for n in bone if joined & set(bone)} - joined:
+        joined |= more
+    assert joined == set(names)
+    for here, there in bones:
+        gap = recorded.x[:, recorded.layout.columns(here)] - recorded.x[:, recorded.layout.columns(there)]
+        lengths = np.linalg.norm(gap, axis=1)
+        assert 0.02 < lengths[0] < 0.5  # m
+        assert np.ptp(lengths) < 1e-9
+
+
+def test_what_is_given_comes_back_untouched_and_left_is_left(dance, chicken_dance):
+    """Time and the left side: 34 columns, none of the right; those given are not regenerated."""
+    columns = chicken_dance.given("half", dance.layout)
+    names = [dance.layout.names[c] for c in columns]
+    assert names[0] == "time"
+    assert len(names) == 34
+    assert not [name for name in names if name.startswith(("Right", "R"))]
+    skill = chicken_dance.learned(dance, "full", 3).skill
+    made = chicken_dance.regenerated(skill, dance.x, columns)
+    np.testing.assert_array_equal(made[:, columns], dance.x[:, columns])
+    assert np.abs(made - dance.x).max() > 1e-3
+
+
+def test_one_component_regenerates_by_least_squares(dance, chicken_dance):
+    """With K = 1 the body expected at a time is the ridge regression line through the recording."""
+    skill = chicken_dance.learned(dance, "full", 1).skill
+    made = chicken_dance.regenerated(skill, dance.x, np.array([0]))
+    seconds, body = dance.x[:, 0] - dance.x[:, 0].mean(), dance.x[:, 1:] - dance.x[:, 1:].mean(axis=0)
+    slope = seconds @ body / (seconds @ seconds + len(seconds) * 1e-4)
+    np.testing.assert_allclose(made[:, 1:], dance.x[:, 1:].mean(axis=0) + np.outer(seconds, slope), atol=1e-9)
+
+
+def test_more_components_follow_better_and_tying_costs_some(dance, chicken_dance):
+    """Figure 4.3: errors fall with K, and rise with tying, which needs fewer numbers and correlates more."""
+    rows = {
+        (label, states): chicken_dance.measured(dance, label, states)
+        for label in ("semi-tied(1)", "full")
+        for states in (5, 20)
+    }
+    for task in ("time", "half"):
+        for label in ("semi-tied(1)", "full"):
+            assert rows[label, 20]["mse"][task] < 0.5 * rows[label, 5]["mse"][task]
+        assert rows["full", 20]["mse"][task] < rows["semi-tied(1)", 20]["mse"][task]
+    tied, free = rows["semi-tied(1)", 20], rows["full", 20]
+    assert tied["covariance_parameters"] < 0.2 * free["covariance_parameters"]
+    assert tied["mean_component_correlation"] > 1.2 * free["mean_component_correlation"]
+    assert tied["rms_cm"]["unseen"] < 1.2 * free["rms_cm"]["unseen"] < 5.0
+
+
+@pytest.mark.slow
+def test_the_dance_writes_its_numbers_pictures_and_animation(data_folder, tmp_path):
+    """With few components: a row for each structure, three pictures, and an animation that moves."""
+    report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
+    script = Path(__file__).parents[2] / "reproductions" / "chicken_dance.py"
+    command = [sys.executable, script, "--components", "3", "--json", report, "--out", pictures]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    assert {row["components"] for row in json.loads(report.read_text())["rows"]} == {3}
+    assert len(list(pictures.glob("*.png"))) == 3
+    assert (pictures / "dance.gif").stat().st_size < 4_000_000
+    with Image.open(pictures / "dance.gif") as film:
+        assert film.n_frames == 125
+        first = film.convert("RGB")
+        film.seek(60)
+        assert ImageChops.difference(first, film.convert("RGB")).getbbox()
