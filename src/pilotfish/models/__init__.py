@@ -3,6 +3,7 @@ learned by a fold of statistics, adapted to where objects stand, and unrolled in
 """
 
 from pilotfish.models.adapt import adapt
+from pilotfish.models.agreement import matched_accuracy, matching, normalised_mutual_information
 from pilotfish.models.durations import (
     Durations,
     GammaDurations,
@@ -95,10 +96,13 @@ __all__ = [
     "log_likelihood",
     "log_likelihood_of_states",
     "markov_forward",
+    "matched_accuracy",
+    "matching",
     "maximise",
     "most_likely_chain",
     "most_likely_weights",
     "most_probable_states",
+    "normalised_mutual_information",
     "occupancy",
     "on_the_half_of",
     "posteriors",
