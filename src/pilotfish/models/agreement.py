@@ -60,7 +60,7 @@ def _counts(
     """How many datapoints have each pair of a state and a label; the states; the labels."""
     if len(found) != len(labels) or not len(found):
         raise InvalidInput(
-            f"there are {len(found)} states and {len(labels)} labels, expected one of each for every datapoint"
+            f"there are {len(found)} states and {len(labels)} labels, expected one of each a datapoint"
         )
     states, mine = np.unique(found, return_inverse=True)
     names, theirs = np.unique(labels, return_inverse=True)
