@@ -21,7 +21,7 @@ from pilotfish.models import (
     learn_markov,
     learn_mixture,
 )
-from pilotfish.planning import expected_plan, plan
+from pilotfish.planning import expected_plan, plan, plan_through, through, via_point
 from pilotfish.store import datasets, open_skill, save_skill
 
 __version__ = "0.1.0"
@@ -64,7 +64,10 @@ __all__ = [
     "on_sphere",
     "open_skill",
     "plan",
+    "plan_through",
     "save_skill",
+    "through",
     "track",
+    "via_point",
     "with_derivatives",
 ]

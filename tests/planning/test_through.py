@@ -1,15 +1,18 @@
 """A plan drawn through points is the distribution of its motions, conditioned on measuring these points."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from pilotfish.control import Reference, double_integrator, solve_batch, track
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
-from pilotfish.planning import ViaPoint, through, via_point
+from pilotfish.models import AdaptedSkill, GaussianDurations, MarkovChain, SemiMarkovChain, Weights
+from pilotfish.planning import ViaPoint, plan, plan_through, through, via_point
 
 PERIOD, STEPS = 0.1, 12
 LAYOUT = position_layout(axes=2).differentiated()
@@ -235,3 +238,100 @@ def test_a_part_of_one_number_and_one_of_four_that_does_not_turn(rng):
     np.testing.assert_allclose(drawn.targets[1], [0.08, 0.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(drawn.targets[2, 1:], wished)
     np.testing.assert_allclose(drawn.targets[3], [0.0, 0.0, 0.5, 0.0, 0.0])
+
+
+def two_ways(noise=1e-3):
+    """From the origin either over the left (states 1) or over the right (2) to a common goal (3)."""
+    chain = SemiMarkovChain(
+        np.array([1.0, 0.0, 0.0, 0.0]),
+        np.array([[0.0, 0.7, 0.3, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0], np.zeros(4)]),
+        GaussianDurations(np.full(4, 8.0), np.full(4, 1.5)),
+    )
+    means = np.zeros((4, 4))
+    means[1, :2], means[2, :2], means[3, :2] = [-1.0, 1.0], [1.0, 1.0], [0.0, 2.0]
+    return AdaptedSkill(chain, means, np.tile(noise * np.eye(4), (4, 1, 1)), LAYOUT, PERIOD)
+
+
+def test_a_point_on_the_rarer_way_makes_the_plan_take_it():
+    """Drawn through the point, the common way would be left for it and taken up again."""
+    model, start = two_ways(), np.zeros(4)
+    point = via_point("position x", 0.8, time=1.2, deviation=0.1)
+    usual = plan(model, start, horizon=30)
+    assert usual.targets[:, 0].min() == -1.0
+    chosen = plan_through(model, start, [point], horizon=30)
+    assert chosen.targets[:, 0].min() == 0.0
+    np.testing.assert_allclose(np.delete(chosen.targets, 12, axis=0).max(axis=0)[:2], [1.0, 2.0])
+    assert through(usual, [point], LAYOUT).targets[:, 0].min() == -1.0
+
+
+def test_a_point_makes_a_state_come_early_or_late():
+    """A state holds the step at which its place is wished, when its durations can bring that about."""
+    model, start = two_ways(), np.zeros(4)
+    for time in (1.3, 2.1):
+        point = via_point("position", [0.0, 2.0], time=time, deviation=0.05)
+        states = plan_through(model, start, [point], horizon=40).targets[:, 1]
+        first = np.flatnonzero(states == 2.0)[0]
+        assert first <= round(time / PERIOD)
+    late = via_point("position", [-1.0, 1.0], time=1.9, deviation=0.05)
+    assert plan(model, start, horizon=40).targets[19, 1] == 2.0
+    assert plan_through(model, start, [late], horizon=40).targets[19, 1] == pytest.approx(1.0)
+
+
+def test_without_points_it_is_the_plan(rng):
+    model = two_ways()
+    for start in (np.zeros(4), model.means[2], rng.normal(size=4)):
+        expected, found = plan(model, start, horizon=30), plan_through(model, start, [], horizon=30)
+        np.testing.assert_array_equal(found.targets, expected.targets)
+        np.testing.assert_array_equal(found.weights, expected.weights)
+
+
+def listed_posteriors(model, start, value, deviation, step):
+    """p(state | start, noisy position at a step) at five steps of a Markov skill, path by path."""
+    chain, S, K, total = model.dynamics, model.covariances, model.states, np.zeros((5, model.states))
+    begins = [multivariate_normal(model.means[k], S[k]).pdf(start) for k in range(K)]
+    noise = np.diag(deviation**2)
+    passes = [multivariate_normal(model.means[k, :2], S[k][:2, :2] + noise).pdf(value) for k in range(K)]
+    for path in itertools.product(range(K), repeat=5):
+        p = chain.initial[path[0]] * np.prod([chain.transitions[i, j] for i, j in itertools.pairwise(path)])
+        total[np.arange(5), path] += p * begins[path[0]] * passes[path[step]]
+    return total / total.sum(axis=1, keepdims=True)
+
+
+def test_states_are_the_most_probable_given_the_start_and_the_points(rng):
+    """Against listing every sequence of states of short Markov skills."""
+    K, step = 3, 3
+    for _ in range(30):
+        A = rng.normal(size=(K, 4, 4))
+        chain = MarkovChain(rng.dirichlet(np.ones(K)), rng.dirichlet(np.ones(K), size=K))
+        covariances = A @ A.transpose(0, 2, 1) + 0.1 * np.eye(4)
+        model = AdaptedSkill(chain, rng.normal(size=(K, 4)), covariances, LAYOUT, PERIOD)
+        start, value, deviation = rng.normal(size=4), 2.0 * rng.normal(size=2), rng.uniform(0.1, 3.0, size=2)
+        states = listed_posteriors(model, start, value, deviation, step).argmax(axis=1)
+        point = via_point("position", value, time=step * PERIOD, deviation=deviation)
+        targets = plan_through(model, start, [point], horizon=5).targets
+        others = [0, 1, 2, 4]
+        np.testing.assert_array_equal(targets[others], model.means[states][others])
+
+
+def test_a_robot_that_reports_minus_q_gets_the_same_plan(rng):
+    """On the other half of S^3; the orientation wished may be given on either."""
+    layout, rest = pose_layout(), rng.normal(size=(2, 7))
+    rest[:, 3:] /= np.linalg.norm(rest[:, 3:], axis=1, keepdims=True)
+    chain = SemiMarkovChain(np.eye(2)[0], np.eye(2, k=1), GaussianDurations(np.full(2, 5.0), np.ones(2)))
+    model = AdaptedSkill(chain, rest, np.tile(1e-2 * np.eye(7), (2, 1, 1)), layout, PERIOD)
+    points = [via_point("orientation", rest[0, 3:], time=0.7, deviation=0.1)]
+    signs = np.repeat([1.0, -1.0], [3, 4])
+    told = plan_through(model, rest[0], points, horizon=12).targets
+    other = plan_through(model, signs * rest[0], points, horizon=12).targets
+    np.testing.assert_allclose(other, signs * told, atol=1e-12)
+
+
+def test_a_mixture_or_an_unusable_start_is_refused():
+    model = two_ways()
+    with pytest.raises(InvalidInput, match="no order in time"):
+        plan_through(replace(model, dynamics=Weights(np.full(4, 0.25))), np.zeros(4), [], horizon=9)
+    with pytest.raises(InvalidInput, match="not finite"):
+        plan_through(model, np.full(4, np.nan), [], horizon=9)
+    point = via_point("position x", 0.0, time=0.9, deviation=1.0)
+    with pytest.raises(InvalidInput, match=r"0\.1 to 0\.8 s"):
+        plan_through(model, np.zeros(4), [point], horizon=9)

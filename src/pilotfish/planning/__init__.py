@@ -3,7 +3,18 @@ the only place where a model's precision turns into a tracking weight.
 """
 
 from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
-from pilotfish.planning.through import through
-from pilotfish.planning.via_points import ViaPoint, via_point
+from pilotfish.planning.through import plan_through, through
+from pilotfish.planning.via_points import Observation, ViaPoint, observations, via_point
 
-__all__ = ["ViaPoint", "expected_plan", "plan", "planned_states", "reference", "through", "via_point"]
+__all__ = [
+    "Observation",
+    "ViaPoint",
+    "expected_plan",
+    "observations",
+    "plan",
+    "plan_through",
+    "planned_states",
+    "reference",
+    "through",
+    "via_point",
+]

@@ -8,8 +8,48 @@ import numpy as np
 from pilotfish.control import Reference
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import require_kind
+from pilotfish.gaussians import Gaussian, log_density
+from pilotfish.models import AdaptedSkill, log_likelihood_of_states, on_the_half_of, posteriors
+from pilotfish.planning.plan import plan, reference
 from pilotfish.planning.via_points import Observation, ViaPoint, observations
 from pilotfish.types import Array, Float
+
+
+def plan_through(
+    model: AdaptedSkill,
+    start: Float[Array, " D"],
+    points: Sequence[ViaPoint],
+    *,
+    horizon: int,
+    slack: float = 2e-3,
+) -> Reference:
+    """The plan from start for a motion that passes the points: they choose its states too, before and after.
+
+    At every step the state is the most probable one given the start and all points, each a measurement of
+    what a state does at that time; where a skill knows several ways, it takes one that leads by. The plan is
+    then drawn `through` the points. Without any it is that of `plan`.
+    Raises: InvalidInput, as plan and through do.
+    Source: Tanwani 2018, equation 3.42, with the posterior of the state in the place of its prediction.
+    """
+    expected = plan(model, start, horizon=horizon, slack=slack)
+    here = on_the_half_of(start, model)
+    log_observed = np.zeros((horizon, model.states))
+    log_observed[0] = log_likelihood_of_states(here, start[None])[0]
+    for seen in observations(points, model.layout, expected.targets, expected.period):
+        log_observed[seen.step] += _log_likelihoods(here, seen)
+    states = posteriors(here.dynamics, log_observed).argmax(axis=1)
+    return through(reference(here, states, slack), points, model.layout)
+
+
+def _log_likelihoods(model: AdaptedSkill, seen: Observation) -> Float[Array, " K"]:
+    """log p(what was measured | state), of the columns that were."""
+    columns, noise = seen.columns, np.diag(seen.deviations**2)
+    return np.array(
+        [
+            log_density(Gaussian(mean[columns], S[np.ix_(columns, columns)] + noise), seen.values[None])[0]
+            for mean, S in zip(model.means, model.covariances, strict=True)
+        ]
+    )
 
 
 def through(reference: Reference, points: Sequence[ViaPoint], layout: Layout) -> Reference:
@@ -27,7 +67,7 @@ def through(reference: Reference, points: Sequence[ViaPoint], layout: Layout) ->
     require_kind("reference", reference, Reference, "pf.plan makes one from an adapted skill")
     require_kind("layout", layout, Layout, "a skill holds one: skill.layout")
     targets, weights = reference.targets.copy(), reference.weights.copy()
-    for seen in observations(points, layout, reference):
+    for seen in observations(points, layout, reference.targets, reference.period):
         targets[seen.step], weights[seen.step] = _conditioned(targets[seen.step], weights[seen.step], seen)
     return replace(reference, targets=targets, weights=weights)
 

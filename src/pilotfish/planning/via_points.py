@@ -6,7 +6,6 @@ from itertools import combinations
 
 import numpy as np
 
-from pilotfish.control import Reference
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.types import Array, Float, Int
@@ -65,32 +64,36 @@ class Observation:
     deviations: Float[Array, " C"]
 
 
-def observations(points: Sequence[ViaPoint], layout: Layout, reference: Reference) -> list[Observation]:
-    """The via-points at the steps of a plan, each at the nearest: at most half a period from its time.
+def observations(
+    points: Sequence[ViaPoint], layout: Layout, states: Float[Array, "T n"], period: float | None
+) -> list[Observation]:
+    """The via-points at the steps of a plan or motion, each at the nearest: at most half a period [s] away.
 
-    A quaternion takes the sign that agrees with the plan's target there.
-    Raises: InvalidInput, when a point is outside the plan's time, names no part or column, has another number
-    of columns, or is an orientation but no unit quaternion; when the plan knows no period; and when two
+    A quaternion takes the sign that agrees with the state there.
+    Raises: InvalidInput, when a point is outside its time, names no part or column, has another number
+    of columns, or is an orientation but no unit quaternion; when period is None; and when two
     points want one column at one step further apart than both deviations together.
     """
     require_kind("points", points, Sequence, "give a list: [pf.via_point(...)]")
     for point in points:
         require_kind("a via-point", point, ViaPoint, 'pf.via_point("position", ...) makes one')
-    found = [_at_its_step(point, layout, reference) for point in points]
+    found = [_at_its_step(point, layout, states, period) for point in points]
     for (one, a), (other, b) in combinations(zip(points, found, strict=True), 2):
         if a.step == b.step:
             _refuse_contradiction(one, other, a, b)
     return found
 
 
-def _at_its_step(point: ViaPoint, layout: Layout, reference: Reference) -> Observation:
+def _at_its_step(
+    point: ViaPoint, layout: Layout, states: Float[Array, "T n"], period: float | None
+) -> Observation:
     columns, turn = _columns(point.what, layout)
     if len(columns) != len(point.value):
         raise InvalidInput(
             f"{point.what!r} is wished to be {len(point.value)} numbers, expected {len(columns)}: "
             f"{', '.join(layout.names[c] for c in columns)}"
         )
-    step = _step(point, reference)
+    step = _step(point, len(states) - 1, period)
     if not turn:
         return Observation(step, columns, point.value, point.deviation)
     norm = float(np.linalg.norm(point.value))
@@ -99,7 +102,7 @@ def _at_its_step(point: ViaPoint, layout: Layout, reference: Reference) -> Obser
             f"{point.what!r} is wished to be {point.value.tolist()} of norm {norm:.4g}, expected a unit "
             "quaternion w x y z"
         )
-    sign = -1.0 if point.value @ reference.targets[step, columns] < 0.0 else 1.0
+    sign = -1.0 if point.value @ states[step, columns] < 0.0 else 1.0
     # Turning by an angle moves a unit quaternion by half of it.
     return Observation(step, columns, sign * point.value / norm, 0.5 * point.deviation)
 
@@ -113,16 +116,16 @@ def _columns(what: str, layout: Layout) -> tuple[Int[Array, " C"], bool]:
     return columns, any(columns[0] == quaternion.start for quaternion in layout.quaternions)
 
 
-def _step(point: ViaPoint, reference: Reference) -> int:
-    if reference.period is None:
+def _step(point: ViaPoint, last: int, period: float | None) -> int:
+    if period is None:
         raise InvalidInput(
             "the plan knows no period, so no step has a time; give it one: Reference(..., period)"
         )
-    step, last = round(point.time / reference.period), len(reference.targets) - 1
+    step = round(point.time / period)
     if not 1 <= step <= last:
         raise InvalidInput(
-            f"{point.what!r} is wished at {point.time:g} s, expected {reference.period:g} to "
-            f"{last * reference.period:g} s: the motion begins at its start and ends with the plan's horizon"
+            f"{point.what!r} is wished at {point.time:g} s, expected {period:g} to {last * period:g} s: the "
+            "motion begins at its start and ends with the plan's horizon"
         )
     return step
 
