@@ -23,10 +23,12 @@ from pilotfish.models.dynamics import (
 )
 from pilotfish.models.em import EMSettings, Outcome, Run, improve
 from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
+from pilotfish.models.freedom import free_dynamics, free_parameters
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
 from pilotfish.models.posteriors import posteriors
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
 from pilotfish.models.relevance import FrameRelevance, relevance, select_frames
+from pilotfish.models.selection import Candidate, Failure, Learner, Score, Selection, bic, select
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood,
@@ -55,10 +57,12 @@ from pilotfish.models.statistics import (
 
 __all__ = [
     "AdaptedSkill",
+    "Candidate",
     "Censoring",
     "Durations",
     "Dynamics",
     "EMSettings",
+    "Failure",
     "Fit",
     "Forward",
     "FrameRelevance",
@@ -68,6 +72,7 @@ __all__ = [
     "HiddenModel",
     "HistogramDurations",
     "KMeans",
+    "Learner",
     "LogNormalDurations",
     "MarkovChain",
     "NegativeBinomialDurations",
@@ -75,6 +80,8 @@ __all__ = [
     "PoissonDurations",
     "Provenance",
     "Run",
+    "Score",
+    "Selection",
     "SemiMarkovChain",
     "Skill",
     "Start",
@@ -83,10 +90,13 @@ __all__ = [
     "Weights",
     "adapt",
     "as_mixture",
+    "bic",
     "covariance_freedom",
     "covariance_parameters",
     "filtered_regression",
     "fitted_parameters",
+    "free_dynamics",
+    "free_parameters",
     "improve",
     "labelled_statistics",
     "learn",
@@ -109,6 +119,7 @@ __all__ = [
     "relevance",
     "runs",
     "sample_states",
+    "select",
     "select_frames",
     "semi_markov_forward",
     "semi_markov_parameters",

@@ -58,7 +58,7 @@ def log_likelihood(
     data = views(demonstrations)
     parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
     if isinstance(model.dynamics, SemiMarkovChain):
-        tables = visit_tables(model.dynamics, min(longest or np.inf, data.lengths.max()))
+        tables = visit_tables(model.dynamics, int(min(longest or np.inf, data.lengths.max())))
         return np.array([kernels.semi_markov(part, tables).log_likelihood for part in parts])
     chain = one_step_chain(model.dynamics)
     return np.array([kernels.forward_backward(part, *chain).log_likelihood for part in parts])

@@ -1,0 +1,202 @@
+"""How large a model should be: candidates compared on demonstrations that they did not learn from."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from pilotfish.demonstrations import Demonstration
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.gaussians import Structure
+from pilotfish.models.em import EMSettings
+from pilotfish.models.freedom import free_parameters
+from pilotfish.models.learn import DEFAULTS, Fit
+from pilotfish.models.sequences import log_likelihood
+from pilotfish.models.skill import Skill
+from pilotfish.types import Array, Float
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """learn and its kin, their further choices made: from demonstrations to a fit."""
+
+    def __call__(
+        self,
+        demonstrations: Sequence[Demonstration],
+        *,
+        states: int,
+        rng: np.random.Generator,
+        structure: Structure,
+        settings: EMSettings,
+    ) -> Fit: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A model that might be learned; durations names what the learner makes of time, for tables."""
+
+    states: int
+    structure: Structure
+    durations: str
+    learner: Learner
+
+    @property
+    def label(self) -> str:
+        return f"{self.states} states, {self.structure.label}, {self.durations}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Score:
+    """How a candidate did.
+
+    states          that were learned; collapsed ones are dropped by learning
+    parameters      free numbers of the model that all demonstrations give
+    log_likelihood  of all demonstrations under it [nats]
+    bic             -2 log-likelihood + parameters log(datapoints); low is good
+    held_out        log-likelihood per datapoint [nats] of each demonstration under the model of the others
+    """
+
+    candidate: Candidate
+    states: int
+    parameters: int
+    log_likelihood: float
+    bic: float
+    held_out: Float[Array, " M"]
+
+    @property
+    def mean(self) -> float:
+        return float(self.held_out.mean())
+
+    @property
+    def standard_error(self) -> float:
+        """Of the mean over demonstrations."""
+        return _standard_error(self.held_out)
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A candidate that could not be learned, and why."""
+
+    candidate: Candidate
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """Candidates in the order given: those that could be scored, and those that could not."""
+
+    scores: tuple[Score, ...]
+    failures: tuple[Failure, ...]
+
+    @property
+    def best(self) -> Score:
+        """The fewest parameters among those that explain held-out demonstrations about as well as any.
+
+        About as well: the mean over demonstrations of what is lost against the highest score is at most its
+        standard error, demonstration by demonstration.
+        Raises: InvalidInput, when every candidate failed.
+        Source: the one-standard-error rule, Breiman et al. 1984, on paired differences.
+        """
+        top = self.likeliest
+        losses = [top.held_out - score.held_out for score in self.scores]
+        near = [
+            score
+            for score, loss in zip(self.scores, losses, strict=True)
+            if score is top or (np.isfinite(loss).all() and loss.mean() <= _standard_error(loss))
+        ]
+        return min(near, key=lambda score: (score.parameters, -score.mean))
+
+    @property
+    def likeliest(self) -> Score:
+        """The highest held-out log-likelihood.    Raises: InvalidInput, when every candidate failed."""
+        if not self.scores:
+            reasons = {failure.reason for failure in self.failures}
+            raise InvalidInput(f"no candidate could be learned: {'; '.join(sorted(reasons))}")
+        return max(self.scores, key=lambda score: score.mean)
+
+    @property
+    def lowest_bic(self) -> Score:
+        """The lowest Bayesian information criterion.    Raises: InvalidInput, when every candidate failed."""
+        _ = self.likeliest
+        return min(self.scores, key=lambda score: score.bic)
+
+
+def select(
+    demonstrations: Sequence[Demonstration],
+    candidates: Sequence[Candidate],
+    *,
+    rng: np.random.Generator,
+    settings: EMSettings = DEFAULTS,
+    watch: Callable[[Score | Failure], None] | None = None,
+) -> Selection:
+    """Every candidate learned from all demonstrations, and again without each of them in turn.
+
+    All candidates begin with the same seeds, so that the score of one does not depend on the others. One that
+    collapses or asks for more than the data has is a failure, not an error; watch hears of each as it ends.
+    Log-likelihoods multiply the densities of all frames, so scores compare only between candidates that see
+    the same frames, columns and units.
+    Cost: one fit more than there are demonstrations, for each candidate.
+    Raises: InvalidInput, when there are fewer than two demonstrations or no candidates.
+    """
+    if len(demonstrations) < 2:
+        raise InvalidInput(
+            f"{len(demonstrations)} demonstration was given, expected at least two: one is held out in turn"
+        )
+    if not candidates:
+        raise InvalidInput("there are no candidates, expected at least one")
+    seeds = rng.integers(2**63, size=len(demonstrations) + 1)
+    scores: list[Score] = []
+    failures: list[Failure] = []
+    for candidate in candidates:
+        result = _tried(candidate, demonstrations, seeds.tolist(), settings)
+        if isinstance(result, Score):
+            scores.append(result)
+        else:
+            failures.append(result)
+        if watch:
+            watch(result)
+    return Selection(tuple(scores), tuple(failures))
+
+
+def bic(log_likelihood: float, parameters: int, datapoints: int) -> float:
+    """-2 log-likelihood + parameters log(datapoints): low is good.
+
+    Rows of one demonstration follow each other closely and tell less than as many independent ones, so the
+    criterion is milder with large models than it should be.    Source: Schwarz 1978.
+    """
+    return -2.0 * log_likelihood + parameters * float(np.log(datapoints))
+
+
+def _tried(
+    candidate: Candidate, demonstrations: Sequence[Demonstration], seeds: Sequence[int], settings: EMSettings
+) -> Score | Failure:
+    def learned(shown: Sequence[Demonstration], seed: int) -> Skill:
+        return candidate.learner(
+            shown,
+            states=candidate.states,
+            rng=np.random.default_rng(seed),
+            structure=candidate.structure,
+            settings=settings,
+        ).skill
+
+    try:
+        skill = learned(demonstrations, seeds[-1])
+        held_out = [
+            float(log_likelihood(learned([*demonstrations[:m], *demonstrations[m + 1 :]], seed), [left])[0])
+            / len(left.x)
+            for m, (left, seed) in enumerate(zip(demonstrations, seeds, strict=False))
+        ]
+        shown = float(log_likelihood(skill, demonstrations).sum())
+    except (InvalidInput, NotPositiveDefinite) as error:
+        return Failure(candidate, str(error))
+    count = free_parameters(skill, candidate.structure)
+    points = sum(len(d.x) for d in demonstrations)
+    return Score(candidate, skill.states, count, shown, bic(shown, count, points), np.array(held_out))
+
+
+def _standard_error(values: Float[Array, " M"]) -> float:
+    """Of the mean; infinite values have none."""
+    if not np.isfinite(values).all():
+        return float("nan")
+    return float(values.std(ddof=1) / np.sqrt(len(values)))

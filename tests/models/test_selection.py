@@ -1,0 +1,158 @@
+"""The right size of a model is found on demonstrations that it did not learn from."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import views, world_frame
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Diagonal, Full, SemiTied
+from pilotfish.models import (
+    Candidate,
+    EMSettings,
+    Failure,
+    HistogramDurations,
+    KMeans,
+    MarkovChain,
+    Score,
+    Selection,
+    SemiMarkovChain,
+    Weights,
+    bic,
+    free_dynamics,
+    free_parameters,
+    learn,
+    learn_markov,
+    learn_mixture,
+    log_likelihood,
+    select,
+)
+
+WAYS = {"counted": learn, "markov": learn_markov, "mixture": learn_mixture}
+
+
+def candidate(states=3, structure=None, durations="counted", learner=None):
+    return Candidate(states, structure or Full(), durations, learner or WAYS[durations])
+
+
+def in_the_world(demos):
+    return [replace(d, frames=(world_frame(d.layout.width),)) for d in demos]
+
+
+@pytest.mark.parametrize(("durations", "dynamics"), [("counted", 6), ("markov", 3), ("mixture", 3)])
+def test_parameters_are_counted_by_hand(rng, scene, durations, dynamics):
+    """Four states, two frames, two columns: 16 means, 24 covariances, and the dynamics.
+
+    Left-right: three states may stay or go on (3), the last stays and the first begins. Counted: three
+    durations of a mean and a deviation. A mixture: four weights that sum to one.
+    """
+    skill = WAYS[durations](scene(stops=4, noise=0.02), states=4, rng=rng).skill
+    assert free_parameters(skill, Full()) == 16 + 24 + dynamics
+
+
+def test_tied_directions_are_counted_once(rng, scene):
+    """D^2 entries of a basis whose D lengths mean nothing, and K D variances, in each frame."""
+    skill = learn_mixture(scene(width=3), states=3, rng=rng, structure=SemiTied()).skill
+    assert free_parameters(skill, SemiTied()) == 2 * (3 * 3 + (9 - 3) + 3 * 3) + 2
+
+
+def test_probabilities_that_are_zero_were_not_free():
+    start, rows = np.array([0.5, 0.5, 0.0]), np.array([[0, 0.3, 0.7], [1.0, 0, 0], [0, 0, 0]])
+    durations = HistogramDurations(np.array([[0.2, 0.0, 1.0], [0.3, 1.0, 0.0], [0.5, 0.0, 0.0]]))
+    assert free_dynamics(Weights(start)) == 1
+    assert free_dynamics(MarkovChain(start, np.full((3, 3), 1.0 / 3.0))) == 1 + 6
+    assert free_dynamics(SemiMarkovChain(start, rows, durations)) == 1 + 1 + 2
+
+
+def test_bic_is_that_of_one_gaussian_in_closed_form(rng, scene):
+    """One state, one frame: N/2 (log |2 pi e S|) nats and D + D (D + 1) / 2 parameters."""
+    demos = [replace(d, frames=d.frames[:1]) for d in scene(width=2)]
+    settings = EMSettings(regularisation=0.0)
+    one = candidate(states=1, durations="mixture")
+    score = select(demos, [one], rng=rng, settings=settings).scores[0]
+    x = views(demos).x[0]
+    nats = -0.5 * len(x) * np.linalg.slogdet(2.0 * np.pi * np.e * np.cov(x.T, bias=True))[1]
+    assert score.parameters == 5
+    np.testing.assert_allclose(score.log_likelihood, nats, rtol=1e-9)
+    np.testing.assert_allclose(score.bic, -2.0 * nats + 5 * np.log(len(x)), rtol=1e-9)
+    assert bic(-10.0, 3, 100) == 20.0 + 3 * np.log(100)
+
+
+@pytest.mark.parametrize("durations", list(WAYS))
+def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, scene, durations):
+    demos = scene(lengths=(30, 42, 37))
+    score = select(demos, [candidate(durations=durations)], rng=rng).scores[0]
+    for m, nats in enumerate(score.held_out):
+        others = [d for n, d in enumerate(demos) if n != m]
+        skill = WAYS[durations](others, states=3, rng=rng).skill
+        np.testing.assert_allclose(nats, log_likelihood(skill, [demos[m]])[0] / len(demos[m].x))
+    np.testing.assert_allclose(score.mean, score.held_out.mean())
+    np.testing.assert_allclose(score.standard_error, score.held_out.std(ddof=1) / np.sqrt(3))
+
+
+def test_the_number_of_places_is_found(rng, scene):
+    """Points that scatter about three places ask for three states, neither fewer nor more."""
+    demos = in_the_world(scene(lengths=(40,) * 8, stops=3, noise=0.3))
+    sizes = [candidate(states=K, learner=partial(learn, start=KMeans())) for K in (1, 2, 3, 4, 5)]
+    found = select(demos, sizes, rng=rng)
+    assert found.best.states == 3
+
+
+def test_uncorrelated_columns_ask_for_no_more_than_variances(rng, scene):
+    demos = in_the_world(scene(lengths=(25,) * 4, width=4))
+    found = select(demos, [candidate(), candidate(structure=Diagonal())], rng=rng)
+    assert found.best.candidate.structure == Diagonal()
+    assert found.lowest_bic.candidate.structure == Diagonal()
+
+
+def test_what_cannot_be_learned_is_a_row_and_is_told_as_it_happens(rng, scene):
+    """Too many states for the shortest demonstration, and covariances that collapse."""
+    heard = []
+    tried = [candidate(), candidate(states=35), candidate(states=12)]
+    rough = EMSettings(regularisation=0.0)
+    found = select(scene(lengths=(30, 42, 37)), tried, rng=rng, settings=rough, watch=heard.append)
+    assert [f.candidate.states for f in found.failures] == [35, 12]
+    assert "35 states" in found.failures[0].reason
+    assert "positive definite" in found.failures[1].reason
+    assert [r.candidate for r in heard] == tried
+    assert isinstance(heard[1], Failure)
+    with pytest.raises(InvalidInput, match=r"no candidate.*35 states"):
+        _ = Selection((), found.failures).best
+
+
+def test_a_score_depends_on_the_seed_and_not_on_the_other_candidates(scene):
+    with_chance = partial(learn, start=KMeans())
+    demos = scene(noise=1.0)
+    one, other = candidate(states=4, learner=with_chance), candidate(states=5, learner=with_chance)
+
+    def score(candidates, seed):
+        scores = select(demos, candidates, rng=np.random.default_rng(seed)).scores
+        return next(s for s in scores if s.candidate is one).held_out
+
+    np.testing.assert_array_equal(score([one, other], 7), score([other, one], 7))
+    assert any(not np.array_equal(score([one], 7), score([one], seed)) for seed in range(5))
+
+
+def made_up(parameters, *held_out):
+    return Score(candidate(), 3, parameters, 0.0, 0.0, np.array(held_out))
+
+
+def test_the_best_is_the_smallest_that_loses_no_more_than_a_standard_error():
+    """Losses are compared demonstration by demonstration; what some demonstrations rule out is not near."""
+    top = made_up(50, 3.0, 4.0, 8.0)
+    near = made_up(20, 2.9, 4.1, 7.9)  # loses .03, standard error .07
+    steady = made_up(10, 2.9, 3.9, 7.9)  # loses .1 each time
+    never = made_up(5, 9.0, 9.0, -np.inf)
+    assert Selection((top, near, steady, never), ()).best is near
+    assert Selection((top, near, steady, never), ()).likeliest is top
+    assert Selection((top, steady, never), ()).best is top
+    assert np.isnan(never.standard_error)
+
+
+def test_too_little_to_select_from_is_refused(rng, scene):
+    with pytest.raises(InvalidInput, match="at least two"):
+        select(scene()[:1], [candidate()], rng=rng)
+    with pytest.raises(InvalidInput, match="no candidates"):
+        select(scene(), [], rng=rng)
