@@ -83,9 +83,11 @@ def test_frames_that_differ_between_demonstrations(refusal: Refusal, folder: Pat
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("--structure full --tying 0.5", "semi-tied"),
-        ("--structure semi-tied --tying 1.5", "1.5 is not in the range"),
-        ("--tying nan", "nan"),
+        ("--structure full:3", "expected full"),
+        ("--structure ful", "did you mean 'full'"),
+        ("--structure mfa", "expected mfa:FACTORS"),
+        ("--structure semi-tied:1.5", "tying is 1.5"),
+        ("--structure semi-tied:nan", "nan"),
         ("--regularisation -1", "-1.0 is not in the range"),
         ("--regularisation nan", "nan"),
         ("--regularisation inf", "inf"),

@@ -12,8 +12,8 @@ import numpy as np
 
 from pilotfish import models
 from pilotfish.demonstrations import Demonstration, Severity, check
-from pilotfish.gaussians import Diagonal, Full, SemiTied, Spherical, Structure
-from pilotfish.models import EMSettings, Fit, KMeans, Start, TimeBins, covariance_parameters
+from pilotfish.gaussians import Structure
+from pilotfish.models import EMSettings, Fit, KMeans, Start, TimeBins, fitted_parameters
 from pilotfish.station.answers import (
     Answer,
     a_person_watches,
@@ -26,6 +26,7 @@ from pilotfish.station.answers import (
 )
 from pilotfish.station.descriptions import columns_text, skill_facts, states_table
 from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
+from pilotfish.station.structure_names import StructureType, structure_names
 from pilotfish.store import content_hash, save_skill
 
 LEARNERS = {
@@ -33,7 +34,6 @@ LEARNERS = {
     "markov": models.learn_markov,
     "mixture": models.learn_mixture,
 }
-STRUCTURES = ("full", "diagonal", "spherical", "semi-tied")
 STARTS = ("time-bins", "k-means")
 JITTER = 0.5  # share of a bin, when several beginnings are tried
 
@@ -45,8 +45,7 @@ class Choices:
     folder: str
     out: Path
     states: int
-    structure: str
-    tying: float | None
+    structure: Structure
     dynamics: str
     start: str
     regularisation: float
@@ -66,16 +65,11 @@ class Choices:
 @click.option("--states", type=click.IntRange(min=1), default=7, show_default=True, help="How many states.")
 @click.option(
     "--structure",
-    type=click.Choice(STRUCTURES),
+    type=StructureType(),
     default="full",
     show_default=True,
-    help="What covariances may look like; semi-tied states share their directions.",
-)
-@click.option(
-    "--tying",
-    type=click.FloatRange(0.0, 1.0),
-    callback=finite,
-    help="How far semi-tied goes.  [default: 1]",
+    help=f"What covariances may look like: {structure_names()}. Semi-tied states share their directions, mfa "
+    "and its kin have few factors each.",
 )
 @click.option(
     "--dynamics",
@@ -135,14 +129,13 @@ def learn(**options: Any) -> Answer:
     """
     asked = Choices(**options)
     require_new(asked.out, force=asked.force, inputs=_recordings_in(Path(asked.folder)))
-    structure = _structure(asked)
     demonstrations = chosen(recordings(asked.folder), asked.only)
     if asked.speeds:
         demonstrations = with_speeds(demonstrations)
     _warn(demonstrations)
-    fit = _fit(demonstrations, asked, structure)
+    fit = _fit(demonstrations, asked)
     save_skill(fit.skill, asked.out)
-    return _answer(fit, structure, asked)
+    return _answer(fit, asked)
 
 
 def _recordings_in(folder: Path) -> list[Path]:
@@ -150,18 +143,7 @@ def _recordings_in(folder: Path) -> list[Path]:
     return [path for path in folder.glob("*") if path.suffix in (".csv", ".npz", ".toml", ".json")]
 
 
-def _structure(asked: Choices) -> Structure:
-    if asked.structure == "semi-tied":
-        return SemiTied() if asked.tying is None else SemiTied(tying=asked.tying)
-    if asked.tying is not None:
-        raise click.UsageError(
-            f"--tying {asked.tying:g} goes with --structure semi-tied, not {asked.structure}"
-        )
-    plain: dict[str, Structure] = {"full": Full(), "diagonal": Diagonal(), "spherical": Spherical()}
-    return plain[asked.structure]
-
-
-def _fit(demonstrations: Sequence[Demonstration], asked: Choices, structure: Structure) -> Fit:
+def _fit(demonstrations: Sequence[Demonstration], asked: Choices) -> Fit:
     start: Start = KMeans() if asked.start == "k-means" else TimeBins(JITTER if asked.restarts > 1 else 0.0)
     settings = EMSettings(
         regularisation=asked.regularisation, max_iterations=asked.iterations, restarts=asked.restarts
@@ -171,7 +153,7 @@ def _fit(demonstrations: Sequence[Demonstration], asked: Choices, structure: Str
             demonstrations,
             states=asked.states,
             rng=np.random.default_rng(asked.seed),
-            structure=structure,
+            structure=asked.structure,
             start=start,
             settings=watched,
         )
@@ -201,9 +183,9 @@ def _warn(demonstrations: Sequence[Demonstration]) -> None:
             remark(f"{finding.severity.value}: {finding.place} {finding.message}")
 
 
-def _answer(fit: Fit, structure: Structure, asked: Choices) -> Answer:
-    skill, outcome = fit.skill, fit.outcome
-    parameters = covariance_parameters(structure, skill.states, skill.width, len(skill.frame_names))
+def _answer(fit: Fit, asked: Choices) -> Answer:
+    skill, outcome, structure = fit.skill, fit.outcome, asked.structure
+    parameters = fitted_parameters(structure, skill.covariances)
     name = content_hash(skill)
     facts = {
         "file": str(asked.out),
