@@ -13,20 +13,23 @@ from pilotfish.demonstrations import (
     frame_from_pose,
     on_sphere,
     pose_layout,
+    tangent_map,
     views,
     with_derivatives,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Full, SemiTied, Spherical
-from pilotfish.geometry import Pose, exp, log_at, multiply
+from pilotfish.gaussians import Full, RiemannianGaussian, SemiTied, Spherical, riemannian_log_density
+from pilotfish.geometry import Pose, exp, exp_at, log_at, multiply
 from pilotfish.models import (
     EMSettings,
     KMeans,
     TimeBins,
+    adapt,
     labelled_statistics,
     learn,
     learn_markov,
     learn_mixture,
+    log_likelihood_of_states,
     maximise,
     most_likely_weights,
     statistics,
@@ -181,3 +184,66 @@ def test_quaternions_and_orientations_are_not_learned_together(rng, demos):
     with pytest.raises(InvalidInput, match="layout"):
         learn_markov([*demos, flat], states=2, rng=rng)
     assert on_sphere(flat).layout == demos[0].layout
+
+
+@pytest.mark.parametrize("speeds", [False, True])
+def test_the_adapted_skill_turns_along_with_the_world(rng, demos, speeds):
+    """Places and orientations of the means move as the objects do; deviations of turns stay."""
+    demos = [with_derivatives(d) for d in demos] if speeds else demos
+    skill, world = learn_markov(demos, states=3, rng=rng).skill, some_pose(rng)
+    told = negated(rng, turned(demos, world))[0].frames
+    here, there = adapt(skill, demos[0].frames), adapt(skill, told)
+    A = frame_from_pose("world", skill.layout, world)
+    np.testing.assert_allclose(
+        log_at(there.means, here.means @ A.A.T + A.b, skill.layout.turns), 0.0, atol=1e-7
+    )
+    carry = tangent_map(A.A, skill.layout.turns)
+    np.testing.assert_allclose(there.covariances, carry @ here.covariances @ carry.T, atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(there.means[:, 3:7], axis=1), 1.0)
+
+
+def test_signs_of_demonstrations_and_frames_do_not_reach_the_adapted_skill(rng, demos):
+    adapted = [
+        adapt(learn(told, states=3, rng=np.random.default_rng(0)).skill, told[0].frames)
+        for told in (demos, negated(rng, demos))
+    ]
+    apart = log_at(adapted[0].means, adapted[1].means, adapted[0].layout.turns)
+    np.testing.assert_allclose(apart, 0.0, atol=1e-8)
+    np.testing.assert_allclose(adapted[1].covariances, adapted[0].covariances, atol=1e-8)
+
+
+def test_the_adapted_density_peaks_where_the_frames_densities_together_do(rng, demos):
+    """To their powers: at each state's mean, no step raises sum_j r_j log p_j."""
+    skill, powers = learn_markov(demos, states=3, rng=rng).skill, rng.uniform(0.1, 1.0, size=(2, 3))
+    powers[1, 0] = 0.0
+    frames = demos[1].frames
+    here, h = adapt(skill, frames, relevance=powers), 1e-4 * rng.normal(size=(50, 6))
+    for k in range(3):
+        points = exp_at(here.means[k], np.vstack([np.zeros(6), h]), skill.layout.turns)
+        heights = np.zeros(51)
+        for p, f in enumerate(frames):
+            own = RiemannianGaussian(skill.means[p, k], skill.covariances[p].dense[k], skill.layout.turns)
+            heights += powers[p, k] * riemannian_log_density(own, (points - f.b) @ np.linalg.inv(f.A).T)
+        assert heights.argmax() == 0
+    np.testing.assert_allclose(
+        here.covariances[0],
+        tangent_map(frames[0].A, (3,))
+        @ (skill.covariances[0].dense[0] / powers[0, 0])
+        @ tangent_map(frames[0].A, (3,)).T,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+
+
+def test_an_adapted_skill_recognises_its_states(rng, demos, situations):
+    """Told by q or -q, the beginning is in the first state and the end in the last."""
+    here = adapt(learn(demos, states=3, rng=rng).skill, demos[0].frames)
+    for x in (demos[0].x, demos[0].x * np.repeat([1.0, -1.0], [3, 4])):
+        states = log_likelihood_of_states(here, x).argmax(axis=1)
+        assert (states[0], states[-1]) == (0, 2)
+
+
+def test_frames_that_leave_the_sphere_are_refused(rng, demos):
+    skill, (a, b) = learn_markov(demos, states=2, rng=rng).skill, demos[0].frames
+    with pytest.raises(InvalidInput, match="unit quaternion from the left"):
+        adapt(skill, [a, replace(b, A=np.eye(7) * 2.0)])

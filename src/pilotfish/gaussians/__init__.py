@@ -32,6 +32,12 @@ from pilotfish.gaussians.regression import (
     regress_means,
     regress_shared,
 )
+from pilotfish.gaussians.riemannian import (
+    RiemannianGaussian,
+    riemannian_log_density,
+    riemannian_product,
+    seen_at,
+)
 from pilotfish.gaussians.semi_tied import SemiTied, SemiTiedCovariances
 from pilotfish.gaussians.structures import (
     Covariances,
@@ -63,6 +69,7 @@ __all__ = [
     "Moments",
     "MultipleTransformCovariances",
     "Regression",
+    "RiemannianGaussian",
     "SemiTied",
     "SemiTiedCovariances",
     "Spherical",
@@ -85,7 +92,10 @@ __all__ = [
     "regress",
     "regress_means",
     "regress_shared",
+    "riemannian_log_density",
+    "riemannian_product",
     "sample",
+    "seen_at",
     "tangent_moments",
     "transform",
     "whiteners",

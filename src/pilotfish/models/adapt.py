@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, MovingFrame
+from pilotfish.demonstrations import Frame, Layout, MovingFrame, require_turns, tangent_map
 from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.gaussians import Gaussian, product, transform
+from pilotfish.gaussians import Gaussian, RiemannianGaussian, product, riemannian_product, transform
+from pilotfish.geometry import normalise
 from pilotfish.models.signs import agreeing
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
@@ -18,7 +19,8 @@ def adapt(
     """The skill in the world, for objects whose frames stand as given, in any order.
 
     Each state's Gaussians are carried into the world by their frames and multiplied; a state is then precise
-    where any frame was. Quaternion means are brought back to unit length; a frame may give q or -q.
+    where any frame was. Quaternion means are brought back to unit length; a frame may give q or -q. On S^3
+    the product is that of Riemannian Gaussians, and covariances are of deviations in body axes.
     relevance[p, k], from 0 to 1, is the power to which frame p (in the skill's order) is heard about state k:
     its covariance is divided by it, and at 0 it is not heard at all. None hears every frame in full.
     Raises: InvalidInput, when a frame is missing, unknown, moving, singular or of another width, or when a
@@ -29,7 +31,8 @@ def adapt(
     matched = _matched(skill, frames)
     powers = _powers(relevance, skill)
     ordered = agreeing(matched, skill, powers)
-    states = [_fused(skill, ordered, powers, k) for k in range(skill.states)]
+    fused = _fused_on_sphere if skill.layout.turns else _fused
+    states = [fused(skill, ordered, powers, k) for k in range(skill.states)]
     means = _unit_quaternions(np.stack([g.mean for g in states]), skill.layout)
     return AdaptedSkill(
         skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period
@@ -47,6 +50,19 @@ def _fused(skill: Skill, frames: Sequence[Frame], powers: Float[Array, "P K"], k
             if powers[p, k] > 0.0
         ]
     )
+
+
+def _fused_on_sphere(
+    skill: Skill, frames: Sequence[Frame], powers: Float[Array, "P K"], k: int
+) -> RiemannianGaussian:
+    """The same where the skill has orientations on S^3."""
+    turns, said = skill.layout.turns, []
+    for p, frame in enumerate(frames):
+        if powers[p, k] > 0.0:
+            carry = tangent_map(frame.A, turns)
+            covariance = carry @ (skill.covariances[p].dense[k] / powers[p, k]) @ carry.T
+            said.append(RiemannianGaussian(frame.A @ skill.means[p, k] + frame.b, covariance, turns))
+    return riemannian_product(said)
 
 
 def _powers(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array, "P K"]:
@@ -99,11 +115,14 @@ def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]
             raise InvalidInput(
                 f"frame {frame.name!r} is singular: the condition number of A is {condition:.3g}"
             )
+        require_turns(f"frame {frame.name!r}", frame.A, frame.b, skill.layout.turns)
     return [named[name] for name in skill.frame_names]
 
 
 def _unit_quaternions(means: Float[Array, "K D"], layout: Layout) -> Float[Array, "K D"]:
     means = means.copy()
+    for start in layout.turns:
+        means[:, start : start + 4] = normalise(means[:, start : start + 4])
     for columns in layout.quaternions:
         norms = np.linalg.norm(means[:, columns], axis=1, keepdims=True)
         if (norms < 0.1).any():

@@ -78,7 +78,9 @@ def _carried(
     frame: Frame, p: int, skill: Skill, columns: slice, powers: Float[Array, "P K"]
 ) -> tuple[Float[Array, "K 4"], Float[Array, " K"]]:
     """The states' orientations as frame p carries them into the world, and how uncertain they are there."""
-    variances = np.trace(skill.covariances[p].dense[:, columns, columns], axis1=1, axis2=2)
+    before = sum(start < columns.start for start in skill.layout.turns)  # each has one deviation less
+    own = slice(columns.start - before, columns.stop - before)
+    variances = np.trace(skill.covariances[p].dense[:, own, own], axis1=1, axis2=2)
     spread = np.divide(variances, powers[p], out=np.full_like(variances, np.inf), where=powers[p] > 0.0)
     return skill.means[p][:, columns] @ frame.A[columns, columns].T, spread
 
