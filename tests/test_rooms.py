@@ -17,7 +17,7 @@ ARROWS: dict[str, set[str]] = {
     "demonstrations": {"geometry"},
     "control": {"geometry", "kernels"},
     "models": {"gaussians", "demonstrations", "kernels", "geometry"},
-    "planning": {"models", "control", "gaussians", "demonstrations"},
+    "planning": {"models", "control", "gaussians", "demonstrations", "geometry"},
     "environments": {"geometry", "control"},
     "rewards": {"control", "models"},
     "assistance": {"models", "control"},

@@ -21,7 +21,7 @@ from pilotfish.models import (
     learn_markov,
     learn_mixture,
 )
-from pilotfish.planning import expected_plan, plan, plan_through, through, via_point
+from pilotfish.planning import chart, expected_plan, plan, plan_through, through, via_point
 from pilotfish.store import datasets, open_skill, save_skill
 
 __version__ = "0.1.0"
@@ -53,6 +53,7 @@ __all__ = [
     "TimeBins",
     "UnknownSkill",
     "adapt",
+    "chart",
     "datasets",
     "demonstration",
     "double_integrator",

@@ -2,13 +2,16 @@
 the only place where a model's precision turns into a tracking weight.
 """
 
+from pilotfish.planning.chart import Chart, chart
 from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
 from pilotfish.planning.through import plan_through, through
 from pilotfish.planning.via_points import Observation, ViaPoint, observations, via_point
 
 __all__ = [
+    "Chart",
     "Observation",
     "ViaPoint",
+    "chart",
     "expected_plan",
     "observations",
     "plan",

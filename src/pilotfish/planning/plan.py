@@ -16,9 +16,10 @@ def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack:
     it goes first. Targets have the sign of the start's quaternions, q and -q being one orientation.
     slack [unit of x squared] is added to every variance before it becomes a weight, so that no direction is
     followed with more than 1 / slack, however well demonstrations agreed.
-    Raises: InvalidInput, when start, horizon or slack cannot be used.
+    Raises: InvalidInput, when start, horizon or slack cannot be used, or the skill has orientations on S^3.
     Source: Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + slack I)^-1.
     """
+    refuse_curved(model)
     here, states = _from(model, start, horizon)
     return reference(here, states, slack)
 
@@ -57,8 +58,20 @@ def expected_plan(model: AdaptedSkill, *, horizon: int, slack: float = 2e-3) -> 
     return reference(model, most_probable_states(model.dynamics, nothing, horizon), slack)
 
 
+def refuse_curved(model: AdaptedSkill) -> None:
+    """Raises: InvalidInput, when the skill has orientations on S^3: no straight line leads between two."""
+    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    if model.layout.turns:
+        raise InvalidInput(
+            "the skill has orientations on S^3, which linear systems do not follow; plan on a flat map of "
+            "it: chart = pf.chart(model), then pf.plan(chart.skill, chart.inward(start), ...), and "
+            "chart.outward(motion.x) are the poses"
+        )
+
+
 def reference(model: AdaptedSkill, states: Int[Array, " T"], slack: float) -> Reference:
     """Means and weights (covariance + slack I)^-1 of a given state sequence."""
+    refuse_curved(model)
     require_kind("slack", slack, (float, int), "give a variance")
     if not 0.0 <= slack < np.inf:
         raise InvalidInput(f"slack is {slack}, expected a finite variance of at least 0")
