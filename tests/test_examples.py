@@ -21,3 +21,10 @@ def test_the_hand_reaches_a_cup_where_none_was_shown():
     file = next(e for e in EXAMPLES if e.stem == "adapt_to_a_moved_cup")
     ran = subprocess.run([sys.executable, file], check=True, capture_output=True, text=True, timeout=120)
     assert float(ran.stdout.split("ends ")[1].split(" mm")[0]) < 10.0
+
+
+def test_the_tool_passes_the_point_within_its_deviation_and_comes_back(data_folder):
+    file = next(e for e in EXAMPLES if e.stem == "pass_through_a_point")
+    ran = subprocess.run([sys.executable, file], check=True, capture_output=True, text=True, timeout=120)
+    assert float(ran.stdout.split("passes ")[1].split(" mm")[0]) < 0.5
+    assert float(ran.stdout.split("ends ")[1].split(" mm")[0]) < 0.1

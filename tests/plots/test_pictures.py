@@ -8,12 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pilotfish import plots
 from pilotfish.models import Skill
+from pilotfish.planning import via_point
 
 DRAW: dict[str, Callable[[Any], Figure]] = {
     "demonstrations_seen": lambda t: plots.demonstrations_seen(t.skill, t.demonstrations),
@@ -24,6 +26,15 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
         t.adapted, t.states, t.motion, human=t.demonstrations[0]
     ),
     "gains": lambda t: plots.gains(t.feedback, t.adapted.layout),
+    "via_points": lambda t: plots.via_points(
+        t.adapted.layout,
+        t.motion,
+        [
+            via_point("position", np.ones(3), time=1.0, deviation=0.1),
+            via_point("orientation", np.eye(4)[0], time=1.2, deviation=0.1),
+        ],
+        without=t.motion,
+    ),
     "deviations": lambda t: plots.deviations(t.skill),
     "basis_vectors": lambda t: plots.basis_vectors(t.tied),
     "component_correlations": lambda t: plots.component_correlations([t.skill, t.tied]),

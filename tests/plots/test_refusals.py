@@ -11,6 +11,7 @@ from pilotfish import plots
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.models import MarkovChain, Skill
+from pilotfish.planning import via_point
 
 
 def test_more_states_than_can_be_told_apart_are_refused(skills: Callable[..., Skill], things: Any):
@@ -54,6 +55,18 @@ def test_another_period_is_refused(things: Any):
     """Motions and demonstrations of another period would be stretched in time."""
     with pytest.raises(InvalidInput, match=r"the motion has a period of 0\.2 s, expected the skill's 0\.1 s"):
         plots.tracked_coordinates(things.adapted, things.states, replace(things.motion, period=0.2))
+
+
+def test_points_that_have_no_place_in_the_motion_are_refused(things: Any):
+    """A point after its end, none at all, or another motion of other steps beside it."""
+    late = via_point("position", np.zeros(3), time=99.0, deviation=0.1)
+    layout, motion = things.adapted.layout, things.motion
+    with pytest.raises(InvalidInput, match="wished at 99 s"):
+        plots.via_points(layout, motion, [late])
+    with pytest.raises(InvalidInput, match="no points"):
+        plots.via_points(layout, motion, [])
+    with pytest.raises(InvalidInput, match=r"shape \(23, 14\), expected \(24, 14\)"):
+        plots.via_points(layout, motion, [], without=replace(motion, x=motion.x[1:], u=motion.u[1:]))
 
 
 def test_unknown_columns_are_refused_with_the_nearest(things: Any):

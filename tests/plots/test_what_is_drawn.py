@@ -11,10 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from pilotfish import plots
-from pilotfish.demonstrations import views
+from pilotfish.demonstrations import pose_layout, views
 from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances, component_correlation
 from pilotfish.models import GaussianDurations, SemiMarkovChain, Skill, occupancy
+from pilotfish.planning import via_point
 
+LAYOUT = pose_layout().differentiated()
 NOTHING_SEEN = np.empty((0, 4))  # log p(x | state) of no observation, four states
 
 
@@ -212,3 +214,22 @@ def test_the_trace_is_that_of_each_fit(things: Any):
         np.testing.assert_array_equal(line.get_ydata(), things.fit.trace)
     assert "not converged" in str(lines[1].get_label())
     assert "not converged" not in str(lines[0].get_label())
+
+
+def test_points_stand_at_their_time_and_place_in_the_panels_that_they_name(things: Any):
+    """One panel for each column named; the bar reaches one deviation up and down."""
+    points = [
+        via_point("position", [0.1, 0.2, 0.3], time=0.5, deviation=[0.01, 0.02, 0.03]),
+        via_point("position y", 0.4, time=1.1, deviation=0.05),
+    ]
+    figure = plots.via_points(LAYOUT, things.motion, points)
+    panels = {axes.get_ylabel(): axes for axes in figure.axes}
+    assert list(panels) == ["position x [m]", "position y [m]", "position z [m]"]
+    (bar,), other = (panels[f"position {axis} [m]"].containers for axis in "xy")
+    assert len(other) == 2
+    mark, _, (column,) = bar.lines
+    np.testing.assert_allclose(mark.get_xydata(), [[0.5, 0.1]])
+    np.testing.assert_allclose(column.get_segments()[0], [[0.5, 0.09], [0.5, 0.11]])
+    np.testing.assert_allclose(other[1].lines[0].get_xydata(), [[1.1, 0.4]])
+    line = panels["position z [m]"].get_lines()[0]
+    np.testing.assert_allclose(line.get_ydata(), things.motion.x[:, 2])

@@ -7,6 +7,7 @@ from pilotfish.plots.evolution import forward_variable
 from pilotfish.plots.gains import gains
 from pilotfish.plots.graph import state_graph
 from pilotfish.plots.matrices import basis_vectors, component_correlations
+from pilotfish.plots.passing import via_points
 from pilotfish.plots.precision import deviations
 from pilotfish.plots.replay import reproduction
 from pilotfish.plots.seen import demonstrations_seen
@@ -26,4 +27,5 @@ __all__ = [
     "state_colour",
     "state_graph",
     "tracked_coordinates",
+    "via_points",
 ]

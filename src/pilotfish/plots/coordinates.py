@@ -60,7 +60,7 @@ def tracked_coordinates(
         require_human(human, skill.layout)
         require_period(f"demonstration {human.name!r}", human.period, skill.period)
     _require_plan(states, skill.states, len(motion.x))
-    rows = _rows(skill.layout, chosen_columns(skill.layout, columns))
+    rows = column_rows(skill.layout, chosen_columns(skill.layout, columns))
     most = max(map(len, rows))
     figure = sheet(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
     cells = figure.add_gridspec(len(rows), most)
@@ -84,7 +84,7 @@ def _require_plan(states: Int[Array, " T"], known: int, steps: int) -> None:
         )
 
 
-def _rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
+def column_rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
     """The columns of a part side by side, at most so many in a row."""
     parts = [[i for i in range(here.start, here.stop) if i in chosen] for here in layout.slices]
     return [part[n : n + ABREAST] for part in parts for n in range(0, len(part), ABREAST)]
