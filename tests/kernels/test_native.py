@@ -20,6 +20,7 @@ NATIVE = (
     "viterbi",
     "semi_markov",
     "semi_markov_viterbi",
+    "semi_markov_forward",
     "semi_markov_e_step",
     "riccati",
     "semi_tied_sweeps",

@@ -104,6 +104,28 @@ def test_semi_markov_agrees_with_listing_every_path(kernels, problem, T, K, S, s
 
 @pytest.mark.parametrize("zeros", [0.0, 0.25])
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
+@pytest.mark.parametrize("S", [1, 2, 4, 9])
+@pytest.mark.parametrize(("T", "K"), SHORT)
+def test_semi_markov_forward_agrees_with_recordings_that_end_earlier(
+    kernels, problem, T, K, S, spread, zeros
+):
+    """Occupancy at a step sums the paths of a recording that ends there, by its last state. Visits that end
+    there sum them too, weighed as if another visit followed.
+    """
+    log_emissions, tables = problem(T, K, S, spread, zeros)
+    inside = np.concatenate([tables.log_visits[:2]] * 2)  # nothing is known to be cut short
+    followed = SemiMarkovTables(tables.initial, tables.transitions, inside, np.full((2, K), -np.inf))
+    result = kernels.semi_markov_forward(log_emissions, tables)
+    for t in range(T):
+        for chain, found in [(tables, result.log_occupancy), (followed, result.log_ends)]:
+            paths, log_p, _ = every_path(log_emissions[: t + 1], chain)
+            ends = np.array(paths)[:, -1]
+            expected = [np.logaddexp.reduce(log_p[ends == k]) for k in range(K)]
+            np.testing.assert_allclose(found[t], expected, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.25])
+@pytest.mark.parametrize("spread", [1.0, 3000.0])
 @pytest.mark.parametrize("S", [1, 3, 9])
 @pytest.mark.parametrize(("T", "K"), SHORT)
 def test_semi_markov_viterbi_agrees_with_listing_every_path(kernels, problem, T, K, S, spread, zeros):
@@ -301,6 +323,9 @@ def test_compiled_semi_markov_chain_agrees_with_its_twin(compiled, problem, T, K
         np.testing.assert_allclose(
             getattr(result, name), getattr(twin, name), rtol=1e-7, atol=1e-10, err_msg=name
         )
+    forward, twin = compiled.semi_markov_forward(*given), twins.semi_markov_forward(*given)
+    np.testing.assert_allclose(forward.log_ends, twin.log_ends, rtol=1e-11, atol=1e-10)
+    np.testing.assert_allclose(forward.log_occupancy, twin.log_occupancy, rtol=1e-11, atol=1e-10)
     found, expected = compiled.semi_markov_viterbi(*given), twins.semi_markov_viterbi(*given)
     np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-11, atol=1e-11)
     if np.isfinite(expected.log_probability):

@@ -11,6 +11,7 @@ from pilotfish.kernels.active import (
     riccati,
     semi_markov,
     semi_markov_e_step,
+    semi_markov_forward,
     semi_markov_viterbi,
     semi_tied_sweeps,
     viterbi,
@@ -22,6 +23,7 @@ from pilotfish.kernels.results import (
     Riccati,
     SemiMarkov,
     SemiMarkovEStep,
+    SemiMarkovForward,
     Viterbi,
 )
 
@@ -33,6 +35,7 @@ __all__ = [
     "Riccati",
     "SemiMarkov",
     "SemiMarkovEStep",
+    "SemiMarkovForward",
     "SemiMarkovTables",
     "SlowKernels",
     "Viterbi",
@@ -42,6 +45,7 @@ __all__ = [
     "riccati",
     "semi_markov",
     "semi_markov_e_step",
+    "semi_markov_forward",
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",

@@ -10,7 +10,15 @@ import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.refusals import flat_row, free_push, singular_transform
-from pilotfish.kernels.results import EStep, ForwardBackward, Riccati, SemiMarkov, SemiMarkovEStep, Viterbi
+from pilotfish.kernels.results import (
+    EStep,
+    ForwardBackward,
+    Riccati,
+    SemiMarkov,
+    SemiMarkovEStep,
+    SemiMarkovForward,
+    Viterbi,
+)
 from pilotfish.kernels.twins.chain import log_or_never
 from pilotfish.types import Array, Float, Int
 
@@ -105,6 +113,10 @@ def viterbi(
 
 def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkov:
     return SemiMarkov(*_native.semi_markov(_packed(log_emissions), *_chain(tables)))
+
+
+def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
+    return SemiMarkovForward(*_native.semi_markov_forward(_packed(log_emissions), *_chain(tables)))
 
 
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:

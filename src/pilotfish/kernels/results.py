@@ -53,6 +53,18 @@ class SemiMarkov:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SemiMarkovForward:
+    """Where a semi-Markov chain may be, given what it has emitted so far.
+
+    log_ends[t, k] = log p(steps 0 to t, a visit to k ends with step t and another may follow),
+    log_occupancy[t, k] = log p(steps 0 to t, state k at t).
+    """
+
+    log_ends: Float[Array, "T K"]
+    log_occupancy: Float[Array, "T K"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SemiMarkovEStep:
     """What a hidden semi-Markov model's posteriors add up to, over M demonstrations; fields as in EStep and
     SemiMarkov. A demonstration that no path explains has log-likelihood -inf and adds nothing to the sums.

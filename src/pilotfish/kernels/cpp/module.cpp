@@ -217,6 +217,22 @@ auto semi_markov(In<double, 2> log_emissions, In<double, 1> log_initial, In<doub
   return std::make_tuple(log_likelihood, posteriors, counts, visits, beyond);
 }
 
+auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
+                         In<double, 2> log_transitions, In<double, 3> log_visits,
+                         In<double, 2> log_beyond) {
+  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
+  expect_some(T, "log_emissions");
+  expect_some(K, "the last axis of log_emissions");
+  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
+  Out log_ends = empty<Out>({T, K}), log_occupancy = empty<Out>({T, K});
+  {
+    Free run;
+    pilotfish::forward(SemiMarkovChain(tables), log_emissions.data(), long(T), log_ends.data(),
+                       log_occupancy.data());
+  }
+  return std::make_tuple(log_ends, log_occupancy);
+}
+
 auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
                          In<double, 2> log_transitions, In<double, 3> log_visits,
                          In<double, 2> log_beyond) {
@@ -298,6 +314,7 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("viterbi", &python::viterbi);
   module.def("semi_markov", &python::semi_markov);
   module.def("semi_markov_viterbi", &python::semi_markov_viterbi);
+  module.def("semi_markov_forward", &python::semi_markov_forward);
   module.def("semi_markov_e_step", &python::semi_markov_e_step);
   module.def("riccati", &python::riccati);
   module.def("semi_tied_sweeps", &python::semi_tied_sweeps);

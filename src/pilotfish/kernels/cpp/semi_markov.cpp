@@ -41,8 +41,13 @@ double exponential_sum(double* terms, double most, long n) {
 
 // log(e^a + e^b)
 double log_add(double a, double b) {
-  const double most = std::max(a, b);
-  return most == NEVER ? NEVER : most + std::log1p(std::exp(std::min(a, b) - most));
+  const double most = std::max(a, b), least = std::min(a, b);
+  return least == NEVER ? most : most + std::log1p(std::exp(least - most));
+}
+
+// log(e^one + sum over n terms of e^term), whose largest is most.
+double log_sum(double* terms, double most, long n, double one) {
+  return most == NEVER ? one : log_add(most + std::log(exponential_sum(terms, most, n)), one);
 }
 
 }  // namespace
@@ -54,14 +59,16 @@ SemiMarkovChain::SemiMarkovChain(SemiMarkovTables tables)
       log_initial_(tables.log_initial, tables.log_initial + tables.K),
       log_beyond_(tables.log_beyond, tables.log_beyond + 2 * tables.K),
       tables_(size_t(4) * K_ * stride_, NEVER),
-      reversed_(size_t(K_) * stride_, NEVER),
+      reversed_(size_t(2) * K_ * stride_, NEVER),
       successors_(tables.log_transitions, K_, false),
       origins_(tables.log_transitions, K_, true) {
   for (size_t kind = 0; kind < 4; ++kind)
     for (long s = 0; s < S_; ++s)
       for (int k = 0; k < K_; ++k)
         tables_[(kind * K_ + k) * stride_ + s] = tables.log_visits[(kind * S_ + s) * K_ + k];
-  for (int k = 0; k < K_; ++k) std::reverse_copy(at(0, k), at(0, k) + S_, reversed_.data() + k * stride_);
+  for (int kind : {0, 2})
+    for (int k = 0; k < K_; ++k)
+      std::reverse_copy(at(kind, k), at(kind, k) + S_, reversed_.data() + (kind / 2 * K_ + k) * stride_);
 }
 
 Lattice::Lattice(const SemiMarkovChain& chain, long longest)
@@ -85,6 +92,11 @@ void Lattice::read(const double* log_emissions, long steps) {
   }
 }
 
+void Lattice::add_silent_step() {
+  for (int k = 0; k < chain.states(); ++k) row(emissions, k)[T] = 0.0;
+  taken[T++] = 0.0;
+}
+
 template <typename End, typename Start>
 void Lattice::forward(End end, Start start) {
   const int K = chain.states();
@@ -103,7 +115,7 @@ void Lattice::forward(End end, Start start) {
       const double most = advance(value + from, step, chain.visits_backwards(k, n), n, terms.data());
       value[0] += step;
       const double first = t <= S ? value[0] + chain.visits(true, k)[t - 1] : NEVER;
-      few[k] = row(ends, k)[t] = end(t, k, from, most, first);
+      few[k] = row(ends, k)[t] = end(Ending{t, k, n, step, most, first});
     }
     for (int k = 0; k < K; ++k) row(values, k)[t] = row(starts, k)[t] = start(t, k);
     late = take_out(t);
@@ -163,11 +175,7 @@ double SemiMarkovInference::infer(const double* log_emissions, long T, double* p
 void SemiMarkovInference::forward() {
   double* terms = lattice_.terms.data();
   lattice_.forward(
-      [&](long t, int, long from, double most, double first) {
-        if (most == NEVER) return first;
-        const double others = most + std::log(exponential_sum(terms, most, t - from));
-        return first == NEVER ? others : log_add(others, first);
-      },
+      [&](const Ending& at) { return log_sum(terms, at.most, at.n, at.first); },
       [&](long, int k) { return chain_.origins().log_sum(k, lattice_.few.data(), after_.data()); });
 }
 
@@ -275,6 +283,35 @@ void SemiMarkovInference::add_to(double* transitions, double* visits, double* be
         visits[(kind * S + s) * K + k] += visits_[(kind * K + k) * chain_.stride() + s];
 }
 
+void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, double* log_ends,
+             double* log_occupancy) {
+  const int K = chain.states();
+  const long S = chain.longest();
+  Lattice lattice(chain, T + 1);
+  lattice.read(log_emissions, T);
+  lattice.add_silent_step();
+  Buffer settled(K, NEVER), room(K);  // settled: visits of more than S steps, but for the first
+  double taken = 0.0;                 // out of all steps but the last
+  double* terms = lattice.terms.data();
+  const auto occupancy = [&](const Ending& at) {
+    const long t = at.t, from = t - at.n;
+    double *values = lattice.row(lattice.values, at.k), &longer = settled[at.k];
+    if (from > 1) longer = log_add(longer, values[from - 1]) + at.step;
+    const double most = advance(values + from, 0.0, chain.last_backwards(at.k, at.n), at.n, terms);
+    const double last = log_sum(terms, most, at.n, values[0] + chain.last(true, at.k, t));
+    return log_add(last, longer + chain.last(false, at.k, S + 1));
+  };
+  lattice.forward(
+      [&](const Ending& at) {
+        if (at.k == 0 && at.t > 1) taken += lattice.taken[at.t - 2];
+        const double scale = taken + lattice.taken[at.t - 1], end = log_sum(terms, at.most, at.n, at.first);
+        log_ends[(at.t - 1) * K + at.k] = end + scale;
+        log_occupancy[(at.t - 1) * K + at.k] = occupancy(at) + scale;
+        return end;
+      },
+      [&](long, int k) { return chain.origins().log_sum(k, lattice.few.data(), room.data()); });
+}
+
 namespace {
 
 // The best path's visits that end with each step, and the states before those that begin after it.
@@ -293,12 +330,13 @@ struct BestVisits {
 
 void find_best_visits(Lattice& lattice, BestVisits& best) {
   lattice.forward(
-      [&](long t, int k, long from, double most, double first) {
-        long found = first >= most ? 0 : -1;
-        for (long b = first > most ? t : from; b < t; ++b)
-          if (lattice.terms[b - from] == most && (found < 0 || best.wins_tie(b, k))) found = b;
-        best.begin(t, k) = int32_t(found);
-        return std::max(first, most);
+      [&](const Ending& at) {
+        const long from = at.t - at.n;
+        long found = at.first >= at.most ? 0 : -1;
+        for (long b = at.first > at.most ? at.t : from; b < at.t; ++b)
+          if (lattice.terms[b - from] == at.most && (found < 0 || best.wins_tie(b, at.k))) found = b;
+        best.begin(at.t, at.k) = int32_t(found);
+        return std::max(at.first, at.most);
       },
       [&](long t, int k) {
         const Neighbours& origins = lattice.chain.origins();

@@ -33,6 +33,11 @@ class SemiMarkovChain {
     return reversed_.data() + state * stride_ + (S_ - n);
   }
 
+  // Those that began inside it and last until it ends, likewise.
+  const double* last_backwards(int state, long n) const {
+    return reversed_.data() + (K_ + state) * stride_ + (S_ - n);
+  }
+
   // The weight of the last visit, s steps of which were recorded, by whether it is the first as well.
   double last(bool first, int state, long s) const {
     return s <= S_ ? at(2 + first, state)[s - 1] : log_beyond_[first * K_ + state];
@@ -47,8 +52,17 @@ class SemiMarkovChain {
   long S_, stride_;
   Buffer log_initial_, log_beyond_;
   Buffer tables_;    // (4, K, stride), padded with impossible lengths
-  Buffer reversed_;  // (K, stride), those of kind 0
+  Buffer reversed_;  // (2, K, stride), those of kinds 0 and 2
   Neighbours successors_, origins_;
+};
+
+// Visits to k that may end with step t: n of them that began inside the recording lie ready in terms, the
+// earliest first, and one began with it. step is the emission that they all had last, less what was taken out.
+struct Ending {
+  long t;
+  int k;
+  long n;
+  double step, most, first;  // most is the largest of the terms
 };
 
 // Where visits may begin and end within one demonstration of T steps. Rows are those of states, of room
@@ -59,9 +73,10 @@ struct Lattice {
 
   void read(const double* log_emissions, long T);
 
-  // end(t, k, from, most, first): ends[k, t] from the terms of visits that began after `from` or later, the
-  // largest of them, and that of the visit that began with the recording. start(t, k): starts[k, t] from
-  // what lies ready in few.
+  // One more, that says nothing: what ends with the last one is asked for as well.
+  void add_silent_step();
+
+  // end(Ending): ends[k, t] from what lies ready in terms and values. start(t, k): starts[k, t] from few.
   template <typename End, typename Start>
   void forward(End end, Start start);
 
@@ -114,6 +129,10 @@ class SemiMarkovInference {
   Buffer remaining_, after_;              // (K), emissions until the end; log p(them | a visit begins)
   Buffer transitions_, visits_, beyond_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
 };
+
+// log_ends and log_occupancy (T, K), of every step what a recording that ends with it would say.
+void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, double* log_ends,
+             double* log_occupancy);
 
 // The most probable path into states (T); returns its log-probability.
 double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T, int64_t* states);

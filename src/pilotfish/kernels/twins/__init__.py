@@ -5,7 +5,7 @@ They specify the compiled kernels, test them, and run in their place where the i
 from pilotfish.kernels.twins.chain import forward_backward, viterbi
 from pilotfish.kernels.twins.emission import log_emissions
 from pilotfish.kernels.twins.expectation import e_step, semi_markov_e_step
-from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_viterbi
+from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_forward, semi_markov_viterbi
 from pilotfish.kernels.twins.semi_tied import semi_tied_sweeps
 from pilotfish.kernels.twins.tracking import riccati
 
@@ -16,6 +16,7 @@ __all__ = [
     "riccati",
     "semi_markov",
     "semi_markov_e_step",
+    "semi_markov_forward",
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",

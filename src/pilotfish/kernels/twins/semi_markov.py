@@ -8,7 +8,7 @@ that a visit to i ends with them and another one follows.
 import numpy as np
 
 from pilotfish.kernels.arguments import SemiMarkovTables
-from pilotfish.kernels.results import SemiMarkov, Viterbi
+from pilotfish.kernels.results import SemiMarkov, SemiMarkovForward, Viterbi
 from pilotfish.kernels.twins.chain import log_or_never
 from pilotfish.types import Array, Float, Int
 
@@ -130,6 +130,27 @@ def occupied(begun: Float[Array, "T K"], finished: Float[Array, "T K"]) -> Float
     """p(state k at t): all visits that have begun less those that have ended; rounding is put right."""
     posteriors = np.cumsum(begun - finished, axis=0).clip(min=0.0)
     return np.asarray(posteriors / posteriors.sum(axis=1, keepdims=True))
+
+
+def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
+    """Of every step, what the recording would say of its state had it ended there.
+
+    Cost: O(T K (K + T)); compiled, O(T K (K + S)).
+    Source: Yu 2010, the explicit duration model; Tanwani 2018, equations 3.40-3.41.
+    """
+    S, log_transitions = tables.log_visits.shape[1], log_or_never(tables.transitions)
+    ends, occupancy = np.full((2, *log_emissions.shape), -np.inf)
+    for b in range(len(log_emissions)):
+        first = int(b == 0)
+        reached = np.logaddexp.reduce(ends[b - 1][:, None] + log_transitions, axis=0)
+        start = log_or_never(tables.initial) if first else reached
+        visits = start + np.cumsum(log_emissions[b:], axis=0)  # (T - b, K), of 1, 2 ... steps
+        ended = visits[:S] + tables.log_visits[first, : len(visits)]
+        ends[b : b + S] = np.logaddexp(ends[b : b + S], ended)
+        visits[:S] += tables.log_visits[2 + first, : len(visits)]
+        visits[S:] += tables.log_beyond[first]
+        occupancy[b:] = np.logaddexp(occupancy[b:], visits)
+    return SemiMarkovForward(ends, occupancy)
 
 
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:
