@@ -9,6 +9,7 @@ from pilotfish.types import Array, Float, Int
 LogWeights = Callable[[Int[Array, " S"]], Float[Array, "S K"]]
 
 NEGLIGIBLE = -39.0  # log of what sums may leave out: less than rounding does
+RANGE = 600.0  # how far apart logarithms may be for their numbers to be added as they are
 FURTHEST = 20  # no sum goes on beyond 2^20 steps
 
 
@@ -60,11 +61,26 @@ def log_sum(log_w: Float[Array, "S K"]) -> Float[Array, " K"]:
     return np.asarray(top + np.log(np.exp(log_w - top).sum(axis=0)))
 
 
-def from_the_end(log_w: Float[Array, "S K"]) -> Float[Array, "S K"]:
-    """row d: log sum over s >= d of exp log_w[s]."""
-    return np.asarray(np.logaddexp.accumulate(log_w[::-1], axis=0)[::-1])
+def from_the_end(log_w: Float[Array, "N K"], rows: int, order: int = 1) -> Float[Array, "S K"]:
+    """row d: log sum over s >= d of exp log_w[s], for the first rows; order 2 gives the same sum of these."""
+    needed = log_w[:rows]
+    return _cumulated(log_w[::-1], needed, order)[::-1][:rows]
 
 
-def from_the_beginning(log_w: Float[Array, "S K"]) -> Float[Array, "S K"]:
-    """row d: log sum over s <= d of exp log_w[s]."""
-    return np.asarray(np.logaddexp.accumulate(log_w, axis=0))
+def from_the_beginning(log_w: Float[Array, "N K"], order: int = 1) -> Float[Array, "N K"]:
+    """row d: log sum over s <= d of exp log_w[s]; order 2 gives the same sum of these."""
+    return _cumulated(log_w, log_w, order)
+
+
+def _cumulated(log_w: Float[Array, "N K"], needed: Float[Array, "S K"], order: int) -> Float[Array, "N K"]:
+    """Running sums, in logarithms where the needed rows are too far apart for numbers: that is slow."""
+    top = np.where(np.isfinite(top := log_w.max(axis=0)), top, 0.0)
+    if np.where(needed > -np.inf, top - needed, 0.0).max() > RANGE:
+        for _ in range(order):
+            log_w = np.logaddexp.accumulate(log_w, axis=0)
+        return np.asarray(log_w)
+    sums = np.exp(log_w - top)
+    for _ in range(order):
+        sums = np.cumsum(sums, axis=0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(sums) + top)

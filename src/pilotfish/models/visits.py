@@ -55,8 +55,8 @@ def log_tails(durations: Durations, longest: int) -> tuple[Float[Array, "S K"], 
     but for log-normal laws beyond their 1e-17 quantile, whose tails are followed only four times as far.
     """
     N = max(4 * longest, durations.longest(ROUNDING))
-    log_longer = from_the_end(durations.log_table(N))
-    return log_longer[:longest], from_the_end(log_longer)[:longest]
+    log_p = durations.log_table(N)
+    return from_the_end(log_p, longest), from_the_end(log_p, longest, order=2)
 
 
 def visit_tables(chain: SemiMarkovChain, longest: int) -> kernels.SemiMarkovTables:
@@ -97,3 +97,16 @@ def visits_of(counts: Float[Array, "4 S K"], chain: SemiMarkovChain) -> Visits:
             seen = Visits(inside, ending, begun, only)
     lost = ~final_states(chain)
     return replace(seen, goes_on=seen.goes_on * lost, fills=seen.fills * lost)
+
+
+def lengths_seen(visits: Visits) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
+    """Mean and variance of the recorded lengths, cut off or not; of all states where one has no visits."""
+    counts = visits.whole + visits.goes_on + visits.had_begun + visits.fills
+    pooled = counts.sum(axis=1, keepdims=True)
+    if not pooled.any():
+        pooled = np.ones_like(pooled)
+    counts = np.where(counts.sum(axis=0) > 0.0, counts, pooled)
+    p = counts / counts.sum(axis=0)
+    steps = np.arange(1.0, len(p) + 1)
+    means = steps @ p
+    return means, (np.square(steps[:, None] - means) * p).sum(axis=0)

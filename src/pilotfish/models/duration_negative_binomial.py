@@ -1,0 +1,129 @@
+"""The most likely negative binomial durations of expected visits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput
+from pilotfish.models.durations import Durations, NegativeBinomialDurations
+from pilotfish.models.durations_fit import Family, completed_visits, evaluated, most_likely
+from pilotfish.models.visits import Visits, lengths_seen
+from pilotfish.types import Array, Float, Int
+
+LEAST_SHAPE, MOST_SHAPE = 1e-2, 1e4
+STAYING = (1e-6, 1.0 - 1e-4)  # what 1 - leaving may be
+ROUNDS, MORE_ROUNDS, BISECTIONS = 20, 2, 50
+ENOUGH = 1e-10  # gains below this share of the log-likelihood end the rounds
+
+
+@dataclass(frozen=True, slots=True)
+class NegativeBinomial:
+    """NegativeBinomialDurations of any shape from .01 to 10,000, or of one shape for all states.
+
+    shape  1 keeps the durations geometric, as a Markov chain's are; None lets each state have its own
+    """
+
+    shape: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.shape is not None and not LEAST_SHAPE <= self.shape <= MOST_SHAPE:
+            raise InvalidInput(f"shape is {self.shape}, expected {LEAST_SHAPE} to {MOST_SHAPE:g}, or None")
+
+    @property
+    def label(self) -> str:
+        return f"negative binomial({self.shape:g})" if self.shape else "negative binomial"
+
+    def estimate(self, visits: Visits, previous: Durations | None, floor: float) -> NegativeBinomialDurations:
+        """The floor does not bear on it: its variance is never far below its mean.
+
+        Shapes and the probabilities of leaving take turns: the shape that is best for visits spread over what
+        they may have lasted, then the leaving that is best for the visits as they were seen.
+        """
+        shapes, staying = self._beginning(visits, previous)
+        if self.shape is not None:
+            return _law(shapes, _best_staying(visits, shapes, staying))
+        value = evaluated(_family(shapes), visits, np.log(staying)[None]).value
+        for _ in range(MORE_ROUNDS if isinstance(previous, NegativeBinomialDurations) else ROUNDS):
+            others = _best_shapes(visits, shapes, staying)
+            there = _best_staying(visits, others, staying)
+            found = evaluated(_family(others), visits, np.log(there)[None]).value
+            better = found >= value
+            shapes, staying = np.where(better, others, shapes), np.where(better, there, staying)
+            gain, value = np.where(better, found - value, 0.0), np.maximum(value, found)
+            if (gain <= ENOUGH * (1.0 + np.abs(value))).all():
+                break
+        return _law(shapes, staying)
+
+    def parameter_count(self, states: int, longest: int) -> int:
+        return states if self.shape is not None else 2 * states
+
+    def _beginning(
+        self, visits: Visits, previous: Durations | None
+    ) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
+        if isinstance(previous, NegativeBinomialDurations):
+            shapes = previous.shapes if self.shape is None else np.full_like(previous.shapes, self.shape)
+            return shapes, np.clip(1.0 - previous.leaving, *STAYING)
+        seen, variances = lengths_seen(visits)
+        more = np.maximum(seen - 1.0, 1e-3)
+        spread = np.maximum(variances - more, 1e-2 * more)
+        free = np.clip(more**2 / spread, LEAST_SHAPE, MOST_SHAPE)
+        shapes = free if self.shape is None else np.full_like(free, self.shape)
+        return shapes, np.clip(more / (more + shapes), *STAYING)
+
+
+def _law(shapes: Float[Array, " K"], staying: Float[Array, " K"]) -> NegativeBinomialDurations:
+    return NegativeBinomialDurations(shapes, 1.0 - staying)
+
+
+def _family(shapes: Float[Array, " K"]) -> Family:
+    """Of the logarithm of staying, shapes given."""
+    from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
+
+    def base(s: Int[Array, " S"]) -> Float[Array, "S K"]:
+        return np.asarray(gammaln((s - 1)[:, None] + shapes) - gammaln(shapes) - gammaln(s)[:, None])
+
+    low, high = (np.full((1, len(shapes)), np.log(bound)) for bound in STAYING)
+    return Family(lambda s: s[:, None] - 1.0, base, low, high)
+
+
+def _best_staying(
+    visits: Visits, shapes: Float[Array, " K"], staying: Float[Array, " K"]
+) -> Float[Array, " K"]:
+    return np.asarray(np.exp(most_likely(_family(shapes), visits, np.log(staying)[None])[0]))
+
+
+def _best_shapes(
+    visits: Visits, shapes: Float[Array, " K"], staying: Float[Array, " K"]
+) -> Float[Array, " K"]:
+    """Shapes that suit the visits, spread over what they may have lasted, with the leaving that suits them.
+
+    Where the likelihood rises with the shape up to the largest, as it does for visits that vary less than
+    Poisson's, it is the largest.
+    """
+    law = _law(shapes, staying)
+    N = max(len(visits.whole), law.longest(1e-12))
+    counts = completed_visits(law.log_table(N), visits)
+    met = (visits.had_begun + visits.fills).sum(axis=0)
+    reached = np.cumsum(counts[::-1], axis=0)[::-1][1:]  # visits of j + 1 steps after the first, or more
+    total, more, j = counts.sum(axis=0), np.arange(N) @ counts, np.arange(N - 1.0)[:, None]
+    low, high = np.full_like(shapes, LEAST_SHAPE), np.full_like(shapes, MOST_SHAPE)
+    for _ in range(BISECTIONS):
+        r = np.sqrt(low * high)
+        p = _best_leaving(r, total, more, met)
+        mean = 1.0 + r * (1.0 - p) / p
+        rising = (reached / (r + j)).sum(axis=0) + total * np.log(p) - met * (1.0 - p) / p / mean > 0.0
+        low, high = np.where(rising, r, low), np.where(rising, high, r)
+    return np.where(total > 0.0, np.sqrt(low * high), shapes)
+
+
+def _best_leaving(
+    r: Float[Array, " K"], total: Float[Array, " K"], more: Float[Array, " K"], met: Float[Array, " K"]
+) -> Float[Array, " K"]:
+    """The p of largest total r log p + more log(1 - p) - met log(1 + r (1 - p) / p): a root in (0, 1)."""
+    fixed = total * r + met
+    a = (1.0 - r) * (met - fixed - more)
+    b = fixed * (1.0 - 2.0 * r) - more * r - met * (1.0 - r)
+    root = np.sqrt(b * b - 4.0 * a * fixed * r)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        p = 2.0 * fixed * r / (root - b)
+    return np.asarray(np.clip(p, 1.0 - STAYING[1], 1.0 - STAYING[0]))

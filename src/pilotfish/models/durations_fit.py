@@ -1,0 +1,171 @@
+"""Maximum likelihood of exponential families on whole steps, from visits of which recordings cut some off."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.models.durations_sums import from_the_beginning, from_the_end, log_sum, support
+from pilotfish.models.visits import Visits
+from pilotfish.types import Array, Bool, Float, Int
+
+SWEEPS, HALVINGS = 50, 40
+ENOUGH = 1e-14  # gains below this share of the log-likelihood are rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Family:
+    """Laws p(s) proportional to exp(statistics(s) . theta + base(s)), s >= 1; statistics are not negative.
+
+    theta[:, k] is kept between lower[:, k] and upper[:, k].
+    """
+
+    statistics: Callable[[Int[Array, " S"]], Float[Array, "S Q"]]
+    base: Callable[[Int[Array, " S"]], Float[Array, "S #K"]]
+    lower: Float[Array, "Q K"]
+    upper: Float[Array, "Q K"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """Of each state's visits: the log-likelihood, its gradient, and what they tell of theta.
+
+    information is minus the Hessian, complete what it would be had nothing been cut off.
+    """
+
+    value: Float[Array, " K"]
+    gradient: Float[Array, "Q K"]
+    information: Float[Array, "K Q Q"]
+    complete: Float[Array, "K Q Q"]
+
+
+def most_likely(family: Family, visits: Visits, start: Float[Array, "Q K"]) -> Float[Array, "Q K"]:
+    """theta of the largest likelihood, by Newton steps within the bounds; never less likely than start.
+
+    With whole visits alone the likelihood is concave and the result its one maximum; else it is a maximum.
+    Source: Bertsekas 1982, projected Newton methods; Louis 1982 for the information of what was cut off.
+    """
+    theta, here = start, evaluated(family, visits, start)
+    for _ in range(SWEEPS):
+        step = _direction(family, theta, here)
+        gains = 0.5 * (step * here.gradient).sum(axis=0)  # what a quadratic likelihood would gain
+        if (settled := gains <= ENOUGH * (1.0 + np.abs(here.value))).all():
+            break
+        theta, here = _ascended(family, visits, theta, here, np.where(settled, 0.0, step))
+    return theta
+
+
+def evaluated(family: Family, visits: Visits, theta: Float[Array, "Q K"]) -> Point:
+    """The log-likelihood of whole visits log p(s), of those cut off log p(s >= d), and so on, at theta."""
+    N = max(support(lambda s: family.statistics(s) @ theta + family.base(s)), len(visits.whole))
+    steps = np.arange(1, N + 1)
+    X = family.statistics(steps)  # (N, Q)
+    log_w = X @ theta + family.base(steps)
+    log_p = log_w - log_sum(log_w)
+    log_longer = log_p + np.log(steps)[:, None]
+    log_mean = log_sum(log_longer)
+    begun = (visits.had_begun + visits.fills).sum(axis=0)  # those met at a random one of their steps
+    fresh = (visits.whole + visits.goes_on).sum(axis=0)
+    expected, spread = _moments(X, np.exp(log_p))
+    expected_met, spread_met = _moments(X, np.exp(log_longer - log_mean))
+    value = (visits.whole * log_p[: len(visits.whole)]).sum(axis=0) - begun * log_mean
+    gradient = X[: len(visits.whole)].T @ visits.whole - fresh * expected - begun * expected_met
+    complete = fresh[:, None, None] * spread + begun[:, None, None] * spread_met
+    missing = np.zeros_like(complete)
+    for counts, order in ((visits.goes_on + visits.had_begun, 1), (visits.fills, 2)):
+        if counts.any():
+            part = _cut_off(X, log_p, counts, order)
+            value, gradient, missing = value + part[0], gradient + part[1], missing + part[2]
+    return Point(value, gradient, complete - missing, complete)
+
+
+def _moments(
+    X: Float[Array, "N Q"], p: Float[Array, "N K"]
+) -> tuple[Float[Array, "Q K"], Float[Array, "K Q Q"]]:
+    """Mean and covariance of the statistics under each law."""
+    means = X.T @ p
+    return means, _second(X, p) - means.T[:, :, None] * means.T[:, None, :]
+
+
+def _second(X: Float[Array, "N Q"], weights: Float[Array, "N K"]) -> Float[Array, "K Q Q"]:
+    """Weighted sums of the statistics' products."""
+    Q = X.shape[1]
+    products = (X[:, :, None] * X[:, None, :]).reshape(len(X), Q * Q)
+    return np.asarray(weights.T @ products).reshape(-1, Q, Q)
+
+
+def _cut_off(
+    X: Float[Array, "N Q"], log_p: Float[Array, "N K"], counts: Float[Array, "S K"], order: int
+) -> tuple[Float[Array, " K"], Float[Array, "Q K"], Float[Array, "K Q Q"]]:
+    """What visits add of which only d steps were seen: value, gradient, and the information that is missing.
+
+    order 1 where p(s >= d) is what was seen, order 2 where it is the sum of that over d and all above.
+    """
+    S = len(counts)
+    log_tail = from_the_end(log_p, S, order)
+    completed = _completed(log_p, counts, log_tail, order)
+    with np.errstate(divide="ignore"):
+        log_X = np.log(X)
+    M = np.stack(  # expected statistics given d, (Q, S, K)
+        [np.exp(from_the_end(log_p + log_x[:, None], S, order) - log_tail) for log_x in log_X.T]
+    )
+    missing = _second(X, completed) - np.einsum("ask,bsk,sk->kab", M, M, counts)
+    return (counts * log_tail).sum(axis=0), X.T @ completed, missing
+
+
+def completed_visits(log_p: Float[Array, "N K"], visits: Visits) -> Float[Array, "N K"]:
+    """All visits, those cut off spread over the lengths that they may have had."""
+    total = np.zeros_like(log_p)
+    total[: len(visits.whole)] = visits.whole
+    for counts, order in ((visits.goes_on + visits.had_begun, 1), (visits.fills, 2)):
+        if counts.any():
+            total += _completed(log_p, counts, from_the_end(log_p, len(counts), order), order)
+    return total
+
+
+def _completed(
+    log_p: Float[Array, "N K"], counts: Float[Array, "S K"], log_tail: Float[Array, "S K"], order: int
+) -> Float[Array, "N K"]:
+    """Visits of which only d steps were seen, by how long they may have lasted."""
+    weights = np.full_like(log_p, -np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights[: len(counts)] = np.where(counts > 0.0, np.log(counts) - log_tail, -np.inf)
+    return np.asarray(np.exp(from_the_beginning(weights, order) + log_p))
+
+
+def _ascended(
+    family: Family, visits: Visits, theta: Float[Array, "Q K"], here: Point, step: Float[Array, "Q K"]
+) -> tuple[Float[Array, "Q K"], Point]:
+    """A step for every state, halved for those that would lose by it, and none where that is of no use."""
+    share = np.ones(theta.shape[1])
+    within = np.minimum(
+        family.upper, np.where(theta < 0.0, 0.25 * theta, np.inf)
+    )  # at zero tails are endless
+    for _ in range(HALVINGS):
+        there = np.clip(theta + share * step, family.lower, within)
+        there = np.where(step == 0.0, theta, there)
+        found = evaluated(family, visits, there)
+        lost = ~(found.value >= here.value)
+        if not lost.any():
+            return there, found
+        share = np.where(lost, 0.5 * share, share)
+    there = np.where(lost, theta, there)
+    return there, evaluated(family, visits, there)
+
+
+def _direction(family: Family, theta: Float[Array, "Q K"], here: Point) -> Float[Array, "Q K"]:
+    """Newton's, of the parameters that no bound holds; where the Hessian is no help, that of whole visits."""
+    held = ((theta <= family.lower) & (here.gradient < 0)) | ((theta >= family.upper) & (here.gradient > 0))
+    gradient = np.where(held, 0.0, here.gradient).T  # (K, Q)
+    scale = np.sqrt(np.maximum(np.diagonal(here.complete, axis1=1, axis2=2), 1e-300))  # (K, Q)
+    by = scale[:, :, None] * scale[:, None, :]
+    observed, whole = (_free(matrix / by, held.T) for matrix in (here.information, here.complete))
+    sound = np.linalg.eigvalsh(observed)[:, 0] > 1e-6
+    chosen = np.where(sound[:, None, None], observed, whole) + 1e-12 * np.eye(len(theta))
+    return np.asarray((np.linalg.solve(chosen, (gradient / scale)[:, :, None])[:, :, 0] / scale).T)
+
+
+def _free(matrix: Float[Array, "K Q Q"], held: Bool[Array, "K Q"]) -> Float[Array, "K Q Q"]:
+    """The same of parameters that are free, the identity of those that are held."""
+    free = ~(held[:, :, None] | held[:, None, :])
+    return np.asarray(np.where(free, matrix, np.eye(matrix.shape[1])))
