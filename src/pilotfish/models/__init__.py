@@ -4,6 +4,8 @@ learned by a fold of statistics, adapted to where objects stand, and unrolled in
 
 from pilotfish.models.adapt import adapt
 from pilotfish.models.agreement import matched_accuracy, matching, normalised_mutual_information
+from pilotfish.models.duration_laws import DurationLaw, Gamma, Histogram, LogNormal, Normal, Poisson
+from pilotfish.models.duration_negative_binomial import NegativeBinomial
 from pilotfish.models.durations import (
     Durations,
     GammaDurations,
@@ -25,6 +27,7 @@ from pilotfish.models.em import EMSettings, Outcome, Run, improve
 from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
 from pilotfish.models.freedom import free_dynamics, free_parameters
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
+from pilotfish.models.learn_semi_markov import Timing, learn_semi_markov, most_likely_semi_markov
 from pilotfish.models.posteriors import posteriors
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
 from pilotfish.models.relevance import FrameRelevance, relevance, select_frames
@@ -48,17 +51,20 @@ from pilotfish.models.skill import AdaptedSkill, HiddenModel, Provenance, Skill
 from pilotfish.models.starts import Given, KMeans, Start, TimeBins
 from pilotfish.models.statistics import (
     Statistics,
+    further_statistics,
     labelled_statistics,
     maximise,
     most_likely_chain,
     most_likely_weights,
     statistics,
 )
+from pilotfish.models.visits import Visits
 
 __all__ = [
     "AdaptedSkill",
     "Candidate",
     "Censoring",
+    "DurationLaw",
     "Durations",
     "Dynamics",
     "EMSettings",
@@ -66,17 +72,23 @@ __all__ = [
     "Fit",
     "Forward",
     "FrameRelevance",
+    "Gamma",
     "GammaDurations",
     "GaussianDurations",
     "Given",
     "HiddenModel",
+    "Histogram",
     "HistogramDurations",
     "KMeans",
     "Learner",
+    "LogNormal",
     "LogNormalDurations",
     "MarkovChain",
+    "NegativeBinomial",
     "NegativeBinomialDurations",
+    "Normal",
     "Outcome",
+    "Poisson",
     "PoissonDurations",
     "Provenance",
     "Run",
@@ -87,6 +99,8 @@ __all__ = [
     "Start",
     "Statistics",
     "TimeBins",
+    "Timing",
+    "Visits",
     "Weights",
     "adapt",
     "as_mixture",
@@ -97,11 +111,13 @@ __all__ = [
     "fitted_parameters",
     "free_dynamics",
     "free_parameters",
+    "further_statistics",
     "improve",
     "labelled_statistics",
     "learn",
     "learn_markov",
     "learn_mixture",
+    "learn_semi_markov",
     "log_emissions",
     "log_likelihood",
     "log_likelihood_of_states",
@@ -110,6 +126,7 @@ __all__ = [
     "matching",
     "maximise",
     "most_likely_chain",
+    "most_likely_semi_markov",
     "most_likely_weights",
     "most_probable_states",
     "normalised_mutual_information",

@@ -19,7 +19,7 @@ from pilotfish.models.durations_fit import Family, completed_visits, most_likely
 from pilotfish.models.visits import Visits, lengths_seen
 from pilotfish.types import Array, Float, Int
 
-WIDEST_LOG = 2.0  # deviation of log s
+WIDEST_LOG = 1.0  # deviation of log s; sums over the steps of a wider law are endless
 LEAST_MORE = 1e-3  # mean steps after the first
 BEYOND = 10.0  # means and deviations stay below so many times the longest visit that is followed
 ROUNDS = 10  # of spreading visits that were cut off over the lengths that they may have had
@@ -211,6 +211,8 @@ def _met_at_random(
     It is counts / (fresh + met s / mean), its mean the only one at which this sums to one.
     """
     none = fresh + met <= 0.0
+    if not met.any():
+        return np.asarray(counts / np.where(none, 1.0, fresh))
     fresh = np.where(none, 1.0, fresh)
     low, high = np.ones_like(met), np.full_like(met, float(len(steps)))
     for _ in range(60):

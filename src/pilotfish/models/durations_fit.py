@@ -138,9 +138,7 @@ def _ascended(
 ) -> tuple[Float[Array, "Q K"], Point]:
     """A step for every state, halved for those that would lose by it, and none where that is of no use."""
     share = np.ones(theta.shape[1])
-    within = np.minimum(
-        family.upper, np.where(theta < 0.0, 0.25 * theta, np.inf)
-    )  # at zero tails are endless
+    within = np.minimum(family.upper, np.where(theta < 0.0, 0.5 * theta, np.inf))  # at zero tails are endless
     for _ in range(HALVINGS):
         there = np.clip(theta + share * step, family.lower, within)
         there = np.where(step == 0.0, theta, there)

@@ -23,6 +23,8 @@ FULL = Full()
 TIME_BINS = TimeBins()
 DEFAULTS = EMSettings()
 
+Chain = Callable[[Statistics, Dynamics | None], Dynamics]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
@@ -75,7 +77,7 @@ def learn_markov(
     """
     guess = _guess(start, states, rng, settings.restarts)
     return _learn(
-        demonstrations, guess, _m_step(structure, settings, most_likely_chain), structure.label, settings
+        demonstrations, guess, m_step_of(structure, settings, most_likely_chain), structure.label, settings
     )
 
 
@@ -94,7 +96,7 @@ def learn_mixture(
     """
     guess = _guess(start, states, rng, settings.restarts)
     return _learn(
-        demonstrations, guess, _m_step(structure, settings, most_likely_weights), structure.label, settings
+        demonstrations, guess, m_step_of(structure, settings, most_likely_weights), structure.label, settings
     )
 
 
@@ -114,7 +116,7 @@ def _guess(
     return partial(start.guess, states=states, rng=rng)
 
 
-def _m_step(structure: Structure, settings: EMSettings, chain: Callable[[Statistics], Dynamics]) -> MStep:
+def m_step_of(structure: Structure, settings: EMSettings, chain: Chain) -> MStep:
     require_kind("structure", structure, Structure, "give an instance, say pf.Full() or pf.SemiTied()")
     require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
     return partial(maximise, structure=structure, regularisation=settings.regularisation, chain=chain)
@@ -129,10 +131,16 @@ def _learn(
 ) -> Fit:
     data = views(demonstrations)
     run = _likeliest([guess(data) for _ in range(settings.restarts)], data, m_step, settings)
+    skill = learned(demonstrations, run, label, settings)
+    return Fit(skill, skill, run.trace, run.outcome)
+
+
+def learned(demonstrations: Sequence[Demonstration], run: Run, label: str, settings: EMSettings) -> Skill:
+    """What a run has found, with the layout, period and frames of the demonstrations, and its provenance."""
     one = demonstrations[0]
     provenance = Provenance(
         demonstrations=tuple(d.name for d in demonstrations),
-        datapoints=int(data.lengths.sum()),
+        datapoints=sum(len(d.x) for d in demonstrations),
         data=_fingerprint(demonstrations),
         structure=label,
         regularisation=settings.regularisation,
@@ -142,8 +150,7 @@ def _learn(
         library=_library(),
     )
     model, names = run.model, tuple(f.name for f in one.frames)
-    skill = Skill(model.dynamics, model.means, model.covariances, one.layout, one.period, names, provenance)
-    return Fit(skill, skill, run.trace, run.outcome)
+    return Skill(model.dynamics, model.means, model.covariances, one.layout, one.period, names, provenance)
 
 
 def _likeliest(guesses: Sequence[Statistics], data: Views, m_step: MStep, settings: EMSettings) -> Run:

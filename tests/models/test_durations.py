@@ -1,0 +1,117 @@
+"""Laws of durations, against scipy's densities and sums written out."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import logsumexp
+
+from pilotfish.models import (
+    GammaDurations,
+    GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    NegativeBinomialDurations,
+    PoissonDurations,
+)
+from pilotfish.models.visits import log_tails
+
+FAR = np.arange(1, 20_001)
+
+
+def column(*values):
+    return np.array(values, float)
+
+
+# Each law with the logarithm of its density at whole steps, up to a factor, state by state.
+LAWS = {
+    "normal": (
+        GaussianDurations(column(12.0, 1.0, -5.0, 300.0), column(3.0, 0.7, 2.0, 0.1)),
+        lambda s, k: stats.norm.logpdf(s, (12.0, 1.0, -5.0, 300.0)[k], (3.0, 0.7, 2.0, 0.1)[k]),
+    ),
+    "log-normal": (
+        LogNormalDurations(column(3.0, 0.0, 2.0, 5.0), column(0.5, 0.3, 0.8, 0.01)),
+        lambda s, k: stats.lognorm.logpdf(s, (0.5, 0.3, 0.8, 0.01)[k], scale=np.exp((3.0, 0.0, 2.0, 5.0)[k])),
+    ),
+    "gamma": (
+        GammaDurations(column(9.0, 0.2, 1.0, 2000.0), column(0.5, 1.0, 0.01, 10.0)),
+        lambda s, k: stats.gamma.logpdf(s, (9.0, 0.2, 1.0, 2000.0)[k], scale=1 / (0.5, 1.0, 0.01, 10.0)[k]),
+    ),
+    "poisson": (
+        PoissonDurations(column(5.0, 0.01, 80.0, 1.0)),
+        lambda s, k: stats.poisson.logpmf(s - 1, (5.0, 0.01, 80.0, 1.0)[k]),
+    ),
+    "negative binomial": (
+        NegativeBinomialDurations(column(1.0, 0.3, 7.5, 500.0), column(0.2, 0.02, 0.4, 0.9)),
+        lambda s, k: stats.nbinom.logpmf(s - 1, (1.0, 0.3, 7.5, 500.0)[k], (0.2, 0.02, 0.4, 0.9)[k]),
+    ),
+}
+
+
+@pytest.fixture(params=LAWS)
+def law(request):
+    return LAWS[request.param]
+
+
+@pytest.mark.parametrize("longest", [1, 7, 300])
+def test_a_table_is_the_density_at_whole_steps_normalised_over_all_of_them(law, longest):
+    """Far in the tails too, where probabilities are far below the smallest number."""
+    durations, log_density = law
+    table = durations.log_table(longest)
+    assert table.shape == (longest, 4)
+    for k in range(4):
+        log_p = log_density(FAR, k)
+        np.testing.assert_allclose(table[:, k], (log_p - logsumexp(log_p))[:longest], rtol=1e-9, atol=1e-9)
+
+
+def test_means_and_deviations_are_those_of_the_law_on_whole_steps(law):
+    """All but the normal law's, whose parameters they are."""
+    durations, log_density = law
+    if isinstance(durations, GaussianDurations):
+        return
+    for k in range(4):
+        log_p = log_density(FAR, k)
+        p = np.exp(log_p - logsumexp(log_p))
+        np.testing.assert_allclose(durations.means[k], p @ FAR, rtol=1e-9)
+        np.testing.assert_allclose(durations.deviations[k] ** 2, p @ (FAR - p @ FAR) ** 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("lost", [0.3, 1e-3, 1e-12])
+def test_the_longest_is_the_first_that_is_outlasted_so_seldom(law, lost):
+    durations, log_density = law
+    outlasted = []
+    for k in range(4):
+        log_p = log_density(FAR, k)
+        longer = np.append(np.cumsum(np.exp(log_p - logsumexp(log_p))[::-1])[::-1], 0.0)
+        outlasted.append(np.flatnonzero(longer[1:] <= lost)[0] + 1)
+    assert durations.longest(lost) == max(outlasted)
+
+
+@pytest.mark.parametrize("longest", [1, 5, 120])
+def test_tails_are_sums_of_the_law_from_there_on(law, longest):
+    durations, log_density = law
+    log_longer, log_excess = log_tails(durations, longest)
+    for k in range(4):
+        log_p = log_density(FAR, k)
+        log_p = log_p - logsumexp(log_p)
+        for d in {1, (longest + 1) // 2, longest}:
+            expected = logsumexp(log_p[d - 1 :]), logsumexp(log_p[d - 1 :], b=FAR[d - 1 :] - d + 1.0)
+            found = log_longer[d - 1, k], log_excess[d - 1, k]
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9)
+
+
+def test_a_geometric_law_is_that_of_a_markov_chain():
+    """Shape one: leaving with the same probability at every step."""
+    table = NegativeBinomialDurations(column(1.0), column(0.3)).log_table(50)
+    np.testing.assert_allclose(np.exp(table[:, 0]), 0.3 * 0.7 ** np.arange(50))
+
+
+def test_a_histogram_is_what_it_says(rng):
+    p = rng.dirichlet(np.ones(6), size=2).T
+    p[5, 0], p[:5, 0] = 0.0, p[:5, 0] / p[:5, 0].sum()
+    durations = HistogramDurations(p)
+    np.testing.assert_allclose(np.exp(durations.log_table(9)), np.vstack([p, np.zeros((3, 2))]))
+    np.testing.assert_allclose(np.exp(durations.log_table(4)), p[:4])
+    np.testing.assert_allclose(durations.means, np.arange(1, 7) @ p)
+    np.testing.assert_allclose(durations.deviations**2, np.arange(1, 7) ** 2 @ p - durations.means**2)
+    assert durations.longest(0.0) == 6
+    np.testing.assert_allclose(np.exp(log_tails(durations, 8)[1][0]), durations.means)
