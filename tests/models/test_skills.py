@@ -32,7 +32,6 @@ from pilotfish.models import (
     log_likelihood_of_states,
     runs,
     semi_markov_parameters,
-    statistics,
     viterbi,
     with_durations,
 )
@@ -143,13 +142,14 @@ def test_emissions_multiply_the_frames(rng, scene):
         np.testing.assert_allclose(log_emissions(skill, data)[:, k], expected)
 
 
-def test_a_semi_markov_skill_points_to_its_markov_form(rng, scene):
+def test_counting_durations_needs_a_markov_skill(rng, scene):
+    """A semi-Markov skill has no steps from a state to itself; its Markov form is named."""
     demos = scene()
     fit = learn(demos, states=2, rng=rng)
     assert isinstance(fit.skill.dynamics, SemiMarkovChain)
     assert isinstance(fit.markov.dynamics, MarkovChain)
     with pytest.raises(InvalidInput, match=r"fit\.markov"):
-        statistics(fit.skill, views(demos))
+        with_durations(fit.skill, views(demos), 1.0)
 
 
 @pytest.mark.parametrize(

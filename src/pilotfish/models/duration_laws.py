@@ -67,7 +67,7 @@ class Normal:
             (0.0, -0.5 / floor),
             (np.inf, -0.5 / (BEYOND * len(visits.whole)) ** 2),
         )
-        slope, curvature = most_likely(family, visits, theta)
+        slope, curvature = most_likely(family, visits, theta, isinstance(previous, GaussianDurations))
         return GaussianDurations(1.0 - 0.5 * slope / curvature, np.sqrt(-0.5 / curvature))
 
     def parameter_count(self, states: int, longest: int) -> int:
@@ -97,7 +97,7 @@ class LogNormal:
             (0.0, -0.5 / least),
             (np.inf, -0.5 / WIDEST_LOG**2),
         )
-        slope, curvature = most_likely(family, visits, theta)
+        slope, curvature = most_likely(family, visits, theta, isinstance(previous, LogNormalDurations))
         return LogNormalDurations(-0.5 * slope / curvature, np.sqrt(-0.5 / curvature))
 
     def parameter_count(self, states: int, longest: int) -> int:
@@ -126,7 +126,7 @@ class Gamma:
             (-0.99, -seen / floor),
             (1e6, -0.1 / (BEYOND * len(visits.whole))),
         )
-        more, falling = most_likely(family, visits, theta)
+        more, falling = most_likely(family, visits, theta, isinstance(previous, GammaDurations))
         return GammaDurations(1.0 + more, -falling)
 
     def parameter_count(self, states: int, longest: int) -> int:
@@ -152,7 +152,9 @@ class Poisson:
             (np.log(LEAST_MORE),),
             (np.log(most),),
         )
-        return PoissonDurations(np.exp(most_likely(family, visits, theta)[0]))
+        return PoissonDurations(
+            np.exp(most_likely(family, visits, theta, isinstance(previous, PoissonDurations))[0])
+        )
 
     def parameter_count(self, states: int, longest: int) -> int:
         return states

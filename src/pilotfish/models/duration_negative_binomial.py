@@ -41,7 +41,9 @@ class NegativeBinomial:
         """
         shapes, staying = self._beginning(visits, previous)
         if self.shape is not None:
-            return _law(shapes, _best_staying(visits, shapes, staying))
+            going_on = isinstance(previous, NegativeBinomialDurations)
+            best = most_likely(_family(shapes), visits, np.log(staying)[None], going_on)
+            return _law(shapes, np.exp(best[0]))
         value = evaluated(_family(shapes), visits, np.log(staying)[None]).value
         for _ in range(MORE_ROUNDS if isinstance(previous, NegativeBinomialDurations) else ROUNDS):
             others = _best_shapes(visits, shapes, staying)
@@ -89,7 +91,7 @@ def _family(shapes: Float[Array, " K"]) -> Family:
 def _best_staying(
     visits: Visits, shapes: Float[Array, " K"], staying: Float[Array, " K"]
 ) -> Float[Array, " K"]:
-    return np.asarray(np.exp(most_likely(_family(shapes), visits, np.log(staying)[None])[0]))
+    return np.asarray(np.exp(most_likely(_family(shapes), visits, np.log(staying)[None], going_on=True)[0]))
 
 
 def _best_shapes(

@@ -9,7 +9,7 @@ from pilotfish.models.durations_sums import from_the_beginning, from_the_end, lo
 from pilotfish.models.visits import Visits
 from pilotfish.types import Array, Bool, Float, Int
 
-SWEEPS, HALVINGS = 50, 40
+SWEEPS, MORE_SWEEPS, HALVINGS = 50, 4, 30
 ENOUGH = 1e-14  # gains below this share of the log-likelihood are rounding
 
 
@@ -39,14 +39,17 @@ class Point:
     complete: Float[Array, "K Q Q"]
 
 
-def most_likely(family: Family, visits: Visits, start: Float[Array, "Q K"]) -> Float[Array, "Q K"]:
+def most_likely(
+    family: Family, visits: Visits, start: Float[Array, "Q K"], going_on: bool
+) -> Float[Array, "Q K"]:
     """theta of the largest likelihood, by Newton steps within the bounds; never less likely than start.
 
+    Going on from the law before, a few steps will do: expectation-maximisation comes back.
     With whole visits alone the likelihood is concave and the result its one maximum; else it is a maximum.
     Source: Bertsekas 1982, projected Newton methods; Louis 1982 for the information of what was cut off.
     """
     theta, here = start, evaluated(family, visits, start)
-    for _ in range(SWEEPS):
+    for _ in range(MORE_SWEEPS if going_on else SWEEPS):
         step = _direction(family, theta, here)
         gains = 0.5 * (step * here.gradient).sum(axis=0)  # what a quadratic likelihood would gain
         if (settled := gains <= ENOUGH * (1.0 + np.abs(here.value))).all():

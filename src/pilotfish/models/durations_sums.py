@@ -8,13 +8,13 @@ from pilotfish.types import Array, Float, Int
 
 LogWeights = Callable[[Int[Array, " S"]], Float[Array, "S K"]]
 
-NEGLIGIBLE = -39.0  # log of what sums may leave out: less than rounding does
+NEGLIGIBLE = -30.0  # log of the share of a law that sums may leave out
 RANGE = 600.0  # how far apart logarithms may be for their numbers to be added as they are
 FURTHEST = 20  # no sum goes on beyond 2^20 steps
 
 
 def support(log_weights: LogWeights) -> int:
-    """A number of steps that holds all of the laws but a share of e^-39, or 2^20 where they reach further.
+    """A number of steps that holds all of the laws but a share of e^-30, or 2^20 where they reach further.
 
     Where a law falls as s^-p or faster from N on, what lies beyond N is below N f(N) / (p - 1). The laws
     here fall ever faster, so the slope over the last doubling will do for p.

@@ -10,7 +10,7 @@ from pilotfish.models.durations_sums import from_the_end
 from pilotfish.models.dynamics import Censoring, SemiMarkovChain, final_states
 from pilotfish.types import Array, Bool, Float
 
-ROUNDING = 1e-17  # what is left out of sums over all durations
+ROUNDING = 1e-13  # what is left out of sums over all durations
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ def log_tails(durations: Durations, longest: int) -> tuple[Float[Array, "S K"], 
     """log p(a visit lasts d steps or more), and log of that summed over d and all above; d = 1 ... longest.
 
     The second at d = 1 is the mean duration. Both stay exact where they are far below the smallest number,
-    but for log-normal laws beyond their 1e-17 quantile, whose tails are followed only four times as far.
+    but for log-normal laws beyond their 1e-13 quantile, whose tails are followed only four times as far.
     """
     N = max(4 * longest, durations.longest(ROUNDING))
     log_p = durations.log_table(N)
