@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import Gaussian, condition, marginal, regress
+from pilotfish.geometry import exp
 from pilotfish.models import (
     AdaptedSkill,
     Censoring,
@@ -23,6 +24,7 @@ from pilotfish.models import (
     posteriors,
     smoothed_regression,
 )
+from pilotfish.planning import chart
 
 K, D = 3, 3
 INPUTS = np.array([2, 0])
@@ -201,3 +203,17 @@ def test_posteriors_of_nothing_or_of_the_impossible_are_refused(rng):
         posteriors(markov(rng), np.empty((0, K)))
     with pytest.raises(InvalidInput, match=r"observation 1 in state 2 is -inf"):
         posteriors(markov(rng), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -np.inf]]))
+
+
+def test_a_skill_on_the_sphere_is_followed_on_a_flat_map_of_it(rng):
+    """Its means have a column more than its tangents: columns are refused, the map's are answered."""
+    layout = Layout((Part("time", Quantity.SCALAR, 1, "s"), Part("turn", Quantity.ORIENTATION, 4, "1")))
+    q = exp(0.2 * np.arange(K)[:, None] * np.array([0.0, 0.0, 1.0]))
+    means = np.hstack([np.arange(K)[:, None], q])
+    curved = AdaptedSkill(markov(rng), means, np.tile(1e-2 * np.eye(4), (K, 1, 1)), layout, 0.1)
+    with pytest.raises(InvalidInput, match=r"pf\.chart"):
+        filtered_regression(curved, np.array([0]), np.zeros((2, 1)))
+    here = chart(curved, at=means[0])
+    told = smoothed_regression(here.skill, np.array([0]), np.arange(K)[:, None].astype(float))
+    back = here.outward(np.hstack([np.zeros((K, 1)), told.means]))
+    np.testing.assert_allclose(back[:, 1:], q, atol=1e-3)

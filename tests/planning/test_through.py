@@ -10,9 +10,9 @@ from scipy.stats import multivariate_normal
 from pilotfish.control import Reference, double_integrator, solve_batch, track
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import angle
+from pilotfish.geometry import angle, exp, multiply
 from pilotfish.models import AdaptedSkill, GaussianDurations, MarkovChain, SemiMarkovChain, Weights
-from pilotfish.planning import ViaPoint, plan, plan_through, through, via_point
+from pilotfish.planning import ViaPoint, chart, on_chart, plan, plan_through, through, via_point
 
 PERIOD, STEPS = 0.1, 12
 LAYOUT = position_layout(axes=2).differentiated()
@@ -335,3 +335,65 @@ def test_a_mixture_or_an_unusable_start_is_refused():
     point = via_point("position x", 0.0, time=0.9, deviation=1.0)
     with pytest.raises(InvalidInput, match=r"0\.1 to 0\.8 s"):
         plan_through(model, np.zeros(4), [point], horizon=9)
+
+
+@pytest.fixture
+def curved(rng):
+    """A pose that turns on S^3 through three states about a radian apart."""
+    q = exp(0.5 * np.cumsum(rng.normal(size=(3, 3)), axis=0))
+    layout = replace_quaternion(pose_layout()).differentiated()
+    means = np.hstack([rng.normal(size=(3, 3)), q, np.zeros((3, 6))])
+    chain = SemiMarkovChain(np.eye(3)[0], np.eye(3, k=1), GaussianDurations(np.full(3, 8.0), np.ones(3)))
+    return AdaptedSkill(chain, means, np.tile(1e-2 * np.eye(12), (3, 1, 1)), layout, PERIOD)
+
+
+def replace_quaternion(layout):
+    return Layout((layout.parts[0], replace(layout.parts[1], quantity=Quantity.ORIENTATION)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_orientations_on_the_sphere_are_passed_on_their_map(rng, curved, sign):
+    """Wished as q or -q, near the way or half a radian off it: the body is turned so at that time."""
+    here, start = chart(curved), curved.means[0]
+    q = multiply(curved.means[1, 3:7], exp(0.25 * rng.normal(size=3)))
+    place = curved.means[1, :3] + 0.1
+    time = 1.2
+    points = [
+        on_chart(via_point("orientation", sign * q, time=time, deviation=1e-4), here),
+        on_chart(via_point("position", place, time=time, deviation=1e-4), here),
+        on_chart(via_point("orientation'", np.zeros(3), time=time, deviation=1e-4), here),
+    ]
+    robot = double_integrator(6, PERIOD)
+    for drawn in (
+        through(plan(here.skill, here.inward(start), horizon=25), points, here.skill.layout),
+        plan_through(here.skill, here.inward(start), points, horizon=25),
+    ):
+        x = here.outward(track(robot, drawn, 0.1).rollout(here.inward(start)).x)
+        assert angle(x[12, 3:7], q) < 1e-4
+        assert np.linalg.norm(x[12, :3] - place) < 1e-4
+        assert np.linalg.norm(x[12, 10:]) < 1e-3
+        assert np.max(angle(x[1:, 3:7], x[:-1, 3:7])) < 1.0
+
+
+def test_the_deviation_on_the_map_is_that_angle_at_its_base(curved):
+    """A turn by one deviation from the wish costs one there, about every axis."""
+    base = chart(curved).bases[0]
+    here = chart(curved, at=np.concatenate([np.zeros(3), base, np.zeros(6)]))
+    point = on_chart(via_point("orientation", base, time=0.5, deviation=0.02), here)
+    np.testing.assert_allclose(point.value, 0.0, atol=1e-12)
+    np.testing.assert_array_equal(point.deviation, np.full(3, 0.02))
+
+
+def test_wishes_that_have_no_place_on_a_map_are_refused(curved):
+    here, q = chart(curved), curved.means[0, 3:7]
+    with pytest.raises(InvalidInput, match="norm 2"):
+        on_chart(via_point("orientation", 2.0 * q, time=1.0, deviation=0.1), here)
+    for what, value, deviation in (
+        ("orientation", q[:3], 0.1),
+        ("orientation w", 1.0, 0.1),
+        ("orientation", q, [0.1, 0.1, 0.1, 0.2]),
+    ):
+        with pytest.raises(InvalidInput, match="whole unit quaternion"):
+            on_chart(via_point(what, value, time=1.0, deviation=deviation), here)
+    with pytest.raises(InvalidInput, match="expected 0"):
+        on_chart(via_point("orientation'", [0.0, 1.0, 0.0], time=1.0, deviation=0.1), here)

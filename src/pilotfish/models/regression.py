@@ -72,7 +72,8 @@ def _observed(
         raise InvalidInput("x has no rows, expected the inputs of at least one step")
     if model.layout.turns:
         raise InvalidInput(
-            "the skill holds orientations as points of S^3; learn it from quaternions to regress on columns"
+            "the skill has orientations on S^3, which no slope maps to columns; regress on a flat map of it: "
+            "chart = pf.chart(model), chart.skill is the model, chart.inward(points) are its columns"
         )
     given = conditionals(model.means, model.covariances, inputs)
     return given, log_input_densities(given, x)

@@ -5,7 +5,7 @@ the only place where a model's precision turns into a tracking weight.
 from pilotfish.planning.chart import Chart, chart
 from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
 from pilotfish.planning.through import plan_through, through
-from pilotfish.planning.via_points import Observation, ViaPoint, observations, via_point
+from pilotfish.planning.via_points import Observation, ViaPoint, observations, on_chart, via_point
 
 __all__ = [
     "Chart",
@@ -14,6 +14,7 @@ __all__ = [
     "chart",
     "expected_plan",
     "observations",
+    "on_chart",
     "plan",
     "plan_through",
     "planned_states",

@@ -6,8 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
-from pilotfish.demonstrations import Layout
+from pilotfish.demonstrations import Layout, Quantity
 from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.planning.chart import Chart
 from pilotfish.types import Array, Float, Int
 
 Numbers = float | Sequence[float] | Array
@@ -54,6 +55,39 @@ def via_point(what: str, value: Numbers, *, time: float, deviation: Numbers) -> 
     return ViaPoint(what, wished, float(time), np.broadcast_to(spread, wished.shape).copy())
 
 
+def on_chart(point: ViaPoint, chart: Chart) -> ViaPoint:
+    """The same wish on the flat map of a skill with orientations on S^3, for its plans: see chart.skill.
+
+    A unit quaternion becomes the map's rotation vector [rad] of it or of its negative, whichever lies nearer
+    to a state. Its deviation stays; off the base the map stretches turns about other axes than its own, by
+    less than two within half a turn.
+    Raises: InvalidInput, when an orientation is not four numbers of norm one with one deviation for all, or
+    is to turn at a speed: only on the map itself, "orientation'" of chart.skill.layout, is that a column.
+    """
+    require_kind("the via-point", point, ViaPoint, 'pf.via_point("position", ...) makes one')
+    require_kind("chart", chart, Chart, "pf.chart(adapted) makes one")
+    layout = chart.curved.layout
+    columns, _ = _columns(point.what, layout)
+    part = next(p for p, here in zip(layout.parts, layout.slices, strict=True) if columns[0] < here.stop)
+    turning = part.name in {p.name for p in layout.parts if p.quantity is Quantity.ORIENTATION}
+    if turning and part.derivative and point.value.any():
+        raise InvalidInput(
+            f"{point.what!r} is wished to be {point.value.tolist()} rad/s, expected 0: on a flat map the "
+            "rate depends on the orientation; take chart.inward of a whole pose with its speeds"
+        )
+    if not turning or part.derivative:
+        return point
+    if len(point.value) != len(columns) or len(set(point.deviation)) > 1 or len(columns) == 1:
+        raise InvalidInput(
+            f"{point.what!r} is wished to be {point.value.tolist()} within {point.deviation.tolist()}, "
+            f"expected a whole unit quaternion of {part.name!r}, and one angle [rad]"
+        )
+    pose = chart.curved.means[0].copy()
+    pose[columns] = _unit(point)
+    vector = chart.inward(pose)[chart.skill.layout.columns(part.name)]
+    return ViaPoint(point.what, vector, point.time, point.deviation[:1].repeat(len(vector)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """A via-point at its step: x[step, columns] = values, with independent deviations."""
@@ -96,15 +130,20 @@ def _at_its_step(
     step = _step(point, len(states) - 1, period)
     if not turn:
         return Observation(step, columns, point.value, point.deviation)
+    q = _unit(point)
+    sign = -1.0 if q @ states[step, columns] < 0.0 else 1.0
+    # Turning by an angle moves a unit quaternion by half of it.
+    return Observation(step, columns, sign * q, 0.5 * point.deviation)
+
+
+def _unit(point: ViaPoint) -> Float[Array, " 4"]:
     norm = float(np.linalg.norm(point.value))
     if abs(norm - 1.0) > UNIT_TOLERANCE:
         raise InvalidInput(
             f"{point.what!r} is wished to be {point.value.tolist()} of norm {norm:.4g}, expected a unit "
             "quaternion w x y z"
         )
-    sign = -1.0 if point.value @ states[step, columns] < 0.0 else 1.0
-    # Turning by an angle moves a unit quaternion by half of it.
-    return Observation(step, columns, sign * point.value / norm, 0.5 * point.deviation)
+    return np.asarray(point.value / norm)
 
 
 def _columns(what: str, layout: Layout) -> tuple[Int[Array, " C"], bool]:
