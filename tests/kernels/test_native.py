@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pilotfish.kernels
-from pilotfish.kernels import ACTIVE, Emissions, EStep, SlowKernels, active, twins
+from pilotfish.kernels import ACTIVE, Emissions, SlowKernels, active, twins
 
 NATIVE = (
     "log_emissions",
@@ -98,15 +98,21 @@ def test_subnormal_numbers_are_back_after_a_kernel(compiled, case):
     assert np.array([tiny]) / 2.0 > 0.0
 
 
-def test_other_threads_flush_them_as_well(compiled, case):
-    """Numbers of a group of demonstrations do not depend on which thread took it: not in any digit."""
-    given = case(2, [100] * 60, 14, 10)
-    arguments = (*given.arguments[:-1], Emissions(given.means, 40.0 * given.whiteners))
+def test_other_threads_flush_them_as_well(compiled, rng):
+    """Not one digit depends on which thread took a demonstration: here, offsets that are zero in all of them.
+
+    The second state's posteriors are about 1e-304, the deviations that they weigh 1e-8.
+    """
+    x = 1e-8 * rng.normal(size=(1, 40_000, 14))
+    means = np.zeros((1, 2, 14))
+    means[0, 1, 0] = 37.4
+    emissions = Emissions(means, np.tile(np.eye(14), (1, 2, 1, 1)))
+    arguments = x, np.full(40, 1000), np.full(2, 0.5), np.full((2, 2), 0.5), emissions
     alone = compiled.e_step(*arguments, threads=1)
-    for threads in (0, 2, 3, 50):
-        together = compiled.e_step(*arguments, threads=threads)
-        for name in EStep.__dataclass_fields__:
-            np.testing.assert_array_equal(getattr(together, name), getattr(alone, name), err_msg=name)
+    assert alone.mass[1] > 0.0
+    assert not alone.offsets[0, 1, 1:].any()
+    for _ in range(5):
+        np.testing.assert_array_equal(compiled.e_step(*arguments, threads=4).offsets, alone.offsets)
 
 
 def test_exponentials_are_right_to_the_last_digits(compiled):

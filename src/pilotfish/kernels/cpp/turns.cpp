@@ -19,8 +19,8 @@ inline double turn_over_sine(double sine, double cosine) {
   const double angle = half > TAN_3 ? 2.0 * EIGHTH : (half > TAN_1 ? EIGHTH : 0.0);
   const double rest = (half - known) / (1.0 + half * known);
   const double square = rest * rest;
-  double series = 1.0 / 23;
-  for (int i = 21; i >= 1; i -= 2) series = 1.0 / i - series * square;
+  double series = 1.0 / 21;
+  for (int i = 19; i >= 1; i -= 2) series = 1.0 / i - series * square;
   return sine > 0.0 ? 4.0 * (angle + rest * series) / sine : 2.0;
 }
 
