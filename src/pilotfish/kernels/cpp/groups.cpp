@@ -50,7 +50,7 @@ void share(int count, int threads, const std::function<void(int)>& work) {
   std::exception_ptr thrown;
   std::mutex one_at_a_time;
   const auto work_on = [&] {
-    const SubnormalsFlushed flushed;
+    const SubnormalsFlushed flushed;  // threads inherit it on Linux; no standard promises that
     try {
       for (int i; (i = next++) < count;) work(i);
     } catch (...) {
