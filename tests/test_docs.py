@@ -5,6 +5,7 @@ import re
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pilotfish import plots
@@ -35,3 +36,14 @@ def test_the_pictures_of_the_docs_are_drawn_as_written(data_folder, tmp_path, mo
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(program))
     assert {path.stem.replace("-", "_") for path in tmp_path.glob("*.png")} == DRAWING
+
+
+@pytest.mark.slow
+def test_the_program_of_regression_and_via_points_runs_and_passes_the_point(data_folder):
+    """The Python blocks of the page are one program; its motion keeps what the page promises."""
+    page = (DOCS / "regression-and-via-points.md").read_text(encoding="utf-8")
+    names: dict[str, object] = {}
+    exec("\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL)), names)  # noqa: S102 - our own text
+    x = names["motion"].x  # type: ignore[attr-defined]
+    assert np.linalg.norm(x[40, :3] - [0.44, -0.95, 0.31]) < 1e-3
+    assert names["told"].means.shape == (200, 13)  # type: ignore[attr-defined]
