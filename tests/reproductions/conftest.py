@@ -28,3 +28,8 @@ def chicken_dance() -> ModuleType:
 @pytest.fixture(scope="session")
 def segmentation() -> ModuleType:
     return script("segmentation")
+
+
+@pytest.fixture(scope="session")
+def robotasks() -> ModuleType:
+    return script("robotasks")

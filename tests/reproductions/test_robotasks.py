@@ -1,0 +1,46 @@
+"""Tasks of an arm are replayed where they were never shown, with either treatment of orientations."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pilotfish.geometry import angle
+
+FOLDER = Path(__file__).parents[2] / "reproductions"
+
+
+@pytest.mark.parametrize("sphere", [False, True])
+def test_a_test_showing_is_replayed_between_its_own_ends(data_folder, robotasks, sphere):
+    """It ends at the pose that its frame tells, and is nearer to the showing than its start or its end is."""
+    data = robotasks.treated(robotasks.shown("openbox"), sphere)
+    skill, showing = robotasks.learned(data[::2]).skill, data[1]
+    done = robotasks.replayed(skill, showing)
+    assert np.linalg.norm(done.poses[-1, :3] - showing.x[-1, :3]) < 0.01
+    assert np.degrees(angle(done.poses[-1, 3:], showing.x[-1, 3:7])) < 3.0
+    for still in (0, -1):
+        assert done.metres < np.sqrt(np.mean((showing.x[:, :3] - showing.x[still, :3]) ** 2) * 3)
+        turned = robotasks.root_mean_square(angle(showing.x[:, 3:7], showing.x[still, 3:7]))
+        assert done.degrees < np.degrees(turned)
+
+
+def test_every_showing_begins_and_ends_at_rest_of_its_own_frames(data_folder, robotasks):
+    """Seen from the first pose, the first row is at the origin and unturned; so is the last from the last."""
+    for showing in robotasks.shown("pouring"):
+        for frame, row in zip(showing.frames, (0, -1), strict=True):
+            seen = np.linalg.solve(frame.A, showing.x[row] - frame.b)
+            np.testing.assert_allclose(seen[:7], [0, 0, 0, 1, 0, 0, 0], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path):
+    report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
+    command = [sys.executable, FOLDER / "robotasks.py", "--json", report, "--out", pictures]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    rows = json.loads(report.read_text())["rows"]
+    assert len(rows) == 8
+    assert all(0 < row["test [m]"] < 0.1 and 0 < row["test [deg]"] < 20 for row in rows)
+    assert len(list(pictures.glob("*.png"))) == 4
