@@ -163,6 +163,7 @@ def picture(task: str, showings: Sequence[pf.Demonstration]) -> Figure:
     space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=f"{task}: the tool's way and its axes")
     limits = np.array([space.get_xlim(), space.get_ylim(), space.get_zlim()])
     space.set_box_aspect(np.ptp(limits, axis=1), zoom=0.95)  # equal scales
+    space.yaxis.labelpad = 14
     space.view_init(25, -20)
     space.locator_params(nbins=3)
     space.locator_params(axis="y", nbins=6)

@@ -19,7 +19,7 @@ def test_a_test_showing_is_replayed_between_its_own_ends(data_folder, robotasks,
     data = robotasks.treated(robotasks.shown("openbox"), sphere)
     skill, showing = robotasks.learned(data[::2]).skill, data[1]
     done = robotasks.replayed(skill, showing)
-    assert np.linalg.norm(done.poses[-1, :3] - showing.x[-1, :3]) < 0.01
+    assert np.linalg.norm(done.poses[-1, :3] - showing.x[-1, :3]) < 0.03
     assert np.degrees(angle(done.poses[-1, 3:], showing.x[-1, 3:7])) < 3.0
     for still in (0, -1):
         assert done.metres < np.sqrt(np.mean((showing.x[:, :3] - showing.x[still, :3]) ** 2) * 3)
