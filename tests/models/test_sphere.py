@@ -19,12 +19,14 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Full, RiemannianGaussian, SemiTied, Spherical, riemannian_log_density
-from pilotfish.geometry import Pose, exp, exp_at, log_at, multiply
+from pilotfish.geometry import Pose, angle, exp, exp_at, karcher_mean, log_at, multiply
 from pilotfish.models import (
     EMSettings,
     KMeans,
     TimeBins,
     adapt,
+    as_mixture,
+    filtered_regression,
     labelled_statistics,
     learn,
     learn_markov,
@@ -247,3 +249,18 @@ def test_frames_that_leave_the_sphere_are_refused(rng, demos):
     skill, (a, b) = learn_markov(demos, states=2, rng=rng).skill, demos[0].frames
     with pytest.raises(InvalidInput, match="unit quaternion from the left"):
         adapt(skill, [a, replace(b, A=np.eye(7) * 2.0)])
+
+
+@pytest.mark.parametrize("way", [learn_mixture, learn_markov, learn])
+def test_where_the_tool_is_tells_how_it_is_turned(rng, demos, way):
+    """Regression on the sphere, in every dynamics: nearer than any one orientation, and whole."""
+    here = adapt(way(demos, states=3, rng=rng).skill, demos[0].frames)
+    x, q = demos[0].x[:, :3], demos[0].x[:, 3:]
+    answer = filtered_regression(here, np.arange(3), x)
+    np.testing.assert_allclose(np.linalg.norm(answer.means, axis=1), 1.0)
+    one = karcher_mean(q, np.ones(len(q)), (0,))
+    assert np.mean(angle(answer.means, q) ** 2) < 0.5 * np.mean(angle(one, q) ** 2)
+    assert answer.covariances.shape == (len(q), 3, 3)
+    if way is learn_mixture:
+        with pytest.raises(InvalidInput, match="filtered_regression"):
+            as_mixture(here)

@@ -38,6 +38,13 @@ from pilotfish.gaussians.riemannian import (
     riemannian_product,
     seen_at,
 )
+from pilotfish.gaussians.riemannian_regression import (
+    RiemannianConditionals,
+    RiemannianRegression,
+    riemannian_conditionals,
+    riemannian_log_input_densities,
+    riemannian_regress_shared,
+)
 from pilotfish.gaussians.semi_tied import SemiTied, SemiTiedCovariances
 from pilotfish.gaussians.structures import (
     Covariances,
@@ -69,7 +76,9 @@ __all__ = [
     "Moments",
     "MultipleTransformCovariances",
     "Regression",
+    "RiemannianConditionals",
     "RiemannianGaussian",
+    "RiemannianRegression",
     "SemiTied",
     "SemiTiedCovariances",
     "Spherical",
@@ -92,8 +101,11 @@ __all__ = [
     "regress",
     "regress_means",
     "regress_shared",
+    "riemannian_conditionals",
     "riemannian_log_density",
+    "riemannian_log_input_densities",
     "riemannian_product",
+    "riemannian_regress_shared",
     "sample",
     "seen_at",
     "tangent_moments",

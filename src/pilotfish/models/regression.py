@@ -7,9 +7,14 @@ from pilotfish.gaussians import (
     Conditionals,
     Mixture,
     Regression,
+    RiemannianConditionals,
+    RiemannianRegression,
     conditionals,
     log_input_densities,
     regress_shared,
+    riemannian_conditionals,
+    riemannian_log_input_densities,
+    riemannian_regress_shared,
 )
 from pilotfish.models.dynamics import Weights
 from pilotfish.models.forward import occupancy
@@ -17,40 +22,48 @@ from pilotfish.models.posteriors import posteriors
 from pilotfish.models.skill import AdaptedSkill
 from pilotfish.types import Array, Float, Int
 
+Answer = Regression | RiemannianRegression  # the latter for skills with orientations on S^3
+
 
 def as_mixture(model: AdaptedSkill) -> Mixture:
     """The adapted states of a mixture skill, ready for gaussians.regress: y and its derivative, given x.
 
-    Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time.
+    Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time, and for one
+    with orientations on S^3.
     """
     if not isinstance(model.dynamics, Weights):
         raise InvalidInput(
             f"the skill has {type(model.dynamics).__name__} dynamics, no fixed weights; learn it with "
             "pf.learn_mixture, or follow the inputs in time: models.filtered_regression"
         )
+    if model.layout.turns:
+        raise InvalidInput(
+            "the skill holds orientations as points of S^3, which a flat mixture cannot; use "
+            "models.filtered_regression(model, inputs, x)"
+        )
     return Mixture(model.dynamics.weights, model.means, model.covariances)
 
 
-def filtered_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Regression:
+def filtered_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Answer:
     """The columns that are not inputs at each step, given the inputs at this step and all before it.
 
     For use while the inputs come in: step t does not depend on later rows. States speak for the probability
     that the chain is in them, which the inputs alone drive; inputs that look alike at two moments are told
     apart by what led there. jacobians[t] is the exact derivative with respect to x[t], the past held.
-    A mixture has no past: its answer is that of gaussians.regress. Quaternions are four numbers here; bring
-    those that come out to unit length.
-    Raises: InvalidInput, when inputs are no columns or leave none to predict, x does not fit them or has no
-    row, or the skill holds orientations on S^3; NotPositiveDefinite, when a state is singular in the inputs.
+    A mixture has no past: its answer is that of gaussians.regress. Quaternions are four numbers; bring those
+    that come out to unit length. Orientations on S^3 are given and come out whole, as points of it.
+    Raises: InvalidInput, when inputs are no columns, leave none to predict or tear an orientation apart, or x
+    does not fit them or has no row; NotPositiveDefinite, when a state is singular in the inputs.
     Source: Calinon et al. 2010, Learning and reproduction of gestures by imitation, where a Markov chain's
     forward variable weighs the states; ours: explicit durations too, the covariance, the exact derivative.
     """
     given, log_observed = _observed(model, inputs, x)
     if isinstance(model.dynamics, Weights):
-        return regress_shared(given, x, posteriors(model.dynamics, log_observed))
-    return regress_shared(given, x, occupancy(model.dynamics, log_observed, len(x)))
+        return _answered(given, x, posteriors(model.dynamics, log_observed))
+    return _answered(given, x, occupancy(model.dynamics, log_observed, len(x)))
 
 
-def smoothed_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Regression:
+def smoothed_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Answer:
     """The columns that are not inputs at each step, given the inputs at all T steps.
 
     For use when all inputs are known, say one half of a recorded movement: what follows a step helps to tell
@@ -59,21 +72,27 @@ def smoothed_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[
     Raises: InvalidInput and NotPositiveDefinite, as filtered_regression does.
     """
     given, log_observed = _observed(model, inputs, x)
-    return regress_shared(given, x, posteriors(model.dynamics, log_observed))
+    return _answered(given, x, posteriors(model.dynamics, log_observed))
 
 
 def _observed(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
-) -> tuple[Conditionals, Float[Array, "T K"]]:
+) -> tuple[Conditionals | RiemannianConditionals, Float[Array, "T K"]]:
     """The states as maps from inputs to the rest, and log p(x_t | state)."""
     require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_kind("x", x, np.ndarray, "give an array, a row for each step")
     if not len(x):
         raise InvalidInput("x has no rows, expected the inputs of at least one step")
-    if model.layout.turns:
-        raise InvalidInput(
-            "the skill has orientations on S^3, which no slope maps to columns; regress on a flat map of it: "
-            "chart = pf.chart(model), chart.skill is the model, chart.inward(points) are its columns"
-        )
+    if turns := model.layout.turns:
+        curved = riemannian_conditionals(model.means, model.covariances, inputs, turns)
+        return curved, riemannian_log_input_densities(curved, x)
     given = conditionals(model.means, model.covariances, inputs)
     return given, log_input_densities(given, x)
+
+
+def _answered(
+    given: Conditionals | RiemannianConditionals, x: Float[Array, "T _"], shares: Float[Array, "T K"]
+) -> Answer:
+    if isinstance(given, RiemannianConditionals):
+        return riemannian_regress_shared(given, x, shares)
+    return regress_shared(given, x, shares)
