@@ -206,14 +206,14 @@ def test_posteriors_of_nothing_or_of_the_impossible_are_refused(rng):
 
 
 def test_a_skill_on_the_sphere_is_followed_on_a_flat_map_of_it(rng):
-    """Its means have a column more than its tangents: columns are refused, the map's are answered."""
+    """About one axis S^3 is a circle: what the map answers is what the sphere does, without a map."""
     layout = Layout((Part("time", Quantity.SCALAR, 1, "s"), Part("turn", Quantity.ORIENTATION, 4, "1")))
     q = exp(0.2 * np.arange(K)[:, None] * np.array([0.0, 0.0, 1.0]))
     means = np.hstack([np.arange(K)[:, None], q])
     curved = AdaptedSkill(markov(rng), means, np.tile(1e-2 * np.eye(4), (K, 1, 1)), layout, 0.1)
-    with pytest.raises(InvalidInput, match=r"pf\.chart"):
-        filtered_regression(curved, np.array([0]), np.zeros((2, 1)))
-    here = chart(curved, at=means[0])
-    told = smoothed_regression(here.skill, np.array([0]), np.arange(K)[:, None].astype(float))
+    here, times = chart(curved, at=means[0]), np.arange(K)[:, None].astype(float)
+    told = smoothed_regression(here.skill, np.array([0]), times)
     back = here.outward(np.hstack([np.zeros((K, 1)), told.means]))
     np.testing.assert_allclose(back[:, 1:], q, atol=1e-3)
+    whole = smoothed_regression(curved, np.array([0]), times)
+    np.testing.assert_allclose(whole.means, back[:, 1:], atol=1e-12)
