@@ -1,5 +1,6 @@
 """Covariances of few factors: whitened without an inverse, likeliest of their kind, and never worse."""
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
@@ -257,6 +258,34 @@ def test_noise_of_a_column_stops_at_its_least_share(rng):
     found = MFA(2, sweeps=200, least_noise=1e-4).estimate(np.ones(1), S, None)
     share = found.noise / np.diagonal(S, axis1=1, axis2=2)
     np.testing.assert_allclose(share.min(), 1e-4)
+
+
+@pytest.mark.parametrize("structure", [MFA(2, least_noise=0.2), MPPCA(2, least_noise=0.2)])
+def test_noise_that_was_less_than_its_least_share_is_not_raised(rng, structure):
+    """Going on from covariances that are the samples themselves, nothing is better than to stay."""
+    loadings = np.linalg.qr(rng.normal(size=(6, 2)))[0][None]
+    true = LatentCovariances(3.0 * loadings, np.full((1, 6), 0.01))
+    np.testing.assert_allclose(structure.estimate(np.ones(1), true.dense, true).dense, true.dense, rtol=1e-6)
+
+
+@pytest.mark.parametrize("structure", [MFA(1), MPPCA(1)])
+def test_factors_of_samples_that_had_none_grow_when_other_samples_have(rng, structure):
+    """A fit that begins with uncorrelated columns of equal variance still finds a factor that comes later."""
+    true = np.linalg.qr(rng.normal(size=(2, 5, 1)))[0]
+    S = 3.0 * true @ true.transpose(0, 2, 1) + np.eye(5)
+    start = structure.estimate(np.ones(2), np.tile(np.eye(5), (2, 1, 1)), None)
+    found = replace(structure, sweeps=500).estimate(np.ones(2), S, start)
+    np.testing.assert_allclose(found.dense, S, atol=1e-3)
+
+
+@pytest.mark.parametrize("structure", [MFA(2), MPPCA(2), HDDCShare(0.8)])
+def test_a_fit_begins_anew_after_covariances_of_another_kind_or_size(rng, structure):
+    S, mass = samples(rng, 3, 5)
+    fresh = structure.estimate(mass, S, None).dense
+    for previous in (Full().estimate(mass, S, None), latent(rng, 2, 5, 2), latent(rng, 3, 5, 1)):
+        found = structure.estimate(mass, S, previous)
+        if not isinstance(structure, HDDCShare) or len(previous.dense) != 3:
+            np.testing.assert_allclose(found.dense, fresh)
 
 
 @pytest.mark.parametrize("make", [MFA, MPPCA, HDDC])
