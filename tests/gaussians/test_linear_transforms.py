@@ -12,7 +12,7 @@ from pilotfish.gaussians import (
     MultipleTransformCovariances,
     SemiTied,
 )
-from pilotfish.gaussians.emllt import reweighted, turned
+from pilotfish.gaussians.emllt import extended, gaining_step, reweighted, turned
 
 
 def samples(rng, K, D):
@@ -99,6 +99,37 @@ def test_directions_move_along_the_slope_of_the_likelihood(rng):
     gradient = 2.0 * np.einsum("k,kij,j->i", mass * one.weights[:, 0], one.dense - S, one.directions[0])
     np.testing.assert_allclose((value(1e-5) - value(-1e-5)) / 2e-5, gradient @ moved, rtol=1e-5)
     assert gradient @ moved > 0.0
+
+
+@pytest.mark.parametrize("length", [1.0, 30.0, 1e4])
+def test_a_step_is_halved_until_the_likelihood_itself_gains(rng, length):
+    """Against likelihoods of whole models: the first of the halved steps that is possible and gains."""
+    S, mass = samples(rng, 3, 4)
+    one = expansion(rng, 3, 6, 4)
+
+    def value(step):
+        A = one.directions.copy()
+        A[5] += step
+        moved = ExpandedPrecisions(A, one.weights)
+        possible = np.linalg.eigvalsh(moved.precisions).min() > 0.0
+        return auxiliary(mass, S, moved.dense) if possible else -np.inf
+
+    uphill = np.einsum("k,kij,j->i", mass * one.weights[:, 5], one.dense - S, one.directions[5])
+    step = length * uphill / np.linalg.norm(uphill)
+    expected = next(0.5**n * step for n in range(60) if value(0.5**n * step) > value(0.0 * step))
+    found = gaining_step(step, one.directions[5], one.weights[:, 5], mass, one.dense, S)
+    np.testing.assert_allclose(found, expected)
+
+
+def test_a_new_direction_is_the_best_that_any_state_has(rng):
+    """No direction tried at random would raise the likelihood of a state on its own as much."""
+    S, mass = samples(rng, 4, 5)
+    tied = EMLLT(5).estimate(mass, S, None)
+    new = extended(tied, mass, S, 6).directions[-1:]
+    directions = np.concatenate([new, rng.normal(size=(3000, 5))])
+    told, true = (np.einsum("ni,kij,nj->nk", directions, M, directions) for M in (tied.dense, S))
+    gains = mass * (true / told - 1.0 - np.log(true / told))
+    assert gains.max(axis=1).argmax() == 0
 
 
 def test_as_many_vectors_as_columns_reach_semi_tied_covariances(rng):

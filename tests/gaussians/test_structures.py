@@ -146,7 +146,7 @@ FAMILIES = {
     "HDDC(2)": (HDDC(2), lambda v, K, D: latent(v, K, D, 2, True)),
     "semi-tied": (SemiTied(), lambda v, K, D: transforms(v, K, D, 1)),
     "EMLLT(6)": (EMLLT(6), lambda v, K, D: expansion(v, K, D, 6)),
-    "EMLLT(10), full": (EMLLT(10), lambda v, K, D: expansion(v, K, D, 10)),
+    "EMLLT(15), full": (EMLLT(15), lambda v, K, D: expansion(v, K, D, 15)),
     "MLT(2)": (MLT(2), lambda v, K, D: transforms(v, K, D, 2)),
 }
 
@@ -156,7 +156,7 @@ FAMILIES = {
 def test_degrees_of_freedom_are_the_dimensions_that_covariances_can_move_in(rng, name, K):
     """The rank of the derivative of the covariances by all their parameters, at random ones."""
     structure, covariances = FAMILIES[name]
-    K, D = K * (2 if isinstance(structure, MLT) else 1), 4  # as many states for either basis
+    K, D = K * (2 if isinstance(structure, MLT) else 1), 5  # as many states for either basis
     numbers = rng.normal(size=structure.parameter_count(K, D))
     steps = 1e-5 * np.eye(len(numbers))
     slopes = [covariances(numbers + h, K, D) - covariances(numbers - h, K, D) for h in steps]

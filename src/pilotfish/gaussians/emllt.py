@@ -76,7 +76,7 @@ class EMLLT:
         if isinstance(previous, ExpandedPrecisions) and previous.directions.shape == (self.vectors, D):
             expanded = previous
         else:
-            expanded = _extended(_semi_tied(mass, samples), mass, samples, self.vectors)
+            expanded = extended(_semi_tied(mass, samples), mass, samples, self.vectors)
         for _ in range(self.sweeps):
             expanded = turned(reweighted(expanded, samples), mass, samples)
         return reweighted(expanded, samples)
@@ -143,13 +143,13 @@ def turned(
             continue
         gradient = (mass * w) @ (Sigma @ A[r] - S @ A[r])
         metric = np.tensordot(mass * np.abs(w), S, axes=1)
-        step = _gaining_step(np.linalg.solve(metric, gradient), A[r], w, mass, Sigma, S)
+        step = gaining_step(np.linalg.solve(metric, gradient), A[r], w, mass, Sigma, S)
         Sigma = _moved(Sigma, w, A[r], A[r] + step)
         A[r] += step
     return ExpandedPrecisions(A, expanded.weights)
 
 
-def _gaining_step(
+def gaining_step(
     step: Float[Array, " D"],
     a: Float[Array, " D"],
     w: Float[Array, " K"],
@@ -191,7 +191,7 @@ def _semi_tied(mass: Float[Array, " K"], S: Float[Array, "K D D"]) -> ExpandedPr
     return ExpandedPrecisions(B, 1.0 / variances)
 
 
-def _extended(
+def extended(
     expanded: ExpandedPrecisions, mass: Float[Array, " K"], S: Float[Array, "K D D"], vectors: int
 ) -> ExpandedPrecisions:
     """More directions, of weight zero at first, where single states are told worst by those there are.
