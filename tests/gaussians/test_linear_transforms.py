@@ -115,10 +115,12 @@ def test_a_step_is_halved_until_the_likelihood_itself_gains(rng, length):
         return auxiliary(mass, S, moved.dense) if possible else -np.inf
 
     uphill = np.einsum("k,kij,j->i", mass * one.weights[:, 5], one.dense - S, one.directions[5])
-    step = length * uphill / np.linalg.norm(uphill)
-    expected = next(0.5**n * step for n in range(60) if value(0.5**n * step) > value(0.0 * step))
-    found = gaining_step(step, one.directions[5], one.weights[:, 5], mass, one.dense, S)
-    np.testing.assert_allclose(found, expected)
+    for step in length * rng.normal(size=(15, 4)):  # most of them far from the steepest way
+        step *= np.sign(uphill @ step)
+        halved = (0.5**n * step for n in range(20))
+        expected = next((h for h in halved if value(h) > value(0.0 * h)), 0.0 * step)
+        found = gaining_step(step, one.directions[5], one.weights[:, 5], mass, one.dense, S)
+        np.testing.assert_allclose(found, expected)
 
 
 def test_a_new_direction_is_the_best_that_any_state_has(rng):
