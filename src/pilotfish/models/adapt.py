@@ -1,12 +1,20 @@
 """A skill where the objects stand now: the product of what every frame says (3.33-3.37, 4.26-4.27)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pilotfish.demonstrations import Frame, Layout, MovingFrame, require_turns, tangent_map
 from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.gaussians import Gaussian, RiemannianGaussian, product, riemannian_product, transform
+from pilotfish.gaussians import (
+    DenseCovariances,
+    Gaussian,
+    RiemannianGaussian,
+    product,
+    riemannian_product,
+    transform,
+)
 from pilotfish.geometry import normalise
 from pilotfish.models.signs import agreeing
 from pilotfish.models.skill import AdaptedSkill, Skill
@@ -28,6 +36,8 @@ def adapt(
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
     require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
+    written = tuple(DenseCovariances(c.dense) for c in skill.covariances)  # once, not for every state
+    skill = replace(skill, covariances=written)
     matched = _matched(skill, frames)
     powers = _powers(relevance, skill)
     ordered = agreeing(matched, skill, powers)
