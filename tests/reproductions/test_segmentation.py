@@ -1,0 +1,101 @@
+"""Exercises are told apart by states that never saw a label, and scored without favour."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pilotfish as pf
+
+
+@pytest.fixture(scope="module")
+def recorded(data_folder):
+    return pf.datasets.mocap6(), pf.datasets.mocap6_labels()
+
+
+def test_features_are_of_one_scale_and_keep_their_steps(recorded, segmentation):
+    """Zero mean and unit variance over all sequences together; as many rows as there are labels."""
+    for features in segmentation.FEATURES.values():
+        seen = features(recorded[0])
+        x = np.vstack([d.x for d in seen])
+        np.testing.assert_allclose(x.mean(axis=0), 0.0, atol=1e-9)
+        np.testing.assert_allclose(x.std(axis=0), 1.0, rtol=1e-9)
+        assert [len(d.x) for d in seen] == [len(of) for of in recorded[1]]
+
+
+def test_the_columns_around_a_step_are_those_of_its_window(recorded, segmentation):
+    """Up to the scale of the column: mean and deviation of the eleven steps about the hundredth."""
+    window = segmentation.standardised(recorded[0])[2].x[95:106]
+    seen = segmentation.around_each_step(recorded[0])
+    every = np.vstack([d.x for d in seen])
+    raw = [segmentation.standardised(recorded[0])[m].x for m in range(4)]
+    padded = [np.pad(x, ((5, 5), (0, 0)), mode="edge") for x in raw]
+    means = np.vstack([[p[t : t + 11].mean(axis=0) for t in range(len(p) - 10)] for p in padded])
+    deviations = np.vstack([[p[t : t + 11].std(axis=0) for t in range(len(p) - 10)] for p in padded])
+    for expected, columns, there in (
+        (means, every[:, :12], window.mean(axis=0)),
+        (deviations, every[:, 12:], window.std(axis=0)),
+    ):
+        np.testing.assert_allclose(
+            columns, (expected - expected.mean(axis=0)) / expected.std(axis=0), atol=1e-9
+        )
+        row = sum(len(x) for x in raw[:2]) + 100
+        np.testing.assert_allclose(expected[row], there, atol=1e-12)
+
+
+def test_exact_durations_are_likelier_and_states_agree_with_labels(recorded, segmentation):
+    """The model that weighs all durations explains the angles best; every method beats chance by far."""
+    seen = segmentation.standardised(recorded[0])
+    trials = [segmentation.trial(seen, recorded[1], seed, 0.1) for seed in range(2)]
+    for tried in trials:
+        likelihoods = {method: tried[method]["log_likelihood"] for method in segmentation.METHODS}
+        assert max(likelihoods, key=likelihoods.__getitem__) == "exact durations"
+        assert min(likelihoods, key=likelihoods.__getitem__) == "mixture"
+        for method in segmentation.METHODS:
+            assert 0.4 < tried[method]["accuracy"] < 0.7
+            assert 0.45 < tried[method]["information"] < 0.75
+            assert [len(path) for path in tried[method]["paths"]] == [len(of) for of in recorded[1]]
+    shuffled = [np.random.default_rng(0).permutation(of) for of in recorded[1]]
+    for method in segmentation.METHODS:
+        chance = segmentation.matched_accuracy(
+            np.concatenate(trials[0][method]["paths"]), np.concatenate(shuffled)
+        )
+        assert chance < 0.6 * trials[0][method]["accuracy"]
+
+
+def test_mean_and_deviation_of_a_cut_gaussian_are_those_of_its_whole_steps(segmentation):
+    """Far from the cut they are the Gaussian's own, in seconds; at the cut the mean is longer."""
+    law = pf.models.GaussianDurations(np.array([60.0, 1.0]), np.array([5.0, 20.0]))
+    means, deviations = segmentation.lasting(law)
+    np.testing.assert_allclose(means[0], 6.0, rtol=1e-6)
+    np.testing.assert_allclose(deviations[0], 0.5, rtol=1e-4)
+    assert 1.4 < means[1] < 1.8  # a half normal of deviation 2 s has the mean 1.6 s
+
+
+def test_a_summary_compares_methods_seed_by_seed(segmentation):
+    """A method that is .1 better at every seed is .1 over the HMM with no error, however seeds differ."""
+    scores = ("accuracy", "information", "log_likelihood", "steps_a_visit", "evidence", "seconds")
+    trials = [
+        {"HMM": dict.fromkeys(scores, base), "mixture": dict.fromkeys(scores, base + 0.1)}
+        for base in (0.2, 0.5, 0.8)
+    ]
+    row = segmentation.summary("mixture", trials)
+    assert row["accuracy"] == pytest.approx(0.6)
+    assert row["accuracy_deviation"] == pytest.approx(0.3)
+    assert row["accuracy_over_HMM"] == pytest.approx(0.1)
+    assert row["accuracy_over_HMM_error"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_the_segmentation_writes_its_numbers_and_pictures(data_folder, tmp_path):
+    """Two seeds: a row for each method and set of features, two pictures for each set."""
+    report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
+    script = Path(__file__).parents[2] / "reproductions" / "segmentation.py"
+    command = [sys.executable, script, "--seeds", "2", "--json", report, "--out", pictures]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    written = json.loads(report.read_text())
+    assert [len(part["rows"]) for part in written.values()] == [4, 4]
+    assert len(list(pictures.glob("*.png"))) == 4
