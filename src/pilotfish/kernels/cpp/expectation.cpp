@@ -9,7 +9,8 @@ namespace pilotfish {
 
 namespace {
 
-constexpr double WORTH = 4e6;  // multiplications of a group: about a millisecond, twenty times a thread's start
+// Multiplications of a group: about a millisecond, where a thread starts in a twentieth of one.
+constexpr double WORTH = 4e6;
 
 // What one group's demonstrations add up to: the caller's own arrays for the first, its own for the others.
 class GroupSums {
@@ -74,13 +75,14 @@ template <typename Inference, typename AnyChain>
 void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyChain& chain,
                Gaussians gaussians, Sums sums) {
   const int K = sizes.K;
-  const long width = chain.width(), longest = *std::max_element(data.lengths + group.first, data.lengths + group.last);
+  const int64_t* lengths = data.lengths;
+  const long width = chain.width(), longest = *std::max_element(lengths + group.first, lengths + group.last);
   Densities densities(sizes, gaussians.means, gaussians.whiteners);
   Moments moments(sizes, gaussians.means, sums.offsets, sums.scatters);
   Inference inference(chain, longest);
   Buffer log_emissions(longest * width, NEVER), gamma(longest * width), mass(width, 0.0);
-  for (long m = group.first, begin = group.begin; m < group.last; begin += data.lengths[m++]) {
-    const long T = data.lengths[m];
+  for (long m = group.first, begin = group.begin; m < group.last; begin += lengths[m++]) {
+    const long T = lengths[m];
     densities.evaluate(data.x, begin, begin + T, log_emissions.data(), width);
     sums.log_likelihoods[m] = inference.infer(log_emissions.data(), T, gamma.data());
     if (sums.log_likelihoods[m] == NEVER) continue;

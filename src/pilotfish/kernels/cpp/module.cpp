@@ -57,8 +57,9 @@ void expect_some(size_t size, const char* name) {
 }
 
 void expect_threads(int threads) {
-  if (threads < 0)
-    throw nb::value_error(("threads is " + std::to_string(threads) + ", expected a number, or 0 for all").c_str());
+  if (threads >= 0) return;
+  const std::string is = "threads is " + std::to_string(threads);
+  throw nb::value_error((is + ", expected a number, or 0 for all").c_str());
 }
 
 struct Free {  // the interpreter while a kernel runs

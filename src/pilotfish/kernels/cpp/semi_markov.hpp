@@ -57,7 +57,8 @@ class SemiMarkovChain {
 };
 
 // Visits to k that may end with step t: n of them that began inside the recording lie ready in terms, the
-// earliest first, and one began with it. step is the emission that they all had last, less what was taken out.
+// earliest first, and one began with it. step is the emission that they all had last, less what was taken
+// out.
 struct Ending {
   long t;
   int k;

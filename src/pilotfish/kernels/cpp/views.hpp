@@ -14,8 +14,8 @@ struct Sizes {
   long N;
   int K, D;
   std::vector<int> turns;  // first columns of the unit quaternions, in rising order
-  int E() const { return D - int(turns.size()); }   // dimensions of a deviation
-  int rows() const { return (E() + 3) / 4 * 4; }    // the same padded, so that tiles of four need no remainder
+  int E() const { return D - int(turns.size()); }  // dimensions of a deviation
+  int rows() const { return (E() + 3) / 4 * 4; }   // the same padded: tiles of four need no remainder
 };
 
 constexpr int PAGE = 8;              // blocks of a page
