@@ -1,6 +1,7 @@
 """Writes every problem into the folder named on the command line, and says whether the valve is real.
 
-`python make_problems.py FOLDER ITERATIONS_SMALL ITERATIONS_LARGE`, in an environment with pilotfish.
+`python make_problems.py FOLDER valve=30 large=5 ...` with the iterations of EM for each size, in an
+environment with pilotfish.
 """
 
 import os
@@ -8,24 +9,41 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from problems import Floats, Framed, Integers, Sequences, Tracking
+from problems import Floats, Framed, Integers, Poses, Sequences, Tracking, Visits
 
 from pilotfish.control import double_integrator
 from pilotfish.demonstrations import read_valve_mat
+from pilotfish.geometry import Pose, conjugate, continuous, exp, log, multiply
 
 STATES, STEPS, PERIOD = 7, 200, 0.1  # s
 REGULARISATION = 1e-5  # what pf.learn adds to variances unless told otherwise
 SLACK, EFFORT = 2e-3, 9.0  # as planning and the README have them
+LONGEST = 100  # steps that a visit lasts
+SIZES = {  # demonstrations, steps, columns, states
+    "large": (50, 500, 14, 10),
+    "vast": (2000, 300, 14, 10),
+    "wide": (2, 500, 94, 30),
+    "visits": (1, 500, 14, 10),
+}
 
 
 def main() -> None:
-    folder, small, large = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    folder = Path(sys.argv[1])
+    iterations = {size: int(count) for size, _, count in (word.partition("=") for word in sys.argv[2:])}
     recording = os.environ.get("PILOTFISH_DATA")
     x, A, b = real_valve(Path(recording)) if recording else synthetic_valve(np.random.default_rng(1))
-    valve_in_one_frame(x, small).save(folder / "valve")
-    valve_in_frames(x, A, b, small).save(folder / "frames")
-    drawn_from_a_chain(np.random.default_rng(2), large).save(folder / "large")
+    valve = valve_in_one_frame(x, iterations["valve"])
+    valve.save(folder / "valve")
+    valve_in_frames(x, A, b, iterations["valve"]).save(folder / "frames")
     valve_reference(x).save(folder / "tracking")
+    in_visits(valve, iterations["visits"]).save(folder / "visits_valve")
+    for number, size in enumerate(("large", "vast", "wide")):
+        drawn_from_a_chain(np.random.default_rng(2 + number), SIZES[size], iterations[size]).save(
+            folder / size
+        )
+    one = drawn_from_a_chain(np.random.default_rng(5), SIZES["visits"], iterations["visits"])
+    in_visits(one, iterations["visits"]).save(folder / "visits")
+    poses_of_a_tool(np.random.default_rng(6)).save(folder / "poses")
     print("real" if recording else "synthetic")
 
 
@@ -86,9 +104,11 @@ def valve_in_frames(x: Floats, A: Floats, b: Floats, iterations: int) -> Framed:
     return Framed(x, A, b, STATES, iterations, joint, weights, means, covariances)
 
 
-def drawn_from_a_chain(rng: np.random.Generator, iterations: int) -> Sequences:
-    """50 sequences of 500 steps in 14 dimensions, from 10 overlapping Gaussians that last 50 steps each."""
-    M, T, D, K = 50, 500, 14, 10
+def drawn_from_a_chain(
+    rng: np.random.Generator, size: tuple[int, int, int, int], iterations: int
+) -> Sequences:
+    """M sequences of T steps in D dimensions, from K overlapping Gaussians that last 50 steps each."""
+    M, T, D, K = size
     transitions, means = sticky(K, 0.98), rng.normal(size=(K, D))
     factors = rng.normal(size=(K, D, D)) / np.sqrt(D) + 0.3 * np.eye(D)
     states = np.empty((M, T), dtype=np.int64)
@@ -97,10 +117,42 @@ def drawn_from_a_chain(rng: np.random.Generator, iterations: int) -> Sequences:
         moves = rng.integers(1, K, size=M)  # to another state, each as likely
         states[:, t] = np.where(rng.random(M) < 0.98, states[:, t - 1], (states[:, t - 1] + moves) % K)
     labels = states.ravel()
-    x = means[labels] + np.einsum("nij,nj->ni", factors[labels], rng.normal(size=(M * T, D)))
+    x = rng.normal(size=(M * T, D))
+    for k in range(K):
+        x[labels == k] = means[k] + x[labels == k] @ factors[k].T
     guess = x[rng.choice(len(x), K, replace=False)]
     pooled = np.tile(np.cov(x.T), (K, 1, 1))
     return Sequences(x, np.full(M, T), np.full(K, 1 / K), transitions, guess, pooled, iterations)
+
+
+def in_visits(given: Sequences, iterations: int) -> Visits:
+    """The same data and Gaussians, to be learned by visits of 1 to LONGEST steps, each as likely at first."""
+    K = len(given.initial)
+    leave = (np.ones((K, K)) - np.eye(K)) / (K - 1)
+    durations = np.full((LONGEST, K), 1 / LONGEST)
+    return Visits(
+        given.x, given.lengths, given.initial, leave, given.means, given.covariances, iterations, durations
+    )
+
+
+def poses_of_a_tool(rng: np.random.Generator) -> Poses:
+    """Four movements of a tool from one object to another, which stand elsewhere each time."""
+    s = np.linspace(0.0, 1.0, STEPS)[:, None]
+    blend = 10 * s**3 - 15 * s**4 + 6 * s**5
+    held = [
+        Pose(rng.normal(size=3), exp(rng.normal(size=3))) for _ in range(2)
+    ]  # object from tool, at each end
+    x, objects = [], []
+    for _ in range(4):
+        stand = [Pose(rng.normal(size=3), exp(rng.normal(size=3))) for _ in held]
+        begin, end = (world @ tool for world, tool in zip(stand, held, strict=True))
+        turn = log(multiply(conjugate(begin.quaternion), end.quaternion))
+        q = multiply(np.tile(begin.quaternion, (STEPS, 1)), exp(blend * turn))
+        q = multiply(q, exp(0.02 * rng.normal(size=(STEPS, 3))))
+        places = begin.position + blend * (end.position - begin.position) + 0.01 * rng.normal(size=(STEPS, 3))
+        x.append(np.hstack([places, continuous(q)]))
+        objects.append([np.concatenate([pose.position, pose.quaternion]) for pose in stand])
+    return Poses(np.stack(x), np.array(objects), STATES)
 
 
 def valve_reference(x: Floats) -> Tracking:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from statistics import quantiles
+from time import monotonic
 from typing import Any
 
 from cases import LIBRARIES, Case, Entry
@@ -22,11 +23,25 @@ class Effort:
     rounds: int
     import_rounds: int
     sample: float
-    iterations: tuple[int, int]  # of EM, at the valve's size and at the large one
+    patience: float  # s, after which a case has no more rounds, if it had a few
+    iterations: Mapping[str, int]  # of EM, for each size
 
 
-FULL = Effort(rounds=15, import_rounds=9, sample=0.02, iterations=(30, 5))
-QUICK = Effort(rounds=2, import_rounds=1, sample=0.0, iterations=(3, 1))
+FEWEST = 3  # rounds, however long they take
+FULL = Effort(
+    rounds=15,
+    import_rounds=9,
+    sample=0.02,
+    patience=60.0,
+    iterations={"valve": 30, "large": 5, "vast": 3, "wide": 4, "visits": 5},
+)
+QUICK = Effort(
+    rounds=2,
+    import_rounds=1,
+    sample=0.0,
+    patience=0.0,
+    iterations={"valve": 3, "large": 2, "vast": 2, "wide": 2, "visits": 2},
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,22 +63,32 @@ def spread(samples: Sequence[float]) -> Spread:
 
 @dataclass(frozen=True, slots=True)
 class First:
-    """The first call in a process that does nothing else [s a unit], and the most memory it held."""
+    """The first call in a process that does nothing else [s a unit], and what the process had spent then.
+
+    result is all its CPU [s] until the first result, imports included. peak_mb is the most memory that it
+    held, grown_mb by how much more than before the call.
+    """
 
     cpu: float
     wall: float
+    result: float
     peak_mb: float
+    grown_mb: float
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One entry of a case. failure says why there are no figures, and is empty when there are."""
+    """One entry of a case. failure says why there are no figures, and is empty when there are.
+
+    begin is the answer before the first iteration, where the library told one.
+    """
 
     entry: Entry
     cpu: Spread | None = None
     wall: Spread | None = None
     first: First | None = None
     answer: float = math.nan
+    begin: float = math.nan
     remark: str = ""
     failure: str = ""
 
@@ -100,7 +125,10 @@ def measure(case: Case, floor: Floor, problems: Path, effort: Effort, say: Say) 
     for turn in turns:
         say(f"{case.name}: {turn.entry.label}, first call")
         _attempt(turn, partial(_begin, turn, floor, folder, effort))
+    began = monotonic()
     for number in range(effort.rounds):
+        if number >= FEWEST and monotonic() - began > effort.patience:
+            break
         say(f"{case.name}: round {number + 1} of {effort.rounds}")
         for turn in turns:
             _attempt(turn, partial(_take, turn, floor))
@@ -125,7 +153,8 @@ def _begin(turn: _Turns, floor: Floor, folder: Path, effort: Effort) -> None:
     with Worker(floor.pythons[library], library, surroundings()) as fresh:
         fresh.ask("prepare", **prepare)
         reply = fresh.ask("run", call=turn.call, repeats=1)
-    turn.first = First(reply["cpu"], reply["wall"], reply["peak_mb"])
+    told = ("cpu", "wall", "result", "peak_mb", "grown_mb")
+    turn.first = First(*(reply[name] for name in told))
     floor.workers[library].ask("prepare", **prepare)
     warm = floor.workers[library].ask("run", call=turn.call, repeats=1)
     turn.repeats = max(1, min(1000, math.ceil(effort.sample / max(warm["call_cpu"], 1e-6))))
@@ -141,7 +170,9 @@ def _result(turn: _Turns) -> Result:
         return Result(turn.entry, failure=turn.failure)
     cpu, wall = ([reply[name] for reply in turn.replies] for name in ("cpu", "wall"))
     last = turn.replies[-1]
-    return Result(turn.entry, spread(cpu), spread(wall), turn.first, last["answer"], last["remark"])
+    return Result(
+        turn.entry, spread(cpu), spread(wall), turn.first, last["answer"], last["begin"], last["remark"]
+    )
 
 
 def measure_imports(floor: Floor, effort: Effort, say: Say) -> dict[str, Spread]:

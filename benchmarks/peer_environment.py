@@ -1,19 +1,22 @@
-"""The peers' own environment, build/peers-venv: what peers.txt names, installed by name with uv or pip."""
+"""The peers' own environments: build/peers-venv has what peers.txt names, installed by name by uv or pip."""
 
+import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-LISTED = Path(__file__).parent / "peers.txt"
-FOLDER = Path(__file__).parents[1] / "build" / "peers-venv"
+LISTS = Path(__file__).parent
+BUILD = Path(__file__).parents[1] / "build"
 
 Run = Callable[[Sequence[str]], str]  # runs a command; says why it failed, nothing when it did not
 
 
 def execute(command: Sequence[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True)
+    links = os.environ.get("PIP_FIND_LINKS")  # where pip is told to look first, uv looks too
+    told = os.environ | ({"UV_FIND_LINKS": links.replace(" ", ",")} if links else {})
+    done = subprocess.run(command, capture_output=True, text=True, env=told)
     said = (done.stderr or done.stdout).strip().splitlines()
     return (
         ""
@@ -22,6 +25,11 @@ def execute(command: Sequence[str]) -> str:
         if said
         else f"{command[0]} ended with {done.returncode}"
     )
+
+
+def place_of(environment: str) -> tuple[Path, Path]:
+    """The folder of an environment of that name, and the list of what is in it."""
+    return BUILD / f"{environment}-venv", LISTS / f"{environment}.txt"
 
 
 def peer_environment(folder: Path, listed: Path, run: Run) -> tuple[Path, dict[str, str]]:

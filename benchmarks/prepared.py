@@ -2,16 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A number by which libraries are compared, and how many units of work (EM iterations, say) it took."""
+    """A number by which libraries are compared, and how many units of work (EM iterations, say) it took.
+
+    begin is the same number before the first unit, NaN where there is none.
+    """
 
     value: float
     units: int = 1
     remark: str = ""
+    begin: float = nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,22 @@ class Sequences(Filed):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Visits(Sequences):
+    """The same, of a hidden semi-Markov model: transitions has a zero diagonal."""
+
+    durations: Floats  # (S, K), shares of 1 ... S steps
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Poses(Filed):
+    """M movements of a tool, and the poses of P objects that it is seen from; quaternions are w x y z."""
+
+    x: Floats  # (M, T, 7)
+    objects: Floats  # (M, P, 7)
+    states: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Framed(Filed):
     """M demonstrations in the world and where P frames stood, to be learned with K states.
 

@@ -1,8 +1,9 @@
 """Time pilotfish beside its peers, on the same data, in one run in which they take turns.
 
-`python benchmarks/run.py` installs the peers of peers.txt into build/peers-venv when they are missing,
-measures, prints the tables and writes them to docs/benchmarks.md. Progress is told on stderr. A run of a part
-(--quick, --only, --cases) writes no file unless --out names one.
+`python benchmarks/run.py` installs the peers of peers.txt, peers-jax.txt and peers-torch.txt into
+build/peers-venv and so on when they are missing, measures, prints the tables and writes them to
+docs/benchmarks.md. Progress is told on stderr. A run of a part (--quick, --only, --cases) writes no
+file unless --out names one.
 """
 
 import argparse
@@ -15,10 +16,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from cases import CASES, LIBRARIES, OURS, PEERS, Case
+from cases import CASES, LIBRARIES, OURS, Case
 from machine import load, machine
 from measure import FULL, QUICK, Effort, Floor, measure, measure_imports
-from peer_environment import FOLDER, LISTED, execute, peer_environment
+from peer_environment import execute, peer_environment, place_of
 from report import Report, as_json, markdown
 from workers import Worker, WorkerError, surroundings
 
@@ -72,13 +73,14 @@ def say(words: str) -> None:
 
 def effort_of(asked: argparse.Namespace) -> Effort:
     effort = QUICK if asked.quick else FULL
-    return replace(effort, rounds=asked.rounds) if asked.rounds else effort
+    imports = min(effort.import_rounds, asked.rounds or effort.import_rounds)
+    return replace(effort, rounds=asked.rounds or effort.rounds, import_rounds=imports)
 
 
 def benchmark(asked: argparse.Namespace) -> Report:
     effort, before = effort_of(asked), load()
-    pythons, missing = places(asked.only or list(LIBRARIES))
     cases = [case for case in CASES if not asked.cases or case.name in asked.cases]
+    pythons, missing = places([name for name in asked.only or LIBRARIES if takes_part(name, cases)])
     with tempfile.TemporaryDirectory(prefix="benchmarks-") as scratch, ExitStack() as stack:
         problems = Path(scratch)
         valve = make_problems(problems, effort)
@@ -111,21 +113,26 @@ def benchmark(asked: argparse.Namespace) -> Report:
 
 def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
     """The python that each library runs in, and why some cannot."""
-    pythons = {name: Path(sys.executable) for name in libraries if name not in PEERS}
-    peers = [name for name in libraries if name in PEERS]
-    if not peers:
-        return pythons, {}
-    say("peers: looking after their environment")
-    python, failures = peer_environment(FOLDER, LISTED, execute)
-    for requirement, reason in failures.items():  # told here only: an installer's words may name this machine
-        say(f"peers: {requirement}: {reason}")
-    missing = [name for name in peers if LIBRARIES[name].distribution in failures]
-    reason = "it could not be installed; the run tells why on stderr"
-    return pythons | dict.fromkeys(peers, python), dict.fromkeys(missing, reason)
+    pythons: dict[str, Path] = {}
+    missing: dict[str, str] = {}
+    for environment in {LIBRARIES[name].environment: None for name in libraries}:
+        names = [name for name in libraries if LIBRARIES[name].environment == environment]
+        if not environment:
+            pythons |= dict.fromkeys(names, Path(sys.executable))
+            continue
+        say(f"{environment}: looking after it")
+        python, failures = peer_environment(*place_of(environment), execute)
+        for requirement, reason in failures.items():  # told here only: it may name this machine
+            say(f"{environment}: {requirement}: {reason}")
+        reason = "it could not be installed; the run tells why on stderr"
+        missing |= {name: reason for name in names if LIBRARIES[name].distribution in failures}
+        pythons |= dict.fromkeys(names, python)
+    return pythons, missing
 
 
 def make_problems(folder: Path, effort: Effort) -> str:
-    command = [sys.executable, str(HERE / "make_problems.py"), str(folder), *map(str, effort.iterations)]
+    iterations = [f"{size}={count}" for size, count in effort.iterations.items()]
+    command = [sys.executable, str(HERE / "make_problems.py"), str(folder), *iterations]
     made = subprocess.run(command, env=surroundings(), stdout=subprocess.PIPE, text=True, check=True)
     return made.stdout.split()[-1]
 
@@ -141,6 +148,10 @@ def introduce(workers: dict[str, Worker], missing: dict[str, str]) -> dict[str, 
                 raise
             missing[name] = str(error)
     return introductions
+
+
+def takes_part(library: str, cases: list[Case]) -> bool:
+    return any(entry.library == library for case in cases for entry in case.entries)
 
 
 def shared(case: Case, pythons: dict[str, Path]) -> bool:

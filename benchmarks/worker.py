@@ -22,6 +22,7 @@ from cases import LIBRARIES
 from prepared import Answer, Prepared
 
 Reply = dict[str, Any]  # what JSON carries
+RESET = Path("/proc/self/clear_refs")
 
 
 def serve(library: str) -> None:
@@ -64,16 +65,22 @@ def prepare(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
 def run(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
     """Seconds for one unit of work, over so many calls in a row."""
     prepared, repeats = calls[request["call"]], request["repeats"]
+    forget_peak()
+    before = peak_mb()
     result, cpu, wall = timed(prepared.run, repeats)
+    spent, peak = process_time(), peak_mb()
     answer: Answer = prepared.answer(result)
     share = 1.0 / (repeats * answer.units)
     return {
         "cpu": cpu * share,
         "wall": wall * share,
         "call_cpu": cpu / repeats,
+        "result": spent,
         "answer": answer.value,
+        "begin": answer.begin,
         "remark": answer.remark,
-        "peak_mb": peak_mb(),
+        "peak_mb": peak,
+        "grown_mb": peak - before,
     }
 
 
@@ -88,8 +95,14 @@ def timed(call: Callable[[], Any], repeats: int) -> tuple[Any, float, float]:
     return result, *spent
 
 
+def forget_peak() -> None:
+    """From now on the peak is counted anew, where the kernel lets us."""
+    if RESET.exists():
+        RESET.write_text("5")
+
+
 def peak_mb() -> float:
-    """The most memory that this process ever held; Linux counts it in KiB."""
+    """The most memory that this process held since then; Linux counts it in KiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
 
 

@@ -22,7 +22,7 @@ class WorkerError(Exception):
 def surroundings() -> dict[str, str]:
     """The environment of every timed process: one thread for linear algebra, bytecode kept."""
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    return inherited | {f"{library}_NUM_THREADS": "1" for library in THREADS}
+    return inherited | {f"{library}_NUM_THREADS": "1" for library in THREADS} | {"JAX_PLATFORMS": "cpu"}
 
 
 class Worker:

@@ -1,4 +1,4 @@
-"""hmmlearn's GaussianHMM: maximum likelihood, its priors switched off."""
+"""hmmlearn's GaussianHMM: maximum likelihood, its priors switched off unless the name says default."""
 
 from pathlib import Path
 
@@ -12,32 +12,48 @@ def remark() -> str:
     return ""
 
 
-def model_of(problem: Sequences, implementation: str) -> GaussianHMM:
-    """The starting model. No tolerance: every iteration asked for is done; covars_prior=0 adds nothing."""
-    settings = {"n_iter": problem.iterations, "tol": -np.inf, "init_params": "", "covars_prior": 0.0}
-    model = GaussianHMM(len(problem.initial), "full", implementation=implementation, **settings)
+def model_of(problem: Sequences, implementation: str, **priors: float) -> GaussianHMM:
+    """The starting model. No tolerance: every iteration asked for is done."""
+    settings = {"n_iter": problem.iterations, "tol": -np.inf, "init_params": ""}
+    model = GaussianHMM(len(problem.initial), "full", implementation=implementation, **settings, **priors)
     model.startprob_, model.transmat_ = problem.initial, problem.transitions
     model.means_, model.covars_ = problem.means, problem.covariances
     return model
 
 
-def em(folder: Path, implementation: str = "log") -> Prepared:
+def em(folder: Path) -> Prepared:
+    return _em(folder, "log", covars_prior=0.0)  # which adds nothing
+
+
+def em_scaling(folder: Path) -> Prepared:
+    return _em(folder, "scaling", covars_prior=0.0)
+
+
+def em_default(folder: Path) -> Prepared:
+    return _em(folder, "log")
+
+
+def em_default_scaling(folder: Path) -> Prepared:
+    return _em(folder, "scaling")
+
+
+def _em(folder: Path, implementation: str, **priors: float) -> Prepared:
     problem = Sequences.load(folder)
     n = problem.iterations
 
     def run() -> GaussianHMM:
-        return model_of(problem, implementation).fit(problem.x, problem.lengths)
+        return model_of(problem, implementation, **priors).fit(problem.x, problem.lengths)
 
-    return Prepared(run, lambda model: Answer(float(model.monitor_.history[-1]), n))
+    def answer(model: GaussianHMM) -> Answer:
+        begin = model_of(problem, implementation, **priors).score(problem.x, problem.lengths)
+        return Answer(float(model.monitor_.history[-1]), n, begin=float(begin))
 
-
-def em_scaling(folder: Path) -> Prepared:
-    return em(folder, "scaling")
+    return Prepared(run, answer)
 
 
 def decode(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
-    model = model_of(problem, "log")
+    model = model_of(problem, "log", covars_prior=0.0)
     return Prepared(
         lambda: model.decode(problem.x, problem.lengths), lambda decoded: Answer(float(decoded[0]))
     )

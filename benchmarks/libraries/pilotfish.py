@@ -6,24 +6,44 @@ from pathlib import Path
 
 import numpy as np
 from prepared import Answer, Prepared
-from problems import Framed, Sequences, Tracking
+from problems import Floats, Framed, Poses, Sequences, Tracking, Visits
 
 from pilotfish import kernels
 from pilotfish.control import Feedback, LinearSystem, Reference, regulate, track
-from pilotfish.demonstrations import Demonstration, Views, demonstration, frame, position_layout, views
+from pilotfish.demonstrations import (
+    Demonstration,
+    Frame,
+    Views,
+    demonstration,
+    frame,
+    frame_from_pose,
+    on_sphere,
+    pose_layout,
+    position_layout,
+    views,
+)
 from pilotfish.gaussians import DenseCovariances, Full
+from pilotfish.geometry import Pose
 from pilotfish.models import (
+    Dynamics,
     EMSettings,
     Fit,
     HiddenModel,
+    Histogram,
+    HistogramDurations,
     MarkovChain,
+    SemiMarkovChain,
     Statistics,
     TimeBins,
+    Timing,
+    Weights,
     learn,
     learn_mixture,
     log_emissions,
     maximise,
     most_likely_chain,
+    most_likely_semi_markov,
+    most_likely_weights,
     statistics,
     viterbi,
 )
@@ -31,24 +51,63 @@ from pilotfish.models import (
 PERIOD = 0.1  # s
 REGULARISATION = 1e-5
 
+Chain = Callable[[Statistics, Dynamics | None], Dynamics]
+EStep = Callable[[HiddenModel, Views], Statistics]
+
 
 def remark() -> str:
     return f"kernels: {kernels.ACTIVE}"
 
 
-def em_steps(model: HiddenModel, data: Views, iterations: int, regularisation: float) -> Statistics:
-    """E- and M-steps by turns; the statistics of the last E-step."""
+def em_steps(
+    model: HiddenModel,
+    data: Views,
+    iterations: int,
+    regularisation: float,
+    chain: Chain = most_likely_chain,
+    e_step: EStep = statistics,
+) -> tuple[float, float]:
+    """E- and M-steps by turns; the log-likelihood in the first E-step and in the last."""
+    trace = []
     for _ in range(iterations):
-        sums = statistics(model, data)
-        model = maximise(sums, model, Full(), regularisation, most_likely_chain)
-    return sums
+        sums = e_step(model, data)
+        trace.append(sums.log_likelihood)
+        model = maximise(sums, model, Full(), regularisation, chain)
+    return trace[0], trace[-1]
 
 
 def em(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
-    data, n = Views(problem.x[None], problem.lengths), problem.iterations
-    run = partial(em_steps, model_of(problem), data, n, regularisation=0.0)
-    return Prepared(run, lambda sums: Answer(sums.log_likelihood, n))
+    return _em(problem, model_of(problem), most_likely_chain)
+
+
+def em_mixture(folder: Path) -> Prepared:
+    problem = Sequences.load(folder)
+    chain = model_of(problem)
+    mixture = HiddenModel(Weights(problem.initial), chain.means, chain.covariances)
+    return _em(problem, mixture, most_likely_weights)
+
+
+def em_all_cores(folder: Path) -> Prepared:
+    problem = Sequences.load(folder)
+    return _em(problem, model_of(problem), most_likely_chain, partial(statistics, threads=0))
+
+
+def em_visits(folder: Path) -> Prepared:
+    problem = Visits.load(folder)
+    S, shown = len(problem.durations), model_of(problem)
+    chain = SemiMarkovChain(problem.initial, problem.transitions, HistogramDurations(problem.durations))
+    model = HiddenModel(chain, shown.means, shown.covariances)
+    m_step = partial(most_likely_semi_markov, timing=Timing(law=Histogram(), longest=S), floor=0.0)
+    return _em(problem, model, m_step, partial(statistics, longest=S))
+
+
+def _em(problem: Sequences, model: HiddenModel, chain: Chain, e_step: EStep = statistics) -> Prepared:
+    """With more columns than steps to fill them, something has to be added to variances."""
+    data, n, (K, D) = Views(problem.x[None], problem.lengths), problem.iterations, problem.means.shape
+    added = 0.0 if len(problem.x) >= 4 * K * D else REGULARISATION
+    run = partial(em_steps, model, data, n, added, chain, e_step)
+    return Prepared(run, lambda trace: Answer(trace[1], n, begin=trace[0]))
 
 
 def em_frames(folder: Path) -> Prepared:
@@ -57,7 +116,7 @@ def em_frames(folder: Path) -> Prepared:
     guess = TimeBins().guess(data, problem.states, np.random.default_rng(0))
     model = maximise(guess, None, Full(), REGULARISATION, most_likely_chain)
     run = partial(em_steps, model, data, n, REGULARISATION)
-    return Prepared(run, lambda sums: Answer(sums.log_likelihood, n))
+    return Prepared(run, lambda trace: Answer(trace[1], n, begin=trace[0]))
 
 
 def fit_semi_markov(folder: Path) -> Prepared:
@@ -66,6 +125,34 @@ def fit_semi_markov(folder: Path) -> Prepared:
 
 def fit_mixture(folder: Path) -> Prepared:
     return _fit(folder, learn_mixture)
+
+
+def fit_vast(folder: Path) -> Prepared:
+    """Demonstrations are what a user has; all that is allocated after them counts as the fit's."""
+    problem = Sequences.load(folder)
+    shown, states = sequences_of(problem), len(problem.initial)
+    settings = EMSettings(max_iterations=problem.iterations)
+    del problem
+    return Prepared(
+        lambda: learn(shown, states=states, rng=np.random.default_rng(0), settings=settings), _read_fit
+    )
+
+
+def fit_poses(folder: Path) -> Prepared:
+    problem = Poses.load(folder)
+    names = [f"object {p}" for p in range(problem.objects.shape[1])]
+    shown = [
+        on_sphere(
+            demonstration(x, PERIOD, pose_layout(), [_stand(*told) for told in zip(names, seen, strict=True)])
+        )
+        for x, seen in zip(problem.x, problem.objects, strict=True)
+    ]
+    run = partial(learn, shown, states=problem.states, rng=np.random.default_rng(0))
+    return Prepared(run, _read_fit)
+
+
+def _stand(name: str, place: Floats) -> Frame:
+    return frame_from_pose(name, pose_layout(), Pose(place[:3], place[3:]))
 
 
 def _fit(folder: Path, learner: Callable[..., Fit]) -> Prepared:

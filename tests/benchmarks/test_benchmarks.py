@@ -90,6 +90,55 @@ def test_speed_counts_only_when_the_answers_agree(benchmark_module, answer: floa
     assert judged.verdict.startswith("not comparable")
 
 
+@pytest.mark.parametrize(("slower", "verdict"), [(3.5, "pass"), (2.5, "miss")])
+def test_a_lead_over_all_is_over_the_fastest_that_is_not_ours(benchmark_module, slower: float, verdict: str):
+    """Our own portable kernels are no peer, however quick; the verdict names the one that is."""
+    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    case = next(case for case in cases.CASES if case.name == "em_valve")
+    seconds = {"pilotfish": 1.0, "pilotfish_baseline": 1.1, "hmmlearn": 9.0, "dynamax": slower}
+    taken = [(case, results(measure, cases, {name: (s * 1e-3, 1.0) for name, s in seconds.items()}))]
+    judged = report.judge(cases.Lead("em_valve", times=3.0), taken)
+    assert (judged.verdict, judged.measured) == (verdict, f"{slower:.1f} x (dynamax)")
+
+
+@pytest.mark.parametrize(("grown", "verdict"), [(134.0, "pass"), (135.0, "miss")])
+def test_room_is_what_a_call_adds_to_the_memory(benchmark_module, grown: float, verdict: str):
+    """At most twice 67.2 MB, however much the process held before."""
+    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    case = next(case for case in cases.CASES if case.name == "fit_vast")
+    first = measure.First(cpu=1.0, wall=1.0, result=2.0, peak_mb=1e4, grown_mb=grown)
+    taken = measure.Result(cases.Entry("pilotfish", "", ""), measure.spread([1.0]), first=first, answer=1.0)
+    assert report.judge(cases.Room("fit_vast", 67.2, 2.0), [(case, [taken])]).verdict == verdict
+
+
+@pytest.mark.parametrize(("begin", "comparable"), [(2.0, True), (2.1, False), (np.nan, False)])
+def test_a_peer_with_another_model_is_compared_where_it_begins(
+    benchmark_module, begin: float, comparable: bool
+):
+    """Another prior leads elsewhere; from the same parameters the likelihood is the same at first."""
+    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    case = next(case for case in cases.CASES if case.name == "em_valve")
+    own = measure.Result(cases.Entry("pilotfish", "", ""), measure.spread([1.0]), answer=5.0, begin=2.0)
+    other = cases.Entry("dynamax", "", "", differs="its prior")
+    taken = [own, measure.Result(other, measure.spread([9.0]), answer=4.0, begin=begin)]
+    judged = report.judge(cases.Lead("em_valve", times=3.0), [(case, taken)])
+    assert judged.verdict == ("pass" if comparable else "not comparable: the answers differ")
+
+
+def test_memory_that_was_given_back_is_not_counted(benchmark_module):
+    """The peak is counted from when it was forgotten: what was held and freed before does not hide growth."""
+    worker = benchmark_module("worker")
+    if not worker.RESET.exists():
+        pytest.skip("this kernel counts one peak for the whole of a process")
+    held = np.ones(40_000_000)  # 320 MB
+    del held
+    worker.forget_peak()
+    before = worker.peak_mb()
+    held = np.ones(20_000_000)
+    assert 150.0 < worker.peak_mb() - before < 250.0
+    del held
+
+
 def test_a_peer_that_cannot_be_installed_keeps_no_other_out(benchmark_module, tmp_path: Path):
     """The others are installed one by one, it is named with the reason, and the next run tries again."""
     module = benchmark_module("peer_environment")
@@ -120,7 +169,9 @@ def test_a_library_that_is_not_there_is_reported_by_its_worker(benchmark_module)
 
 def test_peers_are_names_and_versions():
     """Every line reads name==version: no address, no path, no range."""
-    for line in (BENCHMARKS / "peers.txt").read_text().splitlines():
+    lines = [line for listed in BENCHMARKS.glob("peers*.txt") for line in listed.read_text().splitlines()]
+    assert len(lines) > 10
+    for line in lines:
         name, version = line.split("==")
         assert name.replace("-", "").isalnum()
         assert version.replace(".", "").isalnum()

@@ -133,6 +133,18 @@ def test_a_singular_covariance_is_reported_with_its_number_and_the_remedy():
         whiteners(np.full((1, 2, 2), np.nan))
 
 
+@pytest.mark.parametrize("D", [1, 16, 17, 33, 94])
+def test_whiteners_of_any_width_are_lower_triangular_and_whiten(rng, D: int):
+    """W C W^T = 1, also where W is put together of halves of unequal size."""
+    roots = rng.normal(size=(3, D, D))
+    covariances = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(D)
+    W = whiteners(covariances)
+    np.testing.assert_array_equal(W, np.tril(W))
+    np.testing.assert_allclose(
+        W @ covariances @ W.transpose(0, 2, 1), np.tile(np.eye(D), (3, 1, 1)), atol=1e-10
+    )
+
+
 def test_columns_may_be_counted_from_the_end_and_must_exist(rng):
     g = random_gaussian(rng, 3)
     last, same = (condition(g, np.array([n]), np.array([0.3])) for n in (-1, 2))
