@@ -207,7 +207,7 @@ def test_contradictions_are_refused(rng):
 def test_points_that_mean_nothing_are_refused(rng, pose_plan):
     plan, layout, q = pose_plan
     with pytest.raises(InvalidInput, match="did you mean 'position'"):
-        through(plan, [via_point("positon", np.zeros(3), time=0.5, deviation=0.1)], layout)
+        through(plan, [via_point("posit", np.zeros(3), time=0.5, deviation=0.1)], layout)
     with pytest.raises(InvalidInput, match="2 numbers, expected 3: position x, position y, position z"):
         through(plan, [via_point("position", np.zeros(2), time=0.5, deviation=0.1)], layout)
     with pytest.raises(InvalidInput, match=r"norm 2.*unit quaternion"):
