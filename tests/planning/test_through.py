@@ -395,5 +395,11 @@ def test_wishes_that_have_no_place_on_a_map_are_refused(curved):
     ):
         with pytest.raises(InvalidInput, match="whole unit quaternion"):
             on_chart(via_point(what, value, time=1.0, deviation=deviation), here)
+    flat, wish = (
+        plan(here.skill, here.skill.means[0], horizon=9),
+        via_point("orientation", q, time=0.5, deviation=0.1),
+    )
+    with pytest.raises(InvalidInput, match=r"4 numbers, expected 3.*on_chart"):
+        through(flat, [wish], here.skill.layout)
     with pytest.raises(InvalidInput, match="expected 0"):
         on_chart(via_point("orientation'", [0.0, 1.0, 0.0], time=1.0, deviation=0.1), here)

@@ -70,7 +70,7 @@ def log_input_densities(given: Conditionals, x: Float[Array, "N _"]) -> Float[Ar
     require_inputs(given.inputs, x)
     emissions = kernels.Emissions(given.centres[None], given.whiteners[None])
     with np.errstate(over="ignore", invalid="ignore"):
-        log_densities = kernels.log_emissions(np.ascontiguousarray(x)[None], emissions)
+        log_densities = kernels.log_emissions(np.ascontiguousarray(x, dtype=np.float64)[None], emissions)
     lost = ~np.isfinite(log_densities.max(axis=1, initial=-np.inf))
     if lost.any():
         n = int(lost.argmax())

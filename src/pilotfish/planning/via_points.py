@@ -125,7 +125,7 @@ def _at_its_step(
     if len(columns) != len(point.value):
         raise InvalidInput(
             f"{point.what!r} is wished to be {len(point.value)} numbers, expected {len(columns)}: "
-            f"{', '.join(layout.names[c] for c in columns)}"
+            f"{', '.join(layout.names[c] for c in columns)}; planning.on_chart puts a quaternion on a map"
         )
     step = _step(point, len(states) - 1, period)
     if not turn:
