@@ -31,6 +31,7 @@ from pilotfish.models import (
     learn,
     learn_markov,
     learn_mixture,
+    learn_semi_markov,
     log_likelihood_of_states,
     maximise,
     most_likely_weights,
@@ -173,7 +174,7 @@ def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
     np.testing.assert_allclose(dense[1], dense[0], atol=10 * size**3)
 
 
-@pytest.mark.parametrize("way", [learn, learn_markov, learn_mixture])
+@pytest.mark.parametrize("way", [learn, learn_markov, learn_mixture, learn_semi_markov])
 def test_every_way_of_learning_works_on_the_sphere(rng, demos, way):
     fit = way(demos, states=3, rng=rng)
     assert fit.skill.means.shape == (2, 3, 7)

@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 
 from pilotfish.control import double_integrator, track
-from pilotfish.demonstrations import Layout, Quantity, pose_layout
+from pilotfish.demonstrations import (
+    Frame,
+    Layout,
+    Quantity,
+    demonstration,
+    frame_from_pose,
+    on_sphere,
+    pose_layout,
+    world_frame,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import (
+    Pose,
     angle,
     exp,
     exp_at,
@@ -18,8 +28,9 @@ from pilotfish.geometry import (
     rotation_matrix,
     rotation_vector,
 )
-from pilotfish.models import AdaptedSkill, GaussianDurations, SemiMarkovChain
+from pilotfish.models import AdaptedSkill, GaussianDurations, SemiMarkovChain, adapt, learn
 from pilotfish.planning import chart, expected_plan, plan, planned_states, reference
+from pilotfish.store import datasets
 
 POSE = pose_layout()
 SPHERE = Layout((POSE.parts[0], replace(POSE.parts[1], quantity=Quantity.ORIENTATION)))
@@ -157,3 +168,38 @@ def test_what_has_no_chart_is_refused(rng, model):
         chart(chart(model).skill)
     with pytest.raises(InvalidInput, match="13 finite numbers"):
         chart(model, at=np.zeros(7))
+
+
+def opened_valves(rng=None, world=None):
+    """The valve's recording on S^3; rows and frames told by q or -q at random, by an observer elsewhere."""
+    told = []
+    for demo in map(on_sphere, datasets.valve()):
+        move = frame_from_pose("world", demo.layout, world) if world else world_frame(demo.layout.width)
+        x, frames = demo.x @ move.A.T + move.b, []
+        for frame in demo.frames:
+            A = move.A @ frame.A
+            A[3:7] *= -1.0 if rng is not None and rng.uniform() < 0.5 else 1.0
+            frames.append(Frame(frame.name, A, move.A @ frame.b + move.b))
+        if rng is not None:
+            x[:, 3:7] *= rng.choice([-1.0, 1.0], size=(len(x), 1))
+        told.append(demonstration(x, demo.period, demo.layout, frames, demo.name))
+    return told
+
+
+def replayed(demos, test):
+    fit = learn(demos[:4], states=7, rng=np.random.default_rng(0))
+    here = chart(adapt(fit.skill, demos[test].frames))
+    start = here.inward(demos[test].x[0])
+    feedback = track(double_integrator(6, 0.1), plan(here.skill, start, horizon=200), 9.0)
+    return fit, here.outward(feedback.rollout(start).x)
+
+
+def test_a_valve_is_opened_alike_whatever_the_signs_and_the_worlds_axes(data_folder, rng):
+    """From real recordings to the motion: the same trace, and a replay that turns along with the world."""
+    world = Pose(rng.normal(size=3), exp(rng.normal(size=3)))
+    fit, motion = replayed(opened_valves(), 5)
+    again, elsewhere = replayed(opened_valves(rng, world), 5)
+    np.testing.assert_allclose(again.trace, fit.trace, rtol=1e-7)
+    move = frame_from_pose("world", SPHERE.differentiated(), world)
+    apart = log_at(motion @ move.A.T + move.b, elsewhere, TURNS)
+    np.testing.assert_allclose(apart, 0.0, atol=1e-5)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians.gaussian import Gaussian, log_density, product
+from pilotfish.gaussians.gaussian import Gaussian, log_density, product, whiteners
 from pilotfish.geometry import differential, exp_at, log_at
 from pilotfish.types import Array, Float
 
-STEPS, ARRIVED = 100, 1e-11
-HALVES = 0.5 ** np.arange(20)[:, None]
+STEPS, ARRIVED = 100, 1e-10
+HALVES = 0.5 ** np.arange(20)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,9 +42,14 @@ def seen_at(g: RiemannianGaussian, point: Float[Array, " D"]) -> Gaussian:
     Covariances go by the exact differential of the exponential, from which parallel transport differs in
     second order of the distance.
     """
-    v = log_at(g.mean, point, g.turns)
-    J = differential(v, g.turns)
-    return Gaussian(-v, J @ g.covariance @ J.T)  # J v = v: the mean lies straight back
+    return _carried(log_at(g.mean[None], point, g.turns), [g])[0]
+
+
+def _carried(v: Float[Array, "P E"], said: Sequence[RiemannianGaussian]) -> list[Gaussian]:
+    """Several seen at one point, v being what leads to it from their means."""
+    J = differential(v, said[0].turns)
+    carried = J @ np.stack([g.covariance for g in said]) @ J.transpose(0, 2, 1)
+    return [Gaussian(-back, C) for back, C in zip(v, carried, strict=True)]  # J v = v: straight back
 
 
 def riemannian_product(gaussians: Sequence[RiemannianGaussian]) -> RiemannianGaussian:
@@ -63,16 +68,21 @@ def riemannian_product(gaussians: Sequence[RiemannianGaussian]) -> RiemannianGau
         raise InvalidInput("a product of no Gaussians was asked for; give at least one")
     turns = gaussians[0].turns
 
-    def log_p(points: Float[Array, "N D"]) -> Float[Array, " N"]:
-        return np.asarray(sum(riemannian_log_density(g, points) for g in gaussians))
+    W = whiteners(np.stack([g.covariance for g in gaussians]), "the covariance of opinion")
+    means = np.stack([g.mean for g in gaussians])
 
-    beginnings = np.stack([g.mean for g in gaussians])
-    x = beginnings[log_p(beginnings).argmax()]
+    def cost(v: Float[Array, "P E"]) -> float:
+        return float(np.sum(np.einsum("pij,pj->pi", W, v) ** 2))
+
+    x = min(means, key=lambda mean: cost(log_at(means, mean, turns)))
+    v = log_at(means, x, turns)
     for _ in range(STEPS):
-        fused = product([seen_at(g, x) for g in gaussians])
-        here, reached = log_p(x[None])[0], exp_at(x, HALVES * fused.mean, turns)
-        up = np.flatnonzero(log_p(reached) > here)
-        if not up.size or np.abs(fused.mean).max() <= ARRIVED:
+        step = product(_carried(v, gaussians))
+        tried = (
+            (point := exp_at(x, size * step.mean, turns), log_at(means, point, turns)) for size in HALVES
+        )
+        lower = next((found for found in tried if cost(found[1]) < cost(v)), None)
+        if lower is None or np.abs(step.mean).max() <= ARRIVED:
             break
-        x = reached[up[0]]
-    return RiemannianGaussian(exp_at(x, fused.mean, turns), fused.covariance, turns)
+        x, v = lower
+    return RiemannianGaussian(exp_at(x, step.mean, turns), step.covariance, turns)
