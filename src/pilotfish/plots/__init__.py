@@ -11,6 +11,7 @@ from pilotfish.plots.passing import via_points
 from pilotfish.plots.precision import deviations
 from pilotfish.plots.replay import reproduction
 from pilotfish.plots.seen import demonstrations_seen
+from pilotfish.plots.sizes import model_sizes
 from pilotfish.plots.style import MOST_STATES, state_colour
 from pilotfish.plots.trace import likelihood_trace
 
@@ -23,6 +24,7 @@ __all__ = [
     "forward_variable",
     "gains",
     "likelihood_trace",
+    "model_sizes",
     "reproduction",
     "state_colour",
     "state_graph",

@@ -1,0 +1,125 @@
+"""Structures and kinds of durations by the names that a command line gives them."""
+
+import difflib
+from collections.abc import Callable, Sequence
+
+from pilotfish import models
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import (
+    EMLLT,
+    HDDC,
+    MFA,
+    MLT,
+    MPPCA,
+    Diagonal,
+    Full,
+    HDDCShare,
+    SemiTied,
+    Spherical,
+    Structure,
+)
+from pilotfish.models import Candidate, Learner
+
+MOST = 500  # candidates of one selection
+
+# To offer a structure or a law of durations, give it a name here.
+PLAIN: dict[str, Callable[[], Structure]] = {
+    "full": Full,
+    "diagonal": Diagonal,
+    "spherical": Spherical,
+    "semi-tied": SemiTied,
+}
+SIZED: dict[str, Callable[[float], Structure]] = {
+    "semi-tied": lambda tying: SemiTied(tying=tying),
+    "mfa": lambda factors: MFA(_whole(factors)),
+    "mppca": lambda components: MPPCA(_whole(components)),
+    "hddc": lambda kept: HDDCShare(kept) if kept < 1.0 else HDDC(_whole(kept)),
+    "emllt": lambda vectors: EMLLT(_whole(vectors)),
+    "mlt": lambda transforms: MLT(_whole(transforms)),
+}
+DURATIONS: dict[str, Learner] = {
+    "counted": models.learn,
+    "markov": models.learn_markov,
+    "mixture": models.learn_mixture,
+}
+
+
+def candidates(states: str, structures: str, durations: str) -> list[Candidate]:
+    """All combinations of what three options list, structures varying slowest, states fastest.
+
+    Raises: InvalidInput, when one is unknown, twice there, or there are too many.
+    """
+    kinds, ways, sizes = structure_list(structures), duration_list(durations), state_list(states)
+    if (count := len(kinds) * len(ways) * len(sizes)) > MOST:
+        raise InvalidInput(f"{count} candidates were asked for, expected at most {MOST}; list fewer of each")
+    return [Candidate(K, kind, way, DURATIONS[way]) for kind in kinds for way in ways for K in sizes]
+
+
+def structure_list(text: str) -> list[Structure]:
+    """Covariance structures such as full,semi-tied:0.5,mfa:4.    Raises: InvalidInput."""
+    return [_structure(word) for word in _words("structures", text)]
+
+
+def duration_list(text: str) -> list[str]:
+    """Names of what is made of durations, such as counted,markov.    Raises: InvalidInput."""
+    words = _words("durations", text)
+    for word in words:
+        if word not in DURATIONS:
+            raise InvalidInput(_unknown("durations", word, list(DURATIONS)))
+    return words
+
+
+def state_list(text: str) -> list[int]:
+    """Numbers of states such as 3:10 or 3,5,8:12, in rising order.    Raises: InvalidInput."""
+    sizes: set[int] = set()
+    for word in _words("states", text):
+        ends = word.split(":")
+        if len(ends) > 2 or not all(end.isdecimal() and len(end) < 6 for end in ends):
+            raise InvalidInput(f"--states has {word!r}, expected numbers such as 5 or 3:10")
+        first, last = int(ends[0]), int(ends[-1])
+        if not 1 <= first <= last:
+            raise InvalidInput(
+                f"--states has {word!r}, expected a range that rises from at least 1, say 3:10"
+            )
+        sizes.update(range(first, last + 1))
+    return sorted(sizes)
+
+
+def _structure(word: str) -> Structure:
+    name, _, size = word.partition(":")
+    if name not in {**PLAIN, **SIZED}:
+        raise InvalidInput(
+            _unknown("structures", name, [*PLAIN, *(f"{n}:N" for n in SIZED if n not in PLAIN)])
+        )
+    if not size:
+        if name not in PLAIN:
+            raise InvalidInput(f"--structures has {word!r}, expected a size such as {name}:4")
+        return PLAIN[name]()
+    if name not in SIZED:
+        raise InvalidInput(f"--structures has {word!r}, but {name} has no size; write {name}")
+    try:
+        number = float(size)
+    except ValueError:
+        raise InvalidInput(f"--structures has {word!r}, expected a number after the colon") from None
+    return SIZED[name](number)
+
+
+def _whole(size: float) -> int:
+    if not size.is_integer():
+        raise InvalidInput(f"--structures has the size {size:g}, expected a whole number")
+    return int(size)
+
+
+def _words(option: str, text: str) -> list[str]:
+    words = [word.strip().lower() for word in text.split(",")]
+    if not all(words):
+        raise InvalidInput(f"--{option} is {text!r}, expected a list with commas between")
+    if twice := [word for word in words if words.count(word) > 1]:
+        raise InvalidInput(f"--{option} names {twice[0]!r} more than once")
+    return words
+
+
+def _unknown(option: str, word: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(word, known, n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"--{option} has {word!r}, expected some of {', '.join(known)}{hint}"
