@@ -16,16 +16,22 @@ from pilotfish.demonstrations import (
     frame_from_pose,
     pose_layout,
 )
-from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances
+from pilotfish.gaussians import DenseCovariances, Diagonal, Full, SemiTied, SemiTiedCovariances
 from pilotfish.geometry import Pose
 from pilotfish.models import (
     AdaptedSkill,
+    Candidate,
+    Failure,
     Fit,
     GaussianDurations,
     Outcome,
     Provenance,
+    Score,
+    Selection,
     SemiMarkovChain,
     Skill,
+    learn,
+    learn_markov,
 )
 from pilotfish.planning import reference
 
@@ -90,6 +96,21 @@ def make_demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> 
     return tuple(shown)
 
 
+def make_selection(rng: np.random.Generator) -> Selection:
+    """Scores of three structures, two kinds of durations and five sizes; larger ones do better, and worse."""
+    tried = [
+        Candidate(states, structure, name, learner)
+        for structure in (Full(), Diagonal(), SemiTied())
+        for name, learner in (("counted", learn), ("markov", learn_markov))
+        for states in range(3, 8)
+    ]
+    scores = [
+        Score(c, c.states, 100 * c.states + n, 5e3, -1e4 + n, rng.normal(20.0 - (c.states - 5) ** 2, 3.0, 4))
+        for n, c in enumerate(tried)
+    ]
+    return Selection(tuple(scores), (Failure(tried[0], "it collapsed"),))
+
+
 @dataclass(frozen=True)
 class Things:
     """All that the pictures of the room show."""
@@ -103,6 +124,7 @@ class Things:
     feedback: Feedback
     motion: Motion
     fit: Fit
+    selection: Selection
 
 
 def make_things(rng: np.random.Generator) -> Things:
@@ -113,7 +135,8 @@ def make_things(rng: np.random.Generator) -> Things:
     feedback = track(double_integrator(7, PERIOD), reference(adapted, states, 2e-3), 9.0)
     fit = Fit(skill, skill, np.sort(rng.normal(size=8)), Outcome(True, 8, "it was enough", ()))
     motion = feedback.rollout(shown[0].x[0])
-    return Things(skill, make_skill(rng, tied=True), frames, shown, adapted, states, feedback, motion, fit)
+    tied, chosen = make_skill(rng, tied=True), make_selection(rng)
+    return Things(skill, tied, frames, shown, adapted, states, feedback, motion, fit, chosen)
 
 
 @pytest.fixture

@@ -38,10 +38,11 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
     "deviations": lambda t: plots.deviations(t.skill),
     "basis_vectors": lambda t: plots.basis_vectors(t.tied),
     "component_correlations": lambda t: plots.component_correlations([t.skill, t.tied]),
+    "model_sizes": lambda t: plots.model_sizes(t.selection),
     "likelihood_trace": lambda t: plots.likelihood_trace([t.fit, t.fit]),
 }
 WITH_UNIT = re.compile(r"\[.+\]$")
-COUNTS = {"state", "iteration", "basis vector (first is 0)"}  # axes of numbers that have no unit
+COUNTS = {"state", "states", "iteration", "basis vector (first is 0)"}  # axes of numbers that have no unit
 
 
 @pytest.fixture(scope="module", params=DRAW)

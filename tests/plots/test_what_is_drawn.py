@@ -12,8 +12,9 @@ from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from pilotfish import plots
 from pilotfish.demonstrations import pose_layout, views
-from pilotfish.gaussians import DenseCovariances, SemiTiedCovariances, component_correlation
-from pilotfish.models import GaussianDurations, SemiMarkovChain, Skill, occupancy
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import DenseCovariances, SemiTied, SemiTiedCovariances, component_correlation
+from pilotfish.models import GaussianDurations, Selection, SemiMarkovChain, Skill, occupancy
 from pilotfish.planning import via_point
 
 LAYOUT = pose_layout().differentiated()
@@ -233,3 +234,48 @@ def test_points_stand_at_their_time_and_place_in_the_panels_that_they_name(thing
     np.testing.assert_allclose(other[1].lines[0].get_xydata(), [[1.1, 0.4]])
     line = panels["position z [m]"].get_lines()[0]
     np.testing.assert_allclose(line.get_ydata(), things.motion.x[:, 2])
+
+
+def test_sizes_show_differences_to_the_best_with_their_errors_and_ring_the_choice(things: Any):
+    """A point lies where its score is, less the highest; its bar is the error of that difference."""
+    selection, top = things.selection, things.selection.likeliest
+    left, right = plots.model_sizes(selection).axes
+    bars = {float(y): bar for c in left.containers for y, bar in _points_and_bars(c)}
+    assert len(bars) == len(selection.scores)
+    for score in selection.scores:
+        gains = score.held_out - top.held_out
+        error = gains.std(ddof=1) / np.sqrt(len(gains))
+        heights = np.array(list(bars))
+        nearest = bars[heights[np.abs(heights - gains.mean()).argmin()]]
+        np.testing.assert_allclose(nearest, 2.0 * error, atol=1e-12)
+    drawn = np.concatenate([line.get_ydata() for line in right.get_lines() if len(line.get_xdata()) > 1])
+    np.testing.assert_array_equal(np.sort(drawn), np.sort([s.bic for s in selection.scores]))
+    (ring,) = (line for line in right.get_lines() if len(line.get_xdata()) == 1)
+    best = selection.best
+    assert (float(ring.get_xdata()[0]), float(ring.get_ydata()[0])) == (best.candidate.states, best.bic)
+
+
+def _points_and_bars(container: Any) -> list[tuple[float, float]]:
+    points, _, (bars,) = container.lines
+    heights = [float(np.ptp(segment[:, 1])) for segment in bars.get_segments()]
+    return list(zip(points.get_ydata(), heights, strict=True))
+
+
+def test_an_impossible_demonstration_is_a_triangle_at_the_lower_edge(things: Any):
+    """A score of minus infinity has no place on the scale, and is not left out."""
+    one, *others = things.selection.scores
+    never = replace(one, held_out=np.array([1.0, 2.0, -np.inf, 3.0]))
+    left = plots.model_sizes(Selection((never, *others), ())).axes[0]
+    marks = [line for line in left.get_lines() if line.get_marker() == "v" and len(line.get_xdata())]
+    assert len(marks) == 1
+    assert abs(float(marks[0].get_xdata()[0]) - one.candidate.states) < 0.5
+    assert 0.0 < float(marks[0].get_ydata()[0]) < 0.1
+
+
+def test_more_structures_than_colours_are_refused(things: Any):
+    many = [
+        replace(s, candidate=replace(s.candidate, structure=SemiTied(tying=n / 100.0)))
+        for n, s in enumerate(things.selection.scores)
+    ]
+    with pytest.raises(InvalidInput, match="30 structures, expected at most 8"):
+        plots.model_sizes(Selection(tuple(many), ()))

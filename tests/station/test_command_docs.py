@@ -50,14 +50,22 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 9
+    assert len(lines) == 10
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
         if arguments[0] != "demo":
             result = run(*arguments)
             assert (result.exit_code, result.stderr) == (0, ""), line
-    written = {"my-valve", "valve.skill", "valve-pictures", "motion.csv", "gains.npz", "motion.png"}
+    written = {
+        "my-valve",
+        "valve.skill",
+        "valve-pictures",
+        "motion.csv",
+        "gains.npz",
+        "motion.png",
+        "sizes.png",
+    }
     assert written <= {path.name for path in tmp_path.iterdir()}
 
 

@@ -68,9 +68,9 @@ def model_sizes(selection: Selection) -> Figure:
         right.plot(line.states, bics, color=line.colour, linestyle=line.dash, marker="o", markersize=4)
         if best in line.scores:
             _ring(left, best.candidate.states + line.shift, float(_gains(best, top).mean()))
-            _ring(right, best.candidate.states, best.bic)
+            _ring(right, float(best.candidate.states), best.bic)
     dress(left, x="states", y="log-likelihood per datapoint,\nagainst the best [nat]", title="held out")
-    dress(right, x="states", y="Bayesian information criterion", title="all (low is good)")
+    dress(right, x="states", y="Bayesian information criterion [nat]", title="all (low is good)")
     for axes in (left, right):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

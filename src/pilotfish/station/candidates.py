@@ -1,42 +1,17 @@
 """Structures and kinds of durations by the names that a command line gives them."""
 
 import difflib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from pilotfish import models
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
-    EMLLT,
-    HDDC,
-    MFA,
-    MLT,
-    MPPCA,
-    Diagonal,
-    Full,
-    HDDCShare,
-    SemiTied,
-    Spherical,
-    Structure,
-)
+from pilotfish.gaussians import Structure
 from pilotfish.models import Candidate, Learner
+from pilotfish.station.structure_names import structure_named
 
 MOST = 500  # candidates of one selection
 
-# To offer a structure or a law of durations, give it a name here.
-PLAIN: dict[str, Callable[[], Structure]] = {
-    "full": Full,
-    "diagonal": Diagonal,
-    "spherical": Spherical,
-    "semi-tied": SemiTied,
-}
-SIZED: dict[str, Callable[[float], Structure]] = {
-    "semi-tied": lambda tying: SemiTied(tying=tying),
-    "mfa": lambda factors: MFA(_whole(factors)),
-    "mppca": lambda components: MPPCA(_whole(components)),
-    "hddc": lambda kept: HDDCShare(kept) if kept < 1.0 else HDDC(_whole(kept)),
-    "emllt": lambda vectors: EMLLT(_whole(vectors)),
-    "mlt": lambda transforms: MLT(_whole(transforms)),
-}
+# To offer a law of durations, give it a name here; structures have theirs in structure_names.
 DURATIONS: dict[str, Learner] = {
     "counted": models.learn,
     "markov": models.learn_markov,
@@ -57,7 +32,7 @@ def candidates(states: str, structures: str, durations: str) -> list[Candidate]:
 
 def structure_list(text: str) -> list[Structure]:
     """Covariance structures such as full,semi-tied:0.5,mfa:4.    Raises: InvalidInput."""
-    return [_structure(word) for word in _words("structures", text)]
+    return [structure_named(word) for word in _words("structures", text)]
 
 
 def duration_list(text: str) -> list[str]:
@@ -83,31 +58,6 @@ def state_list(text: str) -> list[int]:
             )
         sizes.update(range(first, last + 1))
     return sorted(sizes)
-
-
-def _structure(word: str) -> Structure:
-    name, _, size = word.partition(":")
-    if name not in {**PLAIN, **SIZED}:
-        raise InvalidInput(
-            _unknown("structures", name, [*PLAIN, *(f"{n}:N" for n in SIZED if n not in PLAIN)])
-        )
-    if not size:
-        if name not in PLAIN:
-            raise InvalidInput(f"--structures has {word!r}, expected a size such as {name}:4")
-        return PLAIN[name]()
-    if name not in SIZED:
-        raise InvalidInput(f"--structures has {word!r}, but {name} has no size; write {name}")
-    try:
-        number = float(size)
-    except ValueError:
-        raise InvalidInput(f"--structures has {word!r}, expected a number after the colon") from None
-    return SIZED[name](number)
-
-
-def _whole(size: float) -> int:
-    if not size.is_integer():
-        raise InvalidInput(f"--structures has the size {size:g}, expected a whole number")
-    return int(size)
 
 
 def _words(option: str, text: str) -> list[str]:

@@ -25,9 +25,10 @@ from pilotfish.station.answers import (
     require_new,
     table,
 )
-from pilotfish.station.candidates import candidates
+from pilotfish.station.candidates import DURATIONS, candidates
 from pilotfish.station.pictures import a_picture, require_matplotlib, save_picture
 from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
+from pilotfish.station.structure_names import structure_names
 
 HEAD = ("states", "structure", "durations", "parameters", "log-lik.", "BIC", "held out", "+-", "CPU [s]", "")
 
@@ -52,8 +53,7 @@ class Choices:
 @click.command(
     name="select",
     epilog=example(
-        "pilotfish select dataset:valve --only 0-3 --states 3:10 \\",
-        "    --structures full,diagonal,mfa:4 --durations counted,markov --out sizes.png",
+        "pilotfish select dataset:valve --only 0-3 --states 4:8 --structures full,diagonal --out sizes.png"
     ),
 )
 @click.argument("folder")
@@ -62,14 +62,13 @@ class Choices:
     "--structures",
     default="full,diagonal,semi-tied",
     show_default=True,
-    help="What covariances may look like: full, diagonal, spherical, semi-tied, semi-tied:0.5, mfa:4, "
-    "mppca:4, hddc:4, hddc:0.95, emllt:20 or mlt:2, with commas between.",
+    help=f"What covariances may look like, with commas between: {structure_names()}.",
 )
 @click.option(
     "--durations",
     default="counted",
     show_default=True,
-    help="What is made of time: counted, markov or mixture, with commas between.",
+    help=f"What is made of time, with commas between: {', '.join(DURATIONS)}.",
 )
 @click.option(
     "--out",

@@ -1,0 +1,73 @@
+"""pilotfish select: candidates by name, a table, a picture, and a choice."""
+
+import pytest
+
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import MFA, Diagonal, Full, HDDCShare, SemiTied
+from pilotfish.station.candidates import DURATIONS, candidates, duration_list, state_list, structure_list
+
+
+def test_numbers_of_states_are_read_as_written():
+    assert state_list("3:5") == [3, 4, 5]
+    assert state_list("7") == [7]
+    assert state_list("8:9, 3,5") == [3, 5, 8, 9]
+
+
+@pytest.mark.parametrize("text", ["", "3:", "5:3", "0:2", "a", "1:2:3", "3,,4", "-3", "3,3", "2.5"])
+def test_what_is_no_number_of_states_is_refused(text):
+    with pytest.raises(InvalidInput, match="--states"):
+        state_list(text)
+
+
+def test_structures_and_durations_are_read_by_name():
+    named = structure_list("full, Diagonal,semi-tied:0.5,mfa:4,hddc:0.95")
+    assert named == [Full(), Diagonal(), SemiTied(tying=0.5), MFA(4), HDDCShare(0.95)]
+    assert duration_list("markov,counted") == ["markov", "counted"]
+    with pytest.raises(InvalidInput, match="did you mean 'counted'"):
+        duration_list("count")
+    with pytest.raises(InvalidInput, match="'full' more than once"):
+        structure_list("full,full")
+    with pytest.raises(InvalidInput, match="mfa"):
+        structure_list("mfa")
+
+
+def test_every_combination_is_a_candidate_up_to_a_limit():
+    tried = candidates("3:4", "full,diagonal", "counted,markov")
+    assert len({candidate.label for candidate in tried}) == 8
+    assert all(candidate.learner is DURATIONS[candidate.durations] for candidate in tried)
+    with pytest.raises(InvalidInput, match="998 candidates"):
+        candidates("2:500", "full,diagonal", "counted")
+
+
+def test_the_table_marks_the_choice_and_the_picture_is_drawn(run, folder, tmp_path):
+    """A line for each candidate, those that failed beneath, with the reason."""
+    result = run(
+        "select", folder, "--states", "2,3,30", "--structures", "diagonal", "--durations", "counted,markov",
+        "--out", tmp_path / "sizes.png",
+    )  # fmt: skip
+    assert result.exit_code == 0
+    lines = result.stdout.splitlines()
+    assert sum(line.endswith("chosen") for line in lines[1:5]) == 1
+    assert sum(line.startswith("failed") and "30 states" in line for line in lines) == 2
+    assert (tmp_path / "sizes.png").stat().st_size > 10_000
+    again = run("select", folder, "--states", "2", "--out", tmp_path / "sizes.png")
+    assert again.exit_code == 1
+    assert "--force" in again.stderr
+
+
+def test_programs_are_told_all_scores_the_same_every_time(facts, folder):
+    told, same = (
+        facts("select", folder, "--states", "2:3", "--structures", "diagonal,spherical") for _ in range(2)
+    )
+    assert len(told["scores"]) == 4
+    assert told["chosen"] in told["scores"]
+    assert len(told["scores"][0]["held_out"]) == 5
+    assert told["failures"] == []
+    for score in (*told["scores"], *same["scores"]):
+        assert score.pop("cpu_seconds") > 0.0
+    assert told["scores"] == same["scores"]
+
+
+def test_when_nothing_can_be_learned_the_command_is_refused(refusal, folder):
+    assert "no candidate" in refusal("select", folder, "--states", "40")
+    assert "at least two" in refusal("select", folder, "--only", "0", "--states", "2")
