@@ -19,7 +19,7 @@ from pilotfish.models.durations_fit import Family, completed_visits, most_likely
 from pilotfish.models.visits import Visits, lengths_seen
 from pilotfish.types import Array, Float, Int
 
-WIDEST_LOG = 1.0  # deviation of log s; sums over the steps of a wider law are endless
+WIDEST_LOG = 0.7  # deviation of log s; sums over the steps of a wider law are endless
 LEAST_MORE = 1e-3  # mean steps after the first
 BEYOND = 10.0  # means and deviations stay below so many times the longest visit that is followed
 ROUNDS = 10  # of spreading visits that were cut off over the lengths that they may have had
@@ -124,7 +124,7 @@ class Gamma:
             _flat,
             theta,
             (-0.99, -seen / floor),
-            (1e6, -0.1 / (BEYOND * len(visits.whole))),
+            (1e6, -1.0 / (BEYOND * len(visits.whole))),
         )
         more, falling = most_likely(family, visits, theta, isinstance(previous, GammaDurations))
         return GammaDurations(1.0 + more, -falling)

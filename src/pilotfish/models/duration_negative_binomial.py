@@ -37,12 +37,12 @@ class NegativeBinomial:
         """The floor does not bear on it: its variance is never far below its mean.
 
         Shapes and the probabilities of leaving take turns: the shape that is best for visits spread over what
-        they may have lasted, then the leaving that is best for the visits as they were seen.
+        they may have lasted, then the leaving that is best for the visits as seen. With whole visits
+        that is the maximum; where many are cut off the shape approaches it over many calls.
         """
         shapes, staying = self._beginning(visits, previous)
         if self.shape is not None:
-            going_on = isinstance(previous, NegativeBinomialDurations)
-            best = most_likely(_family(shapes), visits, np.log(staying)[None], going_on)
+            best = most_likely(_family(shapes), visits, np.log(staying)[None], going_on=False)
             return _law(shapes, np.exp(best[0]))
         value = evaluated(_family(shapes), visits, np.log(staying)[None]).value
         for _ in range(MORE_ROUNDS if isinstance(previous, NegativeBinomialDurations) else ROUNDS):

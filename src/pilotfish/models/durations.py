@@ -1,35 +1,16 @@
-"""How long a visit to a state lasts: laws on whole steps s = 1, 2, ..., their parameters state by state."""
+"""How long a visit to a state lasts: laws on whole steps s = 1, 2, ..., their parameters state by state.
+
+Every law has means and deviations [steps]; log_table(longest), where table[s - 1, k] = log p(a visit to k
+lasts s steps), s = 1 ... longest, normalised over all s >= 1; and longest(lost), the least number of steps that
+a visit to any state outlasts with probability at most lost.
+"""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from pilotfish.models.durations_sums import least_outlasted, log_normalised, moments_of, quantile
 from pilotfish.types import Array, Float, Int
-
-
-@runtime_checkable
-class Durations(Protocol):
-    """How many steps a visit to each of K states lasts, one at least."""
-
-    @property
-    def means(self) -> Float[Array, " K"]:
-        """In steps."""
-        ...
-
-    @property
-    def deviations(self) -> Float[Array, " K"]:
-        """In steps."""
-        ...
-
-    def log_table(self, longest: int) -> Float[Array, "S K"]:
-        """table[s - 1, k] = log p(a visit to k lasts s steps), s = 1 ... longest, normalised over all s."""
-        ...
-
-    def longest(self, lost: float) -> int:
-        """The least number of steps that a visit to any state outlasts with probability at most lost."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,3 +170,13 @@ class HistogramDurations:
 
     def longest(self, lost: float) -> int:
         return least_outlasted(self.probabilities, lost)
+
+
+Durations = (
+    GaussianDurations
+    | LogNormalDurations
+    | GammaDurations
+    | PoissonDurations
+    | NegativeBinomialDurations
+    | HistogramDurations
+)

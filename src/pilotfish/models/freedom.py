@@ -51,4 +51,4 @@ def _free_durations(chain: SemiMarkovChain) -> int:
     left = ~final_states(chain)
     if isinstance(chain.durations, HistogramDurations):
         return _free(chain.durations.probabilities.T[left])
-    return len(fields(chain.durations)) * int(left.sum())  # type: ignore[arg-type]
+    return len(fields(chain.durations)) * int(left.sum())

@@ -35,7 +35,7 @@ DURATIONS: dict[str, type[Any]] = {
     "negative-binomial": NegativeBinomialDurations,
     "histogram": HistogramDurations,
 }
-KINDS: dict[type[Any], dict[str, type[Any]]] = {Durations: DURATIONS}
+KINDS: dict[Any, dict[str, type[Any]]] = {Durations: DURATIONS}
 
 
 def take_apart(value: Any, place: str, sizes: Mapping[str, int]) -> tuple[dict[str, Any], Arrays]:
