@@ -20,14 +20,8 @@ from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, UnknownSkill
 from pilotfish.gaussians import EMLLT, HDDC, MFA, MLT, DenseCovariances, SemiTied
 from pilotfish.models import (
-    Censoring,
-    GammaDurations,
     GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
     MarkovChain,
-    NegativeBinomialDurations,
-    PoissonDurations,
     Provenance,
     SemiMarkovChain,
     Skill,
@@ -474,76 +468,3 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path):
     for place in (tmp_path / "none", tmp_path):
         with pytest.raises(InvalidInput, match="cannot be read"):
             open_skill(place)
-
-
-LAWS = {
-    "gaussian": GaussianDurations(np.array([3.0, 9.0]), np.array([1.0, 2.0])),
-    "log-normal": LogNormalDurations(np.array([1.0, 2.0]), np.array([0.3, 0.5])),
-    "gamma": GammaDurations(np.array([4.0, 9.0]), np.array([0.5, 0.6])),
-    "poisson": PoissonDurations(np.array([4.0, 0.5])),
-    "negative-binomial": NegativeBinomialDurations(np.array([1.0, 2.5]), np.array([0.1, 0.6])),
-    "histogram": HistogramDurations(np.array([[0.25, 0.0], [0.5, 1.0], [0.25, 0.0]])),
-}
-
-
-def lasting(skill: Skill, durations: Any, censoring: Censoring) -> Skill:
-    """The first two states of a skill in turn, lasting as the durations say."""
-    return replace(
-        skill,
-        dynamics=SemiMarkovChain(np.array([0.5, 0.5]), np.eye(2)[::-1].copy(), durations, censoring),
-        means=skill.means[:, :2],
-        covariances=tuple(DenseCovariances(c.dense[:2].copy()) for c in skill.covariances),
-    )
-
-
-@pytest.mark.parametrize("first", [False, True])
-@pytest.mark.parametrize("law", LAWS)
-def test_every_law_of_durations_comes_back_number_for_number(law: str, first: bool):
-    """And what the recordings cut off; what a file always meant is not written out."""
-    skill = lasting(
-        random_skill(np.random.default_rng(1), "semi-markov", "dense"), LAWS[law], Censoring(first)
-    )
-    opened = decode_skill(encode_skill(skill))
-    assert content_hash(opened) == content_hash(skill)
-    assert isinstance(opened.dynamics, SemiMarkovChain)
-    assert opened.dynamics.censoring == Censoring(first)
-    assert type(opened.dynamics.durations) is type(LAWS[law])
-    for field in fields(LAWS[law]):
-        kept, given = getattr(opened.dynamics.durations, field.name), getattr(LAWS[law], field.name)
-        np.testing.assert_array_equal(kept, given)
-    header, _ = parts_of(encode_skill(skill))
-    assert ("durations.kind" in header["dynamics"]) == (law != "gaussian")
-    assert ("censoring.first" in header["dynamics"]) == first
-
-
-@pytest.mark.parametrize(
-    ("law", "words", "edit"),
-    [
-        ("gamma", "kind 'weibull'", lambda h, a: h["dynamics"].update({"durations.kind": "weibull"})),
-        ("gamma", "kind 'gaussian'", lambda h, a: h["dynamics"].update({"durations.kind": "gaussian"})),
-        ("gamma", "kind 3", lambda h, a: h["dynamics"].update({"durations.kind": 3})),
-        ("gamma", "rates", lambda h, a: a["dynamics.durations.rates"].put(0, -1.0)),
-        ("gamma", "shapes", lambda h, a: a["dynamics.durations.shapes"].put(0, 0.0)),
-        ("log-normal", "log_deviations", lambda h, a: a["dynamics.durations.log_deviations"].put(0, 0.0)),
-        ("poisson", "more", lambda h, a: a["dynamics.durations.more"].put(1, 0.0)),
-        ("negative-binomial", "leaving", lambda h, a: a["dynamics.durations.leaving"].put(1, 1.0)),
-        ("histogram", "probabilities", lambda h, a: a["dynamics.durations.probabilities"].put(0, 0.5)),
-        (
-            "histogram",
-            "shape",
-            lambda h, a: a.update({"dynamics.durations.probabilities": np.ones((3, 3)) / 3}),
-        ),
-        (
-            "gaussian",
-            "left out",
-            lambda h, a: h["dynamics"].update({"censoring.first": False, "censoring.last": True}),
-        ),
-        ("gaussian", "lacks 'last'", lambda h, a: h["dynamics"].update({"censoring.first": True})),
-    ],
-)
-def test_durations_that_are_none_are_refused(law: str, words: str, edit: Any):
-    skill = lasting(random_skill(np.random.default_rng(1), "semi-markov", "dense"), LAWS[law], Censoring())
-    header, arrays = parts_of(encode_skill(skill))
-    edit(header, arrays)
-    with pytest.raises(UnknownSkill, match=words):
-        decode_skill(signed(header, arrays))

@@ -1,8 +1,8 @@
 """How long a visit to a state lasts: laws on whole steps s = 1, 2, ..., their parameters state by state.
 
 Every law has means and deviations [steps]; log_table(longest), where table[s - 1, k] = log p(a visit to k
-lasts s steps), s = 1 ... longest, normalised over all s >= 1; and longest(lost), the least number of steps that
-a visit to any state outlasts with probability at most lost.
+lasts s steps), s = 1 ... longest, normalised over all s >= 1; and longest(lost), the least number of steps
+that a visit to any state outlasts with probability at most lost.
 """
 
 from dataclasses import dataclass

@@ -1,0 +1,135 @@
+"""Durations in skill files: every law, and what recordings cut off."""
+
+import hashlib
+import json
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import save
+
+from pilotfish.demonstrations import Layout, Part, Quantity
+from pilotfish.errors import UnknownSkill
+from pilotfish.gaussians import DenseCovariances
+from pilotfish.models import (
+    Censoring,
+    GammaDurations,
+    GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    NegativeBinomialDurations,
+    PoissonDurations,
+    Provenance,
+    SemiMarkovChain,
+    Skill,
+)
+from pilotfish.store import content_hash, decode_skill, encode_skill
+
+Header = dict[str, Any]
+Arrays = dict[str, np.ndarray]
+
+
+def parts_of(data: bytes) -> tuple[Header, Arrays]:
+    """The skill's header and its arrays, by the documented layout of the file alone."""
+    length = int.from_bytes(data[:8], "little")
+    table = json.loads(data[8 : 8 + length])
+    header, body = json.loads(table.pop("__metadata__")["pilotfish"]), data[8 + length :]
+    arrays = {
+        name: np.frombuffer(body[slice(*entry["data_offsets"])], "<f8").reshape(entry["shape"]).copy()
+        for name, entry in table.items()
+    }
+    return header, arrays
+
+
+def canonical(value: object) -> bytes:
+    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
+
+
+def documented_hash(header: Header, arrays: Arrays) -> str:
+    """docs/skill-file.md, written down a second time."""
+    said = {key: value for key, value in header.items() if key != "content"}
+    text = canonical(said)
+    for name in sorted(arrays):
+        text += canonical([name, "F64", list(arrays[name].shape)]) + arrays[name].astype("<f8").tobytes()
+    return hashlib.sha256(text).hexdigest()
+
+
+def signed(header: Header, arrays: Arrays) -> bytes:
+    """A file of these contents with the right hash, whatever they are."""
+    header = header | {"content": documented_hash(header, arrays)}
+    return bytes(save(arrays, {"pilotfish": json.dumps(header)}))
+
+
+LAWS = {
+    "gaussian": GaussianDurations(np.array([3.0, 9.0]), np.array([1.0, 2.0])),
+    "log-normal": LogNormalDurations(np.array([1.0, 2.0]), np.array([0.3, 0.5])),
+    "gamma": GammaDurations(np.array([4.0, 9.0]), np.array([0.5, 0.6])),
+    "poisson": PoissonDurations(np.array([4.0, 0.5])),
+    "negative-binomial": NegativeBinomialDurations(np.array([1.0, 2.5]), np.array([0.1, 0.6])),
+    "histogram": HistogramDurations(np.array([[0.25, 0.0], [0.5, 1.0], [0.25, 0.0]])),
+}
+
+
+def lasting(durations: Any, censoring: Censoring) -> Skill:
+    """Two states in turn, lasting as the durations say."""
+    return Skill(
+        SemiMarkovChain(np.array([0.5, 0.5]), np.eye(2)[::-1].copy(), durations, censoring),
+        np.array([[[0.0], [1.0]]]),
+        (DenseCovariances(np.ones((2, 1, 1))),),
+        Layout((Part("place", Quantity.SCALAR, 1, "m"),)),
+        0.1,
+        ("world",),
+        Provenance(("one",), 100, "", "full", 0.0, -1.0, 1, True, "pilotfish"),
+    )
+
+
+@pytest.mark.parametrize("first", [False, True])
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_of_durations_comes_back_number_for_number(law: str, first: bool):
+    """And what the recordings cut off; what a file always meant is not written out."""
+    skill = lasting(LAWS[law], Censoring(first))
+    opened = decode_skill(encode_skill(skill))
+    assert content_hash(opened) == content_hash(skill)
+    assert isinstance(opened.dynamics, SemiMarkovChain)
+    assert opened.dynamics.censoring == Censoring(first)
+    assert type(opened.dynamics.durations) is type(LAWS[law])
+    for field in fields(LAWS[law]):
+        kept, given = getattr(opened.dynamics.durations, field.name), getattr(LAWS[law], field.name)
+        np.testing.assert_array_equal(kept, given)
+    header, _ = parts_of(encode_skill(skill))
+    assert ("durations.kind" in header["dynamics"]) == (law != "gaussian")
+    assert ("censoring.first" in header["dynamics"]) == first
+
+
+@pytest.mark.parametrize(
+    ("law", "words", "edit"),
+    [
+        ("gamma", "kind 'weibull'", lambda h, a: h["dynamics"].update({"durations.kind": "weibull"})),
+        ("gamma", "kind 'gaussian'", lambda h, a: h["dynamics"].update({"durations.kind": "gaussian"})),
+        ("gamma", "kind 3", lambda h, a: h["dynamics"].update({"durations.kind": 3})),
+        ("gamma", "rates", lambda h, a: a["dynamics.durations.rates"].put(0, -1.0)),
+        ("gamma", "shapes", lambda h, a: a["dynamics.durations.shapes"].put(0, 0.0)),
+        ("log-normal", "log_deviations", lambda h, a: a["dynamics.durations.log_deviations"].put(0, 0.0)),
+        ("poisson", "more", lambda h, a: a["dynamics.durations.more"].put(1, 0.0)),
+        ("negative-binomial", "leaving", lambda h, a: a["dynamics.durations.leaving"].put(1, 1.0)),
+        ("histogram", "probabilities", lambda h, a: a["dynamics.durations.probabilities"].put(0, 0.5)),
+        (
+            "histogram",
+            "shape",
+            lambda h, a: a.update({"dynamics.durations.probabilities": np.ones((3, 3)) / 3}),
+        ),
+        (
+            "gaussian",
+            "left out",
+            lambda h, a: h["dynamics"].update({"censoring.first": False, "censoring.last": True}),
+        ),
+        ("gaussian", "lacks 'last'", lambda h, a: h["dynamics"].update({"censoring.first": True})),
+    ],
+)
+def test_durations_that_are_none_are_refused(law: str, words: str, edit: Any):
+    skill = lasting(LAWS[law], Censoring())
+    header, arrays = parts_of(encode_skill(skill))
+    edit(header, arrays)
+    with pytest.raises(UnknownSkill, match=words):
+        decode_skill(signed(header, arrays))
