@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from pilotfish import plots
-from pilotfish.demonstrations import pose_layout, views
+from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import DenseCovariances, SemiTied, SemiTiedCovariances, component_correlation
 from pilotfish.models import GaussianDurations, Selection, SemiMarkovChain, Skill, occupancy
@@ -279,3 +279,13 @@ def test_more_structures_than_colours_are_refused(things: Any):
     ]
     with pytest.raises(InvalidInput, match="30 structures, expected at most 8"):
         plots.model_sizes(Selection(tuple(many), ()))
+
+
+def test_of_many_columns_the_legend_names_one_a_colour(skills: Callable[..., Skill]):
+    """28 places x y z: every column is drawn, the legend counts those that share a colour, and fits below."""
+    body = Layout(tuple(Part(f"node {n}", Quantity.POSITION, 3, "m") for n in range(28)))
+    figure = plots.deviations(skills(layout=body, frames=("world",)))
+    assert len([line for line in figure.axes[0].get_lines() if len(line.get_xdata()) == 4]) == 84
+    (legend,) = figure.legends
+    told = [text.get_text() for text in legend.get_texts()]
+    assert told == [*(f"node 0 {axis} and 27 more" for axis in "xyz"), "most precise state"]

@@ -20,17 +20,17 @@ MOCAP6_PERIOD = 0.1  # s, blocks of 12 frames at 120 Hz were averaged
 MOCAP6_TRIALS = ("13_29", "13_30", "13_31", "14_06", "14_14", "14_20")  # subject and trial, by sequence
 MOCAP6_LENGTH = 0.0254 / 0.45  # m, the unit of length of the CMU skeleton files: an inch by their scale
 MOCAP6_ANGLES = (
-    "lower back x",
-    "lower back y",
-    "upper neck y",
-    "right humerus z",
-    "right radius x",
-    "left humerus z",
-    "left radius x",
-    "right tibia x",
-    "right foot x",
-    "left tibia x",
-    "left foot x",
+    "lower back rx",
+    "lower back ry",
+    "upper neck ry",
+    "right humerus rz",
+    "right radius rx",
+    "left humerus rz",
+    "left radius rx",
+    "right tibia rx",
+    "right foot rx",
+    "left tibia rx",
+    "left foot rx",
 )
 LETTER_PERIOD = 1 / 200  # s
 

@@ -16,7 +16,7 @@ def matching(found: Int[Array, " N"], labels: Int[Array, " M"]) -> dict[int, int
     from scipy.optimize import linear_sum_assignment  # here: scipy doubles the time of importing pilotfish
 
     counts, states, names = _counts(found, labels)
-    rows, columns = linear_sum_assignment(counts, maximize=True)
+    rows, columns = linear_sum_assignment(-counts)  # the most agreements
     return {int(states[i]): int(names[j]) for i, j in zip(rows, columns, strict=True)}
 
 

@@ -19,6 +19,7 @@ from pilotfish.types import Array, Float
 
 BLUE = "#CFE3F5"
 MOST_TICKS = 15
+MOST_NAMED = 24  # columns; of more, a legend would cover the picture
 ONE_DECADE, MANY_DECADES = 0.8, 3.0  # less than the first is about linear
 
 
@@ -81,11 +82,22 @@ def _tick_readably(panel: Axes) -> None:
 
 
 def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:
+    places = [(i, c) for group in groups for i, c in enumerate(group)]
+    colours = {c: column_colour(layout.names[c], i) for i, c in places}
+    labels = {c: layout.names[c] for _, c in places}
+    if len(labels) > MOST_NAMED:
+        labels = _a_label_a_colour(labels, colours)
     lines = [
-        Line2D(
-            [], [], color=column_colour(layout.names[c], i), marker="o", markersize=4, label=layout.names[c]
-        )
-        for group in groups
-        for i, c in enumerate(group)
+        Line2D([], [], color=colours[c], marker="o", markersize=4, label=label) for c, label in labels.items()
     ]
     return [*lines, Patch(color=BLUE, label="most precise state")]
+
+
+def _a_label_a_colour(labels: dict[int, str], colours: dict[int, str]) -> dict[int, str]:
+    """One column of each colour, labelled with its name and how many others share the colour."""
+    shown: dict[int, str] = {}
+    for colour in dict.fromkeys(colours.values()):
+        alike = [c for c in labels if colours[c] == colour]
+        more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
+        shown[alike[0]] = labels[alike[0]] + more
+    return shown
