@@ -60,3 +60,14 @@ def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path
     subprocess.run(command, check=True, capture_output=True, timeout=300)
     assert json.loads(report.read_text())["rows"]
     assert len(list(pictures.glob("*.png"))) >= 10
+
+
+def test_the_choice_of_the_valve_follows_the_protocol_of_its_table(data_folder):
+    """Unweighted, the configuration of table 4.1 has the error that valve.py prints, begun either way."""
+    choice, valve, demonstrations = script("valve_choice"), script("valve"), pf.datasets.valve()
+    train, test = demonstrations[:4], demonstrations[4:]
+    skill, powers = choice.learned(train, 7, pf.SemiTied(), 1e-5)
+    assert powers.shape == (2, 7)
+    for own_start in (False, True):
+        errors = [choice.squares(skill, None, d, 2e-3, 9.0, own_start).mean() for d in test]
+        np.testing.assert_allclose(np.mean(errors), valve.mean_error(skill, test, own_start=own_start))

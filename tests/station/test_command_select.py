@@ -71,3 +71,13 @@ def test_programs_are_told_all_scores_the_same_every_time(facts, folder):
 def test_when_nothing_can_be_learned_the_command_is_refused(refusal, folder):
     assert "no candidate" in refusal("select", folder, "--states", "40")
     assert "at least two" in refusal("select", folder, "--only", "0", "--states", "2")
+
+
+def test_every_kind_of_durations_can_be_selected_from(facts, folder):
+    """Whatever a name stands for can be learned and scored; exact laws count their own parameters."""
+    told = facts(
+        "select", folder, "--states", "2", "--structures", "spherical", "--durations", ",".join(DURATIONS)
+    )
+    assert [score["durations"] for score in told["scores"]] == list(DURATIONS)
+    count = {score["durations"]: score["parameters"] for score in told["scores"]}
+    assert count["normal"] == count["gamma"] == count["counted"] == count["poisson"] + 1

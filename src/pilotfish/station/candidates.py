@@ -2,20 +2,30 @@
 
 import difflib
 from collections.abc import Sequence
+from functools import partial
 
 from pilotfish import models
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Structure
-from pilotfish.models import Candidate, Learner
+from pilotfish.models import Candidate, DurationLaw, Learner, Timing
 from pilotfish.station.structure_names import structure_named
 
 MOST = 500  # candidates of one selection
 
-# To offer a law of durations, give it a name here; structures have theirs in structure_names.
+LAWS: tuple[DurationLaw, ...] = (
+    models.Normal(),
+    models.LogNormal(),
+    models.Gamma(),
+    models.Poisson(),
+    models.NegativeBinomial(),
+    models.Histogram(),
+)
+# To offer another way with durations, give it a name here; structures have theirs in structure_names.
 DURATIONS: dict[str, Learner] = {
     "counted": models.learn,
     "markov": models.learn_markov,
     "mixture": models.learn_mixture,
+    **{law.label.replace(" ", "-"): partial(models.learn_semi_markov, timing=Timing(law)) for law in LAWS},
 }
 
 
