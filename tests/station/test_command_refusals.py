@@ -84,6 +84,8 @@ def test_frames_that_differ_between_demonstrations(refusal: Refusal, folder: Pat
     ("options", "words"),
     [
         ("--structure full:3", "expected full"),
+        ("--dynamics markov --durations gamma", "goes with --dynamics semi-markov"),
+        ("--censored both", "goes with --durations"),
         ("--structure ful", "did you mean 'full'"),
         ("--structure mfa", "expected mfa:FACTORS"),
         ("--structure semi-tied:1.5", "tying is 1.5"),

@@ -13,12 +13,23 @@ from click.testing import Result
 from pilotfish.demonstrations import (
     Demonstration,
     demonstration,
+    on_sphere,
     position_layout,
     read_folder,
     with_derivatives,
     write_folder,
 )
-from pilotfish.models import MarkovChain, SemiMarkovChain, Weights, learn
+from pilotfish.models import (
+    Censoring,
+    EMSettings,
+    MarkovChain,
+    SemiMarkovChain,
+    Timing,
+    Weights,
+    learn,
+    learn_semi_markov,
+)
+from pilotfish.station.learners import LAWS
 from pilotfish.store import content_hash, datasets, open_skill
 
 Runs = Callable[..., Result]
@@ -105,6 +116,31 @@ def test_tying_is_what_was_asked_for(facts: Facts, folder: Path, tmp_path: Path)
     tied = ["--structure", "semi-tied:0.5", "--states", "2", "--iterations", "2"]
     assert facts("learn", folder, *tied, "--out", "skill")["structure"] == "semi-tied(0.5)"
     assert {c.tying for c in open_skill(tmp_path / "skill").covariances} == {0.5}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "law", ["normal", "log-normal", "gamma", "poisson", "negative-binomial", "histogram"]
+)
+def test_durations_of_every_law_are_learned_together_with_all_else(
+    facts: Facts, folder: Path, tmp_path: Path, law: str
+):
+    """The file holds what pf.learn_semi_markov finds, durations of the law asked for."""
+    chosen = ["--durations", law, "--censored", "none", "--states", "2", "--iterations", "4"]
+    told = facts("learn", folder, *chosen, "--out", "skill")
+    timing = Timing(LAWS[law], Censoring(first=False, last=False))
+    demos = [with_derivatives(demo) for demo in read_folder(folder)]
+    fit = learn_semi_markov(
+        demos, states=2, rng=np.random.default_rng(0), timing=timing, settings=EMSettings(max_iterations=4)
+    )
+    assert told["content"] == content_hash(fit.skill)
+
+
+def test_orientations_on_their_sphere_have_three_deviations(facts: Facts, folder: Path, tmp_path: Path):
+    """--sphere learns what pf.on_sphere makes of the recordings: twelve deviations of thirteen columns."""
+    facts("learn", folder, "--sphere", "--states", "2", "--iterations", "3", "--out", "skill")
+    skill = open_skill(tmp_path / "skill")
+    assert (skill.width, skill.covariances[0].dense.shape[-1]) == (13, 12)
+    assert skill.layout == with_derivatives(on_sphere(read_folder(folder)[0])).layout
 
 
 def test_speeds_are_added_only_where_wanted_and_missing(facts: Facts, folder: Path):

@@ -14,6 +14,7 @@ from pilotfish.models.freedom import free_parameters
 from pilotfish.models.learn import DEFAULTS, Fit
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
+from pilotfish.models.starts import Start
 from pilotfish.types import Array, Float
 
 
@@ -28,6 +29,7 @@ class Learner(Protocol):
         states: int,
         rng: np.random.Generator,
         structure: Structure,
+        start: Start = ...,
         settings: EMSettings,
     ) -> Fit: ...
 

@@ -10,10 +10,9 @@ from typing import Any
 import click
 import numpy as np
 
-from pilotfish import models
-from pilotfish.demonstrations import Demonstration, Severity, check
+from pilotfish.demonstrations import Demonstration, Severity, check, on_sphere
 from pilotfish.gaussians import Structure
-from pilotfish.models import EMSettings, Fit, KMeans, Start, TimeBins, fitted_parameters
+from pilotfish.models import EMSettings, Fit, KMeans, Learner, Start, TimeBins, fitted_parameters
 from pilotfish.station.answers import (
     Answer,
     a_person_watches,
@@ -25,15 +24,13 @@ from pilotfish.station.answers import (
     require_new,
 )
 from pilotfish.station.descriptions import columns_text, skill_facts, states_table
+from pilotfish.station.learners import CENSORINGS, COUNTED, LAWS, LEARNERS, semi_markov_learner
 from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
 from pilotfish.station.structure_names import StructureType, structure_names
 from pilotfish.store import content_hash, save_skill
 
-LEARNERS = {
-    "semi-markov": models.learn,
-    "markov": models.learn_markov,
-    "mixture": models.learn_mixture,
-}
+SEMI_MARKOV = "semi-markov"
+DYNAMICS = (SEMI_MARKOV, "markov", "mixture")
 STARTS = ("time-bins", "k-means")
 JITTER = 0.5  # share of a bin, when several beginnings are tried
 
@@ -47,6 +44,9 @@ class Choices:
     states: int
     structure: Structure
     dynamics: str
+    durations: str | None
+    censored: str | None
+    sphere: bool
     start: str
     regularisation: float
     iterations: int
@@ -73,10 +73,27 @@ class Choices:
 )
 @click.option(
     "--dynamics",
-    type=click.Choice(tuple(LEARNERS)),
+    type=click.Choice(DYNAMICS),
     default="semi-markov",
     show_default=True,
     help="How states follow one another; replay needs an order in time, which a mixture has not.",
+)
+@click.option(
+    "--durations",
+    type=click.Choice((COUNTED, *LAWS)),
+    help="How long semi-markov states last: counted along the best path of a Markov fit, or of a law that is "
+    "fitted together with all else.  [default: counted]",
+)
+@click.option(
+    "--censored",
+    type=click.Choice(tuple(CENSORINGS)),
+    help="Which visits recordings cut off, where durations are fitted.  [default: last]",
+)
+@click.option(
+    "--sphere/--flat",
+    default=False,
+    show_default=True,
+    help="Whether unit quaternions are orientations on their sphere, or four numbers like any others.",
 )
 @click.option(
     "--start",
@@ -129,11 +146,14 @@ def learn(**options: Any) -> Answer:
     """
     asked = Choices(**options)
     require_new(asked.out, force=asked.force, inputs=_recordings_in(Path(asked.folder)))
+    learner = _learner(asked)
     demonstrations = chosen(recordings(asked.folder), asked.only)
+    if asked.sphere:
+        demonstrations = tuple(on_sphere(demo) for demo in demonstrations)
     if asked.speeds:
         demonstrations = with_speeds(demonstrations)
     _warn(demonstrations)
-    fit = _fit(demonstrations, asked)
+    fit = _fit(demonstrations, learner, asked)
     save_skill(fit.skill, asked.out)
     return _answer(fit, asked)
 
@@ -143,13 +163,25 @@ def _recordings_in(folder: Path) -> list[Path]:
     return [path for path in folder.glob("*") if path.suffix in (".csv", ".npz", ".toml", ".json")]
 
 
-def _fit(demonstrations: Sequence[Demonstration], asked: Choices) -> Fit:
+def _learner(asked: Choices) -> Learner:
+    timed = {"--durations": asked.durations, "--censored": asked.censored}
+    if asked.dynamics != SEMI_MARKOV:
+        if given := [name for name, value in timed.items() if value]:
+            raise click.UsageError(f"{given[0]} goes with --dynamics semi-markov, not {asked.dynamics}")
+        return LEARNERS[asked.dynamics]
+    durations = asked.durations or COUNTED
+    if asked.censored and durations == COUNTED:
+        raise click.UsageError(f"--censored goes with --durations {', '.join(LAWS)}; counting is as it is")
+    return semi_markov_learner(durations, asked.censored or "last")
+
+
+def _fit(demonstrations: Sequence[Demonstration], learner: Learner, asked: Choices) -> Fit:
     start: Start = KMeans() if asked.start == "k-means" else TimeBins(JITTER if asked.restarts > 1 else 0.0)
     settings = EMSettings(
         regularisation=asked.regularisation, max_iterations=asked.iterations, restarts=asked.restarts
     )
     with _progress(settings) as watched:
-        return LEARNERS[asked.dynamics](
+        return learner(
             demonstrations,
             states=asked.states,
             rng=np.random.default_rng(asked.seed),
