@@ -33,7 +33,7 @@ FULL = Effort(
     import_rounds=9,
     sample=0.02,
     patience=60.0,
-    iterations={"valve": 30, "large": 5, "vast": 3, "wide": 4, "visits": 5},
+    iterations={"valve": 30, "large": 5, "vast": 2, "wide": 4, "visits": 5},
 )
 QUICK = Effort(
     rounds=2,

@@ -15,9 +15,9 @@ from prepared import Answer, Prepared  # noqa: E402
 from problems import Sequences  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
-WEAK = {  # zero would be NaN
-    "initial_probs_concentration": 1.0,
-    "transition_matrix_concentration": 1.0,
+WEAK = {  # none at all would be NaN, also where a transition is never seen
+    "initial_probs_concentration": 1.0 + 1e-9,
+    "transition_matrix_concentration": 1.0 + 1e-9,
     "emission_prior_concentration": 1e-10,
     "emission_prior_scale": 1e-10,
 }

@@ -28,7 +28,7 @@ def model_of(problem: Sequences, iterations: int) -> DenseHMM:
         starts=problem.initial,
         ends=np.ones(len(problem.initial)),
         max_iter=iterations,
-        tol=-np.inf,
+        tol=0.0,
     )
 
 
