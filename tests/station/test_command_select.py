@@ -4,7 +4,8 @@ import pytest
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import MFA, Diagonal, Full, HDDCShare, SemiTied
-from pilotfish.station.candidates import DURATIONS, candidates, duration_list, state_list, structure_list
+from pilotfish.station.candidates import candidates, duration_list, state_list, structure_list
+from pilotfish.station.learners import LEARNERS
 
 
 def test_numbers_of_states_are_read_as_written():
@@ -34,7 +35,7 @@ def test_structures_and_durations_are_read_by_name():
 def test_every_combination_is_a_candidate_up_to_a_limit():
     tried = candidates("3:4", "full,diagonal", "counted,markov")
     assert len({candidate.label for candidate in tried}) == 8
-    assert all(candidate.learner is DURATIONS[candidate.durations] for candidate in tried)
+    assert all(candidate.learner is LEARNERS[candidate.durations] for candidate in tried)
     with pytest.raises(InvalidInput, match="998 candidates"):
         candidates("2:500", "full,diagonal", "counted")
 

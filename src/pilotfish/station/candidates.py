@@ -2,31 +2,14 @@
 
 import difflib
 from collections.abc import Sequence
-from functools import partial
 
-from pilotfish import models
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Structure
-from pilotfish.models import Candidate, DurationLaw, Learner, Timing
+from pilotfish.models import Candidate
+from pilotfish.station.learners import LEARNERS
 from pilotfish.station.structure_names import structure_named
 
 MOST = 500  # candidates of one selection
-
-LAWS: tuple[DurationLaw, ...] = (
-    models.Normal(),
-    models.LogNormal(),
-    models.Gamma(),
-    models.Poisson(),
-    models.NegativeBinomial(),
-    models.Histogram(),
-)
-# To offer another way with durations, give it a name here; structures have theirs in structure_names.
-DURATIONS: dict[str, Learner] = {
-    "counted": models.learn,
-    "markov": models.learn_markov,
-    "mixture": models.learn_mixture,
-    **{law.label.replace(" ", "-"): partial(models.learn_semi_markov, timing=Timing(law)) for law in LAWS},
-}
 
 
 def candidates(states: str, structures: str, durations: str) -> list[Candidate]:
@@ -37,7 +20,7 @@ def candidates(states: str, structures: str, durations: str) -> list[Candidate]:
     kinds, ways, sizes = structure_list(structures), duration_list(durations), state_list(states)
     if (count := len(kinds) * len(ways) * len(sizes)) > MOST:
         raise InvalidInput(f"{count} candidates were asked for, expected at most {MOST}; list fewer of each")
-    return [Candidate(K, kind, way, DURATIONS[way]) for kind in kinds for way in ways for K in sizes]
+    return [Candidate(K, kind, way, LEARNERS[way]) for kind in kinds for way in ways for K in sizes]
 
 
 def structure_list(text: str) -> list[Structure]:
@@ -49,8 +32,8 @@ def duration_list(text: str) -> list[str]:
     """Names of what is made of durations, such as counted,markov.    Raises: InvalidInput."""
     words = _words("durations", text)
     for word in words:
-        if word not in DURATIONS:
-            raise InvalidInput(_unknown("durations", word, list(DURATIONS)))
+        if word not in LEARNERS:
+            raise InvalidInput(_unknown("durations", word, list(LEARNERS)))
     return words
 
 

@@ -25,7 +25,8 @@ from pilotfish.station.answers import (
     require_new,
     table,
 )
-from pilotfish.station.candidates import DURATIONS, candidates
+from pilotfish.station.candidates import candidates
+from pilotfish.station.learners import LEARNERS
 from pilotfish.station.pictures import a_picture, require_matplotlib, save_picture
 from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
 from pilotfish.station.structure_names import structure_names
@@ -68,7 +69,7 @@ class Choices:
     "--durations",
     default="counted",
     show_default=True,
-    help=f"What is made of time, with commas between: {', '.join(DURATIONS)}.",
+    help=f"What is made of time, with commas between: {', '.join(LEARNERS)}.",
 )
 @click.option(
     "--out",
