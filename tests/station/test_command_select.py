@@ -77,8 +77,8 @@ def test_when_nothing_can_be_learned_the_command_is_refused(refusal, folder):
 def test_every_kind_of_durations_can_be_selected_from(facts, folder):
     """Whatever a name stands for can be learned and scored; exact laws count their own parameters."""
     told = facts(
-        "select", folder, "--states", "2", "--structures", "spherical", "--durations", ",".join(DURATIONS)
+        "select", folder, "--states", "2", "--structures", "spherical", "--durations", ",".join(LEARNERS)
     )
-    assert [score["durations"] for score in told["scores"]] == list(DURATIONS)
+    assert [score["durations"] for score in told["scores"]] == list(LEARNERS)
     count = {score["durations"]: score["parameters"] for score in told["scores"]}
     assert count["normal"] == count["gamma"] == count["counted"] == count["poisson"] + 1
