@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
@@ -28,3 +29,38 @@ def test_the_tool_passes_the_point_within_its_deviation_and_comes_back(data_fold
     ran = subprocess.run([sys.executable, file], check=True, capture_output=True, text=True, timeout=120)
     assert float(ran.stdout.split("passes ")[1].split(" mm")[0]) < 0.5
     assert float(ran.stdout.split("ends ")[1].split(" mm")[0]) < 0.1
+
+
+def printed_by(name):
+    file = next(e for e in EXAMPLES if e.stem == name)
+    return subprocess.run(
+        [sys.executable, file], check=True, capture_output=True, text=True, timeout=120
+    ).stdout
+
+
+def test_a_chair_is_found_to_matter_nowhere_and_no_longer_bends_the_motion(data_folder):
+    told = printed_by("leave_out_what_does_not_matter")
+    assert "matter at no state: chair\n" in told
+    assert float(told.split("all frames heard: the motion bends by up to ")[1].split(" mm")[0]) > 100.0
+    assert float(told.split("each heard as it matters: ")[1].split(" mm")[0]) < 1.0
+    heard, weighted, without = (
+        float(line.split("average ")[1].split(" mm")[0]) for line in told.splitlines()[-3:]
+    )
+    assert max(weighted, without) < 0.5 * heard
+
+
+def test_exact_durations_come_nearer_to_those_drawn_than_counted_ones_and_are_likelier():
+    rows = {line[:26].strip(): line[27:].split() for line in printed_by("exact_durations").splitlines()[1:]}
+    means = {name: np.array(row[0:9:3], float) for name, row in rows.items()}
+    errors = {name: np.abs(mean / means["as drawn"] - 1.0).mean() for name, mean in means.items()}
+    assert errors["gamma"] < 0.7 * errors["counted"]
+    assert float(rows["gamma"][-1]) > float(rows["counted"][-1])
+
+
+def test_a_jug_turns_as_it_should_nearer_on_the_sphere_and_its_quaternions_keep_their_length():
+    flat, sphere = printed_by("turn_on_the_sphere").split("on the sphere")
+    averages = [
+        [float(line.split()[2]) for line in part.splitlines() if "average" in line] for part in (flat, sphere)
+    ]
+    assert all(on < off for off, on in zip(*averages, strict=True))
+    assert sphere.count("lengths of quaternions off by 0.000") == 4
