@@ -158,7 +158,9 @@ def _direction(family: Family, theta: Float[Array, "Q K"], here: Point) -> Float
     """Newton's, of the parameters that no bound holds; where the Hessian is no help, that of whole visits."""
     held = ((theta <= family.lower) & (here.gradient < 0)) | ((theta >= family.upper) & (here.gradient > 0))
     gradient = np.where(held, 0.0, here.gradient).T  # (K, Q)
-    scale = np.sqrt(np.maximum(np.diagonal(here.complete, axis1=1, axis2=2), 1e-300))  # (K, Q)
+    # A law on one length alone has no variance but rounding: then the gradient says how far to go.
+    least = np.maximum(1e-6 * np.abs(gradient), 1e-100)
+    scale = np.sqrt(np.maximum(np.diagonal(here.complete, axis1=1, axis2=2), least))  # (K, Q)
     by = scale[:, :, None] * scale[:, None, :]
     observed, whole = (_free(matrix / by, held.T) for matrix in (here.information, here.complete))
     sound = np.linalg.eigvalsh(observed)[:, 0] > 1e-6
