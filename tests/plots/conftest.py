@@ -23,6 +23,7 @@ from pilotfish.models import (
     Candidate,
     Failure,
     Fit,
+    FrameRelevance,
     GaussianDurations,
     Outcome,
     Provenance,
@@ -111,6 +112,13 @@ def make_selection(rng: np.random.Generator) -> Selection:
     return Selection(tuple(scores), (Failure(tried[0], "it collapsed"),))
 
 
+def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
+    """One frame or the other matters most, or both; the third is a distractor."""
+    values = np.vstack([rng.uniform(0.01, 1.0, (2, states)), np.zeros(states)])
+    values /= values.max(axis=0)
+    return FrameRelevance(values, rng.gamma(0.5, 40.0, (3, states)), (*FRAMES, "distractor"))
+
+
 @dataclass(frozen=True)
 class Things:
     """All that the pictures of the room show."""
@@ -125,6 +133,7 @@ class Things:
     motion: Motion
     fit: Fit
     selection: Selection
+    relevant: FrameRelevance
 
 
 def make_things(rng: np.random.Generator) -> Things:
@@ -136,7 +145,8 @@ def make_things(rng: np.random.Generator) -> Things:
     fit = Fit(skill, skill, np.sort(rng.normal(size=8)), Outcome(True, 8, "it was enough", ()))
     motion = feedback.rollout(shown[0].x[0])
     tied, chosen = make_skill(rng, tied=True), make_selection(rng)
-    return Things(skill, tied, frames, shown, adapted, states, feedback, motion, fit, chosen)
+    relevant = make_relevance(rng)
+    return Things(skill, tied, frames, shown, adapted, states, feedback, motion, fit, chosen, relevant)
 
 
 @pytest.fixture

@@ -33,6 +33,8 @@ REFUSED = {
         "planes[0] is ('position x',), expected a pair of column names"
     ),
     "plots.model_sizes(t.fit)": "selection is a Fit, expected a Selection",
+    "plots.frame_relevance(t.relevant.values)": "relevant is a ndarray, expected a FrameRelevance",
+    "plots.frame_relevance(t.skill)": "relevant is a Skill, expected a FrameRelevance; relevance(skill, dem",
     "plots.likelihood_trace(t.fit)": "fits is a Fit, expected a list of them; write [fit]",
     "plots.likelihood_trace([t.skill])": "fits[0] is a Skill, expected a Fit; learn makes one",
     "plots.component_correlations(t.skill)": "skills is a Skill, expected a list of them; write [skill]",

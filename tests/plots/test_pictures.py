@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pilotfish import plots
-from pilotfish.models import Skill
+from pilotfish.models import FrameRelevance, Skill
 from pilotfish.planning import via_point
 
 DRAW: dict[str, Callable[[Any], Figure]] = {
@@ -39,10 +39,11 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
     "basis_vectors": lambda t: plots.basis_vectors(t.tied),
     "component_correlations": lambda t: plots.component_correlations([t.skill, t.tied]),
     "model_sizes": lambda t: plots.model_sizes(t.selection),
+    "frame_relevance": lambda t: plots.frame_relevance(t.relevant),
     "likelihood_trace": lambda t: plots.likelihood_trace([t.fit, t.fit]),
 }
 WITH_UNIT = re.compile(r"\[.+\]$")
-COUNTS = {"state", "states", "iteration", "basis vector (first is 0)"}  # axes of numbers that have no unit
+COUNTS = {"state", "states", "iteration", "basis vector (first is 0)", "frame"}  # axes that have no unit
 
 
 @pytest.fixture(scope="module", params=DRAW)
@@ -114,3 +115,6 @@ def test_few_and_many_states_fit(count: int, same_skills: Callable[..., Skill]):
     assert_nothing_is_cut_off(plots.forward_variable(skill, horizon=30))
     assert_nothing_is_cut_off(plots.deviations(skill))
     assert_nothing_is_cut_off(plots.component_correlations([skill]))
+    values = np.full((5, count), 0.987)
+    names = tuple(f"a thing with a long name {p}" for p in range(5))
+    assert_nothing_is_cut_off(plots.frame_relevance(FrameRelevance(values, 12345.0 * values, names)))

@@ -9,6 +9,7 @@ from pilotfish.plots.graph import state_graph
 from pilotfish.plots.matrices import basis_vectors, component_correlations
 from pilotfish.plots.passing import via_points
 from pilotfish.plots.precision import deviations
+from pilotfish.plots.relevant import frame_relevance
 from pilotfish.plots.replay import reproduction
 from pilotfish.plots.seen import demonstrations_seen
 from pilotfish.plots.sizes import model_sizes
@@ -22,6 +23,7 @@ __all__ = [
     "demonstrations_seen",
     "deviations",
     "forward_variable",
+    "frame_relevance",
     "gains",
     "likelihood_trace",
     "model_sizes",

@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish.control import Feedback, Motion, Reference
 from pilotfish.demonstrations import Frame, MovingFrame
 from pilotfish.errors import InvalidInput
-from pilotfish.models import AdaptedSkill, Fit, Skill
+from pilotfish.models import AdaptedSkill, Fit, FrameRelevance, Skill
 
 # What to write, where the one was given and the other belongs.
 MEANT = {
@@ -17,6 +17,7 @@ MEANT = {
     (Skill, AdaptedSkill): "adapt(skill, frames) makes one",
     (AdaptedSkill, Skill): "give the skill as it was before adapt",
     (Skill, Fit): "learn makes one",
+    (Skill, FrameRelevance): "relevance(skill, demonstrations) makes one",
     (Reference, Motion): "track(system, reference, effort).rollout(start) makes one",
     (Feedback, Motion): "feedback.rollout(start) makes one",
     (Reference, Feedback): "track(system, reference, effort) makes one",

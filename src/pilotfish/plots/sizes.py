@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,13 +22,19 @@ LINE_DASHES: tuple[LineStyleType, ...] = (
     "--",
     ":",
     "-.",
-    (0, (5, 1, 1, 1, 1, 1)),
-    (0, (1, 4)),
-    (0, (8, 3)),
-    (0, (2, 2, 6, 2)),
+    (0.0, (5.0, 1.0, 1.0, 1.0, 1.0, 1.0)),
+    (0.0, (1.0, 4.0)),
+    (0.0, (8.0, 3.0)),
+    (0.0, (2.0, 2.0, 6.0, 2.0)),
 )
-DODGE = 0.3  # states, from the first to the last line, so that bars at one number of states do not overlap
+MARKERS = "osD^P*Xp"  # one with each kind of dashes; "v" is an impossible demonstration
+DODGE = 0.1  # states from line to line, so that what nearly coincides stands side by side
+WIDEST = 0.6  # states from the first line to the last
 LEAST = 0.1  # nats per datapoint: smaller differences are drawn in proportion, larger ones by their decades
+
+
+HELD_OUT = "demonstrations held out (higher is better)"
+ALL = "BIC, all demonstrations (lower is better)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,21 +44,24 @@ class Line:
     scores: tuple[Score, ...]
     colour: str
     dash: LineStyleType
+    marker: str
     shift: float
 
     @property
-    def states(self) -> list[int]:
-        return [score.candidate.states for score in self.scores]
+    def places(self) -> list[float]:
+        """Numbers of states, a little to the side."""
+        return [score.candidate.states + self.shift for score in self.scores]
 
 
 def model_sizes(selection: Selection) -> Figure:
-    """Scores against the number of states, a colour for each structure, dashes for each kind of durations.
+    """Scores by numbers of states: a colour for each structure, marks and dashes for each kind of durations.
 
     On the left the log-likelihood per datapoint of demonstrations held out, against the highest of all; bars
     are the standard error of that difference over demonstrations, so that a candidate whose bar reaches zero
     is about as good. The scale is linear near zero, logarithmic beyond; a triangle at the lower edge stands
     for demonstrations that are impossible. On the right the Bayesian information criterion of all
-    demonstrations. The choice is ringed. Candidates that failed are missing.
+    demonstrations. Lines stand a little to the side of one another. The choice is ringed. Candidates that
+    failed are missing.
     Raises: InvalidInput, when all candidates failed, or there are more structures or kinds of durations than
     can be told apart.
     """
@@ -64,13 +74,12 @@ def model_sizes(selection: Selection) -> Figure:
     left.set_yscale("symlog", linthresh=max(LEAST, _least(top)), linscale=0.8)
     for line in lines:
         _draw_held_out(left, line, top)
-        bics = [score.bic for score in line.scores]
-        right.plot(line.states, bics, color=line.colour, linestyle=line.dash, marker="o", markersize=4)
+        right.plot(line.places, [score.bic for score in line.scores], **_look(line))
         if best in line.scores:
             _ring(left, best.candidate.states + line.shift, float(_gains(best, top).mean()))
-            _ring(right, float(best.candidate.states), best.bic)
-    dress(left, x="states", y="log-likelihood per datapoint,\nagainst the best [nat]", title="held out")
-    dress(right, x="states", y="Bayesian information criterion [nat]", title="all (low is good)")
+            _ring(right, best.candidate.states + line.shift, best.bic)
+    dress(left, x="states", y="log-likelihood per datapoint,\nagainst the best [nat]", title=HELD_OUT)
+    dress(right, x="states", y="Bayesian information criterion [nat]", title=ALL)
     for axes in (left, right):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -91,13 +100,17 @@ def _names(scores: Sequence[Score]) -> tuple[list[str], list[str]]:
 
 
 def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequence[str]) -> list[Line]:
-    pairs = list(dict.fromkeys(map(_pair, scores)))
-    shifts = np.linspace(-DODGE / 2, DODGE / 2, len(pairs)) if len(pairs) > 1 else np.zeros(1)
+    """One structure's kinds of durations are the likeliest to coincide, and stand the furthest apart."""
+    there = set(map(_pair, scores))
+    pairs = [(s, d) for d in durations for s in structures if (s, d) in there]
+    reach = min(WIDEST, DODGE * (len(pairs) - 1)) / 2
+    shifts = np.linspace(-reach, reach, len(pairs))
     return [
         Line(
             tuple(sorted((s for s in scores if _pair(s) == pair), key=lambda s: s.candidate.states)),
             COLUMN_COLOURS[structures.index(pair[0])],
             LINE_DASHES[durations.index(pair[1])],
+            MARKERS[durations.index(pair[1])],
             float(shift),
         )
         for pair, shift in zip(pairs, shifts, strict=True)
@@ -119,21 +132,28 @@ def _least(top: Score) -> float:
 
 
 def _draw_held_out(axes: Axes, line: Line, top: Score) -> None:
-    x = np.array(line.states) + line.shift
+    x = np.array(line.places)
     gains = np.array([_gains(score, top) for score in line.scores])  # (lines' scores, M)
     seen = np.isfinite(gains).all(axis=1)
     axes.errorbar(
         x[seen],
         gains[seen].mean(axis=1),
         gains[seen].std(axis=1, ddof=1) / np.sqrt(gains.shape[1]),
-        color=line.colour,
-        linestyle=line.dash,
-        marker="o",
-        markersize=4,
         elinewidth=0.9,
+        **_look(line),
     )
     edge = axes.get_xaxis_transform()
     axes.plot(x[~seen], np.full((~seen).sum(), 0.03), "v", color=line.colour, markersize=6, transform=edge)
+
+
+def _look(line: Line) -> dict[str, Any]:
+    return {
+        "color": line.colour,
+        "linestyle": line.dash,
+        "linewidth": 1.0,
+        "marker": line.marker,
+        "markersize": 4.5,
+    }
 
 
 def _ring(axes: Axes, x: float, y: float) -> None:
@@ -146,7 +166,7 @@ def _handles(structures: Sequence[str], durations: Sequence[str]) -> list[Line2D
         for name, colour in zip(structures, COLUMN_COLOURS, strict=False)
     ]
     dashed = [
-        Line2D([], [], color="0.3", linestyle=dash, label=name)
-        for name, dash in zip(durations, LINE_DASHES, strict=False)
+        Line2D([], [], color="0.3", linestyle=dash, marker=marker, markersize=4.5, label=name)
+        for name, dash, marker in zip(durations, LINE_DASHES, MARKERS, strict=False)
     ]
     return coloured + dashed

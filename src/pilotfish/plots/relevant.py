@@ -1,0 +1,97 @@
+"""Which frames matter at which state, and what each is worth: two tables, shaded."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Normalize, SymLogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from pilotfish.models import FrameRelevance
+from pilotfish.plots.kinds import require_kind
+from pilotfish.plots.style import HUMAN, SMALL, sheet
+from pilotfish.types import Array, Float
+
+DARK = 0.55  # of the shades: from here on figures are white
+MOST_FIGURES = 24  # states; of more, figures would not fit their cells
+CELL, TITLE = 0.48, 2.8  # inches
+STRONG = 3.0  # nats: what costs less is hardly told from chance, so it is hardly shaded
+FULL_SHADE = 10.0  # nats, at least
+
+
+def frame_relevance(relevant: FrameRelevance) -> Figure:
+    """A row for each frame, a column for each state: above how relevant it is, below what it is worth.
+
+    Above is the power to which the frame's Gaussian should be raised, relative to the frame that matters most
+    there. Frames that matter at no state are named in grey. Below is what the demonstrations held out would
+    lose if this frame alone were left out of the state [nats]; shades are linear to three nats, logarithmic
+    beyond. Cells without a figure are zero, or below 0.05 nats. Of more than 24 states only shades are drawn.
+    """
+    require_kind("relevant", relevant, FrameRelevance)
+    figure = _sheet(relevant)
+    above, below = figure.subplots(2, 1)
+    _shade(above, relevant.values, Normalize(0.0, 1.0), _power, "relevance [1]")
+    most = max(FULL_SHADE, float(relevant.costs[np.isfinite(relevant.costs)].max(initial=0.0)))
+    scale = SymLogNorm(STRONG, linscale=0.4, vmin=0.0, vmax=most)
+    bar = _shade(below, relevant.costs, scale, _nats, "cost [nat]")
+    bar.set_ticks([0.0, STRONG, *10.0 ** np.arange(1, np.log10(most) + 1e-9)])
+    _label(above, relevant, "how relevant each frame is")
+    _label(below, relevant, "cost of leaving out this frame alone")
+    return figure
+
+
+def _sheet(relevant: FrameRelevance) -> Figure:
+    P, K = relevant.values.shape
+    names = 0.1 * max(map(len, relevant.frame_names))
+    return sheet(names + max(TITLE, CELL * min(K, MOST_FIGURES)) + 1.7, 2.0 + 2.0 * CELL * P)
+
+
+def _shade(
+    panel: Axes,
+    values: Float[Array, "P K"],
+    scale: Normalize,
+    figure_of: Callable[[float], str],
+    label: str,
+) -> Colorbar:
+    """A cell for each value, with its figure where it fits, and a bar that tells the shades."""
+    shown = np.clip(values, scale.vmin, scale.vmax)
+    image = panel.imshow(shown, cmap="Blues", norm=scale, aspect="auto", interpolation="nearest")
+    if values.shape[1] <= MOST_FIGURES:
+        for (p, k), value in np.ndenumerate(values):
+            colour = "white" if scale(shown[p, k]) > DARK else "black"
+            panel.text(k, p, figure_of(value), color=colour, fontsize=SMALL, ha="center", va="center")
+    bar = panel.figure.colorbar(image, ax=panel, label=label, aspect=12)
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    return bar
+
+
+def _power(value: float) -> str:
+    if value == 0.0:
+        return ""
+    return f"{value:.2f}".rstrip("0").rstrip(".") if value >= 0.005 else "<.01"
+
+
+def _nats(cost: float) -> str:
+    if cost < 0.05:
+        return ""
+    if np.isinf(cost):
+        return "∞"
+    return f"{cost:.1f}" if cost < 9.95 else f"{cost:.0f}"
+
+
+def _label(panel: Axes, relevant: FrameRelevance, title: str) -> None:
+    P, K = relevant.values.shape
+    panel.set_title(title, loc="left", fontsize="medium", fontweight="bold")
+    panel.set(xlabel="state", ylabel="frame")
+    panel.set_yticks(range(P), relevant.frame_names)
+    for name, tick in zip(relevant.frame_names, panel.get_yticklabels(), strict=True):
+        tick.set_color(HUMAN if name in relevant.distractors else "black")
+    panel.xaxis.set_major_locator(MaxNLocator(min(K, MOST_FIGURES), integer=True))
+    panel.spines[:].set_visible(False)
+    panel.tick_params(length=0)
+    for edge in np.arange(K - 1) + 0.5:
+        panel.axvline(edge, color="0.85", linewidth=0.8)
+    for edge in np.arange(P - 1) + 0.5:
+        panel.axhline(edge, color="0.85", linewidth=0.8)
