@@ -30,6 +30,9 @@ from pilotfish.models import (
     learn_mixture,
     learn_semi_markov,
     log_likelihood,
+    relevance,
+    select,
+    select_frames,
 )
 from pilotfish.planning import chart, expected_plan, plan, plan_through, through, via_point
 from pilotfish.store import datasets, open_skill, save_skill
@@ -86,7 +89,10 @@ __all__ = [
     "open_skill",
     "plan",
     "plan_through",
+    "relevance",
     "save_skill",
+    "select",
+    "select_frames",
     "through",
     "track",
     "via_point",
