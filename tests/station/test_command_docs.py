@@ -50,7 +50,7 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 10
+    assert len(lines) == 12
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
@@ -65,6 +65,7 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
         "gains.npz",
         "motion.png",
         "sizes.png",
+        "via.png",
     }
     assert written <= {path.name for path in tmp_path.iterdir()}
 

@@ -133,13 +133,21 @@ def test_a_start_far_from_every_state_is_remarked(
     assert [part for part in ("position", "orientation") if any(part in note for note in notes)] == far
 
 
-def test_a_picture_that_cannot_be_drawn_leaves_no_other_file(
-    refusal: Refusal, lines_skill: Path, tmp_path: Path
-):
+def test_a_picture_that_cannot_be_drawn_leaves_no_other_file(refusal: Refusal, tmp_path: Path):
     """Pictures are made before anything is written."""
     pytest.importorskip("matplotlib")
-    refusal("replay", lines_skill, "--out", "x.csv", "--gains", "x.npz", "--picture", "x.png")
-    assert [file.name for file in tmp_path.iterdir()] == ["line.skill"]
+    rng = np.random.default_rng(0)
+    x = [np.linspace(0, 1, 90)[:, None] + 0.01 * rng.normal(size=(90, 2)) for _ in range(3)]
+    path = learned(tmp_path / "long.skill", x, position_layout(2), states=30)
+    refusal("replay", path, "--out", "x.csv", "--gains", "x.npz", "--picture", "x.png")
+    assert [file.name for file in tmp_path.iterdir()] == ["long.skill"]
+
+
+def test_a_motion_without_a_plane_is_drawn_over_time(facts: Facts, lines_skill: Path, tmp_path: Path):
+    """A movement along one line, or of joints, has no path to look at from above."""
+    pytest.importorskip("matplotlib")
+    facts("replay", lines_skill, "--picture", "x.png")
+    assert (tmp_path / "x.png").stat().st_size > 0
 
 
 def test_a_skill_of_too_many_states_is_not_drawn(run: Runs, tmp_path: Path):

@@ -152,7 +152,8 @@ def _columns(what: str, layout: Layout) -> tuple[Int[Array, " C"], bool]:
         return np.array([layout.names.index(what)]), False
     name = what.rstrip("'")
     columns = np.arange(layout.width)[layout.columns(name, len(what) - len(name))]
-    return columns, any(columns[0] == quaternion.start for quaternion in layout.quaternions)
+    orientations = (*(quaternion.start for quaternion in layout.quaternions), *layout.turns)
+    return columns, bool(columns[0] in orientations)
 
 
 def _step(point: ViaPoint, last: int, period: float | None) -> int:

@@ -20,6 +20,7 @@ from pilotfish.plots.doors import (
     require_states,
 )
 from pilotfish.plots.kinds import require_array, require_kind
+from pilotfish.plots.spreads import in_columns
 from pilotfish.plots.style import (
     HUMAN,
     MOTION,
@@ -100,10 +101,11 @@ def _draw_lines(panel: Axes, motion: Motion, human: Demonstration | None, column
 def _draw_bands(panel: Axes, skill: AdaptedSkill, states: Int[Array, " T"], column: int) -> None:
     """Mean and deviation of each visit, from half a step before its first to half a step past the last."""
     visited, lengths = runs(states)
+    variances = np.diagonal(in_columns(skill.means, skill.covariances, skill.layout), axis1=1, axis2=2)
     ends = np.cumsum(lengths)
     for k, first, end in zip(visited, ends - lengths, ends, strict=True):
         seconds = skill.period * np.array([first - 0.5, end - 0.5])
-        mean, deviation = skill.means[k, column], np.sqrt(skill.covariances[k, column, column])
+        mean, deviation = skill.means[k, column], np.sqrt(variances[k, column])
         colour = state_colour(int(k))
         band = panel.fill_between(seconds, mean - deviation, mean + deviation, color=colour, alpha=0.25)
         band.set(linewidth=0.0, gid=f"band of state {k}")

@@ -36,7 +36,7 @@ def basis_vectors(skill: Skill) -> Figure:
     for panel, H, name in zip(panels, bases, skill.frame_names, strict=True):
         image = _draw_matrix(panel, _unit_columns(H), f"frame {name!r}")
         panel.set(xlabel="basis vector (first is 0)")
-        _name_columns(panel, skill.layout, first=panel is panels[0])
+        _name_columns(panel, skill.layout.tangent, first=panel is panels[0])
     figure.colorbar(image, ax=list(panels), label="share of the vector's largest entry [1]", shrink=0.9)
     return figure
 

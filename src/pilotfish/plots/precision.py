@@ -27,26 +27,28 @@ def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
     """A row for each frame: the standard deviation of each state, column by column, on a logarithmic scale.
 
     Columns of one unit share a panel. Shaded is the state that the frame sees most precisely: the one of
-    least product of deviations in the panel. columns are names; all that are no derivatives if not given.
+    least product of deviations in the panel. columns are names; all that are no derivatives if not given. An
+    orientation on S^3 deviates by a rotation vector in body axes: "orientation 1", 2 and 3 [rad].
     Raises: InvalidInput, when a column is unknown or states are too many.
     Source: after Tanwani 2018, figure 3.7.
     """
     require_kind("skill", skill, Skill)
     require_states(skill.states)
-    groups = _groups(skill.layout, chosen_columns(skill.layout, columns))
+    layout = skill.layout.tangent  # covariances are of deviations
+    groups = _groups(layout, chosen_columns(layout, columns))
     rows = len(skill.frame_names)
     figure = sheet(max(5.5, 0.5 * WIDTH * len(groups)), 2.7 * rows + 0.6)
     panels = figure.subplots(rows, len(groups), squeeze=False, sharex=True, sharey="col")
     for p, name in enumerate(skill.frame_names):
         variances = np.diagonal(skill.covariances[p].dense, axis1=1, axis2=2)  # (K, D)
         for panel, group in zip(panels[p], groups, strict=True):
-            _draw_deviations(panel, np.sqrt(variances[:, group]), [skill.layout.names[c] for c in group])
-            unit = skill.layout.units[group[0]]
+            _draw_deviations(panel, np.sqrt(variances[:, group]), [layout.names[c] for c in group])
+            unit = layout.units[group[0]]
             dress(panel, x="state", y=f"deviation [{unit}]", title=f"seen from {name!r}")
             panel.tick_params(labelleft=True, labelbottom=True)
     for panel in panels[0]:  # a column of panels has one scale
         _tick_readably(panel)
-    legend_below(figure, _handles(skill.layout, groups))
+    legend_below(figure, _handles(layout, groups))
     return figure
 
 

@@ -14,6 +14,7 @@ from pilotfish.plots.doors import Plane, chosen_planes, require_human, require_s
 from pilotfish.plots.ellipses import draw_ellipses
 from pilotfish.plots.kinds import require_kind, require_list
 from pilotfish.plots.labels import settle
+from pilotfish.plots.spreads import in_columns
 from pilotfish.plots.style import FAINT, WIDTH, dress, legend_below, sheet, state_handles, with_unit
 from pilotfish.types import Array, Float
 
@@ -45,10 +46,11 @@ def demonstrations_seen(
     labels = {}
     for p, name in enumerate(skill.frame_names):
         paths = np.split(data.x[p], np.cumsum(data.lengths)[:-1])
+        spreads = in_columns(skill.means[p], skill.covariances[p].dense, skill.layout)
         for panel, plane in zip(panels[p], chosen, strict=True):
             _draw_paths(panel, paths, plane)
             panel.plot(0.0, 0.0, marker="+", markersize=14, markeredgewidth=1.6, color="black", zorder=4)
-            labels[panel] = draw_ellipses(panel, skill.means[p], skill.covariances[p].dense, plane, name)
+            labels[panel] = draw_ellipses(panel, skill.means[p], spreads, plane, name)
             x, y = (with_unit(skill.layout, column) for column in plane)
             dress(panel, x=x, y=y, title=f"seen from {name!r}").set_aspect("equal", adjustable="datalim")
     legend_below(figure, [*_path_handles(), *state_handles(skill.states)])

@@ -10,9 +10,19 @@ from typing import Any
 import click
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, Severity, check, on_sphere
+from pilotfish.demonstrations import Demonstration, Severity, check
 from pilotfish.gaussians import Structure
-from pilotfish.models import EMSettings, Fit, KMeans, Learner, Start, TimeBins, fitted_parameters
+from pilotfish.models import (
+    EMSettings,
+    Fit,
+    KMeans,
+    Learner,
+    Start,
+    TimeBins,
+    fitted_parameters,
+    relevance,
+    select_frames,
+)
 from pilotfish.station.answers import (
     Answer,
     a_person_watches,
@@ -23,9 +33,9 @@ from pilotfish.station.answers import (
     remark,
     require_new,
 )
-from pilotfish.station.descriptions import columns_text, skill_facts, states_table
+from pilotfish.station.descriptions import columns_text, skill_facts, states_table, time_text
 from pilotfish.station.learners import CENSORINGS, COUNTED, LAWS, LEARNERS, semi_markov_learner
-from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
+from pilotfish.station.sources import a_choice, chosen, prepared, recordings
 from pilotfish.station.structure_names import StructureType, structure_names
 from pilotfish.store import content_hash, save_skill
 
@@ -47,6 +57,7 @@ class Choices:
     durations: str | None
     censored: str | None
     sphere: bool
+    drop_distractors: bool
     start: str
     regularisation: float
     iterations: int
@@ -94,6 +105,11 @@ class Choices:
     default=False,
     show_default=True,
     help="Whether unit quaternions are orientations on their sphere, or four numbers like any others.",
+)
+@click.option(
+    "--drop-distractors",
+    is_flag=True,
+    help="Learn twice, the second time without the frames that matter at no state.",
 )
 @click.option(
     "--start",
@@ -147,15 +163,31 @@ def learn(**options: Any) -> Answer:
     asked = Choices(**options)
     require_new(asked.out, force=asked.force, inputs=_recordings_in(Path(asked.folder)))
     learner = _learner(asked)
-    demonstrations = chosen(recordings(asked.folder), asked.only)
-    if asked.sphere:
-        demonstrations = tuple(on_sphere(demo) for demo in demonstrations)
-    if asked.speeds:
-        demonstrations = with_speeds(demonstrations)
+    demonstrations = prepared(
+        chosen(recordings(asked.folder), asked.only), sphere=asked.sphere, speeds=asked.speeds
+    )
     _warn(demonstrations)
     fit = _fit(demonstrations, learner, asked)
+    gone: tuple[str, ...] = ()
+    if asked.drop_distractors:
+        fit, gone = _without_distractors(fit, demonstrations, learner, asked)
     save_skill(fit.skill, asked.out)
-    return _answer(fit, asked)
+    return _answer(fit, gone, asked)
+
+
+def _without_distractors(
+    fit: Fit, demonstrations: Sequence[Demonstration], learner: Learner, asked: Choices
+) -> tuple[Fit, tuple[str, ...]]:
+    """Learned anew without the frames that matter at no state, which are named; the same when all matter."""
+    if len(fit.skill.frame_names) < 2:
+        return fit, ()
+    relevant = relevance(fit.skill, demonstrations)
+    if not (gone := relevant.distractors):
+        return fit, ()
+    again = _fit(select_frames(demonstrations, relevant), learner, asked)
+    note = f"frames left out, they matter at no state: {', '.join(gone)}"
+    skill = replace(again.skill, provenance=replace(again.skill.provenance, note=note))
+    return replace(again, skill=skill), gone
 
 
 def _recordings_in(folder: Path) -> list[Path]:
@@ -215,7 +247,7 @@ def _warn(demonstrations: Sequence[Demonstration]) -> None:
             remark(f"{finding.severity.value}: {finding.place} {finding.message}")
 
 
-def _answer(fit: Fit, asked: Choices) -> Answer:
+def _answer(fit: Fit, gone: Sequence[str], asked: Choices) -> Answer:
     skill, outcome, structure = fit.skill, fit.outcome, asked.structure
     parameters = fitted_parameters(structure, skill.covariances)
     name = content_hash(skill)
@@ -225,6 +257,7 @@ def _answer(fit: Fit, asked: Choices) -> Answer:
         **skill_facts(skill),
         "reason": outcome.reason,
         "dropped": list(outcome.dropped),
+        "frames_left_out": list(gone),
         "covariance_parameters": parameters,
     }
     ended = "converged" if outcome.converged else "not converged"
@@ -237,6 +270,8 @@ def _answer(fit: Fit, asked: Choices) -> Answer:
         ("log-likelihood", f"{skill.provenance.log_likelihood:.6g} after {outcome.iterations} iterations"),
         (ended, outcome.reason),
         ("dropped", ", ".join(outcome.dropped) or "no state"),
+        *([("frames left out", ", ".join(gone) or "none")] if asked.drop_distractors else []),
+        ("time", time_text(skill)),
         ("covariances", f"{structure.label}, {parameters} parameters"),
         ("file", str(asked.out)),
         ("content", name),

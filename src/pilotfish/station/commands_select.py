@@ -28,7 +28,7 @@ from pilotfish.station.answers import (
 from pilotfish.station.candidates import candidates
 from pilotfish.station.learners import LEARNERS
 from pilotfish.station.pictures import a_picture, require_matplotlib, save_picture
-from pilotfish.station.sources import a_choice, chosen, recordings, with_speeds
+from pilotfish.station.sources import a_choice, chosen, prepared, recordings
 from pilotfish.station.structure_names import structure_names
 
 HEAD = ("states", "structure", "durations", "parameters", "log-lik.", "BIC", "held out", "+-", "CPU [s]", "")
@@ -48,6 +48,7 @@ class Choices:
     seed: int
     only: str
     speeds: bool
+    sphere: bool
     force: bool
 
 
@@ -105,6 +106,12 @@ class Choices:
     show_default=True,
     help="Add the speed of every column where the recording has none.",
 )
+@click.option(
+    "--sphere/--flat",
+    default=False,
+    show_default=True,
+    help="Whether unit quaternions are orientations on their sphere, or four numbers like any others.",
+)
 @click.option("--force", is_flag=True, help="Replace the picture if it is there already.")
 @answering
 def select(**options: Any) -> Answer:
@@ -118,9 +125,9 @@ def select(**options: Any) -> Answer:
     if asked.out:
         require_matplotlib()
     require_new(asked.out, force=asked.force)
-    demonstrations = chosen(recordings(asked.folder), asked.only)
-    if asked.speeds:
-        demonstrations = with_speeds(demonstrations)
+    demonstrations = prepared(
+        chosen(recordings(asked.folder), asked.only), sphere=asked.sphere, speeds=asked.speeds
+    )
     selection, seconds = _scored(demonstrations, tried, asked)
     best = selection.best
     if asked.out:

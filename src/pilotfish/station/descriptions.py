@@ -1,15 +1,17 @@
 """A skill in words and numbers: its states, what follows what, and which frame is precise where."""
 
-from math import isnan
+from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Quantity
-from pilotfish.models import MarkovChain, SemiMarkovChain, Skill, Weights
+from pilotfish.models import FrameRelevance, MarkovChain, SemiMarkovChain, Skill, Weights
 from pilotfish.station.answers import table
+from pilotfish.station.learners import LAW_NAMES
 from pilotfish.types import Array, Float
 
+MOST_PARTS = 12  # on one line
 LEAST = 0.005  # transitions less probable are not shown
 
 
@@ -25,6 +27,7 @@ def skill_facts(skill: Skill) -> dict[str, Any]:
         ],
         "period": skill.period,
         "dynamics": _dynamics_name(skill),
+        "durations": durations_name(skill),
         "structure": provenance.structure,
         "demonstrations": list(provenance.demonstrations),
         "datapoints": provenance.datapoints,
@@ -39,15 +42,17 @@ def skill_facts(skill: Skill) -> dict[str, Any]:
 
 
 def columns_text(layout: Layout) -> str:
-    """The parts of a row with size and unit, a dash for each derivative."""
-    return ", ".join(
-        f"{part.name}{chr(39) * part.derivative} ({part.size}) [{part.unit}]" for part in layout.parts
-    )
+    """The parts of a row with size and unit, a dash for each derivative; of many the first, and how many."""
+    parts, more = layout.parts, ""
+    if len(parts) > MOST_PARTS:
+        parts, more = parts[: MOST_PARTS // 2], f", ... {len(parts)} parts of {layout.width} columns in all"
+    named = (f"{part.name}{chr(39) * part.derivative} ({part.size}) [{part.unit}]" for part in parts)
+    return ", ".join(named) + more
 
 
 def states_table(skill: Skill) -> str:
     """A line for each state: how long, what next, and how far it spreads as each frame sees it."""
-    unit = _spread_unit(skill.layout)
+    unit = _spread_unit(skill.layout.tangent)
     timing = {"mixture": "share", "markov": "lasts [s]", "semi-markov": "lasts [s]"}[_dynamics_name(skill)]
     spreads = [f"{name} [{unit}]" for name in skill.frame_names]
     rows = [
@@ -87,6 +92,50 @@ def _dynamics_name(skill: Skill) -> str:
             return "semi-markov"
 
 
+def durations_name(skill: Skill) -> str | None:
+    """The law of the durations; None where states have none of their own."""
+    if isinstance(skill.dynamics, SemiMarkovChain):
+        return LAW_NAMES[type(skill.dynamics.durations)]
+    return None
+
+
+def time_text(skill: Skill) -> str:
+    """How states follow one another, and how long they last."""
+    law = durations_name(skill)
+    return f"{_dynamics_name(skill)}, {law} durations" if law else _dynamics_name(skill)
+
+
+def relevance_table(relevant: FrameRelevance) -> str:
+    """A line for each state: the power of each frame, and what leaving it out would cost [nats]."""
+    rows = []
+    for k, (values, costs) in enumerate(zip(relevant.values.T, relevant.costs.T, strict=True)):
+        rows.append(
+            [
+                str(k),
+                *(f"{v:.2f} ({round(cost, 1) + 0.0:.1f})" for v, cost in zip(values, costs, strict=True)),
+            ]
+        )
+    lines = [
+        table(("state", *relevant.frame_names), rows),
+        "relevance, from 0 (says nothing that others do not say better) to 1 (matters most there);",
+        "in brackets what leaving the frame out costs demonstrations held out [nats]",
+    ]
+    if gone := relevant.distractors:
+        names = ", ".join(gone)
+        lines.append(f"of relevance 0 at every state: {names}; learn --drop-distractors does without")
+    return "\n".join(lines)
+
+
+def relevance_facts(relevant: FrameRelevance) -> dict[str, Any]:
+    """The same for programs; a cost without end, of an only frame, is null."""
+    costs = [[cost if isfinite(cost) else None for cost in row] for row in relevant.costs.tolist()]
+    return {
+        "relevance": dict(zip(relevant.frame_names, relevant.values.tolist(), strict=True)),
+        "relevance_costs": dict(zip(relevant.frame_names, costs, strict=True)),
+        "distractors": list(relevant.distractors),
+    }
+
+
 def _timing(skill: Skill, k: int) -> str:
     match skill.dynamics:
         case Weights(weights):
@@ -121,7 +170,7 @@ def _spreads(skill: Skill) -> Float[Array, "K P"]:
 
     Of the positions when there are some; a rotation of the frame does not change it.
     """
-    columns = _spread_columns(skill.layout)
+    columns = _spread_columns(skill.layout.tangent)
     dense = np.stack([c.dense for c in skill.covariances])[:, :, columns][..., columns]  # (P, K, d, d)
     return np.asarray(np.exp(np.linalg.slogdet(dense)[1] / (2 * len(columns)))).T
 

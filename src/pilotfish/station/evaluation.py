@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
+from pilotfish.control import Feedback, Motion, Reference
 from pilotfish.demonstrations import Demonstration, Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
 from pilotfish.models import AdaptedSkill, EMSettings, Skill, adapt
 from pilotfish.planning import expected_plan, plan
+from pilotfish.station.following import followed, setting
 from pilotfish.types import Array, Float
 
 STATES, TRAINED = 7, 4  # states of the skill; demonstrations to learn from, the rest is new to it
@@ -23,7 +24,10 @@ SLACK, EFFORT = 2e-3, 9.0  # added to variances before they become weights; the 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replay:
-    """A skill in the situation of a demonstration, and the motion that came of it."""
+    """A skill in the situation of a demonstration, and the motion that came of it.
+
+    Reference and feedback are those of a flat map where orientations are on S^3 (following.Setting).
+    """
 
     skill: AdaptedSkill
     reference: Reference
@@ -39,10 +43,10 @@ def replay(
     Raises: InvalidInput, when skill and demonstration differ in columns, period or frames, a frame moves, or
     the columns are not coordinates followed by the derivative of each.
     """
-    here = _adapted(skill, demonstration)
-    start = demonstration.x[0]
-    reference = plan(here, start, horizon=len(demonstration.x), slack=slack)
-    return _tracked(here, reference, start, effort)
+    here = setting(_adapted(skill, demonstration))
+    start = here.inward(demonstration.x[0])
+    reference = plan(here.flat, start, horizon=len(demonstration.x), slack=slack)
+    return Replay(here.adapted, reference, *followed(here, reference, start, effort))
 
 
 def replay_from_mean(
@@ -52,20 +56,22 @@ def replay_from_mean(
 
     Raises: InvalidInput, as replay does.
     """
-    here = _adapted(skill, demonstration)
-    reference = expected_plan(here, horizon=len(demonstration.x), slack=slack)
-    return _tracked(here, reference, reference.targets[0], effort)
+    here = setting(_adapted(skill, demonstration))
+    reference = expected_plan(here.flat, horizon=len(demonstration.x), slack=slack)
+    return Replay(here.adapted, reference, *followed(here, reference, reference.targets[0], effort))
 
 
 def mean_squared_error(motion: Motion, demonstration: Demonstration) -> float:
     """The mean over steps and coordinates of the squared difference; derivatives are left out.
 
-    For a pose this mixes m^2 and squared quaternion entries, as the published figures do.
+    For a pose this mixes m^2 and squared quaternion entries, as the published figures do. Of q and -q, where
+    orientations are on S^3, the nearer counts.
     Raises: InvalidInput, when the two differ in shape.
     """
     _require_same_shape(motion, demonstration)
     columns = _coordinates(demonstration.layout)
-    return float(np.mean((motion.x[:, columns] - demonstration.x[:, columns]) ** 2))
+    x = _signed(motion.x, demonstration)
+    return float(np.mean((x[:, columns] - demonstration.x[:, columns]) ** 2))
 
 
 def end_point_error(motion: Motion, demonstration: Demonstration) -> float:
@@ -84,7 +90,7 @@ def end_turn_error(motion: Motion, demonstration: Demonstration) -> float:
     Raises: InvalidInput, when the two differ in shape or have no orientation.
     """
     _require_same_shape(motion, demonstration)
-    columns = _first(demonstration.layout, Quantity.QUATERNION)
+    columns = _first(demonstration.layout, Quantity.QUATERNION, Quantity.ORIENTATION)
     return float(angle(motion.x[-1, columns], demonstration.x[-1, columns]))
 
 
@@ -93,7 +99,7 @@ def largest_push(motion: Motion, layout: Layout) -> float:
 
     Raises: InvalidInput, when there is no position.
     """
-    columns = _first(layout, Quantity.POSITION)
+    columns = _first(layout.tangent, Quantity.POSITION)
     return float(np.linalg.norm(motion.u[:, columns], axis=1).max())
 
 
@@ -109,38 +115,26 @@ def _adapted(skill: Skill, demonstration: Demonstration) -> AdaptedSkill:
     return adapt(skill, demonstration.frames)
 
 
-def _tracked(skill: AdaptedSkill, reference: Reference, start: Float[Array, " D"], effort: float) -> Replay:
-    axes = coordinates_with_speeds(skill.layout)
-    feedback = track(double_integrator(axes, period=skill.period), reference, effort)
-    return Replay(skill, reference, feedback, feedback.rollout(start))
-
-
-def coordinates_with_speeds(layout: Layout) -> int:
-    """How many coordinates there are, when each has its derivative in the second half.
-
-    Raises: InvalidInput, when the columns are others: a double integrator cannot follow them.
-    """
-    half = layout.width // 2
-    here = [part for part, columns in zip(layout.parts, layout.slices, strict=True) if columns.stop <= half]
-    there = layout.parts[len(here) :]
-    if [(p.name, p.size, p.derivative + 1) for p in here] != [(p.name, p.size, p.derivative) for p in there]:
-        raise InvalidInput(
-            f"the columns are {', '.join(layout.names)}, expected coordinates, then the derivative of each; "
-            "learn it again with them: pf.with_derivatives, or pilotfish learn --speeds"
-        )
-    return half
-
-
 def _coordinates(layout: Layout) -> list[int]:
     parts = zip(layout.parts, layout.slices, strict=True)
     return [i for part, here in parts if part.derivative == 0 for i in range(here.start, here.stop)]
 
 
-def _first(layout: Layout, quantity: Quantity) -> slice:
+def _signed(x: Float[Array, "T D"], demonstration: Demonstration) -> Float[Array, "T D"]:
+    signed = x.copy()
+    for first in demonstration.layout.turns:
+        here = slice(first, first + 4)
+        away = np.sum(x[:, here] * demonstration.x[:, here], axis=1, keepdims=True) < 0.0
+        signed[:, here] = np.where(away, -x[:, here], x[:, here])
+    return signed
+
+
+def _first(layout: Layout, *quantities: Quantity) -> slice:
     for part, columns in zip(layout.parts, layout.slices, strict=True):
-        if part.quantity is quantity and part.derivative == 0:
+        if part.quantity in quantities and part.derivative == 0:
             return columns
-    raise InvalidInput(f"the columns are {', '.join(layout.names)}, expected a {quantity.value} among them")
+    wanted = " or ".join(quantity.value for quantity in quantities)
+    raise InvalidInput(f"the columns are {', '.join(layout.names)}, expected a {wanted} among them")
 
 
 def _require_same_shape(motion: Motion, demonstration: Demonstration) -> None:

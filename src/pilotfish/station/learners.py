@@ -3,7 +3,7 @@
 from functools import partial
 
 from pilotfish import models
-from pilotfish.models import Censoring, DurationLaw, Learner, Timing
+from pilotfish.models import Censoring, DurationLaw, Durations, Learner, Timing
 
 COUNTED = "counted"
 
@@ -15,6 +15,14 @@ LAWS: dict[str, DurationLaw] = {
     "poisson": models.Poisson(),
     "negative-binomial": models.NegativeBinomial(),
     "histogram": models.Histogram(pseudocount=1.0),
+}
+LAW_NAMES: dict[type[Durations], str] = {
+    models.GaussianDurations: "normal",
+    models.LogNormalDurations: "log-normal",
+    models.GammaDurations: "gamma",
+    models.PoissonDurations: "poisson",
+    models.NegativeBinomialDurations: "negative-binomial",
+    models.HistogramDurations: "histogram",
 }
 CENSORINGS = {
     "last": Censoring(first=False, last=True),

@@ -8,6 +8,7 @@ import numpy as np
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.models import AdaptedSkill, Weights
+from pilotfish.station.following import gaps, turns, unit_of_gaps
 from pilotfish.types import Array, Float
 
 FAR = 6.0  # deviations of a state; beyond them nothing of it was ever shown
@@ -19,7 +20,10 @@ def places(layout: Layout) -> list[tuple[Part, slice]]:
 
 
 def on_the_sphere(x: Float[Array, "T D"], layout: Layout) -> Float[Array, "T D"]:
-    """Every orientation brought back to unit length; the motion of a linear system leaves it a little."""
+    """Every orientation brought back to unit length; the motion of a linear system leaves it a little.
+
+    On S^3, where motions come from a map of it, it has that length already.
+    """
     brought = x.copy()
     for here in layout.quaternions:
         brought[:, here] /= np.linalg.norm(x[:, here], axis=1, keepdims=True)
@@ -70,20 +74,18 @@ def notes_on_the_start(model: AdaptedSkill, start: Float[Array, " D"]) -> list[s
     Far is farther than any two states are from each other, and beyond six deviations of each.
     """
     notes = []
-    for part, here in places(model.layout):
-        gaps = _gaps(model.means[:, here], start[here], part)
-        extent = max(float(_gaps(model.means[:, here], mean, part).max()) for mean in model.means[:, here])
-        variances = np.linalg.eigvalsh(model.covariances[:, here, here])[:, -1]
-        if (gaps > extent).all() and (gaps > FAR * np.sqrt(variances)).all():
+    for (part, here), (_, there) in zip(places(model.layout), places(model.layout.tangent), strict=True):
+        away = gaps(model.layout, here, model.means, start)
+        extent = max(float(gaps(model.layout, here, model.means, mean).max()) for mean in model.means)
+        deviations = np.sqrt(np.linalg.eigvalsh(model.covariances[:, there, there])[:, -1])
+        if part.quantity is Quantity.QUATERNION:  # turning by an angle moves its four numbers half as far
+            deviations *= 2.0
+        if turns(model.layout, here):
+            deviations = np.degrees(deviations)
+        if (away > extent).all() and (away > FAR * deviations).all():
             notes.append(
-                f"the start's {part.name} is {gaps.min():.3g} {part.unit} from the nearest state, farther "
-                f"than any two states are from each other ({extent:.3g}): the motion there is extrapolation"
+                f"the start's {part.name} is {away.min():.3g} {unit_of_gaps(model.layout, here)} from the "
+                f"nearest state, farther than any two states are from each other ({extent:.3g}): the motion "
+                "there is extrapolation"
             )
     return notes
-
-
-def _gaps(means: Float[Array, "K d"], value: Float[Array, " d"], part: Part) -> Float[Array, " K"]:
-    gaps = np.linalg.norm(means - value, axis=1)
-    if part.quantity is Quantity.QUATERNION:  # q and -q are one orientation
-        gaps = np.minimum(gaps, np.linalg.norm(means + value, axis=1))
-    return np.asarray(gaps)

@@ -8,7 +8,7 @@ import click
 
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians import SemiTiedCovariances
-from pilotfish.models import SemiMarkovChain, Skill
+from pilotfish.models import FrameRelevance, SemiMarkovChain, Skill
 from pilotfish.store import whole_file
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 DOTS_PER_INCH = 150
 KINDS = (".png", ".svg", ".pdf")
+Drawn = tuple[dict[str, "Figure"], dict[str, str]]  # by name; and of those left out, the reason
 PATIENCE = 1.5  # how much longer than all mean durations together the forward variable is drawn
 
 
@@ -43,7 +44,7 @@ def save_picture(figure: "Figure", path: Path) -> None:
         figure.savefig(part, dpi=DOTS_PER_INCH)
 
 
-def skill_pictures(skill: Skill) -> tuple[dict[str, "Figure"], dict[str, str]]:
+def skill_pictures(skill: Skill, relevant: FrameRelevance | None = None) -> Drawn:
     """The pictures that suit the skill, by name; and those that could not be drawn, with the reason."""
     from pilotfish import plots  # needs matplotlib
 
@@ -52,6 +53,8 @@ def skill_pictures(skill: Skill) -> tuple[dict[str, "Figure"], dict[str, str]]:
         horizon = int(PATIENCE * chain.durations.means.sum()) + 1
         drawings["states"] = lambda: plots.state_graph(skill)
         drawings["occupancy"] = lambda: plots.forward_variable(skill, horizon=horizon)
+    if relevant:
+        drawings["relevance"] = lambda: plots.frame_relevance(relevant)
     if all(isinstance(c, SemiTiedCovariances) for c in skill.covariances):
         drawings["basis"] = lambda: plots.basis_vectors(skill)
     drawn: dict[str, Figure] = {}

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, Part, Quantity, frame, frame_from_pose
+from pilotfish.demonstrations import Frame, Layout, Part, Quantity, frame, frame_from_pose, tangent_map
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
 from pilotfish.models import AdaptedSkill, Skill, Weights
 from pilotfish.types import Array, Float
 
 BY_POSE, BY_MATRIX = {"name", "position", "quaternion"}, {"name", "A", "b"}
-KEYS = {Quantity.POSITION: "position", Quantity.QUATERNION: "quaternion"}
+TURNS = (Quantity.QUATERNION, Quantity.ORIENTATION)
+KEYS = {Quantity.POSITION: "position", **dict.fromkeys(TURNS, "quaternion")}
 
 
 def frames_in(path: Path, skill: Skill) -> tuple[Frame, ...]:
@@ -44,6 +45,8 @@ def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
         if x.shape != (model.layout.width,):
             columns = ", ".join(model.layout.names)
             raise InvalidInput(f"{path}: x has shape {x.shape}, expected ({model.layout.width},): {columns}")
+        for first in model.layout.turns:
+            x[first : first + 4] = _unit(x[first : first + 4], f"{path}: x")
         return x
     return _at_rest(content, str(path), model.layout)
 
@@ -78,11 +81,22 @@ def _frame(given: object, place: str, layout: Layout) -> Frame:
 
 
 def _of_whole_width(given: Frame, layout: Layout) -> Frame:
-    """A frame of the columns as they were recorded turns their speeds too, and does not move them."""
+    """A frame of the columns as they were recorded turns their speeds too, and does not move them.
+
+    Angular velocities, in the axes of the body, stay.
+    """
     n = len(given.b)
-    if sum(part.size for part in layout.parts if part.derivative == 0) == n and layout.width == 2 * n:
-        return Frame(given.name, np.kron(np.eye(2), given.A), np.concatenate([given.b, np.zeros(n)]))
-    return given
+    still = [
+        columns for part, columns in zip(layout.parts, layout.slices, strict=True) if not part.derivative
+    ]
+    if n != sum(columns.stop - columns.start for columns in still) or layout.tangent.width != 2 * (
+        n - len(layout.turns)
+    ):
+        return given
+    A, b = np.eye(layout.width), np.concatenate([given.b, np.zeros(layout.width - n)])
+    A[:n, :n] = given.A
+    A[n:, n:] = tangent_map(given.A, layout.turns)
+    return Frame(given.name, A, b)
 
 
 def _at_rest(content: dict[str, Any], path: str, layout: Layout) -> Float[Array, " D"]:
@@ -96,7 +110,7 @@ def _at_rest(content: dict[str, Any], path: str, layout: Layout) -> Float[Array,
         values = _numbers(content[key], f"{path}: {key}")
         if values.shape != (part.size,):
             raise InvalidInput(f"{path}: {key} has shape {values.shape}, expected ({part.size},)")
-        x[here] = _unit(values, path) if part.quantity is Quantity.QUATERNION else values
+        x[here] = _unit(values, path) if part.quantity in TURNS else values
     return x
 
 

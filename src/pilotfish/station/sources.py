@@ -3,12 +3,14 @@
 import difflib
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import click
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, read_folder, with_derivatives
+from pilotfish.demonstrations import Demonstration, on_sphere, read_folder, with_derivatives
 from pilotfish.errors import InvalidInput
+from pilotfish.models import Skill
 from pilotfish.store import datasets, synthetic_valve
 
 NUMBER = re.compile("[0-9]{1,6}")
@@ -86,6 +88,35 @@ def with_speeds(demonstrations: Sequence[Demonstration]) -> tuple[Demonstration,
         demo if any(part.derivative for part in demo.layout.parts) else with_derivatives(demo)
         for demo in demonstrations
     )
+
+
+def prepared(
+    demonstrations: Sequence[Demonstration], *, sphere: bool, speeds: bool
+) -> tuple[Demonstration, ...]:
+    """With orientations on S^3 if so wished, and with the speed of every column where there is none."""
+    placed = tuple(on_sphere(demo) if sphere else demo for demo in demonstrations)
+    return with_speeds(placed) if speeds else placed
+
+
+def as_learned(skill: Skill, source: str) -> tuple[Demonstration, ...]:
+    """The recordings that a skill was learned from, in its columns and with its frames.
+
+    Raises: SkillError, when one is not among those of the folder or data set.
+    """
+    there = {demo.name: demo for demo in recordings(source)}
+    names = skill.provenance.demonstrations
+    if missing := [name for name in names if name not in there]:
+        raise InvalidInput(
+            f"{source} has the recordings {', '.join(there)}, and the skill was learned from "
+            f"{missing[0]!r} too; name the folder that it was learned from"
+        )
+    return tuple(_in_columns_of(skill, there[name]) for name in names)
+
+
+def _in_columns_of(skill: Skill, demo: Demonstration) -> Demonstration:
+    speeds = any(part.derivative for part in skill.layout.parts)
+    here = prepared((demo,), sphere=bool(skill.layout.turns), speeds=speeds)[0]
+    return replace(here, frames=tuple(f for f in here.frames if f.name in skill.frame_names))
 
 
 def _listed(only: str) -> list[int]:
