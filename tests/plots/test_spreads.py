@@ -11,7 +11,9 @@ from pilotfish.gaussians import DenseCovariances
 from pilotfish.geometry import exp, multiply, normalise
 from pilotfish.models import AdaptedSkill
 from pilotfish.planning import observations, via_point
+from pilotfish.plots.coordinates import column_rows
 from pilotfish.plots.spreads import in_columns
+from pilotfish.plots.style import column_colour, column_dash
 
 CURVED = Layout(
     (
@@ -101,3 +103,19 @@ def test_points_to_pass_are_diamonds_in_the_planes_that_they_name(rng: np.random
     np.testing.assert_allclose(found[0][0].get_xydata(), [[0.1, 0.2]])
     np.testing.assert_allclose(found[1][0].get_xydata(), [[0.1, 0.3]])
     np.testing.assert_allclose(np.ravel(found[2][0].get_data_3d()), [0.1, 0.2, 0.3])
+
+
+def test_parts_of_one_column_share_rows(rng: np.random.Generator):
+    """Joints stand four abreast; the columns of a larger part keep a row of their own."""
+    joints = [Part(f"joint {n}", Quantity.SCALAR, 1, "rad") for n in range(5)]
+    layout = Layout(
+        (*joints, Part("position", Quantity.POSITION, 3, "m"), Part("grip", Quantity.SCALAR, 1, "m"))
+    )
+    assert column_rows(layout, list(range(9))) == [[0, 1, 2, 3], [4], [5, 6, 7], [8]]
+    assert column_rows(layout, [1, 6, 8]) == [[1], [6], [8]]
+
+
+def test_columns_of_one_colour_have_different_dashes():
+    """Twenty joints in one panel are told apart by colour and dashes."""
+    looks = {(column_colour(f"joint {n}", n), str(column_dash(f"joint {n}", n))) for n in range(20)}
+    assert len(looks) == 20

@@ -86,8 +86,18 @@ def _require_plan(states: Int[Array, " T"], known: int, steps: int) -> None:
 
 
 def column_rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
-    """The columns of a part side by side, at most so many in a row."""
-    parts = [[i for i in range(here.start, here.stop) if i in chosen] for here in layout.slices]
+    """The columns of a part side by side, parts of one column too, at most so many in a row."""
+    parts: list[list[int]] = []
+    alone = False  # whether the last row is of parts of one column
+    for here in layout.slices:
+        if not (part := [i for i in range(here.start, here.stop) if i in chosen]):
+            continue
+        single = here.stop - here.start == 1
+        if single and alone:
+            parts[-1] += part
+        else:
+            parts.append(part)
+        alone = single
     return [part[n : n + ABREAST] for part in parts for n in range(0, len(part), ABREAST)]
 
 

@@ -14,7 +14,7 @@ from pilotfish.demonstrations import Layout
 from pilotfish.models import Skill
 from pilotfish.plots.doors import chosen_columns, require_states
 from pilotfish.plots.kinds import require_kind
-from pilotfish.plots.style import WIDTH, column_colour, dress, legend_below, sheet
+from pilotfish.plots.style import WIDTH, column_colour, column_dash, dress, legend_below, sheet
 from pilotfish.types import Array, Float
 
 BLUE = "#CFE3F5"
@@ -63,8 +63,9 @@ def _draw_deviations(panel: Axes, spread: Float[Array, "K C"], names: Sequence[s
     precise = int(np.log(spread).sum(axis=1).argmin())
     panel.axvspan(precise - 0.5, precise + 0.5, color=BLUE, zorder=0, gid="most precise")
     for i, name in enumerate(names):
+        colour, dash = column_colour(name, i), column_dash(name, i)
         panel.plot(
-            states, spread[:, i], color=column_colour(name, i), marker="o", markersize=4, linewidth=1.4
+            states, spread[:, i], color=colour, linestyle=dash, marker="o", markersize=4, linewidth=1.4
         )
     panel.set_yscale("log")
     panel.set_xticks(states[:: ceil(len(states) / MOST_TICKS)])
@@ -86,11 +87,13 @@ def _tick_readably(panel: Axes) -> None:
 def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:
     places = [(i, c) for group in groups for i, c in enumerate(group)]
     colours = {c: column_colour(layout.names[c], i) for i, c in places}
+    dashes = {c: column_dash(layout.names[c], i) for i, c in places}
     labels = {c: layout.names[c] for _, c in places}
     if len(labels) > MOST_NAMED:
         labels = _a_label_a_colour(labels, colours)
     lines = [
-        Line2D([], [], color=colours[c], marker="o", markersize=4, label=label) for c, label in labels.items()
+        Line2D([], [], color=colours[c], linestyle=dashes[c], marker="o", markersize=4, label=label)
+        for c, label in labels.items()
     ]
     return [*lines, Patch(color=BLUE, label="most precise state")]
 

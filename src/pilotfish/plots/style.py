@@ -40,6 +40,13 @@ def column_colour(name: str, place: int) -> str:
     return AXIS_COLOURS.get(name.rstrip("'").rpartition(" ")[2], COLUMN_COLOURS[place % len(COLUMN_COLOURS)])
 
 
+def column_dash(name: str, place: int) -> LineStyleType:
+    """Solid while columns have colours of their own; where these repeat in a part, dashes."""
+    if name.rstrip("'").rpartition(" ")[2] in AXIS_COLOURS:
+        return "-"
+    return DASHES[place // len(COLUMN_COLOURS) % len(DASHES)]
+
+
 def sheet(width: float, height: float) -> Figure:
     """An empty figure [inches] that makes room for all it is labelled with."""
     return Figure(figsize=(width, height), layout="constrained")

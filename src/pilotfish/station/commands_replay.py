@@ -292,6 +292,6 @@ def _part_rows(part: Part, told: dict[str, Any], layout: Layout) -> list[tuple[s
     return [
         (f"final {part.name}", f"{' '.join(f'{v:.4f}' for v in told['final'])} [{part.unit}]"),
         ("  largest acceleration", f"{told['largest_acceleration']:.4g} {push}/s²"),
-        ("  start to first target", f"{told['start_to_first_target']:.4g} {unit}"),
+        ("  start to first target", f"{round(told['start_to_first_target'], 9):.4g} {unit}"),
         ("  distance to reference", f"{gap['mean']:.4g} {unit} on average, {gap['last']:.4g} at the end"),
     ]

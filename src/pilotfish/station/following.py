@@ -70,9 +70,14 @@ def coordinates_with_speeds(layout: Layout) -> int:
     here = [part for part, columns in zip(flat.parts, flat.slices, strict=True) if columns.stop <= half]
     there = flat.parts[len(here) :]
     if [(p.name, p.size, p.derivative + 1) for p in here] != [(p.name, p.size, p.derivative) for p in there]:
+        fix = (
+            "learn from a recording that has both"
+            if any(part.derivative for part in flat.parts)
+            else "learn it again with them: pf.with_derivatives, or pilotfish learn --speeds"
+        )
         raise InvalidInput(
             f"the columns are {', '.join(layout.names)}, expected coordinates, then the derivative of each; "
-            "learn it again with them: pf.with_derivatives, or pilotfish learn --speeds"
+            f"{fix}"
         )
     return half
 
