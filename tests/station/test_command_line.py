@@ -66,7 +66,7 @@ def test_a_bug_keeps_its_traceback(run: Runs, folder: Path, monkeypatch: pytest.
     def broken(*_: object, **__: object) -> NoReturn:
         raise ZeroDivisionError("a bug")
 
-    monkeypatch.setitem(commands_learn.LEARNERS, "semi-markov", broken)
+    monkeypatch.setattr(commands_learn, "semi_markov_learner", lambda *_: broken)
     with pytest.raises(ZeroDivisionError, match="a bug"):
         run("learn", folder, "--out", "skill")
 
@@ -79,7 +79,7 @@ def test_an_interrupt_leaves_no_file(
     def interrupted(*_: object, **__: object) -> NoReturn:
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(commands_learn.LEARNERS, "semi-markov", interrupted)
+    monkeypatch.setattr(commands_learn, "semi_markov_learner", lambda *_: interrupted)
     before = sorted(tmp_path.iterdir())
     result = run("learn", folder, "--out", "skill")
     assert result.exit_code == 1
