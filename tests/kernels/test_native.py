@@ -18,6 +18,7 @@ NATIVE = (
     "e_step",
     "forward_backward",
     "viterbi",
+    "whiteners",
     "semi_markov",
     "semi_markov_viterbi",
     "semi_markov_forward",
@@ -69,6 +70,10 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
         one, other = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
         for old, new in zip(one, other, strict=True):
             np.testing.assert_allclose(old, new, rtol=1e-10, atol=1e-10, err_msg=name)
+    covariances = given.whiteners[0] @ given.whiteners[0].transpose(0, 2, 1)
+    np.testing.assert_allclose(
+        baseline.whiteners(covariances)[1], newer.whiteners(covariances)[1], rtol=1e-10, atol=1e-10
+    )
 
 
 def test_the_interpreter_runs_on_while_a_kernel_does(compiled, case):
@@ -101,11 +106,11 @@ def test_subnormal_numbers_are_back_after_a_kernel(compiled, case):
 def test_other_threads_flush_them_as_well(compiled, rng):
     """Not one digit depends on which thread took a demonstration: here, offsets that are zero in all of them.
 
-    The second state's posteriors are about 1e-304, the deviations that they weigh 1e-8.
+    The second state's posteriors are about 1e-115, the deviations that they weigh 1e-200.
     """
-    x = 1e-8 * rng.normal(size=(1, 40_000, 14))
+    x = 1e-200 * rng.normal(size=(1, 40_000, 14))
     means = np.zeros((1, 2, 14))
-    means[0, 1, 0] = 37.4
+    means[0, 1, 0] = 23.0
     emissions = Emissions(means, np.tile(np.eye(14), (1, 2, 1, 1)))
     arguments = x, np.full(40, 1000), np.full(2, 0.5), np.full((2, 2), 0.5), emissions
     alone = compiled.e_step(*arguments, threads=1)
@@ -162,3 +167,5 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
         )
     with pytest.raises(ValueError, match="mass has 4 entries"):
         baseline.semi_tied_sweeps(np.zeros((3, 2, 2)), np.zeros(4), np.eye(2), 1)
+    with pytest.raises(ValueError, match="covariances has 4 entries along axis 2, expected 3"):
+        baseline.whiteners(np.zeros((2, 3, 4)))

@@ -22,6 +22,7 @@ from pilotfish.models import (
     PoissonDurations,
     Visits,
 )
+from pilotfish.models.duration_laws import _completed
 from pilotfish.models.duration_negative_binomial import _best_shapes
 from pilotfish.models.durations_fit import Family, completed_visits, evaluated
 from pilotfish.models.visits import lengths_seen, whole_visits
@@ -180,6 +181,19 @@ def test_whole_visits_of_a_histogram_are_its_frequencies(rng):
     spread = Histogram(pseudocount=2.0).estimate(visits, None, 1.0).probabilities
     expected = (visits.whole + 2.0 / 9) / (visits.whole.sum(axis=0) + 2.0)
     np.testing.assert_allclose(spread, expected)
+
+
+@pytest.mark.parametrize("kinds", [1, 2, 3, 4])
+@pytest.mark.parametrize("least", [1e-3, 1e-200, 1e-320, 0.0])
+def test_visits_are_completed_alike_by_numbers_and_by_logarithms(rng, kinds, least):
+    """Also where long visits have hardly any probability, or none: who was met there counts all the same."""
+    visits = some_visits(rng, kinds)
+    p = rng.dirichlet(np.ones(len(visits.whole)), size=visits.whole.shape[1]).T
+    p[len(p) // 2 :] *= least
+    with np.errstate(divide="ignore", invalid="ignore"):
+        expected = completed_visits(np.log(p), visits)
+        found = _completed(p, visits)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-200)
 
 
 def test_visits_cut_off_at_the_end_give_the_product_limit(rng):

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotfish import kernels
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.types import Array, Bool, Float, Int
 
-SMALL = 16  # columns, up to which a general solver is as quick
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
@@ -56,19 +56,10 @@ def whiteners(covariances: Float[Array, "K D D"], what: str = "covariance") -> F
 
     Raises: NotPositiveDefinite, as cholesky does.
     """
-    return _inverses_of_lower(cholesky(covariances, what))
-
-
-def _inverses_of_lower(L: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
-    """Inverses of lower triangular matrices: of large ones by halves, at a third of the cost of a solver."""
-    D = L.shape[-1]
-    if D <= SMALL:
-        return np.tril(np.linalg.solve(L, np.broadcast_to(np.eye(D), L.shape)))
-    half, W = D // 2, np.zeros_like(L)
-    W[:, :half, :half] = _inverses_of_lower(L[:, :half, :half])
-    W[:, half:, half:] = _inverses_of_lower(L[:, half:, half:])
-    W[:, half:, :half] = -W[:, half:, half:] @ (L[:, half:, :half] @ W[:, :half, :half])
-    return W
+    try:
+        return kernels.whiteners(covariances)
+    except NotPositiveDefinite:
+        raise _first_failure(covariances, what) from None
 
 
 def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:

@@ -54,5 +54,5 @@ def moments_about(
     A component of no mass keeps its origin as mean.
     """
     shift = offsets / np.maximum(mass, TINY)[:, None]
-    about_mean = scatters - np.einsum("k,ki,kj->kij", mass, shift, shift)
-    return Moments(mass, origins + shift, about_mean)
+    between = (mass[:, None] * shift)[:, :, None] * shift[:, None, :]
+    return Moments(mass, origins + shift, np.subtract(scatters, between, out=between))

@@ -15,6 +15,7 @@ from pilotfish.kernels.active import (
     semi_markov_viterbi,
     semi_tied_sweeps,
     viterbi,
+    whiteners,
 )
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.results import (
@@ -49,4 +50,5 @@ __all__ = [
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
+    "whiteners",
 ]

@@ -20,6 +20,7 @@ try:
         semi_markov_viterbi,
         semi_tied_sweeps,
         viterbi,
+        whiteners,
     )
 except ImportError as reason:
     from pilotfish.kernels.twins import (
@@ -33,6 +34,7 @@ except ImportError as reason:
         semi_markov_viterbi,
         semi_tied_sweeps,
         viterbi,
+        whiteners,
     )
 
     ACTIVE = "numpy"
@@ -57,4 +59,5 @@ __all__ = [
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
+    "whiteners",
 ]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.refusals import flat_row, free_push, singular_transform
+from pilotfish.kernels.refusals import flat_row, free_push, no_factor, singular_transform
 from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
@@ -152,3 +152,11 @@ def semi_tied_sweeps(
     if refused >= 0:
         raise flat_row(refused)
     return improved
+
+
+def whiteners(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
+    inverses: Float[Array, "K D D"]
+    refused, inverses = _native.whiteners(_packed(covariances))
+    if refused >= 0:
+        raise no_factor(refused)
+    return inverses

@@ -20,3 +20,9 @@ def flat_row(d: int) -> NotPositiveDefinite:
 
 def singular_transform() -> InvalidInput:
     return InvalidInput("the semi-tied transform has no inverse, expected one; start from the identity")
+
+
+def no_factor(k: int) -> NotPositiveDefinite:
+    return NotPositiveDefinite(
+        f"covariance {k} has no Cholesky factor, expected it positive definite; raise the regularisation"
+    )

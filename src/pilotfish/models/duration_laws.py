@@ -22,6 +22,7 @@ from pilotfish.types import Array, Float, Int
 WIDEST_LOG = 0.7  # deviation of log s; sums over the steps of a wider law are endless
 LEAST_MORE = 1e-3  # mean steps after the first
 BEYOND = 10.0  # means and deviations stay below so many times the longest visit that is followed
+LEAST_TAIL = 1e-250  # a probability, of a visit so long or longer: quotients by it do not overflow
 ROUNDS = 10  # of spreading visits that were cut off over the lengths that they may have had
 
 
@@ -181,6 +182,7 @@ class Histogram:
     def estimate(self, visits: Visits, previous: Durations | None, floor: float) -> HistogramDurations:
         """The floor does not bear on it: free probabilities may say that every visit lasts alike.
 
+        Visits whose ends were both seen need no rounds: their shares are the most likely law.
         Source: Vardi 1989, of lengths met at random, by alternating between them and the law.
         """
         S, K = visits.whole.shape
@@ -191,15 +193,36 @@ class Histogram:
         steps = np.arange(1.0, len(p) + 1)[:, None]
         met = (visits.had_begun + visits.fills).sum(axis=0)
         fresh = (visits.whole + visits.goes_on).sum(axis=0) + self.pseudocount
-        for _ in range(ROUNDS):
-            with np.errstate(divide="ignore"):
-                counts = completed_visits(np.log(p), visits) + self.pseudocount / len(p)
+        cut_off = visits.goes_on.any() or visits.had_begun.any() or visits.fills.any()
+        for _ in range(ROUNDS if cut_off else 1):
+            counts = _completed(p, visits) + self.pseudocount / len(p)
             likelier = _met_at_random(counts, fresh, met, steps)
             p = np.where(fresh + met > 0.0, likelier, p)
         return HistogramDurations(p)
 
     def parameter_count(self, states: int, longest: int) -> int:
         return states * (longest - 1)
+
+
+def _completed(p: Float[Array, "N K"], visits: Visits) -> Float[Array, "N K"]:
+    """completed_visits, with the probabilities as they are where they are no smaller than that allows."""
+    total = np.pad(visits.whole, ((0, len(p) - len(visits.whole)), (0, 0)))
+    for counts, order in ((visits.goes_on + visits.had_begun, 1), (visits.fills, 2)):
+        if not counts.any():
+            continue
+        longer = p
+        for _ in range(order):
+            longer = longer[::-1].cumsum(axis=0)[::-1]
+        known = longer[: len(counts)] >= LEAST_TAIL
+        if (~known & (counts > 1e-30 * counts.sum(axis=0))).any():
+            with np.errstate(divide="ignore"):
+                return completed_visits(np.log(p), visits)
+        weights = np.zeros_like(p)
+        np.divide(counts, longer[: len(counts)], out=weights[: len(counts)], where=known)
+        for _ in range(order):
+            weights = weights.cumsum(axis=0)
+        total += p * weights
+    return total
 
 
 def _met_at_random(

@@ -75,7 +75,8 @@ def statistics(
     threads share the work, 0 meaning as many as this process may use; the sums do not depend on them.
     Raises: NotPositiveDefinite.
     """
-    W = np.stack([c.whiteners("the covariance of state") for c in model.covariances])
+    each = [c.whiteners("the covariance of state") for c in model.covariances]
+    W = each[0][None] if len(each) == 1 else np.stack(each)  # of wide states a copy takes as long as they do
     emissions = kernels.Emissions(model.means, W, views.turns)
     if isinstance(chain := model.dynamics, SemiMarkovChain):
         tables = visit_tables(chain, longest or followed(chain.durations, views.lengths))

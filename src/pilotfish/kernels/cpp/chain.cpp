@@ -21,7 +21,9 @@ Buffer pad(const double* matrix, int K, bool transposed) {
   return rows;
 }
 
-// sum[k] = sum over j of weight[j] rows[j, k]; two sums at a time, so that additions overlap.
+}  // namespace
+
+// Two sums at a time, so that additions overlap.
 void product(const double* weight, const double* rows, int K, int width, double* sum) {
   for (int c = 0; c < width; c += LANES, rows += LANES, sum += LANES) {
     Lanes<LANES> even = weight[0] * lanes<LANES>(rows), odd = Lanes<LANES>::Zero();
@@ -34,8 +36,6 @@ void product(const double* weight, const double* rows, int K, int width, double*
     lanes<LANES>(sum) = even + odd;
   }
 }
-
-}  // namespace
 
 Neighbours::Neighbours(const double* log_transitions, int K, bool transposed) : begin{0} {
   for (int j = 0; j < K; ++j) {
@@ -66,11 +66,13 @@ Chain::Chain(int K, const double* log_initial, const double* transitions, const 
     : K_(K),
       width_(padded(K)),
       log_initial_(size_t(width_), NEVER),
+      initial_(size_t(width_)),
       from_(pad(transitions, K, false)),
       into_(pad(transitions, K, true)),
       successors_(log_transitions, K, false),
       origins_(log_transitions, K, true) {
   std::copy_n(log_initial, K, log_initial_.begin());
+  exponentials(log_initial_.data(), 0.0, initial_.data(), width_);
 }
 
 double Chain::forward(const double* log_emissions, long T, double* forward, double* offsets) const {

@@ -17,6 +17,9 @@ struct Neighbours {
   std::vector<double> log_probabilities;
 };
 
+// sum[k] = sum over j of weight[j] rows[j, k], for K rows of a width that is a multiple of LANES.
+void product(const double* weight, const double* rows, int K, int width, double* sum);
+
 // The K states are padded with impossible ones to a width that is a multiple of LANES.
 // Log-probabilities travel relative to a running offset, so that long chains lose no digits. A step
 // multiplies exponentials by the transition matrix, and does again exactly what may have lost a path to
@@ -27,6 +30,9 @@ class Chain {
 
   int states() const { return K_; }
   int width() const { return width_; }
+  const double* initial() const { return initial_.data(); }  // (width)
+  const double* from() const { return from_.data(); }        // (K, width), row j: to every k
+  const double* into() const { return into_.data(); }        // (K, width), row k: from every j
 
   // forward[t] + offsets[t] = log p(steps 0 to t, state at t). Returns log p(all steps).
   double forward(const double* log_emissions, long T, double* forward, double* offsets) const;
@@ -42,34 +48,12 @@ class Chain {
   void add_transitions(Step& step, const double* gamma) const;
 
   int K_, width_;
-  Buffer log_initial_;
-  Buffer from_, into_;               // row j: to every k; row k: from every j. Padded with ones
+  Buffer log_initial_, initial_;
+  Buffer from_, into_;               // padded with ones
   Neighbours successors_, origins_;  // of every state
 };
 
-// Infers demonstrations one at a time, and adds up what is expected of all of them.
-class MarkovInference {
- public:
-  // Room for demonstrations of up to `longest` steps.
-  MarkovInference(const Chain& chain, long longest)
-      : chain_(chain), offsets_(longest), counts_(size_t(chain.states()) * chain.states(), 0.0) {}
-
-  // posteriors (T, width) from log_emissions (T, width). Returns log p(all steps); at -inf nothing is added,
-  // and posteriors mean nothing.
-  double infer(const double* log_emissions, long T, double* posteriors) {
-    const double log_likelihood = chain_.forward(log_emissions, T, posteriors, offsets_.data());
-    if (log_likelihood != NEVER) chain_.backward(log_emissions, T, posteriors, counts_.data());
-    return log_likelihood;
-  }
-
-  const Buffer& transitions() const { return counts_; }  // (K, K), expected over all demonstrations
-
- private:
-  const Chain& chain_;
-  Buffer offsets_, counts_;
-};
-
-// The same for arrays that are not padded: posteriors and log_forward (T, K), counts (K, K), all of them set.
+// For arrays that are not padded: posteriors and log_forward (T, K), counts (K, K), all of them set.
 double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
                         double* counts, double* log_forward);
 

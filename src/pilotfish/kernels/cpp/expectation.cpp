@@ -4,6 +4,7 @@
 
 #include "groups.hpp"
 #include "moments.hpp"
+#include "scaled.hpp"
 
 namespace pilotfish {
 
@@ -11,6 +12,9 @@ namespace {
 
 // Multiplications of a group: about a millisecond, where a thread starts in a twentieth of one.
 constexpr double WORTH = 4e6;
+
+// Beside a state's largest share of a demonstration: a million times as little would be lost in rounding.
+constexpr double NEGLIGIBLE = 1e-30;
 
 // What one group's demonstrations add up to: the caller's own arrays for the first, its own for the others.
 class GroupSums {
@@ -80,16 +84,20 @@ void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyCh
   Densities densities(sizes, gaussians.means, gaussians.whiteners);
   Moments moments(sizes, gaussians.means, sums.offsets, sums.scatters);
   Inference inference(chain, longest);
-  Buffer log_emissions(longest * width, NEVER), gamma(longest * width), mass(width, 0.0);
+  Buffer log_emissions(longest * width, NEVER), gamma(longest * width), mass(width, 0.0), least(width);
   for (long m = group.first, begin = group.begin; m < group.last; begin += lengths[m++]) {
     const long T = lengths[m];
     densities.evaluate(data.x, begin, begin + T, log_emissions.data(), width);
     sums.log_likelihoods[m] = inference.infer(log_emissions.data(), T, gamma.data());
     if (sums.log_likelihoods[m] == NEVER) continue;
     for (int k = 0; k < K; ++k) sums.first[k] += gamma[k];
+    std::fill(least.begin(), least.end(), 0.0);
     for (long t = 0; t < T; ++t)
-      for (long k = 0; k < width; ++k) mass[k] += gamma[t * width + k];
-    moments.add(data.x, begin, begin + T, gamma.data(), width);
+      for (long k = 0; k < width; ++k) {
+        mass[k] += gamma[t * width + k];
+        least[k] = std::max(least[k], NEGLIGIBLE * gamma[t * width + k]);
+      }
+    moments.add(data.x, begin, begin + T, gamma.data(), width, least.data());
   }
   std::copy_n(mass.begin(), K, sums.mass);
   moments.finish();

@@ -13,6 +13,7 @@
 #include "semi_tied.hpp"
 #include "subnormals.hpp"
 #include "tracking.hpp"
+#include "whitening.hpp"
 
 #ifndef PILOTFISH_MODULE
 #error "PILOTFISH_MODULE names the extension module"
@@ -293,6 +294,19 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 
   return std::make_tuple(refused, result);
 }
 
+auto whiteners(In<double, 3> covariances) {
+  const size_t K = covariances.shape(0), D = covariances.shape(1);
+  expect_some(D, "the last axis of covariances");
+  expect(covariances, "covariances", {K, D, D});
+  Out result = empty<Out>({K, D, D});
+  long refused;
+  {
+    Free run;
+    refused = pilotfish::whiteners(long(K), int(D), covariances.data(), result.data());
+  }
+  return std::make_tuple(refused, result);
+}
+
 #ifdef PILOTFISH_KNOWS_V3
 bool supports_v3() {
   // All that x86-64-v3 may use beyond the baseline; a hypervisor may mask any of these.
@@ -319,5 +333,6 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("semi_markov_e_step", &python::semi_markov_e_step);
   module.def("riccati", &python::riccati);
   module.def("semi_tied_sweeps", &python::semi_tied_sweeps);
+  module.def("whiteners", &python::whiteners);
   module.def("supports_v3", &python::supports_v3);
 }

@@ -57,21 +57,25 @@ Moments::Moments(const Sizes& sizes, const double* means, double* offsets, doubl
   std::fill_n(scatters, states * sizes.E() * sizes.E(), 0.0);
 }
 
-void Moments::add(const double* x, long begin, long end, const double* gamma, long stride) {
+void Moments::add(const double* x, long begin, long end, const double* gamma, long stride,
+                  const double* least) {
   for (; begin < end; begin += STEPS, gamma += STEPS * stride) {
     for (int p = 0; p < sizes_.P; ++p) {
       page_.read(x + (p * sizes_.N + begin) * sizes_.D, std::min<long>(STEPS, end - begin));
-      for (int k = 0; k < sizes_.K; ++k) add_state(size_t(p) * sizes_.K + k, gamma + k, stride);
+      for (int k = 0; k < sizes_.K; ++k) add_state(size_t(p) * sizes_.K + k, gamma + k, stride, least[k]);
     }
   }
 }
 
-void Moments::add_state(size_t state, const double* gamma, long stride) {
+void Moments::add_state(size_t state, const double* gamma, long stride, double least) {
   alignas(64) double share[BLOCK];
   bool any = false;
   for (long b = 0; b < page_.blocks(); ++b) {
     std::fill_n(share, BLOCK, 0.0);
-    for (long l = 0; l < page_.steps_in(b); ++l) share[l] = gamma[(b * BLOCK + l) * stride];
+    for (long l = 0; l < page_.steps_in(b); ++l) {
+      const double given = gamma[(b * BLOCK + l) * stride];
+      share[l] = given < least ? 0.0 : given;
+    }
     if (std::all_of(share, share + BLOCK, [](double s) { return s == 0.0; })) continue;
     deviations(page_.block(b), means_ + state * sizes_.D, sizes_, error_.data());
     add_block(share);

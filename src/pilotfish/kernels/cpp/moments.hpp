@@ -10,14 +10,15 @@ class Moments {
  public:
   Moments(const Sizes& sizes, const double* means, double* offsets, double* scatters);
 
-  // The datapoints begin to end, gamma[n * stride + k] their share of state k.
-  void add(const double* x, long begin, long end, const double* gamma, long stride);
+  // The datapoints begin to end, gamma[n * stride + k] their share of state k; shares below least[k] count
+  // as none, and blocks without any are passed over.
+  void add(const double* x, long begin, long end, const double* gamma, long stride, const double* least);
 
   // Only now are the scatters whole: until here their upper triangles are missing.
   void finish();
 
  private:
-  void add_state(size_t state, const double* gamma, long stride);
+  void add_state(size_t state, const double* gamma, long stride, double least);
   void add_block(const double* share);
   void collect(size_t state);
 

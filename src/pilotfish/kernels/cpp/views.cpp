@@ -8,28 +8,54 @@ namespace pilotfish {
 
 namespace {
 
-constexpr int CHUNK = 16;  // steps whose sums stay in registers; a multiple of every register
 constexpr double LOG_TWO_PI = 1.8378770664093454836;
 
-// |W e|^2 for CHUNK steps. The triangle comes in strips of two rows, each strip column by column.
-inline Lanes<CHUNK> squared_norm(const double* triangle, const double* error, int E) {
-  Lanes<CHUNK> sum = Lanes<CHUNK>::Zero();
-  for (int i = 0; i < E; i += 2) {
-    Lanes<CHUNK> upper = Lanes<CHUNK>::Zero(), lower = Lanes<CHUNK>::Zero();
-    for (int j = 0; j < i + 2; ++j, triangle += 2) {
-      const auto e = lanes<CHUNK>(error + j * BLOCK);
-      upper += triangle[0] * e;
-      lower += triangle[1] * e;
+// |W e|^2 for WIDE steps. The triangle comes in strips of ROWS rows, each strip column by column.
+template <int ROWS, int WIDE>
+inline Lanes<WIDE> squared_norm(const double* triangle, const double* error, int E) {
+  Lanes<WIDE> sum = Lanes<WIDE>::Zero();
+  for (int i = 0; i < E; i += ROWS) {
+    Lanes<WIDE> row[ROWS];
+    for (int r = 0; r < ROWS; ++r) row[r].setZero();
+    const int columns = std::min(i + ROWS, E);
+    for (int j = 0; j < columns; ++j, triangle += ROWS) {
+      const Lanes<WIDE> e = lanes<WIDE>(error + j * BLOCK);
+      for (int r = 0; r < ROWS; ++r) row[r] += triangle[r] * e;
     }
-    sum += upper * upper + lower * lower;
+    for (int r = 0; r < ROWS; ++r) sum += row[r] * row[r];
   }
   return sum;
 }
 
+template <int ROWS, int WIDE>
+void squared_norms(const double* triangle, const double* error, int E, double* norms) {
+  for (int c = 0; c < BLOCK; c += WIDE)
+    lanes<WIDE>(norms + c) = squared_norm<ROWS, WIDE>(triangle, error + c, E);
+}
+
+// Few rows at a time waste little of a small triangle; many keep registers busier on a large one.
+constexpr int FEW = 2, MANY = 3, LARGE = 24;
+
+int strip(int E) { return E < LARGE ? FEW : MANY; }
+
+size_t packed_size(int E) {
+  size_t size = 0;
+  for (int i = 0, rows = strip(E); i < E; i += rows) size += size_t(rows) * std::min(i + rows, E);
+  return size;
+}
+
 void pack(const double* whitener, int E, double* triangle) {
-  for (int i = 0; i < E; i += 2)
-    for (int j = 0; j < i + 2; ++j)
-      for (int r = i; r < i + 2; ++r) *triangle++ = (r < E && j <= r) ? whitener[r * E + j] : 0.0;
+  const int rows = strip(E);
+  for (int i = 0; i < E; i += rows) {
+    const int columns = std::min(i + rows, E);
+    for (int r = 0; r < rows; ++r) {
+      const int within = i + r < E ? i + r + 1 : 0;
+      const double* row = whitener + size_t(i + r) * E;
+      for (int j = 0; j < within; ++j) triangle[j * rows + r] = row[j];
+      for (int j = within; j < columns; ++j) triangle[j * rows + r] = 0.0;
+    }
+    triangle += size_t(rows) * columns;
+  }
 }
 
 }  // namespace
@@ -72,7 +98,7 @@ void deviations(const double* block, const double* mean, const Sizes& sizes, dou
 Densities::Densities(const Sizes& sizes, const double* means, const double* whiteners)
     : sizes_(sizes),
       means_(means),
-      packed_(size_t(sizes.E() + 1) * (sizes.E() + 3) / 2),
+      packed_(packed_size(sizes.E())),
       triangles_(size_t(sizes.P) * sizes.K * packed_),
       constants_(size_t(sizes.P) * sizes.K),
       page_(sizes),
@@ -102,13 +128,13 @@ void Densities::evaluate(const double* x, long begin, long end, double* log_dens
 void Densities::add(int p, int k, double* log_density, long stride) {
   const size_t state = size_t(p) * sizes_.K + k;
   const int E = sizes_.E();
-  alignas(64) double density[BLOCK];
+  const auto norms = strip(E) == FEW ? squared_norms<FEW, 16> : squared_norms<MANY, 16>;
+  alignas(64) double norm[BLOCK];
   for (long b = 0; b < page_.blocks(); ++b) {
     deviations(page_.block(b), means_ + state * sizes_.D, sizes_, error_.data());
-    for (int c = 0; c < BLOCK; c += CHUNK)
-      lanes<CHUNK>(density + c) =
-          constants_[state] - 0.5 * squared_norm(triangle(p, k), error_.data() + c, E);
-    for (long l = 0; l < page_.steps_in(b); ++l) log_density[(b * BLOCK + l) * stride] += density[l];
+    norms(triangle(p, k), error_.data(), E, norm);
+    for (long l = 0; l < page_.steps_in(b); ++l)
+      log_density[(b * BLOCK + l) * stride] += constants_[state] - 0.5 * norm[l];
   }
 }
 

@@ -8,6 +8,7 @@ from pilotfish.kernels.twins.expectation import e_step, semi_markov_e_step
 from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_forward, semi_markov_viterbi
 from pilotfish.kernels.twins.semi_tied import semi_tied_sweeps
 from pilotfish.kernels.twins.tracking import riccati
+from pilotfish.kernels.twins.whitening import whiteners
 
 __all__ = [
     "e_step",
@@ -20,4 +21,5 @@ __all__ = [
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
+    "whiteners",
 ]

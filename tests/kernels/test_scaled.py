@@ -1,0 +1,111 @@
+"""The expectation step's chain, by scaled probabilities or in logarithms: nobody can tell which."""
+
+import numpy as np
+import pytest
+
+from pilotfish.kernels import Emissions, twins
+
+
+def summed(kernels, log_emissions, initial, transitions, lengths=None):
+    """The e_step of Gaussians whose log densities are log_emissions, but for a constant of each step.
+
+    Means R along an axis each give state k at x the log density R x_k, and what is the same for all states.
+    """
+    T, K = log_emissions.shape
+    R = max(1.0, np.sqrt(np.abs(log_emissions).max()))
+    emissions = Emissions(R * np.eye(K)[None], np.tile(np.eye(K), (1, K, 1, 1)))
+    lengths = np.array([T]) if lengths is None else lengths
+    return kernels.e_step(log_emissions[None] / R, lengths, initial, transitions, emissions)
+
+
+def assert_equal_sums(compiled, problem, atol=1e-12):
+    found, twin = summed(compiled, *problem), summed(twins, *problem)
+    np.testing.assert_allclose(found.log_likelihoods, twin.log_likelihoods, rtol=1e-12)
+    for name in ("mass", "first", "transitions"):
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(twin, name), rtol=1e-7, atol=atol, err_msg=name
+        )
+    assert not found.first[np.asarray(problem[1]) == 0.0].any()
+    assert not found.transitions[np.asarray(problem[2]) == 0.0].any()
+
+
+@pytest.mark.parametrize("zeros", [0.0, 0.5])
+@pytest.mark.parametrize("spread", [1.0, 30.0, 300.0, 5000.0])
+@pytest.mark.parametrize(("T", "K"), [(1, 1), (1, 4), (2, 3), (40, 2), (60, 7), (33, 9), (25, 17)])
+def test_expected_sums_are_those_of_logarithms(compiled, chain, T, K, spread, zeros):
+    """From states that can hardly be told apart to such as are certain; what is impossible stays at zero."""
+    assert_equal_sums(compiled, chain(T, K, spread, zeros))
+
+
+@pytest.mark.parametrize("spread", [1.0, 30.0, 700.0])
+def test_from_left_to_right_every_state_has_its_turn(compiled, rng, spread):
+    """Zeros of the chain are no underflow: the way leads through all states, and never back."""
+    K, each = 8, 6
+    labels = np.repeat(np.arange(K), each)
+    log_emissions = -spread * (rng.random((K * each, K)) + (labels[:, None] != np.arange(K)))
+    transitions = 0.8 * np.eye(K) + 0.2 * np.eye(K, k=1)
+    assert_equal_sums(compiled, (log_emissions, np.eye(K)[0], transitions))
+
+
+@pytest.mark.parametrize("early", [-9000.0, -800.0, -360.0, -120.0])
+@pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
+def test_a_late_turn_is_found_however_unlikely_it_was(compiled, rare, early):
+    """Before the turn state 1 is unlikely, after it the only one: probabilities fall as far as 1e-90000."""
+    T, turn = 40, 25
+    log_emissions = np.zeros((T, 2))
+    log_emissions[:turn, 1], log_emissions[turn:, 0] = early, -1e4
+    problem = log_emissions, np.array([1.0, 0.0]), np.array([[1.0, rare], [0.0, 1.0]])
+    assert_equal_sums(compiled, problem, atol=1e-9)
+
+
+@pytest.mark.parametrize("lost", [-710.0, -800.0, -5000.0])
+@pytest.mark.parametrize("regained", [60.0, 200.0])
+def test_what_is_lost_twice_and_regained_is_not_lost(compiled, lost, regained):
+    """State 1 falls behind by more than a double can tell, leads by 20 steps' gains, falls behind again.
+
+    Where all is added up state 1 leads by a thousand nats: at no step alone does it look like that.
+    """
+    gains = np.full(20, (1000.0 - 2.0 * lost) / 20) if regained == 200.0 else np.full(40, regained)
+    ahead = np.concatenate([[0.0, lost], gains, [lost, 0.0]])
+    ahead[-1] += 1000.0 - ahead.sum()
+    log_emissions = np.stack([np.minimum(-ahead, 0.0), np.minimum(ahead, 0.0)], axis=1)
+    assert_equal_sums(compiled, (log_emissions, np.full(2, 0.5), np.eye(2)), atol=1e-9)
+
+
+def test_one_recording_in_logarithms_changes_no_other(compiled, chain):
+    """A recording beyond scaling stands between two within: their sums are added up all the same."""
+    log_emissions, initial, transitions = chain(60, 3, 1.0)
+    log_emissions[20:40] *= 4000.0
+    lengths = np.array([20, 20, 20])
+    found = summed(compiled, log_emissions, initial, transitions, lengths)
+    twin = summed(twins, log_emissions, initial, transitions, lengths)
+    for name in ("log_likelihoods", "mass", "first", "transitions"):
+        np.testing.assert_allclose(getattr(found, name), getattr(twin, name), rtol=1e-8, err_msg=name)
+
+
+def test_a_recording_that_no_path_explains_adds_nothing(compiled):
+    """Its log-likelihood is -inf, and the next one counts as if it were alone."""
+    dead_end = np.array([[0.0, 1.0], [0.0, 0.0]])
+    found = summed(compiled, np.zeros((5, 2)), np.array([1.0, 0.0]), dead_end, np.array([3, 2]))
+    assert found.log_likelihoods[0] == -np.inf
+    np.testing.assert_allclose(found.mass, [1.0, 1.0])
+    np.testing.assert_allclose(found.transitions, [[0.0, 1.0], [0.0, 0.0]])
+
+
+def test_a_state_of_hardly_any_mass_keeps_its_moments(compiled, rng):
+    """Shares are negligible beside the largest of their own state, not beside one: 1e-50 is all it has."""
+    x = rng.normal(size=(1, 300, 2))
+    x[0, 150:, 0] += 40.0
+    means = np.zeros((1, 3, 2))
+    means[0, 1, 0], means[0, 2, 1] = 40.0, 19.0
+    emissions = Emissions(means, np.tile(np.eye(2), (1, 3, 1, 1)))
+    arguments = x, np.array([300]), np.full(3, 1.0 / 3.0), np.full((3, 3), 1.0 / 3.0), emissions
+    found, twin = compiled.e_step(*arguments), twins.e_step(*arguments)
+    assert twin.mass[2] < 1e-45
+    for k in range(3):
+        np.testing.assert_allclose(found.mass[k], twin.mass[k], rtol=1e-9)
+        for ours, theirs in [
+            (found.offsets[0, k], twin.offsets[0, k]),
+            (found.scatters[0, k], twin.scatters[0, k]),
+        ]:
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-13 * np.abs(theirs).max())
