@@ -69,6 +69,8 @@ def moved(durations, rng, size):
         p = durations.probabilities * np.exp(size * rng.normal(size=durations.probabilities.shape))
         return HistogramDurations(p / p.sum(axis=0))
     new = {f.name: getattr(durations, f.name) * np.exp(size * rng.normal(size=K)) for f in fields(durations)}
+    if isinstance(durations, GaussianDurations):
+        new["means"] = np.maximum(new["means"], 1.0)  # its family has its peak there or later
     if isinstance(durations, NegativeBinomialDurations):
         new["leaving"] = np.minimum(new["leaving"], 1.0 - 1e-6)
         if (durations.shapes == 1.0).all():
@@ -251,3 +253,17 @@ def test_nonsense_is_refused():
         Histogram(-1.0)
     with pytest.raises(InvalidInput, match="shape is 0"):
         NegativeBinomial(0.0)
+
+
+@pytest.mark.parametrize("law", [Gamma(), Poisson()], ids=lambda law: law.label)
+def test_parameters_may_change_their_sign_on_the_way(law):
+    """A shape from below one to above it, a mean from below two steps to above: not stuck at the turn."""
+    counts = np.zeros((30, 1))
+    counts[[0, 1, 2]] = [[8.0], [1.0], [1.0]]
+    before = law.estimate(whole_visits(counts), None, 1.0)
+    counts = np.zeros((30, 1))
+    counts[10:16] = 1.0
+    after = law.estimate(whole_visits(counts), before, 1.0)
+    for _ in range(10):
+        after = law.estimate(whole_visits(counts), after, 1.0)
+    np.testing.assert_allclose(after.means, 13.5, rtol=1e-3)

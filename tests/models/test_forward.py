@@ -19,7 +19,7 @@ from pilotfish.models import (
     sample_states,
     semi_markov_forward,
 )
-from pilotfish.models.forward import LOST
+from pilotfish.models.visits import LOST
 
 
 def left_right(means, deviations):

@@ -13,9 +13,14 @@ from pilotfish.models import (
     Candidate,
     EMSettings,
     Failure,
+    Gamma,
     HistogramDurations,
     KMeans,
+    LogNormal,
     MarkovChain,
+    NegativeBinomial,
+    Normal,
+    Poisson,
     Score,
     Selection,
     SemiMarkovChain,
@@ -29,6 +34,7 @@ from pilotfish.models import (
     log_likelihood,
     select,
 )
+from pilotfish.models.visits import whole_visits
 
 WAYS = {"counted": learn, "markov": learn_markov, "mixture": learn_mixture}
 
@@ -64,6 +70,23 @@ def test_probabilities_that_are_zero_were_not_free():
     assert free_dynamics(Weights(start)) == 1
     assert free_dynamics(MarkovChain(start, np.full((3, 3), 1.0 / 3.0))) == 1 + 6
     assert free_dynamics(SemiMarkovChain(start, rows, durations)) == 1 + 1 + 2
+
+
+@pytest.mark.parametrize(
+    ("law", "each"),
+    [(Normal(), 2), (LogNormal(), 2), (Gamma(), 2), (Poisson(), 1), (NegativeBinomial(), 2)],
+    ids=lambda value: getattr(value, "label", None),
+)
+def test_a_law_has_so_many_free_numbers_a_state(law, each):
+    """Of the states that are left; named or not. A shape that was given is not free."""
+    counts = np.zeros((12, 3))
+    counts[3:9] = 1.0
+    rows = np.array([[0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]])
+    chain = SemiMarkovChain(np.eye(3)[0], rows, law.estimate(whole_visits(counts), None, 1.0))
+    assert free_dynamics(chain) == free_dynamics(chain, law) == 2 * each
+    geometric = NegativeBinomial(1.0)
+    chain = SemiMarkovChain(np.eye(3)[0], rows, geometric.estimate(whole_visits(counts), None, 1.0))
+    assert free_dynamics(chain, geometric) == 2
 
 
 def test_bic_is_that_of_one_gaussian_in_closed_form(rng, scene):

@@ -62,6 +62,21 @@ def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path
     assert len(list(pictures.glob("*.png"))) >= 10
 
 
+@pytest.mark.slow
+def test_durations_come_back_exactly_and_are_counted_too_short(tmp_path):
+    """Errors shrink with the recordings where durations are learned exactly, not where they are counted."""
+    report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
+    options = ["--json", report, "--out", pictures, "--seeds", "2"]
+    command = [sys.executable, FOLDER / "durations.py", *options]
+    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    first, *_, last = json.loads(report.read_text())["rows"]
+    error = "error of the means [share]"
+    assert last[f"exact {error}"] < 0.5 * first[f"exact {error}"]
+    assert last[f"exact {error}"] < 0.5 * last[f"counted {error}"]
+    assert last["counted bias of the means [share]"] < 0.0
+    assert (pictures / "durations.png").stat().st_size > 10_000
+
+
 def test_the_choice_of_the_valve_follows_the_protocol_of_its_table(data_folder):
     """Unweighted, the configuration of table 4.1 has the error that valve.py prints, begun either way."""
     choice, valve, demonstrations = script("valve_choice"), script("valve"), pf.datasets.valve()

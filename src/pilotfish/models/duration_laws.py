@@ -17,9 +17,9 @@ from pilotfish.models.durations import (
 )
 from pilotfish.models.durations_fit import Family, completed_visits, most_likely
 from pilotfish.models.visits import Visits, lengths_seen
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Float
 
-WIDEST_LOG = 0.7  # deviation of log s; sums over the steps of a wider law are endless
+WIDEST_LOG = 2.0  # deviation of log s; the mean of a wider law is a thousand times its median
 LEAST_MORE = 1e-3  # mean steps after the first
 BEYOND = 10.0  # means and deviations stay below so many times the longest visit that is followed
 LEAST_TAIL = 1e-250  # a probability, of a visit so long or longer: quotients by it do not overflow
@@ -249,8 +249,8 @@ def _met_at_random(
 
 
 def _bounded(
-    statistics: Callable[[Int[Array, " S"]], Float[Array, "S Q"]],
-    base: Callable[[Int[Array, " S"]], Float[Array, "S #K"]],
+    statistics: Callable[[Float[Array, " S"]], Float[Array, "S Q"]],
+    base: Callable[[Float[Array, " S"]], Float[Array, "S #K"]],
     start: Float[Array, "Q K"],
     lower: Sequence[float | Float[Array, " K"]],
     upper: Sequence[float],
@@ -262,5 +262,5 @@ def _bounded(
     return Family(statistics, base, np.minimum(low, start), np.maximum(high, start))
 
 
-def _flat(steps: Int[Array, " S"]) -> Float[Array, "S 1"]:
+def _flat(steps: Float[Array, " S"]) -> Float[Array, "S 1"]:
     return np.zeros((len(steps), 1))

@@ -1,5 +1,6 @@
 """The most likely negative binomial durations of expected visits."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,12 +8,15 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.models.durations import Durations, NegativeBinomialDurations
 from pilotfish.models.durations_fit import Family, completed_visits, evaluated, most_likely
+from pilotfish.models.durations_rule import rule_for
+from pilotfish.models.durations_sums import log_sum
 from pilotfish.models.visits import Visits, lengths_seen
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Float
 
 LEAST_SHAPE, MOST_SHAPE = 1e-2, 1e4
 STAYING = (1e-6, 1.0 - 1e-4)  # what 1 - leaving may be
-ROUNDS, MORE_ROUNDS, BISECTIONS = 20, 2, 50
+ROUNDS, MORE_ROUNDS = 20, 1
+STRIDE, SECANTS, CLOSE = 0.1, 50, 1e-9  # of logarithms of shapes
 ENOUGH = 1e-10  # gains below this share of the log-likelihood end the rounds
 
 
@@ -81,7 +85,7 @@ def _family(shapes: Float[Array, " K"]) -> Family:
     """Of the logarithm of staying, shapes given."""
     from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
 
-    def base(s: Int[Array, " S"]) -> Float[Array, "S K"]:
+    def base(s: Float[Array, " S"]) -> Float[Array, "S K"]:
         return np.asarray(gammaln((s - 1)[:, None] + shapes) - gammaln(shapes) - gammaln(s)[:, None])
 
     low, high = (np.full((1, len(shapes)), np.log(bound)) for bound in STAYING)
@@ -102,20 +106,53 @@ def _best_shapes(
     Where the likelihood rises with the shape up to the largest, as it does for visits that vary less than
     Poisson's, it is the largest.
     """
+    from scipy.special import psi  # here: scipy doubles the time of importing pilotfish
+
     law = _law(shapes, staying)
-    N = max(len(visits.whole), law.longest(1e-12))
-    counts = completed_visits(law.log_table(N), visits)
+    rule = rule_for(law.log_weights, len(visits.whole))
+    log_w = law.log_weights(rule.steps) + rule.log_counts[:, None]
+    counts = completed_visits(log_w - log_sum(log_w), visits, rule)
     met = (visits.had_begun + visits.fills).sum(axis=0)
-    reached = np.cumsum(counts[::-1], axis=0)[::-1][1:]  # visits of j + 1 steps after the first, or more
-    total, more, j = counts.sum(axis=0), np.arange(N) @ counts, np.arange(N - 1.0)[:, None]
-    low, high = np.full_like(shapes, LEAST_SHAPE), np.full_like(shapes, MOST_SHAPE)
-    for _ in range(BISECTIONS):
-        r = np.sqrt(low * high)
-        p = _best_leaving(r, total, more, met)
+    total, more = counts.sum(axis=0), rule.steps - 1.0
+
+    def slope(log_r: Float[Array, " K"]) -> Float[Array, " K"]:
+        r = np.exp(log_r)
+        p = _best_leaving(r, total, more @ counts, met)
         mean = 1.0 + r * (1.0 - p) / p
-        rising = (reached / (r + j)).sum(axis=0) + total * np.log(p) - met * (1.0 - p) / p / mean > 0.0
-        low, high = np.where(rising, r, low), np.where(rising, high, r)
-    return np.where(total > 0.0, np.sqrt(low * high), shapes)
+        choices = ((psi(more[:, None] + r) - psi(r)) * counts).sum(axis=0)
+        return np.asarray(choices + total * np.log(p) - met * (1.0 - p) / p / mean)
+
+    found = np.exp(_falling_root(slope, np.log(shapes), np.log(LEAST_SHAPE), np.log(MOST_SHAPE)))
+    return np.asarray(np.where(total > 0.0, np.clip(found, LEAST_SHAPE, MOST_SHAPE), shapes))
+
+
+def _falling_root(
+    slope: Callable[[Float[Array, " K"]], Float[Array, " K"]],
+    start: Float[Array, " K"],
+    low: float,
+    high: float,
+) -> Float[Array, " K"]:
+    """Where slope, positive before and negative after it, is zero; or the end that it lies beyond.
+
+    Secants from start, and halves of what is left where they leave it.
+    """
+    beyond = np.where(slope(np.full_like(start, high)) > 0.0, high, np.nan)
+    beyond = np.where(slope(np.full_like(start, low)) < 0.0, low, beyond)
+    before, after = np.full_like(start, low), np.full_like(start, high)
+    x, value = start, slope(start)
+    new = np.clip(x + np.where(value > 0.0, STRIDE, -STRIDE), low, high)
+    for _ in range(SECANTS):
+        before = np.where(value > 0.0, np.maximum(before, x), before)
+        after = np.where(value > 0.0, after, np.minimum(after, x))
+        new = np.where((new >= before) & (new <= after), new, 0.5 * (before + after))
+        old, x = x, np.where(np.isnan(beyond), new, beyond)
+        if (np.abs(x - old) < CLOSE).all():
+            break
+        here = slope(x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            new, value = x - here * (x - old) / (here - value), here
+        new = np.where(np.abs(x - old) < CLOSE, x, new)
+    return x
 
 
 def _best_leaving(

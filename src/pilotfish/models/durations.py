@@ -1,7 +1,8 @@
 """How long a visit to a state lasts: laws on whole steps s = 1, 2, ..., their parameters state by state.
 
-Every law has means and deviations [steps]; log_table(longest), where table[s - 1, k] = log p(a visit to k
-lasts s steps), s = 1 ... longest, normalised over all s >= 1; and longest(lost), the least number of steps
+Every law has means and deviations [steps], which are those of its probabilities; only of the normal law they
+are its parameters, those of the density before it is cut. It has log_table(longest), where table[s - 1, k] = log p(a visit to k
+lasts s steps), s = 1 ... longest, normalised over all s >= 1, and longest(lost), the least number of steps
 that a visit to any state outlasts with probability at most lost.
 """
 
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.models.durations_sums import least_outlasted, log_normalised, moments_of, quantile
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,7 +24,7 @@ class GaussianDurations:
     means: Float[Array, " K"]
     deviations: Float[Array, " K"]
 
-    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+    def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         return np.asarray(-0.5 * ((steps[:, None] - self.means) / self.deviations) ** 2)
 
     def log_table(self, longest: int) -> Float[Array, "S K"]:
@@ -43,7 +44,7 @@ class LogNormalDurations:
     log_means: Float[Array, " K"]
     log_deviations: Float[Array, " K"]
 
-    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+    def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         log_s = np.log(steps)[:, None]
         return np.asarray(-0.5 * ((log_s - self.log_means) / self.log_deviations) ** 2 - log_s)
 
@@ -69,7 +70,7 @@ class GammaDurations:
     shapes: Float[Array, " K"]
     rates: Float[Array, " K"]
 
-    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+    def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         return np.asarray(np.log(steps)[:, None] * (self.shapes - 1.0) - steps[:, None] * self.rates)
 
     @property
@@ -93,7 +94,7 @@ class PoissonDurations:
 
     more: Float[Array, " K"]
 
-    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+    def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
 
         return np.asarray((steps - 1)[:, None] * np.log(self.more) - gammaln(steps)[:, None])
@@ -124,7 +125,7 @@ class NegativeBinomialDurations:
     shapes: Float[Array, " K"]
     leaving: Float[Array, " K"]
 
-    def log_weights(self, steps: Int[Array, " S"]) -> Float[Array, "S K"]:
+    def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
 
         more = (steps - 1)[:, None]

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.models.durations_sums import from_the_beginning, from_the_end, log_sum, support
+from pilotfish.models.durations_rule import Rule, rule_for, step_by_step
+from pilotfish.models.durations_sums import from_the_beginning, from_the_end, log_sum
 from pilotfish.models.visits import Visits
-from pilotfish.types import Array, Bool, Float, Int
+from pilotfish.types import Array, Bool, Float
 
-SWEEPS, MORE_SWEEPS, HALVINGS = 50, 4, 30
+SWEEPS, MORE_SWEEPS, HALVINGS = 50, 3, 30
 ENOUGH = 1e-14  # gains below this share of the log-likelihood are rounding
 
 
@@ -20,8 +21,8 @@ class Family:
     theta[:, k] is kept between lower[:, k] and upper[:, k].
     """
 
-    statistics: Callable[[Int[Array, " S"]], Float[Array, "S Q"]]
-    base: Callable[[Int[Array, " S"]], Float[Array, "S #K"]]
+    statistics: Callable[[Float[Array, " S"]], Float[Array, "S Q"]]
+    base: Callable[[Float[Array, " S"]], Float[Array, "S #K"]]
     lower: Float[Array, "Q K"]
     upper: Float[Array, "Q K"]
 
@@ -60,12 +61,11 @@ def most_likely(
 
 def evaluated(family: Family, visits: Visits, theta: Float[Array, "Q K"]) -> Point:
     """The log-likelihood of whole visits log p(s), of those cut off log p(s >= d), and so on, at theta."""
-    N = max(support(lambda s: family.statistics(s) @ theta + family.base(s)), len(visits.whole))
-    steps = np.arange(1, N + 1)
-    X = family.statistics(steps)  # (N, Q)
-    log_w = X @ theta + family.base(steps)
+    rule = rule_for(lambda s: family.statistics(s) @ theta + family.base(s), len(visits.whole))
+    X = family.statistics(rule.steps)  # (N, Q)
+    log_w = X @ theta + family.base(rule.steps) + rule.log_counts[:, None]
     log_p = log_w - log_sum(log_w)
-    log_longer = log_p + np.log(steps)[:, None]
+    log_longer = log_p + np.log(rule.steps)[:, None]
     log_mean = log_sum(log_longer)
     begun = (visits.had_begun + visits.fills).sum(axis=0)  # those met at a random one of their steps
     fresh = (visits.whole + visits.goes_on).sum(axis=0)
@@ -77,7 +77,7 @@ def evaluated(family: Family, visits: Visits, theta: Float[Array, "Q K"]) -> Poi
     missing = np.zeros_like(complete)
     for counts, order in ((visits.goes_on + visits.had_begun, 1), (visits.fills, 2)):
         if counts.any():
-            part = _cut_off(X, log_p, counts, order)
+            part = _cut_off(X, log_p, counts, rule, order)
             value, gradient, missing = value + part[0], gradient + part[1], missing + part[2]
     return Point(value, gradient, complete - missing, complete)
 
@@ -98,42 +98,52 @@ def _second(X: Float[Array, "N Q"], weights: Float[Array, "N K"]) -> Float[Array
 
 
 def _cut_off(
-    X: Float[Array, "N Q"], log_p: Float[Array, "N K"], counts: Float[Array, "S K"], order: int
+    X: Float[Array, "N Q"], log_p: Float[Array, "N K"], counts: Float[Array, "S K"], rule: Rule, order: int
 ) -> tuple[Float[Array, " K"], Float[Array, "Q K"], Float[Array, "K Q Q"]]:
     """What visits add of which only d steps were seen: value, gradient, and the information that is missing.
 
     order 1 where p(s >= d) is what was seen, order 2 where it is the sum of that over d and all above.
     """
     S = len(counts)
-    log_tail = from_the_end(log_p, S, order)
-    completed = _completed(log_p, counts, log_tail, order)
+    log_tail = from_the_end(log_p, rule, S, order)
+    completed = _completed(log_p, counts, log_tail, rule, order)
     with np.errstate(divide="ignore"):
         log_X = np.log(X)
     M = np.stack(  # expected statistics given d, (Q, S, K)
-        [np.exp(from_the_end(log_p + log_x[:, None], S, order) - log_tail) for log_x in log_X.T]
+        [np.exp(from_the_end(log_p + log_x[:, None], rule, S, order) - log_tail) for log_x in log_X.T]
     )
     missing = _second(X, completed) - np.einsum("ask,bsk,sk->kab", M, M, counts)
     return (counts * log_tail).sum(axis=0), X.T @ completed, missing
 
 
-def completed_visits(log_p: Float[Array, "N K"], visits: Visits) -> Float[Array, "N K"]:
-    """All visits, those cut off spread over the lengths that they may have had."""
+def completed_visits(
+    log_p: Float[Array, "N K"], visits: Visits, rule: Rule | None = None
+) -> Float[Array, "N K"]:
+    """All visits, those cut off spread over the lengths that they may have had.
+
+    exp log_p is what each step of the rule holds; without a rule they are s = 1 ... N, and nothing is longer.
+    """
+    rule = rule or step_by_step(len(log_p))
     total = np.zeros_like(log_p)
     total[: len(visits.whole)] = visits.whole
     for counts, order in ((visits.goes_on + visits.had_begun, 1), (visits.fills, 2)):
         if counts.any():
-            total += _completed(log_p, counts, from_the_end(log_p, len(counts), order), order)
+            log_tail = from_the_end(log_p, rule, len(counts), order)
+            total += _completed(log_p, counts, log_tail, rule, order)
     return total
 
 
 def _completed(
-    log_p: Float[Array, "N K"], counts: Float[Array, "S K"], log_tail: Float[Array, "S K"], order: int
+    log_p: Float[Array, "N K"],
+    counts: Float[Array, "S K"],
+    log_tail: Float[Array, "S K"],
+    rule: Rule,
+    order: int,
 ) -> Float[Array, "N K"]:
     """Visits of which only d steps were seen, by how long they may have lasted."""
-    weights = np.full_like(log_p, -np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        weights[: len(counts)] = np.where(counts > 0.0, np.log(counts) - log_tail, -np.inf)
-    return np.asarray(np.exp(from_the_beginning(weights, order) + log_p))
+        log_share = np.where(counts > 0.0, np.log(counts) - log_tail, -np.inf)
+    return np.asarray(np.exp(from_the_beginning(log_share, rule, order) + log_p))
 
 
 def _ascended(
@@ -141,7 +151,8 @@ def _ascended(
 ) -> tuple[Float[Array, "Q K"], Point]:
     """A step for every state, halved for those that would lose by it, and none where that is of no use."""
     share = np.ones(theta.shape[1])
-    within = np.minimum(family.upper, np.where(theta < 0.0, 0.5 * theta, np.inf))  # at zero tails are endless
+    # Parameters that must stay below zero, where tails become endless, come no closer than half way at once.
+    within = np.where(family.upper < 0.0, np.minimum(family.upper, 0.5 * theta), family.upper)
     for _ in range(HALVINGS):
         there = np.clip(theta + share * step, family.lower, within)
         there = np.where(step == 0.0, theta, there)

@@ -1,52 +1,51 @@
-"""Sums over all whole steps s = 1, 2, ... of laws given up to a factor."""
-
-from collections.abc import Callable
+"""Sums of laws of durations, given up to a factor: norms, moments, quantiles and tails."""
 
 import numpy as np
 
-from pilotfish.types import Array, Float, Int
+from pilotfish.models.durations_rule import LogWeights, Rule, rule_for
+from pilotfish.types import Array, Float
 
-LogWeights = Callable[[Int[Array, " S"]], Float[Array, "S K"]]
-
-NEGLIGIBLE = -30.0  # log of the share of a law that sums may leave out
 RANGE = 600.0  # how far apart logarithms may be for their numbers to be added as they are
-FURTHEST = 20  # no sum goes on beyond 2^20 steps
-
-
-def support(log_weights: LogWeights) -> int:
-    """A number of steps that holds all of the laws but a share of e^-30, or 2^20 where they reach further.
-
-    Where a law falls as s^-p or faster from N on, what lies beyond N is below N f(N) / (p - 1). The laws
-    here fall ever faster, so the slope over the last doubling will do for p.
-    """
-    ladder = 2 ** np.arange(FURTHEST + 1)
-    log_w = log_weights(ladder)  # (21, K)
-    slopes = np.diff(log_w, axis=0) / np.log(2.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        beyond = log_w[1:] + np.log(ladder[1:, None]) - np.log(-slopes - 1.0)
-    small = (slopes <= -2.0) & (beyond <= log_w.max(axis=0) + NEGLIGIBLE)
-    enough = np.flatnonzero(small.all(axis=1))
-    return int(ladder[1 + enough[0]]) if len(enough) else int(ladder[-1])
 
 
 def log_normalised(log_weights: LogWeights, longest: int) -> Float[Array, "S K"]:
     """Logarithms of the laws at s = 1 ... longest, each summing to one over all s >= 1."""
-    steps = np.arange(1, max(longest, support(log_weights)) + 1)
-    log_w = log_weights(steps)
-    return np.asarray(log_w[:longest] - log_sum(log_w))
+    rule = rule_for(log_weights, 1)
+    log_w = log_weights(np.arange(1.0, longest + 1.0))
+    return np.asarray(log_w - log_sum(log_weights(rule.steps) + rule.log_counts[:, None]))
 
 
 def moments_of(log_weights: LogWeights) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
     """Mean and deviation of each law [steps]."""
-    p = np.exp(log_normalised(log_weights, N := support(log_weights)))
-    steps = np.arange(1.0, N + 1)
-    means = steps @ p
-    return means, np.sqrt((np.square(steps[:, None] - means) * p).sum(axis=0))
+    rule = rule_for(log_weights, 1)
+    p = _shares(log_weights, rule)
+    means = rule.steps @ p
+    return means, np.sqrt((np.square(rule.steps[:, None] - means) * p).sum(axis=0))
+
+
+def _shares(log_weights: LogWeights, rule: Rule) -> Float[Array, "N K"]:
+    """The share of each law that every step of the rule stands for."""
+    log_w = log_weights(rule.steps) + rule.log_counts[:, None]
+    return np.asarray(np.exp(log_w - log_sum(log_w)))
 
 
 def quantile(log_weights: LogWeights, lost: float) -> int:
     """The least number of steps that a visit under any of the laws outlasts with probability at most lost."""
-    return least_outlasted(np.exp(log_normalised(log_weights, support(log_weights))), lost)
+    rule = rule_for(log_weights, 1)
+    longer = np.cumsum(_shares(log_weights, rule)[::-1], axis=0)[::-1]  # p(s >= d) where a block begins
+    begin = rule.whole
+    while begin < rule.steps[-1] and (longer[rule.steps > begin][0] > lost).any():
+        begin *= 2
+    if begin == rule.whole:
+        return max(1, int(np.count_nonzero((longer[:begin] > lost).any(axis=1))))
+    # Within the block that holds it, step by step.
+    slow = longer[rule.steps > begin // 2][0] > lost
+    steps = np.arange(begin // 2 + 1.0, begin + 1.0)
+    log_w = log_weights(rule.steps) + rule.log_counts[:, None]
+    p = np.exp(log_weights(steps) - log_sum(log_w))[:, slow]
+    beyond = longer[rule.steps > begin][0][slow] if begin < rule.steps[-1] else 0.0
+    longer = np.cumsum(p[::-1], axis=0)[::-1] + beyond
+    return begin // 2 + int(np.count_nonzero((longer > lost).any(axis=1)))
 
 
 def least_outlasted(p: Float[Array, "S K"], lost: float) -> int:
@@ -61,26 +60,52 @@ def log_sum(log_w: Float[Array, "S K"]) -> Float[Array, " K"]:
     return np.asarray(top + np.log(np.exp(log_w - top).sum(axis=0)))
 
 
-def from_the_end(log_w: Float[Array, "N K"], rows: int, order: int = 1) -> Float[Array, "S K"]:
-    """row d: log sum over s >= d of exp log_w[s], for the first rows; order 2 gives the same sum of these."""
-    needed = log_w[:rows]
-    return _cumulated(log_w[::-1], needed, order)[::-1][:rows]
+def log_tails_of(log_weights: LogWeights, longest: int) -> tuple[Float[Array, "S K"], Float[Array, "S K"]]:
+    """log p(a visit lasts d steps or more), and log of that summed over d and all above, d up to longest."""
+    rule = rule_for(log_weights, longest)
+    log_w = log_weights(rule.steps) + rule.log_counts[:, None]
+    log_p = log_w - log_sum(log_w)
+    return from_the_end(log_p, rule, longest), from_the_end(log_p, rule, longest, order=2)
 
 
-def from_the_beginning(log_w: Float[Array, "N K"], order: int = 1) -> Float[Array, "N K"]:
-    """row d: log sum over s <= d of exp log_w[s]; order 2 gives the same sum of these."""
-    return _cumulated(log_w, log_w, order)
+def from_the_end(log_p: Float[Array, "N K"], rule: Rule, rows: int, order: int = 1) -> Float[Array, "S K"]:
+    """row d: log sum over s >= d of p(s), for the first rows; order 2 gives the same sum of these.
+
+    exp log_p is what each step of the rule adds to a sum over all of them.
+    """
+    log_p, beyond = log_p[: rule.whole], log_p[rule.whole :]
+    longer = _cumulated(np.concatenate([_log_total(beyond), log_p[::-1]]), log_p[:rows])[:0:-1]
+    if order == 1:
+        return longer[:rows]
+    excess = _log_total(beyond + np.log(rule.steps[rule.whole :] - rule.whole)[:, None])
+    return _cumulated(np.concatenate([excess, longer[::-1]]), longer[:rows])[:0:-1][:rows]
 
 
-def _cumulated(log_w: Float[Array, "N K"], needed: Float[Array, "S K"], order: int) -> Float[Array, "N K"]:
+def from_the_beginning(log_w: Float[Array, "S K"], rule: Rule, order: int = 1) -> Float[Array, "N K"]:
+    """At every step s of the rule: log sum over d <= s of exp log_w[d]; order 2 gives the same sum of these.
+
+    Beyond its rows log_w is -inf.
+    """
+    none = np.full((rule.whole - len(log_w), log_w.shape[1]), -np.inf)
+    log_w = np.concatenate([log_w, none])
+    once = _cumulated(log_w, log_w)
+    further = rule.steps[rule.whole :, None] - rule.whole
+    if order == 1:
+        lasting = np.broadcast_to(once[-1], (len(further), log_w.shape[1]))
+        return np.asarray(np.concatenate([once, lasting]))
+    twice = _cumulated(once, once)
+    return np.asarray(np.concatenate([twice, np.logaddexp(twice[-1], once[-1] + np.log(further))]))
+
+
+def _log_total(log_w: Float[Array, "N K"]) -> Float[Array, "1 K"]:
+    """log sum exp of each column, -inf where it is empty or holds nothing else."""
+    return np.asarray(np.logaddexp.reduce(log_w, axis=0)[None])
+
+
+def _cumulated(log_w: Float[Array, "N K"], needed: Float[Array, "S K"]) -> Float[Array, "N K"]:
     """Running sums, in logarithms where the needed rows are too far apart for numbers: that is slow."""
     top = np.where(np.isfinite(top := log_w.max(axis=0)), top, 0.0)
     if np.where(needed > -np.inf, top - needed, 0.0).max() > RANGE:
-        for _ in range(order):
-            log_w = np.logaddexp.accumulate(log_w, axis=0)
-        return np.asarray(log_w)
-    sums = np.exp(log_w - top)
-    for _ in range(order):
-        sums = np.cumsum(sums, axis=0)
+        return np.asarray(np.logaddexp.accumulate(log_w, axis=0))
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log(sums) + top)
+        return np.asarray(np.log(np.cumsum(np.exp(log_w - top), axis=0)) + top)

@@ -1,15 +1,14 @@
 """Recursions over time of a chain: the forward variable, occupancy, filtering and prediction (3.38-3.41)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pilotfish import kernels
 from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights, final_states
-from pilotfish.models.visits import log_tails
+from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
+from pilotfish.models.visits import followed_far_enough, visit_tables
 from pilotfish.types import Array, Float
-
-LOST = 1e-12  # a visit outlasts what is followed of it with less probability
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,50 +27,22 @@ def semi_markov_forward(chain: SemiMarkovChain, log_observed: Float[Array, "S K"
     """The forward variable of a semi-Markov chain over horizon steps, of which the first S are observed.
 
     log_observed[t, i] = log p(x_t | state i). A final state is never left, so no visit to it ends.
-    Cost: O(T K (K + L)), L the longest duration, or the S observed steps where these are more.
+    Visits are followed as far as matters, to 1e-8 nats a step.
+    Cost: O(T K (K + L)), L the longest visit that is followed.
     Source: Tanwani 2018, equations 3.40-3.41, with the segments that begin at t = 1, which (3.40) forgets.
     """
     _check(log_observed, horizon)
-    (S, K) = log_observed.shape
-    longest = min(horizon, max(S, chain.durations.longest(LOST)))  # observed, any visit may have lasted
-    log_last, log_longer = _log_visits(chain, longest)
-    # The best of each step is taken out, and put back at the end: differences of sums keep their digits.
-    best = log_observed.max(axis=1, initial=-np.inf)
-    seen = np.zeros((horizon + 1, K))
-    seen[1 : S + 1] = np.cumsum(log_observed - best[:, None], axis=0)
-    seen[S + 1 :] = seen[S]  # unobserved steps speak for no state
-    log_starts, log_ends, log_occupancy = np.full((3, horizon + 1, K), -np.inf)
-    with np.errstate(divide="ignore"):
-        log_starts[0], log_transitions = np.log(chain.initial), np.log(chain.transitions)
-    settled = np.where(final_states(chain), 0.0, -np.inf)  # only final states outlast the longest visit
-    log_settled = np.full(K, -np.inf)
-    for t in range(1, horizon + 1):
-        d = np.arange(1, min(longest, t) + 1)  # how long the visit has lasted
-        visits = log_starts[t - d] + seen[t] - seen[t - d]
-        if longest < t:
-            begun = t - longest - 1
-            log_settled = np.logaddexp(log_settled, log_starts[begun] - seen[begun] + settled)
-        first = (d == t).astype(np.int64)  # one for the visit that is the first
-        log_ends[t] = np.logaddexp.reduce(visits + log_last[first, d - 1], axis=0)
-        lasting = np.logaddexp.reduce(visits + log_longer[first, d - 1], axis=0)
-        log_occupancy[t] = np.logaddexp(lasting, log_settled + seen[t])
-        log_starts[t] = np.logaddexp.reduce(log_ends[t][:, None] + log_transitions, axis=0)
-    taken = np.cumsum(np.append(best, np.zeros(horizon - S)))[:, None]
-    return Forward(log_ends[1:] + taken, log_occupancy[1:] + taken)
+    unobserved = np.zeros((horizon - len(log_observed), log_observed.shape[1]))  # they speak for no state
+    log_emissions = np.concatenate([log_observed, unobserved])
+    unfinished = replace(chain, censoring=replace(chain.censoring, last=True))
 
+    def follow(longest: int) -> kernels.SemiMarkovForward:
+        return kernels.semi_markov_forward(log_emissions, visit_tables(unfinished, longest))
 
-def _log_visits(chain: SemiMarkovChain, longest: int) -> tuple[Float[Array, "2 L K"], Float[Array, "2 L K"]]:
-    """log p(a visit lasts exactly d) and log p(it lasts d or more), d = 1 ... longest.
-
-    [0] of one that begins after the first step, [1] of the first one, which may have begun before it.
-    """
-    last = chain.durations.log_table(longest)
-    longer, excess = log_tails(chain.durations, longest)
-    lasts, lasts_longer = np.stack([last, last]), np.stack([longer, longer])
-    if chain.censoring.first:
-        lasts[1], lasts_longer[1] = longer - excess[0], excess - excess[0]
-    final = final_states(chain)
-    return np.where(final, -np.inf, lasts), np.where(final, 0.0, lasts_longer)
+    found = followed_far_enough(
+        chain.durations, horizon, follow, lambda one: np.logaddexp.reduce(one.log_occupancy, axis=1)
+    )
+    return Forward(found.log_ends, found.log_occupancy)
 
 
 def markov_forward(

@@ -7,8 +7,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
 from pilotfish.models.dynamics import Dynamics, MarkovChain, Weights
-from pilotfish.models.forward import LOST
-from pilotfish.models.visits import visit_tables
+from pilotfish.models.visits import followed_far_enough, visit_tables
 from pilotfish.types import Array, Float
 
 
@@ -35,5 +34,9 @@ def posteriors(dynamics: Dynamics, log_observed: Float[Array, "T K"]) -> Float[A
     if isinstance(dynamics, MarkovChain):
         return kernels.forward_backward(relative, dynamics.initial, dynamics.transitions).posteriors
     unfinished = replace(dynamics, censoring=replace(dynamics.censoring, last=True))
-    longest = min(len(relative), dynamics.durations.longest(LOST))
-    return kernels.semi_markov(relative, visit_tables(unfinished, longest)).posteriors
+    return followed_far_enough(
+        dynamics.durations,
+        len(relative),
+        lambda longest: kernels.semi_markov(relative, visit_tables(unfinished, longest)),
+        lambda found: np.array(found.log_likelihood),
+    ).posteriors

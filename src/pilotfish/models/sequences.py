@@ -9,11 +9,13 @@ from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import whiteners
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
-from pilotfish.models.forward import LOST, occupancy
+from pilotfish.models.forward import occupancy
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
 from pilotfish.models.statistics import one_step_chain
-from pilotfish.models.visits import log_tails, visit_tables
+from pilotfish.models.visits import followed_far_enough, log_tails, visit_tables
 from pilotfish.types import Array, Float, Int
+
+UNLIKELY = 1e-12  # probability of a visit longer than what is sampled
 
 
 def log_emissions(model: HiddenModel | Skill, data: Views) -> Float[Array, "N K"]:
@@ -38,12 +40,17 @@ def most_probable_states(
 def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Array, " T"]:
     """The single most likely state sequence of a demonstration; of a semi-Markov skill, of its visits.
 
-    Cost: O(T K^2), and O(T^2 K) more for a semi-Markov skill.
+    Visits are followed until to follow them twice as far finds nothing likelier by 1e-8 nats a step.
+    Cost: O(T K (K + L)), L the longest visit of a semi-Markov skill that is followed.
     """
     emissions = log_emissions(model, views([demonstration]))
-    if isinstance(model.dynamics, SemiMarkovChain):
-        tables = visit_tables(model.dynamics, len(emissions))
-        return kernels.semi_markov_viterbi(emissions, tables).states
+    if isinstance(chain := model.dynamics, SemiMarkovChain):
+        return followed_far_enough(
+            chain.durations,
+            len(emissions),
+            lambda longest: kernels.semi_markov_viterbi(emissions, visit_tables(chain, longest)),
+            lambda path: np.array(path.log_probability),
+        ).states
     return kernels.viterbi(emissions, *one_step_chain(model.dynamics)).states
 
 
@@ -52,16 +59,25 @@ def log_likelihood(
 ) -> Float[Array, " M"]:
     """log p(demonstration) under the model [nats], for each of them: over all state sequences, in all frames.
 
-    Densities are those of the rows as every frame sees them, multiplied. For a semi-Markov skill this costs
-    O(T K (K + T)); longest, where given, leaves out visits of more steps, which bounds the cost.
+    Densities are those of the rows as every frame sees them, multiplied. Visits of a semi-Markov skill are
+    followed up to longest steps; where that is not given, until to follow them twice as far adds no more than
+    1e-8 nats a step. Cost: O(T K (K + L)), L the longest visit that is followed.
     """
     data = views(demonstrations)
     parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
     if isinstance(model.dynamics, SemiMarkovChain):
-        tables = visit_tables(model.dynamics, int(min(longest or np.inf, data.lengths.max())))
-        return np.array([kernels.semi_markov(part, tables).log_likelihood for part in parts])
+        return np.array([_log_likelihood(model.dynamics, part, longest) for part in parts])
     chain = one_step_chain(model.dynamics)
     return np.array([kernels.forward_backward(part, *chain).log_likelihood for part in parts])
+
+
+def _log_likelihood(chain: SemiMarkovChain, emissions: Float[Array, "T K"], longest: int | None) -> float:
+    def follow(longest: int) -> float:
+        return kernels.semi_markov(emissions, visit_tables(chain, longest)).log_likelihood
+
+    if longest is not None:
+        return follow(min(longest, len(emissions)))
+    return float(followed_far_enough(chain.durations, len(emissions), follow, np.array))
 
 
 def sample_states(dynamics: Dynamics, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
@@ -87,7 +103,7 @@ def _sample_markov(chain: MarkovChain, horizon: int, rng: np.random.Generator) -
 
 
 def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
-    table = np.exp(chain.durations.log_table(chain.durations.longest(LOST)))  # (S, K)
+    table = np.exp(chain.durations.log_table(chain.durations.longest(UNLIKELY)))  # (S, K)
     state = int(rng.choice(len(chain.initial), p=chain.initial))
     lengths = _lengths_left(chain) if chain.censoring.first else table
     states: list[int] = []
@@ -103,4 +119,4 @@ def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Gen
 
 def _lengths_left(chain: SemiMarkovChain) -> Float[Array, "S K"]:
     """p(s steps are left of a visit that is met at a random one of its steps), up to a factor."""
-    return np.asarray(np.exp(log_tails(chain.durations, chain.durations.longest(LOST))[0]))
+    return np.asarray(np.exp(log_tails(chain.durations, chain.durations.longest(UNLIKELY))[0]))

@@ -22,12 +22,10 @@ from pilotfish.gaussians import (
 from pilotfish.models.durations import Durations
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
 from pilotfish.models.skill import HiddenModel, Skill
-from pilotfish.models.visits import Visits, visit_tables, visits_of
+from pilotfish.models.visits import LOST, Visits, visit_tables, visits_of
 from pilotfish.types import Array, Float, Int
 
 BLOCK = 8192  # rows summed up at a time
-
-LOST = 1e-8  # a visit outlasts what is followed of it with less probability
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,16 +1,22 @@
 """Visits to states as recordings show them: whole, or cut off at either end."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.models.durations import Durations
-from pilotfish.models.durations_sums import from_the_end
+from pilotfish.models.durations import Durations, HistogramDurations
+from pilotfish.models.durations_rule import step_by_step
+from pilotfish.models.durations_sums import from_the_end, log_tails_of
 from pilotfish.models.dynamics import Censoring, SemiMarkovChain, final_states
 from pilotfish.types import Array, Bool, Float
 
-ROUNDING = 1e-13  # what is left out of sums over all durations
+LOST = 1e-8  # a visit outlasts what is followed of it with less probability
+ALL = 4  # where recordings are no longer than so many times that, visits are followed to their ends
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,12 +57,13 @@ def of_states(visits: Visits, kept: Bool[Array, " K"]) -> Visits:
 def log_tails(durations: Durations, longest: int) -> tuple[Float[Array, "S K"], Float[Array, "S K"]]:
     """log p(a visit lasts d steps or more), and log of that summed over d and all above; d = 1 ... longest.
 
-    The second at d = 1 is the mean duration. Both stay exact where they are far below the smallest number,
-    but for log-normal laws beyond their 1e-13 quantile, whose tails are followed only four times as far.
+    The second at d = 1 is the mean duration. Both stay exact where they are far below the smallest number.
     """
-    N = max(4 * longest, durations.longest(ROUNDING))
-    log_p = durations.log_table(N)
-    return from_the_end(log_p, longest), from_the_end(log_p, longest, order=2)
+    if not isinstance(durations, HistogramDurations):
+        return log_tails_of(durations.log_weights, longest)
+    rule = step_by_step(max(longest, len(durations.probabilities)))
+    log_p = durations.log_table(rule.whole)
+    return from_the_end(log_p, rule, longest), from_the_end(log_p, rule, longest, order=2)
 
 
 def visit_tables(chain: SemiMarkovChain, longest: int) -> kernels.SemiMarkovTables:
@@ -80,6 +87,32 @@ def visit_tables(chain: SemiMarkovChain, longest: int) -> kernels.SemiMarkovTabl
         np.stack([inside, begun, ending, only]),
         np.stack([beyond, beyond]),
     )
+
+
+def followed_far_enough(
+    durations: Durations,
+    steps: int,
+    follow: Callable[[int], Found],
+    log_p: Callable[[Found], Float[Array, "*n"]],
+) -> Found:
+    """What follow(longest) finds once visits of more than longest recorded steps matter no more.
+
+    Beginning with what a visit outlasts with a probability of 1e-8, twice as far each time, until nothing of
+    log_p gains more than 1e-8 nats a step by that; or as far as the recording goes. Recordings not much
+    longer than visits are followed to the end at once. So where data hold a visit far beyond what its law
+    expects, or are impossible without it, it is found.
+    """
+    longest = durations.longest(LOST)
+    if steps <= ALL * longest:
+        return follow(steps)
+    found = follow(longest)
+    while longest < steps:
+        longest = min(2 * longest, steps)
+        before, found = log_p(found), follow(longest)
+        with np.errstate(invalid="ignore"):
+            if (log_p(found) - before <= LOST * steps).all():  # impossible before and after is no gain: NaN
+                break
+    return found
 
 
 def visits_of(counts: Float[Array, "4 S K"], chain: SemiMarkovChain) -> Visits:

@@ -54,7 +54,7 @@ def state_graph(skill: Skill | AdaptedSkill, *, least: float = 0.01) -> Figure:
     Many states fill several rows; an arrow to another row points up and names its goal. Others run above
     when they lead onward and below when back; those less probable than least are left out. A double ring is
     a final state, an arrow from nowhere tells how probable it is to begin there. Under each state: how
-    probable it is that a visit lasts so long, and mean and deviation of that Gaussian [s].
+    probable it is that a visit lasts so long, and mean and deviation of its law [s].
     Raises: InvalidInput, when the skill is not semi-Markov, has too many states or least is no probability.
     Source: after Tanwani 2018, figure 3.6.
     """

@@ -1,0 +1,87 @@
+"""Sums over all whole steps s = 1, 2, ... of smooth laws, from a few hundred of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from pilotfish.types import Array, Bool, Float
+
+LogWeights = Callable[[Float[Array, " S"]], Float[Array, "S K"]]
+
+NEGLIGIBLE = -36.0  # log of the share of a law that sums may leave out
+NODES = 32  # that stand for a block of steps
+ROUGH = 60.0  # nats; a law that differs by more within a block is summed step by step there
+FIRST, LAST = 6, 40  # no block begins before step 2^6, none ends after 2^40
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rule:
+    """Steps s, and logarithms of how many whole steps each of them stands for.
+
+    The first `whole` are s = 1 ... whole, each for itself; later ones lie between whole numbers.
+    """
+
+    steps: Float[Array, " N"]
+    log_counts: Float[Array, " N"]
+    whole: int
+
+
+def rule_for(log_weights: LogWeights, longest: int) -> Rule:
+    """A rule that sums the laws, their squares of s, and their tails from any step up to longest, to 1e-12.
+
+    Steps are taken one by one up to longest, and on as long as any law is narrow; from there on blocks,
+    each twice as long as the one before, are summed by Gauss's rule for equally spaced points: exact
+    for polynomials of degree 63, where the density of a law, smooth within a block, is no different.
+    """
+    first = max(FIRST, int(longest - 1).bit_length())
+    edges = 2.0 ** np.arange(first, LAST + 0.25, 0.5)
+    log_w = log_weights(np.append(edges, float(longest)))  # (2 B + 2, K)
+    log_w = np.stack(
+        [log_w, log_w + 2.0 * np.log(np.append(edges, float(longest)))[:, None]]
+    )  # of squares too
+    reference = log_w.max(axis=1)[:, None]
+    blocks = np.stack([log_w[:, :-3:2], log_w[:, 1:-2:2], log_w[:, 2:-1:2]])  # both edges and the middle
+    log_length = np.log(edges[:-2:2])[:, None]
+    small = ((blocks.max(axis=0) + log_length <= reference + NEGLIGIBLE) & _falling(blocks)).all(axis=0)
+    rough = (np.ptp(blocks[:, 0], axis=0) > ROUGH) & ~small  # (B, K)
+    begin = _last(rough.any(axis=1)) + 1
+    end = max(begin, _last(~small.all(axis=1)) + 1)
+    return _rule(first + begin, first + end)
+
+
+def _falling(blocks: Float[Array, "3 2 B K"]) -> Bool[Array, "2 B K"]:
+    """Whether what lies beyond a block is no more than it holds: falling there as s^-3 or faster."""
+    return np.asarray(blocks[2] - blocks[1] <= -1.5 * np.log(2.0))
+
+
+def _last(those: Bool[Array, " B"]) -> int:
+    where = np.flatnonzero(those)
+    return int(where[-1]) if len(where) else -1
+
+
+def step_by_step(longest: int) -> Rule:
+    """For laws under which nothing lasts longer."""
+    return Rule(np.arange(1.0, longest + 1.0), np.zeros(longest), longest)
+
+
+@cache
+def _rule(begin: int, end: int) -> Rule:
+    """One by one up to 2^begin, then blocks up to 2^end."""
+    blocks = [gauss_for_steps(2**n) for n in range(begin, end)]
+    steps = [np.arange(1.0, 2.0**begin + 1.0), *(2.0**n + at for n, (at, _) in enumerate(blocks, begin))]
+    counts = [np.ones(2**begin), *(weights for _, weights in blocks)]
+    return Rule(np.concatenate(steps), np.log(np.concatenate(counts)), 2**begin)
+
+
+@cache
+def gauss_for_steps(length: int) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Nodes and weights whose weighted sum is that over 1 ... length of any polynomial of degree 63 or less.
+
+    Source: Golub and Welsch 1969, for the polynomials of Chebyshev 1864 and Gram 1883, orthogonal on them.
+    """
+    n = np.arange(1.0, NODES)
+    beside = 0.5 * n * np.sqrt((length**2 - n**2) / (4.0 * n**2 - 1.0))
+    nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
+    return nodes + 0.5 * (length + 1), length * vectors[0] ** 2

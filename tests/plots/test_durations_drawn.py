@@ -1,0 +1,39 @@
+"""The graph of a skill tells the durations of every law."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.models import (
+    GammaDurations,
+    GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    NegativeBinomialDurations,
+    PoissonDurations,
+    SemiMarkovChain,
+)
+from pilotfish.plots import forward_variable, state_graph
+
+LAWS = {
+    "normal": GaussianDurations(np.array([6.0, 8.0, 5.0]), np.array([1.0, 2.0, 0.5])),
+    "log-normal": LogNormalDurations(np.log([6.0, 8.0, 5.0]), np.array([0.2, 0.9, 0.1])),
+    "gamma": GammaDurations(np.array([6.0, 0.7, 50.0]), np.array([1.0, 0.1, 10.0])),
+    "poisson": PoissonDurations(np.array([6.0, 8.0, 5.0])),
+    "negative binomial": NegativeBinomialDurations(np.array([1.0, 2.0, 50.0]), np.array([0.1, 0.2, 0.9])),
+    "histogram": HistogramDurations(np.full((9, 3), 1.0 / 9.0)),
+}
+
+
+@pytest.mark.parametrize("durations", LAWS.values(), ids=LAWS)
+def test_mean_and_deviation_of_every_law_stand_under_its_state(things, durations):
+    """In seconds, of the states that are left."""
+    skill = things.skill(states=3)
+    chain = SemiMarkovChain(np.eye(3)[0], np.eye(3, k=1), durations)
+    skill = replace(skill, dynamics=chain)
+    written = " ".join(t.get_text() for axes in state_graph(skill).axes for t in axes.texts)
+    for k in range(2):
+        assert f"{skill.period * durations.means[k]:.2g}" in written
+        assert f"{skill.period * durations.deviations[k]:.2g}" in written
+    assert len(forward_variable(skill, horizon=40).axes) == 2
