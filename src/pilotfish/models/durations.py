@@ -1,9 +1,9 @@
 """How long a visit to a state lasts: laws on whole steps s = 1, 2, ..., their parameters state by state.
 
-Every law has means and deviations [steps], which are those of its probabilities; only of the normal law they
-are its parameters, those of the density before it is cut. It has log_table(longest), where table[s - 1, k] = log p(a visit to k
-lasts s steps), s = 1 ... longest, normalised over all s >= 1, and longest(lost), the least number of steps
-that a visit to any state outlasts with probability at most lost.
+Every law has means and deviations [steps], those of its probabilities (of the normal law alone they are its
+parameters, those of the density before it is cut); log_table(longest), where table[s - 1, k] = log p(a visit
+to k lasts s steps), s = 1 ... longest, normalised over all s >= 1; and longest(lost), the least number of
+steps that a visit to any state outlasts with probability at most lost.
 """
 
 from dataclasses import dataclass

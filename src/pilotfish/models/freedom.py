@@ -30,8 +30,8 @@ def free_dynamics(dynamics: Dynamics, law: DurationLaw | None = None) -> int:
 
     Of probabilities that sum to one, one is not free. A probability of zero counts as known beforehand: a
     left-right start allows only what it shows, and expectation-maximisation never makes the rest possible.
-    Durations of final states, which are never left, say nothing and count nothing. law is the family that they
-    were learned in, for one that holds some of their parameters, as NegativeBinomial(1.0) does; else all count.
+    Durations of final states, which are never left, say nothing and count nothing. law is the family that
+    they were learned in, for one that holds some of them, as NegativeBinomial(1.0) does; else all count.
     """
     match dynamics:
         case Weights():
