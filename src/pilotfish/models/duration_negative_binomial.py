@@ -15,6 +15,7 @@ from pilotfish.types import Array, Float
 
 LEAST_SHAPE, MOST_SHAPE = 1e-2, 1e4
 STAYING = (1e-6, 1.0 - 1e-4)  # what 1 - leaving may be
+BEYOND = 10.0  # more steps than so many times the longest visit that is followed are not expected
 ROUNDS, MORE_ROUNDS = 20, 1
 STRIDE, SECANTS, CLOSE = 0.1, 50, 1e-9  # of logarithms of shapes
 ENOUGH = 1e-10  # gains below this share of the log-likelihood end the rounds
@@ -46,13 +47,17 @@ class NegativeBinomial:
         """
         shapes, staying = self._beginning(visits, previous)
         if self.shape is not None:
-            best = most_likely(_family(shapes), visits, np.log(staying)[None], going_on=False)
+            best = most_likely(
+                _family(shapes, staying, visits), visits, np.log(staying)[None], going_on=False
+            )
             return _law(shapes, np.exp(best[0]))
-        value = evaluated(_family(shapes), visits, np.log(staying)[None]).value
+        value = evaluated(_family(shapes, staying, visits), visits, np.log(staying)[None]).value
         for _ in range(MORE_ROUNDS if isinstance(previous, NegativeBinomialDurations) else ROUNDS):
             others = _best_shapes(visits, shapes, staying)
-            there = _best_staying(visits, others, staying)
-            found = evaluated(_family(others), visits, np.log(there)[None]).value
+            more = shapes * staying / (1.0 - staying)
+            near = np.clip(more / (more + others), *STAYING)  # of the same mean
+            there = _best_staying(visits, others, near)
+            found = evaluated(_family(others, near, visits), visits, np.log(there)[None]).value
             better = found >= value
             shapes, staying = np.where(better, others, shapes), np.where(better, there, staying)
             gain, value = np.where(better, found - value, 0.0), np.maximum(value, found)
@@ -81,21 +86,25 @@ def _law(shapes: Float[Array, " K"], staying: Float[Array, " K"]) -> NegativeBin
     return NegativeBinomialDurations(shapes, 1.0 - staying)
 
 
-def _family(shapes: Float[Array, " K"]) -> Family:
-    """Of the logarithm of staying, shapes given."""
+def _family(shapes: Float[Array, " K"], staying: Float[Array, " K"], visits: Visits) -> Family:
+    """Of the logarithm of staying, shapes given; visits are short enough, or no longer than they were."""
     from scipy.special import gammaln  # here: scipy doubles the time of importing pilotfish
 
     def base(s: Float[Array, " S"]) -> Float[Array, "S K"]:
         return np.asarray(gammaln((s - 1)[:, None] + shapes) - gammaln(shapes) - gammaln(s)[:, None])
 
-    low, high = (np.full((1, len(shapes)), np.log(bound)) for bound in STAYING)
-    return Family(lambda s: s[:, None] - 1.0, base, low, high)
+    most = BEYOND * len(visits.whole)
+    high = np.maximum(np.minimum(STAYING[1], most / (most + shapes)), staying)
+    low = np.full_like(shapes, STAYING[0])
+    return Family(lambda s: s[:, None] - 1.0, base, np.log(low)[None], np.log(high)[None])
 
 
 def _best_staying(
     visits: Visits, shapes: Float[Array, " K"], staying: Float[Array, " K"]
 ) -> Float[Array, " K"]:
-    return np.asarray(np.exp(most_likely(_family(shapes), visits, np.log(staying)[None], going_on=True)[0]))
+    return np.asarray(
+        np.exp(most_likely(_family(shapes, staying, visits), visits, np.log(staying)[None], going_on=True)[0])
+    )
 
 
 def _best_shapes(

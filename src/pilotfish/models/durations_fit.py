@@ -11,6 +11,7 @@ from pilotfish.models.visits import Visits
 from pilotfish.types import Array, Bool, Float
 
 SWEEPS, MORE_SWEEPS, HALVINGS = 50, 3, 30
+NEAR = 1e-6  # a parameter as close to its bound, as a share of it, is held there
 ENOUGH = 1e-14  # gains below this share of the log-likelihood are rounding
 
 
@@ -55,7 +56,7 @@ def most_likely(
         gains = 0.5 * (step * here.gradient).sum(axis=0)  # what a quadratic likelihood would gain
         if (settled := gains <= ENOUGH * (1.0 + np.abs(here.value))).all():
             break
-        theta, here = _ascended(family, visits, theta, here, np.where(settled, 0.0, step))
+        theta, here = _ascended(family, visits, theta, here, np.where(settled, 0.0, step), gains)
     return theta
 
 
@@ -147,7 +148,12 @@ def _completed(
 
 
 def _ascended(
-    family: Family, visits: Visits, theta: Float[Array, "Q K"], here: Point, step: Float[Array, "Q K"]
+    family: Family,
+    visits: Visits,
+    theta: Float[Array, "Q K"],
+    here: Point,
+    step: Float[Array, "Q K"],
+    gains: Float[Array, " K"],
 ) -> tuple[Float[Array, "Q K"], Point]:
     """A step for every state, halved for those that would lose by it, and none where that is of no use."""
     share = np.ones(theta.shape[1])
@@ -161,13 +167,17 @@ def _ascended(
         if not lost.any():
             return there, found
         share = np.where(lost, 0.5 * share, share)
+        if not (lost & (share * gains > ENOUGH * (1.0 + np.abs(here.value)))).any():
+            break
     there = np.where(lost, theta, there)
     return there, evaluated(family, visits, there)
 
 
 def _direction(family: Family, theta: Float[Array, "Q K"], here: Point) -> Float[Array, "Q K"]:
     """Newton's, of the parameters that no bound holds; where the Hessian is no help, that of whole visits."""
-    held = ((theta <= family.lower) & (here.gradient < 0)) | ((theta >= family.upper) & (here.gradient > 0))
+    low = np.isfinite(family.lower) & (theta - family.lower <= NEAR * np.abs(family.lower))
+    high = np.isfinite(family.upper) & (family.upper - theta <= NEAR * np.abs(family.upper))
+    held = (low & (here.gradient < 0)) | (high & (here.gradient > 0))
     gradient = np.where(held, 0.0, here.gradient).T  # (K, Q)
     # A law on one length alone has no variance but rounding: then the gradient says how far to go.
     least = np.maximum(1e-6 * np.abs(gradient), 1e-100)
