@@ -156,9 +156,9 @@ def _ascended(
     gains: Float[Array, " K"],
 ) -> tuple[Float[Array, "Q K"], Point]:
     """A step for every state, halved for those that would lose by it, and none where that is of no use."""
-    share = np.ones(theta.shape[1])
     # Parameters that must stay below zero, where tails become endless, come no closer than half way at once.
     within = np.where(family.upper < 0.0, np.minimum(family.upper, 0.5 * theta), family.upper)
+    share = _up_to_the_first_bound(theta, step, family.lower, within)
     for _ in range(HALVINGS):
         there = np.clip(theta + share * step, family.lower, within)
         there = np.where(step == 0.0, theta, there)
@@ -171,6 +171,19 @@ def _ascended(
             break
     there = np.where(lost, theta, there)
     return there, evaluated(family, visits, there)
+
+
+def _up_to_the_first_bound(
+    theta: Float[Array, "Q K"], step: Float[Array, "Q K"], low: Float[Array, "Q K"], high: Float[Array, "Q K"]
+) -> Float[Array, " K"]:
+    """The share of each state's step that ends at a bound ahead, or all; bounds already reached only clip.
+
+    A step bent by a bound need not lead upwards.
+    """
+    bound = np.where(step < 0.0, low, high)
+    ahead = (step != 0.0) & (np.abs(bound - theta) > NEAR * np.abs(theta))
+    room = np.divide(bound - theta, step, out=np.ones_like(step), where=ahead)
+    return np.asarray(np.minimum(1.0, room.min(axis=0)))
 
 
 def _direction(family: Family, theta: Float[Array, "Q K"], here: Point) -> Float[Array, "Q K"]:
