@@ -13,6 +13,7 @@ from pilotfish.demonstrations import (
     Quantity,
     Views,
     demonstration,
+    position_layout,
     views,
 )
 from pilotfish.errors import InvalidInput
@@ -22,6 +23,7 @@ from pilotfish.models import (
     KMeans,
     MarkovChain,
     SemiMarkovChain,
+    Timing,
     adapt,
     as_mixture,
     covariance_parameters,
@@ -29,6 +31,7 @@ from pilotfish.models import (
     learn_markov,
     learn_mixture,
     log_emissions,
+    log_likelihood,
     log_likelihood_of_states,
     runs,
     semi_markov_parameters,
@@ -224,3 +227,18 @@ def test_the_fingerprint_is_that_of_values_frames_and_period(rng, scene):
     assert data(replace(demos[0], name="other")) == data(demos[0])
     assert data(moved) != data(demos[0])
     assert data(replace(demos[0], x=demos[0].x + 1e-12)) != data(demos[0])
+
+
+def test_likelihood_and_paths_refuse_what_is_not_the_models(rng, scene):
+    """Another width, a fit instead of its skill, and lengths that are none are told, not met inside."""
+    demos = scene()
+    fit = learn(demos, states=2, rng=rng)
+    other = demonstration(rng.normal(size=(9, 3)), period=0.1, layout=position_layout())
+    with pytest.raises(InvalidInput, match="1 frames of 3 columns, the model knows 2 of 2"):
+        log_likelihood(fit.skill, [other])
+    with pytest.raises(InvalidInput, match="the model knows 2 of 2"):
+        viterbi(fit.skill, other)
+    with pytest.raises(InvalidInput, match="longest is 0 steps"):
+        log_likelihood(fit.skill, demos, longest=0)
+    with pytest.raises(InvalidInput, match="longest is -1 steps"):
+        Timing(longest=-1)

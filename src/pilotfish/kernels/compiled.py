@@ -26,6 +26,22 @@ _baseline: Any = import_module("pilotfish.kernels._baseline")
 LEVEL: str = "x86-64-v3" if _baseline.supports_v3() else "baseline"
 _native: Any = import_module("pilotfish.kernels._v3") if LEVEL == "x86-64-v3" else _baseline
 
+KERNELS = (
+    "e_step",
+    "forward_backward",
+    "log_emissions",
+    "riccati",
+    "semi_markov",
+    "semi_markov_e_step",
+    "semi_markov_forward",
+    "semi_markov_viterbi",
+    "semi_tied_sweeps",
+    "viterbi",
+    "whiteners",
+)
+if missing := sorted(set(KERNELS) - set(dir(_native))):
+    raise ImportError(f"they were built from older sources and lack {', '.join(missing)}")
+
 
 def _packed(values: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """The same numbers as C-contiguous float64, copied only if they were not."""

@@ -26,6 +26,7 @@ def matched_accuracy(found: Int[Array, " N"], labels: Int[Array, " M"]) -> float
     Raises: as matching does.
     """
     stands_for = matching(found, labels)
+    found, labels = np.asarray(found), np.asarray(labels)
     agree = sum(int(np.sum((found == state) & (labels == name))) for state, name in stands_for.items())
     return agree / len(labels)
 

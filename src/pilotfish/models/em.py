@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Views
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics, further_statistics
 from pilotfish.models.visits import of_states
@@ -46,6 +46,8 @@ class EMSettings:
             raise InvalidInput(
                 f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]"
             )
+        for name in ("threads", "max_iterations", "restarts"):
+            require_kind(name, getattr(self, name), (int, np.integer), "give a whole number")
         if self.threads < 0:
             raise InvalidInput(f"threads is {self.threads}, expected at least 1, or 0 for all cores")
         for name in ("max_iterations", "restarts"):

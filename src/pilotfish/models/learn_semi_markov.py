@@ -24,7 +24,7 @@ from pilotfish.models.statistics import (
     most_likely_chain,
     statistics,
 )
-from pilotfish.models.visits import log_tails, whole_visits
+from pilotfish.models.visits import log_tails, require_longest, whole_visits
 from pilotfish.types import Array, Bool
 
 NORMAL = Normal()
@@ -47,8 +47,8 @@ class Timing:
 
     def __post_init__(self) -> None:
         require_kind("law", self.law, DurationLaw, "give an instance, say pf.LogNormal()")
-        if self.longest is not None and self.longest < 1:
-            raise InvalidInput(f"longest is {self.longest} steps, expected at least 1, or None")
+        require_kind("censoring", self.censoring, Censoring, "pf.Censoring(first=True) makes one")
+        require_longest(self.longest)
 
 
 TIMING = Timing()

@@ -9,6 +9,7 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import Structure
+from pilotfish.models.duration_laws import DurationLaw
 from pilotfish.models.em import EMSettings
 from pilotfish.models.freedom import free_parameters
 from pilotfish.models.learn import DEFAULTS, Fit
@@ -36,12 +37,16 @@ class Learner(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A model that might be learned; durations names what the learner makes of time, for tables."""
+    """A model that might be learned; durations names what the learner makes of time, for tables.
+
+    law is the family of durations that the learner fits, if it fits one: it knows its free numbers.
+    """
 
     states: int
     structure: Structure
     durations: str
     learner: Learner
+    law: DurationLaw | None = None
 
     @property
     def label(self) -> str:
@@ -192,7 +197,7 @@ def _tried(
         shown = float(log_likelihood(skill, demonstrations).sum())
     except (InvalidInput, NotPositiveDefinite) as error:
         return Failure(candidate, str(error))
-    count = free_parameters(skill, candidate.structure)
+    count = free_parameters(skill, candidate.structure, candidate.law)
     points = sum(len(d.x) for d in demonstrations)
     return Score(candidate, skill.states, count, shown, bic(shown, count, points), np.array(held_out))
 

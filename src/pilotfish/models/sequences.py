@@ -6,13 +6,13 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import whiteners
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
 from pilotfish.models.forward import occupancy
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
 from pilotfish.models.statistics import one_step_chain
-from pilotfish.models.visits import followed_far_enough, log_tails, visit_tables
+from pilotfish.models.visits import followed_far_enough, log_tails, require_longest, visit_tables
 from pilotfish.types import Array, Float, Int
 
 UNLIKELY = 1e-12  # probability of a visit longer than what is sampled
@@ -43,7 +43,7 @@ def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Arr
     Visits are followed until to follow them twice as far finds nothing likelier by 1e-8 nats a step.
     Cost: O(T K (K + L)), L the longest visit of a semi-Markov skill that is followed.
     """
-    emissions = log_emissions(model, views([demonstration]))
+    emissions = log_emissions(model, _agreeing_views(model, [demonstration]))
     if isinstance(chain := model.dynamics, SemiMarkovChain):
         return followed_far_enough(
             chain.durations,
@@ -52,6 +52,20 @@ def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Arr
             lambda path: np.array(path.log_probability),
         ).states
     return kernels.viterbi(emissions, *one_step_chain(model.dynamics)).states
+
+
+def _agreeing_views(model: HiddenModel | Skill, demonstrations: Sequence[Demonstration]) -> Views:
+    """What the model's frames see.    Raises: InvalidInput, when they or the columns are not the model's."""
+    require_kind("model", model, (HiddenModel, Skill), "a fit holds a skill: fit.skill")
+    data = views(demonstrations)
+    if (seen := (data.x.shape[0], data.x.shape[2])) != (
+        known := (model.means.shape[0], model.means.shape[2])
+    ):
+        raise InvalidInput(
+            f"the demonstrations have {seen[0]} frames of {seen[1]} columns, the model knows {known[0]} of "
+            f"{known[1]}; give those that it was learned from, or others of their kind"
+        )
+    return data
 
 
 def log_likelihood(
@@ -63,7 +77,8 @@ def log_likelihood(
     followed up to longest steps; where that is not given, until to follow them twice as far adds no more than
     1e-8 nats a step. Cost: O(T K (K + L)), L the longest visit that is followed.
     """
-    data = views(demonstrations)
+    require_longest(longest)
+    data = _agreeing_views(model, demonstrations)
     parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
     if isinstance(model.dynamics, SemiMarkovChain):
         return np.array([_log_likelihood(model.dynamics, part, longest) for part in parts])

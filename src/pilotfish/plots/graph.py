@@ -200,5 +200,6 @@ def _draw_durations(
         axes.set(xlim=(0.0, seconds[-1]), ylim=(0.0, 1.05 * density.max()))
         dress(axes, x="duration [s]", y="" if x else "density [1/s]").tick_params(labelleft=x == 0)
         mean, deviation = period * chain.durations.means[k], period * chain.durations.deviations[k]
-        digits = max(0, 1 - int(np.floor(np.log10(deviation))))  # two that count
+        # two that count; visits that all last as long have no deviation
+        digits = max(0, 1 - int(np.floor(np.log10(deviation or period))))
         axes.set_title(f"{mean:.{digits}f} ± {deviation:.{digits}f} s", fontsize=SMALL + 1)

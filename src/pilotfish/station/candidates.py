@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Structure
 from pilotfish.models import Candidate
-from pilotfish.station.learners import LEARNERS
+from pilotfish.station.learners import LAWS, LEARNERS
 from pilotfish.station.structure_names import structure_named
 
 MOST = 500  # candidates of one selection
@@ -20,7 +20,9 @@ def candidates(states: str, structures: str, durations: str) -> list[Candidate]:
     kinds, ways, sizes = structure_list(structures), duration_list(durations), state_list(states)
     if (count := len(kinds) * len(ways) * len(sizes)) > MOST:
         raise InvalidInput(f"{count} candidates were asked for, expected at most {MOST}; list fewer of each")
-    return [Candidate(K, kind, way, LEARNERS[way]) for kind in kinds for way in ways for K in sizes]
+    return [
+        Candidate(K, kind, way, LEARNERS[way], LAWS.get(way)) for kind in kinds for way in ways for K in sizes
+    ]
 
 
 def structure_list(text: str) -> list[Structure]:
