@@ -52,7 +52,7 @@ for side in np.radians([-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0]):
 cup = Pose(np.array([0.3, 0.4, 0.1]), turned(UP, 2.5))  # where none stood before
 for name, treated in (("four numbers", lambda d: d), ("on the sphere", pf.on_sphere)):
     skill = pf.learn([treated(d) for d in shown], states=5, rng=np.random.default_rng(0)).skill
-    print(f"{name}, {skill.width} columns; held from .. the jug is turned wrongly by")
+    print(f"{name}, {skill.width} columns; the jug, held from .. degrees, is turned wrongly by")
     for side in (0.0, 15.0, 30.0, 60.0):
         unseen = treated(tipped(cup, np.radians(side), wobble=np.zeros(3)))
         q = motion_of(skill, unseen)[:, 3:7]
