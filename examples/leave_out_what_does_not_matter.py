@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 import pilotfish as pf
-from pilotfish import models
 from pilotfish.demonstrations import frame_from_pose
 from pilotfish.geometry import normalise, pose
 
@@ -26,7 +25,7 @@ shown = [with_a_chair(demonstration) for demonstration in pf.datasets.valve()[:4
 skill = pf.learn(shown, states=7, rng=rng).skill
 
 # Each demonstration is held out in turn: how much of which frame foretells it best from the others?
-found = models.relevance(skill, shown)
+found = pf.relevance(skill, shown)
 for name, row in zip(found.frame_names, found.values, strict=True):
     print(f"{name:<13}" + " ".join(f"{value:5.2f}" for value in row))
 print(f"matter at no state: {', '.join(found.distractors)}")
@@ -58,7 +57,7 @@ print(f"the chair moved, all frames heard: the motion bends by up to {moved(skil
 print(f"the chair moved, each heard as it matters: {moved(skill, found.values):.3f} mm")
 
 # Or learn anew without it: then nobody need know where the chair stands.
-fewer = pf.learn(models.select_frames(shown, found), states=7, rng=rng).skill
+fewer = pf.learn(pf.select_frames(shown, found), states=7, rng=rng).skill
 print(f"learned anew from {' and '.join(fewer.frame_names)}")
 for how, x in (
     ("all frames heard", motion(skill, before).x),
