@@ -98,3 +98,9 @@ def test_the_program_of_regression_and_via_points_runs_and_passes_the_point(data
     x = names["motion"].x
     assert np.linalg.norm(x[40, :3] - [0.44, -0.95, 0.31]) < 1e-3
     assert names["told"].means.shape == (200, 13)
+
+
+def test_the_front_door_tells_what_each_of_its_names_is_for():
+    """The docstring of pilotfish sorts every name by the step of the way that it belongs to."""
+    told = set(re.findall(r"\w+", str(pf.__doc__)))
+    assert set(pf.__all__) <= told

@@ -1,16 +1,29 @@
 """pilotfish learns manipulation skills from a few demonstrations and replays them in situations never shown.
 
-demonstrations -> learn -> Skill -> adapt(frames now) -> plan -> track -> motion. The rooms behind these names
-(pilotfish.models, pilotfish.control, pilotfish.plots ...) hold the rest.
+record     load, demonstration, datasets -> Demonstration, with its Frame of each object; with_derivatives,
+           on_sphere
+learn      learn, learn_semi_markov, learn_markov, learn_mixture -> Fit, of a Skill
+  spread   Full, Diagonal, Spherical, SemiTied, MFA, HDDC, HDDCShare
+  last     Timing, Censoring; Normal, LogNormal, Gamma, Poisson, NegativeBinomial, Histogram
+  begin    TimeBins, KMeans, EMSettings
+compare    log_likelihood; select among Candidate models; relevance of frames, select_frames
+keep       save_skill, open_skill
+adapt      adapt(skill, frames now) -> AdaptedSkill; chart, when it has orientations on their sphere
+plan       plan, expected_plan; via_point, through, plan_through
+move       double_integrator, track
+refuse     SkillError, of which InvalidInput, NotPositiveDefinite and UnknownSkill are kinds
+
+The rooms behind these names (pilotfish.models, pilotfish.control, pilotfish.plots ...) hold the rest.
 """
 
-from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
+from pilotfish.control import double_integrator, track
 from pilotfish.demonstrations import Demonstration, Frame, demonstration, on_sphere, with_derivatives
 from pilotfish.demonstrations import read_folder as load
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
-from pilotfish.gaussians import EMLLT, HDDC, MFA, MLT, MPPCA, Diagonal, Full, HDDCShare, SemiTied, Spherical
+from pilotfish.gaussians import HDDC, MFA, Diagonal, Full, HDDCShare, SemiTied, Spherical
 from pilotfish.models import (
     AdaptedSkill,
+    Candidate,
     Censoring,
     EMSettings,
     Fit,
@@ -40,17 +53,14 @@ from pilotfish.store import datasets, open_skill, save_skill
 __version__ = "0.1.0"
 
 __all__ = [
-    "EMLLT",
     "HDDC",
     "MFA",
-    "MLT",
-    "MPPCA",
     "AdaptedSkill",
+    "Candidate",
     "Censoring",
     "Demonstration",
     "Diagonal",
     "EMSettings",
-    "Feedback",
     "Fit",
     "Frame",
     "Full",
@@ -60,12 +70,10 @@ __all__ = [
     "InvalidInput",
     "KMeans",
     "LogNormal",
-    "Motion",
     "NegativeBinomial",
     "Normal",
     "NotPositiveDefinite",
     "Poisson",
-    "Reference",
     "SemiTied",
     "Skill",
     "SkillError",

@@ -43,10 +43,10 @@ mistakes = {
                                         settings=pf.EMSettings(restarts=2)), "restarts"),
     "tying as text": (lambda: pf.SemiTied("a"), "tying"),
     "factors as text": (lambda: pf.MFA("4"), "factors"),
-    "half a component": (lambda: pf.MPPCA(1.5), "components"),
+    "half a component": (lambda: pf.gaussians.MPPCA(1.5), "components"),
     "a share as dimension": (lambda: pf.HDDC(0.95), "dimensions"),
-    "fractional vectors": (lambda: pf.EMLLT(20.0), "vectors"),
-    "fractional transforms": (lambda: pf.MLT(2.0), "transforms"),
+    "fractional vectors": (lambda: pf.gaussians.EMLLT(20.0), "vectors"),
+    "fractional transforms": (lambda: pf.gaussians.MLT(2.0), "transforms"),
 }
 for name, (mistake, words) in mistakes.items():
     try:
