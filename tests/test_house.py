@@ -125,17 +125,17 @@ def python_blocks(text: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
-def test_the_readme_has_one_example():
-    """What a user is to copy stands in one block."""
-    assert len(python_blocks(README)) == 1
-
-
 @pytest.mark.slow
-def test_the_readme_example_runs(data_folder: Path, monkeypatch: pytest.MonkeyPatch):
-    """The example of README.md runs as it stands, and its motion ends where a person ended there."""
+def test_the_readme_examples_run(data_folder: Path, monkeypatch: pytest.MonkeyPatch):
+    """The example of README.md runs as it stands, and its motion ends where a person ended there; the next goes
+    on from it, and its reference is drawn through the point.
+    """
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
     names: dict[str, object] = {}
-    exec(compile(python_blocks(README)[0], "README.md", "exec"), names)  # noqa: S102 - the text is our own
+    first, second = python_blocks(README)
+    exec(compile(first, "README.md", "exec"), names)  # noqa: S102 - the text is our own
     motion, shown = names["motion"].x, names["demonstrations"][4].x  # type: ignore[attr-defined, index]
     assert np.all(np.isfinite(motion))
     assert np.linalg.norm(motion[-1, :3] - shown[-1, :3]) < 0.1  # m; the situation was never shown
+    exec(compile(second, "README.md", "exec"), names)  # noqa: S102 - the text is our own
+    np.testing.assert_allclose(names["reference"].targets[40, :3], [0.44, -0.95, 0.31], atol=1e-3)  # type: ignore[attr-defined]
