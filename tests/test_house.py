@@ -127,8 +127,8 @@ def python_blocks(text: str) -> list[str]:
 
 @pytest.mark.slow
 def test_the_readme_examples_run(data_folder: Path, monkeypatch: pytest.MonkeyPatch):
-    """The example of README.md runs as it stands, and its motion ends where a person ended there; the next goes
-    on from it, and its reference is drawn through the point.
+    """The first example of README.md ends where a person ended there; the second goes on from it,
+    and its plan is drawn through the point.
     """
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
     names: dict[str, object] = {}
