@@ -6,6 +6,7 @@ learn      learn, learn_semi_markov, learn_markov, learn_mixture -> Fit, of a Sk
   spread   Full, Diagonal, Spherical, SemiTied, MFA, HDDC, HDDCShare
   last     Timing, Censoring; Normal, LogNormal, Gamma, Poisson, NegativeBinomial, Histogram
   begin    TimeBins, KMeans, EMSettings
+stream     online.observe and its kin: models that grow datapoint by datapoint, and read out as a Skill
 compare    log_likelihood; select among Candidate models; relevance of frames, select_frames
 keep       save_skill, open_skill
 adapt      adapt(skill, frames now) -> AdaptedSkill; chart, when it has orientations on their sphere
@@ -43,6 +44,7 @@ from pilotfish.models import (
     learn_mixture,
     learn_semi_markov,
     log_likelihood,
+    online,
     relevance,
     select,
     select_frames,
@@ -94,6 +96,7 @@ __all__ = [
     "load",
     "log_likelihood",
     "on_sphere",
+    "online",
     "open_skill",
     "plan",
     "plan_through",

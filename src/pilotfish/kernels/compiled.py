@@ -176,3 +176,6 @@ def whiteners(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     if refused >= 0:
         raise no_factor(refused)
     return inverses
+
+
+from pilotfish.kernels.twins.streaming import observe  # noqa: E402 - until it is compiled

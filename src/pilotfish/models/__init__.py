@@ -2,6 +2,7 @@
 learned by a fold of statistics, adapted to where objects stand, and unrolled into state sequences.
 """
 
+from pilotfish.models import online
 from pilotfish.models.adapt import adapt
 from pilotfish.models.agreement import matched_accuracy, matching, normalised_mutual_information
 from pilotfish.models.duration_laws import DurationLaw, Gamma, Histogram, LogNormal, Normal, Poisson
@@ -131,6 +132,7 @@ __all__ = [
     "most_probable_states",
     "normalised_mutual_information",
     "occupancy",
+    "online",
     "on_the_half_of",
     "posteriors",
     "relevance",

@@ -147,7 +147,7 @@ def learned(demonstrations: Sequence[Demonstration], run: Run, label: str, setti
         log_likelihood=float(run.trace[-1]),
         iterations=run.outcome.iterations,
         converged=run.outcome.converged,
-        library=_library(),
+        library=library_version(),
     )
     model, names = run.model, tuple(f.name for f in one.frames)
     return Skill(model.dynamics, model.means, model.covariances, one.layout, one.period, names, provenance)
@@ -181,7 +181,7 @@ def _fingerprint(demonstrations: Sequence[Demonstration]) -> str:
     return digest.hexdigest()
 
 
-def _library() -> str:
+def library_version() -> str:
     try:
         return f"pilotfish {version('pilotfish')}"
     except PackageNotFoundError:  # run from a source tree that was never installed

@@ -43,7 +43,7 @@ def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Arr
     Visits are followed until to follow them twice as far finds nothing likelier by 1e-8 nats a step.
     Cost: O(T K (K + L)), L the longest visit of a semi-Markov skill that is followed.
     """
-    emissions = log_emissions(model, _agreeing_views(model, [demonstration]))
+    emissions = log_emissions(model, agreeing_views(model, [demonstration]))
     if isinstance(chain := model.dynamics, SemiMarkovChain):
         return followed_far_enough(
             chain.durations,
@@ -54,7 +54,7 @@ def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Arr
     return kernels.viterbi(emissions, *one_step_chain(model.dynamics)).states
 
 
-def _agreeing_views(model: HiddenModel | Skill, demonstrations: Sequence[Demonstration]) -> Views:
+def agreeing_views(model: HiddenModel | Skill, demonstrations: Sequence[Demonstration]) -> Views:
     """What the model's frames see.    Raises: InvalidInput, when they or the columns are not the model's."""
     require_kind("model", model, (HiddenModel, Skill), "a fit holds a skill: fit.skill")
     data = views(demonstrations)
@@ -78,7 +78,7 @@ def log_likelihood(
     1e-8 nats a step. Cost: O(T K (K + L)), L the longest visit that is followed.
     """
     require_longest(longest)
-    data = _agreeing_views(model, demonstrations)
+    data = agreeing_views(model, demonstrations)
     parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
     if isinstance(model.dynamics, SemiMarkovChain):
         return np.array([_log_likelihood(model.dynamics, part, longest) for part in parts])

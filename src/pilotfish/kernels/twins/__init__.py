@@ -7,6 +7,7 @@ from pilotfish.kernels.twins.emission import log_emissions
 from pilotfish.kernels.twins.expectation import e_step, semi_markov_e_step
 from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_forward, semi_markov_viterbi
 from pilotfish.kernels.twins.semi_tied import semi_tied_sweeps
+from pilotfish.kernels.twins.streaming import observe
 from pilotfish.kernels.twins.tracking import riccati
 from pilotfish.kernels.twins.whitening import whiteners
 
@@ -14,6 +15,7 @@ __all__ = [
     "e_step",
     "forward_backward",
     "log_emissions",
+    "observe",
     "riccati",
     "semi_markov",
     "semi_markov_e_step",

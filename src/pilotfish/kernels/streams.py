@@ -1,0 +1,120 @@
+"""A model that grows with a stream, as its kernel reads it: penalties, and one row of numbers a cluster."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from pilotfish.types import Array, Float, Int
+
+
+class Weighting(IntEnum):
+    """What a cluster's weight becomes with every datapoint (5.15, 5.16, and a constant step)."""
+
+    COUNT = 0
+    TRACE = 1
+    CONSTANT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class StreamRules:
+    """What decides where a datapoint goes and what it changes; letters are the thesis'.
+
+    forget_below  a cluster whose weight falls below it is forgotten; 0 forgets none
+    spare         directions that a subspace remembers beyond its dimension d
+    directions    d is at most this
+    clusters      there are at most so many: the lightest makes room
+    batch         subspaces stay as they are while so many datapoints are assigned
+    """
+
+    cluster: float  # lambda
+    dimension: float  # lambda_1
+    transition: float  # lambda_2
+    new_transition: float  # lambda_3
+    bandwidth: float  # b_m
+    merge_distance: float
+    weighting: int
+    weight: float  # the discount zeta of a trace, or the constant weight
+    forget_below: float
+    spare: int
+    directions: int
+    clusters: int
+    batch: int
+
+
+class StreamColumn(IntEnum):
+    """What stands in the first columns of a cluster's row; a block for each frame follows."""
+
+    IDENTITY = 0  # in order of birth, never used again
+    WEIGHT = 1
+    POINTS = 2
+    BEGUN = 3  # demonstrations that began in it
+    VISITS = 4  # complete ones
+    DURATION = 5  # their mean length, in steps
+    SQUARES = 6  # sum of their squared deviations from it
+    CUT = 7  # visits cut off by the end of a demonstration
+    CUT_DURATION = 8  # their mean length
+
+
+class StreamHead(IntEnum):
+    """What is known of the stream as a whole."""
+
+    CURRENT = 0  # row of the last datapoint's cluster, or -1 where a demonstration begins
+    STEPS = 1  # how long it has stayed there
+    NEXT = 2  # identity of the next cluster
+    POINTS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreamState:
+    """K clusters, each seen from P frames; a frame's subspace has room for C directions.
+
+    clusters[k] holds the numbers of StreamColumn, then for each frame its dimension d, its directions r >= d, its
+    mean (D), the variances along them (C), mean squared distances to the subspaces of their first 0 ... C
+    (C + 1), and the directions themselves (D x C), orthonormal columns. What lies beyond r is zero.
+    counts[i, j] datapoints in j came right after one in i.
+    """
+
+    head: Float[Array, " 4"]
+    clusters: Float[Array, "K R"]
+    counts: Float[Array, "K K"]
+    frames: int
+    width: int
+    room: int
+
+    def blocks(self) -> Float[Array, "K P S"]:
+        """The frames' part of the rows, a view."""
+        length = block_length(self.width, self.room)
+        return self.clusters[:, len(StreamColumn) :].reshape(len(self.clusters), self.frames, length)
+
+
+def empty_stream(frames: int, width: int) -> StreamState:
+    """Before the first datapoint."""
+    row = stream_row_length(frames, width, 0)
+    return StreamState(np.array([-1.0, 0, 0, 0]), np.empty((0, row)), np.empty((0, 0)), frames, width, 0)
+
+
+def stream_row_length(frames: int, width: int, room: int) -> int:
+    return len(StreamColumn) + frames * block_length(width, room)
+
+
+def block_length(width: int, room: int) -> int:
+    return 2 + width + room + (room + 1) + width * room
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreamStep:
+    """What N datapoints made of a model.
+
+    identities  the cluster that took each
+    costs       what its assignment cost (5.26-5.28)
+    changes     how much less the loss at it is after its update, never more than 0 but for rounding
+    gone        a row for each cluster that is no more: at which datapoint, its identity, and the identity
+                that it was merged into, or -1 when it was forgotten
+    """
+
+    state: StreamState
+    identities: Int[Array, " N"]
+    costs: Float[Array, " N"]
+    changes: Float[Array, " N"]
+    gone: Int[Array, "M 3"]

@@ -1,0 +1,298 @@
+"""Scalable online sequence clustering: where each datapoint of a stream goes, and what it changes."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pilotfish.kernels.streams import StreamColumn as Column
+from pilotfish.kernels.streams import StreamHead as Head
+from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, stream_row_length
+from pilotfish.kernels.twins.subspaces import (
+    Subspace,
+    born,
+    learned,
+    loss_of,
+    merged,
+    shortened,
+    squared_distance,
+)
+from pilotfish.types import Array, Float
+
+
+@dataclass(slots=True, eq=False)
+class Cluster:
+    """One row of a StreamState, taken apart; numbers are by Column."""
+
+    numbers: Float[Array, " 9"]
+    seen: list[Subspace]
+
+
+@dataclass(slots=True, eq=False)
+class Stream:
+    """A StreamState, taken apart, while it changes."""
+
+    rules: StreamRules
+    clusters: list[Cluster]
+    counts: Float[Array, "K K"]
+    current: int  # -1 where a demonstration begins
+    steps: int
+    next: int
+    points: int
+    gone: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) -> StreamStep:
+    """The model after N datapoints, each seen from P frames, taken one after the other.
+
+    Assignments are made rules.batch at a time; subspaces then learn from their datapoints in order.
+    Source: Tanwani 2018, algorithm 5, with what specification 2 corrects.
+    """
+    stream = unpacked(state, rules)
+    identities, costs = np.empty(len(x), dtype=np.int64), np.empty(len(x))
+    changes = np.empty(len(x))
+    for start in range(0, len(x), rules.batch):
+        batch = range(start, min(start + rules.batch, len(x)))
+        fresh = set()
+        for n in batch:
+            k, costs[n], changes[n] = assigned(stream, x[n])
+            if k == len(stream.clusters):
+                k = created(stream, x[n], n)
+                fresh.add(n)
+            identities[n] = stream.clusters[k].numbers[Column.IDENTITY]
+            changes[n] += followed(stream, k)
+        for n in batch:
+            changes[n] += weighted(stream, x[n], int(identities[n]), n in fresh)
+            forgotten(stream, n)
+        last = batch[-1]
+        for identity in dict.fromkeys(identities[batch].tolist()):
+            merge_close(stream, identity, last)
+    gone = np.array(stream.gone, dtype=np.int64).reshape(-1, 3)
+    return StreamStep(packed(stream, state.frames, state.width), identities, costs, changes, gone)
+
+
+def assigned(stream: Stream, x: Float[Array, "P D"]) -> tuple[int, float, float]:
+    """The cluster of least cost, or K for a new one; its cost; and for a new one, the loss that it saves."""
+    rules, K = stream.rules, len(stream.clusters)
+    costs = np.array([sum(map(_distance(rules), x, cluster.seen)) for cluster in stream.clusters])
+    costs += transition_costs(stream)
+    new = rules.cluster
+    if stream.current >= 0:
+        new += rules.transition * np.log(stream.counts[stream.current].sum() + 1.0) + rules.new_transition
+    if K == 0:
+        return 0, new, 0.0
+    best = int(costs.argmin())
+    if costs[best] < new:
+        return best, float(costs[best]), 0.0
+    dimensions = sum(seen.dimension for seen in stream.clusters[best].seen)
+    return K, float(new), float(new - costs[best] - (rules.dimension * dimensions if dimensions else 0.0))
+
+
+def _distance(rules: StreamRules):  # type: ignore[no-untyped-def]
+    return lambda x, seen: squared_distance(x, seen, rules.bandwidth)
+
+
+def transition_costs(stream: Stream) -> Float[Array, " K"]:
+    """What it costs to go from the current cluster to each (5.26, 5.27); nothing where a demonstration begins."""
+    if stream.current < 0:
+        return np.zeros(len(stream.clusters))
+    rules, counts = stream.rules, stream.counts[stream.current]
+    known = counts > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        surprise = np.log(np.where(known, counts.sum() / counts, counts.sum() + 1.0))
+    return rules.transition * surprise + np.where(known, 0.0, rules.new_transition)
+
+
+def created(stream: Stream, x: Float[Array, "P D"], n: int) -> int:
+    """The row of a new cluster at x; where there are as many as may be, the lightest made room."""
+    if len(stream.clusters) >= stream.rules.clusters:
+        weights = [cluster.numbers[Column.WEIGHT] for cluster in stream.clusters]
+        remove(stream, int(np.argmin(weights)), n, -1)
+    numbers = np.zeros(len(Column))
+    numbers[Column.IDENTITY] = stream.next
+    numbers[Column.WEIGHT] = _first_weight(stream.rules)
+    stream.next += 1
+    stream.clusters.append(Cluster(numbers, [born(row) for row in x]))
+    stream.counts = np.pad(stream.counts, (0, 1))
+    return len(stream.clusters) - 1
+
+
+def _first_weight(rules: StreamRules) -> float:
+    return rules.weight if rules.weighting == Weighting.CONSTANT else 1.0
+
+
+def followed(stream: Stream, k: int) -> float:
+    """Transitions and durations after a datapoint in k (5.29-5.34); how much its transition cost changed."""
+    numbers, before = stream.clusters[k].numbers, stream.current
+    numbers[Column.POINTS] += 1.0
+    stream.points += 1
+    change = 0.0
+    if before < 0:
+        numbers[Column.BEGUN] += 1.0
+    else:
+        c, total = stream.counts[before, k], stream.counts[before].sum()
+        if c > 0.0:
+            change = stream.rules.transition * np.log(c / total * (total + 1.0) / (c + 1.0))
+        stream.counts[before, k] += 1.0
+    if before == k:
+        stream.steps += 1
+        return float(change)
+    if before >= 0:
+        lasted(stream.clusters[before].numbers, stream.steps)
+    stream.current, stream.steps = k, 1
+    return float(change)
+
+
+def lasted(numbers: Float[Array, " 9"], steps: int) -> None:
+    """One more complete visit (5.32-5.33, Welford)."""
+    numbers[Column.VISITS] += 1.0
+    off = steps - numbers[Column.DURATION]
+    numbers[Column.DURATION] += off / numbers[Column.VISITS]
+    numbers[Column.SQUARES] += off * (steps - numbers[Column.DURATION])
+
+
+def weighted(stream: Stream, x: Float[Array, "P D"], identity: int, fresh: bool) -> float:
+    """The cluster learns x, then all weights change; what the loss at x changed by."""
+    rules, change = stream.rules, 0.0
+    k = row_of(stream, identity)
+    if k >= 0 and not fresh:
+        cluster = stream.clusters[k]
+        w = cluster.numbers[Column.WEIGHT]
+        for p, before in enumerate(cluster.seen):
+            most = min(rules.directions, len(before.mean) - 1)
+            after = learned(x[p], before, float(w), rules.dimension, rules.bandwidth, most)
+            cluster.seen[p] = shortened(after, rules.spare)
+            change += loss_of(x[p], after, rules.dimension, rules.bandwidth)
+            change -= loss_of(x[p], before, rules.dimension, rules.bandwidth)
+    for i, cluster in enumerate(stream.clusters):
+        here = i == k
+        if rules.weighting == Weighting.COUNT:
+            cluster.numbers[Column.WEIGHT] += here and not fresh
+        elif rules.weighting == Weighting.TRACE:
+            if here and fresh:
+                cluster.numbers[Column.WEIGHT] = 1.0
+            else:
+                cluster.numbers[Column.WEIGHT] *= rules.weight
+                cluster.numbers[Column.WEIGHT] += here
+    return change
+
+
+def row_of(stream: Stream, identity: int) -> int:
+    for k, cluster in enumerate(stream.clusters):
+        if cluster.numbers[Column.IDENTITY] == identity:
+            return k
+    return -1
+
+
+def forgotten(stream: Stream, n: int) -> None:
+    """Clusters whose weight has worn off are no more; the current one stays."""
+    k = 0
+    while k < len(stream.clusters):
+        light = stream.clusters[k].numbers[Column.WEIGHT] < stream.rules.forget_below
+        if light and k != stream.current:
+            remove(stream, k, n, -1)
+        else:
+            k += 1
+
+
+def merge_close(stream: Stream, identity: int, n: int) -> None:
+    """Clusters whose means came closer than the threshold become one, the closest first."""
+    k = row_of(stream, identity)
+    while k >= 0:
+        apart = np.array([square_apart(stream.clusters[k], other) for other in stream.clusters])
+        apart[k] = np.inf
+        j = int(apart.argmin())
+        if not apart[j] < stream.rules.merge_distance**2:
+            return
+        k = merge(stream, k, j, n)
+
+
+def square_apart(a: Cluster, b: Cluster) -> float:
+    return float(sum(np.sum((p.mean - q.mean) ** 2) for p, q in zip(a.seen, b.seen, strict=True)))
+
+
+def merge(stream: Stream, k: int, j: int, n: int) -> int:
+    """The row of both as one: weights, counts and durations added, moments pooled. The heavier one stays."""
+    a, b = stream.clusters[k].numbers, stream.clusters[j].numbers
+    if (b[Column.WEIGHT], -b[Column.IDENTITY]) > (a[Column.WEIGHT], -a[Column.IDENTITY]):
+        k, j, a, b = j, k, b, a
+    share = b[Column.WEIGHT] / (a[Column.WEIGHT] + b[Column.WEIGHT])
+    stream.clusters[k].seen = [
+        shortened(merged(p, q, float(share)), stream.rules.spare)
+        for p, q in zip(stream.clusters[k].seen, stream.clusters[j].seen, strict=True)
+    ]
+    pool(a, b, Column.VISITS, Column.DURATION, Column.SQUARES)
+    pool(a, b, Column.CUT, Column.CUT_DURATION, None)
+    a[Column.POINTS] += b[Column.POINTS]
+    a[Column.BEGUN] += b[Column.BEGUN]
+    if stream.rules.weighting != Weighting.CONSTANT:
+        a[Column.WEIGHT] += b[Column.WEIGHT]
+    stream.counts[k] += stream.counts[j]
+    stream.counts[:, k] += stream.counts[:, j]
+    if stream.current == j:
+        stream.current = k
+    remove(stream, j, n, int(a[Column.IDENTITY]))
+    return k - (j < k)
+
+
+def pool(a: Float[Array, " 9"], b: Float[Array, " 9"], number: int, mean: int, squares: int | None) -> None:
+    """Means and squared deviations of two sets as of one (Chan, Golub & LeVeque 1979)."""
+    both = a[number] + b[number]
+    if both == 0.0:
+        return
+    off = b[mean] - a[mean]
+    if squares is not None:
+        a[squares] += b[squares] + off**2 * a[number] * b[number] / both
+    a[mean] += off * b[number] / both
+    a[number] = both
+
+
+def remove(stream: Stream, k: int, n: int, into: int) -> None:
+    stream.gone.append((n, int(stream.clusters[k].numbers[Column.IDENTITY]), into))
+    del stream.clusters[k]
+    stream.counts = np.delete(np.delete(stream.counts, k, axis=0), k, axis=1)
+    if stream.current == k:
+        stream.current = -1
+    elif stream.current > k:
+        stream.current -= 1
+
+
+def unpacked(state: StreamState, rules: StreamRules) -> Stream:
+    clusters = []
+    for row, blocks in zip(state.clusters, state.blocks(), strict=True):
+        clusters.append(Cluster(row[: len(Column)].copy(), [_subspace(b, state) for b in blocks]))
+    current, steps, following, points = (int(number) for number in state.head)
+    return Stream(rules, clusters, state.counts.copy(), current, steps, following, points)
+
+
+def _subspace(block: Float[Array, " S"], state: StreamState) -> Subspace:
+    d, r, D, C = int(block[0]), int(block[1]), state.width, state.room
+    mean, variances, distances, basis = np.split(block[2:], np.cumsum([D, C, C + 1]))
+    U = basis.reshape(D, C)[:, :r].copy()
+    return Subspace(d, mean.copy(), U, variances[:r].copy(), distances[: r + 1].copy())
+
+
+def packed(stream: Stream, frames: int, width: int) -> StreamState:
+    ranks = [len(seen.variances) for cluster in stream.clusters for seen in cluster.seen]
+    room = max(ranks, default=0)
+    rows = np.zeros((len(stream.clusters), stream_row_length(frames, width, room)))
+    for row, cluster in zip(rows, stream.clusters, strict=True):
+        row[:] = np.concatenate([cluster.numbers, *_blocks(cluster, room)])
+    head = np.empty(len(Head))
+    head[:] = stream.current, stream.steps, stream.next, stream.points
+    return StreamState(head, rows, stream.counts, frames, width, room)
+
+
+def _blocks(cluster: Cluster, room: int) -> Iterator[Float[Array, " S"]]:
+    for seen in cluster.seen:
+        r = len(seen.variances)
+        space = room - r
+        yield np.concatenate(
+            [
+                np.array([seen.dimension, r], dtype=np.float64),
+                seen.mean,
+                np.pad(seen.variances, (0, space)),
+                np.pad(seen.distances, (0, space)),
+                np.pad(seen.U, ((0, 0), (0, space))).ravel(),
+            ]
+        )

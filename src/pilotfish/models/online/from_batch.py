@@ -1,0 +1,201 @@
+"""A stream that begins with what a batch fit of a few demonstrations has learned, and penalties made from it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish import kernels
+from pilotfish.demonstrations import Demonstration
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.models.durations_counted import runs
+from pilotfish.models.online.model import Column, OnlineModel, online_model
+from pilotfish.models.online.settings import (
+    SOSC,
+    UPKEEP,
+    Constant,
+    OnlineSettings,
+    Trace,
+    Upkeep,
+)
+from pilotfish.models.sequences import agreeing_views, viterbi
+from pilotfish.models.skill import Skill
+from pilotfish.types import Array, Float, Int
+
+EDGE, HELD = 0.99, 0.9  # of a state's datapoints that share is nearer than where rho falls to HELD
+SURPRISE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labelled:
+    """Datapoints as P frames see them, the state of each, and where demonstrations end."""
+
+    x: Float[Array, "P N D"]
+    lengths: Int[Array, " M"]
+    states: Int[Array, " N"]
+
+
+def penalties_from(
+    skill: Skill,
+    demonstrations: Sequence[Demonstration],
+    *,
+    explained: float = 0.95,
+    upkeep: Upkeep = UPKEEP,
+) -> SOSC:
+    """Penalties under which a stream would see these demonstrations as the skill does.
+
+    lambda_1 lies where the directions of all states and frames of larger variance explain that share of all
+    variance, sigma^2 is the mean variance of the others, b_m fades a subspace to 9 / 10 at the distance that
+    99 % of a state's datapoints lie within, and lambda is the largest squared distance of a datapoint to its
+    own state's subspaces, over frames: not one would have begun a cluster of its own. lambda_2 and lambda_3
+    are the shares of lambda that they are in the thesis' experiment (section 5.7.1).
+    Raises: InvalidInput, when the skill and the demonstrations do not belong together.
+    Source: the future work of Tanwani 2018, section 5.6, which asks for it and leaves the way open.
+    """
+    if not 0.0 < explained < 1.0:
+        raise InvalidInput(f"explained is {explained}, expected a share between 0 and 1, say 0.95")
+    data = _labelled(skill, demonstrations)
+    variances = np.stack([np.linalg.eigvalsh(c.dense)[:, ::-1] for c in skill.covariances])  # (P, K, D)
+    shares = np.bincount(data.states, minlength=skill.states) / len(data.states)
+    dimension, noise = _cut(variances, np.broadcast_to(shares[:, None], variances.shape), explained)
+    errors = data.x - skill.means[:, data.states]  # (P, N, D)
+    squares = np.einsum("pnd,pnd->pn", errors, errors)
+    bandwidth = float(np.quantile(squares, EDGE)) / -np.log(HELD)
+    if not bandwidth > 0.0:
+        raise InvalidInput("all datapoints of every state are equal, expected states with some extent")
+    nearness = 1.0 - np.expm1(-squares / bandwidth) ** 2
+    cluster = float(np.max((squares - nearness * _inside(skill, data, errors, dimension)).sum(axis=0)))
+    return SOSC(
+        cluster=max(cluster, noise),
+        dimension=dimension,
+        noise=noise,
+        bandwidth=float(bandwidth),
+        transition=SURPRISE * cluster,
+        new_transition=SURPRISE * cluster,
+        upkeep=upkeep,
+    )
+
+
+def begin_from(
+    skill: Skill, demonstrations: Sequence[Demonstration], settings: OnlineSettings
+) -> OnlineModel:
+    """A model that has learned the demonstrations as the skill did, ready for the next.
+
+    Each state is a cluster with its means and covariances. Its datapoints, transitions and visits are those
+    of the most likely state sequences; the last visit of each demonstration is cut off.
+    Weights are the numbers of datapoints; of traces at most 1 / (1 - discount), all that a trace can hold.
+    A state that no sequence visits is left out.
+    Raises: InvalidInput, when the skill and the demonstrations do not belong together.
+    """
+    data = _labelled(skill, demonstrations)
+    model = online_model(settings, skill.layout, skill.period, skill.frame_names)
+    K, C = skill.states, _room(model)
+    rows = np.zeros((K, kernels.stream_row_length(len(skill.frame_names), skill.width, C)))
+    points = np.bincount(data.states, minlength=K).astype(np.float64)
+    rows[:, Column.POINTS] = points
+    rows[:, Column.WEIGHT] = _weights(points, settings)
+    counts = _follow(rows, data, K)
+    state = kernels.StreamState(
+        np.array([-1.0, 0.0, 0.0, len(data.states)]), rows, counts, len(skill.frame_names), skill.width, C
+    )
+    blocks = state.blocks()
+    for p, covariances in enumerate(skill.covariances):
+        for k, covariance in enumerate(covariances.dense):
+            blocks[k, p] = _block(skill.means[p, k], covariance, model, C)
+    kept = points > 0.0
+    rows = rows[kept]
+    rows[:, Column.IDENTITY] = np.arange(len(rows))
+    head = state.head.copy()
+    head[kernels.StreamHead.NEXT] = len(rows)
+    state = kernels.StreamState(
+        head, rows, np.ascontiguousarray(counts[kept][:, kept]), state.frames, state.width, C
+    )
+    return OnlineModel(settings, skill.layout, skill.period, skill.frame_names, model.rules, state)
+
+
+def _labelled(skill: Skill, demonstrations: Sequence[Demonstration]) -> Labelled:
+    require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
+    if skill.layout.turns:
+        raise InvalidInput(
+            "the skill has orientations on their sphere, and streams learn quaternions as four numbers; learn "
+            "it from demonstrations without on_sphere"
+        )
+    data = agreeing_views(skill, demonstrations)
+    states = np.concatenate([viterbi(skill, demonstration) for demonstration in demonstrations])
+    return Labelled(data.x, data.lengths, states)
+
+
+def _cut(
+    variances: Float[Array, "P K D"], shares: Float[Array, "P K D"], explained: float
+) -> tuple[float, float]:
+    """lambda_1 and sigma^2: the variance above which directions explain enough, and the mean of the others."""
+    order = np.argsort(variances, axis=None)[::-1]
+    values, weights = variances.ravel()[order], shares.ravel()[order]
+    sums = np.cumsum(values * weights)
+    n = min(int(np.searchsorted(sums, explained * sums[-1])) + 1, len(values) - 1)
+    dimension = float(np.sqrt(values[n - 1] * max(values[n], np.finfo(float).tiny)))
+    rest = weights[n:].sum()
+    noise = float((sums[-1] - sums[n - 1]) / rest) if rest > 0.0 else float(values[n])
+    return dimension, max(noise, float(values[-1]), np.finfo(float).tiny)
+
+
+def _inside(
+    skill: Skill, data: Labelled, errors: Float[Array, "P N D"], dimension: float
+) -> Float[Array, "P N"]:
+    """How much of each datapoint's squared error lies in its state's subspace."""
+    inside = np.empty(errors.shape[:2])
+    for p, covariances in enumerate(skill.covariances):
+        values, U = np.linalg.eigh(covariances.dense)
+        along = np.einsum("ndi,nd->ni", U[data.states], errors[p])
+        signal = values > dimension
+        signal[:, 0] = False  # of D directions at most D - 1
+        inside[p] = (along**2 * signal[data.states]).sum(axis=1)
+    return inside
+
+
+def _room(model: OnlineModel) -> int:
+    return min(model.rules.directions + model.rules.spare, model.layout.width)
+
+
+def _weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Array, " K"]:
+    match settings.upkeep.weighting:
+        case Trace(discount, _):
+            return np.minimum(points, 1.0 / (1.0 - discount))
+        case Constant(weight):
+            return np.full(len(points), float(weight))
+        case _:
+            return points
+
+
+def _follow(rows: Float[Array, "K R"], data: Labelled, K: int) -> Float[Array, "K K"]:
+    """How often each state followed each; rows gain what visits there were."""
+    counts = np.zeros((K, K))
+    for states in np.split(data.states, np.cumsum(data.lengths)[:-1]):
+        np.add.at(counts, (states[:-1], states[1:]), 1.0)
+        visited, lengths = runs(states)
+        rows[visited[0], Column.BEGUN] += 1.0
+        for place, (k, steps) in enumerate(zip(visited, lengths, strict=True)):
+            cut = place == len(visited) - 1
+            number, mean = (Column.CUT, Column.CUT_DURATION) if cut else (Column.VISITS, Column.DURATION)
+            rows[k, number] += 1.0
+            off = steps - rows[k, mean]
+            rows[k, mean] += off / rows[k, number]
+            if not cut:
+                rows[k, Column.SQUARES] += off * (steps - rows[k, mean])
+    return counts
+
+
+def _block(
+    mean: Float[Array, " D"], covariance: Float[Array, "D D"], model: OnlineModel, C: int
+) -> Float[Array, " S"]:
+    """A subspace as a row holds it: the leading directions, those that explain more than lambda_1 the first."""
+    D, rules = len(mean), model.rules
+    values, U = np.linalg.eigh(covariance)
+    values, U = np.maximum(values[::-1], 0.0), U[:, ::-1]
+    d = min(int(np.sum(values > rules.dimension)), rules.directions)
+    r = min(d + rules.spare, D)
+    beyond = values.sum() - np.concatenate([[0.0], np.cumsum(values)])
+    known = np.arange(C) < r
+    basis = np.where(known, U[:, :C], 0.0)
+    distances = np.where(np.arange(C + 1) <= r, np.maximum(beyond[: C + 1], 0.0), 0.0)
+    return np.concatenate([[d, r], mean, np.where(known, values[:C], 0.0), distances, basis.ravel()])

@@ -1,0 +1,125 @@
+"""A model that grows with a stream: a plain value, whole at every moment."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from pilotfish import kernels
+from pilotfish.demonstrations import Layout
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, rules_of
+from pilotfish.types import Array, Float, Int
+
+Column, Head = kernels.StreamColumn, kernels.StreamHead
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OnlineModel:
+    """K clusters, each seen from P frames, and how they have followed one another.
+
+    period is the time of one step [s]; state holds all that was learned, rules what decides (see kernels).
+    Arrays are views of it, K first, in the order of clusters' birth.
+    """
+
+    settings: OnlineSettings
+    layout: Layout
+    period: float
+    frame_names: tuple[str, ...]
+    rules: kernels.StreamRules
+    state: kernels.StreamState
+
+    @property
+    def clusters(self) -> int:
+        return len(self.state.clusters)
+
+    @property
+    def datapoints(self) -> int:
+        """How many were observed, those of clusters that are no more included."""
+        return int(self.state.head[Head.POINTS])
+
+    @property
+    def current(self) -> int:
+        """The place of the last datapoint's cluster among the K; -1 where a demonstration begins."""
+        return int(self.state.head[Head.CURRENT])
+
+    @property
+    def identities(self) -> Int[Array, " K"]:
+        """Clusters are numbered by birth, and no number is used twice."""
+        return self.state.clusters[:, Column.IDENTITY].astype(np.int64)
+
+    @property
+    def weights(self) -> Float[Array, " K"]:
+        """What each cluster's past weighs against its next datapoint, w."""
+        return self.state.clusters[:, Column.WEIGHT]
+
+    @property
+    def priors(self) -> Float[Array, " K"]:
+        """pi (5.8): the share of datapoints that each took, of those that are not forgotten."""
+        points = self.state.clusters[:, Column.POINTS]
+        return np.asarray(points / points.sum())
+
+    @property
+    def means(self) -> Float[Array, "K P D"]:
+        return self.state.blocks()[:, :, 2 : 2 + self.layout.width]
+
+    @property
+    def dimensions(self) -> Int[Array, "K P"]:
+        """d, the dimension of each subspace."""
+        return self.state.blocks()[:, :, 0].astype(np.int64)
+
+    @property
+    def variances(self) -> Float[Array, "K P C"]:
+        """Along each remembered direction, the largest first; zero beyond those that there are."""
+        D, C = self.layout.width, self.state.room
+        return self.state.blocks()[:, :, 2 + D : 2 + D + C]
+
+    @property
+    def distances(self) -> Float[Array, "K P C+1"]:
+        """Mean squared distances to the subspaces of the first 0 ... C directions (5.22)."""
+        D, C = self.layout.width, self.state.room
+        return self.state.blocks()[:, :, 2 + D + C : 3 + D + 2 * C]
+
+    @property
+    def bases(self) -> Float[Array, "K P D C"]:
+        """Remembered directions, orthonormal columns; zero beyond those that there are."""
+        D, C = self.layout.width, self.state.room
+        flat = self.state.blocks()[:, :, 3 + D + 2 * C :]
+        return flat.reshape(*flat.shape[:2], D, C)
+
+    @property
+    def counts(self) -> Float[Array, "K K"]:
+        """How many datapoints in j came right after one in i, i = j included (5.29)."""
+        return self.state.counts
+
+    @property
+    def demonstrations(self) -> int:
+        """How many were begun, those that began in clusters that are no more left out."""
+        return int(self.state.clusters[:, Column.BEGUN].sum())
+
+
+def online_model(
+    settings: OnlineSettings, layout: Layout, period: float, frame_names: tuple[str, ...] = ("world",)
+) -> OnlineModel:
+    """A model before its first datapoint.
+
+    layout says what the columns are, period [s] is the time between datapoints.
+    Raises: InvalidInput, when these cannot be, or when an orientation of the layout is on its sphere: a
+    stream learns quaternions as four numbers.
+    """
+    require_kind(
+        "settings", settings, (DPGMM, DPMPPCA, HDPHSMM, SOSC), "say SOSC(cluster=..., dimension=..., ...)"
+    )
+    require_kind("layout", layout, Layout, "position_layout(3) makes one")
+    if layout.turns:
+        raise InvalidInput(
+            "the layout has orientations on their sphere, and streams learn quaternions as four numbers; "
+            "give demonstrations as they are recorded, without on_sphere"
+        )
+    if not 0.0 < period < inf:
+        raise InvalidInput(f"period is {period} s, expected a positive time")
+    names = tuple(frame_names)
+    if not names or len(set(names)) != len(names):
+        raise InvalidInput(f"the frames are named {list(names)}, expected at least one, with different names")
+    state = kernels.empty_stream(len(names), layout.width)
+    return OnlineModel(settings, layout, float(period), names, rules_of(settings, layout.width), state)
