@@ -22,7 +22,7 @@ ARROWS: dict[str, set[str]] = {
     "rewards": {"control", "models"},
     "assistance": {"models", "control"},
     "teleop": {"assistance"},
-    "store": {"demonstrations", "models", "gaussians", "geometry"},
+    "store": {"demonstrations", "models", "gaussians", "geometry", "kernels"},
     "plots": {"kernels", "geometry", "gaussians", "demonstrations", "control", "models", "planning"},
 }
 OPEN = {"types", "errors"}

@@ -8,7 +8,7 @@ learn      learn, learn_semi_markov, learn_markov, learn_mixture -> Fit, of a Sk
   begin    TimeBins, KMeans, EMSettings
 stream     online.observe and its kin: models that grow datapoint by datapoint, and read out as a Skill
 compare    log_likelihood; select among Candidate models; relevance of frames, select_frames
-keep       save_skill, open_skill
+keep       save_skill, open_skill; save_stream, open_stream
 adapt      adapt(skill, frames now) -> AdaptedSkill; chart, when it has orientations on their sphere
 plan       plan, expected_plan; via_point, through, plan_through
 move       double_integrator, track
@@ -50,7 +50,7 @@ from pilotfish.models import (
     select_frames,
 )
 from pilotfish.planning import chart, expected_plan, plan, plan_through, through, via_point
-from pilotfish.store import datasets, open_skill, save_skill
+from pilotfish.store import datasets, open_skill, open_stream, save_skill, save_stream
 
 __version__ = "0.1.0"
 
@@ -98,10 +98,12 @@ __all__ = [
     "on_sphere",
     "online",
     "open_skill",
+    "open_stream",
     "plan",
     "plan_through",
     "relevance",
     "save_skill",
+    "save_stream",
     "select",
     "select_frames",
     "through",

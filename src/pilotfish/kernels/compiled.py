@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.refusals import flat_row, free_push, no_factor, singular_transform
+from pilotfish.kernels.refusals import flat_row, free_push, no_factor, not_observable, singular_transform
 from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
@@ -19,6 +19,7 @@ from pilotfish.kernels.results import (
     SemiMarkovForward,
     Viterbi,
 )
+from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep
 from pilotfish.kernels.twins.chain import log_or_never
 from pilotfish.types import Array, Float, Int
 
@@ -30,6 +31,8 @@ KERNELS = (
     "e_step",
     "forward_backward",
     "log_emissions",
+    "observe",
+    "observe_one",
     "riccati",
     "semi_markov",
     "semi_markov_e_step",
@@ -140,6 +143,27 @@ def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
     return Viterbi(states.view(np.int64), log_probability)
 
 
+def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) -> StreamStep:
+    refused, head, clusters, counts, room, identities, costs, changes, gone = _native.observe(
+        _packed(x), state.head, state.clusters, state.counts, state.room, rules.numbers
+    )
+    if refused >= 0:
+        raise not_observable(x, refused)
+    now = StreamState(head, clusters, counts, state.frames, state.width, room)
+    return StreamStep(now, identities.view(np.int64), costs, changes, gone.view(np.int64))
+
+
+def observe_one(
+    x: Float[Array, "P D"], state: StreamState, rules: StreamRules
+) -> tuple[StreamState, int, float, float]:
+    refused, head, clusters, counts, room, identity, cost, change = _native.observe_one(
+        x, state.head, state.clusters, state.counts, state.room, rules.numbers
+    )
+    if refused >= 0:
+        raise not_observable(x[None], refused)
+    return StreamState(head, clusters, counts, state.frames, state.width, room), identity, cost, change
+
+
 def riccati(
     A: Float[Array, "S n n"],
     B: Float[Array, "S n m"],
@@ -176,6 +200,3 @@ def whiteners(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     if refused >= 0:
         raise no_factor(refused)
     return inverses
-
-
-from pilotfish.kernels.twins.streaming import observe  # noqa: E402 - until it is compiled

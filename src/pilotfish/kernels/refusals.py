@@ -1,6 +1,9 @@
 """What the kernels refuse, in the same words whether compiled or not."""
 
+import numpy as np
+
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.types import Array, Float
 
 
 def free_push(t: int) -> NotPositiveDefinite:
@@ -25,4 +28,12 @@ def singular_transform() -> InvalidInput:
 def no_factor(k: int) -> NotPositiveDefinite:
     return NotPositiveDefinite(
         f"covariance {k} has no Cholesky factor, expected it positive definite; raise the regularisation"
+    )
+
+
+def not_observable(x: Float[Array, "N P D"], place: int) -> InvalidInput:
+    n, p, d = (int(index) for index in np.unravel_index(place, x.shape))
+    return InvalidInput(
+        f"datapoint {n}, frame {p}, column {d} (first is 0) is {x[n, p, d]}, expected a number of at most "
+        "1e100; leave the datapoint out"
     )

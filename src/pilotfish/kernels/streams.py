@@ -1,6 +1,6 @@
 """A model that grows with a stream, as its kernel reads it: penalties, and one row of numbers a cluster."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 
 import numpy as np
@@ -40,6 +40,11 @@ class StreamRules:
     directions: int
     clusters: int
     batch: int
+    numbers: Float[Array, " 13"] = field(init=False, repr=False, compare=False)  # all of the above, in order
+
+    def __post_init__(self) -> None:
+        values = [getattr(self, one.name) for one in fields(self) if one.init]
+        object.__setattr__(self, "numbers", np.array(values, dtype=np.float64))
 
 
 class StreamColumn(IntEnum):

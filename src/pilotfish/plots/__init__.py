@@ -6,6 +6,7 @@ from pilotfish.plots.coordinates import tracked_coordinates
 from pilotfish.plots.evolution import forward_variable
 from pilotfish.plots.gains import gains
 from pilotfish.plots.graph import state_graph
+from pilotfish.plots.growth import growth
 from pilotfish.plots.matrices import basis_vectors, component_correlations
 from pilotfish.plots.passing import via_points
 from pilotfish.plots.precision import deviations
@@ -25,6 +26,7 @@ __all__ = [
     "forward_variable",
     "frame_relevance",
     "gains",
+    "growth",
     "likelihood_trace",
     "model_sizes",
     "reproduction",

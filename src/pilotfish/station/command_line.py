@@ -9,6 +9,7 @@ from pilotfish.station.commands_learn import learn
 from pilotfish.station.commands_replay import replay
 from pilotfish.station.commands_select import select
 from pilotfish.station.commands_show import show
+from pilotfish.station.commands_stream import stream
 
 
 @click.group(
@@ -28,6 +29,7 @@ def cli() -> None:
 cli.add_command(data)
 cli.add_command(demo)
 cli.add_command(learn)
+cli.add_command(stream)
 cli.add_command(select)
 cli.add_command(show)
 cli.add_command(replay)

@@ -35,7 +35,7 @@ from pilotfish.station.answers import (
 )
 from pilotfish.station.descriptions import columns_text, skill_facts, states_table, time_text
 from pilotfish.station.learners import CENSORINGS, COUNTED, LAWS, LEARNERS, semi_markov_learner
-from pilotfish.station.sources import a_choice, chosen, prepared, recordings
+from pilotfish.station.sources import a_choice, chosen, prepared, recordings, recordings_in
 from pilotfish.station.structure_names import StructureType, structure_names
 from pilotfish.store import content_hash, save_skill
 
@@ -161,7 +161,7 @@ def learn(**options: Any) -> Answer:
     FOLDER may also be dataset:NAME; `pilotfish data list` shows the names.
     """
     asked = Choices(**options)
-    require_new(asked.out, force=asked.force, inputs=_recordings_in(Path(asked.folder)))
+    require_new(asked.out, force=asked.force, inputs=recordings_in(Path(asked.folder)))
     learner = _learner(asked)
     demonstrations = prepared(
         chosen(recordings(asked.folder), asked.only), sphere=asked.sphere, speeds=asked.speeds
@@ -188,11 +188,6 @@ def _without_distractors(
     note = f"frames left out, they matter at no state: {', '.join(gone)}"
     skill = replace(again.skill, provenance=replace(again.skill.provenance, note=note))
     return replace(again, skill=skill), gone
-
-
-def _recordings_in(folder: Path) -> list[Path]:
-    """What may be a recording or say what recordings mean, and so must not become a skill."""
-    return [path for path in folder.glob("*") if path.suffix in (".csv", ".npz", ".toml", ".json")]
 
 
 def _learner(asked: Choices) -> Learner:

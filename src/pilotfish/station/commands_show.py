@@ -1,12 +1,13 @@
 """pilotfish show: what a skill file holds."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from pilotfish import models
 from pilotfish.errors import InvalidInput
-from pilotfish.models import Skill
+from pilotfish.models import Skill, online
 from pilotfish.station.answers import Answer, answering, example, plain_table, require_new
 from pilotfish.station.descriptions import (
     columns_text,
@@ -18,7 +19,8 @@ from pilotfish.station.descriptions import (
 )
 from pilotfish.station.pictures import Drawn, require_matplotlib, save_picture, skill_pictures
 from pilotfish.station.sources import as_learned
-from pilotfish.store import content_hash, open_skill
+from pilotfish.station.stream_descriptions import described, model_facts
+from pilotfish.store import content_hash, open_kept
 
 
 @click.command(epilog=example("pilotfish show valve.skill --pictures valve-pictures"))
@@ -32,13 +34,16 @@ from pilotfish.store import content_hash, open_skill
 @click.option("--force", is_flag=True, help="Replace pictures that are there already.")
 @answering
 def show(skill: Path, pictures: Path | None, relevance: str | None, force: bool) -> Answer:
-    """Show what the file SKILL holds: states, durations, frames, columns, where it comes from."""
+    """Show what the file SKILL holds: states, durations, frames, columns, where it comes from.
+
+    SKILL may also be a stream file: what it reads out as is shown.
+    """
     if pictures:
         require_matplotlib()
-    opened = open_skill(skill)
-    name = content_hash(opened)
-    facts = {"file": str(skill), "content": name, **skill_facts(opened)}
-    text = f"{states_table(opened)}\n\n{plain_table(_rows(opened, name))}"
+    kept = open_kept(skill)
+    opened = kept if isinstance(kept, Skill) else online.read_out(kept)
+    facts, text = _told(kept, opened)
+    facts = {"file": str(skill), **facts}
     relevant = _relevance(opened, relevance) if relevance else None
     if relevant:
         facts |= relevance_facts(relevant)
@@ -49,6 +54,22 @@ def show(skill: Path, pictures: Path | None, relevance: str | None, force: bool)
         text += "\n\n" + "\n".join([*files, *(f"not drawn: {n}: {why}" for n, why in left_out.items())])
         return Answer(text, facts, code=int(not files))
     return Answer(text, facts)
+
+
+def _told(kept: Skill | online.OnlineModel, skill: Skill) -> tuple[dict[str, Any], str]:
+    """What is to be told of what was kept, and of the skill that it is or reads out as."""
+    if isinstance(kept, Skill):
+        name = content_hash(skill)
+        facts = {"content": name, **skill_facts(skill)}
+        return facts, f"{states_table(skill)}\n\n{plain_table(_rows(skill, name))}"
+    rows = [
+        ("time", time_text(skill)),
+        (
+            "file",
+            "a growing model; `pilotfish stream --resume` goes on with it, --skill writes it as a skill",
+        ),
+    ]
+    return skill_facts(skill) | {"stream": model_facts(kept, skill)}, described(kept, skill, rows)
 
 
 def _relevance(skill: Skill, folder: str) -> models.FrameRelevance:
@@ -63,13 +84,16 @@ def _relevance(skill: Skill, folder: str) -> models.FrameRelevance:
 def _rows(skill: Skill, name: str) -> list[tuple[str, str]]:
     provenance = skill.provenance
     ended = "converged" if provenance.converged else "not converged"
+    streamed = not provenance.data  # nothing is known then of recordings, and no likelihood was raised
+    fitted = f"{provenance.log_likelihood:.6g}, {provenance.iterations} iterations, {ended}"
+    regularised = f"{provenance.structure}, regularisation {provenance.regularisation:g}"
     rows = [
         ("columns", f"{columns_text(skill.layout)}, every {skill.period:g} s"),
         ("demonstrations", ", ".join(provenance.demonstrations)),
-        ("datapoints", f"{provenance.datapoints}, sha256 {provenance.data}"),
+        ("datapoints", f"{provenance.datapoints}" + (f", sha256 {provenance.data}" if not streamed else "")),
         ("time", time_text(skill)),
-        ("covariances", f"{provenance.structure}, regularisation {provenance.regularisation:g}"),
-        ("log-likelihood", f"{provenance.log_likelihood:.6g}, {provenance.iterations} iterations, {ended}"),
+        ("covariances", provenance.structure if streamed else regularised),
+        ("log-likelihood", "" if streamed else fitted),
         ("learned with", provenance.library),
         ("note", provenance.note),
         ("content", name),

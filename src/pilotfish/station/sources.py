@@ -4,6 +4,7 @@ import difflib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import click
 import numpy as np
@@ -23,6 +24,11 @@ def recordings(source: str) -> tuple[Demonstration, ...]:
     if source.startswith(PREFIX):
         return dataset(source.removeprefix(PREFIX))
     return read_folder(source)
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """What may be a recording or say what recordings mean, and so must not become a skill."""
+    return [path for path in folder.glob("*") if path.suffix in (".csv", ".npz", ".toml", ".json")]
 
 
 def dataset(name: str) -> tuple[Demonstration, ...]:
@@ -101,10 +107,11 @@ def prepared(
 def as_learned(skill: Skill, source: str) -> tuple[Demonstration, ...]:
     """The recordings that a skill was learned from, in its columns and with its frames.
 
+    Of a skill that names none, one that was learned from a stream, they are all that are there.
     Raises: SkillError, when one is not among those of the folder or data set.
     """
     there = {demo.name: demo for demo in recordings(source)}
-    names = skill.provenance.demonstrations
+    names = skill.provenance.demonstrations or tuple(there)
     if missing := [name for name in names if name not in there]:
         raise InvalidInput(
             f"{source} has the recordings {', '.join(there)}, and the skill was learned from "

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
 
+from pilotfish.demonstrations import Layout, Part
 from pilotfish.errors import InvalidInput
 from pilotfish.models import (
     Durations,
@@ -101,6 +102,24 @@ def taken(things: Any, name: str, place: str) -> Any:
         has = sorted(things) if isinstance(things, dict) else repr(things)
         raise InvalidInput(f"{place} lacks {name!r}, it has {has}")
     return things.pop(name)
+
+
+def taken_list(header: dict[str, Any], name: str) -> list[Any]:
+    """The list of that name, removed from the header.    Raises: InvalidInput, when there is none."""
+    value = taken(header, name, "the header")
+    if not isinstance(value, list):
+        raise InvalidInput(f"{name} is {value!r}, expected a list")
+    return value
+
+
+def layout_apart(layout: Layout) -> list[dict[str, Any]]:
+    """The parts of a row as JSON holds them."""
+    return [take_apart(part, "layout", {})[0] for part in layout.parts]
+
+
+def layout_together(parts: list[Any]) -> Layout:
+    """The layout that layout_apart took apart.    Raises: InvalidInput, when it cannot be one."""
+    return Layout(tuple(put_together(Part, "layout", part, {}, {}) for part in parts))
 
 
 def require_nothing_left(things: Mapping[str, Any], place: str) -> None:

@@ -5,12 +5,15 @@
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
+#include <tuple>
 
 #include "chain.hpp"
 #include "expectation.hpp"
 #include "semi_markov.hpp"
 #include "semi_tied.hpp"
+#include "streaming.hpp"
 #include "subnormals.hpp"
 #include "tracking.hpp"
 #include "whitening.hpp"
@@ -294,6 +297,101 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 
   return std::make_tuple(refused, result);
 }
 
+// The place of the first number that no stream takes: not finite, or so large that its square is not; or -1.
+long refused_in(const double* x, long size) {
+  constexpr double LARGEST = 1e100;
+  bool fine = true;
+  for (long i = 0; i < size; ++i) fine &= std::abs(x[i]) <= LARGEST;
+  if (fine) return -1;
+  return std::find_if(x, x + size, [](double one) { return !(std::abs(one) <= LARGEST); }) - x;
+}
+
+// Rules in the order of StreamRules' fields.
+StreamRules rules_of(const In<double, 1>& r) {
+  expect(r, "rules", {13});
+  const StreamRules rules{r(0), r(1), r(2),      r(3),      r(4),       r(5),       int(r(6)),
+                          r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
+  if (rules.spare < 0 || rules.directions < 0 || rules.clusters < 1 || rules.batch < 1)
+    throw nb::value_error("spare or directions are negative, or clusters or batch are not positive");
+  return rules;
+}
+
+size_t row_length(size_t P, size_t D, size_t room) {
+  return NUMBERS + P * (2 + D + room + (room + 1) + D * room);
+}
+
+// The state of a stream as Python holds it, checked, and read into stream.
+void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const In<double, 2>& rows,
+          const In<double, 2>& counts, int room) {
+  const size_t K = rows.shape(0);
+  if (room < 0 || size_t(room) > D) throw nb::value_error("room is not between 0 and the columns of x");
+  expect(head, "head", {4});
+  expect(rows, "clusters", {K, row_length(P, D, room)});
+  expect(counts, "counts", {K, K});
+  if (!(head(CURRENT) < double(K))) throw nb::value_error("head names a cluster that is not there");
+  const size_t block = (rows.shape(1) - NUMBERS) / P;
+  for (size_t k = 0; k < K; ++k)
+    for (size_t p = 0; p < P; ++p) {
+      const double* numbers = rows.data() + k * rows.shape(1) + NUMBERS + p * block;
+      if (!(numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= room))
+        throw nb::value_error("a cluster's dimension or number of directions is out of range");
+    }
+  stream.load(head.data(), rows.data(), counts.data(), int(K), room);
+}
+
+struct Kept {
+  Out head, rows, counts;
+  int room;
+};
+
+Kept kept(const Stream& stream, size_t P, size_t D) {
+  const size_t K = stream.clusters();
+  const int room = stream.room();
+  Kept now{empty<Out>({4}), empty<Out>({K, row_length(P, D, room)}), empty<Out>({K, K}), room};
+  stream.store(now.head.data(), now.rows.data(), now.counts.data(), room);
+  return now;
+}
+
+auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double, 2> counts, int room,
+             In<double, 1> rules) {
+  const size_t P = x.shape(1), D = x.shape(2);
+  expect_some(P, "the second axis of x");
+  expect_some(D, "the last axis of x");
+  Stream stream(int(P), int(D), rules_of(rules));
+  load(stream, P, D, head, rows, counts, room);
+  const long refused = refused_in(x.data(), long(x.size()));
+  const size_t N = refused < 0 ? x.shape(0) : 0;
+  States identities = empty<States>({N});
+  Out costs = empty<Out>({N}), changes = empty<Out>({N});
+  {
+    Free run;
+    stream.observe(x.data(), long(N), identities.data(), costs.data(), changes.data());
+  }
+  const Kept now = kept(stream, P, D);
+  States gone = empty<States>({stream.gone().size(), 3});
+  for (size_t i = 0; i < stream.gone().size(); ++i) std::copy_n(stream.gone()[i].data(), 3, gone.data() + 3 * i);
+  return std::make_tuple(refused, now.head, now.rows, now.counts, now.room, identities, costs, changes, gone);
+}
+
+// The same for one datapoint; the interpreter's lock would take longer to change hands than this takes.
+auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<double, 2> counts, int room,
+                 In<double, 1> rules) {
+  const size_t P = x.shape(0), D = x.shape(1);
+  expect_some(P, "x");
+  expect_some(D, "the last axis of x");
+  Stream stream(int(P), int(D), rules_of(rules));
+  load(stream, P, D, head, rows, counts, room);
+  const long refused = refused_in(x.data(), long(x.size()));
+  int64_t identity = -1;
+  double cost = 0.0, change = 0.0;
+  {
+    SubnormalsFlushed subnormals;
+    stream.observe(x.data(), refused < 0, &identity, &cost, &change);
+  }
+  const Kept now = kept(stream, P, D);
+  return std::make_tuple(refused, now.head, now.rows, now.counts, now.room, identity, cost, change);
+}
+
 auto whiteners(In<double, 3> covariances) {
   const size_t K = covariances.shape(0), D = covariances.shape(1);
   expect_some(D, "the last axis of covariances");
@@ -332,6 +430,8 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("semi_markov_forward", &python::semi_markov_forward);
   module.def("semi_markov_e_step", &python::semi_markov_e_step);
   module.def("riccati", &python::riccati);
+  module.def("observe", &python::observe);
+  module.def("observe_one", &python::observe_one);
   module.def("semi_tied_sweeps", &python::semi_tied_sweeps);
   module.def("whiteners", &python::whiteners);
   module.def("supports_v3", &python::supports_v3);

@@ -7,7 +7,7 @@ from pilotfish.kernels.twins.emission import log_emissions
 from pilotfish.kernels.twins.expectation import e_step, semi_markov_e_step
 from pilotfish.kernels.twins.semi_markov import semi_markov, semi_markov_forward, semi_markov_viterbi
 from pilotfish.kernels.twins.semi_tied import semi_tied_sweeps
-from pilotfish.kernels.twins.streaming import observe
+from pilotfish.kernels.twins.streaming import observe, observe_one
 from pilotfish.kernels.twins.tracking import riccati
 from pilotfish.kernels.twins.whitening import whiteners
 
@@ -16,6 +16,7 @@ __all__ = [
     "forward_backward",
     "log_emissions",
     "observe",
+    "observe_one",
     "riccati",
     "semi_markov",
     "semi_markov_e_step",

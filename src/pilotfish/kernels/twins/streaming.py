@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pilotfish.kernels.refusals import not_observable
 from pilotfish.kernels.streams import StreamColumn as Column
 from pilotfish.kernels.streams import StreamHead as Head
 from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, stream_row_length
@@ -16,8 +17,12 @@ from pilotfish.kernels.twins.subspaces import (
     merged,
     shortened,
     squared_distance,
+    straightened,
 )
 from pilotfish.types import Array, Float
+
+LARGEST = 1e100  # squares must not overflow
+STRAIGHTEN_EVERY = 256  # datapoints of a cluster
 
 
 @dataclass(slots=True, eq=False)
@@ -46,8 +51,11 @@ def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) ->
     """The model after N datapoints, each seen from P frames, taken one after the other.
 
     Assignments are made rules.batch at a time; subspaces then learn from their datapoints in order.
+    Raises: InvalidInput, when a number is not finite or beyond 1e100.
     Source: Tanwani 2018, algorithm 5, with what specification 2 corrects.
     """
+    if (bad := np.flatnonzero(~(np.abs(x) <= LARGEST))).size:
+        raise not_observable(x, int(bad[0]))
     stream = unpacked(state, rules)
     identities, costs = np.empty(len(x), dtype=np.int64), np.empty(len(x))
     changes = np.empty(len(x))
@@ -69,6 +77,14 @@ def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) ->
             merge_close(stream, identity, last)
     gone = np.array(stream.gone, dtype=np.int64).reshape(-1, 3)
     return StreamStep(packed(stream, state.frames, state.width), identities, costs, changes, gone)
+
+
+def observe_one(
+    x: Float[Array, "P D"], state: StreamState, rules: StreamRules
+) -> tuple[StreamState, int, float, float]:
+    """The same for one datapoint: the state, and the identity, cost and change of this one."""
+    step = observe(x[None], state, rules)
+    return step.state, int(step.identities[0]), float(step.costs[0]), float(step.changes[0])
 
 
 def assigned(stream: Stream, x: Float[Array, "P D"]) -> tuple[int, float, float]:
@@ -104,10 +120,12 @@ def transition_costs(stream: Stream) -> Float[Array, " K"]:
 
 
 def created(stream: Stream, x: Float[Array, "P D"], n: int) -> int:
-    """The row of a new cluster at x; where there are as many as may be, the lightest made room."""
+    """The row of a new cluster at x; where there are as many as may be, the lightest but the current makes room."""
     if len(stream.clusters) >= stream.rules.clusters:
-        weights = [cluster.numbers[Column.WEIGHT] for cluster in stream.clusters]
-        remove(stream, int(np.argmin(weights)), n, -1)
+        weights = np.array([cluster.numbers[Column.WEIGHT] for cluster in stream.clusters])
+        if len(weights) > 1 and stream.current >= 0:
+            weights[stream.current] = np.inf
+        remove(stream, int(weights.argmin()), n, -1)
     numbers = np.zeros(len(Column))
     numbers[Column.IDENTITY] = stream.next
     numbers[Column.WEIGHT] = _first_weight(stream.rules)
@@ -158,10 +176,12 @@ def weighted(stream: Stream, x: Float[Array, "P D"], identity: int, fresh: bool)
     if k >= 0 and not fresh:
         cluster = stream.clusters[k]
         w = cluster.numbers[Column.WEIGHT]
+        check = cluster.numbers[Column.POINTS] % STRAIGHTEN_EVERY == 0.0
         for p, before in enumerate(cluster.seen):
             most = min(rules.directions, len(before.mean) - 1)
             after = learned(x[p], before, float(w), rules.dimension, rules.bandwidth, most)
-            cluster.seen[p] = shortened(after, rules.spare)
+            kept = shortened(after, rules.spare)
+            cluster.seen[p] = straightened(kept) if check else kept
             change += loss_of(x[p], after, rules.dimension, rules.bandwidth)
             change -= loss_of(x[p], before, rules.dimension, rules.bandwidth)
     for i, cluster in enumerate(stream.clusters):

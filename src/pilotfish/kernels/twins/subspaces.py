@@ -6,6 +6,7 @@ import numpy as np
 
 from pilotfish.types import Array, Float
 
+DRIFT = 1e-8
 ROUNDING = 8 * np.finfo(np.float64).eps
 
 
@@ -88,6 +89,15 @@ def learned(
     return Subspace(chosen, before.mean + e / (w + 1.0), U, variances, distances)
 
 
+def straightened(seen: Subspace) -> Subspace:
+    """With orthonormal directions again, where they have drifted apart by more than 1e-8."""
+    drift = np.abs(seen.U.T @ seen.U - np.eye(seen.U.shape[1]))
+    if not drift.size or drift.max() <= DRIFT:
+        return seen
+    Q, R = np.linalg.qr(seen.U)
+    return replace(seen, U=Q * np.sign(np.diag(R)))
+
+
 def loss_of(x: Float[Array, " D"], seen: Subspace, penalty: float, bandwidth: float) -> float:
     return (penalty * seen.dimension if seen.dimension else 0.0) + squared_distance(x, seen, bandwidth)
 
@@ -95,7 +105,12 @@ def loss_of(x: Float[Array, " D"], seen: Subspace, penalty: float, bandwidth: fl
 def shortened(seen: Subspace, spare: int) -> Subspace:
     """With only so many directions beyond its dimension."""
     r = min(seen.dimension + spare, len(seen.variances))
-    return replace(seen, U=seen.U[:, :r], variances=seen.variances[:r], distances=seen.distances[: r + 1])
+    return replace(
+        seen,
+        U=np.ascontiguousarray(seen.U[:, :r]),
+        variances=seen.variances[:r],
+        distances=seen.distances[: r + 1],
+    )
 
 
 def merged(heavy: Subspace, light: Subspace, share: float) -> Subspace:
@@ -107,7 +122,8 @@ def merged(heavy: Subspace, light: Subspace, share: float) -> Subspace:
     zero = ROUNDING * float(np.linalg.norm(light.mean) + np.linalg.norm(heavy.mean))
     U, variances, scale = heavy.U, heavy.variances, 1.0 - share
     for direction, variance in zip(light.U.T, light.variances, strict=True):
-        U, variances, _ = absorbed(U, variances, scale, np.sqrt(share * variance) * direction, 0.0)
+        length = float(np.sqrt(share * variance))
+        U, variances, _ = absorbed(U, variances, scale, length * direction, ROUNDING * length)
         scale = 1.0
     between = share * (1.0 - share)
     U, variances, y = absorbed(U, variances, scale, np.sqrt(between) * apart, np.sqrt(between) * zero)

@@ -21,15 +21,14 @@ def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, As
     observe_stream copies them once for many datapoints.
     Raises: InvalidInput, when x is not finite, beyond 1e100 or of another width.
     """
-    P, D = len(model.frame_names), model.layout.width
-    point = _numbers(x)
-    if point.shape != (P, D) and not (P == 1 and point.shape == (D,)):
-        raise InvalidInput(f"the datapoint has shape {point.shape}, expected {_expected(model)}")
-    if not np.abs(point).max() <= LARGEST:
-        raise _not_finite(point.reshape(1, P, D), model)
-    step = kernels.observe(point.reshape(1, P, D), model.state, model.rules)
-    went = Assignment(int(step.identities[0]), float(step.costs[0]), float(step.changes[0]))
-    return _with_state(model, step.state), went
+    point, state = _numbers(x), model.state
+    if point.shape != (state.frames, state.width):
+        point = _one_frame(point, model)
+    try:
+        after, identity, cost, change = kernels.observe_one(point, state, model.rules)
+    except InvalidInput as error:
+        raise _not_finite(point[None], model) from error
+    return _with_state(model, after), Assignment(identity, cost, change)
 
 
 def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[OnlineModel, Assignments]:
@@ -46,9 +45,10 @@ def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[Onli
             f"the datapoints have shape {points.shape}, expected (N, ...), each {_expected(model)}"
         )
     points = points.reshape(len(points), P, D)
-    if points.size and not (np.abs(points).max() <= LARGEST):
-        raise _not_finite(points, model)
-    step = kernels.observe(points, model.state, model.rules)
+    try:
+        step = kernels.observe(points, model.state, model.rules)
+    except InvalidInput as error:
+        raise _not_finite(points, model) from error
     went = Assignments(step.identities, step.costs, step.changes, step.gone)
     return _with_state(model, step.state), went
 
@@ -97,9 +97,15 @@ def _with_state(model: OnlineModel, state: kernels.StreamState) -> OnlineModel:
     return OnlineModel(model.settings, model.layout, model.period, model.frame_names, model.rules, state)
 
 
+def _one_frame(x: Float[Array, "..."], model: OnlineModel) -> Float[Array, "1 D"]:
+    if model.state.frames != 1 or x.shape != (model.state.width,):
+        raise InvalidInput(f"the datapoint has shape {x.shape}, expected {_expected(model)}")
+    return x.reshape(1, -1)
+
+
 def _numbers(x: object) -> Float[Array, "..."]:
     try:
-        return np.asarray(x, dtype=np.float64)
+        return np.ascontiguousarray(x, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidInput(f"the datapoint is not made of numbers: {error}") from error
 

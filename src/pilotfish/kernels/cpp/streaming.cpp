@@ -1,0 +1,396 @@
+#include "streaming.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pilotfish {
+
+namespace {
+
+constexpr double STRAIGHTEN_EVERY = 256.0;  // datapoints of a cluster
+constexpr double ENDLESS = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+Stream::Stream(int P, int D, const StreamRules& rules)
+    : P_(P),
+      D_(D),
+      rules_(rules),
+      layout_{D, padded(D), padded(std::min(rules.spare + 1, D))},
+      subspaces_(D),
+      point_(size_t(P) * padded(D)),
+      error_(padded(D)),
+      g_(layout_.room) {}
+
+int Stream::room() const {
+  int most = 0;
+  for (int slot : order_)
+    for (int p = 0; p < P_; ++p) most = std::max(most, ranks_[size_t(slot) * P_ + p]);
+  return most;
+}
+
+void Stream::reserve_slots(int slots) {
+  if (slots <= slots_) return;
+  Buffer counts(size_t(slots) * slots), logs(size_t(slots) * slots);
+  for (int i = 0; i < slots_; ++i) std::copy_n(&counts_[size_t(i) * slots_], slots_, &counts[size_t(i) * slots]);
+  counts_.swap(counts);
+  logs_.swap(logs);
+  numbers_.resize(size_t(slots) * NUMBERS);
+  dimensions_.resize(size_t(slots) * P_);
+  ranks_.resize(size_t(slots) * P_);
+  chunks_.resize(size_t(slots) * P_ * layout_.chunk());
+  totals_.resize(slots);
+  ready_.assign(slots, 0);
+  for (int slot = slots - 1; slot >= slots_; --slot) free_.push_back(slot);
+  slots_ = slots;
+}
+
+void Stream::reserve_room(int room) {
+  if (room <= layout_.room) return;
+  const Layout wide{D_, layout_.rows, padded(room)};
+  Buffer chunks(size_t(slots_) * P_ * wide.chunk());
+  for (int slot : order_)
+    for (int p = 0; p < P_; ++p) {
+      const Subspace from = subspace(slot, p);
+      const Subspace to = wide.at(&chunks[(size_t(slot) * P_ + p) * wide.chunk()], 0, 0);
+      std::copy_n(from.mean, layout_.rows, to.mean);
+      std::copy_n(from.variances, from.rank, to.variances);
+      std::copy_n(from.distances, from.rank + 1, to.distances);
+      for (int d = 0; d < D_; ++d)
+        std::copy_n(from.basis + size_t(d) * layout_.room, from.rank, to.basis + size_t(d) * wide.room);
+    }
+  chunks_.swap(chunks);
+  layout_ = wide;
+  g_.resize(layout_.room);
+}
+
+void Stream::load(const double* head, const double* rows, const double* counts, int K, int room) {
+  reserve_room(room);
+  reserve_slots(std::max(K + 1, 4));
+  const size_t block = 2 + D_ + room + (room + 1) + size_t(D_) * room, row = NUMBERS + P_ * block;
+  for (int k = 0; k < K; ++k) {
+    const int slot = free_.back();
+    free_.pop_back();
+    order_.push_back(slot);
+    std::copy_n(rows + k * row, int(NUMBERS), numbers(slot));
+    for (int p = 0; p < P_; ++p) {
+      const double* from = rows + k * row + NUMBERS + p * block;
+      dimension(slot, p) = int(from[0]);
+      rank(slot, p) = int(from[1]);
+      const Subspace to = subspace(slot, p);
+      std::copy_n(from + 2, D_, to.mean);
+      std::copy_n(from + 2 + D_, room, to.variances);
+      std::copy_n(from + 2 + D_ + room, room + 1, to.distances);
+      for (int d = 0; d < D_; ++d)
+        std::copy_n(from + 3 + D_ + 2 * room + size_t(d) * room, room, to.basis + size_t(d) * layout_.room);
+    }
+  }
+  for (int i = 0; i < K; ++i) {
+    double total = 0.0;
+    for (int j = 0; j < K; ++j) total += this->counts(order_[i])[order_[j]] = counts[size_t(i) * K + j];
+    totals_[order_[i]] = total;
+  }
+  current_ = head[CURRENT] < 0.0 ? -1 : order_[size_t(head[CURRENT])];
+  steps_ = head[STAYED];
+  next_ = head[NEXT];
+  seen_ = head[SEEN];
+}
+
+void Stream::store(double* head, double* rows, double* counts, int room) const {
+  const int K = clusters();
+  const size_t block = 2 + D_ + room + (room + 1) + size_t(D_) * room, row = NUMBERS + P_ * block;
+  head[CURRENT] = -1.0;
+  for (int k = 0; k < K; ++k) {
+    const int slot = order_[k];
+    if (slot == current_) head[CURRENT] = k;
+    std::copy_n(numbers(slot), int(NUMBERS), rows + k * row);
+    for (int p = 0; p < P_; ++p) {
+      double* to = rows + k * row + NUMBERS + p * block;
+      const double* from = chunk(slot, p);
+      to[0] = dimensions_[size_t(slot) * P_ + p];
+      to[1] = ranks_[size_t(slot) * P_ + p];
+      const double *variances = from + layout_.rows, *distances = variances + layout_.room;
+      const double* basis = distances + layout_.room + 4;
+      std::copy_n(from, D_, to + 2);
+      std::copy_n(variances, room, to + 2 + D_);
+      std::copy_n(distances, room + 1, to + 2 + D_ + room);
+      for (int d = 0; d < D_; ++d)
+        std::copy_n(basis + size_t(d) * layout_.room, room, to + 3 + D_ + 2 * room + size_t(d) * room);
+    }
+    for (int j = 0; j < K; ++j) counts[size_t(k) * K + j] = counts_[size_t(slot) * slots_ + order_[j]];
+  }
+  head[STAYED] = steps_;
+  head[NEXT] = next_;
+  head[SEEN] = seen_;
+}
+
+void Stream::observe(const double* x, long N, int64_t* identities, double* costs, double* changes) {
+  const int rows = layout_.rows;
+  const long most = std::min(rules_.batch, N);
+  fresh_.assign(most, 0);
+  const auto padded_point = [&](long n) {
+    for (int p = 0; p < P_; ++p) std::copy_n(x + (n * P_ + p) * D_, D_, &point_[size_t(p) * rows]);
+    return point_.data();
+  };
+  for (long begin = 0; begin < N; begin += rules_.batch) {
+    const long end = std::min(begin + rules_.batch, N);
+    for (long n = begin; n < end; ++n) {
+      const double* point = padded_point(n);
+      const Choice choice = assign(point);
+      const bool fresh = choice.slot < 0;
+      const int slot = fresh ? create(point, n) : choice.slot;
+      fresh_[n - begin] = fresh;
+      identities[n] = int64_t(numbers(slot)[IDENTITY]);
+      costs[n] = choice.cost;
+      changes[n] = choice.saved + follow(slot);
+    }
+    for (long n = begin; n < end; ++n) {
+      const int slot = slot_of(identities[n]);  // -1, where it made room for another meanwhile
+      const bool fresh = fresh_[n - begin];
+      if (slot >= 0 && !fresh) changes[n] += learn(end - begin == 1 ? point_.data() : padded_point(n), slot);
+      weigh(slot, fresh);
+      if (rules_.forget_below > 0.0) forget(n);
+    }
+    if (rules_.merge_distance > 0.0)
+      for (long n = begin; n < end; ++n)
+        if (std::find(identities + begin, identities + n, identities[n]) == identities + n)
+          merge_close(slot_of(identities[n]), end - 1);
+  }
+}
+
+int Stream::slot_of(int64_t identity) const {
+  for (size_t k = order_.size(); k-- > 0;)
+    if (numbers(order_[k])[IDENTITY] == double(identity)) return order_[k];
+  return -1;
+}
+
+// log counts of the row, -inf where there is none.
+const double* Stream::logs_of(int slot) {
+  double* logs = &logs_[size_t(slot) * slots_];
+  if (!ready_[slot]) {
+    const double* row = counts(slot);
+    for (int j = 0; j < slots_; ++j) logs[j] = row[j] > 0.0 ? logarithm(row[j]) : NEVER;
+    ready_[slot] = 1;
+  }
+  return logs;
+}
+
+// Whether x costs less in slot than the best so far, or as much and comes before; most are told from afar.
+bool Stream::costs_less(const double* x, int slot, double transition, double* best, int* chosen, int place) {
+  double cost = transition;
+  for (int p = 0; p < P_; ++p) {
+    const double* mean = chunk(slot, p);
+    const double square = deviation(x + size_t(p) * layout_.rows, mean, layout_.rows, error_.data());
+    const int d = dimension(slot, p);
+    if (d == 0) {
+      cost += square;
+    } else {
+      const double far = square / (square + rules_.bandwidth);  // at most 1 - rho
+      if (cost + far * far * square * (1.0 - 1e-12) > *best) return false;
+      project(layout_, subspace(slot, p).basis, padded(d), error_.data(), g_.data());
+      cost += std::max(square - nearness(square, rules_.bandwidth) * square_of_first(g_.data(), d), 0.0);
+    }
+    if (cost > *best) return false;
+  }
+  if (cost == *best && place > *chosen) return false;
+  *best = cost;
+  *chosen = place;
+  return true;
+}
+
+Stream::Choice Stream::assign(const double* x) {
+  const int K = clusters();
+  double begin = rules_.cluster, total = 0.0, fresh = 0.0;
+  const double* logs = nullptr;
+  if (current_ >= 0) {
+    fresh = rules_.transition * std::log(totals_[current_] + 1.0) + rules_.new_transition;
+    begin += fresh;
+    if (rules_.transition > 0.0 || rules_.new_transition > 0.0) {
+      logs = logs_of(current_);
+      total = totals_[current_] > 0.0 ? std::log(totals_[current_]) : 0.0;
+    }
+  }
+  double best = ENDLESS;
+  int chosen = K;
+  const auto look = [&](int k) {
+    const int slot = order_[k];
+    double transition = 0.0;
+    if (logs) transition = logs[slot] > NEVER ? rules_.transition * (total - logs[slot]) : fresh;
+    costs_less(x, slot, transition, &best, &chosen, k);
+  };
+  int first = -1;
+  if (current_ >= 0) {  // most likely it stays: what costs more is then told from afar
+    first = int(std::find(order_.begin(), order_.end(), current_) - order_.begin());
+    look(first);
+  }
+  for (int k = 0; k < K; ++k)
+    if (k != first) look(k);
+  if (chosen < K && best < begin) return {order_[chosen], best, 0.0};
+  if (chosen == K) return {-1, begin, 0.0};
+  double dimensions = 0.0;
+  for (int p = 0; p < P_; ++p) dimensions += dimension(order_[chosen], p);
+  return {-1, begin, begin - best - rules_.dimension * dimensions};
+}
+
+int Stream::create(const double* x, long n) {
+  if (clusters() >= rules_.clusters) {
+    int lightest = -1;
+    for (int other : order_) {
+      if (other == current_ && clusters() > 1) continue;
+      if (lightest < 0 || numbers(other)[WEIGHT] < numbers(lightest)[WEIGHT]) lightest = other;
+    }
+    remove(lightest, n, -1);
+  }
+  if (free_.empty()) reserve_slots(2 * slots_);
+  const int slot = free_.back();
+  free_.pop_back();
+  order_.push_back(slot);
+  double* own = numbers(slot);
+  std::fill_n(own, int(NUMBERS), 0.0);
+  own[IDENTITY] = next_++;
+  own[WEIGHT] = rules_.weighting == 2 ? rules_.weight : 1.0;
+  for (int p = 0; p < P_; ++p) {
+    std::fill_n(chunk(slot, p), layout_.chunk(), 0.0);
+    std::copy_n(x + size_t(p) * layout_.rows, layout_.rows, chunk(slot, p));
+    dimension(slot, p) = rank(slot, p) = 0;
+  }
+  return slot;
+}
+
+double Stream::follow(int slot) {
+  double* own = numbers(slot);
+  double change = 0.0;
+  own[POINTS] += 1.0;
+  seen_ += 1.0;
+  if (current_ < 0) {
+    own[BEGUN] += 1.0;
+  } else {
+    double &count = counts(current_)[slot], &total = totals_[current_];
+    if (count > 0.0 && rules_.transition > 0.0)
+      change = rules_.transition * std::log(count / total * (total + 1.0) / (count + 1.0));
+    count += 1.0;
+    total += 1.0;
+    if (ready_[current_]) logs_[size_t(current_) * slots_ + slot] = logarithm(count);
+  }
+  if (current_ == slot) {
+    steps_ += 1.0;
+    return change;
+  }
+  if (current_ >= 0) {
+    double* left = numbers(current_);
+    left[VISITS] += 1.0;
+    const double off = steps_ - left[DURATION];
+    left[DURATION] += off / left[VISITS];
+    left[SQUARES] += off * (steps_ - left[DURATION]);
+  }
+  current_ = slot;
+  steps_ = 1.0;
+  return change;
+}
+
+double Stream::learn(const double* x, int slot) {
+  double change = 0.0;
+  const Learning how{numbers(slot)[WEIGHT], rules_.dimension, rules_.bandwidth,
+                     std::min(rules_.directions, D_ - 1), rules_.spare};
+  const bool check = std::fmod(numbers(slot)[POINTS], STRAIGHTEN_EVERY) == 0.0;
+  for (int p = 0; p < P_; ++p) {
+    reserve_room(std::min(rank(slot, p) + 1, D_));
+    const Subspace seen = subspace(slot, p);
+    const Subspace now = subspaces_.learn(x + size_t(p) * layout_.rows, seen, layout_, how, &change);
+    dimension(slot, p) = now.dimension;
+    rank(slot, p) = now.rank;
+    if (check) subspaces_.straighten(now, layout_);
+  }
+  return change;
+}
+
+void Stream::weigh(int slot, bool fresh) {
+  if (rules_.weighting == 0 && slot >= 0 && !fresh) numbers(slot)[WEIGHT] += 1.0;
+  if (rules_.weighting != 1) return;
+  for (int other : order_) numbers(other)[WEIGHT] *= rules_.weight;
+  if (slot >= 0) numbers(slot)[WEIGHT] = fresh ? 1.0 : numbers(slot)[WEIGHT] + 1.0;
+}
+
+void Stream::forget(long n) {
+  for (size_t k = 0; k < order_.size();) {
+    const int slot = order_[k];
+    if (numbers(slot)[WEIGHT] < rules_.forget_below && slot != current_)
+      remove(slot, n, -1);
+    else
+      ++k;
+  }
+}
+
+void Stream::merge_close(int slot, long n) {
+  const double limit = rules_.merge_distance * rules_.merge_distance;
+  while (slot >= 0) {
+    double least = ENDLESS;
+    int nearest = -1;
+    for (int other : order_) {
+      if (other == slot) continue;
+      double square = 0.0;
+      for (int p = 0; p < P_ && square < limit; ++p)
+        square += deviation(chunk(slot, p), chunk(other, p), layout_.rows, error_.data());
+      if (square < least) {
+        least = square;
+        nearest = other;
+      }
+    }
+    if (!(least < limit)) return;
+    slot = merge(slot, nearest, n);
+  }
+}
+
+int Stream::merge(int slot, int other, long n) {
+  const double mine = numbers(slot)[WEIGHT], theirs = numbers(other)[WEIGHT];
+  if (theirs > mine || (theirs == mine && numbers(other)[IDENTITY] < numbers(slot)[IDENTITY]))
+    std::swap(slot, other);
+  double* a = numbers(slot);
+  const double* b = numbers(other);
+  const double share = b[WEIGHT] / (a[WEIGHT] + b[WEIGHT]);
+  for (int p = 0; p < P_; ++p) {
+    subspaces_.merge(subspace(slot, p), subspace(other, p), layout_, share, rules_.spare);
+    reserve_room(subspaces_.rank());
+    rank(slot, p) = subspaces_.keep(chunk(slot, p), layout_, dimension(slot, p)).rank;
+  }
+  pool(a, b, VISITS, DURATION, SQUARES);
+  pool(a, b, CUT, CUT_DURATION, -1);
+  a[POINTS] += b[POINTS];
+  a[BEGUN] += b[BEGUN];
+  if (rules_.weighting != 2) a[WEIGHT] += b[WEIGHT];
+  for (int j : order_) counts(slot)[j] += counts(other)[j];
+  totals_[slot] += totals_[other];
+  for (int i : order_) counts(i)[slot] += counts(i)[other];
+  std::fill(ready_.begin(), ready_.end(), 0);
+  if (current_ == other) current_ = slot;
+  remove(other, n, int64_t(a[IDENTITY]));
+  return slot;
+}
+
+void Stream::pool(double* a, const double* b, int number, int mean, int squares) const {
+  const double both = a[number] + b[number];
+  if (both == 0.0) return;
+  const double off = b[mean] - a[mean];
+  if (squares >= 0) a[squares] += b[squares] + off * off * a[number] * b[number] / both;
+  a[mean] += off * b[number] / both;
+  a[number] = both;
+}
+
+// Of a cluster that another took in, the counts have gone to it; of one that is forgotten they are gone.
+void Stream::remove(int slot, long n, int64_t into) {
+  gone_.push_back({n, int64_t(numbers(slot)[IDENTITY]), into});
+  order_.erase(std::find(order_.begin(), order_.end(), slot));
+  free_.push_back(slot);
+  std::fill_n(counts(slot), slots_, 0.0);
+  totals_[slot] = 0.0;
+  for (int i : order_) {
+    double total = 0.0;
+    counts(i)[slot] = 0.0;
+    for (int j : order_) total += counts(i)[j];
+    totals_[i] = total;
+  }
+  std::fill(ready_.begin(), ready_.end(), 0);
+  if (current_ == slot) current_ = -1;
+}
+
+}  // namespace pilotfish

@@ -1,0 +1,87 @@
+// Scalable online sequence clustering, one datapoint after the other. twins/streaming.py says what it computes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "lanes.hpp"
+#include "subspaces.hpp"
+
+namespace pilotfish {
+
+struct StreamRules {
+  double cluster, dimension, transition, new_transition, bandwidth, merge_distance;
+  int weighting;  // 0 counts, 1 traces, 2 constant
+  double weight, forget_below;
+  int spare, directions;
+  long clusters, batch;
+};
+
+// The first columns of a cluster's row (StreamColumn), and the head (StreamHead).
+enum Number : int { IDENTITY, WEIGHT, POINTS, BEGUN, VISITS, DURATION, SQUARES, CUT, CUT_DURATION, NUMBERS };
+enum Head : int { CURRENT, STAYED, NEXT, SEEN };
+
+// Clusters lie in slots that are used again; order_ is that of their birth, which is that of the rows.
+class Stream {
+ public:
+  Stream(int P, int D, const StreamRules& rules);
+
+  // K rows, each frame's basis with room for so many directions, as a StreamState has them.
+  void load(const double* head, const double* rows, const double* counts, int K, int room);
+  void store(double* head, double* rows, double* counts, int room) const;
+  int clusters() const { return int(order_.size()); }
+  int room() const;  // the most directions that any subspace has
+
+  void observe(const double* x, long N, int64_t* identities, double* costs, double* changes);
+  const std::vector<std::array<int64_t, 3>>& gone() const { return gone_; }
+
+ private:
+  struct Choice {
+    int slot;  // -1 for a new cluster
+    double cost, saved;
+  };
+
+  Choice assign(const double* x);
+  bool costs_less(const double* x, int slot, double transition, double* best, int* chosen, int place);
+  int create(const double* x, long n);
+  double follow(int slot);
+  double learn(const double* x, int slot);
+  void weigh(int slot, bool fresh);
+  void forget(long n);
+  void merge_close(int slot, long n);
+  int merge(int a, int b, long n);
+  void remove(int slot, long n, int64_t into);
+  void pool(double* a, const double* b, int number, int mean, int squares) const;
+  int slot_of(int64_t identity) const;
+
+  void reserve_slots(int slots);
+  void reserve_room(int room);
+  const double* logs_of(int slot);
+  double* numbers(int slot) { return &numbers_[size_t(slot) * NUMBERS]; }
+  const double* numbers(int slot) const { return &numbers_[size_t(slot) * NUMBERS]; }
+  double* counts(int slot) { return &counts_[size_t(slot) * slots_]; }
+  double* chunk(int slot, int p) { return &chunks_[(size_t(slot) * P_ + p) * layout_.chunk()]; }
+  const double* chunk(int slot, int p) const { return &chunks_[(size_t(slot) * P_ + p) * layout_.chunk()]; }
+  int& dimension(int slot, int p) { return dimensions_[size_t(slot) * P_ + p]; }
+  int& rank(int slot, int p) { return ranks_[size_t(slot) * P_ + p]; }
+  Subspace subspace(int slot, int p) { return layout_.at(chunk(slot, p), dimension(slot, p), rank(slot, p)); }
+
+  int P_, D_;
+  StreamRules rules_;
+  Layout layout_;
+  Subspaces subspaces_;
+  int slots_ = 0;
+  std::vector<int> order_, free_;
+  std::vector<int> dimensions_, ranks_;
+  Buffer numbers_, chunks_, counts_, logs_;  // logs_[i] row: of the counts of slot i, where ready_
+  std::vector<double> totals_;
+  std::vector<char> ready_;
+  Buffer point_, error_, g_;
+  std::vector<char> fresh_;
+  int current_ = -1;
+  double steps_ = 0.0, next_ = 0.0, seen_ = 0.0;
+  std::vector<std::array<int64_t, 3>> gone_;
+};
+
+}  // namespace pilotfish

@@ -1,0 +1,222 @@
+#include "subspaces.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pilotfish {
+
+namespace {
+
+constexpr double ROUNDING = 8.0 * std::numeric_limits<double>::epsilon();
+constexpr double DRIFT = 1e-8;
+
+double square_of(const double* x, int rows) {
+  Lanes<4> sum = Lanes<4>::Zero();
+  for (int d = 0; d < rows; d += 4) sum += loose_lanes<4>(x + d).square();
+  return sum.sum();
+}
+
+// p = y - U g
+void subtract(const Layout& layout, const double* basis, int directions, const double* g, const double* y,
+              double* p) {
+  for (int d = 0; d < layout.D; ++d) {
+    const double* u = basis + size_t(d) * layout.room;
+    Lanes<4> sum = Lanes<4>::Zero();
+    for (int c = 0; c < directions; c += 4) sum += loose_lanes<4>(u + c) * loose_lanes<4>(g + c);
+    p[d] = y[d] - sum.sum();
+  }
+}
+
+double extended(const double* distances, int rank, int k) { return distances[std::min(k, rank)]; }
+
+}  // namespace
+
+Subspaces::Subspaces(int D)
+    : D_(D), rows_(padded(D)), error_(rows_), y_(rows_), p_(rows_), wide_{D, rows_, padded(D)} {
+  reserve(4);
+}
+
+void Subspaces::reserve(int n) {
+  const size_t width = padded(n + 1);
+  if (g_.size() >= width) return;
+  for (Buffer* buffer : {&g_, &again_, &values_, &poles_, &along_, &row_}) buffer->resize(width);
+  delta_.resize(width + 4);
+  R_.resize(width * width);
+}
+
+// g_ = [U p]^T y and p_, the direction of what is left of y outside U; how many directions there are then.
+int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y, double zero) {
+  const int directions = padded(rank);
+  reserve(rank + 1);
+  std::fill(g_.begin(), g_.end(), 0.0);
+  project(layout, basis, directions, y, g_.data());
+  if (rank == D_) return rank;
+  subtract(layout, basis, directions, g_.data(), y, p_.data());
+  double left = square_of(p_.data(), rows_);
+  if (rank > 0 && left < 0.5 * square_of(y, rows_)) {  // cancelled: once more (Kahan and Parlett)
+    project(layout, basis, directions, p_.data(), again_.data());
+    subtract(layout, basis, directions, again_.data(), p_.data(), p_.data());
+    for (int i = 0; i < rank; ++i) g_[i] += again_[i];
+    left = square_of(p_.data(), rows_);
+  }
+  const double nu = std::sqrt(left);
+  if (!(nu > zero)) return rank;
+  for (int d = 0; d < D_; ++d) p_[d] /= nu;
+  g_[rank] = nu;
+  return rank + 1;
+}
+
+// Eigenpairs of scale diag(variances, 0) + g g^T, the largest first, and g along them.
+void Subspaces::solve(const double* variances, int rank, int n, double scale) {
+  const int width = padded(n);
+  for (int i = 0; i < n; ++i) poles_[i] = i < rank ? scale * variances[i] : 0.0;
+  eigenpairs_.solve(poles_.data(), g_.data(), n, width, values_.data(), R_.data());
+  std::fill_n(along_.data(), width, 0.0);
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < width; c += 4)
+      loose_lanes<4>(&along_[c]) += g_[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
+}
+
+// out = the first kept columns of [U p] R; out may be the basis itself.
+void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out) {
+  const int width = padded(n), columns = padded(kept);
+  for (int d = 0; d < D_; ++d) {
+    const double* u = basis + size_t(d) * layout.room;
+    for (int c = 0; c < columns; c += 4) {
+      Lanes<4> sum = Lanes<4>::Zero();
+      for (int i = 0; i < rank; ++i) sum += u[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
+      if (n > rank) sum += p_[d] * loose_lanes<4>(&R_[size_t(rank) * width + c]);
+      loose_lanes<4>(&row_[c]) = sum;
+    }
+    double* to = out + size_t(d) * layout.room;
+    std::copy_n(row_.data(), kept, to);
+    std::fill_n(to + kept, layout.room - kept, 0.0);
+  }
+}
+
+Subspace Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how,
+                          double* change) {
+  const double w = how.weight, shrink = w / (w + 1.0), share = std::sqrt(w) / (w + 1.0);
+  const int d = seen.dimension, rank = seen.rank;
+  const double square = deviation(x, seen.mean, rows_, error_.data());
+  const double zero = ROUNDING * (std::sqrt(square_of(x, rows_)) + std::sqrt(square_of(seen.mean, rows_)));
+  int n = 0;
+  if (how.most + how.spare > 0) {
+    n = augment(seen.basis, layout, rank, error_.data(), zero);
+  }
+  const double inside = n ? square_of_first(g_.data(), d) : 0.0;
+  const double before = std::max(square - nearness(square, how.bandwidth) * inside, 0.0);
+  const double loss = how.penalty * d + before;
+  for (int i = 0; i < n; ++i) g_[i] *= share;
+  if (n) solve(seen.variances, rank, n, shrink);
+
+  const double after = shrink * shrink * square, near = nearness(after, how.bandwidth);
+  double along = 0.0;  // along_ sqrt(w) is U^T (x - the mean after the update)
+  int chosen = d;
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k <= n; ++k) {
+    if (k) along += w * along_[k - 1] * along_[k - 1];
+    const double delta = std::max(after - near * along, 0.0);
+    const double mean = (w * extended(seen.distances, rank, k) + delta) / (w + 1.0);
+    delta_[k] = mean;
+    const double now = how.penalty * k + delta;
+    if (k > d + 1 || k > how.most || !(now <= loss || k == d)) continue;
+    if (how.penalty * k + mean < least) {
+      least = how.penalty * k + mean;
+      chosen = k;
+    }
+  }
+  double inside_after = 0.0;
+  for (int i = 0; i < chosen; ++i) inside_after += w * along_[i] * along_[i];
+  *change += how.penalty * chosen + std::max(after - near * inside_after, 0.0) - loss;
+
+  const int kept = std::min(n, chosen + how.spare);
+  for (int i = 0; i < rows_; i += 4) loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
+  if (n) rotate(seen.basis, layout, rank, n, kept, seen.basis);
+  std::copy_n(values_.data(), kept, seen.variances);
+  std::fill_n(seen.variances + kept, layout.room - kept, 0.0);
+  std::copy_n(delta_.data(), kept + 1, seen.distances);
+  std::fill_n(seen.distances + kept + 1, layout.room - kept, 0.0);
+  return {chosen, kept, seen.mean, seen.variances, seen.distances, seen.basis};
+}
+
+void Subspaces::absorb(double scale, const double* y, double zero) {
+  const int n = augment(basis_.data(), wide_, rank_, y, zero);
+  if (n == 0) return;
+  solve(variances_.data(), rank_, n, scale);
+  rotate(basis_.data(), wide_, rank_, n, n, other_.data());
+  std::swap(basis_, other_);
+  std::copy_n(values_.data(), n, variances_.data());
+  rank_ = n;
+}
+
+void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double share,
+                      int spare) {
+  if (basis_.empty()) {
+    for (Buffer* buffer : {&basis_, &other_}) buffer->resize(size_t(D_) * wide_.room);
+    for (Buffer* buffer : {&variances_, &distances_}) buffer->resize(wide_.room + 4);
+    for (Buffer* buffer : {&mean_, &apart_}) buffer->resize(rows_);
+  }
+  const double between = share * (1.0 - share);
+  const double zero = ROUNDING * (std::sqrt(square_of(light.mean, rows_)) + std::sqrt(square_of(heavy.mean, rows_)));
+  const double square = deviation(light.mean, heavy.mean, rows_, apart_.data());
+  double scale = 1.0 - share;
+  rank_ = heavy.rank;
+  std::copy_n(heavy.variances, rank_, variances_.data());
+  std::fill(basis_.begin(), basis_.end(), 0.0);
+  for (int d = 0; d < D_; ++d)
+    std::copy_n(heavy.basis + size_t(d) * layout.room, rank_, &basis_[size_t(d) * wide_.room]);
+  for (int i = 0; i < light.rank; ++i) {
+    const double length = std::sqrt(share * light.variances[i]);
+    for (int d = 0; d < D_; ++d) y_[d] = length * light.basis[size_t(d) * layout.room + i];
+    absorb(scale, y_.data(), ROUNDING * length);
+    scale = 1.0;
+  }
+  for (int d = 0; d < rows_; ++d) y_[d] = std::sqrt(between) * apart_[d];
+  absorb(scale, y_.data(), std::sqrt(between) * zero);
+  const int kept = std::min(rank_, heavy.dimension + spare);
+  double along = 0.0;
+  for (int k = 0; k <= kept; ++k) {
+    if (k) along += along_[k - 1] * along_[k - 1];
+    distances_[k] = (1.0 - share) * extended(heavy.distances, heavy.rank, k) +
+                    share * extended(light.distances, light.rank, k) +
+                    std::max(between * square - along, 0.0);
+  }
+  rank_ = kept;
+  for (int d = 0; d < rows_; ++d) mean_[d] = heavy.mean[d] + share * apart_[d];
+}
+
+Subspace Subspaces::keep(double* chunk, const Layout& layout, int dimension) const {
+  const Subspace to = layout.at(chunk, dimension, rank_);
+  std::fill_n(chunk, layout.chunk(), 0.0);
+  std::copy_n(mean_.data(), rows_, to.mean);
+  std::copy_n(variances_.data(), rank_, to.variances);
+  std::copy_n(distances_.data(), rank_ + 1, to.distances);
+  for (int d = 0; d < D_; ++d)
+    std::copy_n(&basis_[size_t(d) * wide_.room], rank_, to.basis + size_t(d) * layout.room);
+  return to;
+}
+
+void Subspaces::straighten(const Subspace& seen, const Layout& layout) {
+  const int room = layout.room;
+  const auto product = [&](int i, int j) {
+    double sum = 0.0;
+    for (int d = 0; d < D_; ++d) sum += seen.basis[size_t(d) * room + i] * seen.basis[size_t(d) * room + j];
+    return sum;
+  };
+  double drift = 0.0;
+  for (int j = 0; j < seen.rank; ++j)
+    for (int i = 0; i <= j; ++i) drift = std::max(drift, std::abs(product(i, j) - (i == j)));
+  if (!(drift > DRIFT)) return;
+  for (int j = 0; j < seen.rank; ++j) {  // modified Gram-Schmidt, twice: the leading directions stay
+    for (int pass = 0; pass < 2; ++pass)
+      for (int i = 0; i < j; ++i) {
+        const double along = product(i, j);
+        for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * room + j] -= along * seen.basis[size_t(d) * room + i];
+      }
+    const double length = std::sqrt(product(j, j));
+    for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * room + j] /= length;
+  }
+}
+
+}  // namespace pilotfish

@@ -1,0 +1,109 @@
+// One cluster's subspace in one frame, and what a datapoint or another cluster changes in it.
+// twins/subspaces.py says what is computed.
+#pragma once
+
+#include "lanes.hpp"
+#include "rank_one.hpp"
+
+namespace pilotfish {
+
+// Where a subspace lies in memory, and how it is laid out: rows of the basis have room for a multiple of
+// four directions, beyond rank they are zero.
+struct Subspace {
+  int dimension, rank;
+  double *mean, *variances, *distances, *basis;
+};
+
+struct Layout {
+  int D;     // columns
+  int rows;  // the same padded, so that vector registers need no remainder; the padding is zero
+  int room;  // directions, a multiple of four
+  size_t chunk() const { return size_t(rows) + 2 * room + 4 + size_t(D) * room; }
+  Subspace at(double* chunk, int dimension, int rank) const {
+    return {dimension, rank, chunk, chunk + rows, chunk + rows + room, chunk + rows + 2 * room + 4};
+  }
+};
+
+inline int padded(int n) { return (n + 3) / 4 * 4; }
+
+// 2 rho - rho^2, for a datapoint at that squared distance from the mean.
+inline double nearness(double square, double bandwidth) {
+  const double rho = exponential(-square / bandwidth);
+  return rho * (2.0 - rho);
+}
+
+// error = x - mean; the square of its length.
+inline double deviation(const double* x, const double* mean, int rows, double* error) {
+  Lanes<4> sum = Lanes<4>::Zero();
+  for (int d = 0; d < rows; d += 4) {
+    const Lanes<4> e = loose_lanes<4>(x + d) - loose_lanes<4>(mean + d);
+    loose_lanes<4>(error + d) = e;
+    sum += e * e;
+  }
+  return sum.sum();
+}
+
+// g = U^T e over the first so many directions, a multiple of four.
+inline void project(const Layout& layout, const double* basis, int directions, const double* e, double* g) {
+  const int D = layout.D, room = layout.room;
+  for (int c = 0; c < directions; c += 4) {
+    const double* u = basis + c;
+    Lanes<4> one = Lanes<4>::Zero(), other = Lanes<4>::Zero();
+    int d = 0;
+    for (; d + 1 < D; d += 2, u += 2 * room) {
+      one += loose_lanes<4>(u) * e[d];
+      other += loose_lanes<4>(u + room) * e[d + 1];
+    }
+    if (d < D) one += loose_lanes<4>(u) * e[d];
+    loose_lanes<4>(g + c) = one + other;
+  }
+}
+
+inline double square_of_first(const double* g, int n) {
+  double sum = 0.0;
+  for (int i = 0; i < n; ++i) sum += g[i] * g[i];
+  return sum;
+}
+
+struct Learning {
+  double weight, penalty, bandwidth;
+  int most, spare;
+};
+
+// Updates of subspaces of one width. It keeps its memory: nothing is allocated once sizes have settled.
+class Subspaces {
+ public:
+  explicit Subspaces(int D);
+
+  // seen after one more datapoint, written into chunk, which has room for rank + 1 directions.
+  // change gains what the loss at x changes by.
+  Subspace learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how,
+                 double* change);
+
+  // heavy and light as one, light having that share of the weight.
+  void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double share, int spare);
+
+  int rank() const { return rank_; }  // of what merge made
+  // What merge made, where it belongs.
+  Subspace keep(double* chunk, const Layout& layout, int dimension) const;
+
+  // Orthonormal directions again, where they have drifted apart by more than 1e-8.
+  void straighten(const Subspace& seen, const Layout& layout);
+
+ private:
+  int augment(const double* basis, const Layout& layout, int rank, const double* y, double zero);
+  void solve(const double* variances, int rank, int n, double scale);
+  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out);
+  void reserve(int n);
+  void absorb(double scale, const double* y, double zero);
+
+  int D_, rows_;
+  Buffer error_, y_, p_, g_, again_, values_, poles_, along_, delta_, R_, row_;
+  RankOne eigenpairs_;
+  // what merge works on
+  Layout wide_;
+  Buffer basis_, other_, variances_, distances_, mean_, apart_;
+  int rank_ = 0;
+};
+
+}  // namespace pilotfish

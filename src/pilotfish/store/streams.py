@@ -1,0 +1,182 @@
+"""Models that grow with a stream, in files, to go on from another day.
+
+docs/stream-file.md tells the format.
+"""
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotfish.errors import InvalidInput, UnknownSkill, require_kind
+from pilotfish.kernels import StreamState, stream_row_length
+from pilotfish.models import Skill, online
+from pilotfish.store.headed_files import STREAM, Header, decoded, encoded, format_name, opened, written
+from pilotfish.store.skills import decode_skill
+from pilotfish.store.skills_fields import (
+    Arrays,
+    from_json,
+    layout_apart,
+    layout_together,
+    put_together,
+    require_nothing_left,
+    take_apart,
+    taken,
+    taken_list,
+)
+from pilotfish.store.streams_checks import MOST, require_sound_stream
+from pilotfish.types import Array
+
+# What can be written and read, by the name it has in a file. To add a kind, add a line.
+LEARNERS: dict[str, type[Any]] = {
+    "dp-gmm": online.DPGMM,
+    "dp-mppca": online.DPMPPCA,
+    "hdp-hsmm": online.HDPHSMM,
+    "sosc": online.SOSC,
+}
+WEIGHTINGS: dict[str, type[Any]] = {"count": online.Count, "trace": online.Trace, "constant": online.Constant}
+WHOLE = ("spare", "most_clusters", "batch")
+
+
+def save_stream(model: online.OnlineModel, path: str | Path) -> None:
+    """Writes the model to path, whole or not at all. The same model gives the same bytes.
+
+    Raises: InvalidInput, when path cannot be written or the model holds what open_stream would refuse.
+    """
+    written(encode_stream(model), path)
+
+
+def open_stream(path: str | Path) -> online.OnlineModel:
+    """The model that save_stream wrote, number for number: it goes on as if it had never been away.
+
+    Raises: UnknownSkill, when the file is damaged, altered, of another kind or from a newer version;
+    InvalidInput, when there is none that can be read.
+    """
+    return opened(path, "stream", decode_stream)
+
+
+def open_kept(path: str | Path) -> Skill | online.OnlineModel:
+    """The skill or the model in the file, whichever it holds.    Raises: as open_skill and open_stream."""
+
+    def decode(data: bytes) -> Skill | online.OnlineModel:
+        return decode_stream(data) if format_name(data) == STREAM.name else decode_skill(data)
+
+    return opened(path, "skill or stream", decode)
+
+
+def encode_stream(model: online.OnlineModel) -> bytes:
+    """The bytes of the model's file.    Raises: InvalidInput, as save_stream does."""
+    require_kind("model", model, online.OnlineModel, "online.online_model makes one")
+    require_sound_stream(model)
+    state = model.state
+    header = {
+        "settings": _settings_apart(model.settings),
+        "layout": layout_apart(model.layout),
+        "period": float(model.period),
+        "frames": list(model.frame_names),
+        "room": state.room,
+    }
+    arrays = {"head": state.head, "clusters": state.clusters, "counts": state.counts}
+    return encoded(STREAM, header, {name: np.ascontiguousarray(array) for name, array in arrays.items()})
+
+
+def decode_stream(data: bytes) -> online.OnlineModel:
+    """The model that encode_stream wrote, or UnknownSkill."""
+    return decoded(STREAM, data, _model)
+
+
+def _model(header: Header, arrays: Arrays) -> online.OnlineModel:
+    """The inverse of encode_stream. It uses header and arrays up, so that what is too much is seen."""
+    layout = layout_together(taken_list(header, "layout"))
+    names = from_json(taken(header, "frames", "the header"), tuple[str, ...], "frames")
+    room = _whole(taken(header, "room", "the header"), "room")
+    head, clusters, counts = (taken(arrays, name, "the file") for name in ("head", "clusters", "counts"))
+    _require_shapes(head, clusters, counts, stream_row_length(len(names), layout.width, room))
+    settings = _settings_together(taken(header, "settings", "the header"))
+    period = from_json(taken(header, "period", "the header"), float, "period")
+    require_nothing_left(header, "the header")
+    require_nothing_left(arrays, "the file")
+    empty = online.online_model(settings, layout, period, names)
+    state = StreamState(head, clusters, counts, len(names), layout.width, room)
+    model = replace(empty, state=state)
+    require_sound_stream(model)
+    return model
+
+
+def _require_shapes(head: Array, clusters: Array, counts: Array, row: int) -> None:
+    K = len(clusters) if clusters.ndim else 0
+    for name, array, shape in (
+        ("head", head, (4,)),
+        ("clusters", clusters, (K, row)),
+        ("counts", counts, (K, K)),
+    ):
+        if array.shape != shape:
+            raise InvalidInput(f"{name} has shape {array.shape}, expected {shape}")
+
+
+def _settings_apart(settings: online.OnlineSettings) -> dict[str, Any]:
+    """The kind, the penalties by name, and the upkeep."""
+    upkeep, apart = settings.upkeep, settings.upkeep.merge_distance
+    weighting = take_apart(upkeep.weighting, "weighting", {})[0]
+    return {
+        "kind": _name(settings, LEARNERS),
+        **{name: float(getattr(settings, name)) for name in _penalties(type(settings))},
+        "upkeep": {
+            "weighting": {"kind": _name(upkeep.weighting, WEIGHTINGS), **weighting},
+            "merge_distance": None if apart is None else float(apart),
+            **{name: _whole(getattr(upkeep, name), f"upkeep.{name}") for name in WHOLE},
+        },
+    }
+
+
+def _settings_together(plain: Any) -> online.OnlineSettings:
+    kind = _kind(plain, LEARNERS, "settings")
+    upkeep = taken(plain, "upkeep", "settings")
+    penalties = {
+        name: from_json(taken(plain, name, "settings"), float, f"settings.{name}")
+        for name in _penalties(kind)
+    }
+    require_nothing_left(plain, "settings")
+    settings: online.OnlineSettings = kind(**penalties, upkeep=_upkeep_together(upkeep))
+    return settings
+
+
+def _upkeep_together(plain: Any) -> online.Upkeep:
+    weighting = taken(plain, "weighting", "upkeep")
+    kind = _kind(weighting, WEIGHTINGS, "weighting")
+    apart = taken(plain, "merge_distance", "upkeep")
+    upkeep = online.Upkeep(
+        weighting=put_together(kind, "weighting", weighting, {}, {}),
+        merge_distance=None if apart is None else from_json(apart, float, "upkeep.merge_distance"),
+        **{name: _whole(taken(plain, name, "upkeep"), f"upkeep.{name}") for name in WHOLE},
+    )
+    require_nothing_left(plain, "upkeep")
+    return upkeep
+
+
+def _penalties(kind: type[Any]) -> list[str]:
+    return [field.name for field in fields(kind) if field.name != "upkeep"]
+
+
+def _whole(value: Any, place: str) -> int:
+    number: int = from_json(value, int, place)
+    if not 0 <= number <= MOST:
+        raise InvalidInput(f"{place} is {number}, expected a whole number from 0 to {MOST}")
+    return number
+
+
+def _name(value: object, kinds: dict[str, type[Any]]) -> str:
+    for name, kind in kinds.items():
+        if type(value) is kind:
+            return name
+    raise InvalidInput(f"{type(value).__name__} cannot be written to a stream file, only {', '.join(kinds)}")
+
+
+def _kind(plain: Any, kinds: dict[str, type[Any]], place: str) -> type[Any]:
+    name = taken(plain, "kind", place)
+    if isinstance(name, str) and name in kinds:
+        return kinds[name]
+    raise UnknownSkill(
+        f"{place} is of the kind {name!r}, which this version does not know, only {list(kinds)}"
+    )

@@ -1,0 +1,239 @@
+"""A stream observed by the compiled kernel and by its twin, and what both owe to the derivation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pilotfish.errors import InvalidInput
+from pilotfish.kernels import StreamColumn, StreamRules, StreamState, Weighting, empty_stream, twins
+
+RULES = StreamRules(
+    cluster=9.0,
+    dimension=0.3,
+    transition=0.05,
+    new_transition=0.1,
+    bandwidth=60.0,
+    merge_distance=2.0,
+    weighting=int(Weighting.COUNT),
+    weight=0.0,
+    forget_below=0.0,
+    spare=1,
+    directions=100,
+    clusters=100,
+    batch=1,
+)
+VARIANTS = {
+    "counting": RULES,
+    "spheres": replace(RULES, directions=0, spare=0),
+    "traces": replace(RULES, weighting=int(Weighting.TRACE), weight=0.98),
+    "forgetting": replace(RULES, weighting=int(Weighting.TRACE), weight=0.95, forget_below=0.3),
+    "constant": replace(RULES, weighting=int(Weighting.CONSTANT), weight=20.0),
+    "untruncated": replace(RULES, spare=100),
+    "no spare": replace(RULES, spare=0),
+    "few clusters": replace(RULES, clusters=3, cluster=2.0, merge_distance=0.0),
+    "batches": replace(RULES, batch=7),
+    "batches, few clusters": replace(RULES, batch=50, clusters=2, cluster=2.0, merge_distance=0.5),
+}
+
+
+def blobs(rng, N, P, D, K=4, spread=6.0):
+    """Visits of about ten datapoints to K random subspaces, as P frames see them."""
+    centres = spread * rng.normal(size=(K, P, D)) / np.sqrt(D)
+    axes = rng.normal(size=(K, P, D, max(1, D // 2))) / np.sqrt(D)
+    states = np.repeat(rng.integers(K, size=N // 10 + 1), 10)[:N]
+    factors = rng.normal(size=(N, max(1, D // 2)))
+    return (
+        centres[states] + np.einsum("npdf,nf->npd", axes[states], factors) + 0.1 * rng.normal(size=(N, P, D))
+    )
+
+
+def covariances(state: StreamState):
+    """(K, P, D, D), written out of the rows."""
+    D, C = state.width, state.room
+    blocks = state.blocks()
+    variances, flat = blocks[..., 2 + D : 2 + D + C], blocks[..., 3 + D + 2 * C :]
+    U = flat.reshape(*flat.shape[:2], D, C)
+    return np.einsum("kpdc,kpc,kpec->kpde", U, variances, U)
+
+
+def means(state: StreamState):
+    return state.blocks()[..., 2 : 2 + state.width]
+
+
+def drift(state: StreamState):
+    """How far the directions are from orthonormal."""
+    D, C = state.width, state.room
+    flat = state.blocks()[..., 3 + D + 2 * C :]
+    U = flat.reshape(*flat.shape[:2], D, C)
+    there = np.arange(C) < state.blocks()[..., 1:2]
+    return np.abs(np.einsum("kpdc,kpde->kpce", U, U) - there[..., None] * np.eye(C)).max(initial=0.0)
+
+
+def assert_same(one, other, atol=1e-9):
+    np.testing.assert_array_equal(one.identities, other.identities)
+    np.testing.assert_array_equal(one.gone, other.gone)
+    np.testing.assert_allclose(one.costs, other.costs, rtol=1e-9, atol=atol)
+    np.testing.assert_allclose(one.changes, other.changes, rtol=1e-9, atol=atol)
+    a, b = one.state, other.state
+    assert (a.frames, a.width, a.room) == (b.frames, b.width, b.room)
+    np.testing.assert_allclose(a.head, b.head)
+    np.testing.assert_allclose(a.counts, b.counts)
+    columns = slice(0, len(StreamColumn))
+    np.testing.assert_allclose(a.clusters[:, columns], b.clusters[:, columns], rtol=1e-10)
+    np.testing.assert_array_equal(a.blocks()[..., :2], b.blocks()[..., :2])
+    np.testing.assert_allclose(means(a), means(b), atol=atol)
+    np.testing.assert_allclose(covariances(a), covariances(b), atol=atol)
+    until = slice(2 + a.width + a.room, 3 + a.width + 2 * a.room)
+    np.testing.assert_allclose(a.blocks()[..., until], b.blocks()[..., until], atol=atol)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (2, 5), (1, 14), (3, 2)], ids=str)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_compiled_and_twin_agree(compiled, rng, variant, shape):
+    """The same assignments, merges and models, for every policy, number of frames and width."""
+    x = blobs(rng, 300, *shape)
+    rules, state = VARIANTS[variant], empty_stream(*shape)
+    assert_same(compiled.observe(x, state, rules), twins.observe(x, state, rules))
+
+
+def test_both_go_on_from_the_same_state(compiled, rng):
+    """A state of one is read by the other."""
+    x = blobs(rng, 200, 2, 5)
+    for first, second in [(compiled, twins), (twins, compiled)]:
+        state = first.observe(x[:120], empty_stream(2, 5), RULES).state
+        assert_same(first.observe(x[120:], state, RULES), second.observe(x[120:], state, RULES))
+
+
+@pytest.mark.parametrize("kernel", ["compiled", "twins"])
+@pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
+def test_a_stream_may_be_cut_anywhere(request, rng, kernel, variant):
+    """One by one, in pieces or whole: the same model to the last bit."""
+    observe = request.getfixturevalue("compiled").observe if kernel == "compiled" else twins.observe
+    x, rules = blobs(rng, 150, 2, 4), VARIANTS[variant]
+    whole = observe(x, empty_stream(2, 4), rules)
+    state = empty_stream(2, 4)
+    identities = []
+    for piece in [*np.split(x[:30], 30), *np.split(x[30:], np.sort(rng.integers(120, size=3)))]:
+        step = observe(piece, state, rules)
+        state, identities = step.state, [*identities, *step.identities.tolist()]
+    assert identities == whole.identities.tolist()
+    for name in ("head", "clusters", "counts"):
+        assert getattr(state, name).tobytes() == getattr(whole.state, name).tobytes()
+
+
+@pytest.mark.parametrize("D", [1, 2, 3, 7, 20])
+def test_without_truncation_a_cluster_has_the_moments_of_its_datapoints(compiled, rng, D):
+    """Mean and covariance equal the batch's to 1e-10, far from the origin too."""
+    x = 100.0 + rng.normal(size=(400, 1, D)) @ rng.normal(size=(D, D))
+    rules = replace(RULES, cluster=1e9, spare=D, merge_distance=0.0)
+    for kernel in (compiled, twins):
+        state = kernel.observe(x, empty_stream(1, D), rules).state
+        assert len(state.clusters) == 1
+        np.testing.assert_allclose(means(state)[0, 0], x[:, 0].mean(axis=0), rtol=0, atol=1e-10)
+        expected = np.cov(x[:, 0].T, bias=True).reshape(D, D)
+        np.testing.assert_allclose(covariances(state)[0, 0], expected, rtol=0, atol=1e-10)
+
+
+def test_merged_clusters_have_the_moments_of_all_their_datapoints(compiled, rng):
+    """Two clusters that meet are the cluster of both: mean, covariance, weight, to 1e-10."""
+    x = rng.normal(size=(60, 1, 4)) * 0.2
+    x[:30] -= 1.0
+    x[30:] += 1.0
+    rules = replace(RULES, cluster=4.5, spare=4, merge_distance=0.0, transition=0.0, new_transition=0.0)
+    bridge = np.zeros((1, 1, 4))
+    for kernel in (compiled, twins):
+        apart = kernel.observe(x, empty_stream(1, 4), rules).state
+        assert len(apart.clusters) == 2
+        step = kernel.observe(bridge, apart, replace(rules, merge_distance=100.0, cluster=1e9))
+        every = np.concatenate([x, bridge])[:, 0]
+        (row,) = step.state.clusters
+        assert row[StreamColumn.WEIGHT] == row[StreamColumn.POINTS] == 61
+        np.testing.assert_allclose(means(step.state)[0, 0], every.mean(axis=0), atol=1e-10)
+        np.testing.assert_allclose(covariances(step.state)[0, 0], np.cov(every.T, bias=True), atol=1e-10)
+        assert step.gone.shape == (1, 3)
+
+
+@pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
+def test_the_loss_at_a_datapoint_never_rises(compiled, rng, variant):
+    """Assignment, update and dimension together never make the loss at the datapoint larger (5.35)."""
+    x = blobs(rng, 2000, 2, 6)
+    changes = compiled.observe(x, empty_stream(2, 6), VARIANTS[variant]).changes
+    assert changes.max() <= 1e-12
+    assert changes.min() < -1e-3
+
+
+@pytest.mark.slow
+def test_directions_stay_orthonormal(compiled):
+    """Below 1e-8 after 10^6 updates, of few directions and of all."""
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(1_000_000, 1, 6)) @ np.diag([3.0, 2.0, 1.0, 0.3, 1e-3, 1e-6])
+    for spare in (1, 6):
+        rules = replace(RULES, cluster=1e9, spare=spare, dimension=0.05, bandwidth=1e6)
+        assert drift(compiled.observe(x, empty_stream(1, 6), rules).state) < 1e-8
+
+
+def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
+    """A state whose directions are bent by 1e-4 has straight ones within 256 datapoints."""
+    rules = replace(RULES, cluster=1e9)
+    state = twins.observe(blobs(rng, 300, 1, 5, K=1), empty_stream(1, 5), rules).state
+    bent = replace(state, clusters=state.clusters.copy())
+    basis = bent.blocks()[..., 3 + 5 + 2 * state.room :]
+    basis += 1e-4 * rng.normal(size=basis.shape) * (basis != 0.0)
+    assert drift(bent) > 1e-5
+    for kernel in (compiled, twins):
+        assert drift(kernel.observe(blobs(rng, 300, 1, 5, K=1), bent, rules).state) < 1e-8
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        np.zeros((50, 1, 3)),
+        np.full((50, 1, 3), 1e100),
+        np.full((50, 1, 1), -7.0),
+        np.concatenate([np.zeros((5, 1, 3)), np.full((1, 1, 3), 1e12), np.zeros((5, 1, 3))]),
+        np.zeros((1, 1, 3)),
+        np.repeat(np.arange(3.0), 4).reshape(-1, 1, 1),
+        1e-200 * np.arange(30.0).reshape(10, 1, 3),
+    ],
+    ids=["zeros", "huge", "one column", "a jump", "one datapoint", "repeated", "tiny"],
+)
+def test_degenerate_streams_leave_finite_models(compiled, x):
+    """Constant, huge, tiny, repeated and single datapoints: finite numbers, and both kernels agree."""
+    for rules in VARIANTS.values():
+        state = empty_stream(*x.shape[1:])
+        step = compiled.observe(x, state, rules)
+        for values in (step.state.clusters, step.state.counts, step.costs, step.changes):
+            assert np.isfinite(values).all()
+        np.testing.assert_array_equal(step.identities, twins.observe(x, state, rules).identities)
+
+
+def test_a_jump_of_1e12_is_a_cluster_of_its_own(compiled, rng):
+    """The clusters that were there are as they were, and the stream goes on in them."""
+    x = blobs(rng, 100, 1, 3, K=2)
+    before = compiled.observe(x, empty_stream(1, 3), RULES)
+    jump = compiled.observe(np.full((1, 1, 3), 1e12), before.state, RULES)
+    assert len(jump.state.clusters) == len(before.state.clusters) + 1
+    np.testing.assert_array_equal(means(jump.state)[:-1], means(before.state))
+    after = compiled.observe(x[-1:], jump.state, RULES)
+    assert after.identities[0] == before.identities[-1]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.1e100])
+def test_what_is_not_finite_is_refused_and_nothing_learned(compiled, rng, bad):
+    """Both kernels name the place; arrays given are untouched."""
+    x = blobs(rng, 20, 2, 3)
+    state = compiled.observe(x, empty_stream(2, 3), RULES).state
+    before = [array.tobytes() for array in (state.head, state.clusters, state.counts)]
+    x[7, 1, 2] = bad
+    for kernel in (compiled, twins):
+        with pytest.raises(InvalidInput, match="datapoint 7, frame 1, column 2"):
+            kernel.observe(x, state, RULES)
+    assert before == [array.tobytes() for array in (state.head, state.clusters, state.counts)]
+
+
+def test_no_datapoints_change_nothing(compiled):
+    """An empty batch gives the model back."""
+    for kernel in (compiled, twins):
+        step = kernel.observe(np.empty((0, 1, 3)), empty_stream(1, 3), RULES)
+        assert len(step.identities) == len(step.state.clusters) == 0
