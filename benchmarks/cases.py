@@ -1,73 +1,7 @@
 """What is measured, who takes part, and what pilotfish promises."""
 
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True, slots=True)
-class Library:
-    """distribution is its name in a package index, module what a user imports, does what it is timed at.
-
-    environment names its list and its folder: peers.txt and build/peers-venv; empty for the one that calls.
-    """
-
-    name: str
-    distribution: str
-    module: str
-    does: str
-    environment: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One contestant: a library (a file of libraries/) and the function of that file which prepares it.
-
-    differs says in what its model is another, so that only where it begins can be compared.
-    """
-
-    library: str
-    function: str
-    label: str
-    differs: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One computation. agreement is how far apart, relatively, answers may lie; None where models differ."""
-
-    name: str
-    title: str
-    problem: str
-    explanation: str
-    answer: str
-    entries: tuple[Entry, ...]
-    agreement: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Ceiling:
-    """pilotfish takes at most so many milliseconds of CPU."""
-
-    case: str
-    milliseconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class Lead:
-    """Every entry of another library takes at least so many times pilotfish's CPU; over None: of all."""
-
-    case: str
-    times: float
-    over: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """pilotfish's first entry needs at most so many times the memory of the data, beyond the data itself."""
-
-    case: str
-    data_mb: float
-    times: float
-
+from kinds import Case, Ceiling, Entry, Lead, Library, Room, Target
+from stream_cases import STREAM_CASES, STREAM_TARGETS
 
 OURS = "pilotfish"
 OWN = (OURS, "pilotfish_baseline")  # no peers of ours

@@ -17,6 +17,7 @@ here = pf.adapt(fit.skill, demos[0].frames)
 x0 = demos[0].x[0]
 reference = pf.plan(here, x0, horizon=20)
 system = pf.double_integrator(7, 0.1)
+stream = pf.online.online_model(pf.online.DPGMM(1.0, 0.1), pf.demonstrations.position_layout(3), 0.1)
 mistakes = {
     "start as a list": (lambda: pf.plan(here, list(x0), horizon=9), "np.array(start)"),
     "start in a row": (lambda: pf.plan(here, x0[None], horizon=9), "(1, 14)"),
@@ -46,6 +47,13 @@ mistakes = {
     "half a component": (lambda: pf.gaussians.MPPCA(1.5), "components"),
     "a share as dimension": (lambda: pf.HDDC(0.95), "dimensions"),
     "fractional vectors": (lambda: pf.gaussians.EMLLT(20.0), "vectors"),
+    "online settings by name": (lambda: pf.online.online_model("sosc", demos[0].layout, 0.1), "SOSC("),
+    "upkeep as a number": (lambda: pf.online.DPGMM(1.0, 0.1, upkeep=3), "Upkeep("),
+    "weighting's class": (lambda: pf.online.Upkeep(weighting=pf.online.Count), "Count()"),
+    "a penalty as text": (lambda: pf.online.DPGMM("1", 0.1), "cluster"),
+    "text as a datapoint": (lambda: pf.online.observe(stream, "text"), "not made of numbers"),
+    "a gap in a datapoint": (lambda: pf.online.observe(stream, [1.0, None, 2.0]), "datapoint 0"),
+    "an array for a demonstration": (lambda: pf.online.observe_demonstration(stream, demos[0].x), "pf.demonstration"),
     "fractional transforms": (lambda: pf.gaussians.MLT(2.0), "transforms"),
 }
 for name, (mistake, words) in mistakes.items():

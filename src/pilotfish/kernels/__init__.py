@@ -37,6 +37,7 @@ from pilotfish.kernels.streams import (
     StreamStep,
     Weighting,
     empty_stream,
+    room_for,
     stream_row_length,
 )
 
@@ -65,6 +66,7 @@ __all__ = [
     "observe",
     "observe_one",
     "riccati",
+    "room_for",
     "semi_markov",
     "semi_markov_e_step",
     "semi_markov_forward",

@@ -72,7 +72,8 @@ class StreamHead(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamState:
-    """K clusters, each seen from P frames; a frame's subspace has room for C directions.
+    """K clusters, each seen from P frames; a frame's subspace has room for C directions, a multiple
+    of four.
 
     clusters[k] holds the numbers of StreamColumn, then for each frame its dimension d, its directions r >= d, its
     mean (D), the variances along them (C), mean squared distances to the subspaces of their first 0 ... C
@@ -97,6 +98,11 @@ def empty_stream(frames: int, width: int) -> StreamState:
     """Before the first datapoint."""
     row = stream_row_length(frames, width, 0)
     return StreamState(np.array([-1.0, 0, 0, 0]), np.empty((0, row)), np.empty((0, 0)), frames, width, 0)
+
+
+def room_for(directions: int) -> int:
+    """A multiple of four, so that rows can be read into vector registers as they are."""
+    return (directions + 3) // 4 * 4
 
 
 def stream_row_length(frames: int, width: int, room: int) -> int:

@@ -41,11 +41,11 @@ def on_the_half_of(start: Float[Array, " D"], model: AdaptedSkill) -> AdaptedSki
             np.logaddexp.reduce(log_initial + log_likelihood_of_states(model, (signs * start)[None])[0])
         )
 
-    signs = max(_sign_choices(model.layout), key=evidence)
+    signs = max(sign_choices(model.layout), key=evidence)
     return replace(model, means=signs * model.means, covariances=np.outer(signs, signs) * model.covariances)
 
 
-def _sign_choices(layout: Layout) -> Iterator[Float[Array, " D"]]:
+def sign_choices(layout: Layout) -> Iterator[Float[Array, " D"]]:
     """Ones, and every way to negate quaternions together with their derivatives; ones come first."""
     names = [
         part.name for part in layout.parts if part.quantity is Quantity.QUATERNION and not part.derivative

@@ -66,7 +66,7 @@ def _told(kept: Skill | online.OnlineModel, skill: Skill) -> tuple[dict[str, Any
         ("time", time_text(skill)),
         (
             "file",
-            "a growing model; `pilotfish stream --resume` goes on with it, --skill writes it as a skill",
+            "a growing model: `pilotfish stream --resume` goes on with it, --skill writes the skill",
         ),
     ]
     return skill_facts(skill) | {"stream": model_facts(kept, skill)}, described(kept, skill, rows)

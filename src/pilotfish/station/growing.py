@@ -180,7 +180,7 @@ def refuse(watch: Watch, refusal: Refusal) -> None:
 
 
 def layout_of(columns: Columns) -> Layout:
-    """What bare rows are: a position or pose, with or without speeds, when their names say so; else numbers."""
+    """What bare rows are: a position or pose, also with speeds, when their names say so; else numbers."""
     known = (position_layout(2), position_layout(3), pose_layout())
     for layout in (*known, *(plain.differentiated() for plain in known)):
         if layout.names == columns.names:

@@ -5,6 +5,7 @@ import os
 import re
 import select
 import sys
+from codecs import BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -131,6 +132,8 @@ def pieces(arriving: Iterable[list[bytes]], width: int | None) -> Iterator[Piece
     for whole in arriving:
         end = number + len(whole)
         if not begun:
+            if whole and number == 0:
+                whole = [whole[0].removeprefix(BOM_UTF8), *whole[1:]]
             whole = list(dropwhile(lambda line: not has_content(line), whole))
             begun = bool(whole)
             if whole and (names := header(whole[0])):
@@ -231,7 +234,7 @@ def number(word: bytes) -> float | None:
 
 def header(line: bytes) -> tuple[str, ...]:
     """The names of columns that a first line holds; none, when any of them is a number, or empty."""
-    text = line.decode("utf-8-sig", "replace").strip()
+    text = line.decode("utf-8", "replace").strip()
     names = next(csv.reader([text], skipinitialspace=True)) if "," in text else text.split()
     named = all(name.strip() and number(name.strip().encode()) is None for name in names)
     return tuple(name.strip() for name in names) if named else ()

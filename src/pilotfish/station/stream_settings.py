@@ -62,7 +62,7 @@ def option(name: str) -> str:
 
 
 def settings_of(wanted: Wanted, guessed: online.SOSC | None = None) -> online.OnlineSettings:
-    """The learner with its penalties; those that are not given are the guessed ones, where there are some.
+    """The learner with its penalties: those that are given, else those that were guessed, where they were.
 
     Raises: click.UsageError, when one is missing or does not go with the learner.
     """
@@ -81,7 +81,8 @@ def settings_of(wanted: Wanted, guessed: online.SOSC | None = None) -> online.On
             + "; ".join(f"{option(penalty)} is the {PENALTIES[penalty]}" for penalty in missing)
             + "; in squared units of the columns. For recordings --from-batch M guesses them"
         )
-    settings: online.OnlineSettings = kind(**penalties, upkeep=upkeep_of(wanted))
+    upkeep = guessed.upkeep if guessed else upkeep_of(wanted)
+    settings: online.OnlineSettings = kind(**penalties, upkeep=upkeep)
     return settings
 
 

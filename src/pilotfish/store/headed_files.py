@@ -34,7 +34,7 @@ STREAM = Format("pilotfish-stream", 1)
 REMEDIES = {
     SKILL.name: "it is a skill: open_skill opens it, `pilotfish show` shows it",
     STREAM.name: "it is a model that grows with a stream: open_stream opens it, `pilotfish show` shows it, "
-    "and `pilotfish stream --resume FILE --skill NEW` goes on with it and writes the skill that it is then",
+    "and `pilotfish stream /dev/null --resume FILE --skill NEW` writes the skill that it is",
 }
 
 

@@ -324,7 +324,7 @@ size_t row_length(size_t P, size_t D, size_t room) {
 void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const In<double, 2>& rows,
           const In<double, 2>& counts, int room) {
   const size_t K = rows.shape(0);
-  if (room < 0 || size_t(room) > D) throw nb::value_error("room is not between 0 and the columns of x");
+  if (room < 0 || room % 4 || size_t(room) > D + 3) throw nb::value_error("room is no multiple of 4 up to the columns of x");
   expect(head, "head", {4});
   expect(rows, "clusters", {K, row_length(P, D, room)});
   expect(counts, "counts", {K, K});

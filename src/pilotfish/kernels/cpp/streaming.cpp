@@ -10,6 +10,15 @@ namespace {
 constexpr double STRAIGHTEN_EVERY = 256.0;  // datapoints of a cluster
 constexpr double ENDLESS = std::numeric_limits<double>::infinity();
 
+// Rows of so many numbers into rows of others; what there is no place for is zero.
+void copy_rows(const double* from, int wide, double* to, int room, int rows) {
+  if (wide == room) {
+    std::copy_n(from, size_t(rows) * room, to);
+    return;
+  }
+  for (int d = 0; d < rows; ++d) std::copy_n(from + size_t(d) * wide, std::min(wide, room), to + size_t(d) * room);
+}
+
 }  // namespace
 
 Stream::Stream(int P, int D, const StreamRules& rules)
@@ -26,7 +35,7 @@ int Stream::room() const {
   int most = 0;
   for (int slot : order_)
     for (int p = 0; p < P_; ++p) most = std::max(most, ranks_[size_t(slot) * P_ + p]);
-  return most;
+  return padded(most);
 }
 
 void Stream::reserve_slots(int slots) {
@@ -56,8 +65,7 @@ void Stream::reserve_room(int room) {
       std::copy_n(from.mean, layout_.rows, to.mean);
       std::copy_n(from.variances, from.rank, to.variances);
       std::copy_n(from.distances, from.rank + 1, to.distances);
-      for (int d = 0; d < D_; ++d)
-        std::copy_n(from.basis + size_t(d) * layout_.room, from.rank, to.basis + size_t(d) * wide.room);
+      copy_rows(from.basis, layout_.room, to.basis, wide.room, D_);
     }
   chunks_.swap(chunks);
   layout_ = wide;
@@ -81,8 +89,7 @@ void Stream::load(const double* head, const double* rows, const double* counts, 
       std::copy_n(from + 2, D_, to.mean);
       std::copy_n(from + 2 + D_, room, to.variances);
       std::copy_n(from + 2 + D_ + room, room + 1, to.distances);
-      for (int d = 0; d < D_; ++d)
-        std::copy_n(from + 3 + D_ + 2 * room + size_t(d) * room, room, to.basis + size_t(d) * layout_.room);
+      copy_rows(from + 3 + D_ + 2 * room, room, to.basis, layout_.room, D_);
     }
   }
   for (int i = 0; i < K; ++i) {
@@ -114,8 +121,7 @@ void Stream::store(double* head, double* rows, double* counts, int room) const {
       std::copy_n(from, D_, to + 2);
       std::copy_n(variances, room, to + 2 + D_);
       std::copy_n(distances, room + 1, to + 2 + D_ + room);
-      for (int d = 0; d < D_; ++d)
-        std::copy_n(basis + size_t(d) * layout_.room, room, to + 3 + D_ + 2 * room + size_t(d) * room);
+      copy_rows(basis, layout_.room, to + 3 + D_ + 2 * room, room, D_);
     }
     for (int j = 0; j < K; ++j) counts[size_t(k) * K + j] = counts_[size_t(slot) * slots_ + order_[j]];
   }

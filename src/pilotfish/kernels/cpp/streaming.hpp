@@ -31,7 +31,7 @@ class Stream {
   void load(const double* head, const double* rows, const double* counts, int K, int room);
   void store(double* head, double* rows, double* counts, int room) const;
   int clusters() const { return int(order_.size()); }
-  int room() const;  // the most directions that any subspace has
+  int room() const;  // the most directions that any subspace has, padded
 
   void observe(const double* x, long N, int64_t* identities, double* costs, double* changes);
   const std::vector<std::array<int64_t, 3>>& gone() const { return gone_; }

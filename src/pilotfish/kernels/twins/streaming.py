@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish.kernels.refusals import not_observable
 from pilotfish.kernels.streams import StreamColumn as Column
 from pilotfish.kernels.streams import StreamHead as Head
-from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, stream_row_length
+from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, room_for, stream_row_length
 from pilotfish.kernels.twins.subspaces import (
     Subspace,
     born,
@@ -294,7 +294,7 @@ def _subspace(block: Float[Array, " S"], state: StreamState) -> Subspace:
 
 def packed(stream: Stream, frames: int, width: int) -> StreamState:
     ranks = [len(seen.variances) for cluster in stream.clusters for seen in cluster.seen]
-    room = max(ranks, default=0)
+    room = room_for(max(ranks, default=0))
     rows = np.zeros((len(stream.clusters), stream_row_length(frames, width, room)))
     for row, cluster in zip(rows, stream.clusters, strict=True):
         row[:] = np.concatenate([cluster.numbers, *_blocks(cluster, room)])

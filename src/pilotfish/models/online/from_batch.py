@@ -166,7 +166,7 @@ def _inside(
 
 
 def _room(model: OnlineModel) -> int:
-    return min(model.rules.directions + model.rules.spare, model.layout.width)
+    return kernels.room_for(min(model.rules.directions + model.rules.spare, model.layout.width))
 
 
 def _weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Array, " K"]:
@@ -206,8 +206,7 @@ def _block(
     values, U = np.maximum(values[::-1], 0.0), U[:, ::-1]
     d = min(int(np.sum(values > rules.dimension)), rules.directions)
     r = min(d + rules.spare, D)
-    beyond = values.sum() - np.concatenate([[0.0], np.cumsum(values)])
-    known = np.arange(C) < r
-    basis = np.where(known, U[:, :C], 0.0)
-    distances = np.where(np.arange(C + 1) <= r, np.maximum(beyond[: C + 1], 0.0), 0.0)
-    return np.concatenate([[d, r], mean, np.where(known, values[:C], 0.0), distances, basis.ravel()])
+    variances, distances, basis = np.zeros(C), np.zeros(C + 1), np.zeros((D, C))
+    variances[:r], basis[:, :r] = values[:r], U[:, :r]
+    distances[: r + 1] = np.maximum(values.sum() - np.concatenate([[0.0], np.cumsum(values[:r])]), 0.0)
+    return np.concatenate([[d, r], mean, variances, distances, basis.ravel()])

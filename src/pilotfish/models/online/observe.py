@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.demonstrations import Demonstration, views
+from pilotfish.demonstrations import Demonstration, Layout, views
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.online.assignments import Assignment, Assignments
 from pilotfish.models.online.model import Head, OnlineModel
+from pilotfish.models.signs import sign_choices
 from pilotfish.types import Array, Float
 
 LARGEST = 1e100  # squares must not overflow
@@ -58,6 +59,8 @@ def observe_demonstration(
 ) -> tuple[OnlineModel, Assignments]:
     """The model after one more demonstration, as its frames see it; and where its datapoints went.
 
+    Quaternions that run closer to what the model knows after a change of sign have it changed, their
+    derivatives with them: q and -q are one orientation.
     Raises: InvalidInput, when it differs from the model in layout, period or names of frames.
     """
     require_kind("demonstration", demonstration, Demonstration, "pf.demonstration makes one of an array")
@@ -72,7 +75,9 @@ def observe_demonstration(
                 f"expected {_named(known)}"
             )
     seen = views([demonstration]).x
-    return observe_stream(begin_demonstration(model), np.ascontiguousarray(seen.transpose(1, 0, 2)))
+    for p, x in enumerate(seen):
+        x *= _signs(x, model.means[:, p], model.layout)
+    return observe_stream(begin_demonstration(model), seen.transpose(1, 0, 2))
 
 
 def begin_demonstration(model: OnlineModel) -> OnlineModel:
@@ -90,6 +95,18 @@ def begin_demonstration(model: OnlineModel) -> OnlineModel:
     row[C.CUT] += 1.0
     row[C.CUT_DURATION] += (steps - row[C.CUT_DURATION]) / row[C.CUT]
     return _with_state(model, replace(state, head=head, clusters=clusters))
+
+
+def _signs(x: Float[Array, "T D"], means: Float[Array, "K D"], layout: Layout) -> Float[Array, " D"]:
+    """Those of orientations under which the datapoints lie closest to the means, squared and added."""
+    if not layout.quaternions or not len(means):
+        return np.ones(layout.width)
+
+    def distance(signs: Float[Array, " D"]) -> float:
+        squares = [np.sum((signs * x - mean) ** 2, axis=1) for mean in means]
+        return float(np.min(squares, axis=0).sum())
+
+    return min(sign_choices(layout), key=distance)
 
 
 def _with_state(model: OnlineModel, state: kernels.StreamState) -> OnlineModel:

@@ -1,0 +1,357 @@
+"""Learning from a stream: the four learners, what they read out as, and what they refuse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pilotfish as pf
+from pilotfish.demonstrations import Demonstration, pose_layout, position_layout
+from pilotfish.errors import InvalidInput
+from pilotfish.models import SemiMarkovChain, Weights, normalised_mutual_information, online, runs
+from pilotfish.models.online import DPGMM, DPMPPCA, HDPHSMM, SOSC, Trace, Upkeep
+from pilotfish.store import synthetic_valve
+
+PLAIN = position_layout(3)
+SETTINGS = SOSC(cluster=25.0, dimension=0.3, noise=0.05, bandwidth=60.0, transition=0.05, new_transition=0.1)
+FOUR = [
+    DPGMM(cluster=25.0, noise=0.05),
+    DPMPPCA(cluster=25.0, dimension=0.3, noise=0.05, bandwidth=60.0),
+    HDPHSMM(cluster=25.0, noise=0.05, transition=0.05, new_transition=0.1),
+    SETTINGS,
+]
+
+
+def blank(settings=SETTINGS, layout=PLAIN, frames=("world",)):
+    return online.online_model(settings, layout, 0.1, frames)
+
+
+def cycle(rng, N=1200, K=4, D=3, first=0):
+    """Visits of 20 to 30 steps to K lines in a circle, far apart, and which one each datapoint is of."""
+    centres = (
+        12.0 * np.eye(K, D)
+        if D >= K
+        else 12.0 * np.stack([np.cos(np.arange(K)), np.sin(np.arange(K)), np.arange(K)], axis=1)
+    )
+    axes = rng.normal(size=(K, D))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    states = np.concatenate([np.full(rng.integers(20, 31), (first + v) % K) for v in range(N)])[:N]
+    x = centres[states] + rng.normal(size=(N, 1)) * axes[states] + 0.1 * rng.normal(size=(N, D))
+    return x, states
+
+
+def bytes_of(model):
+    state = model.state
+    return [array.tobytes() for array in (state.head, state.clusters, state.counts)]
+
+
+@pytest.mark.parametrize("settings", FOUR, ids=lambda s: type(s).__name__)
+def test_every_learner_finds_clusters_that_are_far_apart(rng, settings):
+    """Four lines, four clusters; those with subspaces find that they are lines, spheres have none."""
+    x, states = cycle(rng)
+    model, went = online.observe_stream(blank(settings), x)
+    assert model.clusters == 4
+    assert normalised_mutual_information(online.identities_now(went), states) > 0.99
+    line = isinstance(settings, DPMPPCA | SOSC)
+    np.testing.assert_array_equal(model.dimensions, np.full((4, 1), int(line)))
+    np.testing.assert_allclose(model.priors, np.bincount(states) / len(states), atol=0.02)
+
+
+def test_each_learner_is_a_special_case_of_the_next(rng):
+    """DP-GMM is DP-MPPCA of no dimension; DP-MPPCA is SOSC, and HDP-HSMM it of no dimension, as told."""
+    x, _ = cycle(rng, N=400)
+    costly = 1e6  # no dimension explains so much
+    for special, general in [
+        (DPGMM(25.0, 0.05), DPMPPCA(25.0, costly, 0.05, 60.0)),
+        (DPMPPCA(25.0, 0.3, 0.05, 60.0), SOSC(25.0, 0.3, 0.05, 60.0)),
+        (HDPHSMM(25.0, 0.05, 0.05, 0.1), SOSC(25.0, costly, 0.05, 60.0, 0.05, 0.1)),
+    ]:
+        one, went_one = online.observe_stream(blank(special), x)
+        other, went_other = online.observe_stream(blank(general), x)
+        np.testing.assert_array_equal(went_one.identities, went_other.identities)
+        np.testing.assert_allclose(went_one.costs, went_other.costs, atol=1e-9)
+        np.testing.assert_allclose(one.means, other.means, atol=1e-9)
+
+
+def test_observing_one_by_one_is_observing_all(rng):
+    """Models and assignments are equal to the last bit, and the models given stay as they were."""
+    x, _ = cycle(rng, N=150)
+    whole, went = online.observe_stream(blank(), x)
+    model, one_by_one = blank(), []
+    before = bytes_of(model)
+    for row in x:
+        given = model
+        model, assignment = online.observe(given, row)
+        one_by_one.append(assignment)
+    assert bytes_of(model) == bytes_of(whole)
+    assert [a.identity for a in one_by_one] == went.identities.tolist()
+    assert [a.cost for a in one_by_one] == went.costs.tolist()
+    assert [a.change for a in one_by_one] == went.changes.tolist()
+    assert bytes_of(blank()) == before
+
+
+def test_replaying_a_log_gives_the_model_bit_for_bit(rng):
+    """The state is all that there is: from a copy of it, the same datapoints lead to the same bytes."""
+    x, _ = cycle(rng, N=300)
+    half, _ = online.observe_stream(blank(), x[:140])
+    once, _ = online.observe_stream(half, x[140:])
+    again, _ = online.observe_stream(half, x[140:])
+    assert bytes_of(once) == bytes_of(again)
+
+
+def test_the_cost_is_that_of_the_definition(rng):
+    """Squared distance to the mean less what lies in the subspace, and the surprise of the transition."""
+    x, _ = cycle(rng, N=500)
+    model, _ = online.observe_stream(blank(), x)
+    point = x[0] + 0.1
+    costs = []
+    counts = model.counts[model.current]
+    for k in range(model.clusters):
+        e = point - model.means[k, 0]
+        U = model.bases[k, 0][:, : model.dimensions[k, 0]]
+        rho = np.exp(-(e @ e) / SETTINGS.bandwidth)
+        square = np.sum((e - rho * U @ U.T @ e) ** 2)
+        surprise = (
+            -np.log(counts[k] / counts.sum())
+            if counts[k] > 0
+            else np.log(counts.sum() + 1.0) + SETTINGS.new_transition / SETTINGS.transition
+        )
+        costs.append(square + SETTINGS.transition * surprise)
+    _, went = online.observe(model, point)
+    np.testing.assert_allclose(went.cost, min(costs), rtol=1e-9)
+    assert went.identity == model.identities[np.argmin(costs)]
+
+
+def test_transitions_and_durations_are_those_of_the_assignments(rng):
+    """Counted by brute force from the sequence; the visit that an end cuts off is no complete one."""
+    parts = [cycle(rng, N=n, first=first)[0] for n, first in ((330, 0), (410, 1), (250, 2))]
+    model, sequences = blank(), []
+    for part in parts:
+        model, went = online.observe_stream(online.begin_demonstration(model), part)
+        sequences.append(went.identities)
+        assert not len(went.gone)
+    K = model.clusters
+    places = {identity: k for k, identity in enumerate(model.identities.tolist())}
+    counts, lengths, begun = np.zeros((K, K)), {k: [] for k in range(K)}, np.zeros(K)
+    for sequence in sequences:
+        states = np.array([places[i] for i in sequence.tolist()])
+        begun[states[0]] += 1
+        np.add.at(counts, (states[:-1], states[1:]), 1.0)
+        visited, steps = runs(states)
+        for k, n in zip(visited[:-1], steps[:-1], strict=True):
+            lengths[int(k)].append(int(n))
+    np.testing.assert_array_equal(model.counts, counts)
+    assert model.demonstrations == 3
+    chain = online.read_out(model).dynamics
+    assert isinstance(chain, SemiMarkovChain)
+    np.testing.assert_allclose(chain.initial, begun / 3)
+    np.testing.assert_allclose(chain.durations.means, [np.mean(lengths[k]) for k in range(K)])
+    floor = [np.sqrt(np.var(lengths[k], ddof=1) + 1.0) for k in range(K)]
+    np.testing.assert_allclose(chain.durations.deviations, floor)
+    leaving = counts * (1 - np.eye(K))
+    np.testing.assert_allclose(chain.transitions, leaving / leaving.sum(axis=1, keepdims=True))
+
+
+def test_a_new_demonstration_begins_without_a_transition(rng):
+    """No count leads from the last state of one to the first of the next."""
+    x, states = cycle(rng, N=25)
+    assert len(np.unique(states[:20])) == 1
+    model, _ = online.observe_stream(blank(), x[:20])
+    model, _ = online.observe_stream(online.begin_demonstration(model), x[:20])
+    assert model.counts.sum() == 2 * 19
+    assert bytes_of(online.begin_demonstration(blank())) == bytes_of(blank())
+
+
+@pytest.mark.parametrize("settings", FOUR, ids=lambda s: type(s).__name__)
+def test_the_read_out_is_a_skill_like_any_other(rng, settings):
+    """Covariances are U diag U^T + sigma^2 I; what has an order adapts, plans and tracks."""
+    x, _ = cycle(rng, N=600)
+    model, _ = online.observe_stream(blank(settings), x)
+    skill = online.read_out(model)
+    for k in range(model.clusters):
+        d = model.dimensions[k, 0]
+        U, v = model.bases[k, 0][:, :d], model.variances[k, 0][:d]
+        np.testing.assert_allclose(
+            skill.covariances[0].dense[k], U @ np.diag(v) @ U.T + 0.05 * np.eye(3), atol=1e-12
+        )
+    assert isinstance(skill.dynamics, Weights if isinstance(settings, DPGMM | DPMPPCA) else SemiMarkovChain)
+    if isinstance(skill.dynamics, SemiMarkovChain):
+        here = pf.adapt(skill, [pf.Frame("world", np.eye(3), np.zeros(3))])
+        reference = pf.plan(here, x[0], horizon=60)
+        assert np.isfinite(reference.targets).all()
+
+
+def test_frames_share_assignments_and_not_subspaces(rng):
+    """The cost is the sum over frames; each frame has a mean and a dimension of its own."""
+    x, states = cycle(rng, N=800)
+    seen = np.stack([x, x[:, ::-1] * 0.0 + 0.05 * rng.normal(size=x.shape)], axis=1)
+    model, went = online.observe_stream(blank(frames=("object", "hand")), seen)
+    assert normalised_mutual_information(online.identities_now(went), states) > 0.99
+    np.testing.assert_array_equal(model.dimensions, [[1, 0]] * 4)
+    skill = online.read_out(model)
+    assert skill.means.shape == (2, 4, 3)
+    frames = [pf.Frame(name, np.eye(3), np.zeros(3)) for name in ("object", "hand")]
+    assert np.isfinite(pf.adapt(skill, frames).means).all()
+
+
+def test_frames_of_one_kind_double_the_cost(rng):
+    """Two equal views cost twice what one does, so twice the penalty assigns alike."""
+    x, _ = cycle(rng, N=300)
+    single, one = online.observe_stream(blank(SOSC(25.0, 0.3, 0.05, 60.0)), x)
+    double = SOSC(50.0, 0.3, 0.05, 60.0)
+    _, two = online.observe_stream(blank(double, frames=("a", "b")), np.stack([x, x], axis=1))
+    np.testing.assert_array_equal(one.identities, two.identities)
+    np.testing.assert_allclose(2.0 * one.costs, two.costs)
+    assert single.clusters == 4
+
+
+def test_batches_do_not_depend_on_the_order_within(rng):
+    """Of a batch, shuffled, the same datapoints go to the same clusters, which become the same."""
+    x, _ = cycle(rng, N=400)
+    upkeep = Upkeep(batch=100, spare=3)
+    model, _ = online.observe_stream(blank(DPMPPCA(25.0, 0.3, 0.05, 60.0, upkeep)), x[:300])
+    straight, went = online.observe_stream(model, x[300:])
+    order = rng.permutation(100)
+    shuffled, other = online.observe_stream(model, x[300:][order])
+    np.testing.assert_array_equal(went.identities[order], other.identities)
+    np.testing.assert_allclose(straight.means, shuffled.means, atol=1e-9)
+    np.testing.assert_allclose(straight.variances, shuffled.variances, atol=1e-9)
+
+
+def test_clusters_never_outnumber_their_bound(rng):
+    """The lightest makes room and is told of; the stream goes on."""
+    x = rng.normal(scale=100.0, size=(200, 3))
+    model, went = online.observe_stream(blank(replace(SETTINGS, upkeep=Upkeep(most_clusters=5))), x)
+    assert model.clusters == 5
+    assert (went.gone[:, 2] == -1).all()
+    assert len(np.unique(went.identities)) == 5 + len(went.gone)
+
+
+def test_a_trace_forgets_what_is_not_visited(rng):
+    """A cluster that nothing visits again is gone once its weight is below the bound, and not before."""
+    far = np.full((10, 3), 50.0) + 0.01 * rng.normal(size=(10, 3))
+    near = 0.1 * rng.normal(size=(400, 3))
+    settings = replace(SETTINGS, upkeep=Upkeep(Trace(0.99, forget_below=0.3)))
+    model, _ = online.observe_stream(blank(settings), far)
+    w = model.weights[0]
+    left = int(np.ceil(np.log(0.3 / w) / np.log(0.99)))
+    model, _ = online.observe_stream(model, near[: left - 1])
+    assert model.clusters == 2
+    model, went = online.observe_stream(model, near[left - 1 : left])
+    assert model.clusters == 1
+    assert went.gone.tolist() == [[0, 0, -1]]
+
+
+def test_merged_clusters_keep_the_identity_of_the_heavier(rng):
+    """Labels follow through merges: what was apart and met is one."""
+    first, second = rng.normal(size=(2, 60, 3)) * 0.05
+    second[:, 0] += 5.5
+    bridge = np.stack([np.linspace(5.5, 0.0, 4000)[:, None] * [1.0, 0.0, 0.0]], axis=0)[0]
+    settings = DPGMM(25.0, 0.05, Upkeep(online.Constant(20.0), merge_distance=2.0))
+    model, went = online.observe_stream(blank(settings), np.concatenate([first, second, bridge]))
+    assert model.clusters == 1
+    assert went.gone[:, 1:].tolist() in ([[1, 0]], [[0, 1]])
+    assert set(online.identities_now(went).tolist()) == set(model.identities.tolist())
+
+
+def test_labels_follow_merges_of_merges():
+    """2 into 1 and then 1 into 0: all are 0; what was forgotten keeps its own name."""
+    went = online.Assignments(
+        np.array([0, 1, 2, 3]), np.zeros(4), np.zeros(4), np.array([[1, 2, 1], [2, 1, 0], [3, 3, -1]])
+    )
+    assert online.identities_now(went).tolist() == [0, 0, 0, 3]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e101])
+def test_a_refused_datapoint_leaves_the_model_as_it_was(rng, bad):
+    """Byte by byte; and the words say which column of which frame."""
+    model, _ = online.observe_stream(blank(), cycle(rng, N=50)[0])
+    before = bytes_of(model)
+    row = np.zeros(3)
+    row[1] = bad
+    with pytest.raises(InvalidInput, match=r"datapoint 0 .* 'position y' as frame 'world'"):
+        online.observe(model, row)
+    with pytest.raises(InvalidInput, match=r"datapoint 2 .* 'position y'"):
+        online.observe_stream(model, np.stack([np.zeros(3), np.zeros(3), row]))
+    assert bytes_of(model) == before
+
+
+@pytest.mark.parametrize(
+    ("x", "words"),
+    [
+        (np.zeros(2), r"shape \(2,\), expected \(3,\): position x, position y, position z"),
+        (np.zeros((2, 3)), r"shape \(2, 3\)"),
+    ],
+)
+def test_what_is_no_datapoint_is_refused(x, words):
+    with pytest.raises(InvalidInput, match=words):
+        online.observe(blank(), x)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: SOSC(0.0, 1.0, 1.0, 1.0), "cluster is 0.0, expected more than 0"),
+        (lambda: SOSC(1.0, 1.0, np.nan, 1.0), "noise is nan"),
+        (lambda: SOSC(1.0, 1.0, 1.0, 1.0, transition=-1.0), "transition is -1.0, expected 0 or more"),
+        (lambda: Trace(1.0), "discount is 1.0"),
+        (lambda: Trace(0.9, forget_below=1.0), "forget_below"),
+        (lambda: online.Constant(0.0), "weight is 0.0"),
+        (lambda: Upkeep(batch=0), "batch is 0, expected at least 1"),
+        (lambda: Upkeep(merge_distance=-1.0), "merge_distance is -1.0"),
+        (lambda: online.online_model(SETTINGS, PLAIN, 0.0), "period is 0.0 s"),
+        (lambda: online.online_model(SETTINGS, PLAIN, 0.1, ("a", "a")), "different names"),
+        (lambda: online.read_out(blank()), "no datapoint"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(make, words):
+    with pytest.raises(InvalidInput, match=words):
+        make()
+
+
+def test_orientations_on_the_sphere_are_refused(rng):
+    layout = pf.on_sphere(synthetic_valve(rng)[0]).layout
+    with pytest.raises(InvalidInput, match="without on_sphere"):
+        blank(layout=layout)
+
+
+def test_q_and_minus_q_are_the_same_orientation(rng):
+    """A demonstration whose quaternions all changed sign teaches what the other one would have."""
+    first, second, *_ = synthetic_valve(rng)
+    layout = first.layout
+    signs = np.ones(layout.width)
+    for part, columns in zip(layout.parts, layout.slices, strict=True):
+        if part.name == "orientation":
+            signs[columns] = -1.0
+    turned = replace(second, x=signs * second.x)
+    settings = SOSC(0.3, 0.006, 0.001, 8.0)
+    frames = tuple(frame.name for frame in first.frames)
+    model = online.online_model(settings, layout, first.period, frames)
+    model, _ = online.observe_demonstration(model, first)
+    one, _ = online.observe_demonstration(model, second)
+    other, _ = online.observe_demonstration(model, turned)
+    np.testing.assert_allclose(one.means, other.means, atol=1e-12)
+
+
+def test_demonstrations_of_another_kind_are_refused(rng):
+    first, *_ = synthetic_valve(rng)
+    model = online.online_model(SETTINGS, first.layout, first.period, ("valve before", "valve after"))
+    for other, words in [
+        (replace(first, period=0.2), "period"),
+        (Demonstration(first.x[:, :7], 0.1, pose_layout(), first.frames, "short"), "layout"),
+        (replace(first, frames=first.frames[:1]), "frames"),
+    ]:
+        with pytest.raises(InvalidInput, match=words):
+            online.observe_demonstration(model, other)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(FOUR), st.floats(0.01, 100.0), st.integers(1, 6))
+def test_the_loss_never_rises_whatever_the_stream(seed, settings, scale, spare):
+    """Any stream, any learner: no update makes the loss at its datapoint larger, beyond rounding."""
+    rng = np.random.default_rng(seed)
+    x = scale * np.cumsum(rng.normal(size=(120, 3)) * rng.choice([0.0, 0.1, 3.0], size=(120, 1)), axis=0)
+    settings = replace(settings, upkeep=Upkeep(spare=spare))
+    _, went = online.observe_stream(blank(settings), x)
+    assert went.changes.max() <= 1e-9 * max(1.0, float(np.abs(x).max()) ** 2)

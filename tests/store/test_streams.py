@@ -1,0 +1,396 @@
+"""Growing models in files: opened, they go on as if never away; nothing damaged comes through."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from safetensors.numpy import save
+
+import pilotfish as pf
+from pilotfish.demonstrations import Layout, Part, Quantity, position_layout
+from pilotfish.errors import InvalidInput, UnknownSkill
+from pilotfish.kernels import StreamColumn, StreamState
+from pilotfish.models import online
+from pilotfish.store import decode_stream, encode_stream, open_kept
+
+UPKEEPS = {
+    "count": online.Upkeep(),
+    "trace": online.Upkeep(online.Trace(0.97, 0.2), merge_distance=0.3, spare=2, most_clusters=5),
+    "constant": online.Upkeep(online.Constant(20.0), merge_distance=0.0, spare=0, batch=7),
+}
+Header = dict[str, Any]
+Arrays = dict[str, np.ndarray]
+LEARNERS: dict[str, Callable[[online.Upkeep], online.OnlineSettings]] = {
+    "dp-gmm": lambda upkeep: online.DPGMM(0.6, 0.01, upkeep),
+    "dp-mppca": lambda upkeep: online.DPMPPCA(0.6, 0.02, 0.01, 2.0, upkeep),
+    "hdp-hsmm": lambda upkeep: online.HDPHSMM(0.6, 0.01, 0.01, 0.02, upkeep),
+    "sosc": lambda upkeep: online.SOSC(0.6, 0.02, 0.01, 2.0, 0.01, 0.02, upkeep),
+}
+KINDS = [(learner, upkeep) for learner in LEARNERS for upkeep in UPKEEPS]
+LAYOUT = Layout((Part("place", Quantity.POSITION, 2, "m"), Part("grip ∆", Quantity.SCALAR, 1, "1")))
+FRAMES = ("world", "cup")
+
+
+def walk(seed: int, n: int) -> np.ndarray:
+    """Datapoints that come by the same places again and again, as two frames see them."""
+    rng, t = np.random.default_rng(seed), np.arange(n) / 9.0
+    x = np.stack([np.cos(t), np.sin(t), 0.3 * np.sin(2 * t)], axis=1) + 0.05 * rng.normal(size=(n, 3))
+    return np.stack([x, 0.5 - x], axis=1)
+
+
+@cache
+def grown(learner: str, upkeep: str, seed: int = 0, n: int = 60) -> online.OnlineModel:
+    """One that has met two demonstrations, the second going on."""
+    model = online.online_model(LEARNERS[learner](UPKEEPS[upkeep]), LAYOUT, 0.02, FRAMES)
+    for part in np.array_split(walk(seed, n), 2):
+        model, _ = online.observe_stream(online.begin_demonstration(model), part)
+    return model
+
+
+def same(one: online.OnlineModel, other: online.OnlineModel) -> bool:
+    """Equal to the last bit."""
+    arrays = all(
+        getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes()
+        and getattr(one.state, name).shape == getattr(other.state, name).shape
+        for name in ("head", "clusters", "counts")
+    )
+    plain = [
+        (m.settings, m.layout, m.period, m.frame_names, m.rules, m.state.frames, m.state.width, m.state.room)
+        for m in (one, other)
+    ]
+    return arrays and plain[0] == plain[1]
+
+
+def parts_of(data: bytes) -> tuple[Header, Arrays]:
+    """The model's header and its arrays, by the documented layout of the file alone."""
+    length = int.from_bytes(data[:8], "little")
+    table = json.loads(data[8 : 8 + length])
+    header, body = json.loads(table.pop("__metadata__")["pilotfish"]), data[8 + length :]
+    arrays = {
+        name: np.frombuffer(body[slice(*entry["data_offsets"])], "<f8").reshape(entry["shape"]).copy()
+        for name, entry in table.items()
+    }
+    return header, arrays
+
+
+def canonical(value: object) -> bytes:
+    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
+
+
+def documented_hash(header: Header, arrays: Arrays) -> str:
+    """docs/stream-file.md, written down a second time."""
+    said = {key: value for key, value in header.items() if key != "content"}
+    text = canonical(said)
+    for name in sorted(arrays):
+        text += canonical([name, "F64", list(arrays[name].shape)]) + arrays[name].astype("<f8").tobytes()
+    return hashlib.sha256(text).hexdigest()
+
+
+def signed(header: Header, arrays: Arrays) -> bytes:
+    """A file of these contents with the right hash, whatever they are."""
+    header = header | {"content": documented_hash(header, arrays)}
+    return bytes(save(arrays, {"pilotfish": json.dumps(header)}))
+
+
+def opens_the_same_or_is_refused(data: bytes, model: online.OnlineModel) -> bool:
+    """True when it was refused. Anything but a refusal or the same model fails."""
+    try:
+        opened = decode_stream(data)
+    except UnknownSkill:
+        return True
+    assert same(opened, model)
+    return False
+
+
+@pytest.mark.parametrize(("learner", "upkeep"), KINDS)
+def test_what_was_saved_is_what_is_opened_and_it_goes_on_bit_for_bit(
+    learner: str, upkeep: str, tmp_path: Path
+):
+    """For every learner and weighting the next datapoints make the same of both, and of both files."""
+    model = grown(learner, upkeep)
+    pf.save_stream(model, tmp_path / "model.stream")
+    opened = pf.open_stream(tmp_path / "model.stream")
+    assert same(opened, model)
+    assert encode_stream(opened) == (tmp_path / "model.stream").read_bytes() == encode_stream(model)
+    after, went = online.observe_stream(model, walk(1, 25))
+    again, went_again = online.observe_stream(opened, walk(1, 25))
+    assert same(again, after)
+    np.testing.assert_array_equal(went_again.costs, went.costs)
+    assert encode_stream(again) == encode_stream(after)
+
+
+@pytest.mark.parametrize(("learner", "upkeep"), KINDS)
+def test_a_model_before_its_first_datapoint_saves_and_opens(learner: str, upkeep: str):
+    """Arrays of no cluster are empty, and they are arrays all the same."""
+    empty = online.online_model(LEARNERS[learner](UPKEEPS[upkeep]), LAYOUT, 0.02, FRAMES)
+    opened = decode_stream(encode_stream(empty))
+    assert same(opened, empty)
+    assert same(*(online.observe_stream(model, walk(0, 10))[0] for model in (opened, empty)))
+
+
+def test_a_model_that_began_with_a_batch_saves_and_opens(rng: np.random.Generator):
+    """There subspaces have more room than any of them needs yet."""
+    layout = position_layout(2).differentiated()
+    shown = [
+        pf.demonstration(np.cumsum(rng.normal(size=(40, 4)), axis=0), 0.1, layout, name=f"{m}")
+        for m in range(2)
+    ]
+    skill = pf.learn(shown, states=3, rng=rng).skill
+    model = online.begin_from(skill, shown, online.penalties_from(skill, shown))
+    assert same(decode_stream(encode_stream(model)), model)
+    after, _ = online.observe_demonstration(model, shown[0])
+    assert same(decode_stream(encode_stream(after)), after)
+
+
+def test_trace_weights_that_wore_off_to_nothing_are_kept():
+    """After long enough a weight that nothing renews is 0 in floating point; that is no damage."""
+    model = online.online_model(
+        online.DPGMM(1.0, 0.1, online.Upkeep(online.Trace(0.1))), LAYOUT, 0.02, FRAMES
+    )
+    model, _ = online.observe_stream(model, np.concatenate([np.full((1, 2, 3), 9.0), np.zeros((400, 2, 3))]))
+    assert model.weights.min() == 0.0
+    assert same(decode_stream(encode_stream(model)), model)
+
+
+def test_the_hash_is_the_documented_one():
+    """A reader that has only docs/stream-file.md finds the hash that stands in the file."""
+    for learner, upkeep in KINDS:
+        header, arrays = parts_of(encode_stream(grown(learner, upkeep)))
+        assert header["content"] == documented_hash(header, arrays)
+        assert header["format"] == "pilotfish-stream"
+        assert header["settings"]["kind"] == learner
+        assert header["settings"]["upkeep"]["weighting"]["kind"] == upkeep
+        assert set(arrays) == {"head", "clusters", "counts"}
+
+
+@given(kind=st.sampled_from(KINDS), place=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
+@settings(max_examples=200)
+def test_a_changed_byte_never_opens_as_another_model(kind: tuple[str, str], place: float, flip: int):
+    """Whichever byte is hit, the file is refused as UnknownSkill or holds the model still."""
+    model = grown(*kind)
+    data = bytearray(encode_stream(model))
+    data[int(place * len(data))] ^= flip
+    opens_the_same_or_is_refused(bytes(data), model)
+
+
+def test_a_truncated_or_lengthened_file_is_refused():
+    """However much is missing or too much."""
+    model = grown("sosc", "trace")
+    data = encode_stream(model)
+    for length in [*range(0, len(data), 131), len(data) - 1]:
+        assert opens_the_same_or_is_refused(data[:length], model)
+    for more in (b"\0", data):
+        assert opens_the_same_or_is_refused(data + more, model)
+
+
+@given(data=st.binary(max_size=200))
+def test_noise_is_refused(data: bytes):
+    """No bytes make decoding fail in another way than by UnknownSkill."""
+    with pytest.raises(UnknownSkill):
+        decode_stream(data)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just(10**4000),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(st.data())
+@settings(max_examples=300)
+def test_any_json_anywhere_in_the_header_is_refused_or_means_what_it_says(data: st.DataObject):
+    """With a right hash too, no header makes decoding fail in another way; what opens can be saved."""
+    model = grown("sosc", data.draw(st.sampled_from(sorted(UPKEEPS))))
+    header, arrays = parts_of(encode_stream(model))
+    if data.draw(st.booleans()):
+        arrays = {
+            "head": np.array([-1.0, 0, 0, 0]),
+            "clusters": arrays["clusters"][:0],
+            "counts": np.empty((0, 0)),
+        }
+    table: Any = header
+    while True:
+        key = data.draw(st.sampled_from(sorted(table) if isinstance(table, dict) else range(len(table))))
+        if not isinstance(table[key], dict | list) or not table[key] or data.draw(st.booleans()):
+            break
+        table = table[key]
+    table[key] = data.draw(JSON)
+    try:
+        opened = decode_stream(signed(header, arrays))
+    except UnknownSkill:
+        return
+    again, _ = parts_of(encode_stream(opened))
+    assert {k: v for k, v in again.items() if k != "content"} == {
+        k: v for k, v in header.items() if k != "content"
+    }
+
+
+NUMBERS = st.sampled_from([math.nan, math.inf, -1.0, -1e-300, 0.0, 0.5, 1.0, 2.0, 7.0, 1e16, 1e300, -1e300])
+
+
+@given(place=st.floats(0.0, 1.0, exclude_max=True), value=NUMBERS, kind=st.sampled_from(KINDS))
+@settings(max_examples=300)
+def test_any_number_anywhere_is_refused_or_harmless(place: float, value: float, kind: tuple[str, str]):
+    """With a right hash too: what opens learns the next datapoints and reads out without a fault."""
+    header, arrays = parts_of(encode_stream(grown(*kind)))
+    sizes = np.cumsum([arrays[name].size for name in sorted(arrays)])
+    flat = int(place * sizes[-1])
+    n = int(np.searchsorted(sizes, flat, side="right"))
+    name = sorted(arrays)[n]
+    arrays[name].flat[flat - (sizes[n - 1] if n else 0)] = value
+    try:
+        opened = decode_stream(signed(header, arrays))
+    except UnknownSkill:
+        return
+    after, _ = online.observe_stream(opened, walk(2, 5))
+    assert np.isfinite(after.state.clusters).all()
+    online.read_out(after)
+
+
+def put(name: str, place: tuple[int, ...], value: float) -> Callable[[Any, Any], None]:
+    """An edit of one number of an array."""
+
+    def edit(_: Any, arrays: Any) -> None:
+        arrays[name][place] = value
+
+    return edit
+
+
+def upkeep(**values: Any) -> Callable[[Any, Any], None]:
+    return lambda header, _: header["settings"]["upkeep"].update(values)
+
+
+C = StreamColumn
+FIRST = len(C)  # where the first frame's block begins: d, r, mean (3) ...
+# What is wrong, words of the refusal, and the edit that makes it so; sosc with count, spare 1, of 3 columns.
+REFUSED: dict[str, tuple[str, Callable[[Any, Any], None]]] = {
+    "another format": ("expected 'pilotfish-stream'", lambda h, _: h.update(format="other")),
+    "a skill's format": ("it is a skill: open_skill", lambda h, _: h.update(format="pilotfish-skill")),
+    "a newer version": (r"newer pilotfish \(format 2.*upgrade", lambda h, _: h.update(version=2)),
+    "an unknown learner": ("'levy'", lambda h, _: h["settings"].update(kind="levy")),
+    "an unknown weighting": ("'levy'", upkeep(weighting={"kind": "levy"})),
+    "a discount of one": (
+        "discount is 1.0",
+        upkeep(weighting={"kind": "trace", "discount": 1.0, "forget_below": 0.0}),
+    ),
+    "a negative penalty": ("cluster is -1.0", lambda h, _: h["settings"].update(cluster=-1.0)),
+    "a missing penalty": ("lacks 'noise'", lambda h, _: h["settings"].pop("noise")),
+    "another penalty": ("expected nothing more", lambda h, _: h["settings"].update(colour=1.0)),
+    "a batch of none": ("batch is 0", upkeep(batch=0)),
+    "a batch beyond all": ("batch is 2147483648", upkeep(batch=2**31)),
+    "a text for a number": ("expected int", upkeep(spare="1")),
+    "another upkeep": ("expected nothing more", upkeep(colour=1.0)),
+    "a negative merge distance": ("merge_distance is -1.0", upkeep(merge_distance=-1.0)),
+    "no period": ("period is nan", lambda h, _: h.update(period=None)),
+    "another key": ("expected nothing more", lambda h, _: h.update(colour="red")),
+    "another array": ("expected nothing more", lambda _, a: a.update(other=np.zeros(3))),
+    "a missing array": ("lacks 'counts'", lambda _, a: a.pop("counts")),
+    "a frame too few": ("clusters has shape", lambda h, _: h["frames"].pop()),
+    "two frames of one name": ("different names", lambda h, _: h.update(frames=["a", "a"])),
+    "an orientation on its sphere": (
+        "on their sphere",
+        lambda h, a: (
+            h.update(
+                layout=[{"name": "o", "quantity": "orientation", "size": 4, "unit": "1", "derivative": 0}],
+                room=0,
+            ),
+            a.update(
+                clusters=np.empty((0, FIRST + 2 * 7)), counts=np.empty((0, 0)), head=np.array([-1.0, 0, 0, 0])
+            ),
+        ),
+    ),
+    "more room than there is": ("clusters has shape", lambda h, _: h.update(room=h["room"] + 1)),
+    "a row too few of counts": ("counts has shape", lambda _, a: a.update(counts=a["counts"][1:].copy())),
+    "a flat head": ("head has shape", lambda _, a: a.update(head=a["head"][:3].copy())),
+    "NaN": (r"clusters\[0, 1\] is nan", put("clusters", (0, 1), math.nan)),
+    "a current row that is none": ("current row is 99", put("head", (0,), 99.0)),
+    "half a current row": ("current row is 0.5", put("head", (0,), 0.5)),
+    "a visit of no step": ("how long it has lasted", put("head", (1,), 0.0)),
+    "an identity that comes again": ("below the next one, 0", put("head", (2,), 0.0)),
+    "more datapoints than there were": ("clusters hold 60 datapoints", put("head", (3,), 59.0)),
+    "an identity twice": ("expected them to rise", put("clusters", (1, C.IDENTITY), 0.0)),
+    "half an identity": ("identity of cluster", put("clusters", (0, C.IDENTITY), 0.5)),
+    "no weight": ("weight of cluster.*more than 0", put("clusters", (0, C.WEIGHT), 0.0)),
+    "a cluster without a datapoint": ("at least one", put("clusters", (0, C.POINTS), 0.0)),
+    "minus one visit": ("visits of cluster", put("clusters", (0, C.VISITS), -1.0)),
+    "a negative duration": ("duration of cluster", put("clusters", (0, C.DURATION), -1.0)),
+    "a negative variance of durations": ("squares of cluster", put("clusters", (0, C.SQUARES), -1.0)),
+    "minus one transition": ("counts", put("counts", (0, 0), -1.0)),
+    "half a transition": ("counts", put("counts", (0, 0), 0.5)),
+    "a dimension of all columns": ("dimension", put("clusters", (0, FIRST), 3.0)),
+    "a dimension beyond its directions": ("number of directions", put("clusters", (0, FIRST + 1), 0.0)),
+    "half a direction": ("number of directions", put("clusters", (0, FIRST + 1), 1.5)),
+    "a mean beyond all": ("mean", put("clusters", (0, FIRST + 2), 1e200)),
+    "a negative variance": ("variance", put("clusters", (0, FIRST + 5), -1.0)),
+    "a negative distance": ("distance", put("clusters", (0, -14), -1.0)),
+    "skew directions": (
+        "direction",
+        lambda _, a: a["clusters"].__setitem__((slice(None), slice(-4, None)), 0.7),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_no_stream_could_have_left_is_refused_though_its_hash_is_right(what: str, tmp_path: Path):
+    """Each fault is named, beside the file, in one line."""
+    words, edit = REFUSED[what]
+    header, arrays = parts_of(encode_stream(grown("sosc", "count")))
+    edit(header, arrays)
+    (tmp_path / "file").write_bytes(signed(header, arrays))
+    with pytest.raises(UnknownSkill, match=words) as refusal:
+        pf.open_stream(tmp_path / "file")
+    assert str(refusal.value).startswith(str(tmp_path / "file"))
+    assert "\n" not in str(refusal.value)
+
+
+def test_an_altered_file_is_called_altered():
+    """A number changed by hand, its hash left as it was."""
+    header, arrays = parts_of(encode_stream(grown("sosc", "count")))
+    with pytest.raises(UnknownSkill, match="the file was altered"):
+        decode_stream(bytes(save(arrays, {"pilotfish": json.dumps({**header, "period": 9.0})})))
+
+
+def damaged(model: online.OnlineModel, **arrays: Any) -> online.OnlineModel:
+    state: StreamState = replace(model.state, **arrays)
+    return replace(model, state=state)
+
+
+def test_nothing_is_written_that_could_not_be_opened(tmp_path: Path):
+    """A model whose numbers are none, or beyond what a file counts, is refused by the door it leaves by."""
+    model = grown("sosc", "count")
+    with pytest.raises(InvalidInput, match="counts"):
+        pf.save_stream(damaged(model, counts=-model.counts), tmp_path / "file")
+    huge = online.online_model(online.DPGMM(1.0, 1.0, online.Upkeep(most_clusters=2**40)), LAYOUT, 0.1)
+    with pytest.raises(InvalidInput, match="most_clusters is"):
+        pf.save_stream(huge, tmp_path / "file")
+    assert not list(tmp_path.iterdir())
+
+
+def test_skills_and_streams_are_told_apart(tmp_path: Path):
+    """Each door refuses the other's file and names the remedy; one door opens both."""
+    model = grown("sosc", "count")
+    pf.save_stream(model, tmp_path / "stream")
+    pf.save_skill(online.read_out(model), tmp_path / "skill")
+    with pytest.raises(UnknownSkill, match=r"stream: .*'pilotfish-stream'.*--resume FILE --skill"):
+        pf.open_skill(tmp_path / "stream")
+    with pytest.raises(UnknownSkill, match=r"skill: .*'pilotfish-skill'.*open_skill"):
+        pf.open_stream(tmp_path / "skill")
+    assert isinstance(open_kept(tmp_path / "skill"), pf.Skill)
+    assert isinstance(open_kept(tmp_path / "stream"), online.OnlineModel)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path):
+    """And so is a folder: each with what was expected."""
+    for place in (tmp_path / "none", tmp_path):
+        with pytest.raises(InvalidInput, match=r"cannot be read.*stream file"):
+            pf.open_stream(place)
