@@ -23,7 +23,13 @@ LIBRARIES = {
     "hmmlearn": Library(
         "hmmlearn", "hmmlearn", "hmmlearn.hmm", "hidden Markov models in one frame; Viterbi", "peers"
     ),
-    "scikit_learn": Library("scikit-learn", "scikit-learn", "sklearn.mixture", "Gaussian mixtures", "peers"),
+    "scikit_learn": Library(
+        "scikit-learn",
+        "scikit-learn",
+        "sklearn.mixture",
+        "Gaussian mixtures; streams: MiniBatchKMeans and Birch",
+        "peers",
+    ),
     "gmr": Library("gmr", "gmr", "gmr", "Gaussian mixtures, for regression", "peers"),
     "control": Library(
         "control",
@@ -48,6 +54,12 @@ LIBRARIES = {
     ),
     "chadhmm": Library(
         "chadhmm", "chadhmm", "chadhmm.hsmm", "hidden semi-Markov models, PyTorch on the CPU", "peers-torch"
+    ),
+    "river": Library(
+        "river", "river", "river.cluster", "streams: DBSTREAM, DenStream, CluStream, STREAMKMeans", "peers"
+    ),
+    "dp_means": Library(
+        "pdc-dp-means", "pdc-dp-means", "pdc_dp_means", "streams: MiniBatchDPMeans", "peers-dpmeans"
     ),
 }
 
@@ -287,9 +299,10 @@ CASES = (
         (Entry("pilotfish", "decode", "pilotfish"), Entry("hmmlearn", "decode", "hmmlearn")),
         agreement=1e-9,
     ),
+    *STREAM_CASES,
 )
 
-TARGETS: tuple[Ceiling | Lead | Room, ...] = (
+TARGETS: tuple[Target, ...] = (
     Lead("em_valve", times=3.0),
     Lead("em_large", times=3.0),
     Lead("em_vast", times=3.0),
@@ -301,4 +314,5 @@ TARGETS: tuple[Ceiling | Lead | Room, ...] = (
     Ceiling("em_frames", milliseconds=2.0),
     Ceiling("lqt", milliseconds=2.0),
     Lead("lqt", over="textbook", times=4.0),
+    *STREAM_TARGETS,
 )

@@ -1,5 +1,18 @@
 """Whether what was measured keeps what is promised."""
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from cases import LIBRARIES, OURS, OWN, TARGETS
+from kinds import Case, Ceiling, Lead, LeadInAnswer, Rate, Room, Target
+from measure import Result, Spread
+
+Measured = tuple[str, bool]  # in words, nothing when it could not be told; and whether it is enough
+Taken = Sequence[tuple[Case, list[Result]]]
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
     promise: str
@@ -30,9 +43,16 @@ def agrees(case: Case, results: Sequence[Result]) -> bool:
     return case.agreement is None or disagreement(results) <= case.agreement
 
 
-def ours(results: Sequence[Result]) -> Result | None:
-    """pilotfish's entry; the first, where it has several."""
-    return next((r for r in results if r.entry.library == OURS and r.cpu), None)
+def ours(results: Sequence[Result], label: str = "") -> Result | None:
+    """pilotfish's entry; the first, where it has several and no label is given."""
+    own = (r for r in results if r.entry.library == OURS and r.cpu)
+    return next((r for r in own if label in ("", r.entry.label)), None)
+
+
+def rivals(results: Sequence[Result], over: str | None = None) -> list[Result]:
+    """What has figures and is of another library; over None: of any."""
+    chosen = (r for r in results if r.cpu)
+    return [r for r in chosen if (r.entry.library == over if over else r.entry.library not in OWN)]
 
 
 def ratio(theirs: Spread, own: Spread) -> float:
@@ -40,45 +60,55 @@ def ratio(theirs: Spread, own: Spread) -> float:
     return median(a / b for a, b in zip(theirs.samples, own.samples, strict=True))
 
 
-def judge(target: Ceiling | Lead | Room, cases: Sequence[tuple[Case, list[Result]]]) -> Verdict:
-    case, results = next(((c, r) for c, r in cases if c.name == target.case), (None, []))
-    own = ours(results)
+def judge(target: Target, taken: Taken) -> Verdict:
+    case, results = next(((c, r) for c, r in taken if c.name == target.case), (None, []))
+    own = ours(results, target.entry if isinstance(target, Ceiling) else "")
     promise = promised(target)
     if case is None or own is None:
         return Verdict(promise, "", "not measured")
     if not agrees(case, results):
         return Verdict(promise, "", "not comparable: the answers differ")
-    match target:
-        case Ceiling():
-            measured, kept = _ceiling(target, own)
-        case Room():
-            measured, kept = _room(target, own)
-        case Lead():
-            measured, kept = _lead(target, own, results)
+    measured, kept = _measured(target, own, results)
     return Verdict(promise, measured, "not measured" if not measured else "pass" if kept else "miss")
 
 
-def _ceiling(target: Ceiling, own: Result) -> tuple[str, bool]:
+def _measured(target: Target, own: Result, results: Sequence[Result]) -> Measured:
+    match target:
+        case Ceiling():
+            return _ceiling(target, own)
+        case Rate():
+            return _rate(target, own)
+        case Room():
+            return _room(target, own)
+        case Lead():
+            return _lead(target, own, results)
+        case LeadInAnswer():
+            return _lead_in_answer(own, results)
+
+
+def _ceiling(target: Ceiling, own: Result) -> Measured:
     if own.cpu is None:
         return "", False
     return f"{milliseconds(own.cpu.median)} ms", own.cpu.median <= target.milliseconds * 1e-3
 
 
-def _room(target: Room, own: Result) -> tuple[str, bool]:
+def _rate(target: Rate, own: Result) -> Measured:
+    if own.cpu is None:
+        return "", False
+    return f"{a_second(own.cpu.median)} a second", own.cpu.median * target.datapoints_per_second <= 1.0
+
+
+def _room(target: Room, own: Result) -> Measured:
     if own.first is None:
         return "", False
     times = own.first.grown_mb / target.data_mb
     return f"{times:.2f} x", times <= target.times
 
 
-def _lead(target: Lead, own: Result, results: Sequence[Result]) -> tuple[str, bool]:
+def _lead(target: Lead, own: Result, results: Sequence[Result]) -> Measured:
     """Against the fastest, whose label is told where it might have been any."""
     others = [
-        (ratio(r.cpu, own.cpu), r.entry.label)
-        for r in results
-        if r.cpu
-        and own.cpu
-        and (r.entry.library == target.over if target.over else r.entry.library not in OWN)
+        (ratio(r.cpu, own.cpu), r.entry.label) for r in rivals(results, target.over) if r.cpu and own.cpu
     ]
     if not others:
         return "", False
@@ -86,17 +116,51 @@ def _lead(target: Lead, own: Result, results: Sequence[Result]) -> tuple[str, bo
     return f"{lead:.1f} x" + ("" if target.over else f" ({label})"), lead >= target.times
 
 
-def promised(target: Ceiling | Lead | Room) -> str:
+def _lead_in_answer(own: Result, results: Sequence[Result]) -> Measured:
+    """Against the best; an answer that is no number is no answer, theirs or ours."""
+    others = [(r.answer, r.entry.label) for r in rivals(results) if not math.isnan(r.answer)]
+    if not others:
+        return "", False
+    best, label = max(others)
+    return f"{own.answer:.3f} against {best:.3f} ({label})", own.answer > best
+
+
+def promised(target: Target) -> str:
     match target:
         case Ceiling():
-            return f"`{target.case}`: at most {target.milliseconds:g} ms CPU"
+            which = f" for {target.entry}" if target.entry else ""
+            return f"`{target.case}`: at most {target.milliseconds:g} ms CPU{which}"
+        case Rate():
+            return f"`{target.case}`: at least {target.datapoints_per_second:,.0f} datapoints a CPU second"
         case Room():
             data = f"the data's {target.data_mb:g} MB"
             return f"`{target.case}`: at most {target.times:g} times {data} beyond the data themselves"
         case Lead():
             rival = f"{LIBRARIES[target.over].name} at its fastest" if target.over else "the fastest peer"
-            return f"`{target.case}`: at least {target.times:g} times less CPU than {rival}"
+            return f"`{target.case}`: " + (
+                f"at least {target.times:g} times less CPU than {rival}"
+                if target.times != 1.0
+                else f"less CPU than {rival}"
+            )
+        case LeadInAnswer():
+            return f"`{target.case}`: a larger answer than that of every peer"
 
 
-def verdicts(report: Report) -> list[Verdict]:
-    return [judge(target, report.cases) for target in TARGETS]
+def verdicts(taken: Taken) -> list[Verdict]:
+    return [judge(target, taken) for target in TARGETS]
+
+
+def milliseconds(seconds: float) -> str:
+    """Three figures."""
+    return _three_figures(seconds * 1e3)
+
+
+def a_second(seconds: float) -> str:
+    """How many there are in a second, when one takes so long; three figures."""
+    return f"{float(f'{1.0 / seconds:.3g}'):,.0f}" if seconds > 0.0 else "?"
+
+
+def _three_figures(value: float) -> str:
+    if value <= 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.{max(0, 2 - math.floor(math.log10(value)))}f}"

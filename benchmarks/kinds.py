@@ -32,7 +32,11 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One computation. agreement is how far apart, relatively, answers may lie; None where models differ."""
+    """One computation. agreement is how far apart, relatively, answers may lie; None where models differ.
+
+    unit is what times are for, where speed is told by how many a second: a datapoint of a stream.
+    lengthy ones are left out of quick runs.
+    """
 
     name: str
     title: str
@@ -41,14 +45,25 @@ class Case:
     answer: str
     entries: tuple[Entry, ...]
     agreement: float | None = None
+    unit: str = ""
+    lengthy: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Ceiling:
-    """pilotfish takes at most so many milliseconds of CPU."""
+    """pilotfish's first entry, or the one of that label, takes at most so many milliseconds of CPU."""
 
     case: str
     milliseconds: float
+    entry: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """pilotfish's first entry learns at least so many datapoints for each second of CPU."""
+
+    case: str
+    datapoints_per_second: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,3 +82,13 @@ class Room:
     case: str
     data_mb: float
     times: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeadInAnswer:
+    """pilotfish's first entry has a larger answer than every entry of another library."""
+
+    case: str
+
+
+Target = Ceiling | Rate | Lead | Room | LeadInAnswer

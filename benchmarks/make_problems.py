@@ -1,7 +1,7 @@
 """Writes every problem into the folder named on the command line, and says whether the valve is real.
 
-`python make_problems.py FOLDER valve=30 large=5 ...` with the iterations of EM for each size, in an
-environment with pilotfish.
+`python make_problems.py FOLDER valve=30 large=5 ... stream=5000 ...` with the iterations of EM for each
+size and the datapoints of streams, in an environment with pilotfish.
 """
 
 import os
@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from make_streams import make_streams
 from problems import Floats, Framed, Integers, Poses, Sequences, Tracking, Visits
 
 from pilotfish.control import double_integrator
@@ -29,21 +30,20 @@ SIZES = {  # demonstrations, steps, columns, states
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    iterations = {size: int(count) for size, _, count in (word.partition("=") for word in sys.argv[2:])}
+    sizes = {size: int(count) for size, _, count in (word.partition("=") for word in sys.argv[2:])}
     recording = os.environ.get("PILOTFISH_DATA")
     x, A, b = real_valve(Path(recording)) if recording else synthetic_valve(np.random.default_rng(1))
-    valve = valve_in_one_frame(x, iterations["valve"])
+    valve = valve_in_one_frame(x, sizes["valve"])
     valve.save(folder / "valve")
-    valve_in_frames(x, A, b, iterations["valve"]).save(folder / "frames")
+    valve_in_frames(x, A, b, sizes["valve"]).save(folder / "frames")
     valve_reference(x).save(folder / "tracking")
-    in_visits(valve, iterations["visits"]).save(folder / "visits_valve")
+    in_visits(valve, sizes["visits"]).save(folder / "visits_valve")
     for number, size in enumerate(("large", "vast", "wide")):
-        drawn_from_a_chain(np.random.default_rng(2 + number), SIZES[size], iterations[size]).save(
-            folder / size
-        )
-    one = drawn_from_a_chain(np.random.default_rng(5), SIZES["visits"], iterations["visits"])
-    in_visits(one, iterations["visits"]).save(folder / "visits")
+        drawn_from_a_chain(np.random.default_rng(2 + number), SIZES[size], sizes[size]).save(folder / size)
+    one = drawn_from_a_chain(np.random.default_rng(5), SIZES["visits"], sizes["visits"])
+    in_visits(one, sizes["visits"]).save(folder / "visits")
     poses_of_a_tool(np.random.default_rng(6)).save(folder / "poses")
+    make_streams(folder, sizes)
     print("real" if recording else "synthetic")
 
 

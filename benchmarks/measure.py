@@ -10,7 +10,8 @@ from statistics import quantiles
 from time import monotonic
 from typing import Any
 
-from cases import LIBRARIES, Case, Entry
+from cases import LIBRARIES
+from kinds import Case, Entry
 from workers import Worker, WorkerError, surroundings
 
 Say = Callable[[str], None]
@@ -24,7 +25,8 @@ class Effort:
     import_rounds: int
     sample: float
     patience: float  # s, after which a case has no more rounds, if it had a few
-    iterations: Mapping[str, int]  # of EM, for each size
+    iterations: dict[str, int]  # of EM, for each size
+    datapoints: dict[str, int]  # of streams, for each size
 
 
 FEWEST = 3  # rounds, however long they take
@@ -34,6 +36,7 @@ FULL = Effort(
     sample=0.02,
     patience=60.0,
     iterations={"valve": 30, "large": 5, "vast": 2, "wide": 4, "visits": 5},
+    datapoints={"stream": 5000, "long": 200_000},
 )
 QUICK = Effort(
     rounds=2,
@@ -41,6 +44,7 @@ QUICK = Effort(
     sample=0.0,
     patience=0.0,
     iterations={"valve": 3, "large": 2, "vast": 2, "wide": 2, "visits": 2},
+    datapoints={"stream": 500, "long": 5000},
 )
 
 

@@ -23,7 +23,7 @@ class Filed:
     @classmethod
     def load(cls, folder: Path) -> Self:
         arrays = {f.name: np.load(folder / f"{f.name}.npy", allow_pickle=False) for f in fields(cls)}
-        return cls(**{name: int(a) if a.ndim == 0 else a for name, a in arrays.items()})
+        return cls(**{name: a.item() if a.ndim == 0 else a for name, a in arrays.items()})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,3 +84,21 @@ class Tracking(Filed):
     targets: Floats  # (T, n)
     effort: Floats  # (m, m)
     begins: Integers  # (K,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream(Filed):
+    """N datapoints in the order in which they came, the cluster of each, and the scales of the generator."""
+
+    x: Floats  # (N, D)
+    labels: Integers  # (N,)
+    clusters: int
+    dimension: int  # of the largest subspace
+    extent: float  # standard deviation along every direction of a subspace
+    noise: float  # and along every column besides
+    apart: float  # the least distance of two centres
+
+    @property
+    def radius(self) -> float:
+        """How far a datapoint lies from its centre, root mean square."""
+        return float(self.extent * np.sqrt(self.dimension))

@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from statistics import median
 from typing import Any
 
-from cases import LIBRARIES, NOT_INSTALLABLE, OURS, OWN, TARGETS, Case, Ceiling, Lead, Room
+from cases import LIBRARIES, NOT_INSTALLABLE
+from judging import a_second, agrees, disagreement, milliseconds, ours, ratio, verdicts
+from kinds import Case
 from machine import Machine
 from measure import Effort, Result, Spread
 
@@ -34,10 +35,8 @@ class Report:
 
 
 def markdown(report: Report) -> str:
-    return (
-        "\n".join([*_head(report), *_promises(report), *_times(report), *_notes(report), *_foot(report)])
-        + "\n"
-    )
+    parts = (_head, _promises, _times, _streams, _notes, _foot)
+    return "\n".join(line for part in parts for line in part(report)) + "\n"
 
 
 def _head(report: Report) -> Iterator[str]:
@@ -62,7 +61,7 @@ def _head(report: Report) -> Iterator[str]:
 
 def _promises(report: Report) -> Iterator[str]:
     yield from ("", "## Targets", "")
-    rows = [(v.promise, v.measured, v.verdict) for v in verdicts(report)]
+    rows = [(v.promise, v.measured, v.verdict) for v in verdicts(report.cases)]
     yield from table(("target", "measured", "verdict"), rows, "llr")
 
 
@@ -81,7 +80,7 @@ def _times(report: Report) -> Iterator[str]:
         "ratio",
         "answer",
     )
-    rows = [row for case, results in report.cases for row in _rows(case, results)]
+    rows = [row for case, results in report.cases if not case.unit for row in _rows(case, results)]
     yield from table(titles, rows, "llrrrrrrrrl")
     yield ""
     yield (
@@ -111,11 +110,54 @@ def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
         yield (name, result.entry.label, *times, wall, *first, times_ours, told)
 
 
+def _streams(report: Report) -> Iterator[str]:
+    streams = [(case, results) for case, results in report.cases if case.unit]
+    if not streams:
+        return
+    yield from ("", "## Streams", "")
+    titles = (
+        "case",
+        "library",
+        "NMI",
+        "datapoints a CPU second",
+        "CPU us each",
+        "quartiles",
+        "grown MB",
+        "peak MB",
+        "ratio",
+        "remarks",
+    )
+    yield from table(titles, [row for told in streams for row in _stream_rows(*told)], "llrrrrrrrl")
+    yield ""
+    yield (
+        "CPU: for one datapoint, of calls in a long-lived process that learn a whole stream from nothing, "
+        "without tuning and the reading of labels. NMI: normalised mutual information (arithmetic mean) of the "
+        "clusters found and the true ones, by the benchmark's own code. Grown and peak memory: of a fresh "
+        "process, as above."
+    )
+
+
+def _stream_rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
+    own = ours(results)
+    for number, result in enumerate(results):
+        name = f"`{case.name}`" if number == 0 else ""
+        if not (result.cpu and result.first):
+            yield (name, result.entry.label, *[""] * 7, "failed")
+            continue
+        each = result.cpu
+        took = [milliseconds(s * 1e3) for s in (each.median, each.lower, each.upper)]
+        times_ours = f"{ratio(each, own.cpu):.1f}" if own and own.cpu else ""
+        memory = (f"{result.first.grown_mb:.1f}", f"{result.first.peak_mb:.0f}")
+        speed = (a_second(each.median), took[0], f"{took[1]} - {took[2]}")
+        found = f"{result.answer:.3f}"
+        yield (name, result.entry.label, found, *speed, *memory, times_ours, result.remark)
+
+
 def _notes(report: Report) -> Iterator[str]:
     yield from ("", "## Cases", "")
     for case, results in report.cases:
         explanation = case.explanation
-        for size, count in report.effort.iterations.items():
+        for size, count in (report.effort.iterations | report.effort.datapoints).items():
             explanation = explanation.replace(f"{{{size}}}", str(count))
         told = f"Answer: {case.answer}{_agreement(case, results)}."
         yield f"- `{case.name}`: {case.title}. {explanation} {told}"
@@ -159,14 +201,6 @@ def _foot(report: Report) -> Iterator[str]:
     )
 
 
-def milliseconds(seconds: float) -> str:
-    """Three figures."""
-    value = seconds * 1e3
-    if value <= 0.0 or not math.isfinite(value):
-        return f"{value:g}"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(value)))}f}"
-
-
 def table(titles: Sequence[str], rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
     yield f"| {' | '.join(titles)} |"
     yield f"| {' | '.join('---:' if side == 'r' else '---' for side in sides)} |"
@@ -192,7 +226,7 @@ def as_json(report: Report) -> dict[str, Any]:
         name: getattr(report, name)
         for name in ("command", "date", "quick", "loads", "valve", "introductions", "missing")
     }
-    judged = [asdict(verdict) for verdict in verdicts(report)]
+    judged = [asdict(verdict) for verdict in verdicts(report.cases)]
     told = {"machine": asdict(report.machine), "effort": asdict(report.effort), "targets": judged}
     whole: dict[str, Any] = _without_nan({**rest, **told, "cases": cases, "imports": imports})
     return whole

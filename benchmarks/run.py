@@ -1,7 +1,7 @@
 """Time pilotfish beside its peers, on the same data, in one run in which they take turns.
 
-`python benchmarks/run.py` installs the peers of peers.txt, peers-jax.txt and peers-torch.txt into
-build/peers-venv and so on when they are missing, measures, prints the tables and writes them to
+`python benchmarks/run.py` installs the peers of peers.txt, peers-jax.txt and so on into build/peers-venv,
+build/peers-jax-venv and so on when they are missing, measures, prints the tables and writes them to
 docs/benchmarks.md. Progress is told on stderr. A run of a part (--quick, --only, --cases) writes no
 file unless --out names one.
 """
@@ -16,7 +16,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from cases import CASES, LIBRARIES, OURS, Case
+from cases import CASES, LIBRARIES, OURS
+from kinds import Case
 from machine import load, machine
 from measure import FULL, QUICK, Effort, Floor, measure, measure_imports
 from peer_environment import execute, peer_environment, place_of
@@ -79,7 +80,7 @@ def effort_of(asked: argparse.Namespace) -> Effort:
 
 def benchmark(asked: argparse.Namespace) -> Report:
     effort, before = effort_of(asked), load()
-    cases = [case for case in CASES if not asked.cases or case.name in asked.cases]
+    cases = chosen(asked)
     pythons, missing = places([name for name in asked.only or LIBRARIES if takes_part(name, cases)])
     with tempfile.TemporaryDirectory(prefix="benchmarks-") as scratch, ExitStack() as stack:
         problems = Path(scratch)
@@ -111,6 +112,13 @@ def benchmark(asked: argparse.Namespace) -> Report:
     )
 
 
+def chosen(asked: argparse.Namespace) -> list[Case]:
+    """The cases that are asked for; a quick run leaves the lengthy out, unless they are named."""
+    if asked.cases:
+        return [case for case in CASES if case.name in asked.cases]
+    return [case for case in CASES if not (asked.quick and case.lengthy)]
+
+
 def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
     """The python that each library runs in, and why some cannot."""
     pythons: dict[str, Path] = {}
@@ -131,8 +139,8 @@ def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
 
 
 def make_problems(folder: Path, effort: Effort) -> str:
-    iterations = [f"{size}={count}" for size, count in effort.iterations.items()]
-    command = [sys.executable, str(HERE / "make_problems.py"), str(folder), *iterations]
+    sizes = [f"{size}={count}" for size, count in (effort.iterations | effort.datapoints).items()]
+    command = [sys.executable, str(HERE / "make_problems.py"), str(folder), *sizes]
     made = subprocess.run(command, env=surroundings(), stdout=subprocess.PIPE, text=True, check=True)
     return made.stdout.split()[-1]
 

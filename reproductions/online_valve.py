@@ -284,7 +284,7 @@ def print_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> None:
 
 
 def draw_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> Figure:
-    figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+    figure = Figure(figsize=(7.6, 4.8), layout="constrained")
     axes = figure.add_subplot()
     for shift, (way, colour) in enumerate(LINES.items()):
         own = [one for one in arrivals if way in one]
@@ -297,7 +297,7 @@ def draw_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> Figure:
             fmt="o-",
             color=colour,
             capsize=3,
-            label=label or f"stream {way} by a batch fit",
+            label=label or f"stream {way}",
         )
     axes.set(
         xlabel="demonstrations that have come", ylabel="mean squared error on those to come", yscale="log"

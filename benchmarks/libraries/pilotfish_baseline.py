@@ -2,12 +2,13 @@
 
 from libraries import pilotfish
 from libraries.pilotfish import em, em_visits
+from libraries.pilotfish_streams import from_array
 
 from pilotfish.kernels import compiled
 
 compiled._native = compiled._baseline
 
-__all__ = ["em", "em_visits", "remark"]
+__all__ = ["em", "em_visits", "from_array", "remark"]
 
 
 def remark() -> str:

@@ -1,11 +1,15 @@
-"""scikit-learn's GaussianMixture, on what all frames see side by side."""
+"""scikit-learn: GaussianMixture, on what all frames see side by side; on streams, k-means and Birch."""
 
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from prepared import Answer, Prepared
-from problems import Framed, Sequences
+from problems import Framed, Sequences, Stream
+from sklearn.cluster import Birch, MiniBatchKMeans  # type: ignore[import-not-found]
 from sklearn.mixture import GaussianMixture  # type: ignore[import-not-found]
+from streaming import Peer, Setting, in_steps, prepared
 
 REGULARISATION = 1e-5  # as pilotfish
 
@@ -42,3 +46,53 @@ def em_mixture(folder: Path) -> Prepared:
         return GaussianMixture(K, **settings, **start).fit(problem.x)
 
     return Prepared(run, lambda mixture: Answer(float(mixture.lower_bounds_[-1]) * N, n))
+
+
+def k_means_one_by_one(folder: Path) -> Prepared:
+    return _k_means(folder, 1)
+
+
+def k_means_in_batches(folder: Path) -> Prepared:
+    return _k_means(folder, 100)
+
+
+def _k_means(folder: Path, step: int) -> Prepared:
+    """Centres begin at points of the whole stream, in a stream's favour: its first are of one cluster.
+
+    How light a centre is when it is put elsewhere, and which points, is tuned.
+    """
+    problem = Stream.load(folder)
+    grid = [{"reassignment_ratio": r, "seed": seed} for r, seed in product((0.0, 0.01, 0.1), (0, 1, 2, 3))]
+
+    def make(setting: Setting) -> MiniBatchKMeans:
+        drawn = np.random.default_rng(setting["seed"]).choice(len(problem.x), problem.clusters, replace=False)
+        fixed = {"n_init": 1, "compute_labels": False, "random_state": setting["seed"]}
+        ratio = setting["reassignment_ratio"]
+        return MiniBatchKMeans(problem.clusters, init=problem.x[drawn], reassignment_ratio=ratio, **fixed)
+
+    peer = Peer(make, in_steps(MiniBatchKMeans.partial_fit, step), MiniBatchKMeans.predict)
+    return prepared(folder / f"k_means_{step}.json", peer, problem.x, problem.labels, grid)
+
+
+def birch_one_by_one(folder: Path) -> Prepared:
+    return _birch(folder, 1)
+
+
+def birch_in_batches(folder: Path) -> Prepared:
+    return _birch(folder, 100)
+
+
+def _birch(folder: Path, step: int) -> Prepared:
+    """The radius of a subcluster by that of a cluster; subclusters are joined into clusters at the end."""
+    problem = Stream.load(folder)
+    grid = [{"threshold": share * problem.radius} for share in (0.2, 0.35, 0.5, 0.7, 1.0)]
+
+    def make(setting: Setting) -> Birch:
+        return Birch(n_clusters=None, compute_labels=False, **setting)
+
+    def finish(model: Any) -> None:
+        model.set_params(n_clusters=problem.clusters).partial_fit()
+        model.set_params(n_clusters=None)
+
+    peer = Peer(make, in_steps(Birch.partial_fit, step), Birch.predict, finish)
+    return prepared(folder / f"birch_{step}.json", peer, problem.x, problem.labels, grid)

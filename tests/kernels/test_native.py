@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pilotfish.kernels
-from pilotfish.kernels import ACTIVE, Emissions, SlowKernels, active, twins
+from pilotfish.kernels import ACTIVE, Emissions, SlowKernels, StreamRules, active, empty_stream, twins
 
 NATIVE = (
     "log_emissions",
@@ -25,6 +25,8 @@ NATIVE = (
     "semi_markov_e_step",
     "riccati",
     "semi_tied_sweeps",
+    "observe",
+    "observe_one",
 )
 ULP = np.finfo(float).eps
 
@@ -70,6 +72,12 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
         one, other = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
         for old, new in zip(one, other, strict=True):
             np.testing.assert_allclose(old, new, rtol=1e-10, atol=1e-10, err_msg=name)
+    empty = empty_stream(2, 9)
+    rules = StreamRules(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 8, 50, 1)
+    stream = np.ascontiguousarray(given.x.transpose(1, 0, 2)), empty.head, empty.clusters, empty.counts, 0
+    old, new = (module.observe(*stream, rules.numbers) for module in (baseline, newer))
+    for name, place in [("identities", 5), ("costs", 6), ("changes", 7), ("gone", 8)]:
+        np.testing.assert_allclose(old[place], new[place], rtol=1e-9, atol=1e-9, err_msg=name)
     covariances = given.whiteners[0] @ given.whiteners[0].transpose(0, 2, 1)
     np.testing.assert_allclose(
         baseline.whiteners(covariances)[1], newer.whiteners(covariances)[1], rtol=1e-10, atol=1e-10

@@ -116,8 +116,8 @@ def test_lines_read_at_once_are_those_read_one_by_one(whole: list[str]):
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        (b"1,2", "it has 2 numbers, expected 3"),
-        (b"1,2,3,4", "it has 4 numbers, expected 3"),
+        (b"1,2", "it has 2 in place of 3 numbers"),
+        (b"1,2,3,4", "it has 4 in place of 3 numbers"),
         (b"1,x,3", "column 2 is 'x', expected a number"),
         (b"1,,3", "column 2 is empty"),
         (b"1,2,", "column 3 is empty"),
@@ -153,7 +153,7 @@ def test_a_first_line_of_names_is_a_header():
     for text in ("x,y\n1,2", "x y\n1 2", '"x", y\n1,2', "\ufeffx,y\n1,2", "# rows\n\nx,y\n1,2"):
         assert flat(said(text.encode(), [])) == [Columns(2, ("x", "y")), (1.0, 2.0)]
     reason = "column 2 is 'y', expected a number such as 0.25"
-    assert flat(said(b"1,y\n1,2", [])) == [Columns(2), Refusal(1, reason), (1.0, 2.0)]
+    assert flat(said(b"1,y\n1,2\n", [])) == [Columns(2), Refusal(1, reason), (1.0, 2.0)]
     assert flat(said(b"1,2\n5,y", [])) == [Columns(2), (1.0, 2.0), Refusal(2, reason)]
     assert flat(said("\ufeff1,2".encode(), [])) == [Columns(2), (1.0, 2.0)]
 
@@ -161,7 +161,7 @@ def test_a_first_line_of_names_is_a_header():
 def test_a_blank_line_is_a_break_and_a_comment_is_nothing():
     """Lines are counted, whatever they hold; the last needs no end."""
     text = b"1,2\n\n# here\n3,4\n  \t\n5\n6,7"
-    refusal = Refusal(6, "it has 1 numbers, expected 2")
+    refusal = Refusal(6, "it has 1 in place of 2 numbers")
     expected = [Columns(2), (1.0, 2.0), Break(), (3.0, 4.0), Break(), refusal, (6.0, 7.0)]
     assert flat(said(text, [])) == expected
 

@@ -27,6 +27,8 @@ UPKEEPS = {
     "trace": online.Upkeep(online.Trace(0.97, 0.2), merge_distance=0.3, spare=2, most_clusters=5),
     "constant": online.Upkeep(online.Constant(20.0), merge_distance=0.0, spare=0, batch=7),
 }
+ARRAYS = {"head", "counts", "numbers", "dimensions", "ranks"}
+ARRAYS |= {"means", "variances", "distances", "bases"}
 Header = dict[str, Any]
 Arrays = dict[str, np.ndarray]
 LEARNERS: dict[str, Callable[[online.Upkeep], online.OnlineSettings]] = {
@@ -169,7 +171,7 @@ def test_the_hash_is_the_documented_one():
         assert header["format"] == "pilotfish-stream"
         assert header["settings"]["kind"] == learner
         assert header["settings"]["upkeep"]["weighting"]["kind"] == upkeep
-        assert set(arrays) == {"head", "clusters", "counts"}
+        assert set(arrays) == ARRAYS
 
 
 @given(kind=st.sampled_from(KINDS), place=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
@@ -213,11 +215,7 @@ def test_any_json_anywhere_in_the_header_is_refused_or_means_what_it_says(data: 
     model = grown("sosc", data.draw(st.sampled_from(sorted(UPKEEPS))))
     header, arrays = parts_of(encode_stream(model))
     if data.draw(st.booleans()):
-        arrays = {
-            "head": np.array([-1.0, 0, 0, 0]),
-            "clusters": arrays["clusters"][:0],
-            "counts": np.empty((0, 0)),
-        }
+        arrays = empty(arrays)
     table: Any = header
     while True:
         key = data.draw(st.sampled_from(sorted(table) if isinstance(table, dict) else range(len(table))))
@@ -233,6 +231,12 @@ def test_any_json_anywhere_in_the_header_is_refused_or_means_what_it_says(data: 
     assert {k: v for k, v in again.items() if k != "content"} == {
         k: v for k, v in header.items() if k != "content"
     }
+
+
+def empty(arrays: Arrays) -> Arrays:
+    """Those of a model before its first datapoint."""
+    none = {name: array[:0].copy() for name, array in arrays.items()}
+    return none | {"head": np.array([-1.0, 0, 0, 0]), "counts": np.empty((0, 0))}
 
 
 NUMBERS = st.sampled_from([math.nan, math.inf, -1.0, -1e-300, 0.0, 0.5, 1.0, 2.0, 7.0, 1e16, 1e300, -1e300])
@@ -271,7 +275,6 @@ def upkeep(**values: Any) -> Callable[[Any, Any], None]:
 
 
 C = StreamColumn
-FIRST = len(C)  # where the first frame's block begins: d, r, mean (3) ...
 # What is wrong, words of the refusal, and the edit that makes it so; sosc with count, spare 1, of 3 columns.
 REFUSED: dict[str, tuple[str, Callable[[Any, Any], None]]] = {
     "another format": ("expected 'pilotfish-stream'", lambda h, _: h.update(format="other")),
@@ -295,48 +298,48 @@ REFUSED: dict[str, tuple[str, Callable[[Any, Any], None]]] = {
     "another key": ("expected nothing more", lambda h, _: h.update(colour="red")),
     "another array": ("expected nothing more", lambda _, a: a.update(other=np.zeros(3))),
     "a missing array": ("lacks 'counts'", lambda _, a: a.pop("counts")),
-    "a frame too few": ("clusters has shape", lambda h, _: h["frames"].pop()),
+    "a frame too few": ("dimensions has shape", lambda h, _: h["frames"].pop()),
     "two frames of one name": ("different names", lambda h, _: h.update(frames=["a", "a"])),
     "an orientation on its sphere": (
         "on their sphere",
         lambda h, a: (
             h.update(
-                layout=[{"name": "o", "quantity": "orientation", "size": 4, "unit": "1", "derivative": 0}],
-                room=0,
+                layout=[{"name": "o", "quantity": "orientation", "size": 4, "unit": "1", "derivative": 0}]
             ),
-            a.update(
-                clusters=np.empty((0, FIRST + 2 * 7)), counts=np.empty((0, 0)), head=np.array([-1.0, 0, 0, 0])
-            ),
+            a.update(empty(a) | {"means": np.empty((0, 2, 4)), "bases": np.empty((0, 2, 4, 4))}),
         ),
     ),
-    "more room than there is": ("clusters has shape", lambda h, _: h.update(room=h["room"] + 1)),
+    "a variance too few": (
+        "variances has shape",
+        lambda _, a: a.update(variances=a["variances"][..., 1:].copy()),
+    ),
     "a row too few of counts": ("counts has shape", lambda _, a: a.update(counts=a["counts"][1:].copy())),
     "a flat head": ("head has shape", lambda _, a: a.update(head=a["head"][:3].copy())),
-    "NaN": (r"clusters\[0, 1\] is nan", put("clusters", (0, 1), math.nan)),
+    "NaN": (r"clusters\[0, 1\] is nan", put("numbers", (0, 1), math.nan)),
     "a current row that is none": ("current row is 99", put("head", (0,), 99.0)),
     "half a current row": ("current row is 0.5", put("head", (0,), 0.5)),
     "a visit of no step": ("how long it has lasted", put("head", (1,), 0.0)),
     "an identity that comes again": ("below the next one, 0", put("head", (2,), 0.0)),
     "more datapoints than there were": ("clusters hold 60 datapoints", put("head", (3,), 59.0)),
-    "an identity twice": ("expected them to rise", put("clusters", (1, C.IDENTITY), 0.0)),
-    "half an identity": ("identity of cluster", put("clusters", (0, C.IDENTITY), 0.5)),
-    "no weight": ("weight of cluster.*more than 0", put("clusters", (0, C.WEIGHT), 0.0)),
-    "a cluster without a datapoint": ("at least one", put("clusters", (0, C.POINTS), 0.0)),
-    "minus one visit": ("visits of cluster", put("clusters", (0, C.VISITS), -1.0)),
-    "a negative duration": ("duration of cluster", put("clusters", (0, C.DURATION), -1.0)),
-    "a negative variance of durations": ("squares of cluster", put("clusters", (0, C.SQUARES), -1.0)),
+    "an identity twice": ("expected them to rise", put("numbers", (1, C.IDENTITY), 0.0)),
+    "half an identity": ("identity of cluster", put("numbers", (0, C.IDENTITY), 0.5)),
+    "no weight": ("weight of cluster.*more than 0", put("numbers", (0, C.WEIGHT), 0.0)),
+    "a cluster without a datapoint": ("at least one", put("numbers", (0, C.POINTS), 0.0)),
+    "minus one visit": ("visits of cluster", put("numbers", (0, C.VISITS), -1.0)),
+    "a negative duration": ("duration of cluster", put("numbers", (0, C.DURATION), -1.0)),
+    "a negative variance of durations": ("squares of cluster", put("numbers", (0, C.SQUARES), -1.0)),
     "minus one transition": ("counts", put("counts", (0, 0), -1.0)),
     "half a transition": ("counts", put("counts", (0, 0), 0.5)),
-    "a dimension of all columns": ("dimension", put("clusters", (0, FIRST), 3.0)),
-    "a dimension beyond its directions": ("number of directions", put("clusters", (0, FIRST + 1), 0.0)),
-    "half a direction": ("number of directions", put("clusters", (0, FIRST + 1), 1.5)),
-    "a mean beyond all": ("mean", put("clusters", (0, FIRST + 2), 1e200)),
-    "a negative variance": ("variance", put("clusters", (0, FIRST + 5), -1.0)),
-    "a negative distance": ("distance", put("clusters", (0, -14), -1.0)),
-    "skew directions": (
-        "direction",
-        lambda _, a: a["clusters"].__setitem__((slice(None), slice(-4, None)), 0.7),
-    ),
+    "a dimension of all columns": ("dimension", put("dimensions", (0, 0), 3.0)),
+    "a dimension beyond its directions": ("number of directions", put("ranks", (0, 0), 0.0)),
+    "half a direction": ("number of directions", put("ranks", (0, 0), 1.5)),
+    "a mean beyond all": ("mean", put("means", (0, 1, 2), 1e200)),
+    "a negative variance": ("variance", put("variances", (0, 0, 0), -1.0)),
+    "a negative distance": ("distance", put("distances", (0, 1, 0), -1.0)),
+    "a variance beyond its directions": ("variance", put("variances", (0, 0, -1), 1.0)),
+    "a direction too many": ("direction", put("bases", (0, 0, 0, -1), 1e-9)),
+    "a direction too long": ("direction", put("bases", (0, 0, 0, 0), 1e200)),
+    "a direction too short": ("product of directions", lambda _, a: a["bases"].__imul__(0.9)),
 }
 
 

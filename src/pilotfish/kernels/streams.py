@@ -72,13 +72,13 @@ class StreamHead(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamState:
-    """K clusters, each seen from P frames; a frame's subspace has room for C directions, a multiple
-    of four.
+    """K clusters, each seen from P frames; a frame's subspace has room for C directions, a multiple of four.
 
-    clusters[k] holds the numbers of StreamColumn, then for each frame its dimension d, its directions r >= d, its
-    mean (D), the variances along them (C), mean squared distances to the subspaces of their first 0 ... C
-    (C + 1), and the directions themselves (D x C), orthonormal columns. What lies beyond r is zero.
-    counts[i, j] datapoints in j came right after one in i.
+    clusters[k] holds the numbers of StreamColumn, then for each frame, end to end: its dimension d, its
+    directions r >= d, its mean, the variances along them (C), mean squared distances to the subspaces of
+    their first 0 ... C, and the directions themselves (D x C), orthonormal columns. What lies beyond r is
+    zero; mean and distances are filled up with zeros to a multiple of four, so that the kernel works on
+    rows as they are. counts[i, j] datapoints in j came right after one in i.
     """
 
     head: Float[Array, " 4"]
@@ -89,20 +89,53 @@ class StreamState:
     room: int
 
     def blocks(self) -> Float[Array, "K P S"]:
-        """The frames' part of the rows, a view."""
+        """The frames' part of the rows. This and all below are views."""
         length = block_length(self.width, self.room)
         return self.clusters[:, len(StreamColumn) :].reshape(len(self.clusters), self.frames, length)
+
+    @property
+    def dimensions(self) -> Float[Array, "K P"]:
+        return self.blocks()[:, :, 0]
+
+    @property
+    def ranks(self) -> Float[Array, "K P"]:
+        return self.blocks()[:, :, 1]
+
+    @property
+    def means(self) -> Float[Array, "K P D"]:
+        return self.blocks()[:, :, 2 : 2 + self.width]
+
+    @property
+    def variances(self) -> Float[Array, "K P C"]:
+        begin = 2 + in_fours(self.width)
+        return self.blocks()[:, :, begin : begin + self.room]
+
+    @property
+    def distances(self) -> Float[Array, "K P _"]:
+        begin = 2 + in_fours(self.width) + self.room
+        return self.blocks()[:, :, begin : begin + self.room + 1]
+
+    @property
+    def bases(self) -> Float[Array, "K P D C"]:
+        flat = self.blocks()[:, :, block_length(self.width, self.room) - self.width * self.room :]
+        return flat.reshape(*flat.shape[:2], self.width, self.room)
 
 
 def empty_stream(frames: int, width: int) -> StreamState:
     """Before the first datapoint."""
-    row = stream_row_length(frames, width, 0)
-    return StreamState(np.array([-1.0, 0, 0, 0]), np.empty((0, row)), np.empty((0, 0)), frames, width, 0)
+    return stream_of(0, frames, width, 0)
 
 
-def room_for(directions: int) -> int:
-    """A multiple of four, so that rows can be read into vector registers as they are."""
-    return (directions + 3) // 4 * 4
+def stream_of(clusters: int, frames: int, width: int, room: int) -> StreamState:
+    """A state of so many clusters, all zeros, where a demonstration begins."""
+    rows = np.zeros((clusters, stream_row_length(frames, width, room)))
+    counts = np.zeros((clusters, clusters))
+    return StreamState(np.array([-1.0, 0, 0, 0]), rows, counts, frames, width, room)
+
+
+def in_fours(size: int) -> int:
+    """The least multiple of four that is not less."""
+    return (size + 3) // 4 * 4
 
 
 def stream_row_length(frames: int, width: int, room: int) -> int:
@@ -110,7 +143,7 @@ def stream_row_length(frames: int, width: int, room: int) -> int:
 
 
 def block_length(width: int, room: int) -> int:
-    return 2 + width + room + (room + 1) + width * room
+    return 2 + in_fours(width) + room + (room + 4) + width * room
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -116,9 +116,9 @@ def lines(arriving: Iterable[bytes], stopped: Callable[[], int]) -> Iterator[lis
     rest = b""
     for data in arriving:
         *whole, rest = (rest + data).replace(b"\r\n", b"\n").split(b"\n")
+        yield whole
         if len(rest) > LONGEST:
             raise InvalidInput(f"a line has more than {LONGEST} bytes, expected a row of numbers a line")
-        yield whole
     if rest and not stopped():
         yield [rest]
 
@@ -213,7 +213,7 @@ def row_of(line: bytes, width: int | None) -> list[float] | str:
         if not isfinite(value) or abs(value) > LARGEST:
             return f"column {n} is {value:g}, expected a finite number of at most {LARGEST:g}"
     if width is not None and len(row) != width:
-        return f"it has {len(row)} numbers, expected {width}"
+        return f"it has {len(row)} in place of {width} numbers"
     return [value for value in row if value is not None]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.errors import InvalidInput, UnknownSkill, require_kind
-from pilotfish.kernels import StreamState, stream_row_length
+from pilotfish.kernels import StreamColumn, StreamState, in_fours, stream_of
 from pilotfish.models import Skill, online
 from pilotfish.store.headed_files import STREAM, Header, decoded, encoded, format_name, opened, written
 from pilotfish.store.skills import decode_skill
@@ -36,6 +36,7 @@ LEARNERS: dict[str, type[Any]] = {
     "sosc": online.SOSC,
 }
 WEIGHTINGS: dict[str, type[Any]] = {"count": online.Count, "trace": online.Trace, "constant": online.Constant}
+SUBSPACES = ("dimensions", "ranks", "means", "variances", "distances", "bases")
 WHOLE = ("spare", "most_clusters", "batch")
 
 
@@ -69,16 +70,13 @@ def encode_stream(model: online.OnlineModel) -> bytes:
     """The bytes of the model's file.    Raises: InvalidInput, as save_stream does."""
     require_kind("model", model, online.OnlineModel, "online.online_model makes one")
     require_sound_stream(model)
-    state = model.state
     header = {
         "settings": _settings_apart(model.settings),
         "layout": layout_apart(model.layout),
         "period": float(model.period),
         "frames": list(model.frame_names),
-        "room": state.room,
     }
-    arrays = {"head": state.head, "clusters": state.clusters, "counts": state.counts}
-    return encoded(STREAM, header, {name: np.ascontiguousarray(array) for name, array in arrays.items()})
+    return encoded(STREAM, header, _state_apart(model.state))
 
 
 def decode_stream(data: bytes) -> online.OnlineModel:
@@ -90,29 +88,47 @@ def _model(header: Header, arrays: Arrays) -> online.OnlineModel:
     """The inverse of encode_stream. It uses header and arrays up, so that what is too much is seen."""
     layout = layout_together(taken_list(header, "layout"))
     names = from_json(taken(header, "frames", "the header"), tuple[str, ...], "frames")
-    room = _whole(taken(header, "room", "the header"), "room")
-    head, clusters, counts = (taken(arrays, name, "the file") for name in ("head", "clusters", "counts"))
-    _require_shapes(head, clusters, counts, stream_row_length(len(names), layout.width, room))
     settings = _settings_together(taken(header, "settings", "the header"))
     period = from_json(taken(header, "period", "the header"), float, "period")
+    state = _state_together(arrays, len(names), layout.width)
     require_nothing_left(header, "the header")
     require_nothing_left(arrays, "the file")
-    empty = online.online_model(settings, layout, period, names)
-    state = StreamState(head, clusters, counts, len(names), layout.width, room)
-    model = replace(empty, state=state)
+    model = replace(online.online_model(settings, layout, period, names), state=state)
     require_sound_stream(model)
     return model
 
 
-def _require_shapes(head: Array, clusters: Array, counts: Array, row: int) -> None:
-    K = len(clusters) if clusters.ndim else 0
-    for name, array, shape in (
-        ("head", head, (4,)),
-        ("clusters", clusters, (K, row)),
-        ("counts", counts, (K, K)),
-    ):
-        if array.shape != shape:
-            raise InvalidInput(f"{name} has shape {array.shape}, expected {shape}")
+def _state_apart(state: StreamState) -> Arrays:
+    """What was learned, by name, without what rows are filled up with."""
+    numbers = state.clusters[:, : len(StreamColumn)]
+    arrays = {"head": state.head, "counts": state.counts, "numbers": numbers}
+    arrays |= {name: getattr(state, name) for name in SUBSPACES}
+    return {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+
+
+def _state_together(arrays: Arrays, P: int, D: int) -> StreamState:
+    """The inverse of _state_apart.    Raises: InvalidInput, when shapes do not agree."""
+    held = {name: taken(arrays, name, "the file") for name in ("head", "counts", "numbers", *SUBSPACES)}
+    K, C = (len(held["numbers"]) if held["numbers"].ndim else 0), (held["bases"].shape or (0,))[-1]
+    shapes = {
+        "head": (4,),
+        "counts": (K, K),
+        "numbers": (K, len(StreamColumn)),
+        "dimensions": (K, P),
+        "ranks": (K, P),
+        "means": (K, P, D),
+        "variances": (K, P, C),
+        "distances": (K, P, C + 1),
+        "bases": (K, P, D, C),
+    }
+    for name, shape in shapes.items():
+        if held[name].shape != shape:
+            raise InvalidInput(f"{name} has shape {held[name].shape}, expected {shape}")
+    state = replace(stream_of(K, P, D, in_fours(C)), head=held["head"], counts=held["counts"])
+    state.clusters[:, : len(StreamColumn)] = held["numbers"]
+    for name in SUBSPACES:
+        getattr(state, name)[..., : held[name].shape[-1]] = held[name]
+    return state
 
 
 def _settings_apart(settings: online.OnlineSettings) -> dict[str, Any]:

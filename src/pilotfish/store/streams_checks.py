@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.kernels import StreamColumn, StreamHead, room_for
+from pilotfish.kernels import StreamColumn, StreamHead, in_fours
 from pilotfish.models import online
 from pilotfish.store.skills_fields import require_finite
 from pilotfish.types import Array, Bool, Float
@@ -65,8 +65,8 @@ def _require_numbers(model: online.OnlineModel) -> None:
 def _require_subspaces(model: online.OnlineModel) -> None:
     """d <= r, so many orthonormal directions, variances and distances, and nothing beyond them."""
     rules, room, blocks, D = model.rules, model.state.room, model.state.blocks(), model.layout.width
-    most = room_for(min(rules.directions + rules.spare, D))
-    if room != room_for(room) or room > most:
+    most = in_fours(min(rules.directions + rules.spare, D))
+    if room != in_fours(room) or room > most:
         raise InvalidInput(f"there is room for {room} directions, expected a multiple of four up to {most}")
     d, r = blocks[:, :, 0], blocks[:, :, 1]
     _require("dimension", d, _counts_something(d) & (d <= rules.directions), f"0 to {rules.directions}")
@@ -74,7 +74,7 @@ def _require_subspaces(model: online.OnlineModel) -> None:
     _require("number of directions", r, fits, f"its dimension and up to {rules.spare} more, {D} at most")
     _require("mean", model.means, np.abs(model.means) <= LARGEST, f"at most {LARGEST:g}")
     known = np.arange(room + 1) <= r[:, :, None]  # (K, P, C + 1)
-    _require_squares("distance", blocks[:, :, 2 + D + room : 3 + D + 2 * room], known)
+    _require_squares("distance", model.distances, known)
     _require_squares("variance", model.variances, known[..., 1:])
     _require_directions(model.bases, known[..., 1:])
 

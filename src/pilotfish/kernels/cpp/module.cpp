@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <tuple>
 
@@ -317,7 +318,18 @@ StreamRules rules_of(const In<double, 1>& r) {
 }
 
 size_t row_length(size_t P, size_t D, size_t room) {
-  return NUMBERS + P * (2 + D + room + (room + 1) + D * room);
+  return NUMBERS + P * Layout{int(D), in_fours(int(D)), int(room)}.block();
+}
+
+// Memory for updates, one for each thread: to allocate it would take as long as a datapoint does.
+Subspaces& work_for(size_t D) {
+  static thread_local std::unique_ptr<Subspaces> work;
+  static thread_local size_t width = 0;
+  if (width != D) {
+    work = std::make_unique<Subspaces>(int(D));
+    width = D;
+  }
+  return *work;
 }
 
 // The state of a stream as Python holds it, checked, and read into stream.
@@ -357,7 +369,7 @@ auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double,
   const size_t P = x.shape(1), D = x.shape(2);
   expect_some(P, "the second axis of x");
   expect_some(D, "the last axis of x");
-  Stream stream(int(P), int(D), rules_of(rules));
+  Stream stream(int(P), int(D), rules_of(rules), work_for(D));
   load(stream, P, D, head, rows, counts, room);
   const long refused = refused_in(x.data(), long(x.size()));
   const size_t N = refused < 0 ? x.shape(0) : 0;
@@ -379,7 +391,7 @@ auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<dou
   const size_t P = x.shape(0), D = x.shape(1);
   expect_some(P, "x");
   expect_some(D, "the last axis of x");
-  Stream stream(int(P), int(D), rules_of(rules));
+  Stream stream(int(P), int(D), rules_of(rules), work_for(D));
   load(stream, P, D, head, rows, counts, room);
   const long refused = refused_in(x.data(), long(x.size()));
   int64_t identity = -1;

@@ -21,83 +21,81 @@ void copy_rows(const double* from, int wide, double* to, int room, int rows) {
 
 }  // namespace
 
-Stream::Stream(int P, int D, const StreamRules& rules)
+Stream::Stream(int P, int D, const StreamRules& rules, Subspaces& work)
     : P_(P),
       D_(D),
       rules_(rules),
-      layout_{D, padded(D), padded(std::min(rules.spare + 1, D))},
-      subspaces_(D),
-      point_(size_t(P) * padded(D)),
-      error_(padded(D)),
-      g_(layout_.room) {}
+      layout_{D, in_fours(D), 0},
+      subspaces_(work),
+      point_(size_t(P) * in_fours(D)),
+      error_(in_fours(D)) {}
 
 int Stream::room() const {
-  int most = 0;
+  double most = 0;
   for (int slot : order_)
-    for (int p = 0; p < P_; ++p) most = std::max(most, ranks_[size_t(slot) * P_ + p]);
-  return padded(most);
+    for (int p = 0; p < P_; ++p) most = std::max(most, numbers(slot)[NUMBERS + p * layout_.block() + 1]);
+  return in_fours(int(most));
 }
 
 void Stream::reserve_slots(int slots) {
   if (slots <= slots_) return;
-  Buffer counts(size_t(slots) * slots), logs(size_t(slots) * slots);
-  for (int i = 0; i < slots_; ++i) std::copy_n(&counts_[size_t(i) * slots_], slots_, &counts[size_t(i) * slots]);
+  Buffer counts(size_t(slots) * slots);
+  copy_rows(counts_.data(), slots_, counts.data(), slots, slots_);
   counts_.swap(counts);
-  logs_.swap(logs);
-  numbers_.resize(size_t(slots) * NUMBERS);
-  dimensions_.resize(size_t(slots) * P_);
-  ranks_.resize(size_t(slots) * P_);
-  chunks_.resize(size_t(slots) * P_ * layout_.chunk());
+  logs_.resize(Eigen::Index(slots) * slots);
+  rows_.conservativeResize(Eigen::Index(slots) * row());
   totals_.resize(slots);
   ready_.assign(slots, 0);
+  order_.reserve(slots);
+  free_.reserve(slots);
   for (int slot = slots - 1; slot >= slots_; --slot) free_.push_back(slot);
   slots_ = slots;
 }
 
+// A row of one layout as one of another, which has room for all of its directions.
+void Stream::copy_row(const double* from, const Layout& narrow, double* to, const Layout& wide) const {
+  if (narrow.room == wide.room) {
+    std::copy_n(from, NUMBERS + P_ * wide.block(), to);
+    return;
+  }
+  std::copy_n(from, int(NUMBERS), to);
+  std::fill_n(to + NUMBERS, P_ * wide.block(), 0.0);
+  for (int p = 0; p < P_; ++p) {
+    const double* block = from + NUMBERS + p * narrow.block();
+    const Subspace target = wide.at(to + NUMBERS + p * wide.block());
+    const double* variances = block + 2 + narrow.rows;
+    const int room = std::min(narrow.room, wide.room);
+    std::copy_n(block, 2 + narrow.rows, target.dimension);
+    std::copy_n(variances, room, target.variances);
+    std::copy_n(variances + narrow.room, room + 1, target.distances);
+    copy_rows(variances + 2 * narrow.room + 4, narrow.room, target.basis, wide.room, D_);
+  }
+}
+
 void Stream::reserve_room(int room) {
   if (room <= layout_.room) return;
-  const Layout wide{D_, layout_.rows, padded(room)};
-  Buffer chunks(size_t(slots_) * P_ * wide.chunk());
+  const Layout wide{D_, layout_.rows, in_fours(room)};
+  Eigen::VectorXd rows(Eigen::Index(slots_) * (NUMBERS + P_ * wide.block()));
   for (int slot : order_)
-    for (int p = 0; p < P_; ++p) {
-      const Subspace from = subspace(slot, p);
-      const Subspace to = wide.at(&chunks[(size_t(slot) * P_ + p) * wide.chunk()], 0, 0);
-      std::copy_n(from.mean, layout_.rows, to.mean);
-      std::copy_n(from.variances, from.rank, to.variances);
-      std::copy_n(from.distances, from.rank + 1, to.distances);
-      copy_rows(from.basis, layout_.room, to.basis, wide.room, D_);
-    }
-  chunks_.swap(chunks);
+    copy_row(numbers(slot), layout_, &rows[slot * (NUMBERS + P_ * wide.block())], wide);
+  rows_.swap(rows);
   layout_ = wide;
-  g_.resize(layout_.room);
 }
 
 void Stream::load(const double* head, const double* rows, const double* counts, int K, int room) {
-  reserve_room(room);
+  layout_.room = room;
+  g_.resize(in_fours(D_));
   reserve_slots(std::max(K + 1, 4));
-  const size_t block = 2 + D_ + room + (room + 1) + size_t(D_) * room, row = NUMBERS + P_ * block;
-  for (int k = 0; k < K; ++k) {
-    const int slot = free_.back();
-    free_.pop_back();
-    order_.push_back(slot);
-    std::copy_n(rows + k * row, int(NUMBERS), numbers(slot));
-    for (int p = 0; p < P_; ++p) {
-      const double* from = rows + k * row + NUMBERS + p * block;
-      dimension(slot, p) = int(from[0]);
-      rank(slot, p) = int(from[1]);
-      const Subspace to = subspace(slot, p);
-      std::copy_n(from + 2, D_, to.mean);
-      std::copy_n(from + 2 + D_, room, to.variances);
-      std::copy_n(from + 2 + D_ + room, room + 1, to.distances);
-      copy_rows(from + 3 + D_ + 2 * room, room, to.basis, layout_.room, D_);
-    }
-  }
+  std::copy_n(rows, K * row(), rows_.data());
+  for (int k = 0; k < K; ++k) order_.push_back(k);
+  free_.resize(slots_ - K);  // the first slots are taken: they are the last in it
+  copy_rows(counts, K, counts_.data(), slots_, K);
   for (int i = 0; i < K; ++i) {
     double total = 0.0;
-    for (int j = 0; j < K; ++j) total += this->counts(order_[i])[order_[j]] = counts[size_t(i) * K + j];
-    totals_[order_[i]] = total;
+    for (int j = 0; j < K; ++j) total += counts[size_t(i) * K + j];
+    totals_[i] = total;
   }
-  current_ = head[CURRENT] < 0.0 ? -1 : order_[size_t(head[CURRENT])];
+  current_ = head[CURRENT] < 0.0 ? -1 : int(head[CURRENT]);
   steps_ = head[STAYED];
   next_ = head[NEXT];
   seen_ = head[SEEN];
@@ -105,24 +103,12 @@ void Stream::load(const double* head, const double* rows, const double* counts, 
 
 void Stream::store(double* head, double* rows, double* counts, int room) const {
   const int K = clusters();
-  const size_t block = 2 + D_ + room + (room + 1) + size_t(D_) * room, row = NUMBERS + P_ * block;
+  const Layout outside{D_, layout_.rows, room};
   head[CURRENT] = -1.0;
   for (int k = 0; k < K; ++k) {
     const int slot = order_[k];
     if (slot == current_) head[CURRENT] = k;
-    std::copy_n(numbers(slot), int(NUMBERS), rows + k * row);
-    for (int p = 0; p < P_; ++p) {
-      double* to = rows + k * row + NUMBERS + p * block;
-      const double* from = chunk(slot, p);
-      to[0] = dimensions_[size_t(slot) * P_ + p];
-      to[1] = ranks_[size_t(slot) * P_ + p];
-      const double *variances = from + layout_.rows, *distances = variances + layout_.room;
-      const double* basis = distances + layout_.room + 4;
-      std::copy_n(from, D_, to + 2);
-      std::copy_n(variances, room, to + 2 + D_);
-      std::copy_n(distances, room + 1, to + 2 + D_ + room);
-      copy_rows(basis, layout_.room, to + 3 + D_ + 2 * room, room, D_);
-    }
+    copy_row(numbers(slot), layout_, rows + k * (NUMBERS + P_ * outside.block()), outside);
     for (int j = 0; j < K; ++j) counts[size_t(k) * K + j] = counts_[size_t(slot) * slots_ + order_[j]];
   }
   head[STAYED] = steps_;
@@ -185,15 +171,15 @@ const double* Stream::logs_of(int slot) {
 bool Stream::costs_less(const double* x, int slot, double transition, double* best, int* chosen, int place) {
   double cost = transition;
   for (int p = 0; p < P_; ++p) {
-    const double* mean = chunk(slot, p);
-    const double square = deviation(x + size_t(p) * layout_.rows, mean, layout_.rows, error_.data());
-    const int d = dimension(slot, p);
+    const Subspace seen = subspace(slot, p);
+    const double square = deviation(x + size_t(p) * layout_.rows, seen.mean, layout_.rows, error_.data());
+    const int d = int(*seen.dimension);
     if (d == 0) {
       cost += square;
     } else {
       const double far = square / (square + rules_.bandwidth);  // at most 1 - rho
       if (cost + far * far * square * (1.0 - 1e-12) > *best) return false;
-      project(layout_, subspace(slot, p).basis, padded(d), error_.data(), g_.data());
+      project(layout_, seen.basis, in_fours(d), error_.data(), g_.data());
       cost += std::max(square - nearness(square, rules_.bandwidth) * square_of_first(g_.data(), d), 0.0);
     }
     if (cost > *best) return false;
@@ -234,7 +220,7 @@ Stream::Choice Stream::assign(const double* x) {
   if (chosen < K && best < begin) return {order_[chosen], best, 0.0};
   if (chosen == K) return {-1, begin, 0.0};
   double dimensions = 0.0;
-  for (int p = 0; p < P_; ++p) dimensions += dimension(order_[chosen], p);
+  for (int p = 0; p < P_; ++p) dimensions += *subspace(order_[chosen], p).dimension;
   return {-1, begin, begin - best - rules_.dimension * dimensions};
 }
 
@@ -252,14 +238,11 @@ int Stream::create(const double* x, long n) {
   free_.pop_back();
   order_.push_back(slot);
   double* own = numbers(slot);
-  std::fill_n(own, int(NUMBERS), 0.0);
+  std::fill_n(own, row(), 0.0);
   own[IDENTITY] = next_++;
   own[WEIGHT] = rules_.weighting == 2 ? rules_.weight : 1.0;
-  for (int p = 0; p < P_; ++p) {
-    std::fill_n(chunk(slot, p), layout_.chunk(), 0.0);
-    std::copy_n(x + size_t(p) * layout_.rows, layout_.rows, chunk(slot, p));
-    dimension(slot, p) = rank(slot, p) = 0;
-  }
+  for (int p = 0; p < P_; ++p)
+    std::copy_n(x + size_t(p) * layout_.rows, layout_.rows, subspace(slot, p).mean);
   return slot;
 }
 
@@ -300,12 +283,12 @@ double Stream::learn(const double* x, int slot) {
                      std::min(rules_.directions, D_ - 1), rules_.spare};
   const bool check = std::fmod(numbers(slot)[POINTS], STRAIGHTEN_EVERY) == 0.0;
   for (int p = 0; p < P_; ++p) {
-    reserve_room(std::min(rank(slot, p) + 1, D_));
-    const Subspace seen = subspace(slot, p);
-    const Subspace now = subspaces_.learn(x + size_t(p) * layout_.rows, seen, layout_, how, &change);
-    dimension(slot, p) = now.dimension;
-    rank(slot, p) = now.rank;
-    if (check) subspaces_.straighten(now, layout_);
+    change += subspaces_.learn(x + size_t(p) * layout_.rows, subspace(slot, p), layout_, how);
+    if (subspaces_.rank() > layout_.room) {
+      reserve_room(subspaces_.rank());
+      subspaces_.keep(subspace(slot, p), layout_);
+    }
+    if (check) subspaces_.straighten(subspace(slot, p), layout_);
   }
   return change;
 }
@@ -336,7 +319,7 @@ void Stream::merge_close(int slot, long n) {
       if (other == slot) continue;
       double square = 0.0;
       for (int p = 0; p < P_ && square < limit; ++p)
-        square += deviation(chunk(slot, p), chunk(other, p), layout_.rows, error_.data());
+        square += deviation(subspace(slot, p).mean, subspace(other, p).mean, layout_.rows, error_.data());
       if (square < least) {
         least = square;
         nearest = other;
@@ -351,14 +334,14 @@ int Stream::merge(int slot, int other, long n) {
   const double mine = numbers(slot)[WEIGHT], theirs = numbers(other)[WEIGHT];
   if (theirs > mine || (theirs == mine && numbers(other)[IDENTITY] < numbers(slot)[IDENTITY]))
     std::swap(slot, other);
-  double* a = numbers(slot);
-  const double* b = numbers(other);
-  const double share = b[WEIGHT] / (a[WEIGHT] + b[WEIGHT]);
+  const double share = numbers(other)[WEIGHT] / (numbers(slot)[WEIGHT] + numbers(other)[WEIGHT]);
   for (int p = 0; p < P_; ++p) {
     subspaces_.merge(subspace(slot, p), subspace(other, p), layout_, share, rules_.spare);
     reserve_room(subspaces_.rank());
-    rank(slot, p) = subspaces_.keep(chunk(slot, p), layout_, dimension(slot, p)).rank;
+    subspaces_.keep(subspace(slot, p), layout_);
   }
+  double* a = numbers(slot);
+  const double* b = numbers(other);
   pool(a, b, VISITS, DURATION, SQUARES);
   pool(a, b, CUT, CUT_DURATION, -1);
   a[POINTS] += b[POINTS];

@@ -22,10 +22,11 @@ struct StreamRules {
 enum Number : int { IDENTITY, WEIGHT, POINTS, BEGUN, VISITS, DURATION, SQUARES, CUT, CUT_DURATION, NUMBERS };
 enum Head : int { CURRENT, STAYED, NEXT, SEEN };
 
-// Clusters lie in slots that are used again; order_ is that of their birth, which is that of the rows.
+// Clusters lie as rows of a StreamState, in slots that are used again; order_ is that of their birth, which is
+// that of the rows outside. work is memory for updates, which may be kept from stream to stream.
 class Stream {
  public:
-  Stream(int P, int D, const StreamRules& rules);
+  Stream(int P, int D, const StreamRules& rules, Subspaces& work);
 
   // K rows, each frame's basis with room for so many directions, as a StreamState has them.
   void load(const double* head, const double* rows, const double* counts, int K, int room);
@@ -57,24 +58,23 @@ class Stream {
 
   void reserve_slots(int slots);
   void reserve_room(int room);
+  void copy_row(const double* from, const Layout& narrow, double* to, const Layout& wide) const;
   const double* logs_of(int slot);
-  double* numbers(int slot) { return &numbers_[size_t(slot) * NUMBERS]; }
-  const double* numbers(int slot) const { return &numbers_[size_t(slot) * NUMBERS]; }
+  size_t row() const { return NUMBERS + P_ * layout_.block(); }
+  double* numbers(int slot) { return &rows_[size_t(slot) * row()]; }
+  const double* numbers(int slot) const { return &rows_[size_t(slot) * row()]; }
   double* counts(int slot) { return &counts_[size_t(slot) * slots_]; }
-  double* chunk(int slot, int p) { return &chunks_[(size_t(slot) * P_ + p) * layout_.chunk()]; }
-  const double* chunk(int slot, int p) const { return &chunks_[(size_t(slot) * P_ + p) * layout_.chunk()]; }
-  int& dimension(int slot, int p) { return dimensions_[size_t(slot) * P_ + p]; }
-  int& rank(int slot, int p) { return ranks_[size_t(slot) * P_ + p]; }
-  Subspace subspace(int slot, int p) { return layout_.at(chunk(slot, p), dimension(slot, p), rank(slot, p)); }
+  double* block(int slot, int p) { return numbers(slot) + NUMBERS + p * layout_.block(); }
+  Subspace subspace(int slot, int p) { return layout_.at(block(slot, p)); }
 
   int P_, D_;
   StreamRules rules_;
   Layout layout_;
-  Subspaces subspaces_;
+  Subspaces& subspaces_;
   int slots_ = 0;
   std::vector<int> order_, free_;
-  std::vector<int> dimensions_, ranks_;
-  Buffer numbers_, chunks_, counts_, logs_;  // logs_[i] row: of the counts of slot i, where ready_
+  Eigen::VectorXd rows_, logs_;  // row i of logs_: of the counts of slot i, where ready_
+  Buffer counts_;
   std::vector<double> totals_;
   std::vector<char> ready_;
   Buffer point_, error_, g_;

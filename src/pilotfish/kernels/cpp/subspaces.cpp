@@ -32,12 +32,12 @@ double extended(const double* distances, int rank, int k) { return distances[std
 }  // namespace
 
 Subspaces::Subspaces(int D)
-    : D_(D), rows_(padded(D)), error_(rows_), y_(rows_), p_(rows_), wide_{D, rows_, padded(D)} {
+    : D_(D), rows_(in_fours(D)), error_(rows_), y_(rows_), p_(rows_), wide_{D, rows_, in_fours(D)} {
   reserve(4);
 }
 
 void Subspaces::reserve(int n) {
-  const size_t width = padded(n + 1);
+  const size_t width = in_fours(n + 1);
   if (g_.size() >= width) return;
   for (Buffer* buffer : {&g_, &again_, &values_, &poles_, &along_, &row_}) buffer->resize(width);
   delta_.resize(width + 4);
@@ -46,7 +46,7 @@ void Subspaces::reserve(int n) {
 
 // g_ = [U p]^T y and p_, the direction of what is left of y outside U; how many directions there are then.
 int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y, double zero) {
-  const int directions = padded(rank);
+  const int directions = in_fours(rank);
   reserve(rank + 1);
   std::fill(g_.begin(), g_.end(), 0.0);
   project(layout, basis, directions, y, g_.data());
@@ -68,7 +68,7 @@ int Subspaces::augment(const double* basis, const Layout& layout, int rank, cons
 
 // Eigenpairs of scale diag(variances, 0) + g g^T, the largest first, and g along them.
 void Subspaces::solve(const double* variances, int rank, int n, double scale) {
-  const int width = padded(n);
+  const int width = in_fours(n);
   for (int i = 0; i < n; ++i) poles_[i] = i < rank ? scale * variances[i] : 0.0;
   eigenpairs_.solve(poles_.data(), g_.data(), n, width, values_.data(), R_.data());
   std::fill_n(along_.data(), width, 0.0);
@@ -77,9 +77,10 @@ void Subspaces::solve(const double* variances, int rank, int n, double scale) {
       loose_lanes<4>(&along_[c]) += g_[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
 }
 
-// out = the first kept columns of [U p] R; out may be the basis itself.
-void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out) {
-  const int width = padded(n), columns = padded(kept);
+// out = the first kept columns of [U p] R, in rows of so much room; out may be the basis itself.
+void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out,
+                       int room) {
+  const int width = in_fours(n), columns = in_fours(kept);
   for (int d = 0; d < D_; ++d) {
     const double* u = basis + size_t(d) * layout.room;
     for (int c = 0; c < columns; c += 4) {
@@ -88,63 +89,78 @@ void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int 
       if (n > rank) sum += p_[d] * loose_lanes<4>(&R_[size_t(rank) * width + c]);
       loose_lanes<4>(&row_[c]) = sum;
     }
-    double* to = out + size_t(d) * layout.room;
+    double* to = out + size_t(d) * room;
     std::copy_n(row_.data(), kept, to);
-    std::fill_n(to + kept, layout.room - kept, 0.0);
+    std::fill_n(to + kept, room - kept, 0.0);
   }
 }
 
-Subspace Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how,
-                          double* change) {
+double Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how) {
   const double w = how.weight, shrink = w / (w + 1.0), share = std::sqrt(w) / (w + 1.0);
-  const int d = seen.dimension, rank = seen.rank;
+  const int d = int(*seen.dimension), rank = int(*seen.rank);
   const double square = deviation(x, seen.mean, rows_, error_.data());
   const double zero = ROUNDING * (std::sqrt(square_of(x, rows_)) + std::sqrt(square_of(seen.mean, rows_)));
   int n = 0;
-  if (how.most + how.spare > 0) {
-    n = augment(seen.basis, layout, rank, error_.data(), zero);
-  }
+  if (how.most + how.spare > 0) n = augment(seen.basis, layout, rank, error_.data(), zero);
   const double inside = n ? square_of_first(g_.data(), d) : 0.0;
   const double before = std::max(square - nearness(square, how.bandwidth) * inside, 0.0);
   const double loss = how.penalty * d + before;
   for (int i = 0; i < n; ++i) g_[i] *= share;
   if (n) solve(seen.variances, rank, n, shrink);
 
+  // along_ sqrt(w) is U^T (x - the mean after the update)
   const double after = shrink * shrink * square, near = nearness(after, how.bandwidth);
-  double along = 0.0;  // along_ sqrt(w) is U^T (x - the mean after the update)
-  int chosen = d;
-  double least = std::numeric_limits<double>::infinity();
+  double along = 0.0, least = std::numeric_limits<double>::infinity(), now = loss;
+  dimension_ = d;
   for (int k = 0; k <= n; ++k) {
     if (k) along += w * along_[k - 1] * along_[k - 1];
     const double delta = std::max(after - near * along, 0.0);
-    const double mean = (w * extended(seen.distances, rank, k) + delta) / (w + 1.0);
-    delta_[k] = mean;
-    const double now = how.penalty * k + delta;
-    if (k > d + 1 || k > how.most || !(now <= loss || k == d)) continue;
-    if (how.penalty * k + mean < least) {
-      least = how.penalty * k + mean;
-      chosen = k;
+    delta_[k] = (w * extended(seen.distances, rank, k) + delta) / (w + 1.0);
+    const double loss_at_k = how.penalty * k + delta;
+    if (k > d + 1 || k > how.most || !(loss_at_k <= loss || k == d)) continue;
+    if (how.penalty * k + delta_[k] < least) {
+      least = how.penalty * k + delta_[k];
+      dimension_ = k;
+      now = loss_at_k;
     }
   }
-  double inside_after = 0.0;
-  for (int i = 0; i < chosen; ++i) inside_after += w * along_[i] * along_[i];
-  *change += how.penalty * chosen + std::max(after - near * inside_after, 0.0) - loss;
+  rank_ = std::min(n, dimension_ + how.spare);
+  if (rank_ <= layout.room) {
+    for (int i = 0; i < rows_; i += 4) loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
+    if (n) rotate(seen.basis, layout, rank, n, rank_, seen.basis, layout.room);
+    put(seen, layout);
+  } else {
+    reserve_wide();
+    for (int i = 0; i < rows_; ++i) mean_[i] = seen.mean[i] + error_[i] / (w + 1.0);
+    rotate(seen.basis, layout, rank, n, rank_, basis_.data(), wide_.room);
+    std::copy_n(values_.data(), rank_, variances_.data());
+    std::copy_n(delta_.data(), rank_ + 1, distances_.data());
+  }
+  return now - loss;
+}
 
-  const int kept = std::min(n, chosen + how.spare);
-  for (int i = 0; i < rows_; i += 4) loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
-  if (n) rotate(seen.basis, layout, rank, n, kept, seen.basis);
-  std::copy_n(values_.data(), kept, seen.variances);
-  std::fill_n(seen.variances + kept, layout.room - kept, 0.0);
-  std::copy_n(delta_.data(), kept + 1, seen.distances);
-  std::fill_n(seen.distances + kept + 1, layout.room - kept, 0.0);
-  return {chosen, kept, seen.mean, seen.variances, seen.distances, seen.basis};
+// The numbers of what was just learned, where mean and basis are already.
+void Subspaces::put(const Subspace& to, const Layout& layout) const {
+  *to.dimension = dimension_;
+  *to.rank = rank_;
+  std::copy_n(values_.data(), rank_, to.variances);
+  std::fill_n(to.variances + rank_, layout.room - rank_, 0.0);
+  std::copy_n(delta_.data(), rank_ + 1, to.distances);
+  std::fill_n(to.distances + rank_ + 1, layout.room - rank_, 0.0);
+}
+
+void Subspaces::reserve_wide() {
+  if (!basis_.empty()) return;
+  for (Buffer* buffer : {&basis_, &other_}) buffer->resize(size_t(D_) * wide_.room);
+  for (Buffer* buffer : {&variances_, &distances_}) buffer->resize(wide_.room + 4);
+  for (Buffer* buffer : {&mean_, &apart_}) buffer->resize(rows_);
 }
 
 void Subspaces::absorb(double scale, const double* y, double zero) {
   const int n = augment(basis_.data(), wide_, rank_, y, zero);
   if (n == 0) return;
   solve(variances_.data(), rank_, n, scale);
-  rotate(basis_.data(), wide_, rank_, n, n, other_.data());
+  rotate(basis_.data(), wide_, rank_, n, n, other_.data(), wide_.room);
   std::swap(basis_, other_);
   std::copy_n(values_.data(), n, variances_.data());
   rank_ = n;
@@ -152,21 +168,17 @@ void Subspaces::absorb(double scale, const double* y, double zero) {
 
 void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double share,
                       int spare) {
-  if (basis_.empty()) {
-    for (Buffer* buffer : {&basis_, &other_}) buffer->resize(size_t(D_) * wide_.room);
-    for (Buffer* buffer : {&variances_, &distances_}) buffer->resize(wide_.room + 4);
-    for (Buffer* buffer : {&mean_, &apart_}) buffer->resize(rows_);
-  }
+  reserve_wide();
   const double between = share * (1.0 - share);
   const double zero = ROUNDING * (std::sqrt(square_of(light.mean, rows_)) + std::sqrt(square_of(heavy.mean, rows_)));
   const double square = deviation(light.mean, heavy.mean, rows_, apart_.data());
   double scale = 1.0 - share;
-  rank_ = heavy.rank;
+  rank_ = int(*heavy.rank);
   std::copy_n(heavy.variances, rank_, variances_.data());
   std::fill(basis_.begin(), basis_.end(), 0.0);
   for (int d = 0; d < D_; ++d)
     std::copy_n(heavy.basis + size_t(d) * layout.room, rank_, &basis_[size_t(d) * wide_.room]);
-  for (int i = 0; i < light.rank; ++i) {
+  for (int i = 0; i < int(*light.rank); ++i) {
     const double length = std::sqrt(share * light.variances[i]);
     for (int d = 0; d < D_; ++d) y_[d] = length * light.basis[size_t(d) * layout.room + i];
     absorb(scale, y_.data(), ROUNDING * length);
@@ -174,41 +186,42 @@ void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout
   }
   for (int d = 0; d < rows_; ++d) y_[d] = std::sqrt(between) * apart_[d];
   absorb(scale, y_.data(), std::sqrt(between) * zero);
-  const int kept = std::min(rank_, heavy.dimension + spare);
+  dimension_ = int(*heavy.dimension);
+  const int kept = std::min(rank_, dimension_ + spare);
   double along = 0.0;
   for (int k = 0; k <= kept; ++k) {
     if (k) along += along_[k - 1] * along_[k - 1];
-    distances_[k] = (1.0 - share) * extended(heavy.distances, heavy.rank, k) +
-                    share * extended(light.distances, light.rank, k) +
+    distances_[k] = (1.0 - share) * extended(heavy.distances, int(*heavy.rank), k) +
+                    share * extended(light.distances, int(*light.rank), k) +
                     std::max(between * square - along, 0.0);
   }
   rank_ = kept;
   for (int d = 0; d < rows_; ++d) mean_[d] = heavy.mean[d] + share * apart_[d];
 }
 
-Subspace Subspaces::keep(double* chunk, const Layout& layout, int dimension) const {
-  const Subspace to = layout.at(chunk, dimension, rank_);
-  std::fill_n(chunk, layout.chunk(), 0.0);
+void Subspaces::keep(const Subspace& to, const Layout& layout) const {
+  std::fill_n(to.dimension, layout.block(), 0.0);
+  *to.dimension = dimension_;
+  *to.rank = rank_;
   std::copy_n(mean_.data(), rows_, to.mean);
   std::copy_n(variances_.data(), rank_, to.variances);
   std::copy_n(distances_.data(), rank_ + 1, to.distances);
   for (int d = 0; d < D_; ++d)
     std::copy_n(&basis_[size_t(d) * wide_.room], rank_, to.basis + size_t(d) * layout.room);
-  return to;
 }
 
 void Subspaces::straighten(const Subspace& seen, const Layout& layout) {
-  const int room = layout.room;
+  const int room = layout.room, rank = int(*seen.rank);
   const auto product = [&](int i, int j) {
     double sum = 0.0;
     for (int d = 0; d < D_; ++d) sum += seen.basis[size_t(d) * room + i] * seen.basis[size_t(d) * room + j];
     return sum;
   };
   double drift = 0.0;
-  for (int j = 0; j < seen.rank; ++j)
+  for (int j = 0; j < rank; ++j)
     for (int i = 0; i <= j; ++i) drift = std::max(drift, std::abs(product(i, j) - (i == j)));
   if (!(drift > DRIFT)) return;
-  for (int j = 0; j < seen.rank; ++j) {  // modified Gram-Schmidt, twice: the leading directions stay
+  for (int j = 0; j < rank; ++j) {  // modified Gram-Schmidt, twice: the leading directions stay
     for (int pass = 0; pass < 2; ++pass)
       for (int i = 0; i < j; ++i) {
         const double along = product(i, j);

@@ -7,24 +7,24 @@
 
 namespace pilotfish {
 
-// Where a subspace lies in memory, and how it is laid out: rows of the basis have room for a multiple of
-// four directions, beyond rank they are zero.
+inline int in_fours(int n) { return (n + 3) / 4 * 4; }  // the least multiple of four that is not less
+
+// A subspace where it lies in a row of a StreamState: mean and distances are filled up with zeros to a multiple
+// of four, so that vector registers need no remainder, and so is the room for directions.
 struct Subspace {
-  int dimension, rank;
-  double *mean, *variances, *distances, *basis;
+  double *dimension, *rank, *mean, *variances, *distances, *basis;
 };
 
 struct Layout {
   int D;     // columns
-  int rows;  // the same padded, so that vector registers need no remainder; the padding is zero
-  int room;  // directions, a multiple of four
-  size_t chunk() const { return size_t(rows) + 2 * room + 4 + size_t(D) * room; }
-  Subspace at(double* chunk, int dimension, int rank) const {
-    return {dimension, rank, chunk, chunk + rows, chunk + rows + room, chunk + rows + 2 * room + 4};
+  int rows;  // the same in fours
+  int room;  // for directions, in fours
+  size_t block() const { return 2 + size_t(rows) + 2 * room + 4 + size_t(D) * room; }
+  Subspace at(double* block) const {
+    double* variances = block + 2 + rows;
+    return {block, block + 1, block + 2, variances, variances + room, variances + 2 * room + 4};
   }
 };
-
-inline int padded(int n) { return (n + 3) / 4 * 4; }
 
 // 2 rho - rho^2, for a datapoint at that squared distance from the mean.
 inline double nearness(double square, double bandwidth) {
@@ -75,17 +75,15 @@ class Subspaces {
  public:
   explicit Subspaces(int D);
 
-  // seen after one more datapoint, written into chunk, which has room for rank + 1 directions.
-  // change gains what the loss at x changes by.
-  Subspace learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how,
-                 double* change);
+  // seen learns a datapoint; returns what the loss at it changes by. Where that wants more directions than
+  // there is room for, seen is as it was, and rank() > room: keep() then puts it where there is room.
+  double learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how);
 
-  // heavy and light as one, light having that share of the weight.
+  // heavy and light as one, light having that share of the weight; keep() puts it where it belongs.
   void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double share, int spare);
 
-  int rank() const { return rank_; }  // of what merge made
-  // What merge made, where it belongs.
-  Subspace keep(double* chunk, const Layout& layout, int dimension) const;
+  int rank() const { return rank_; }  // of what was made last
+  void keep(const Subspace& to, const Layout& layout) const;
 
   // Orthonormal directions again, where they have drifted apart by more than 1e-8.
   void straighten(const Subspace& seen, const Layout& layout);
@@ -93,8 +91,10 @@ class Subspaces {
  private:
   int augment(const double* basis, const Layout& layout, int rank, const double* y, double zero);
   void solve(const double* variances, int rank, int n, double scale);
-  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out);
+  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out, int room);
+  void put(const Subspace& to, const Layout& layout) const;
   void reserve(int n);
+  void reserve_wide();
   void absorb(double scale, const double* y, double zero);
 
   int D_, rows_;
@@ -103,7 +103,7 @@ class Subspaces {
   // what merge works on
   Layout wide_;
   Buffer basis_, other_, variances_, distances_, mean_, apart_;
-  int rank_ = 0;
+  int rank_ = 0, dimension_ = 0;
 };
 
 }  // namespace pilotfish

@@ -1,6 +1,5 @@
 """Scalable online sequence clustering: where each datapoint of a stream goes, and what it changes."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,16 +7,18 @@ import numpy as np
 from pilotfish.kernels.refusals import not_observable
 from pilotfish.kernels.streams import StreamColumn as Column
 from pilotfish.kernels.streams import StreamHead as Head
-from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, room_for, stream_row_length
+from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, in_fours, stream_of
 from pilotfish.kernels.twins.subspaces import (
     Subspace,
     born,
     learned,
     loss_of,
     merged,
+    put,
     shortened,
     squared_distance,
     straightened,
+    taken,
 )
 from pilotfish.types import Array, Float
 
@@ -279,40 +280,19 @@ def remove(stream: Stream, k: int, n: int, into: int) -> None:
 
 def unpacked(state: StreamState, rules: StreamRules) -> Stream:
     clusters = []
-    for row, blocks in zip(state.clusters, state.blocks(), strict=True):
-        clusters.append(Cluster(row[: len(Column)].copy(), [_subspace(b, state) for b in blocks]))
+    for k, row in enumerate(state.clusters):
+        clusters.append(Cluster(row[: len(Column)].copy(), [taken(state, k, p) for p in range(state.frames)]))
     current, steps, following, points = (int(number) for number in state.head)
     return Stream(rules, clusters, state.counts.copy(), current, steps, following, points)
 
 
-def _subspace(block: Float[Array, " S"], state: StreamState) -> Subspace:
-    d, r, D, C = int(block[0]), int(block[1]), state.width, state.room
-    mean, variances, distances, basis = np.split(block[2:], np.cumsum([D, C, C + 1]))
-    U = basis.reshape(D, C)[:, :r].copy()
-    return Subspace(d, mean.copy(), U, variances[:r].copy(), distances[: r + 1].copy())
-
-
 def packed(stream: Stream, frames: int, width: int) -> StreamState:
     ranks = [len(seen.variances) for cluster in stream.clusters for seen in cluster.seen]
-    room = room_for(max(ranks, default=0))
-    rows = np.zeros((len(stream.clusters), stream_row_length(frames, width, room)))
-    for row, cluster in zip(rows, stream.clusters, strict=True):
-        row[:] = np.concatenate([cluster.numbers, *_blocks(cluster, room)])
-    head = np.empty(len(Head))
-    head[:] = stream.current, stream.steps, stream.next, stream.points
-    return StreamState(head, rows, stream.counts, frames, width, room)
-
-
-def _blocks(cluster: Cluster, room: int) -> Iterator[Float[Array, " S"]]:
-    for seen in cluster.seen:
-        r = len(seen.variances)
-        space = room - r
-        yield np.concatenate(
-            [
-                np.array([seen.dimension, r], dtype=np.float64),
-                seen.mean,
-                np.pad(seen.variances, (0, space)),
-                np.pad(seen.distances, (0, space)),
-                np.pad(seen.U, ((0, 0), (0, space))).ravel(),
-            ]
-        )
+    state = stream_of(len(stream.clusters), frames, width, in_fours(max(ranks, default=0)))
+    state.head[:] = stream.current, stream.steps, stream.next, stream.points
+    state.counts[:] = stream.counts
+    for k, cluster in enumerate(stream.clusters):
+        state.clusters[k, : len(Column)] = cluster.numbers
+        for p, seen in enumerate(cluster.seen):
+            put(seen, state, k, p)
+    return state

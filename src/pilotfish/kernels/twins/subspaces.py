@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pilotfish.kernels.streams import StreamState
 from pilotfish.types import Array, Float
 
 DRIFT = 1e-8
@@ -26,6 +27,28 @@ class Subspace:
 
 def born(x: Float[Array, " D"]) -> Subspace:
     return Subspace(0, x, np.empty((len(x), 0)), np.empty(0), np.zeros(1))
+
+
+def taken(state: StreamState, k: int, p: int) -> Subspace:
+    """Cluster k in frame p, out of its row."""
+    r = int(state.ranks[k, p])
+    return Subspace(
+        int(state.dimensions[k, p]),
+        state.means[k, p].copy(),
+        state.bases[k, p, :, :r].copy(),
+        state.variances[k, p, :r].copy(),
+        state.distances[k, p, : r + 1].copy(),
+    )
+
+
+def put(seen: Subspace, state: StreamState, k: int, p: int) -> None:
+    """Into the row of cluster k, whose block of frame p is zero."""
+    r = len(seen.variances)
+    state.dimensions[k, p], state.ranks[k, p] = seen.dimension, r
+    state.means[k, p] = seen.mean
+    state.bases[k, p, :, :r] = seen.U
+    state.variances[k, p, :r] = seen.variances
+    state.distances[k, p, : r + 1] = seen.distances
 
 
 def nearness(square: float, bandwidth: float) -> float:

@@ -20,7 +20,7 @@ from pilotfish.models.online.settings import (
 )
 from pilotfish.models.sequences import agreeing_views, viterbi
 from pilotfish.models.skill import Skill
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Bool, Float, Int
 
 EDGE, HELD = 0.99, 0.6  # of a state's datapoints that share is nearer than where rho falls to HELD
 SURPRISE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
@@ -91,28 +91,24 @@ def begin_from(
     """
     data = _labelled(skill, demonstrations)
     model = online_model(settings, skill.layout, skill.period, skill.frame_names)
-    K, C = skill.states, _room(model)
-    rows = np.zeros((K, kernels.stream_row_length(len(skill.frame_names), skill.width, C)))
-    points = np.bincount(data.states, minlength=K).astype(np.float64)
-    rows[:, Column.POINTS] = points
-    rows[:, Column.WEIGHT] = _weights(points, settings)
-    counts = _follow(rows, data, K)
-    state = kernels.StreamState(
-        np.array([-1.0, 0.0, 0.0, len(data.states)]), rows, counts, len(skill.frame_names), skill.width, C
-    )
-    blocks = state.blocks()
+    room = min(model.rules.directions + model.rules.spare, skill.width)
+    state = kernels.stream_of(skill.states, len(skill.frame_names), skill.width, kernels.in_fours(room))
+    points = np.bincount(data.states, minlength=skill.states).astype(np.float64)
+    state.clusters[:, Column.POINTS] = points
+    state.clusters[:, Column.WEIGHT] = _weights(points, settings)
+    _follow(state, data)
     for p, covariances in enumerate(skill.covariances):
         for k, covariance in enumerate(covariances.dense):
-            blocks[k, p] = _block(skill.means[p, k], covariance, model, C)
-    kept = points > 0.0
-    rows = rows[kept]
+            _put(skill.means[p, k], covariance, state, (k, p), model.rules)
+    return replace(model, state=_of_those(points > 0.0, state, len(data.states)))
+
+
+def _of_those(kept: Bool[Array, " K"], state: kernels.StreamState, datapoints: int) -> kernels.StreamState:
+    """The state of some of the clusters, named anew in their order."""
+    rows = state.clusters[kept]
     rows[:, Column.IDENTITY] = np.arange(len(rows))
-    head = state.head.copy()
-    head[kernels.StreamHead.NEXT] = len(rows)
-    state = kernels.StreamState(
-        head, rows, np.ascontiguousarray(counts[kept][:, kept]), state.frames, state.width, C
-    )
-    return OnlineModel(settings, skill.layout, skill.period, skill.frame_names, model.rules, state)
+    head = np.array([-1.0, 0.0, len(rows), datapoints])
+    return replace(state, head=head, clusters=rows, counts=np.ascontiguousarray(state.counts[kept][:, kept]))
 
 
 def _labelled(skill: Skill, demonstrations: Sequence[Demonstration]) -> Labelled:
@@ -165,10 +161,6 @@ def _inside(
     return inside
 
 
-def _room(model: OnlineModel) -> int:
-    return kernels.room_for(min(model.rules.directions + model.rules.spare, model.layout.width))
-
-
 def _weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Array, " K"]:
     match settings.upkeep.weighting:
         case Trace(discount, _):
@@ -179,11 +171,11 @@ def _weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Arra
             return points
 
 
-def _follow(rows: Float[Array, "K R"], data: Labelled, K: int) -> Float[Array, "K K"]:
-    """How often each state followed each; rows gain what visits there were."""
-    counts = np.zeros((K, K))
+def _follow(state: kernels.StreamState, data: Labelled) -> None:
+    """The state gains how often each cluster followed each, and what visits there were."""
+    rows = state.clusters
     for states in np.split(data.states, np.cumsum(data.lengths)[:-1]):
-        np.add.at(counts, (states[:-1], states[1:]), 1.0)
+        np.add.at(state.counts, (states[:-1], states[1:]), 1.0)
         visited, lengths = runs(states)
         rows[visited[0], Column.BEGUN] += 1.0
         for place, (k, steps) in enumerate(zip(visited, lengths, strict=True)):
@@ -194,19 +186,22 @@ def _follow(rows: Float[Array, "K R"], data: Labelled, K: int) -> Float[Array, "
             rows[k, mean] += off / rows[k, number]
             if not cut:
                 rows[k, Column.SQUARES] += off * (steps - rows[k, mean])
-    return counts
 
 
-def _block(
-    mean: Float[Array, " D"], covariance: Float[Array, "D D"], model: OnlineModel, C: int
-) -> Float[Array, " S"]:
-    """A subspace as a row holds it: the leading directions, first those that explain more than lambda_1."""
-    D, rules = len(mean), model.rules
+def _put(
+    mean: Float[Array, " D"],
+    covariance: Float[Array, "D D"],
+    state: kernels.StreamState,
+    place: tuple[int, int],
+    rules: kernels.StreamRules,
+) -> None:
+    """Into the row of a cluster, the leading directions: first those that explain more than lambda_1."""
     values, U = np.linalg.eigh(covariance)
     values, U = np.maximum(values[::-1], 0.0), U[:, ::-1]
     d = min(int(np.sum(values > rules.dimension)), rules.directions)
-    r = min(d + rules.spare, D)
-    variances, distances, basis = np.zeros(C), np.zeros(C + 1), np.zeros((D, C))
-    variances[:r], basis[:, :r] = values[:r], U[:, :r]
-    distances[: r + 1] = np.maximum(values.sum() - np.concatenate([[0.0], np.cumsum(values[:r])]), 0.0)
-    return np.concatenate([[d, r], mean, variances, distances, basis.ravel()])
+    r = min(d + rules.spare, len(mean))
+    state.dimensions[place], state.ranks[place] = d, r
+    state.means[place], state.variances[place][:r] = mean, values[:r]
+    state.bases[place][:, :r] = U[:, :r]
+    beyond = values.sum() - np.concatenate([[0.0], np.cumsum(values[:r])])
+    state.distances[place][: r + 1] = np.maximum(beyond, 0.0)

@@ -61,31 +61,27 @@ class OnlineModel:
 
     @property
     def means(self) -> Float[Array, "K P D"]:
-        return self.state.blocks()[:, :, 2 : 2 + self.layout.width]
+        return self.state.means
 
     @property
     def dimensions(self) -> Int[Array, "K P"]:
         """d, the dimension of each subspace."""
-        return self.state.blocks()[:, :, 0].astype(np.int64)
+        return self.state.dimensions.astype(np.int64)
 
     @property
     def variances(self) -> Float[Array, "K P C"]:
         """Along each remembered direction, the largest first; zero beyond those that there are."""
-        D, C = self.layout.width, self.state.room
-        return self.state.blocks()[:, :, 2 + D : 2 + D + C]
+        return self.state.variances
 
     @property
-    def distances(self) -> Float[Array, "K P C+1"]:
+    def distances(self) -> Float[Array, "K P _"]:
         """Mean squared distances to the subspaces of the first 0 ... C directions (5.22)."""
-        D, C = self.layout.width, self.state.room
-        return self.state.blocks()[:, :, 2 + D + C : 3 + D + 2 * C]
+        return self.state.distances
 
     @property
     def bases(self) -> Float[Array, "K P D C"]:
         """Remembered directions, orthonormal columns; zero beyond those that there are."""
-        D, C = self.layout.width, self.state.room
-        flat = self.state.blocks()[:, :, 3 + D + 2 * C :]
-        return flat.reshape(*flat.shape[:2], D, C)
+        return self.state.bases
 
     @property
     def counts(self) -> Float[Array, "K K"]:

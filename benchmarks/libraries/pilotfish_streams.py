@@ -1,0 +1,106 @@
+"""pilotfish on streams: SOSC, from an array, one datapoint at a time, and for a very long time."""
+
+from collections.abc import Callable, Iterator
+from math import log
+from pathlib import Path
+
+import numpy as np
+from prepared import Answer, Prepared
+from problems import Floats, Stream
+from streaming import normalised_mutual_information
+
+from pilotfish.demonstrations import position_layout
+from pilotfish.models import online
+
+PERIOD = 0.1  # s
+CHUNK, CHUNKS = 100_000, 100  # 10^7 datapoints
+VISIT = 80  # steps, on average
+SURPRISE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
+
+Labelled = tuple[online.OnlineModel, online.Assignments]
+
+
+def settings_of(problem: Stream) -> online.SOSC:
+    """One rule from the generator's scales for every stream.
+
+    lambda is two fifths of a cluster's variance or a quarter of the squared distance of centres, whichever is
+    more; lambda_1 is the geometric mean of the variances along a subspace and beside it; b_m fades a
+    subspace to 9 / 10 at twice a cluster's variance; a quarter of the way to the next centre two clusters
+    are one. A trace lasts one round of all clusters, and what has no 0.3 datapoints left is forgotten.
+    """
+    variance = problem.radius**2
+    cluster = max(0.4 * variance, 0.25 * problem.apart**2)
+    trace = online.Trace(1.0 - 1.0 / (VISIT * problem.clusters), forget_below=0.3)
+    return online.SOSC(
+        cluster=cluster,
+        dimension=problem.extent * problem.noise,
+        noise=problem.noise**2,
+        bandwidth=2.0 * variance / -log(0.9),
+        transition=SURPRISE * cluster,
+        new_transition=SURPRISE * cluster,
+        upkeep=online.Upkeep(trace, merge_distance=0.25 * problem.apart),
+    )
+
+
+def empty(problem: Stream) -> online.OnlineModel:
+    return online.online_model(settings_of(problem), position_layout(problem.x.shape[1]), PERIOD)
+
+
+def from_array(folder: Path) -> Prepared:
+    return _prepared(folder, online.observe_stream)
+
+
+def one_by_one(folder: Path) -> Prepared:
+    """Each label is what it was when its datapoint came: merged clusters are not followed."""
+    return _prepared(folder, _one_by_one)
+
+
+def _one_by_one(model: online.OnlineModel, x: Floats) -> Labelled:
+    identities = np.empty(len(x), dtype=np.int64)
+    for n, point in enumerate(x):
+        model, went = online.observe(model, point)
+        identities[n] = went.identity
+    nothing = np.zeros(len(x))
+    return model, online.Assignments(identities, nothing, nothing, np.empty((0, 3), dtype=np.int64))
+
+
+def _prepared(folder: Path, learn: Callable[[online.OnlineModel, Floats], Labelled]) -> Prepared:
+    problem = Stream.load(folder)
+    start = empty(problem)
+
+    def answer(result: Labelled) -> Answer:
+        model, went = result
+        nmi = normalised_mutual_information(online.identities_now(went), problem.labels)
+        return Answer(nmi, len(problem.x), _told(model))
+
+    return Prepared(lambda: learn(start, problem.x), answer)
+
+
+def endless(folder: Path) -> Prepared:
+    """The first datapoints of the stream over and over; NMI is of the last time."""
+    problem = Stream.load(folder)
+    start, x = empty(problem), problem.x[:CHUNK]
+
+    def run() -> Labelled:
+        model = start
+        for chunk in _over_and_over(x):
+            model, went = online.observe_stream(model, chunk)
+        return model, went
+
+    def answer(result: Labelled) -> Answer:
+        model, went = result
+        nmi = normalised_mutual_information(online.identities_now(went), problem.labels[:CHUNK])
+        return Answer(nmi, CHUNKS * len(x), f"{model.datapoints:,} datapoints; {_told(model)}")
+
+    return Prepared(run, answer)
+
+
+def _over_and_over(x: Floats) -> Iterator[Floats]:
+    for _ in range(CHUNKS):
+        yield x
+
+
+def _told(model: online.OnlineModel) -> str:
+    """How many clusters there are, and of what dimensions."""
+    d = model.dimensions[:, 0]
+    return f"K = {model.clusters}, d = {d.min()} to {d.max()}"

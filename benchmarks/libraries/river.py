@@ -1,0 +1,77 @@
+"""river's clusterers, one datapoint at a time, as dictionaries that were made beforehand."""
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from prepared import Prepared
+from problems import Stream
+from river import cluster  # type: ignore[import-not-found]
+from streaming import Peer, Setting, prepared
+
+Point = dict[int, float]
+
+
+def remark() -> str:
+    return ""
+
+
+def dbstream(folder: Path) -> Prepared:
+    """The radius of a micro-cluster as a share of a cluster's, how fast it fades, when two are joined."""
+    scales = product((0.2, 0.35, 0.5, 0.7, 1.0, 1.4), (0.0005, 0.005), (0.1, 0.3))
+    radius = Stream.load(folder).radius
+    grid = [
+        {"clustering_threshold": share * radius, "fading_factor": fading, "intersection_factor": crossing}
+        for share, fading, crossing in scales
+    ]
+    fixed = {"cleanup_interval": 100, "minimum_weight": 1.0}
+    return _prepared(folder, "dbstream", lambda setting: cluster.DBSTREAM(**fixed, **setting), grid)
+
+
+def denstream(folder: Path) -> Prepared:
+    """The radius of a micro-cluster as a share of a cluster's, and how fast it fades."""
+    radius = Stream.load(folder).radius
+    scales = product((0.2, 0.35, 0.5, 0.7, 1.0, 1.4), (0.002, 0.02, 0.2))
+    grid = [{"epsilon": share * radius, "decaying_factor": fading} for share, fading in scales]
+    fixed = {"beta": 0.5, "mu": 2.5, "n_samples_init": 100}
+    return _prepared(folder, "denstream", lambda setting: cluster.DenStream(**fixed, **setting), grid)
+
+
+def clustream(folder: Path) -> Prepared:
+    """So many micro-clusters: with the default of 100, its time goes with their square."""
+    problem = Stream.load(folder)
+    grid = [
+        {"max_micro_clusters": number, "sigma": problem.radius, "seed": seed}
+        for number, seed in product((14, 28), (0, 1))
+    ]
+    fixed = {"n_macro_clusters": problem.clusters, "halflife": 0.5}
+    return _prepared(folder, "clustream", lambda setting: cluster.CluStream(**fixed, **setting), grid)
+
+
+def stream_k_means(folder: Path) -> Prepared:
+    """How many points go into a chunk, how far centres move, and how far apart they begin."""
+    problem = Stream.load(folder)
+    scales = product((10, 100), (0.1, 0.5), (0.3, 1.0), (0, 1, 2))
+    grid = [
+        {"chunk_size": size, "halflife": halflife, "sigma": share * problem.radius, "seed": seed}
+        for size, halflife, share, seed in scales
+    ]
+    fixed = {"n_clusters": problem.clusters}
+    return _prepared(folder, "stream_k_means", lambda setting: cluster.STREAMKMeans(**fixed, **setting), grid)
+
+
+def _prepared(folder: Path, name: str, make: Callable[[Setting], Any], grid: Sequence[Setting]) -> Prepared:
+    problem = Stream.load(folder)
+    points = [dict(enumerate(x)) for x in problem.x.tolist()]
+    return prepared(folder / f"{name}.json", Peer(make, _learn, _label), points, problem.labels, grid)
+
+
+def _learn(model: Any, points: Sequence[Point]) -> None:
+    learn = model.learn_one
+    for point in points:
+        learn(point)
+
+
+def _label(model: Any, points: Sequence[Point]) -> list[int]:
+    return [model.predict_one(point) for point in points]

@@ -1,0 +1,283 @@
+"""Streams in many dimensions: figure 5.8 of the thesis.
+
+    python reproductions/online_dimensions.py --json dimensions.json --out dimensions/
+
+The first stage of online_stages.py, four clusters in a cycle, in D = 10 to 75 dimensions and for streams of
+1000 to 7500 datapoints, ten of each. Subspaces have 1 to D - 1 dimensions, all alike likely, as the thesis
+has it, of deviation 1 along each basis vector; noise is .04 I. Weights count datapoints.
+
+The thesis chooses lambda anew for every experiment and names none. Here one rule serves all: a cluster of d
+dimensions has a radius of about sqrt(d), the squared distances of its datapoints to its centre are about d,
+less than D, and those between centres at least 16 D. So lambda = 6 D lies between; b_m = 5 D lets subspaces
+fade between clusters, not within them. lambda_1 = .35 and sigma^2 = .04 belong to the data, which are the
+same in every direction whatever D. Subspaces remember 5 directions beyond their dimension (Upkeep.spare):
+with 1, as the thesis has it, they end short of dozens of dimensions; the last table tells how short.
+
+Silhouettes are of the learned labels, with Euclidean distances (footnote 6), over all datapoints. Seconds are
+of CPU, for the stream alone.
+
+Source: Tanwani 2018, section 5.7.1.2.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import pilotfish as pf  # noqa: F401 - the front door first, so that its message about kernels comes once
+from pilotfish.demonstrations import position_layout
+from pilotfish.models import normalised_mutual_information
+from pilotfish.models.online import SOSC, OnlineModel, Upkeep, identities_now, observe_stream, online_model
+
+CLUSTERS, DIMENSIONS, LENGTHS, REPEATS = 4, (10, 25, 50, 75), (1000, 2500, 5000, 7500), 10
+REACH, APART, SHORTEST, LONGEST, DEVIATION = 5.0, 4.0, 70, 90, 0.2
+LAMBDA, BANDWIDTH, LAMBDA_1, SPARE, SPARES = 6.0, 5.0, 0.35, 5, (1, 2, 5, 10, 75)
+BLOCK = 500  # rows of distances at a time
+PANELS = (
+    ("silhouette", "silhouette score [1]"),
+    ("information", "normalised mutual information [1]"),
+    ("seconds", "CPU time of the stream [s]"),
+    ("distance of means", "distance of means to the truth [1]"),
+    ("clusters", "clusters K [1]"),
+    ("dimension", "mean dimension of subspaces [1]"),
+)
+CONSTANTS = {"information": 1.0, "clusters": float(CLUSTERS)}
+COLOURS = dict(zip(DIMENSIONS, ("#004488", "#44AA99", "#DDAA33", "#BB5566"), strict=True))
+NOTES = (
+    "the thesis' text says silhouettes and information are high, its figure prints no number",
+    "its times are of another machine and language and are not compared",
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """Datapoints, the cluster of each, and the truth of these."""
+
+    x: np.ndarray
+    labels: np.ndarray
+    centres: np.ndarray
+    dimensions: np.ndarray
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--json", type=Path, help="file for the numbers")
+    parser.add_argument("--out", type=Path, help="folder for the picture")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="streams of every kind")
+    parser.add_argument("--dimensions", type=int, nargs="+", default=DIMENSIONS)
+    parser.add_argument("--lengths", type=int, nargs="+", default=LENGTHS)
+    arguments = parser.parse_args()
+    rows = []
+    for D in arguments.dimensions:
+        for T in arguments.lengths:
+            rows.append(row(D, T, arguments.repeats))
+            print_row(rows[-1], first=len(rows) == 1)
+    spares = [spared(max(arguments.dimensions), spare, arguments.repeats) for spare in SPARES]
+    print_spares(spares)
+    for note in NOTES:
+        print(f"note: {note}")
+    if arguments.out:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+        picture(rows).savefig(arguments.out / "figure-5.8-dimensions.png", dpi=110)
+        print(f"the picture is in {arguments.out}")
+    if arguments.json:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        arguments.json.write_text(
+            json.dumps({"rows": rows, "spares": spares, "notes": NOTES}, indent=2) + "\n"
+        )
+
+
+def stream(D: int, T: int, seed: int) -> Stream:
+    rng = np.random.default_rng((seed, D))
+    centres = far_apart(rng, D)
+    dimensions = rng.integers(1, D, size=CLUSTERS)
+    bases = [np.linalg.qr(rng.normal(size=(D, int(d))))[0] for d in dimensions]
+    visits = rng.integers(SHORTEST, LONGEST + 1, size=T // SHORTEST + 1)
+    labels = np.repeat(np.arange(len(visits)) % CLUSTERS, visits)[:T]
+    x = centres[labels] + DEVIATION * rng.normal(size=(T, D))
+    for k, basis in enumerate(bases):
+        own = labels == k
+        x[own] += rng.normal(size=(int(own.sum()), basis.shape[1])) @ basis.T
+    return Stream(x, labels, centres, dimensions)
+
+
+def far_apart(rng: np.random.Generator, D: int) -> np.ndarray:
+    """Centres in [-5, 5]^D, each at least 4 sqrt(D) from the others: drawn until they are."""
+    centres: list[np.ndarray] = []
+    tries = 0
+    while len(centres) < CLUSTERS:
+        candidate = rng.uniform(-REACH, REACH, size=D)
+        if all(np.linalg.norm(candidate - other) >= APART * np.sqrt(D) for other in centres):
+            centres.append(candidate)
+        tries += 1
+        if tries % 10_000 == 0:
+            centres = []
+    return np.stack(centres)
+
+
+def settings(D: int, spare: int = SPARE, penalty: float = LAMBDA_1) -> SOSC:
+    return SOSC(
+        cluster=LAMBDA * D,
+        dimension=penalty,
+        noise=DEVIATION**2,
+        bandwidth=BANDWIDTH * D,
+        transition=0.025,
+        new_transition=0.025,
+        upkeep=Upkeep(spare=spare),
+    )
+
+
+def learned(made: Stream, wish: SOSC) -> tuple[OnlineModel, np.ndarray, float]:
+    """The model of the stream, the cluster of every datapoint, and seconds of CPU."""
+    model = online_model(wish, position_layout(made.x.shape[1], "1"), 1.0)
+    begin = time.process_time()
+    model, went = observe_stream(model, made.x)
+    return model, identities_now(went), time.process_time() - begin
+
+
+def row(D: int, T: int, repeats: int) -> dict[str, float]:
+    """Means over the repeats, and deviations."""
+    found = [judged(stream(D, T, seed), settings(D)) for seed in range(repeats)]
+    numbers: dict[str, float] = {"D": D, "T": T}
+    for name in found[0]:
+        values = [one[name] for one in found]
+        numbers[name] = float(np.mean(values))
+        numbers[f"{name}, deviation"] = float(np.std(values))
+    return numbers
+
+
+def judged(made: Stream, wish: SOSC) -> dict[str, float]:
+    model, labels, seconds = learned(made, wish)
+    apart = np.linalg.norm(model.means[None, :, 0] - made.centres[:, None], axis=2)
+    nearest = apart.argmin(axis=1)
+    return {
+        "silhouette": silhouette(made.x, labels),
+        "silhouette of the truth": silhouette(made.x, made.labels),
+        "information": normalised_mutual_information(labels, made.labels),
+        "seconds": seconds,
+        "distance of means": float(apart.min(axis=1).mean()),
+        "expected distance": expected_distance(made),
+        "clusters": float(model.clusters),
+        "dimension": float(model.dimensions[:, 0].mean()),
+        "true dimension": float(made.dimensions.mean()),
+        "dimensions missing": float(np.mean(made.dimensions - model.dimensions[nearest, 0])),
+        "dimensions right": float(np.mean(made.dimensions == model.dimensions[nearest, 0])),
+    }
+
+
+def expected_distance(made: Stream) -> float:
+    """How far the mean of a cluster's own datapoints lies from its centre, to be expected by chance."""
+    counts = np.bincount(made.labels, minlength=CLUSTERS)
+    return float(np.mean(np.sqrt((made.dimensions + made.x.shape[1] * DEVIATION**2) / counts)))
+
+
+def silhouette(x: np.ndarray, labels: np.ndarray) -> float:
+    """The mean silhouette score; 0 for a datapoint that is alone in its cluster, or with one cluster only.
+
+    Source: Rousseeuw 1987.
+    """
+    names, own, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    if len(names) == 1:
+        return 0.0
+    member = np.zeros((len(x), len(names)))
+    member[np.arange(len(x)), own] = 1.0
+    squares = np.sum(x**2, axis=1)
+    scores = np.empty(len(x))
+    for start in range(0, len(x), BLOCK):
+        here = slice(start, start + BLOCK)
+        apart = squares[here, None] + squares - 2.0 * x[here] @ x.T
+        rows = np.arange(len(apart))
+        apart[rows, start + rows] = 0.0
+        sums = np.sqrt(np.maximum(apart, 0.0)) @ member
+        inside = sums[rows, own[here]] / np.maximum(counts[own[here]] - 1, 1)
+        means = sums / counts
+        means[rows, own[here]] = np.inf
+        outside = means.min(axis=1)
+        score = (outside - inside) / np.maximum(inside, outside)
+        scores[here] = np.where(counts[own[here]] > 1, score, 0.0)
+    return float(scores.mean())
+
+
+def spared(D: int, spare: int, repeats: int) -> dict[str, float]:
+    """What directions in reserve are worth, for the shortest and the longest stream, and lambda_1 = .2."""
+    numbers: dict[str, float] = {"spare": spare}
+    for T in (LENGTHS[0], LENGTHS[-1]):
+        for penalty in (LAMBDA_1, 0.2):
+            missing, seconds = [], []
+            for seed in range(repeats):
+                made = stream(D, T, seed)
+                model, _, spent = learned(made, settings(D, spare, penalty))
+                apart = np.linalg.norm(model.means[None, :, 0] - made.centres[:, None], axis=2)
+                missing.append(np.mean(made.dimensions - model.dimensions[apart.argmin(axis=1), 0]))
+                seconds.append(spent)
+            numbers[f"missing, T = {T}, lambda_1 = {penalty:g}"] = float(np.mean(missing))
+            numbers[f"seconds, T = {T}, lambda_1 = {penalty:g}"] = float(np.mean(seconds))
+    return numbers
+
+
+def print_row(numbers: dict[str, float], *, first: bool) -> None:
+    if first:
+        print(
+            f"{CLUSTERS} clusters; means over the repeats (in brackets: of the true labels, by chance, true)"
+        )
+        print("   D     T   silhouette        NMI    CPU s   means off          K   dimension       d right")
+    print(
+        f"{numbers['D']:>4.0f}{numbers['T']:>6.0f}{numbers['silhouette']:>8.3f} "
+        f"({numbers['silhouette of the truth']:.3f}){numbers['information']:>8.4f}{numbers['seconds']:>9.4f}"
+        f"{numbers['distance of means']:>8.3f} ({numbers['expected distance']:.3f})"
+        f"{numbers['clusters']:>6.1f}{numbers['dimension']:>8.1f} "
+        f"({numbers['true dimension']:.1f}){numbers['dimensions right']:>9.2f}"
+    )
+
+
+def print_spares(rows: Sequence[dict[str, float]]) -> None:
+    print("directions in reserve: dimensions missing of each subspace, and CPU seconds, at the largest D")
+    names = [name.removeprefix("missing, ") for name in rows[0] if name.startswith("missing")]
+    print("spare  " + "".join(f"{name:>28}" for name in names))
+    for one in rows:
+        cells = "".join(f"{one[f'missing, {n}']:>18.2f} ({one[f'seconds, {n}']:.3f} s)" for n in names)
+        print(f"{one['spare']:>5.0f}  {cells}")
+
+
+def picture(rows: Sequence[dict[str, float]]) -> Figure:
+    figure = Figure(figsize=(12, 6.6), layout="constrained")
+    panels = figure.subplots(2, 3).ravel()
+    references = {
+        "silhouette": "silhouette of the truth",
+        "distance of means": "expected distance",
+        "dimension": "true dimension",
+    }
+    for axes, (name, title) in zip(panels, PANELS, strict=True):
+        for D in dict.fromkeys(one["D"] for one in rows):
+            own = [one for one in rows if one["D"] == D]
+            T, colour = [one["T"] for one in own], COLOURS.get(int(D), "black")
+            values = [one[name] for one in own]
+            spread = [one[f"{name}, deviation"] for one in own]
+            axes.errorbar(T, values, spread, fmt="o-", color=colour, capsize=3, label=f"D = {D:.0f}")
+            if name in references:
+                axes.plot(T, [one[references[name]] for one in own], ":", color="black", zorder=5)
+        if name in CONSTANTS:
+            axes.axhline(CONSTANTS[name], linestyle=":", color="black")
+        axes.set(xlabel="datapoints T [1]", title=title, xticks=sorted({one["T"] for one in rows}))
+        axes.title.set_fontsize(10)
+        axes.grid(alpha=0.3)
+    panels[0].set_ylim(0, 1)
+    panels[1].set_ylim(0, 1.05)
+    panels[3].set_ylim(0, None)
+    panels[4].set_ylim(0, 6)
+    panels[5].set_ylim(0, None)
+    panels[2].set_ylim(0, None)
+    handles, names = panels[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=len(names), frameon=False)
+    return figure
+
+
+if __name__ == "__main__":
+    main()

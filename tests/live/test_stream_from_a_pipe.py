@@ -1,0 +1,146 @@
+"""A robot's datapoints through a real pipe: learned as they come, and kept whatever ends the stream."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pilotfish as pf
+from pilotfish.demonstrations import Layout, Part, Quantity
+from pilotfish.models import online
+from pilotfish.store import encode_stream
+
+PATIENCE = 60.0  # s, for a process on a busy machine
+OPTIONS = ["--learner", "dp-gmm", "--cluster", "0.5", "--noise", "0.01", "--out", "now.stream"]
+LAYOUT = Layout((Part("column", Quantity.SCALAR, 3, "1"),))
+Starts = Callable[..., subprocess.Popen[bytes]]
+
+
+def rows(n: int) -> np.ndarray:
+    t = np.arange(n) / 5.0
+    return np.stack([np.cos(t), np.sin(t), 0.1 * t % 1.0], axis=1).round(6)
+
+
+def text(x: np.ndarray) -> bytes:
+    return "".join(f"{a!r} {b!r} {c!r}\n" for a, b, c in x.tolist()).encode()
+
+
+def expected(x: np.ndarray) -> bytes:
+    model = online.online_model(online.DPGMM(0.5, 0.01), LAYOUT, 0.01)
+    return encode_stream(online.observe_stream(model, x)[0])
+
+
+def listens() -> None:
+    """As in a shell's foreground, also where the tests themselves run in the background."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Starts]:
+    """A command that reads a pipe; it is gone after the test."""
+    running: list[subprocess.Popen[bytes]] = []
+    source = str(Path(__file__).parents[2] / "src")
+
+    def start_command(*options: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-W", "ignore", "-m", "pilotfish", "stream", "-", *OPTIONS, *options]
+        process = subprocess.Popen(
+            command,
+            cwd=tmp_path,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": source},
+            preexec_fn=listens,  # noqa: PLW1509 - no threads here
+        )
+        running.append(process)
+        return process
+
+    yield start_command
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def send(process: subprocess.Popen[bytes], data: bytes) -> None:
+    assert process.stdin
+    process.stdin.write(data)
+    process.stdin.flush()
+
+
+def wait_until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < end, "nothing happened for a minute"
+        time.sleep(0.02)
+
+
+def learned(folder: Path) -> int:
+    """How many datapoints the file holds that is kept meanwhile."""
+    path = folder / "now.stream"
+    return pf.open_stream(path).datapoints if path.exists() else 0
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_what_came_before_a_signal_is_in_the_file(
+    start: Starts, tmp_path: Path, number: signal.Signals, code: int
+):
+    """Bit for bit what the library makes of the same rows; half a row that came is none; the summary is told."""
+    process = start("--save-every", "0.01")
+    x = rows(120)
+    for part in np.array_split(x, 40):
+        send(process, text(part))
+    send(process, b"0.5 0.2")
+    wait_until(lambda: learned(tmp_path) == 120)
+    process.send_signal(number)
+    process.send_signal(number)  # some wrappers send it once more
+    out, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, err) == (code, b"")
+    assert b"120 datapoints" in out
+    assert (tmp_path / "now.stream").read_bytes() == expected(x)
+
+
+def test_a_row_is_learned_before_the_next_one_comes(start: Starts, tmp_path: Path):
+    """Nobody waits for a buffer to fill; and the end of the pipe is the end of the stream."""
+    process = start("--save-every", "0.01")
+    x = rows(3)
+    for n in range(3):
+        send(process, text(x[n : n + 1]))
+        wait_until(lambda n=n: learned(tmp_path) == n + 1)  # type: ignore[misc]
+    out, err = process.communicate(text(x[:1]).removesuffix(b"\n"), timeout=PATIENCE)
+    assert (process.returncode, err) == (0, b"")
+    assert (tmp_path / "now.stream").read_bytes() == expected(np.concatenate([x, x[:1]]))
+
+
+def test_a_signal_before_the_first_row_leaves_no_file(start: Starts, tmp_path: Path):
+    """There is nothing to keep: said on stderr."""
+    process = start("--every", "1")
+    send(process, b"# hello\n")
+    time.sleep(0.1)
+    listening = Path(f"/proc/{process.pid}/status")
+    wait_until(lambda: "SigCgt" in listening.read_text() and caught(listening, signal.SIGTERM))
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=PATIENCE)
+    assert (process.returncode, out) == (143, b"")
+    assert b"stopped before the first datapoint" in err
+    assert not (tmp_path / "now.stream").exists()
+
+
+def caught(status: Path, number: signal.Signals) -> bool:
+    """Whether the process has a handler of its own for the signal."""
+    (line,) = (line for line in status.read_text().splitlines() if line.startswith("SigCgt"))
+    return bool(int(line.split()[1], 16) >> (number - 1) & 1)
+
+
+def test_no_more_is_read_than_was_wanted(start: Starts, tmp_path: Path):
+    """A source that never ends is left when there are rows enough."""
+    process = start("--rows", "5")
+    out, _ = process.communicate(text(rows(2000)), timeout=PATIENCE)
+    assert process.returncode == 0
+    assert (tmp_path / "now.stream").read_bytes() == expected(rows(2000)[:5])
