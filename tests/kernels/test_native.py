@@ -177,3 +177,43 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
         baseline.semi_tied_sweeps(np.zeros((3, 2, 2)), np.zeros(4), np.eye(2), 1)
     with pytest.raises(ValueError, match="covariances has 4 entries along axis 2, expected 3"):
         baseline.whiteners(np.zeros((2, 3, 4)))
+
+
+def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(baseline, rng):
+    """Rows, counts, the current cluster, dimensions and rules: what says more than is there is told."""
+    rules = StreamRules(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 4, 50, 1)
+    x = np.ascontiguousarray(rng.normal(size=(30, 1, 5)))
+    state = compiled_state(baseline, x, rules)
+    head, rows, counts, room = state
+
+    def observe(head=head, rows=rows, counts=counts, room=room, numbers=rules.numbers):
+        return baseline.observe(x, head, rows, counts, room, numbers)
+
+    observe()
+    for wrong, words in [
+        ({"rows": rows[:, :-1].copy()}, "clusters has"),
+        ({"counts": np.zeros((len(rows) + 1,) * 2)}, "counts has"),
+        ({"head": np.array([float(len(rows)), 1, 9, 30])}, "head names a cluster"),
+        ({"head": np.array([np.nan, 1, 9, 30])}, "head names a cluster"),
+        ({"head": np.zeros(3)}, "head has 3 entries"),
+        ({"room": 3}, "room is no multiple of 4"),
+        ({"room": -4}, "room is no multiple of 4"),
+        ({"room": 400}, "room is no multiple of 4"),
+        ({"numbers": rules.numbers[:-1].copy()}, "rules has 12 entries"),
+        ({"numbers": np.where(np.arange(13) == 12, 0.0, rules.numbers)}, "batch"),
+    ]:
+        with pytest.raises(ValueError, match=words):
+            observe(**wrong)
+    for place, value in [(9, 3.0), (9, -1.0), (9, np.nan), (10, 6.0), (10, np.nan)]:
+        broken = rows.copy()
+        broken[0, place] = value
+        broken[0, 10] = 0.0 if place == 9 else broken[0, 10]
+        with pytest.raises(ValueError, match="out of range"):
+            observe(rows=broken)
+
+
+def compiled_state(module, x, rules):
+    """Head, rows, counts and room after the datapoints."""
+    empty = empty_stream(*x.shape[1:])
+    _, *state = module.observe(x, empty.head, empty.clusters, empty.counts, 0, rules.numbers)
+    return state[:4]

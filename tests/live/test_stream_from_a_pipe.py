@@ -57,7 +57,7 @@ def start(tmp_path: Path) -> Iterator[Starts]:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": source},
-            preexec_fn=listens,  # noqa: PLW1509 - no threads here
+            preexec_fn=listens,
         )
         running.append(process)
         return process
@@ -91,7 +91,7 @@ def learned(folder: Path) -> int:
 def test_what_came_before_a_signal_is_in_the_file(
     start: Starts, tmp_path: Path, number: signal.Signals, code: int
 ):
-    """Bit for bit what the library makes of the same rows; half a row that came is none; the summary is told."""
+    """Bit for bit what the library makes of the same rows; half a row is none; the summary is told."""
     process = start("--save-every", "0.01")
     x = rows(120)
     for part in np.array_split(x, 40):
@@ -113,7 +113,7 @@ def test_a_row_is_learned_before_the_next_one_comes(start: Starts, tmp_path: Pat
     for n in range(3):
         send(process, text(x[n : n + 1]))
         wait_until(lambda n=n: learned(tmp_path) == n + 1)  # type: ignore[misc]
-    out, err = process.communicate(text(x[:1]).removesuffix(b"\n"), timeout=PATIENCE)
+    _, err = process.communicate(text(x[:1]).removesuffix(b"\n"), timeout=PATIENCE)
     assert (process.returncode, err) == (0, b"")
     assert (tmp_path / "now.stream").read_bytes() == expected(np.concatenate([x, x[:1]]))
 
@@ -122,9 +122,7 @@ def test_a_signal_before_the_first_row_leaves_no_file(start: Starts, tmp_path: P
     """There is nothing to keep: said on stderr."""
     process = start("--every", "1")
     send(process, b"# hello\n")
-    time.sleep(0.1)
-    listening = Path(f"/proc/{process.pid}/status")
-    wait_until(lambda: "SigCgt" in listening.read_text() and caught(listening, signal.SIGTERM))
+    wait_until(lambda: caught(Path(f"/proc/{process.pid}/status"), signal.SIGTERM))
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, out) == (143, b"")
@@ -141,6 +139,6 @@ def caught(status: Path, number: signal.Signals) -> bool:
 def test_no_more_is_read_than_was_wanted(start: Starts, tmp_path: Path):
     """A source that never ends is left when there are rows enough."""
     process = start("--rows", "5")
-    out, _ = process.communicate(text(rows(2000)), timeout=PATIENCE)
+    process.communicate(text(rows(2000)), timeout=PATIENCE)
     assert process.returncode == 0
     assert (tmp_path / "now.stream").read_bytes() == expected(rows(2000)[:5])

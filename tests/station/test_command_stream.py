@@ -238,13 +238,17 @@ def test_the_answer_for_programs_tells_all_of_every_cluster(facts: Facts, rows: 
     [
         ("--learner dp-gmm --cluster 1 --noise .1", online.DPGMM(1.0, 0.1)),
         (
-            "--learner dp-mppca --cluster 1 --dimension .1 --noise .1 --bandwidth 2 "
-            + "--weights trace --discount .9 --forget-below .1 --spare 2",
+            (
+                "--learner dp-mppca --cluster 1 --dimension .1 --noise .1 --bandwidth 2 "
+                "--weights trace --discount .9 --forget-below .1 --spare 2"
+            ),
             online.DPMPPCA(1.0, 0.1, 0.1, 2.0, online.Upkeep(online.Trace(0.9, 0.1), spare=2)),
         ),
         (
-            "--learner hdp-hsmm --cluster 1 --noise .1 --transition 0 --new-transition .2 "
-            + "--weights constant --weight 9 --merge-distance 0 --most-clusters 3",
+            (
+                "--learner hdp-hsmm --cluster 1 --noise .1 --transition 0 --new-transition .2 "
+                "--weights constant --weight 9 --merge-distance 0 --most-clusters 3"
+            ),
             online.HDPHSMM(1.0, 0.1, 0.0, 0.2, online.Upkeep(online.Constant(9.0), 0.0, most_clusters=3)),
         ),
     ],

@@ -345,7 +345,7 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
   for (size_t k = 0; k < K; ++k)
     for (size_t p = 0; p < P; ++p) {
       const double* numbers = rows.data() + k * rows.shape(1) + NUMBERS + p * block;
-      if (!(numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= room))
+      if (!(numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= std::min(room, int(D))))
         throw nb::value_error("a cluster's dimension or number of directions is out of range");
     }
   stream.load(head.data(), rows.data(), counts.data(), int(K), room);
