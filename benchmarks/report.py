@@ -131,9 +131,9 @@ def _streams(report: Report) -> Iterator[str]:
     yield ""
     yield (
         "CPU: for one datapoint, of calls in a long-lived process that learn a whole stream from nothing, "
-        "without tuning and the reading of labels. NMI: normalised mutual information (arithmetic mean) of the "
-        "clusters found and the true ones, by the benchmark's own code. Grown and peak memory: of a fresh "
-        "process, as above."
+        "without tuning and the reading of labels. NMI: normalised mutual information, over the mean of the "
+        "entropies, of clusters found and true ones, by the same code for all. Grown and peak memory: of a "
+        "fresh process, as above."
     )
 
 

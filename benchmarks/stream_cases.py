@@ -5,6 +5,10 @@ from kinds import Case, Ceiling, Entry, Lead, LeadInAnswer, Rate, Room, Target
 _ONE, _BATCHES = "one by one", "in batches of 100"
 _SPEED = Entry("pilotfish", "from_array", "pilotfish, from an array")
 _PORTABLE = Entry("pilotfish_baseline", "from_array", "pilotfish, portable kernels")
+_WORST = (
+    Entry("pilotfish", "worst_case", "pilotfish, from an array"),
+    Entry("pilotfish_baseline", "worst_case", "pilotfish, portable kernels"),
+)
 _OURS = (_SPEED, Entry("pilotfish", "one_by_one", f"pilotfish, {_ONE}"), _PORTABLE)
 _PEERS = (
     Entry("river", "dbstream", f"river DBSTREAM, {_ONE}"),
@@ -50,7 +54,9 @@ _FAR = (
 )
 _CIRCLE = "A circle of visits of 70 to 90 steps. "
 _SHUFFLED = (
-    "The worst case: every step draws its cluster anew, so that nothing is gained by the order of visits. "
+    "The worst case: every step draws its cluster anew, so that nothing is gained by the order of visits; "
+    "the model has settled on the first 10,000 datapoints, and from then on b_m is so large that subspaces "
+    "do not fade and no cluster can be passed over because it is far. "
 )
 
 
@@ -64,7 +70,8 @@ def _far(D: int, d: str, shuffled: bool) -> Case:
     name = f"shuffled_{D}" if shuffled else f"long_{D}"
     title = f"long stream in {D} dimensions" + (", worst case" if shuffled else "")
     explanation = _FAR.replace("{d}", d) + (_SHUFFLED if shuffled else _CIRCLE) + "Penalties as above."
-    return Case(name, title, name, explanation, _NMI, (_SPEED, _PORTABLE), unit="datapoint")
+    entries = _WORST if shuffled else (_SPEED, _PORTABLE)
+    return Case(name, title, name, explanation, _NMI, entries, unit="datapoint")
 
 
 _SIZES = ((3, "1 or 2 dimensions"), (14, "4 dimensions"), (75, "8 dimensions"))

@@ -57,7 +57,7 @@ from pilotfish.models.online import (
 D, LENGTH, CLUSTERS = 3, 2500, (4, 4, 6)
 REACH, APART, SHORTEST, LONGEST, DEVIATION = 5.0, 4.0, 70, 90, 0.2
 MEAN_DURATION, DEVIATION_OF_DURATIONS = 80.0, float(np.sqrt(((LONGEST - SHORTEST + 1) ** 2 - 1) / 12))
-SEEDS, PERIOD = 20, 1.0  # a step is taken for a second: the thesis names no time
+SEEDS, SHOWN, PERIOD = 20, 2, 1.0  # a step is taken for a second: the thesis names no time
 UPKEEPS = {
     "thesis": Upkeep(Trace(0.995), merge_distance=3.6),
     "apart": Upkeep(Trace(0.995)),
@@ -69,7 +69,7 @@ NOTES = (
     "a datapoint that begins a cluster cuts the visit it falls into, and the cut stays when the two merge:",
     "hence durations that are short and spread; joined, along the clusters that datapoints are in at the end",
     "of a stage, they are right",
-    "the thesis shows one run and prints no number of it; K and d it draws are the true ones in all stages",
+    "the thesis shows one run, prints no number of it, and says that K and d are found in every stage",
 )
 
 
@@ -283,11 +283,13 @@ def print_table(rows: Sequence[dict[str, object]], seeds: int) -> None:
     for row in rows:
         wrong = row["wrong"]
         assert isinstance(wrong, list)
-        for one in wrong:
+        for one in wrong[:SHOWN]:
             print(
                 f"  {row['way']}, stage {row['stage']}, seed {one['seed']}: K = {one['clusters']}, "
                 f"d = {one['dimensions']} of {one['true dimensions']}"
             )
+        if len(wrong) > SHOWN:
+            print(f"  {row['way']}, stage {row['stage']}: and {len(wrong) - SHOWN} more")
     for note in NOTES:
         print(f"note: {note}")
 
@@ -319,7 +321,7 @@ def draw_stages(seed: int) -> Figure:
             own = true.x[true.labels == k]
             above.scatter(*own.T, s=3.5, color=plots.state_colour(k), alpha=0.5, linewidths=0)
         above.set_title(
-            f"stage {n + 1}, made: K = {len(true.bases)}, d = {listed(true.dimensions)}", fontsize=10
+            f"stage {n + 1}, made: K = {len(true.bases)}, d = {listed(true.dimensions)}", fontsize=10, y=0.95
         )
         places = nearest(lesson)
         d = [int(lesson.model.dimensions[k, 0]) for k in places]
@@ -329,7 +331,7 @@ def draw_stages(seed: int) -> Figure:
             colour = plots.state_colour(stands_for[identity]) if identity in stands_for else "0.5"
             below.scatter(*own[::2].T, s=3.5, color=colour, alpha=0.6, linewidths=0)
         draw_model_in_space(below, lesson.model, lesson.stage.centres)
-        below.set_title(f"learned: K = {lesson.model.clusters}, d = {listed(d)}", fontsize=10)
+        below.set_title(f"learned: K = {lesson.model.clusters}, d = {listed(d)}", fontsize=10, y=0.95)
         for axes in (above, below):
             dress_space(axes)
     return figure
@@ -350,7 +352,7 @@ def draw_model_in_space(axes, model: OnlineModel, centres: np.ndarray) -> None: 
 
 def dress_space(axes) -> None:  # type: ignore[no-untyped-def]
     axes.set(xlim=(-7, 7), ylim=(-7, 7), zlim=(-7, 7), xlabel="x [1]", ylabel="y [1]", zlabel="z [1]")
-    axes.set_box_aspect(None, zoom=0.9)  # leaves room for the label of z
+    axes.set_box_aspect(None, zoom=0.78)  # leaves room for the label of z
     axes.tick_params(labelsize=8, pad=0)
 
 

@@ -64,3 +64,11 @@ def test_a_jug_turns_as_it_should_nearer_on_the_sphere_and_its_quaternions_keep_
     ]
     assert all(on < off for off, on in zip(*averages, strict=True))
     assert sphere.count("lengths of quaternions off by 0.000") == 4
+
+
+def test_the_streamed_skill_gains_states_when_the_way_changes():
+    *head, last = printed_by("learn_from_a_stream").splitlines()
+    states = [int(line.split()[1]) for line in head[1:]]
+    assert states[7] == 2
+    assert states[-1] > 3
+    assert float(last.split("[")[1].split()[1]) < -0.3

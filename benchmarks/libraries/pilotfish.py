@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from libraries.pilotfish_streams import endless, from_array, one_by_one  # noqa: F401 - for the worker
+from libraries.pilotfish_streams import endless, from_array, one_by_one, worst_case  # noqa: F401 - for the worker
 from prepared import Answer, Prepared
 from problems import Floats, Framed, Poses, Sequences, Tracking, Visits
 

@@ -2,13 +2,13 @@
 
 from libraries import pilotfish
 from libraries.pilotfish import em, em_visits
-from libraries.pilotfish_streams import from_array
+from libraries.pilotfish_streams import from_array, worst_case
 
 from pilotfish.kernels import compiled
 
 compiled._native = compiled._baseline
 
-__all__ = ["em", "em_visits", "from_array", "remark"]
+__all__ = ["em", "em_visits", "from_array", "remark", "worst_case"]
 
 
 def remark() -> str:

@@ -1,6 +1,7 @@
 """pilotfish on streams: SOSC, from an array, one datapoint at a time, and for a very long time."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from math import log
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from pilotfish.demonstrations import position_layout
 from pilotfish.models import online
 
 PERIOD = 0.1  # s
+SETTLING = 10_000  # datapoints that go before the worst case
 CHUNK, CHUNKS = 100_000, 100  # 10^7 datapoints
 VISIT = 80  # steps, on average
 SURPRISE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
@@ -64,10 +66,30 @@ def _one_by_one(model: online.OnlineModel, x: Floats) -> Labelled:
     return model, online.Assignments(identities, nothing, nothing, np.empty((0, 3), dtype=np.int64))
 
 
+def worst_case(folder: Path) -> Prepared:
+    """From a settled model, with subspaces that do not fade: no cluster is too far to matter."""
+    problem = Stream.load(folder)
+    settled, _ = online.observe_stream(empty(problem), problem.x[:SETTLING])
+    return _from(problem, unfading(settled, problem), online.observe_stream)
+
+
+def unfading(model: online.OnlineModel, problem: Stream) -> online.OnlineModel:
+    """The same with so large a bandwidth that every distance is to be worked out in full."""
+    settings = replace(settings_of(problem), bandwidth=1e6 * problem.apart**2)
+    start = online.online_model(settings, model.layout, model.period, model.frame_names)
+    return replace(start, state=model.state)
+
+
 def _prepared(folder: Path, learn: Callable[[online.OnlineModel, Floats], Labelled]) -> Prepared:
     problem = Stream.load(folder)
-    start = empty(problem)
+    return _from(problem, empty(problem), learn)
 
+
+def _from(
+    problem: Stream,
+    start: online.OnlineModel,
+    learn: Callable[[online.OnlineModel, Floats], Labelled],
+) -> Prepared:
     def answer(result: Labelled) -> Answer:
         model, went = result
         nmi = normalised_mutual_information(online.identities_now(went), problem.labels)

@@ -225,3 +225,22 @@ def test_no_datapoints_change_nothing(compiled):
     for kernel in (compiled, twins):
         step = kernel.observe(np.empty((0, 1, 3)), empty_stream(1, 3), RULES)
         assert len(step.identities) == len(step.state.clusters) == 0
+
+
+def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(compiled):
+    """A direction that explains too little on the whole stays while a datapoint lies far along it."""
+    rules = replace(RULES, cluster=1e6, bandwidth=1e6)
+    x = np.zeros((40, 1, 3))
+    x[::2, 0, 0], x[1::2, 0, 0] = 3.0, -3.0
+    state = twins.observe(x, empty_stream(1, 3), rules).state
+    state.dimensions[0, 0], state.ranks[0, 0] = 2, 2  # as if a second one had been worth it
+    state.bases[0, 0, :, :2] = np.eye(3)[:, :2]
+    state.variances[0, 0, :2] = [9.0, 0.01]
+    state.distances[0, 0, :3] = [9.0, 0.01, 0.0]
+    far, near = np.array([[[0.0, 2.0, 0.0]]]), np.array([[[0.0, 0.1, 0.0]]])
+    for kernel in (compiled, twins):
+        stays, goes = (kernel.observe(point, state, rules) for point in (far, near))
+        assert stays.state.dimensions[0, 0] == 2
+        assert goes.state.dimensions[0, 0] == 1
+        assert stays.changes[0] <= 0.0
+        assert goes.changes[0] <= 0.0

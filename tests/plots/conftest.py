@@ -15,6 +15,7 @@ from pilotfish.demonstrations import (
     demonstration,
     frame_from_pose,
     pose_layout,
+    position_layout,
 )
 from pilotfish.gaussians import DenseCovariances, Diagonal, Full, SemiTied, SemiTiedCovariances
 from pilotfish.geometry import Pose
@@ -34,6 +35,7 @@ from pilotfish.models import (
     learn,
     learn_markov,
 )
+from pilotfish.models.online import SOSC, OnlineModel, Trace, Upkeep, observe_stream, online_model
 from pilotfish.planning import reference
 
 PERIOD = 0.1  # s
@@ -119,6 +121,20 @@ def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
     return FrameRelevance(values, rng.gamma(0.5, 40.0, (3, states)), (*FRAMES, "distractor"))
 
 
+def make_growing(rng: np.random.Generator) -> list[OnlineModel]:
+    """Two frames, five places on lines and planes; one is left early and forgotten."""
+    upkeep = Upkeep(Trace(0.98, forget_below=0.3))
+    model = online_model(SOSC(2.0, 0.1, 0.01, 50.0, upkeep=upkeep), position_layout(3), PERIOD, FRAMES)
+    models = []
+    for n in range(30):
+        k = 4 if n == 1 else n % 4
+        shape = np.array([[1.0, 0.0, 0.0], [0.4, 1.0, 0.0]])[k % 2]
+        x = 5.0 * k + shape * rng.normal(size=(20, 3)) + 0.05 * rng.normal(size=(20, 3))
+        model, _ = observe_stream(model, np.stack([x, x[:, ::-1]], axis=1))
+        models.append(model)
+    return models
+
+
 @dataclass(frozen=True)
 class Things:
     """All that the pictures of the room show."""
@@ -134,6 +150,7 @@ class Things:
     fit: Fit
     selection: Selection
     relevant: FrameRelevance
+    growing: list[OnlineModel]
 
 
 def make_things(rng: np.random.Generator) -> Things:
@@ -146,7 +163,10 @@ def make_things(rng: np.random.Generator) -> Things:
     motion = feedback.rollout(shown[0].x[0])
     tied, chosen = make_skill(rng, tied=True), make_selection(rng)
     relevant = make_relevance(rng)
-    return Things(skill, tied, frames, shown, adapted, states, feedback, motion, fit, chosen, relevant)
+    growing = make_growing(rng)
+    return Things(
+        skill, tied, frames, shown, adapted, states, feedback, motion, fit, chosen, relevant, growing
+    )
 
 
 @pytest.fixture

@@ -37,6 +37,8 @@ REFUSED = {
     "plots.frame_relevance(t.skill)": "relevant is a Skill, expected a FrameRelevance; relevance(skill, dem",
     "plots.likelihood_trace(t.fit)": "fits is a Fit, expected a list of them; write [fit]",
     "plots.likelihood_trace([t.skill])": "fits[0] is a Skill, expected a Fit; learn makes one",
+    "plots.growth(t.growing[0])": "models is an OnlineModel, expected a list of them; write [onlinemodel]",
+    "plots.growth([t.skill])": "models[0] is a Skill, expected an OnlineModel",
     "plots.component_correlations(t.skill)": "skills is a Skill, expected a list of them; write [skill]",
     "plots.component_correlations([t.fit])": "skills[0] is a Fit, expected a Skill; fit.skill is one",
     "plots.component_correlations(3)": "skills is an int, expected a list of Skill",

@@ -40,6 +40,7 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
     "component_correlations": lambda t: plots.component_correlations([t.skill, t.tied]),
     "model_sizes": lambda t: plots.model_sizes(t.selection),
     "frame_relevance": lambda t: plots.frame_relevance(t.relevant),
+    "growth": lambda t: plots.growth(t.growing),
     "likelihood_trace": lambda t: plots.likelihood_trace([t.fit, t.fit]),
 }
 WITH_UNIT = re.compile(r"\[.+\]$")

@@ -137,3 +137,13 @@ def test_skills_that_cannot_be_compared_are_refused(things: Any, skills: Callabl
         plots.component_correlations([])
     with pytest.raises(InvalidInput, match="0 fits were given"):
         plots.likelihood_trace([])
+
+
+def test_models_that_are_not_one_as_it_grew_are_refused(things: Any):
+    """Growth is drawn of one model, earliest first, that has a cluster at last."""
+    with pytest.raises(InvalidInput, match="earliest moment first"):
+        plots.growth(things.growing[::-1])
+    with pytest.raises(InvalidInput, match="earliest moment first"):
+        plots.growth([replace(things.growing[0], frame_names=("a", "b")), things.growing[1]])
+    with pytest.raises(InvalidInput, match="no model has a cluster"):
+        plots.growth([])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from pilotfish import plots
@@ -359,3 +360,25 @@ def test_of_many_states_only_shades_of_relevance_are_drawn():
         relevant = FrameRelevance(np.ones((2, states)), np.ones((2, states)), ("one", "other"))
         panels = plots.frame_relevance(relevant).axes[:2]
         assert [len(panel.texts) for panel in panels] == [figures, figures]
+
+
+def test_growth_is_the_number_of_clusters_and_their_dimensions(things: Any):
+    """Above, K at every moment; below, within the dodge, each cluster's dimension while it lives."""
+    figure, last = plots.growth(things.growing), things.growing[-1]
+    times = [model.datapoints for model in things.growing]
+    (line,) = figure.axes[0].get_lines()
+    np.testing.assert_array_equal(line.get_xdata(), times)
+    np.testing.assert_array_equal(line.get_ydata(), [model.clusters for model in things.growing])
+    born = {int(i) for model in things.growing for i in model.identities}
+    assert born > set(last.identities.tolist())  # one is no more
+    for p in range(2):
+        for identity in born:
+            (drawn,) = by_gid(figure, Line2D, f"cluster {identity} frame {p}")
+            true = [
+                dict(zip(m.identities.tolist(), m.dimensions[:, p].tolist(), strict=True)).get(identity)
+                for m in things.growing
+            ]
+            expected = np.array([np.nan if d is None else d for d in true])
+            off = drawn.get_ydata() - expected
+            assert np.isnan(expected).tolist() == np.isnan(off).tolist()
+            assert np.nanmax(np.abs(off)) < 0.2

@@ -33,3 +33,23 @@ def segmentation() -> ModuleType:
 @pytest.fixture(scope="session")
 def robotasks() -> ModuleType:
     return script("robotasks")
+
+
+@pytest.fixture(scope="session")
+def online_stages() -> ModuleType:
+    return script("online_stages")
+
+
+@pytest.fixture(scope="session")
+def online_zshape() -> ModuleType:
+    return script("online_zshape")
+
+
+@pytest.fixture(scope="session")
+def online_dimensions() -> ModuleType:
+    return script("online_dimensions")
+
+
+@pytest.fixture(scope="session")
+def online_valve() -> ModuleType:
+    return script("online_valve")

@@ -50,7 +50,7 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 12
+    assert len(lines) == 14
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
@@ -60,6 +60,9 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
     written = {
         "my-valve",
         "valve.skill",
+        "valve.stream",
+        "grown.skill",
+        "grown.csv",
         "valve-pictures",
         "motion.csv",
         "gains.npz",

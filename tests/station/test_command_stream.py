@@ -1,26 +1,20 @@
 """pilotfish stream: what has grown is what the library makes of the same datapoints, bit for bit."""
 
-import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from click.testing import Result
 
 import pilotfish as pf
-from pilotfish.demonstrations import Demonstration, position_layout, with_derivatives
+from pilotfish.demonstrations import position_layout
 from pilotfish.errors import InvalidInput
 from pilotfish.models import online
-from pilotfish.station import growing, stream_lines, stream_pieces
-from pilotfish.station.command_line import cli
-from pilotfish.station.sources import as_learned
+from pilotfish.station import growing, stream_lines
 from pilotfish.store import encode_stream
 
 Runs = Callable[..., Result]
@@ -296,106 +290,6 @@ def test_options_that_do_not_fit_are_misuse(run: Runs, rows: Path, tmp_path: Pat
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_recordings_have_their_own_period(run: Runs, folder: Path):
-    """So it is misuse to give another."""
-    result = run("stream", folder, "--from-batch", "2", "--period", "1")
-    assert (result.exit_code, "--period goes with rows" in result.stderr) == (2, True)
-
-
-@pytest.mark.parametrize("many", [4096, 5])
-def test_recordings_are_streamed_as_their_frames_see_them(
-    run: Runs,
-    folder: Path,
-    tmp_path: Path,
-    reaches: tuple[Demonstration, ...],
-    monkeypatch: pytest.MonkeyPatch,
-    many: int,
-):
-    """The same as observe_demonstration, each in turn, however they are cut on the way."""
-    monkeypatch.setattr(stream_pieces, "MANY", many)
-    assert run("stream", folder, *SOSC, "--only", "1-3", "--out", "a.stream").exit_code == 0
-    shown = [with_derivatives(demo) for demo in reaches[1:4]]
-    names = tuple(frame.name for frame in shown[0].frames)
-    model = online.online_model(PENALTIES, shown[0].layout, shown[0].period, names)
-    for demo in shown:
-        model, _ = online.observe_demonstration(model, demo)
-    assert same(tmp_path / "a.stream", model)
-
-
-def test_a_batch_of_recordings_begins_the_model_and_guesses_its_penalties(
-    run: Runs, folder: Path, tmp_path: Path, reaches: tuple[Demonstration, ...]
-):
-    """As penalties_from and begin_from do; a penalty that is given wins."""
-    options = ["--from-batch", "3", "--states", "4", "--seed", "5", "--noise", "0.125", "--spare", "2"]
-    result = run("stream", folder, *options, "--out", "a.stream", "--skill", "a.skill")
-    assert result.exit_code == 0
-    shown = [with_derivatives(demo) for demo in reaches]
-    skill = pf.learn(shown[:3], states=4, rng=np.random.default_rng(5)).skill
-    penalties = online.penalties_from(skill, shown[:3], upkeep=online.Upkeep(spare=2))
-    model = online.begin_from(skill, shown[:3], replace(penalties, noise=0.125))
-    for demo in shown[3:]:
-        model, _ = online.observe_demonstration(model, demo)
-    assert same(tmp_path / "a.stream", model)
-
-
-def test_the_whole_folder_may_be_the_batch_and_more_is_refused(run: Runs, refusal: Refusal, folder: Path):
-    """A model that has met all of them is one to go on from, by another stream."""
-    assert run("stream", folder, "--from-batch", "5", "--states", "3", "--out", "a.stream").exit_code == 0
-    assert "there are 5 recordings" in refusal("stream", folder, "--from-batch", "6", "--states", "3")
-
-
-def test_recordings_of_another_kind_than_the_model_are_refused(
-    run: Runs, refusal: Refusal, folder: Path, rows: Path
-):
-    """Told which, in what, and what was expected."""
-    assert run("stream", rows, *SOSC, "--out", "a.stream").exit_code == 0
-    assert "'reach 0' and the model differ in columns" in refusal("stream", folder, "--resume", "a.stream")
-
-
-def test_rows_go_on_with_a_model_of_several_frames_as_each_sees_them(
-    run: Runs, folder: Path, tmp_path: Path, reaches: tuple[Demonstration, ...]
-):
-    """One frame's columns after the other's."""
-    assert run("stream", folder, *SOSC, "--no-speeds", "--only", "0", "--out", "a.stream").exit_code == 0
-    model = pf.open_stream(tmp_path / "a.stream")
-    seen = np.random.default_rng(0).normal(size=(5, 2, 7))
-    (tmp_path / "rows").write_text(
-        "\n".join(" ".join(map(repr, row)) for row in seen.reshape(5, 14).tolist())
-    )
-    assert run("stream", "rows", "--resume", "a.stream", "--out", "b.stream").exit_code == 0
-    assert same(tmp_path / "b.stream", online.observe_stream(model, seen)[0])
-
-
-def test_show_tells_what_a_stream_reads_out_as(run: Runs, facts: Facts, folder: Path):
-    """Of the model's file and of the skill's, without rows that say nothing."""
-    assert run("stream", folder, *SOSC, "--out", "a.stream", "--skill", "a.skill").exit_code == 0
-    for name, words in (
-        ("a.stream", "a growing model"),
-        ("a.skill", "learned from a stream of 120 datapoints"),
-    ):
-        told = run("show", name)
-        assert (told.exit_code, told.stderr) == (0, "")
-        assert words in told.stdout
-        assert "nan" not in told.stdout
-        assert "sha256" not in told.stdout
-    answer = facts("show", "a.stream")
-    assert answer["stream"]["datapoints"] == 120
-    assert answer["states"] == facts("show", "a.skill")["states"]
-
-
-def test_a_stream_file_is_no_skill_to_replay_and_the_remedy_is_named(run: Runs, refusal: Refusal, rows: Path):
-    """Which command makes one of it."""
-    assert run("stream", rows, *SOSC, "--out", "a.stream").exit_code == 0
-    assert "pilotfish stream /dev/null --resume FILE --skill NEW" in refusal("replay", "a.stream")
-
-
-def test_a_skill_from_a_stream_was_learned_from_all_that_is_there(run: Runs, folder: Path, tmp_path: Path):
-    """It names no recordings; so relevance holds out each of the folder's."""
-    assert run("stream", folder, "--from-batch", "3", "--states", "3", "--skill", "a.skill").exit_code == 0
-    assert len(as_learned(pf.open_skill(tmp_path / "a.skill"), str(folder))) == 5
-    assert run("show", "a.skill", "--relevance", folder).exit_code == 0
-
-
 def test_a_person_sees_the_growth_and_a_program_does_not(
     run: Runs, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -432,37 +326,15 @@ def test_files_are_kept_meanwhile(run: Runs, rows: Path, monkeypatch: pytest.Mon
     assert "not saved at" in result.stderr
 
 
+@pytest.mark.parametrize("batch", [1, 7])
 def test_a_stream_that_breaks_keeps_what_came_before(
-    run: Runs, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Runs, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
 ):
     """Exit code 1, the reason on stderr, the file and the summary all the same."""
     monkeypatch.setattr(stream_lines, "LONGEST", 200)
     rows.write_text(rows.read_text() + "1" * 300)
-    result = run("stream", rows, *SOSC, "--out", "a.stream")
+    result = run("stream", rows, *SOSC, "--batch", batch, "--out", "a.stream")
     assert result.exit_code == 1
     assert "the stream broke: a line has more than 200 bytes" in result.stderr
-    assert same(tmp_path / "a.stream", expected(walk(0, 60)))
-
-
-@pytest.mark.parametrize("source", ["none.csv", "dataset:vale"])
-def test_a_source_that_is_not_there_is_named(refusal: Refusal, source: str):
-    """With what would be one."""
-    assert source.removeprefix("dataset:") in refusal("stream", source, *SOSC)
-
-
-@given(data=st.binary(max_size=200) | st.text("0123456789.,- e\n#xna", max_size=200).map(str.encode))
-@settings(max_examples=60)
-def test_any_bytes_are_learned_or_refused(tmp_path_factory: pytest.TempPathFactory, data: bytes):
-    """Whatever comes, the command ends with an answer or one line."""
-    path = tmp_path_factory.mktemp("any") / "rows"
-    path.write_bytes(data)
-    result = CliRunner().invoke(
-        cli, ["stream", str(path), "--learner", "dp-gmm", "--cluster", "1", "--noise", "1", "--json"]
-    )
-    assert result.exit_code in (0, 1)
-    assert result.exception is None or isinstance(result.exception, SystemExit | click.ClickException)
-    if result.exit_code == 0:
-        assert json.loads(result.stdout)["observed"] > 0
-    else:
-        assert result.stderr.startswith("Error: ")
-        assert result.stderr.count("\n") == 1
+    upkeep = online.Upkeep(batch=batch)
+    assert same(tmp_path / "a.stream", expected(walk(0, 60), replace(PENALTIES, upkeep=upkeep)))

@@ -1,19 +1,22 @@
 """Rows as they arrive: however they come, the same datapoints and the same refusals."""
 
 import io
+import json
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given
+from click.testing import CliRunner
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pilotfish.demonstrations import position_layout
 from pilotfish.errors import InvalidInput
 from pilotfish.models import online
 from pilotfish.station import stream_lines
+from pilotfish.station.command_line import cli
 from pilotfish.station.stream_lines import (
     LARGEST,
     Break,
@@ -275,3 +278,28 @@ def test_standard_input_that_is_closed_is_refused(monkeypatch: pytest.MonkeyPatc
         monkeypatch.setattr("sys.stdin", closed)
         with pytest.raises(InvalidInput, match="standard input is closed"):
             stream_lines.standard_input()
+
+
+@pytest.mark.parametrize("source", ["none.csv", "dataset:vale"])
+def test_a_source_that_is_not_there_is_named(refusal: Callable[..., str], source: str):
+    """With what would be one."""
+    told = refusal("stream", source, "--learner", "dp-gmm", "--cluster", "1", "--noise", "1")
+    assert source.removeprefix("dataset:") in told
+
+
+@given(data=st.binary(max_size=200) | st.text("0123456789.,- e\n#xna", max_size=200).map(str.encode))
+@settings(max_examples=60)
+def test_any_bytes_are_learned_or_refused(tmp_path_factory: pytest.TempPathFactory, data: bytes):
+    """Whatever comes, the command ends with an answer or one line."""
+    path = tmp_path_factory.mktemp("any") / "rows"
+    path.write_bytes(data)
+    result = CliRunner().invoke(
+        cli, ["stream", str(path), "--learner", "dp-gmm", "--cluster", "1", "--noise", "1", "--json"]
+    )
+    assert result.exit_code in (0, 1)
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    if result.exit_code == 0:
+        assert json.loads(result.stdout)["observed"] > 0
+    else:
+        assert result.stderr.startswith("Error: ")
+        assert result.stderr.count("\n") == 1

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -18,7 +18,7 @@ from safetensors.numpy import save
 import pilotfish as pf
 from pilotfish.demonstrations import Layout, Part, Quantity, position_layout
 from pilotfish.errors import InvalidInput, UnknownSkill
-from pilotfish.kernels import StreamColumn, StreamState
+from pilotfish.kernels import StreamState
 from pilotfish.models import online
 from pilotfish.store import decode_stream, encode_stream, open_kept
 
@@ -201,161 +201,6 @@ def test_noise_is_refused(data: bytes):
         decode_stream(data)
 
 
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just(10**4000),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=5,
-)
-
-
-@given(st.data())
-@settings(max_examples=300)
-def test_any_json_anywhere_in_the_header_is_refused_or_means_what_it_says(data: st.DataObject):
-    """With a right hash too, no header makes decoding fail in another way; what opens can be saved."""
-    model = grown("sosc", data.draw(st.sampled_from(sorted(UPKEEPS))))
-    header, arrays = parts_of(encode_stream(model))
-    if data.draw(st.booleans()):
-        arrays = empty(arrays)
-    table: Any = header
-    while True:
-        key = data.draw(st.sampled_from(sorted(table) if isinstance(table, dict) else range(len(table))))
-        if not isinstance(table[key], dict | list) or not table[key] or data.draw(st.booleans()):
-            break
-        table = table[key]
-    table[key] = data.draw(JSON)
-    try:
-        opened = decode_stream(signed(header, arrays))
-    except UnknownSkill:
-        return
-    again, _ = parts_of(encode_stream(opened))
-    assert {k: v for k, v in again.items() if k != "content"} == {
-        k: v for k, v in header.items() if k != "content"
-    }
-
-
-def empty(arrays: Arrays) -> Arrays:
-    """Those of a model before its first datapoint."""
-    none = {name: array[:0].copy() for name, array in arrays.items()}
-    return none | {"head": np.array([-1.0, 0, 0, 0]), "counts": np.empty((0, 0))}
-
-
-NUMBERS = st.sampled_from([math.nan, math.inf, -1.0, -1e-300, 0.0, 0.5, 1.0, 2.0, 7.0, 1e16, 1e300, -1e300])
-
-
-@given(place=st.floats(0.0, 1.0, exclude_max=True), value=NUMBERS, kind=st.sampled_from(KINDS))
-@settings(max_examples=300)
-def test_any_number_anywhere_is_refused_or_harmless(place: float, value: float, kind: tuple[str, str]):
-    """With a right hash too: what opens learns the next datapoints and reads out without a fault."""
-    header, arrays = parts_of(encode_stream(grown(*kind)))
-    sizes = np.cumsum([arrays[name].size for name in sorted(arrays)])
-    flat = int(place * sizes[-1])
-    n = int(np.searchsorted(sizes, flat, side="right"))
-    name = sorted(arrays)[n]
-    arrays[name].flat[flat - (sizes[n - 1] if n else 0)] = value
-    try:
-        opened = decode_stream(signed(header, arrays))
-    except UnknownSkill:
-        return
-    after, _ = online.observe_stream(opened, walk(2, 5))
-    assert np.isfinite(after.state.clusters).all()
-    online.read_out(after)
-
-
-def put(name: str, place: tuple[int, ...], value: float) -> Callable[[Any, Any], None]:
-    """An edit of one number of an array."""
-
-    def edit(_: Any, arrays: Any) -> None:
-        arrays[name][place] = value
-
-    return edit
-
-
-def upkeep(**values: Any) -> Callable[[Any, Any], None]:
-    return lambda header, _: header["settings"]["upkeep"].update(values)
-
-
-C = StreamColumn
-# What is wrong, words of the refusal, and the edit that makes it so; sosc with count, spare 1, of 3 columns.
-REFUSED: dict[str, tuple[str, Callable[[Any, Any], None]]] = {
-    "another format": ("expected 'pilotfish-stream'", lambda h, _: h.update(format="other")),
-    "a skill's format": ("it is a skill: open_skill", lambda h, _: h.update(format="pilotfish-skill")),
-    "a newer version": (r"newer pilotfish \(format 2.*upgrade", lambda h, _: h.update(version=2)),
-    "an unknown learner": ("'levy'", lambda h, _: h["settings"].update(kind="levy")),
-    "an unknown weighting": ("'levy'", upkeep(weighting={"kind": "levy"})),
-    "a discount of one": (
-        "discount is 1.0",
-        upkeep(weighting={"kind": "trace", "discount": 1.0, "forget_below": 0.0}),
-    ),
-    "a negative penalty": ("cluster is -1.0", lambda h, _: h["settings"].update(cluster=-1.0)),
-    "a missing penalty": ("lacks 'noise'", lambda h, _: h["settings"].pop("noise")),
-    "another penalty": ("expected nothing more", lambda h, _: h["settings"].update(colour=1.0)),
-    "a batch of none": ("batch is 0", upkeep(batch=0)),
-    "a batch beyond all": ("batch is 2147483648", upkeep(batch=2**31)),
-    "a text for a number": ("expected int", upkeep(spare="1")),
-    "another upkeep": ("expected nothing more", upkeep(colour=1.0)),
-    "a negative merge distance": ("merge_distance is -1.0", upkeep(merge_distance=-1.0)),
-    "no period": ("period is nan", lambda h, _: h.update(period=None)),
-    "another key": ("expected nothing more", lambda h, _: h.update(colour="red")),
-    "another array": ("expected nothing more", lambda _, a: a.update(other=np.zeros(3))),
-    "a missing array": ("lacks 'counts'", lambda _, a: a.pop("counts")),
-    "a frame too few": ("dimensions has shape", lambda h, _: h["frames"].pop()),
-    "two frames of one name": ("different names", lambda h, _: h.update(frames=["a", "a"])),
-    "an orientation on its sphere": (
-        "on their sphere",
-        lambda h, a: (
-            h.update(
-                layout=[{"name": "o", "quantity": "orientation", "size": 4, "unit": "1", "derivative": 0}]
-            ),
-            a.update(empty(a) | {"means": np.empty((0, 2, 4)), "bases": np.empty((0, 2, 4, 4))}),
-        ),
-    ),
-    "a variance too few": (
-        "variances has shape",
-        lambda _, a: a.update(variances=a["variances"][..., 1:].copy()),
-    ),
-    "a row too few of counts": ("counts has shape", lambda _, a: a.update(counts=a["counts"][1:].copy())),
-    "a flat head": ("head has shape", lambda _, a: a.update(head=a["head"][:3].copy())),
-    "NaN": (r"clusters\[0, 1\] is nan", put("numbers", (0, 1), math.nan)),
-    "a current row that is none": ("current row is 99", put("head", (0,), 99.0)),
-    "half a current row": ("current row is 0.5", put("head", (0,), 0.5)),
-    "a visit of no step": ("how long it has lasted", put("head", (1,), 0.0)),
-    "an identity that comes again": ("below the next one, 0", put("head", (2,), 0.0)),
-    "more datapoints than there were": ("clusters hold 60 datapoints", put("head", (3,), 59.0)),
-    "an identity twice": ("expected them to rise", put("numbers", (1, C.IDENTITY), 0.0)),
-    "half an identity": ("identity of cluster", put("numbers", (0, C.IDENTITY), 0.5)),
-    "no weight": ("weight of cluster.*more than 0", put("numbers", (0, C.WEIGHT), 0.0)),
-    "a cluster without a datapoint": ("at least one", put("numbers", (0, C.POINTS), 0.0)),
-    "minus one visit": ("visits of cluster", put("numbers", (0, C.VISITS), -1.0)),
-    "a negative duration": ("duration of cluster", put("numbers", (0, C.DURATION), -1.0)),
-    "a negative variance of durations": ("squares of cluster", put("numbers", (0, C.SQUARES), -1.0)),
-    "minus one transition": ("counts", put("counts", (0, 0), -1.0)),
-    "half a transition": ("counts", put("counts", (0, 0), 0.5)),
-    "a dimension of all columns": ("dimension", put("dimensions", (0, 0), 3.0)),
-    "a dimension beyond its directions": ("number of directions", put("ranks", (0, 0), 0.0)),
-    "half a direction": ("number of directions", put("ranks", (0, 0), 1.5)),
-    "a mean beyond all": ("mean", put("means", (0, 1, 2), 1e200)),
-    "a negative variance": ("variance", put("variances", (0, 0, 0), -1.0)),
-    "a negative distance": ("distance", put("distances", (0, 1, 0), -1.0)),
-    "a variance beyond its directions": ("variance", put("variances", (0, 0, -1), 1.0)),
-    "a direction too many": ("direction", put("bases", (0, 0, 0, -1), 1e-9)),
-    "a direction too long": ("direction", put("bases", (0, 0, 0, 0), 1e200)),
-    "a direction too short": ("product of directions", lambda _, a: a["bases"].__imul__(0.9)),
-}
-
-
-@pytest.mark.parametrize("what", REFUSED)
-def test_what_no_stream_could_have_left_is_refused_though_its_hash_is_right(what: str, tmp_path: Path):
-    """Each fault is named, beside the file, in one line."""
-    words, edit = REFUSED[what]
-    header, arrays = parts_of(encode_stream(grown("sosc", "count")))
-    edit(header, arrays)
-    (tmp_path / "file").write_bytes(signed(header, arrays))
-    with pytest.raises(UnknownSkill, match=words) as refusal:
-        pf.open_stream(tmp_path / "file")
-    assert str(refusal.value).startswith(str(tmp_path / "file"))
-    assert "\n" not in str(refusal.value)
-
-
 def test_an_altered_file_is_called_altered():
     """A number changed by hand, its hash left as it was."""
     header, arrays = parts_of(encode_stream(grown("sosc", "count")))
@@ -397,3 +242,13 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path):
     for place in (tmp_path / "none", tmp_path):
         with pytest.raises(InvalidInput, match=r"cannot be read.*stream file"):
             pf.open_stream(place)
+
+
+def test_the_program_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Kept after one datapoint, gone on with at the next."""
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parents[2] / "docs" / "stream-file.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec("\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)  # noqa: S102 - our own text
+    assert names["model"].datapoints == 2
+    assert pf.open_stream("now.stream").datapoints == 1

@@ -24,7 +24,6 @@ from pilotfish.station.stream_pieces import (
     first_rows,
     in_batches,
     pieces_of_recordings,
-    require_like_model,
     until_refused,
 )
 from pilotfish.station.stream_settings import Wanted, option, settings_of, upkeep_of
@@ -160,7 +159,6 @@ def _recorded(growth: Growth, asked: Choices, wanted: Wanted) -> Flow:
         model, shown = _from_batch(shown, asked.from_batch, asked, wanted)
     else:
         model = growth.model or _empty(shown[0], settings_of(wanted))
-    require_like_model(model, shown)
     growth.model = model
     return Flow(model.settings, lambda _: model, lambda stopped: pieces_of_recordings(shown, stopped))
 

@@ -12,7 +12,7 @@ from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, positi
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.models import online
 from pilotfish.station.answers import a_person_watches, as_json, remark
-from pilotfish.station.stream_lines import PATIENCE, Break, Columns, Piece, Refusal, Rows
+from pilotfish.station.stream_lines import PATIENCE, Break, Columns, Piece, Refusal, Rows, Shown
 from pilotfish.station.stream_pieces import cuts
 from pilotfish.store import save_skill, save_stream
 from pilotfish.types import Array, Float
@@ -144,6 +144,8 @@ def grow(pieces: Iterable[Piece], make: Make, watch: Watch) -> None:
                 require_columns(growth.model, piece)
             case Rows(x):
                 learn_rows(watch, x)
+            case Shown(demonstration):
+                note(watch, *online.observe_demonstration(known(watch), demonstration))
             case Break():
                 if growth.model is not None:
                     growth.model = online.begin_demonstration(growth.model)
@@ -154,20 +156,29 @@ def grow(pieces: Iterable[Piece], make: Make, watch: Watch) -> None:
 
 def learn_rows(watch: Watch, x: Float[Array, "N *rest"]) -> None:
     """The growth after these datapoints."""
-    growth = watch.growth
-    model = growth.model
-    assert model is not None
-    growth.begun = growth.begun if growth.begun is not None else time.monotonic()
+    model = known(watch)
     seen = x.reshape(len(x), len(model.frame_names), model.layout.width)
     for cut in cuts(len(x), model.datapoints, watch.every, model.rules.batch):
-        before = model.datapoints
-        model, went = online.observe_stream(model, seen[cut])
-        growth.model, growth.ended = model, time.monotonic()
-        growth.observed += model.datapoints - before
-        growth.merged += int(np.sum(went.gone[:, 2] >= 0))
-        growth.forgotten += int(np.sum(went.gone[:, 2] < 0))
-        if watch.every and model.datapoints // watch.every > before // watch.every:
-            watch.mark()
+        note(watch, *online.observe_stream(known(watch), seen[cut]))
+
+
+def known(watch: Watch) -> online.OnlineModel:
+    """The model that is about to learn; the clock runs from its first datapoint on."""
+    growth = watch.growth
+    growth.begun = growth.begun if growth.begun is not None else time.monotonic()
+    assert growth.model is not None, "columns come before rows"
+    return growth.model
+
+
+def note(watch: Watch, model: online.OnlineModel, went: online.Assignments) -> None:
+    """The model is now this one, whose last datapoints went there."""
+    growth, count = watch.growth, len(went.identities)
+    growth.model, growth.ended = model, time.monotonic()
+    growth.observed += count
+    growth.merged += int(np.sum(went.gone[:, 2] >= 0))
+    growth.forgotten += int(np.sum(went.gone[:, 2] < 0))
+    if watch.every and model.datapoints // watch.every > (model.datapoints - count) // watch.every:
+        watch.mark()
 
 
 def refuse(watch: Watch, refusal: Refusal) -> None:

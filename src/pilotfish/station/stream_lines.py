@@ -14,6 +14,7 @@ from math import isfinite
 
 import numpy as np
 
+from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 
@@ -40,6 +41,13 @@ class Rows:
     x: Float[Array, "N *rest"]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """Datapoints that are a demonstration, to be seen from its frames."""
+
+    demonstration: Demonstration
+
+
 @dataclass(frozen=True, slots=True)
 class Break:
     """The next datapoint begins a demonstration."""
@@ -58,7 +66,7 @@ class Refusal:
     reason: str
 
 
-Piece = Columns | Rows | Break | Quiet | Refusal
+Piece = Columns | Rows | Shown | Break | Quiet | Refusal
 
 
 def rows_arriving(source: str, width: int | None, stopped: Callable[[], int]) -> Iterator[Piece]:

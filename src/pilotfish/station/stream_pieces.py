@@ -1,59 +1,47 @@
 """What a stream is made of on its way to the model: recordings as pieces, and pieces cut where need be."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, views
+from pilotfish.demonstrations import Demonstration, MovingFrame
 from pilotfish.errors import InvalidInput
-from pilotfish.models import online
-from pilotfish.station.stream_lines import Break, Piece, Refusal, Rows
-
-MANY = 4096  # datapoints of a recording that are learned before anyone looks up
+from pilotfish.station.stream_lines import Break, Piece, Refusal, Rows, Shown
 
 
 def pieces_of_recordings(
-    demonstrations: Sequence[Demonstration], stopped: Callable[[], int]
+    demonstrations: Iterable[Demonstration], stopped: Callable[[], int]
 ) -> Iterator[Piece]:
-    """Each demonstration in turn, as its frames see it: all of them together are observe_demonstration."""
+    """Each demonstration in turn."""
     for demo in demonstrations:
         if stopped():
             return
-        yield Break()
-        seen = np.ascontiguousarray(views([demo]).x.transpose(1, 0, 2))
-        for start in range(0, len(seen), MANY):
-            if stopped():
-                return
-            yield Rows(seen[start : start + MANY])
-
-
-def require_like_model(model: online.OnlineModel, demonstrations: Iterable[Demonstration]) -> None:
-    """Raises: InvalidInput, when a demonstration differs from the model in layout, period or frames."""
-    expected = (", ".join(model.layout.names), f"{model.period:g} s", list(model.frame_names))
-    for demo in demonstrations:
-        has = (", ".join(demo.layout.names), f"{demo.period:g} s", [frame.name for frame in demo.frames])
-        same = demo.layout == model.layout and demo.period == model.period and has[2] == expected[2]
-        if not same:
-            place = next((n for n in range(3) if has[n] != expected[n]), 0)
-            what = ("columns", "period", "frames")[place]
-            raise InvalidInput(
-                f"demonstration {demo.name!r} and the model differ in {what}: {has[place]}, expected "
-                f"{expected[place]}"
-            )
+        yield Shown(demo)
 
 
 def first_rows(pieces: Iterable[Piece], most: int | None) -> Iterator[Piece]:
-    """The pieces, until so many rows have come; all, where there is no limit."""
+    """The pieces, until so many datapoints have come; all, where there is no limit."""
     left = most
     for piece in pieces:
-        if left is None or not isinstance(piece, Rows):
-            yield piece
-            continue
-        rows = piece.x[:left]
-        left -= len(rows)
-        yield Rows(rows)
-        if not left:
+        if left is not None and isinstance(piece, Rows | Shown):
+            piece = shortened(piece, left)
+            left -= len(piece.x if isinstance(piece, Rows) else piece.demonstration.x)
+        yield piece
+        if left == 0:
             return
+
+
+def shortened(piece: Rows | Shown, most: int) -> Rows | Shown:
+    """The first so many datapoints of it."""
+    if isinstance(piece, Rows):
+        return Rows(piece.x[:most])
+    demo = piece.demonstration
+    frames = tuple(
+        replace(frame, A=frame.A[:most], b=frame.b[:most]) if isinstance(frame, MovingFrame) else frame
+        for frame in demo.frames
+    )
+    return Shown(replace(demo, x=demo.x[:most], frames=frames))
 
 
 def until_refused(pieces: Iterable[Piece]) -> Iterator[Piece]:
@@ -67,23 +55,32 @@ def until_refused(pieces: Iterable[Piece]) -> Iterator[Piece]:
 def in_batches(pieces: Iterable[Piece], batch: int) -> Iterator[Piece]:
     """The same rows, as many at a time as make whole batches: when they came makes no difference.
 
-    A break, or the end, ends a batch.
+    A break, or the end, ends a batch; where the stream breaks off, the rows that wait come before its error.
     """
     waiting: list[Rows] = []
-    for piece in pieces:
-        if not isinstance(piece, Rows):
+    try:
+        for piece in pieces:
+            if isinstance(piece, Rows):
+                whole, waiting = _whole_batches([*waiting, piece], batch)
+                yield from whole
+                continue
             if isinstance(piece, Break):
                 yield from _joined(waiting)
                 waiting = []
             yield piece
-            continue
-        waiting.append(piece)
-        held = sum(len(rows.x) for rows in waiting)
-        if whole := held - held % batch:
-            (rows,) = _joined(waiting)
-            waiting = [Rows(rows.x[whole:])] if whole < held else []
-            yield Rows(rows.x[:whole])
+    except InvalidInput:
+        yield from _joined(waiting)
+        raise
     yield from _joined(waiting)
+
+
+def _whole_batches(waiting: list[Rows], batch: int) -> tuple[list[Rows], list[Rows]]:
+    """What makes whole batches, and what is left."""
+    held = sum(len(rows.x) for rows in waiting)
+    if not (whole := held - held % batch):
+        return [], waiting
+    (rows,) = _joined(waiting)
+    return [Rows(rows.x[:whole])], [Rows(rows.x[whole:])] if whole < held else []
 
 
 def cuts(rows: int, before: int, every: int | None, batch: int) -> Iterator[slice]:

@@ -26,7 +26,6 @@ from pilotfish.store.skills_fields import (
     taken_list,
 )
 from pilotfish.store.streams_checks import MOST, require_sound_stream
-from pilotfish.types import Array
 
 # What can be written and read, by the name it has in a file. To add a kind, add a line.
 LEARNERS: dict[str, type[Any]] = {

@@ -1,0 +1,185 @@
+"""What a step of a stream costs, by the number K of clusters, D of columns and d of dimensions of subspaces.
+
+`python benchmarks/streams_cost.py` settles a model at each size, times it on, prints a table of measured and
+predicted costs and, with --json and --out, writes figures and a picture. The prediction is the
+specification's order, a + b K D d + c d^3, with a, b and c by least squares of relative errors. It is for
+the worst case: clusters are drawn anew at every step, and subspaces do not fade, so that none is passed over
+because it is far; what clusters far apart cost with a bandwidth of their size stands beside it. Sizes at
+which the model does not settle at K clusters of dimension d are left out, and said to be.
+"""
+
+import argparse
+import gc
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from libraries.pilotfish_streams import empty, unfading
+from machine import machine
+from make_streams import Shape, stream_of
+from problems import Floats
+
+from pilotfish.models import online
+
+CLUSTERS = (1, 2, 5, 10, 20, 50)
+COLUMNS = (3, 7, 14, 28, 75)
+DIMENSIONS = (0, 1, 2, 4, 8, 16)
+SETTLING, MEMORY = 400, 3  # datapoints for each cluster that go before; rounds that a trace lasts
+TIMED, ROUNDS = 2000, 7
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Microseconds of CPU for one datapoint, in the worst case and with clusters that are far apart.
+
+    NaN where the model did not settle, but at K and d as found.
+    """
+
+    clusters: int
+    columns: int
+    dimension: int
+    microseconds: float
+    far: float
+    found: str
+
+    @property
+    def settled(self) -> bool:
+        return not np.isnan(self.microseconds)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """a + b K D d + c d^3, in microseconds."""
+
+    a: float
+    b: float
+    c: float
+
+    def at(self, cost: Cost) -> float:
+        return float(terms([cost])[0] @ (self.a, self.b, self.c))
+
+
+def main() -> None:
+    asked = arguments()
+    costs = list(measured(asked.quick))
+    settled = [cost for cost in costs if cost.settled]
+    line = fitted(settled)
+    print("\n".join(table(costs, line)))
+    if asked.json:
+        told = {"machine": asdict(machine()), "line": asdict(line), "costs": [_filed(c) for c in costs]}
+        asked.json.write_text(json.dumps(told, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if asked.out:
+        draw(settled, line, asked.out)
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="a few small sizes: does everything work?")
+    parser.add_argument("--json", type=Path, help="file for all figures")
+    parser.add_argument("--out", type=Path, help="file for the picture, such as streams_cost.png")
+    return parser.parse_args()
+
+
+def measured(quick: bool) -> Iterator[Cost]:
+    sizes = (
+        product(CLUSTERS[:2], COLUMNS[:2], DIMENSIONS[:4])
+        if quick
+        else product(CLUSTERS, COLUMNS, DIMENSIONS)
+    )
+    for K, D, d in sizes:
+        if d < D:
+            print(f"K = {K}, D = {D}, d = {d}", file=sys.stderr, flush=True)
+            yield cost_of(K, D, d)
+
+
+def cost_of(K: int, D: int, d: int) -> Cost:
+    """Medians over rounds that go on from the same settled model with the same datapoints, by turns."""
+    shape = Shape(D, K, d, d, 1.0, 4.0 * D**0.5, shuffled=True)
+    drawn = stream_of(np.random.default_rng(D + 100 * d + 10_000 * K), shape, SETTLING * K + TIMED)
+    problem = replace(drawn, dimension=max(d, 1), clusters=MEMORY * K)  # penalties need some extent
+    settled, _ = online.observe_stream(empty(problem), problem.x[: SETTLING * K])
+    rest = np.ascontiguousarray(problem.x[SETTLING * K :])
+    models = (unfading(settled, problem), settled)
+    took = np.array([[seconds(model, rest) for model in models] for _ in range(ROUNDS)])
+    ends = [online.observe_stream(model, rest)[0] for model in models]
+    kept = all(end.clusters == K and (end.dimensions == d).all() for end in ends)
+    worst, far = np.median(took, axis=0) / TIMED * 1e6 if kept else (np.nan, np.nan)
+    found = "; ".join(
+        f"K = {end.clusters}, d = {end.dimensions.min()} to {end.dimensions.max()}" for end in ends
+    )
+    return Cost(K, D, d, float(worst), float(far), found)
+
+
+def seconds(model: online.OnlineModel, x: Floats) -> float:
+    gc.collect()
+    before = process_time()
+    online.observe_stream(model, x)
+    return process_time() - before
+
+
+def terms(costs: list[Cost]) -> Floats:
+    return np.array([(1.0, c.clusters * c.columns * c.dimension, c.dimension**3) for c in costs])
+
+
+def fitted(costs: list[Cost]) -> Line:
+    """No coefficient is negative."""
+    from scipy.optimize import nnls
+
+    took = np.array([cost.microseconds for cost in costs])
+    coefficients, _ = nnls(terms(costs) / took[:, None], np.ones(len(costs)))
+    return Line(*coefficients.tolist())
+
+
+def table(costs: list[Cost], line: Line) -> Iterator[str]:
+    settled = [cost for cost in costs if cost.settled]
+    ratios = np.array([cost.microseconds / line.at(cost) for cost in settled])
+    yield f"Predicted: {line.a:.3g} + {line.b:.3g} K D d + {line.c:.3g} d^3 microseconds."
+    spread = f"{np.median(ratios):.2f}, from {ratios.min():.2f} to {ratios.max():.2f}"
+    yield f"Measured over predicted: median {spread}."
+    yield ""
+    yield "| K | D | d | measured us | predicted us | ratio | far apart us |"
+    yield "| ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
+    for cost, ratio in zip(settled, ratios, strict=True):
+        size = f"{cost.clusters} | {cost.columns} | {cost.dimension}"
+        yield f"| {size} | {cost.microseconds:.2f} | {line.at(cost):.2f} | {ratio:.2f} | {cost.far:.2f} |"
+    for cost in costs:
+        if not cost.settled:
+            size = f"K = {cost.clusters}, D = {cost.columns}, d = {cost.dimension}"
+            yield f"Left out: {size}; the model was at {cost.found} (worst case; far apart)."
+
+
+def _filed(cost: Cost) -> dict[str, object]:
+    took = {name: value if cost.settled else None for name, value in _took(cost).items()}
+    return asdict(cost) | took
+
+
+def _took(cost: Cost) -> dict[str, float]:
+    return {"microseconds": cost.microseconds, "far": cost.far}
+
+
+def draw(costs: list[Cost], line: Line, out: Path) -> None:
+    """Measured against predicted, both in microseconds, a colour for each d; on the line they are equal."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.5, 5.0), layout="constrained")
+    axes = figure.add_subplot()
+    for d in sorted({cost.dimension for cost in costs}):
+        here = [cost for cost in costs if cost.dimension == d]
+        axes.scatter([line.at(c) for c in here], [c.microseconds for c in here], s=14, label=f"d = {d}")
+    ends = [f(line.at(cost) for cost in costs) for f in (min, max)]
+    words = f"{line.a:.2g} + {line.b:.2g} K D d + {line.c:.2g} d³"
+    axes.plot(ends, ends, color="black", linewidth=1.0, label=words)
+    axes.set(xscale="log", yscale="log", xlabel="predicted [µs a step]", ylabel="measured [µs a step]")
+    axes.legend(frameon=False, fontsize=8)
+    figure.savefig(out, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
