@@ -42,11 +42,11 @@ _TUNED = (
     "these very data, looked for outside the time. Their labels are read with the model of the end of the "
     "stream, or a hundred datapoints at a time as they came, whichever is better. r is a cluster's "
     "radius, the extent times the root of the largest dimension. Grids: DBSTREAM clustering_threshold "
-    "{.2, .35, .5, .7, 1, 1.4} r, fading_factor {.0005, .005}, intersection_factor {.1, .3}; DenStream "
-    "epsilon the same, decaying_factor {.002, .02, .2}; CluStream {14, 28} micro-clusters, two seeds; "
-    "STREAMKMeans chunks of {10, 100}, halflife {.1, .5}, sigma {.3, 1} r, three seeds; MiniBatchKMeans "
-    "reassignment_ratio {0, .01, .1}, four seeds, begun at points of the whole stream; Birch threshold "
-    "{.2, .35, .5, .7, 1} r; DP-means delta {.3, .5, .7, 1, 1.4, 2, 2.8, 4} r^2. "
+    "{.35, .5, .7, 1, 1.4} r, fading_factor {.0002, .002}, intersection_factor {.05, .2}; DenStream "
+    "epsilon the same, decaying_factor {.02, .2, .6}; CluStream {25, 50} micro-clusters, sigma {.1, .3} "
+    "r, two seeds; STREAMKMeans chunks of {10, 100}, halflife {.1, .5}, sigma {.1, .3} r, three seeds; "
+    "MiniBatchKMeans reassignment_ratio {0, .01, .1}, four seeds, begun at points of the whole stream; "
+    "Birch threshold {.35, .5, .7, 1, 1.4} r; DP-means delta {.3, .5, .7, 1, 1.4, 2, 2.8, 4} r^2. "
 )
 _FAR = (
     "{long} datapoints, 20 clusters at least 4 sqrt(D) apart, standard deviation 1 along {d} and .2 in "

@@ -24,7 +24,8 @@ def normalised_mutual_information(found: Integers, truth: Integers) -> float:
     joint = np.zeros((rows.max() + 1, columns.max() + 1))
     np.add.at(joint, (rows, columns), 1.0 / len(rows))
     each = _entropy(joint.sum(axis=1)) + _entropy(joint.sum(axis=0))
-    return 1.0 if each == 0.0 else 2.0 * (each - _entropy(joint.ravel())) / each
+    shared = max(0.0, each - _entropy(joint.ravel()))
+    return 1.0 if each == 0.0 else 2.0 * shared / each
 
 
 def _entropy(shares: Floats) -> float:

@@ -1,7 +1,7 @@
 """A skill that grows while it is shown: every datapoint is used once, as it comes, and dropped.
 
-A hand carries a part past a fixture to a tray, again and again. Half-way through, people begin to set the part
-down beside the tray first: the model gains the states that this needs, without being told.
+A hand carries a part past a fixture to a tray, again and again. Half-way through, people begin to set the
+part down beside the tray first: the model gains the states that this needs, without being told.
 
 Run it:  python examples/learn_from_a_stream.py
 """

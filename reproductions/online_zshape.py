@@ -11,8 +11,8 @@ of algorithm 5.
 Figure 5.1 is of SOSC, which tracking reads velocities from, so they are columns too. The printed lambda is
 far too small then (speeds are 60 units a second): penalties come from a batch fit of the first demonstration.
 R is 1e-4 where zshape.py has 1e-2, for sigma^2 weighs speeds less than a full covariance does. Along x, where
-demonstrations begin 10 apart, no motion can be right for all (zshape.py tells more of that); the stream's moves
-to the middle, a batch fit's stays where it begins. Along y and z the batch fit, at home in both, is the better.
+demonstrations begin 10 apart, no motion can be right for all (zshape.py tells more of that): the stream's
+moves to the middle, a batch fit's stays where it begins. Along y and z the batch fit is the better.
 
 Figure 5.4 says that order matters. How much is measured over shuffles: of the five demonstrations, of the
 datapoints within each, and of everything. Labels are those of the model at the end, so that every datapoint
@@ -256,7 +256,7 @@ def sosc(shown: Sequence[Demonstration]) -> tuple[dict[str, object], dict[str, F
         "dimensions [1]": model.dimensions[:, 0].tolist(),
         "durations [s]": seconds[0].round(2).tolist(),
         "deviations of durations [s]": seconds[1].round(3).tolist(),
-        "squared error along x, y, z [square unit]": squared_errors(made(skill, moving).x, moving),
+        "squared error along x, y, z": squared_errors(made(skill, moving).x, moving),
         "the same, batch fit of as many states": squared_errors(made(batch, moving).x, moving),
         "K with the penalties of figure 5.3": streamed(printed, moving).clusters,
     }

@@ -85,7 +85,7 @@ def birch_in_batches(folder: Path) -> Prepared:
 def _birch(folder: Path, step: int) -> Prepared:
     """The radius of a subcluster by that of a cluster; subclusters are joined into clusters at the end."""
     problem = Stream.load(folder)
-    grid = [{"threshold": share * problem.radius} for share in (0.2, 0.35, 0.5, 0.7, 1.0)]
+    grid = [{"threshold": share * problem.radius} for share in (0.35, 0.5, 0.7, 1.0, 1.4)]
 
     def make(setting: Setting) -> Birch:
         return Birch(n_clusters=None, compute_labels=False, **setting)

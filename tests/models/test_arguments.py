@@ -53,7 +53,10 @@ mistakes = {
     "a penalty as text": (lambda: pf.online.DPGMM("1", 0.1), "cluster"),
     "text as a datapoint": (lambda: pf.online.observe(stream, "text"), "not made of numbers"),
     "a gap in a datapoint": (lambda: pf.online.observe(stream, [1.0, None, 2.0]), "datapoint 0"),
-    "an array for a demonstration": (lambda: pf.online.observe_demonstration(stream, demos[0].x), "pf.demonstration"),
+    "a demonstration as an array": (
+        lambda: pf.online.observe_demonstration(stream, demos[0].x),
+        "pf.demonstration",
+    ),
     "fractional transforms": (lambda: pf.gaussians.MLT(2.0), "transforms"),
 }
 for name, (mistake, words) in mistakes.items():

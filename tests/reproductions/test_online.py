@@ -80,10 +80,10 @@ def test_the_clusters_of_the_z(data_folder, online_zshape: ModuleType):
 
 
 def test_the_states_of_the_z_are_in_order_and_move_along_it(data_folder, online_zshape: ModuleType):
-    """Four states in a row; the motion that they make keeps to the Z within 3 units, but for where x begins."""
+    """Four states in a row; the motion that they make keeps to the Z within 3 units, but along x."""
     row, pictures = online_zshape.sosc(pf.datasets.zshape())
     assert row["K after each demonstration"] == [4, 4, 4, 4, 4]
-    assert max(row["squared error along x, y, z [square unit]"][1:]) < 9.0
+    assert max(row["squared error along x, y, z"][1:]) < 9.0
     assert set(pictures) == {"figure-5.1-states", "figure-5.1-graph"}
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pilotfish.demonstrations import position_layout
@@ -153,6 +153,10 @@ def test_what_is_too_large_for_a_line_is_too_large_for_a_model(value: float):
 
 def test_a_first_line_of_names_is_a_header():
     """Of names with commas or blanks; quotes, byte order marks, comments and blank lines are no matter."""
+    assert flat(said(b"x\ry,z\n1,2\n", []))[1:] == [
+        Refusal(1, "column 1 is 'x', expected a number such as 0.25"),
+        (1.0, 2.0),
+    ]
     for text in ("x,y\n1,2", "x y\n1 2", '"x", y\n1,2', "\ufeffx,y\n1,2", "# rows\n\nx,y\n1,2"):
         assert flat(said(text.encode(), [])) == [Columns(2, ("x", "y")), (1.0, 2.0)]
     reason = "column 2 is 'y', expected a number such as 0.25"
@@ -288,7 +292,8 @@ def test_a_source_that_is_not_there_is_named(refusal: Callable[..., str], source
 
 
 @given(data=st.binary(max_size=200) | st.text("0123456789.,- e\n#xna", max_size=200).map(str.encode))
-@settings(max_examples=60)
+@settings(max_examples=100)
+@example(b"\x00\r,")
 def test_any_bytes_are_learned_or_refused(tmp_path_factory: pytest.TempPathFactory, data: bytes):
     """Whatever comes, the command ends with an answer or one line."""
     path = tmp_path_factory.mktemp("any") / "rows"

@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from pilotfish.errors import InvalidInput
-from pilotfish.models.online import OnlineModel
+from pilotfish.models import online
 from pilotfish.plots.doors import require_states
 from pilotfish.plots.kinds import require_list
 from pilotfish.plots.style import (
@@ -26,7 +26,7 @@ from pilotfish.types import Array, Float
 DODGE = 0.35  # dimensions from the first line to the last: equal ones stand side by side
 
 
-def growth(models: Sequence[OnlineModel]) -> Figure:
+def growth(models: Sequence[online.OnlineModel]) -> Figure:
     """The number of clusters over the datapoints, and below it the dimension of each in every frame.
 
     models are one model at moments of its stream, earliest first. States are those of the last model, as it
@@ -35,7 +35,7 @@ def growth(models: Sequence[OnlineModel]) -> Figure:
     Raises: InvalidInput, when there is no model, they are of different streams or have too many states.
     Source: after Tanwani 2018, figure 5.6.
     """
-    require_list("models", models, OnlineModel)
+    require_list("models", models, online.OnlineModel)
     if not models or not models[-1].clusters:
         raise InvalidInput("no model has a cluster to draw, expected the model at one moment at least")
     last = models[-1]
@@ -64,7 +64,7 @@ def growth(models: Sequence[OnlineModel]) -> Figure:
     return figure
 
 
-def _lines(models: Sequence[OnlineModel], p: int) -> dict[int, Float[Array, " M"]]:
+def _lines(models: Sequence[online.OnlineModel], p: int) -> dict[int, Float[Array, " M"]]:
     """The dimension of every cluster there ever was in frame p, nan where it is not."""
     lines: dict[int, Float[Array, " M"]] = {}
     for m, model in enumerate(models):
@@ -73,7 +73,7 @@ def _lines(models: Sequence[OnlineModel], p: int) -> dict[int, Float[Array, " M"
     return lines
 
 
-def _style(last: OnlineModel, identity: int) -> tuple[dict[str, object], int]:
+def _style(last: online.OnlineModel, identity: int) -> tuple[dict[str, object], int]:
     """How a cluster's line looks, and its place among the states; -1 when it is no more."""
     places = np.flatnonzero(last.identities == identity)
     if not len(places):

@@ -243,6 +243,9 @@ def number(word: bytes) -> float | None:
 def header(line: bytes) -> tuple[str, ...]:
     """The names of columns that a first line holds; none, when any of them is a number, or empty."""
     text = line.decode("utf-8", "replace").strip()
-    names = next(csv.reader([text], skipinitialspace=True)) if "," in text else text.split()
+    try:
+        names = next(csv.reader([text], skipinitialspace=True)) if "," in text else text.split()
+    except csv.Error:
+        return ()
     named = all(name.strip() and number(name.strip().encode()) is None for name in names)
     return tuple(name.strip() for name in names) if named else ()

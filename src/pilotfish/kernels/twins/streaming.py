@@ -6,7 +6,6 @@ import numpy as np
 
 from pilotfish.kernels.refusals import not_observable
 from pilotfish.kernels.streams import StreamColumn as Column
-from pilotfish.kernels.streams import StreamHead as Head
 from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, in_fours, stream_of
 from pilotfish.kernels.twins.subspaces import (
     Subspace,
@@ -91,7 +90,7 @@ def observe_one(
 def assigned(stream: Stream, x: Float[Array, "P D"]) -> tuple[int, float, float]:
     """The cluster of least cost, or K for a new one; its cost; and for a new one, the loss that it saves."""
     rules, K = stream.rules, len(stream.clusters)
-    costs = np.array([sum(map(_distance(rules), x, cluster.seen)) for cluster in stream.clusters])
+    costs = np.array([distance_to(cluster, x, rules.bandwidth) for cluster in stream.clusters])
     costs += transition_costs(stream)
     new = rules.cluster
     if stream.current >= 0:
@@ -105,23 +104,24 @@ def assigned(stream: Stream, x: Float[Array, "P D"]) -> tuple[int, float, float]
     return K, float(new), float(new - costs[best] - (rules.dimension * dimensions if dimensions else 0.0))
 
 
-def _distance(rules: StreamRules):  # type: ignore[no-untyped-def]
-    return lambda x, seen: squared_distance(x, seen, rules.bandwidth)
+def distance_to(cluster: Cluster, x: Float[Array, "P D"], bandwidth: float) -> float:
+    """The squared distances of all frames, added."""
+    return sum(squared_distance(row, seen, bandwidth) for row, seen in zip(x, cluster.seen, strict=True))
 
 
 def transition_costs(stream: Stream) -> Float[Array, " K"]:
-    """What it costs to go from the current cluster to each (5.26, 5.27); nothing where a demonstration begins."""
+    """What it costs to go from the current cluster to each (5.26, 5.27); nothing where none is current."""
     if stream.current < 0:
         return np.zeros(len(stream.clusters))
     rules, counts = stream.rules, stream.counts[stream.current]
     known = counts > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         surprise = np.log(np.where(known, counts.sum() / counts, counts.sum() + 1.0))
-    return rules.transition * surprise + np.where(known, 0.0, rules.new_transition)
+    return np.asarray(rules.transition * surprise + np.where(known, 0.0, rules.new_transition))
 
 
 def created(stream: Stream, x: Float[Array, "P D"], n: int) -> int:
-    """The row of a new cluster at x; where there are as many as may be, the lightest but the current makes room."""
+    """The row of a new cluster at x; where no more may be, the lightest but the current makes room."""
     if len(stream.clusters) >= stream.rules.clusters:
         weights = np.array([cluster.numbers[Column.WEIGHT] for cluster in stream.clusters])
         if len(weights) > 1 and stream.current >= 0:

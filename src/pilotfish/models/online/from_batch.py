@@ -164,7 +164,7 @@ def _inside(
 def _weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Array, " K"]:
     match settings.upkeep.weighting:
         case Trace(discount, _):
-            return np.minimum(points, 1.0 / (1.0 - discount))
+            return np.asarray(np.minimum(points, 1.0 / (1.0 - discount)))
         case Constant(weight):
             return np.full(len(points), float(weight))
         case _:

@@ -1,4 +1,4 @@
-"""(model, datapoint) -> (model, where it went): for one, for many, for a demonstration seen from its frames."""
+"""(model, datapoint) -> (model, where it went): for one, for many, for a demonstration and its frames."""
 
 from dataclasses import replace
 
@@ -136,9 +136,9 @@ def _expected(model: OnlineModel) -> str:
 def _not_finite(points: Float[Array, "N P D"], model: OnlineModel) -> InvalidInput:
     n, p, d = np.argwhere(~(np.abs(points) <= LARGEST))[0].tolist()
     return InvalidInput(
-        f"datapoint {n} (first is 0), column {model.layout.names[d]!r} as frame {model.frame_names[p]!r} sees "
-        f"it, is {points[n, p, d]}, expected a number of at most {LARGEST:g}; leave it out: the model is as it "
-        "was"
+        f"datapoint {n} (first is 0), column {model.layout.names[d]!r} as frame {model.frame_names[p]!r} "
+        f"sees it, is {points[n, p, d]}, expected a number of at most {LARGEST:g}; leave it out: the "
+        "model is as it was"
     )
 
 

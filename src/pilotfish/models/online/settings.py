@@ -17,7 +17,7 @@ class Count:
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Eligibility traces: with every datapoint all weights shrink by the discount, and the visited one gains 1.
+    """Eligibility traces: with every datapoint all weights shrink by the discount, the visited one gains 1.
 
     For streams that change: a cluster remembers about 1 / (1 - discount) datapoints (5.16).
     A cluster whose weight falls below forget_below, unless it is the current one, is forgotten. At 0, the
@@ -33,8 +33,8 @@ class Trace:
             raise InvalidInput(f"discount is {self.discount}, expected a number between 0 and 1, say 0.995")
         if not 0.0 <= self.forget_below < 1.0:
             raise InvalidInput(
-                f"forget_below is {self.forget_below}, expected 0 or more and less than the weight 1 of a new "
-                "cluster"
+                f"forget_below is {self.forget_below}, expected 0 or more and less than 1, the weight of "
+                "a new cluster"
             )
 
 
