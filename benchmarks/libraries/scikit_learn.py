@@ -57,7 +57,7 @@ def k_means_in_batches(folder: Path) -> Prepared:
 
 
 def _k_means(folder: Path, step: int) -> Prepared:
-    """Centres begin at points of the whole stream, in a stream's favour: its first are of one cluster.
+    """Centres begin at points of the whole stream: its first are of one cluster, and one alone is refused.
 
     How light a centre is when it is put elsewhere, and which points, is tuned.
     """
@@ -68,7 +68,9 @@ def _k_means(folder: Path, step: int) -> Prepared:
         drawn = np.random.default_rng(setting["seed"]).choice(len(problem.x), problem.clusters, replace=False)
         fixed = {"n_init": 1, "compute_labels": False, "random_state": setting["seed"]}
         ratio = setting["reassignment_ratio"]
-        return MiniBatchKMeans(problem.clusters, init=problem.x[drawn], reassignment_ratio=ratio, **fixed)
+        centres = problem.x[drawn]
+        model = MiniBatchKMeans(problem.clusters, init=centres, reassignment_ratio=ratio, **fixed)
+        return model.partial_fit(centres)
 
     peer = Peer(make, in_steps(MiniBatchKMeans.partial_fit, step), MiniBatchKMeans.predict)
     return prepared(folder / f"k_means_{step}.json", peer, problem.x, problem.labels, grid)

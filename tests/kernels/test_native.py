@@ -193,8 +193,9 @@ def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(base
     for wrong, words in [
         ({"rows": rows[:, :-1].copy()}, "clusters has"),
         ({"counts": np.zeros((len(rows) + 1,) * 2)}, "counts has"),
-        ({"head": np.array([float(len(rows)), 1, 9, 30])}, "head names a cluster"),
-        ({"head": np.array([np.nan, 1, 9, 30])}, "head names a cluster"),
+        ({"head": np.array([float(len(rows)), 1, 9, 30, -1, 0])}, "head names a cluster"),
+        ({"head": np.array([np.nan, 1, 9, 30, -1, 0])}, "head names a cluster"),
+        ({"head": np.array([0.0, 1, 9, 30, len(rows), 1])}, "head names a cluster"),
         ({"head": np.zeros(3)}, "head has 3 entries"),
         ({"room": 3}, "room is no multiple of 4"),
         ({"room": -4}, "room is no multiple of 4"),

@@ -154,6 +154,25 @@ def test_transitions_and_durations_are_those_of_the_assignments(rng):
     np.testing.assert_allclose(chain.transitions, leaving / leaving.sum(axis=1, keepdims=True))
 
 
+def test_a_cluster_that_merges_at_once_does_not_cut_the_visit_it_is_born_in(rng):
+    """Durations are those of the labels with merges followed, and nothing leads from a state to itself."""
+    visits = rng.integers(20, 31, size=40)
+    states = np.repeat(np.arange(40) % 3, visits)
+    x = 60.0 * np.eye(3)[states] + rng.normal(size=(len(states), 3))
+    settings = SOSC(4.0, 0.3, 0.05, 60.0, upkeep=Upkeep(merge_distance=15.0))
+    model, went = online.observe_stream(blank(settings), x)
+    assert model.clusters == 3
+    assert len(went.gone) > 3
+    assert went.identities.max() > 5
+    visited, steps = runs(online.identities_now(went))
+    for k, identity in enumerate(model.identities):
+        lengths = steps[:-1][visited[:-1] == identity]
+        row = model.state.clusters[k]
+        np.testing.assert_allclose(row[4:6], [len(lengths), lengths.mean()])
+        np.testing.assert_allclose(row[6], len(lengths) * lengths.var(), atol=1e-8)
+    np.testing.assert_allclose(online.read_out(model).dynamics.transitions.max(axis=1), 1.0)
+
+
 def test_a_new_demonstration_begins_without_a_transition(rng):
     """No count leads from the last state of one to the first of the next."""
     x, states = cycle(rng, N=25)

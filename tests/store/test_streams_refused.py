@@ -112,7 +112,7 @@ def test_any_json_anywhere_in_the_header_is_refused_or_means_what_it_says(data: 
 def empty(arrays: Arrays) -> Arrays:
     """Those of a model before its first datapoint."""
     none = {name: array[:0].copy() for name, array in arrays.items()}
-    return none | {"head": np.array([-1.0, 0, 0, 0]), "counts": np.empty((0, 0))}
+    return none | {"head": np.array([-1.0, 0, 0, 0, -1.0, 0]), "counts": np.empty((0, 0))}
 
 
 NUMBERS = st.sampled_from([math.nan, math.inf, -1.0, -1e-300, 0.0, 0.5, 1.0, 2.0, 7.0, 1e16, 1e300, -1e300])

@@ -68,6 +68,8 @@ class StreamHead(IntEnum):
     STEPS = 1  # how long it has stayed there
     NEXT = 2  # identity of the next cluster
     POINTS = 3
+    BEFORE = 4  # row of the cluster whose visit came right before this one; -1 where none did
+    BEFORE_STEPS = 5  # how long that visit was
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +83,7 @@ class StreamState:
     rows as they are. counts[i, j] datapoints in j came right after one in i.
     """
 
-    head: Float[Array, " 4"]
+    head: Float[Array, " 6"]
     clusters: Float[Array, "K R"]
     counts: Float[Array, "K K"]
     frames: int
@@ -130,7 +132,11 @@ def stream_of(clusters: int, frames: int, width: int, room: int) -> StreamState:
     """A state of so many clusters, all zeros, where a demonstration begins."""
     rows = np.zeros((clusters, stream_row_length(frames, width, room)))
     counts = np.zeros((clusters, clusters))
-    return StreamState(np.array([-1.0, 0, 0, 0]), rows, counts, frames, width, room)
+    return StreamState(empty_head(), rows, counts, frames, width, room)
+
+
+def empty_head() -> Float[Array, " 6"]:
+    return np.array([-1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
 
 
 def in_fours(size: int) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.errors import InvalidInput, UnknownSkill, require_kind
-from pilotfish.kernels import StreamColumn, StreamState, in_fours, stream_of
+from pilotfish.kernels import StreamColumn, StreamHead, StreamState, in_fours, stream_of
 from pilotfish.models import Skill, online
 from pilotfish.store.headed_files import STREAM, Header, decoded, encoded, format_name, opened, written
 from pilotfish.store.skills import decode_skill
@@ -110,7 +110,7 @@ def _state_together(arrays: Arrays, P: int, D: int) -> StreamState:
     held = {name: taken(arrays, name, "the file") for name in ("head", "counts", "numbers", *SUBSPACES)}
     K, C = (len(held["numbers"]) if held["numbers"].ndim else 0), (held["bases"].shape or (0,))[-1]
     shapes = {
-        "head": (4,),
+        "head": (len(StreamHead),),
         "counts": (K, K),
         "numbers": (K, len(StreamColumn)),
         "dimensions": (K, P),

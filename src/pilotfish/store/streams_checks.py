@@ -30,14 +30,18 @@ def require_sound_stream(model: online.OnlineModel) -> None:
 
 def _require_head(model: online.OnlineModel) -> None:
     head, clusters = model.state.head, model.state.clusters
-    current, steps, following, points = (float(head[place]) for place in StreamHead)
-    if current not in range(-1, len(clusters)):
-        raise InvalidInput(f"the current row is {current:g}, expected -1 to {len(clusters) - 1}")
-    if not _counts_something(head[1:]).all() or (current >= 0 and steps < 1):
+    current, steps, following, points, before, lasted = (float(head[place]) for place in StreamHead)
+    for name, row in (("current row", current), ("row before", before)):
+        if row not in range(-1, len(clusters)):
+            raise InvalidInput(f"the {name} is {row:g}, expected -1 to {len(clusters) - 1}")
+    whole = _counts_something(np.array([steps, following, points, lasted])).all()
+    if not whole or (current >= 0 and steps < 1) or (before >= 0 and lasted < 1):
         raise InvalidInput(
             f"head is {head.tolist()}, expected the current row, then whole numbers: how long it has lasted, "
-            "the next identity, and all datapoints"
+            "the next identity, all datapoints, and of the visit before its row and how long it lasted"
         )
+    if before >= 0 and clusters[int(before), StreamColumn.VISITS] < 1:
+        raise InvalidInput(f"the row before is {before:g}, and that cluster has no complete visit")
     identities = clusters[:, StreamColumn.IDENTITY]
     if (np.diff(identities) <= 0.0).any() or (identities >= following).any():
         raise InvalidInput(

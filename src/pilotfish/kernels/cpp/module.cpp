@@ -337,10 +337,10 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
           const In<double, 2>& counts, int room) {
   const size_t K = rows.shape(0);
   if (room < 0 || room % 4 || size_t(room) > D + 3) throw nb::value_error("room is no multiple of 4 up to the columns of x");
-  expect(head, "head", {4});
+  expect(head, "head", {HEADS});
   expect(rows, "clusters", {K, row_length(P, D, room)});
   expect(counts, "counts", {K, K});
-  if (!(head(CURRENT) < double(K))) throw nb::value_error("head names a cluster that is not there");
+  if (!(head(CURRENT) < double(K) && head(BEFORE) < double(K))) throw nb::value_error("head names a cluster that is not there");
   const size_t block = (rows.shape(1) - NUMBERS) / P;
   for (size_t k = 0; k < K; ++k)
     for (size_t p = 0; p < P; ++p) {
@@ -359,7 +359,7 @@ struct Kept {
 Kept kept(const Stream& stream, size_t P, size_t D) {
   const size_t K = stream.clusters();
   const int room = stream.room();
-  Kept now{empty<Out>({4}), empty<Out>({K, row_length(P, D, room)}), empty<Out>({K, K}), room};
+  Kept now{empty<Out>({HEADS}), empty<Out>({K, row_length(P, D, room)}), empty<Out>({K, K}), room};
   stream.store(now.head.data(), now.rows.data(), now.counts.data(), room);
   return now;
 }

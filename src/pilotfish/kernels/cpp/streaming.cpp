@@ -99,21 +99,25 @@ void Stream::load(const double* head, const double* rows, const double* counts, 
   steps_ = head[STAYED];
   next_ = head[NEXT];
   seen_ = head[SEEN];
+  before_ = head[BEFORE] < 0.0 ? -1 : int(head[BEFORE]);
+  before_steps_ = head[BEFORE_STAYED];
 }
 
 void Stream::store(double* head, double* rows, double* counts, int room) const {
   const int K = clusters();
   const Layout outside{D_, layout_.rows, room};
-  head[CURRENT] = -1.0;
+  head[CURRENT] = head[BEFORE] = -1.0;
   for (int k = 0; k < K; ++k) {
     const int slot = order_[k];
     if (slot == current_) head[CURRENT] = k;
+    if (slot == before_) head[BEFORE] = k;
     copy_row(numbers(slot), layout_, rows + k * (NUMBERS + P_ * outside.block()), outside);
     for (int j = 0; j < K; ++j) counts[size_t(k) * K + j] = counts_[size_t(slot) * slots_ + order_[j]];
   }
   head[STAYED] = steps_;
   head[NEXT] = next_;
   head[SEEN] = seen_;
+  head[BEFORE_STAYED] = before_steps_;
 }
 
 void Stream::observe(const double* x, long N, int64_t* identities, double* costs, double* changes) {
@@ -272,6 +276,8 @@ double Stream::follow(int slot) {
     left[DURATION] += off / left[VISITS];
     left[SQUARES] += off * (steps_ - left[DURATION]);
   }
+  before_ = current_;
+  before_steps_ = current_ < 0 ? 0.0 : steps_;
   current_ = slot;
   steps_ = 1.0;
   return change;
@@ -352,8 +358,27 @@ int Stream::merge(int slot, int other, long n) {
   for (int i : order_) counts(i)[slot] += counts(i)[other];
   std::fill(ready_.begin(), ready_.end(), 0);
   if (current_ == other) current_ = slot;
+  if (before_ == other) before_ = slot;
+  if (current_ == before_ && current_ >= 0) {  // what was taken for two visits is one, and goes on
+    unlast(a, before_steps_);
+    steps_ += before_steps_;
+    before_ = -1;
+    before_steps_ = 0.0;
+  }
   remove(other, n, int64_t(a[IDENTITY]));
   return slot;
+}
+
+// One complete visit of so many steps less.
+void Stream::unlast(double* own, double steps) const {
+  own[VISITS] -= 1.0;
+  if (own[VISITS] == 0.0) {
+    own[DURATION] = own[SQUARES] = 0.0;
+    return;
+  }
+  const double off = steps - own[DURATION];
+  own[DURATION] -= off / own[VISITS];
+  own[SQUARES] = std::max(own[SQUARES] - off * (steps - own[DURATION]), 0.0);
 }
 
 void Stream::pool(double* a, const double* b, int number, int mean, int squares) const {
@@ -380,6 +405,10 @@ void Stream::remove(int slot, long n, int64_t into) {
   }
   std::fill(ready_.begin(), ready_.end(), 0);
   if (current_ == slot) current_ = -1;
+  if (before_ == slot) {
+    before_ = -1;
+    before_steps_ = 0.0;
+  }
 }
 
 }  // namespace pilotfish

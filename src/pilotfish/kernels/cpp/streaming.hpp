@@ -20,7 +20,7 @@ struct StreamRules {
 
 // The first columns of a cluster's row (StreamColumn), and the head (StreamHead).
 enum Number : int { IDENTITY, WEIGHT, POINTS, BEGUN, VISITS, DURATION, SQUARES, CUT, CUT_DURATION, NUMBERS };
-enum Head : int { CURRENT, STAYED, NEXT, SEEN };
+enum Head : int { CURRENT, STAYED, NEXT, SEEN, BEFORE, BEFORE_STAYED, HEADS };
 
 // Clusters lie as rows of a StreamState, in slots that are used again; order_ is that of their birth, which is
 // that of the rows outside. work is memory for updates, which may be kept from stream to stream.
@@ -53,6 +53,7 @@ class Stream {
   void merge_close(int slot, long n);
   int merge(int a, int b, long n);
   void remove(int slot, long n, int64_t into);
+  void unlast(double* own, double steps) const;
   void pool(double* a, const double* b, int number, int mean, int squares) const;
   int slot_of(int64_t identity) const;
 
@@ -79,8 +80,8 @@ class Stream {
   std::vector<char> ready_;
   Buffer point_, error_, g_;
   std::vector<char> fresh_;
-  int current_ = -1;
-  double steps_ = 0.0, next_ = 0.0, seen_ = 0.0;
+  int current_ = -1, before_ = -1;  // the cluster visited before, -1 where a demonstration has begun since
+  double steps_ = 0.0, next_ = 0.0, seen_ = 0.0, before_steps_ = 0.0;
   std::vector<std::array<int64_t, 3>> gone_;
 };
 

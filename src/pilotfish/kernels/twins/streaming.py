@@ -44,6 +44,8 @@ class Stream:
     steps: int
     next: int
     points: int
+    before: int  # the cluster visited before, -1 where a demonstration has begun since
+    before_steps: int
     gone: list[tuple[int, int, int]] = field(default_factory=list)
 
 
@@ -158,6 +160,7 @@ def followed(stream: Stream, k: int) -> float:
         return float(change)
     if before >= 0:
         lasted(stream.clusters[before].numbers, stream.steps)
+    stream.before, stream.before_steps = before, stream.steps if before >= 0 else 0
     stream.current, stream.steps = k, 1
     return float(change)
 
@@ -168,6 +171,18 @@ def lasted(numbers: Float[Array, " 9"], steps: int) -> None:
     off = steps - numbers[Column.DURATION]
     numbers[Column.DURATION] += off / numbers[Column.VISITS]
     numbers[Column.SQUARES] += off * (steps - numbers[Column.DURATION])
+
+
+def unlast(numbers: Float[Array, " 9"], steps: int) -> None:
+    """One complete visit of so many steps less: the inverse of lasted."""
+    numbers[Column.VISITS] -= 1.0
+    if numbers[Column.VISITS] == 0.0:
+        numbers[Column.DURATION] = numbers[Column.SQUARES] = 0.0
+        return
+    off = steps - numbers[Column.DURATION]
+    numbers[Column.DURATION] -= off / numbers[Column.VISITS]
+    left = numbers[Column.SQUARES] - off * (steps - numbers[Column.DURATION])
+    numbers[Column.SQUARES] = max(left, 0.0)
 
 
 def weighted(stream: Stream, x: Float[Array, "P D"], identity: int, fresh: bool) -> float:
@@ -250,8 +265,12 @@ def merge(stream: Stream, k: int, j: int, n: int) -> int:
         a[Column.WEIGHT] += b[Column.WEIGHT]
     stream.counts[k] += stream.counts[j]
     stream.counts[:, k] += stream.counts[:, j]
-    if stream.current == j:
-        stream.current = k
+    stream.current = k if stream.current == j else stream.current
+    stream.before = k if stream.before == j else stream.before
+    if stream.current == stream.before >= 0:  # what was taken for two visits is one, and goes on
+        unlast(stream.clusters[k].numbers, stream.before_steps)
+        stream.steps += stream.before_steps
+        stream.before, stream.before_steps = -1, 0
     remove(stream, j, n, int(a[Column.IDENTITY]))
     return k - (j < k)
 
@@ -272,24 +291,30 @@ def remove(stream: Stream, k: int, n: int, into: int) -> None:
     stream.gone.append((n, int(stream.clusters[k].numbers[Column.IDENTITY]), into))
     del stream.clusters[k]
     stream.counts = np.delete(np.delete(stream.counts, k, axis=0), k, axis=1)
-    if stream.current == k:
-        stream.current = -1
-    elif stream.current > k:
-        stream.current -= 1
+    stream.current = _without(stream.current, k)
+    stream.before = _without(stream.before, k)
+    if stream.before < 0:
+        stream.before_steps = 0
+
+
+def _without(place: int, k: int) -> int:
+    """Where a place is once k is gone; -1, when it was k."""
+    return -1 if place == k else place - (place > k)
 
 
 def unpacked(state: StreamState, rules: StreamRules) -> Stream:
     clusters = []
     for k, row in enumerate(state.clusters):
         clusters.append(Cluster(row[: len(Column)].copy(), [taken(state, k, p) for p in range(state.frames)]))
-    current, steps, following, points = (int(number) for number in state.head)
-    return Stream(rules, clusters, state.counts.copy(), current, steps, following, points)
+    current, steps, following, points, before, lasted = (int(number) for number in state.head)
+    return Stream(rules, clusters, state.counts.copy(), current, steps, following, points, before, lasted)
 
 
 def packed(stream: Stream, frames: int, width: int) -> StreamState:
     ranks = [len(seen.variances) for cluster in stream.clusters for seen in cluster.seen]
     state = stream_of(len(stream.clusters), frames, width, in_fours(max(ranks, default=0)))
-    state.head[:] = stream.current, stream.steps, stream.next, stream.points
+    head = (stream.current, stream.steps, stream.next, stream.points, stream.before, stream.before_steps)
+    state.head[:] = head
     state.counts[:] = stream.counts
     for k, cluster in enumerate(stream.clusters):
         state.clusters[k, : len(Column)] = cluster.numbers

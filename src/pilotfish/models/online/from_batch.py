@@ -9,7 +9,7 @@ from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.durations_counted import runs
-from pilotfish.models.online.model import Column, OnlineModel, online_model
+from pilotfish.models.online.model import Column, Head, OnlineModel, online_model
 from pilotfish.models.online.settings import (
     SOSC,
     UPKEEP,
@@ -66,7 +66,8 @@ def penalties_from(
     if not bandwidth > 0.0:
         raise InvalidInput("all datapoints of every state are equal, expected states with some extent")
     nearness = 1.0 - np.expm1(-squares / bandwidth) ** 2
-    cluster = float(np.max((squares - nearness * _inside(skill, data, errors, dimension)).sum(axis=0)))
+    costs = (squares - nearness * _inside(skill, data, errors, dimension)).sum(axis=0)  # (N,)
+    cluster = float(costs.max()) * (1.0 + 1e-9)  # the farthest one stays too
     return SOSC(
         cluster=max(cluster, noise),
         dimension=dimension,
@@ -107,7 +108,8 @@ def _of_those(kept: Bool[Array, " K"], state: kernels.StreamState, datapoints: i
     """The state of some of the clusters, named anew in their order."""
     rows = state.clusters[kept]
     rows[:, Column.IDENTITY] = np.arange(len(rows))
-    head = np.array([-1.0, 0.0, len(rows), datapoints])
+    head = state.head.copy()
+    head[Head.NEXT], head[Head.POINTS] = len(rows), datapoints
     return replace(state, head=head, clusters=rows, counts=np.ascontiguousarray(state.counts[kept][:, kept]))
 
 

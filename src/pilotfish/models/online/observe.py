@@ -91,6 +91,7 @@ def begin_demonstration(model: OnlineModel) -> OnlineModel:
         return model
     head, clusters = state.head.copy(), state.clusters.copy()
     head[Head.CURRENT], head[Head.STEPS] = -1.0, 0.0
+    head[Head.BEFORE], head[Head.BEFORE_STEPS] = -1.0, 0.0
     row, C = clusters[k], kernels.StreamColumn
     row[C.CUT] += 1.0
     row[C.CUT_DURATION] += (steps - row[C.CUT_DURATION]) / row[C.CUT]

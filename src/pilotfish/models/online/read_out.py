@@ -7,7 +7,7 @@ from pilotfish.gaussians import LatentCovariances
 from pilotfish.models.durations import GaussianDurations
 from pilotfish.models.dynamics import Dynamics, SemiMarkovChain, Weights
 from pilotfish.models.learn import library_version
-from pilotfish.models.online.model import Column, OnlineModel
+from pilotfish.models.online.model import Column, Head, OnlineModel
 from pilotfish.models.online.settings import DPGMM, DPMPPCA
 from pilotfish.models.skill import Provenance, Skill
 from pilotfish.types import Array, Float
@@ -86,6 +86,6 @@ def durations(model: OnlineModel) -> GaussianDurations:
     visits, cut = rows[:, Column.VISITS], rows[:, Column.CUT]
     means = np.where(visits > 0.0, rows[:, Column.DURATION], rows[:, Column.CUT_DURATION])
     if model.current >= 0 and visits[model.current] + cut[model.current] == 0.0:
-        means[model.current] = model.state.head[1]
+        means[model.current] = model.state.head[Head.STEPS]
     variances = rows[:, Column.SQUARES] / np.maximum(visits - 1.0, 1.0)
     return GaussianDurations(np.maximum(means, 1.0), np.sqrt(variances + DURATION_FLOOR))
