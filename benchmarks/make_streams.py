@@ -28,11 +28,12 @@ class Shape:
     shuffled: bool = False
 
 
-# Near: a cluster extends farther than to the next centre, so that the nearest mean is often another's.
+# Near: a cluster extends farther than to the next centre, so that the nearest mean is often another's,
+# and about as often in 75 dimensions as in 14.
 # Far: as section 5.7 of the thesis draws them, at least 4 sqrt(D) apart.
 SHAPES = {
     "stream_14": Shape(14, 7, 2, 4, 3.0, 5.0, correlation=0.9),
-    "stream_75": Shape(75, 7, 4, 8, 3.0, 5.0, correlation=0.9),
+    "stream_75": Shape(75, 7, 4, 8, 3.0, 4.0, correlation=0.9),
     "long_3": Shape(3, 20, 1, 2, 1.0, 4.0 * 3**0.5),
     "long_14": Shape(14, 20, 4, 4, 1.0, 4.0 * 14**0.5),
     "long_75": Shape(75, 20, 8, 8, 1.0, 4.0 * 75**0.5),

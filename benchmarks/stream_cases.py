@@ -33,19 +33,19 @@ _RULE = (
 )
 _NEAR = (
     "{stream} datapoints; 7 clusters in a circle, visits of 70 to 90 steps. Each is a random subspace of "
-    "{d} dimensions in {D}, standard deviation 3 along it and .2 in every column; centres are 5 apart, so "
-    "that the nearest mean is often another's. Within a visit coordinates along the subspace wander, "
-    "correlated by .9 from step to step. "
+    "{d} dimensions in {D}, standard deviation 3 along it and .2 in every column; centres are at least "
+    "{apart} apart, so that the nearest mean is often another's. Within a visit coordinates along the "
+    "subspace wander, correlated by .9 from step to step. "
 )
 _TUNED = (
     "Peers are told the true number of clusters where they take one, and have the setting of most NMI on "
     "these very data, looked for outside the time. Their labels are read with the model of the end of the "
     "stream, or a hundred datapoints at a time as they came, whichever is better. r is a cluster's "
     "radius, the extent times the root of the largest dimension. Grids: DBSTREAM clustering_threshold "
-    "{.35, .5, .7, 1, 1.4} r, fading_factor {.0002, .002}, intersection_factor {.05, .2}; DenStream "
-    "epsilon the same, decaying_factor {.02, .2, .6}; CluStream {25, 50} micro-clusters, sigma {.1, .3} "
-    "r, two seeds; STREAMKMeans chunks of {10, 100}, halflife {.1, .5}, sigma {.1, .3} r, three seeds; "
-    "MiniBatchKMeans reassignment_ratio {0, .01, .1}, four seeds, begun at points of the whole stream; "
+    "{.5, .7, 1, 1.4} r, fading_factor {.0002, .002}, intersection_factor {.05, .2}; DenStream epsilon "
+    "{.35, .5, .7, 1, 1.4} r, decaying_factor {.02, .2, .6}; CluStream {25, 50} micro-clusters, sigma "
+    "{.1, .3} r, two seeds; STREAMKMeans chunks of {10, 100}, halflife {.1, .5}, sigma {.1, .3} r, three "
+    "seeds; MiniBatchKMeans reassignment_ratio {0, .01, .1}, four seeds, begun at points of the whole stream; "
     "Birch threshold {.35, .5, .7, 1, 1.4} r; DP-means delta {.3, .5, .7, 1, 1.4, 2, 2.8, 4} r^2. "
 )
 _FAR = (
@@ -60,8 +60,9 @@ _SHUFFLED = (
 )
 
 
-def _near(D: int, d: str) -> Case:
-    explanation = _NEAR.replace("{d}", d).replace("{D}", str(D)) + _TUNED + _RULE
+def _near(D: int, d: str, apart: int) -> Case:
+    told = _NEAR.replace("{d}", d).replace("{D}", str(D)).replace("{apart}", str(apart))
+    explanation = told + _TUNED + _RULE
     title = f"sequence data in {D} dimensions, near clusters"
     return Case(f"stream_{D}", title, f"stream_{D}", explanation, _NMI, (*_OURS, *_PEERS), unit="datapoint")
 
@@ -77,8 +78,8 @@ def _far(D: int, d: str, shuffled: bool) -> Case:
 _SIZES = ((3, "1 or 2 dimensions"), (14, "4 dimensions"), (75, "8 dimensions"))
 
 STREAM_CASES = (
-    _near(14, "2 to 4"),
-    _near(75, "4 to 8"),
+    _near(14, "2 to 4", 5),
+    _near(75, "4 to 8", 4),
     *(_far(D, d, shuffled) for D, d in _SIZES for shuffled in (False, True)),
     Case(
         "endless_3",

@@ -22,7 +22,8 @@ def normalised_mutual_information(found: Integers, truth: Integers) -> float:
     _, rows = np.unique(found, return_inverse=True)
     _, columns = np.unique(truth, return_inverse=True)
     joint = np.zeros((rows.max() + 1, columns.max() + 1))
-    np.add.at(joint, (rows, columns), 1.0 / len(rows))
+    np.add.at(joint, (rows, columns), 1.0)
+    joint /= len(rows)
     each = _entropy(joint.sum(axis=1)) + _entropy(joint.sum(axis=0))
     shared = max(0.0, each - _entropy(joint.ravel()))
     return 1.0 if each == 0.0 else 2.0 * shared / each

@@ -1,11 +1,12 @@
 """What a step of a stream costs, by the number K of clusters, D of columns and d of dimensions of subspaces.
 
 `python benchmarks/streams_cost.py` settles a model at each size, times it on, prints a table of measured and
-predicted costs and, with --json and --out, writes figures and a picture. The prediction is the
-specification's order, a + b K D d + c d^3, with a, b and c by least squares of relative errors. It is for
-the worst case: clusters are drawn anew at every step, and subspaces do not fade, so that none is passed over
-because it is far; what clusters far apart cost with a bandwidth of their size stands beside it. Sizes at
-which the model does not settle at K clusters of dimension d are left out, and said to be.
+predicted costs and, with --json and --out, writes figures and a picture. With r = d + 1, the directions that
+a subspace keeps, the prediction is the specification's order, a + b K D r + c r^3, by least squares of
+relative errors; a finer one, a + b K + c K D r + e D r + f r^2, tells what a cluster and an update cost.
+Both are for the worst case: clusters are drawn anew at every step, and subspaces do not fade, so that none
+is passed over because it is far; what the same costs with a bandwidth of the clusters' size stands beside
+it. Sizes at which the model does not stay at K clusters of dimension d are left out, and said to be.
 """
 
 import argparse
@@ -31,6 +32,8 @@ COLUMNS = (3, 7, 14, 28, 75)
 DIMENSIONS = (0, 1, 2, 4, 8, 16)
 SETTLING, MEMORY = 400, 3  # datapoints for each cluster that go before; rounds that a trace lasts
 TIMED, ROUNDS = 2000, 7
+ORDER = ("1", "K D r", "r^3")
+FINER = ("1", "K", "K D r", "D r", "r^2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,24 +57,29 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """a + b K D d + c d^3, in microseconds."""
+    """A sum of terms of these names, in microseconds."""
 
-    a: float
-    b: float
-    c: float
+    names: tuple[str, ...]
+    coefficients: tuple[float, ...]
 
     def at(self, cost: Cost) -> float:
-        return float(terms([cost])[0] @ (self.a, self.b, self.c))
+        return float(terms([cost], self.names)[0] @ self.coefficients)
+
+    @property
+    def words(self) -> str:
+        told = zip(self.coefficients, self.names, strict=True)
+        return " + ".join(f"{value:.2g} {name}".removesuffix(" 1") for value, name in told)
 
 
 def main() -> None:
     asked = arguments()
     costs = list(measured(asked.quick))
     settled = [cost for cost in costs if cost.settled]
-    line = fitted(settled)
-    print("\n".join(table(costs, line)))
+    line, finer = fitted(settled, ORDER), fitted(settled, FINER)
+    print("\n".join(table(costs, line, finer)))
     if asked.json:
-        told = {"machine": asdict(machine()), "line": asdict(line), "costs": [_filed(c) for c in costs]}
+        lines = {"line": asdict(line), "finer": asdict(finer)}
+        told = {"machine": asdict(machine()), **lines, "costs": [_filed(c) for c in costs]}
         asked.json.write_text(json.dumps(told, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     if asked.out:
         draw(settled, line, asked.out)
@@ -124,31 +132,35 @@ def seconds(model: online.OnlineModel, x: Floats) -> float:
     return process_time() - before
 
 
-def terms(costs: list[Cost]) -> Floats:
-    return np.array([(1.0, c.clusters * c.columns * c.dimension, c.dimension**3) for c in costs])
+def terms(costs: list[Cost], names: tuple[str, ...]) -> Floats:
+    sizes = np.array([(c.clusters, c.columns, c.dimension + 1) for c in costs], dtype=np.float64)
+    K, D, r = sizes.T
+    known = {"1": np.ones(len(costs)), "K": K, "K D r": K * D * r, "D r": D * r, "r^2": r**2, "r^3": r**3}
+    return np.stack([known[name] for name in names], axis=1)
 
 
-def fitted(costs: list[Cost]) -> Line:
+def fitted(costs: list[Cost], names: tuple[str, ...]) -> Line:
     """No coefficient is negative."""
     from scipy.optimize import nnls
 
     took = np.array([cost.microseconds for cost in costs])
-    coefficients, _ = nnls(terms(costs) / took[:, None], np.ones(len(costs)))
-    return Line(*coefficients.tolist())
+    coefficients, _ = nnls(terms(costs, names) / took[:, None], np.ones(len(costs)))
+    return Line(names, tuple(coefficients.tolist()))
 
 
-def table(costs: list[Cost], line: Line) -> Iterator[str]:
+def table(costs: list[Cost], line: Line, finer: Line) -> Iterator[str]:
     settled = [cost for cost in costs if cost.settled]
-    ratios = np.array([cost.microseconds / line.at(cost) for cost in settled])
-    yield f"Predicted: {line.a:.3g} + {line.b:.3g} K D d + {line.c:.3g} d^3 microseconds."
-    spread = f"{np.median(ratios):.2f}, from {ratios.min():.2f} to {ratios.max():.2f}"
-    yield f"Measured over predicted: median {spread}."
+    for words, told in (("Predicted", line), ("Finer", finer)):
+        ratios = [cost.microseconds / told.at(cost) for cost in settled]
+        spread = f"median {np.median(ratios):.2f}, from {min(ratios):.2f} to {max(ratios):.2f}"
+        yield f"{words}: {told.words} microseconds, r = d + 1; measured over it: {spread}."
     yield ""
-    yield "| K | D | d | measured us | predicted us | ratio | far apart us |"
-    yield "| ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
-    for cost, ratio in zip(settled, ratios, strict=True):
-        size = f"{cost.clusters} | {cost.columns} | {cost.dimension}"
-        yield f"| {size} | {cost.microseconds:.2f} | {line.at(cost):.2f} | {ratio:.2f} | {cost.far:.2f} |"
+    yield "| K | D | d | measured us | predicted us | ratio | finer us | far apart us |"
+    yield "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
+    for cost in settled:
+        size, predicted = f"{cost.clusters} | {cost.columns} | {cost.dimension}", line.at(cost)
+        took = f"{cost.microseconds:.2f} | {predicted:.2f} | {cost.microseconds / predicted:.2f}"
+        yield f"| {size} | {took} | {finer.at(cost):.2f} | {cost.far:.2f} |"
     for cost in costs:
         if not cost.settled:
             size = f"K = {cost.clusters}, D = {cost.columns}, d = {cost.dimension}"
@@ -156,12 +168,7 @@ def table(costs: list[Cost], line: Line) -> Iterator[str]:
 
 
 def _filed(cost: Cost) -> dict[str, object]:
-    took = {name: value if cost.settled else None for name, value in _took(cost).items()}
-    return asdict(cost) | took
-
-
-def _took(cost: Cost) -> dict[str, float]:
-    return {"microseconds": cost.microseconds, "far": cost.far}
+    return asdict(cost) | ({} if cost.settled else {"microseconds": None, "far": None})
 
 
 def draw(costs: list[Cost], line: Line, out: Path) -> None:
@@ -174,8 +181,7 @@ def draw(costs: list[Cost], line: Line, out: Path) -> None:
         here = [cost for cost in costs if cost.dimension == d]
         axes.scatter([line.at(c) for c in here], [c.microseconds for c in here], s=14, label=f"d = {d}")
     ends = [f(line.at(cost) for cost in costs) for f in (min, max)]
-    words = f"{line.a:.2g} + {line.b:.2g} K D d + {line.c:.2g} d³"
-    axes.plot(ends, ends, color="black", linewidth=1.0, label=words)
+    axes.plot(ends, ends, color="black", linewidth=1.0, label=line.words.replace("^3", "³") + ", r = d + 1")
     axes.set(xscale="log", yscale="log", xlabel="predicted [µs a step]", ylabel="measured [µs a step]")
     axes.legend(frameon=False, fontsize=8)
     figure.savefig(out, dpi=150)

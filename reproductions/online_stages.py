@@ -66,9 +66,10 @@ UPKEEPS = {
 NOTES = (
     "traces make subspaces forget, not transitions or durations: that the first followed the fourth before",
     "the third stage stays in the transition matrix, hence that error",
-    "a datapoint that begins a cluster cuts the visit it falls into, and the cut stays when the two merge:",
-    "hence durations that are short and spread; joined, along the clusters that datapoints are in at the end",
-    "of a stage, they are right",
+    "a datapoint that begins a cluster cuts the visit it falls into; the cut is undone when the two merge",
+    "while the stream is in the one and came from the other, as with all born within the merge distance;",
+    "where clusters merge later, visits stay cut: durations are short and spread. Joined: along the clusters",
+    "that datapoints are in at the end of a stage",
     "the thesis shows one run, prints no number of it, and says that K and d are found in every stage",
 )
 

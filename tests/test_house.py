@@ -128,14 +128,17 @@ def python_blocks(text: str) -> list[str]:
 @pytest.mark.slow
 def test_the_readme_examples_run(data_folder: Path, monkeypatch: pytest.MonkeyPatch):
     """The first example of README.md ends where a person ended there; the second goes on from it,
-    and its plan is drawn through the point.
+    and its plan is drawn through the point; the third learns on from a stream.
     """
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
     names: dict[str, object] = {}
-    first, second = python_blocks(README)
+    first, second, third = python_blocks(README)
     exec(compile(first, "README.md", "exec"), names)  # noqa: S102 - the text is our own
     motion, shown = names["motion"].x, names["demonstrations"][4].x  # type: ignore[attr-defined, index]
     assert np.all(np.isfinite(motion))
     assert np.linalg.norm(motion[-1, :3] - shown[-1, :3]) < 0.1  # m; the situation was never shown
     exec(compile(second, "README.md", "exec"), names)  # noqa: S102 - the text is our own
     np.testing.assert_allclose(names["reference"].targets[40, :3], [0.44, -0.95, 0.31], atol=1e-3)  # type: ignore[attr-defined]
+    exec(compile(third, "README.md", "exec"), names)  # noqa: S102 - the text is our own
+    assert names["model"].datapoints == 1000  # type: ignore[attr-defined]
+    assert np.all(np.isfinite(names["here"].means))  # type: ignore[attr-defined]

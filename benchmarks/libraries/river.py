@@ -19,7 +19,7 @@ def remark() -> str:
 
 def dbstream(folder: Path) -> Prepared:
     """The radius of a micro-cluster as a share of a cluster's, how fast it fades, when two are joined."""
-    scales = product((0.35, 0.5, 0.7, 1.0, 1.4), (0.0002, 0.002), (0.05, 0.2))
+    scales = product((0.5, 0.7, 1.0, 1.4), (0.0002, 0.002), (0.05, 0.2))
     radius = Stream.load(folder).radius
     grid = [
         {"clustering_threshold": share * radius, "fading_factor": fading, "intersection_factor": crossing}

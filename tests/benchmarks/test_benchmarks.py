@@ -20,10 +20,10 @@ def benchmark_module(monkeypatch: pytest.MonkeyPatch):
     return import_module
 
 
-def results(measure: ModuleType, cases: ModuleType, taken: dict[str, tuple[float, float]]):
+def results(measure: ModuleType, kinds: ModuleType, taken: dict[str, tuple[float, float]]):
     """An entry for each library: every sample its CPU seconds, and its answer."""
     return [
-        measure.Result(cases.Entry(name, "", name), cpu=measure.spread([cpu] * 3), answer=answer)
+        measure.Result(kinds.Entry(name, "", name), cpu=measure.spread([cpu] * 3), answer=answer)
         for name, (cpu, answer) in taken.items()
     ]
 
@@ -63,52 +63,52 @@ def test_a_spread_holds_half_of_the_samples(benchmark_module, rng: np.random.Gen
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-3, "pass"), (2e-3, "pass"), (2.1e-3, "miss")])
 def test_a_ceiling_is_kept_from_below(benchmark_module, cpu: float, verdict: str):
     """At most two milliseconds means at most two milliseconds."""
-    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "lqt")
-    taken = [(case, results(measure, cases, {"pilotfish": (cpu, 1.0)}))]
-    assert report.judge(cases.Ceiling("lqt", milliseconds=2.0), taken).verdict == verdict
+    taken = [(case, results(measure, kinds, {"pilotfish": (cpu, 1.0)}))]
+    assert judging.judge(kinds.Ceiling("lqt", milliseconds=2.0), taken).verdict == verdict
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(4.5, "pass"), (3.5, "miss")])
 def test_a_lead_is_over_the_fastest_of_a_peers_entries(benchmark_module, slower: float, verdict: str):
     """A peer that has a slow and a fast way is judged by the fast one."""
-    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
-    own = results(measure, cases, {"pilotfish": (1e-3, 1.0)})
-    slow, fast = (results(measure, cases, {"hmmlearn": (s * 1e-3, 1.0)}) for s in (9.0, slower))
+    own = results(measure, kinds, {"pilotfish": (1e-3, 1.0)})
+    slow, fast = (results(measure, kinds, {"hmmlearn": (s * 1e-3, 1.0)}) for s in (9.0, slower))
     taken = [(case, [*own, *slow, *fast])]
-    assert report.judge(cases.Lead("em_valve", over="hmmlearn", times=4.0), taken).verdict == verdict
+    assert judging.judge(kinds.Lead("em_valve", over="hmmlearn", times=4.0), taken).verdict == verdict
 
 
 @pytest.mark.parametrize("answer", [1.1, np.nan])
 def test_speed_counts_only_when_the_answers_agree(benchmark_module, answer: float):
     """However fast, another answer than the peer's earns no verdict."""
-    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
-    taken = results(measure, cases, {"pilotfish": (1e-3, 1.0), "hmmlearn": (9e-3, answer)})
-    judged = report.judge(cases.Lead("em_valve", over="hmmlearn", times=4.0), [(case, taken)])
+    taken = results(measure, kinds, {"pilotfish": (1e-3, 1.0), "hmmlearn": (9e-3, answer)})
+    judged = judging.judge(kinds.Lead("em_valve", over="hmmlearn", times=4.0), [(case, taken)])
     assert judged.verdict.startswith("not comparable")
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(3.5, "pass"), (2.5, "miss")])
 def test_a_lead_over_all_is_over_the_fastest_that_is_not_ours(benchmark_module, slower: float, verdict: str):
     """Our own portable kernels are no peer, however quick; the verdict names the one that is."""
-    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     seconds = {"pilotfish": 1.0, "pilotfish_baseline": 1.1, "hmmlearn": 9.0, "dynamax": slower}
-    taken = [(case, results(measure, cases, {name: (s * 1e-3, 1.0) for name, s in seconds.items()}))]
-    judged = report.judge(cases.Lead("em_valve", times=3.0), taken)
+    taken = [(case, results(measure, kinds, {name: (s * 1e-3, 1.0) for name, s in seconds.items()}))]
+    judged = judging.judge(kinds.Lead("em_valve", times=3.0), taken)
     assert (judged.verdict, judged.measured) == (verdict, f"{slower:.1f} x (dynamax)")
 
 
 @pytest.mark.parametrize(("grown", "verdict"), [(134.0, "pass"), (135.0, "miss")])
 def test_room_is_what_a_call_adds_to_the_memory(benchmark_module, grown: float, verdict: str):
     """At most twice 67.2 MB, however much the process held before."""
-    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "fit_vast")
     first = measure.First(cpu=1.0, wall=1.0, result=2.0, peak_mb=1e4, grown_mb=grown)
-    taken = measure.Result(cases.Entry("pilotfish", "", ""), measure.spread([1.0]), first=first, answer=1.0)
-    assert report.judge(cases.Room("fit_vast", 67.2, 2.0), [(case, [taken])]).verdict == verdict
+    taken = measure.Result(kinds.Entry("pilotfish", "", ""), measure.spread([1.0]), first=first, answer=1.0)
+    assert judging.judge(kinds.Room("fit_vast", 67.2, 2.0), [(case, [taken])]).verdict == verdict
 
 
 @pytest.mark.parametrize(("begin", "comparable"), [(2.0, True), (2.1, False), (np.nan, False)])
@@ -116,12 +116,12 @@ def test_a_peer_with_another_model_is_compared_where_it_begins(
     benchmark_module, begin: float, comparable: bool
 ):
     """Another prior leads elsewhere; from the same parameters the likelihood is the same at first."""
-    cases, measure, report = map(benchmark_module, ("cases", "measure", "report"))
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
-    own = measure.Result(cases.Entry("pilotfish", "", ""), measure.spread([1.0]), answer=5.0, begin=2.0)
-    other = cases.Entry("dynamax", "", "", differs="its prior")
+    own = measure.Result(kinds.Entry("pilotfish", "", ""), measure.spread([1.0]), answer=5.0, begin=2.0)
+    other = kinds.Entry("dynamax", "", "", differs="its prior")
     taken = [own, measure.Result(other, measure.spread([9.0]), answer=4.0, begin=begin)]
-    judged = report.judge(cases.Lead("em_valve", times=3.0), [(case, taken)])
+    judged = judging.judge(kinds.Lead("em_valve", times=3.0), [(case, taken)])
     assert judged.verdict == ("pass" if comparable else "not comparable: the answers differ")
 
 

@@ -1,0 +1,176 @@
+"""Streams are what they say they are, peers are tuned to their best, promises about both are judged."""
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pilotfish.models import normalised_mutual_information
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture
+def benchmark_module(monkeypatch: pytest.MonkeyPatch):
+    """Modules of benchmarks/, found as `python benchmarks/run.py` finds them."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    return import_module
+
+
+def taken_of(kinds, measure, taken: dict[str, tuple[float, float]]):
+    """An entry for each library: every sample its CPU seconds, and its answer."""
+    return [
+        measure.Result(kinds.Entry(name, "", name), cpu=measure.spread([cpu] * 3), answer=answer)
+        for name, (cpu, answer) in taken.items()
+    ]
+
+
+@pytest.mark.parametrize(("K", "L"), [(1, 1), (1, 3), (4, 4), (6, 3)])
+def test_the_harness_measures_agreement_as_the_library_does(
+    benchmark_module, rng: np.random.Generator, K: int, L: int
+):
+    """Two programs for the normalised mutual information, written apart, agree; names do not count."""
+    own = benchmark_module("streaming").normalised_mutual_information
+    found, truth = rng.integers(K, size=200), rng.integers(L, size=200)
+    assert own(found, truth) == pytest.approx(normalised_mutual_information(found, truth), abs=1e-12)
+    assert own(7 - 3 * truth, truth) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["stream_14", "stream_75", "long_3", "shuffled_14"])
+def test_a_stream_is_what_its_shape_says(benchmark_module, rng: np.random.Generator, name: str):
+    """Visits last 70 to 90 steps; a cluster extends along its subspace, and is noise beside it."""
+    streams = benchmark_module("make_streams")
+    shape, N = streams.SHAPES[name], 20_000
+    stream = streams.stream_of(rng, shape, N)
+    assert stream.x.shape == (N, shape.columns)
+    assert set(stream.labels) == set(range(shape.clusters))
+    visits = np.diff(np.flatnonzero(np.diff(stream.labels)))
+    assert (visits.min() == 1) if shape.shuffled else (visits.min() >= 70 and visits.max() <= 90)
+    groups = [stream.x[stream.labels == k] for k in range(shape.clusters)]
+    for group in groups:
+        deviations = np.sqrt(np.linalg.eigvalsh(np.cov(group.T))[::-1])
+        along = deviations > 0.5 * shape.extent
+        assert shape.least <= along.sum() <= shape.most
+        # a correlation of .9 leaves a nineteenth of 2800 steps: 150 to estimate a deviation from
+        assert np.all(np.abs(deviations[along] / shape.extent - 1.0) < 0.5)
+        assert np.all(np.abs(deviations[~along] / stream.noise - 1.0) < 0.25)
+
+
+def test_centres_are_apart(benchmark_module, rng: np.random.Generator):
+    """No two are nearer than asked for, many in few dimensions and one alone included."""
+    scattered = benchmark_module("make_streams").scattered
+    for K, D in ((1, 3), (7, 14), (50, 3), (20, 75)):
+        points = scattered(rng, K, D, 2.0)
+        apart = np.sqrt(((points[:, None] - points) ** 2).sum(axis=-1)) + 9.0 * np.eye(K)
+        assert points.shape == (K, D)
+        assert apart.min() >= 2.0
+
+
+def test_coordinates_wander_within_visits_and_not_between_them(benchmark_module, rng: np.random.Generator):
+    """Of unit variance, correlated as asked for from step to step, and not where a visit begins."""
+    begins = np.arange(0, 40_000, 4)
+    c = benchmark_module("make_streams").wandering(rng, (40_000, 3), 0.9, begins).reshape(-1, 4, 3)
+    assert np.mean(c**2) == pytest.approx(1.0, abs=0.03)  # 120,000 numbers, a few of them independent
+    for t, expected in ((1, 0.9), (2, 0.81), (3, 0.729)):
+        assert np.mean(c[:, 0] * c[:, t]) == pytest.approx(expected, abs=0.03)
+    assert np.mean(c[:-1, 3] * c[1:, 0]) == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_peer_is_tuned_to_its_best_setting_once(benchmark_module, tmp_path: Path):
+    """The best of the grid counts, whenever its labels were read; settings that fail are passed over."""
+    streaming = benchmark_module("streaming")
+    truth = np.repeat([0, 1], 150)
+    points = truth.tolist()
+    passes = []
+
+    def make(setting):
+        if setting["modulus"] == 0:
+            raise ValueError("no such modulus")
+        passes.append(setting["modulus"])
+        return setting["modulus"]
+
+    peer = streaming.Peer(make, lambda model, block: None, lambda model, block: [p % model for p in block])
+    grid = [{"modulus": m} for m in (1, 0, 2)]
+    kept = tmp_path / "peer.json"
+    first, again = (streaming.prepared(kept, peer, points, truth, grid) for _ in range(2))
+    assert passes == [1, 2]
+    assert first.answer(first.run()).value == again.answer(again.run()).value == pytest.approx(1.0)
+    assert first.answer(2).units == 300
+    assert "modulus 2" in first.answer(2).remark
+    with pytest.raises(ValueError, match="no such modulus"):
+        streaming.tuned(peer, points, truth, [{"modulus": 0}])
+
+
+@pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-6, "pass"), (2e-6, "pass"), (2.1e-6, "miss")])
+def test_a_rate_is_kept_from_above(benchmark_module, cpu: float, verdict: str):
+    """At least 500,000 a second means at most two microseconds each."""
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    case = next(case for case in cases.CASES if case.name == "long_3")
+    taken = [(case, taken_of(kinds, measure, {"pilotfish": (cpu, 1.0)}))]
+    assert judging.judge(kinds.Rate("long_3", 500_000), taken).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("best", "verdict"), [(0.89, "pass"), (0.9, "miss"), (0.95, "miss"), (np.nan, "pass")]
+)
+def test_a_lead_in_answer_is_over_every_peer(benchmark_module, best: float, verdict: str):
+    """Equal is no lead; our portable kernels are no peer, and what is no number does not count."""
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    case = next(case for case in cases.CASES if case.name == "stream_14")
+    answers = {"pilotfish": 0.9, "pilotfish_baseline": 0.99, "river": best, "scikit_learn": 0.5}
+    taken = taken_of(kinds, measure, {name: (1e-6, answer) for name, answer in answers.items()})
+    judged = judging.judge(kinds.LeadInAnswer("stream_14"), [(case, taken)])
+    assert judged.verdict == verdict
+    assert judging.judge(kinds.LeadInAnswer("stream_14"), [(case, taken[:2])]).verdict == "not measured"
+
+
+def test_a_ceiling_may_be_for_another_of_our_entries(benchmark_module):
+    """One datapoint at a time is judged by its own time, not by that of arrays."""
+    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    case = next(case for case in cases.CASES if case.name == "stream_14")
+    taken = [
+        measure.Result(kinds.Entry("pilotfish", "", label), cpu=measure.spread([cpu] * 3), answer=1.0)
+        for label, cpu in (("array", 1e-6), ("one by one", 9e-6))
+    ]
+    for milliseconds, verdict in ((0.01, "pass"), (0.005, "miss")):
+        judged = judging.judge(kinds.Ceiling("stream_14", milliseconds, entry="one by one"), [(case, taken)])
+        assert judged.verdict == verdict
+
+
+def test_every_promise_is_about_a_case_and_an_entry_that_there_are(benchmark_module):
+    """A promise that names nothing would never be judged."""
+    cases, kinds = map(benchmark_module, ("cases", "kinds"))
+    known = {case.name: [entry.label for entry in case.entries] for case in cases.CASES}
+    assert len(known) == len(cases.CASES)
+    for target in cases.TARGETS:
+        assert target.case in known
+        assert not isinstance(target, kinds.Ceiling) or target.entry in ("", *known[target.case])
+    assert {entry.library for case in cases.CASES for entry in case.entries} == set(cases.LIBRARIES)
+
+
+def test_streams_are_listed_by_rate_and_quick_runs_leave_the_endless_one_out(benchmark_module, monkeypatch):
+    """What takes minutes is not for a quick look, unless it is asked for by name."""
+    run = benchmark_module("run")
+    monkeypatch.setattr(sys, "argv", ["run.py", "--quick"])
+    names = {case.name for case in run.chosen(run.arguments())}
+    assert "stream_14" in names
+    assert "endless_3" not in names
+    monkeypatch.setattr(sys, "argv", ["run.py", "--quick", "--cases", "endless_3"])
+    assert [case.name for case in run.chosen(run.arguments())] == ["endless_3"]
+
+
+@pytest.mark.slow
+def test_the_table_of_costs_is_written_for_small_sizes(tmp_path: Path):
+    """Figures, a line through them, and a picture."""
+    picture, figures = tmp_path / "cost.png", tmp_path / "cost.json"
+    command = [sys.executable, str(BENCHMARKS / "streams_cost.py"), "--quick"]
+    done = subprocess.run(
+        [*command, "--out", str(picture), "--json", str(figures)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Predicted: " in done.stdout
+    assert picture.stat().st_size > 10_000
+    assert figures.stat().st_size > 1000
