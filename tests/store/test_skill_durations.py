@@ -1,13 +1,11 @@
 """Durations in skill files: every law, and what recordings cut off."""
 
-import hashlib
-import json
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
-from safetensors.numpy import save
+from documented_file import parts_of, signed
 
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import UnknownSkill
@@ -28,37 +26,6 @@ from pilotfish.store import content_hash, decode_skill, encode_skill
 
 Header = dict[str, Any]
 Arrays = dict[str, np.ndarray]
-
-
-def parts_of(data: bytes) -> tuple[Header, Arrays]:
-    """The skill's header and its arrays, by the documented layout of the file alone."""
-    length = int.from_bytes(data[:8], "little")
-    table = json.loads(data[8 : 8 + length])
-    header, body = json.loads(table.pop("__metadata__")["pilotfish"]), data[8 + length :]
-    arrays = {
-        name: np.frombuffer(body[slice(*entry["data_offsets"])], "<f8").reshape(entry["shape"]).copy()
-        for name, entry in table.items()
-    }
-    return header, arrays
-
-
-def canonical(value: object) -> bytes:
-    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
-
-
-def documented_hash(header: Header, arrays: Arrays) -> str:
-    """docs/skill-file.md, written down a second time."""
-    said = {key: value for key, value in header.items() if key != "content"}
-    text = canonical(said)
-    for name in sorted(arrays):
-        text += canonical([name, "F64", list(arrays[name].shape)]) + arrays[name].astype("<f8").tobytes()
-    return hashlib.sha256(text).hexdigest()
-
-
-def signed(header: Header, arrays: Arrays) -> bytes:
-    """A file of these contents with the right hash, whatever they are."""
-    header = header | {"content": documented_hash(header, arrays)}
-    return bytes(save(arrays, {"pilotfish": json.dumps(header)}))
 
 
 LAWS = {

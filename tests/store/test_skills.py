@@ -1,6 +1,5 @@
 """Skills in files: exact, the same everywhere, and nothing damaged or strange comes through."""
 
-import hashlib
 import json
 import math
 import pickle
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documented_file import documented_hash, parts_of, signed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors.numpy import save
@@ -126,37 +126,6 @@ def opens_equal_or_is_refused(data: bytes, skill: Skill) -> bool:
         return True
     assert equal(opened, skill)
     return False
-
-
-def parts_of(data: bytes) -> tuple[Header, Arrays]:
-    """The skill's header and its arrays, by the documented layout of the file alone."""
-    length = int.from_bytes(data[:8], "little")
-    table = json.loads(data[8 : 8 + length])
-    header, body = json.loads(table.pop("__metadata__")["pilotfish"]), data[8 + length :]
-    arrays = {
-        name: np.frombuffer(body[slice(*entry["data_offsets"])], "<f8").reshape(entry["shape"]).copy()
-        for name, entry in table.items()
-    }
-    return header, arrays
-
-
-def canonical(value: object) -> bytes:
-    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
-
-
-def documented_hash(header: Header, arrays: Arrays) -> str:
-    """docs/skill-file.md, written down a second time."""
-    said = {key: value for key, value in header.items() if key != "content"}
-    text = canonical(said)
-    for name in sorted(arrays):
-        text += canonical([name, "F64", list(arrays[name].shape)]) + arrays[name].astype("<f8").tobytes()
-    return hashlib.sha256(text).hexdigest()
-
-
-def signed(header: Header, arrays: Arrays) -> bytes:
-    """A file of these contents with the right hash, whatever they are."""
-    header = header | {"content": documented_hash(header, arrays)}
-    return bytes(save(arrays, {"pilotfish": json.dumps(header)}))
 
 
 @pytest.fixture

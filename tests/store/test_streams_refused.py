@@ -1,7 +1,5 @@
 """Files of growing models that no stream could have left: refused in words, whatever they hold."""
 
-import hashlib
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -9,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from documented_file import parts_of, signed
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from safetensors.numpy import save
 
 import pilotfish as pf
 from pilotfish.demonstrations import Layout, Part, Quantity
@@ -45,37 +43,6 @@ def file(weighting: online.Weighting = WEIGHTINGS[0]) -> bytes:
 
 
 FILES = [file(weighting) for weighting in WEIGHTINGS]
-
-
-def parts_of(data: bytes) -> tuple[Header, Arrays]:
-    """The model's header and its arrays, by the documented layout of the file alone."""
-    length = int.from_bytes(data[:8], "little")
-    table = json.loads(data[8 : 8 + length])
-    header, body = json.loads(table.pop("__metadata__")["pilotfish"]), data[8 + length :]
-    arrays = {
-        name: np.frombuffer(body[slice(*entry["data_offsets"])], "<f8").reshape(entry["shape"]).copy()
-        for name, entry in table.items()
-    }
-    return header, arrays
-
-
-def canonical(value: object) -> bytes:
-    return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
-
-
-def documented_hash(header: Header, arrays: Arrays) -> str:
-    """docs/stream-file.md, written down a second time."""
-    said = {key: value for key, value in header.items() if key != "content"}
-    text = canonical(said)
-    for name in sorted(arrays):
-        text += canonical([name, "F64", list(arrays[name].shape)]) + arrays[name].astype("<f8").tobytes()
-    return hashlib.sha256(text).hexdigest()
-
-
-def signed(header: Header, arrays: Arrays) -> bytes:
-    """A file of these contents with the right hash, whatever they are."""
-    header = header | {"content": documented_hash(header, arrays)}
-    return bytes(save(arrays, {"pilotfish": json.dumps(header)}))
 
 
 JSON = st.recursive(
