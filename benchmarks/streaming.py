@@ -39,18 +39,23 @@ def _nothing(model: Any) -> None:
     """A model that is finished whenever it is asked."""
 
 
+def _no_words(model: Any) -> str:
+    return ""
+
+
 @dataclass(frozen=True, slots=True)
 class Peer:
     """A way to learn from a stream.
 
     make builds a model of a setting, learn has it learn datapoints, in order, finish makes it ready to tell
-    labels, and label reads them: what they are called does not count.
+    labels, and label reads them: what they are called does not count. told is what else a reader should know.
     """
 
     make: Callable[[Setting], Any]
     learn: Callable[[Any, Any], None]
     label: Callable[[Any, Any], Sequence[int]]
     finish: Callable[[Any], None] = _nothing
+    told: Callable[[Any], str] = _no_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +86,8 @@ def prepared(kept: Path, peer: Peer, points: Any, truth: Integers, grid: Sequenc
     def answer(model: Any) -> Answer:
         words = ", ".join(f"{name} {_short(value)}" for name, value in best.setting.items())
         when = "at the end" if best.at_the_end >= best.as_it_came else "as it came"
-        return Answer(best.best, len(truth), f"{words}; labels {when}")
+        remarks = filter(None, (words, f"labels {when}", peer.told(model)))
+        return Answer(best.best, len(truth), "; ".join(remarks))
 
     return Prepared(run, answer)
 

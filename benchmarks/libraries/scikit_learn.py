@@ -85,9 +85,12 @@ def birch_in_batches(folder: Path) -> Prepared:
 
 
 def _birch(folder: Path, step: int) -> Prepared:
-    """The radius of a subcluster by that of a cluster; subclusters are joined into clusters at the end."""
+    """The radius of a subcluster by that of a cluster; subclusters are joined into clusters at the end.
+
+    Small ones hold a datapoint or two each: the stream is kept then, and clustered as a batch.
+    """
     problem = Stream.load(folder)
-    grid = [{"threshold": share * problem.radius} for share in (0.35, 0.5, 0.7, 1.0, 1.4)]
+    grid = [{"threshold": share * problem.radius} for share in (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)]
 
     def make(setting: Setting) -> Birch:
         return Birch(n_clusters=None, compute_labels=False, **setting)
@@ -96,5 +99,8 @@ def _birch(folder: Path, step: int) -> Prepared:
         model.set_params(n_clusters=problem.clusters).partial_fit()
         model.set_params(n_clusters=None)
 
-    peer = Peer(make, in_steps(Birch.partial_fit, step), Birch.predict, finish)
+    def told(model: Any) -> str:
+        return f"keeps {len(model.subcluster_centers_)} subclusters"
+
+    peer = Peer(make, in_steps(Birch.partial_fit, step), Birch.predict, finish, told)
     return prepared(folder / f"birch_{step}.json", peer, problem.x, problem.labels, grid)
