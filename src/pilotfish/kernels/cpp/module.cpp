@@ -125,8 +125,8 @@ Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners,
 }
 
 auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, In<double, 2> transitions,
-            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> whiteners,
-            In<int64_t, 1> turns, int threads) {
+            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> whiteners, In<int64_t, 1> turns,
+            int threads) {
   const Sizes sizes = sizes_of(x, means, whiteners, turns);
   const Demonstrations data = demonstrations(x, lengths);
   expect_threads(threads);
@@ -224,8 +224,7 @@ auto semi_markov(In<double, 2> log_emissions, In<double, 1> log_initial, In<doub
 }
 
 auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
-                         In<double, 2> log_transitions, In<double, 3> log_visits,
-                         In<double, 2> log_beyond) {
+                         In<double, 2> log_transitions, In<double, 3> log_visits, In<double, 2> log_beyond) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
@@ -240,8 +239,7 @@ auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
 }
 
 auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
-                         In<double, 2> log_transitions, In<double, 3> log_visits,
-                         In<double, 2> log_beyond) {
+                         In<double, 2> log_transitions, In<double, 3> log_visits, In<double, 2> log_beyond) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
@@ -310,7 +308,7 @@ long refused_in(const double* x, long size) {
 // Rules in the order of StreamRules' fields.
 StreamRules rules_of(const In<double, 1>& r) {
   expect(r, "rules", {13});
-  const StreamRules rules{r(0), r(1), r(2),      r(3),      r(4),       r(5),       int(r(6)),
+  const StreamRules rules{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
                           r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
   if (rules.spare < 0 || rules.directions < 0 || rules.clusters < 1 || rules.batch < 1)
     throw nb::value_error("spare or directions are negative, or clusters or batch are not positive");
@@ -336,11 +334,13 @@ Subspaces& work_for(size_t D) {
 void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const In<double, 2>& rows,
           const In<double, 2>& counts, int room) {
   const size_t K = rows.shape(0);
-  if (room < 0 || room % 4 || size_t(room) > D + 3) throw nb::value_error("room is no multiple of 4 up to the columns of x");
+  if (room < 0 || room % 4 || size_t(room) > D + 3)
+    throw nb::value_error("room is no multiple of 4 up to the columns of x");
   expect(head, "head", {HEADS});
   expect(rows, "clusters", {K, row_length(P, D, room)});
   expect(counts, "counts", {K, K});
-  if (!(head(CURRENT) < double(K) && head(BEFORE) < double(K))) throw nb::value_error("head names a cluster that is not there");
+  if (!(head(CURRENT) < double(K) && head(BEFORE) < double(K)))
+    throw nb::value_error("head names a cluster that is not there");
   const size_t block = (rows.shape(1) - NUMBERS) / P;
   for (size_t k = 0; k < K; ++k)
     for (size_t p = 0; p < P; ++p) {
@@ -381,7 +381,8 @@ auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double,
   }
   const Kept now = kept(stream, P, D);
   States gone = empty<States>({stream.gone().size(), 3});
-  for (size_t i = 0; i < stream.gone().size(); ++i) std::copy_n(stream.gone()[i].data(), 3, gone.data() + 3 * i);
+  for (size_t i = 0; i < stream.gone().size(); ++i)
+    std::copy_n(stream.gone()[i].data(), 3, gone.data() + 3 * i);
   return std::make_tuple(refused, now.head, now.rows, now.counts, now.room, identities, costs, changes, gone);
 }
 
@@ -421,8 +422,8 @@ auto whiteners(In<double, 3> covariances) {
 bool supports_v3() {
   // All that x86-64-v3 may use beyond the baseline; a hypervisor may mask any of these.
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
-         __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("f16c") && __builtin_cpu_supports("lzcnt") &&
-         __builtin_cpu_supports("movbe");
+         __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("f16c") &&
+         __builtin_cpu_supports("lzcnt") && __builtin_cpu_supports("movbe");
 }
 #else
 bool supports_v3() { return false; }

@@ -16,7 +16,8 @@ void copy_rows(const double* from, int wide, double* to, int room, int rows) {
     std::copy_n(from, size_t(rows) * room, to);
     return;
   }
-  for (int d = 0; d < rows; ++d) std::copy_n(from + size_t(d) * wide, std::min(wide, room), to + size_t(d) * room);
+  for (int d = 0; d < rows; ++d)
+    std::copy_n(from + size_t(d) * wide, std::min(wide, room), to + size_t(d) * room);
 }
 
 }  // namespace
@@ -76,8 +77,7 @@ void Stream::reserve_room(int room) {
   if (room <= layout_.room) return;
   const Layout wide{D_, layout_.rows, in_fours(room)};
   Eigen::VectorXd rows(Eigen::Index(slots_) * (NUMBERS + P_ * wide.block()));
-  for (int slot : order_)
-    copy_row(numbers(slot), layout_, &rows[slot * (NUMBERS + P_ * wide.block())], wide);
+  for (int slot : order_) copy_row(numbers(slot), layout_, &rows[slot * (NUMBERS + P_ * wide.block())], wide);
   rows_.swap(rows);
   layout_ = wide;
 }
@@ -147,10 +147,13 @@ void Stream::observe(const double* x, long N, int64_t* identities, double* costs
       weigh(slot, fresh);
       if (rules_.forget_below > 0.0) forget(n);
     }
-    if (rules_.merge_distance > 0.0)
+    if (rules_.merge_distance > 0.0) {
+      touched_.clear();
       for (long n = begin; n < end; ++n)
-        if (std::find(identities + begin, identities + n, identities[n]) == identities + n)
-          merge_close(slot_of(identities[n]), end - 1);
+        if (std::find(touched_.begin(), touched_.end(), identities[n]) == touched_.end())
+          touched_.push_back(identities[n]);
+      for (int64_t identity : touched_) merge_close(slot_of(identity), end - 1);
+    }
   }
 }
 

@@ -1,4 +1,5 @@
-// Scalable online sequence clustering, one datapoint after the other. twins/streaming.py says what it computes.
+// Scalable online sequence clustering, a datapoint at a time; twins/streaming.py says what is computed.
+// computes.
 #pragma once
 
 #include <array>
@@ -22,8 +23,8 @@ struct StreamRules {
 enum Number : int { IDENTITY, WEIGHT, POINTS, BEGUN, VISITS, DURATION, SQUARES, CUT, CUT_DURATION, NUMBERS };
 enum Head : int { CURRENT, STAYED, NEXT, SEEN, BEFORE, BEFORE_STAYED, HEADS };
 
-// Clusters lie as rows of a StreamState, in slots that are used again; order_ is that of their birth, which is
-// that of the rows outside. work is memory for updates, which may be kept from stream to stream.
+// Clusters lie as rows of a StreamState, in slots that are used again; order_ is that of their birth, which
+// is that of the rows outside. work is memory for updates, which may be kept from stream to stream.
 class Stream {
  public:
   Stream(int P, int D, const StreamRules& rules, Subspaces& work);
@@ -79,7 +80,8 @@ class Stream {
   std::vector<double> totals_;
   std::vector<char> ready_;
   Buffer point_, error_, g_;
-  std::vector<char> fresh_;
+  std::vector<char> fresh_;         // of a batch: whether a datapoint began its cluster
+  std::vector<int64_t> touched_;    // and the clusters that took some
   int current_ = -1, before_ = -1;  // the cluster visited before, -1 where a demonstration has begun since
   double steps_ = 0.0, next_ = 0.0, seen_ = 0.0, before_steps_ = 0.0;
   std::vector<std::array<int64_t, 3>> gone_;

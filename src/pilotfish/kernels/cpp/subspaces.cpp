@@ -126,7 +126,8 @@ double Subspaces::learn(const double* x, const Subspace& seen, const Layout& lay
   }
   rank_ = std::min(n, dimension_ + how.spare);
   if (rank_ <= layout.room) {
-    for (int i = 0; i < rows_; i += 4) loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
+    for (int i = 0; i < rows_; i += 4)
+      loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
     if (n) rotate(seen.basis, layout, rank, n, rank_, seen.basis, layout.room);
     put(seen, layout);
   } else {
@@ -170,7 +171,8 @@ void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout
                       int spare) {
   reserve_wide();
   const double between = share * (1.0 - share);
-  const double zero = ROUNDING * (std::sqrt(square_of(light.mean, rows_)) + std::sqrt(square_of(heavy.mean, rows_)));
+  const double zero =
+      ROUNDING * (std::sqrt(square_of(light.mean, rows_)) + std::sqrt(square_of(heavy.mean, rows_)));
   const double square = deviation(light.mean, heavy.mean, rows_, apart_.data());
   double scale = 1.0 - share;
   rank_ = int(*heavy.rank);
@@ -225,7 +227,8 @@ void Subspaces::straighten(const Subspace& seen, const Layout& layout) {
     for (int pass = 0; pass < 2; ++pass)
       for (int i = 0; i < j; ++i) {
         const double along = product(i, j);
-        for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * room + j] -= along * seen.basis[size_t(d) * room + i];
+        for (int d = 0; d < D_; ++d)
+          seen.basis[size_t(d) * room + j] -= along * seen.basis[size_t(d) * room + i];
       }
     const double length = std::sqrt(product(j, j));
     for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * room + j] /= length;

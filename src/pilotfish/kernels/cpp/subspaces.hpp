@@ -9,8 +9,8 @@ namespace pilotfish {
 
 inline int in_fours(int n) { return (n + 3) / 4 * 4; }  // the least multiple of four that is not less
 
-// A subspace where it lies in a row of a StreamState: mean and distances are filled up with zeros to a multiple
-// of four, so that vector registers need no remainder, and so is the room for directions.
+// A subspace where it lies in a row of a StreamState: mean and distances are filled up with zeros to a
+// multiple of four, so that vector registers need no remainder, and so is the room for directions.
 struct Subspace {
   double *dimension, *rank, *mean, *variances, *distances, *basis;
 };
