@@ -46,8 +46,8 @@ _TUNED = (
     "{.35, .5, .7, 1, 1.4} r, decaying_factor {.2, .6, 2}; CluStream with 50 micro-clusters (100 take four "
     "times as long) halflife {.3, .5}, sigma {.03, .1} r, two seeds; STREAMKMeans chunks of {10, 100}, "
     "halflife {.03, .1, .5}, sigma {.03, .1} r, three seeds; MiniBatchKMeans reassignment_ratio {0, .01, "
-    ".1}, four seeds, begun at points of the whole stream; Birch threshold {.15, .2, .25, .35, .5, .7, 1, "
-    "1.4} r, of which the small ones keep nearly every datapoint and cluster them as a batch at the end; "
+    ".1}, four seeds, begun at points of the whole stream; Birch threshold {.1, .15, .2, .25, .35, .5, "
+    ".7, 1} r, of which the small ones keep nearly every datapoint and cluster them as a batch at the end; "
     "DP-means delta {.3, .5, .7, 1, 1.4, 2, 2.8, 4} r^2. "
 )
 _FAR = (

@@ -77,15 +77,26 @@ def prepared(kept: Path, peer: Peer, points: Any, truth: Integers, grid: Sequenc
         kept.write_text(json.dumps(as_json(tuned(peer, points, truth, grid))), encoding="utf-8")
     best = Tuned(**json.loads(kept.read_text(encoding="utf-8")))
 
+    end = best.at_the_end >= best.as_it_came
+
     def run() -> Any:
+        """Learns, and reads the labels that are judged: pilotfish tells them as it learns."""
         model = peer.make(best.setting)
-        peer.learn(model, points)
-        peer.finish(model)
+        if end:
+            peer.learn(model, points)
+            peer.finish(model)
+            peer.label(model, points)
+            return model
+        for begin in range(0, len(truth), BLOCK):
+            block = points[begin : begin + BLOCK]
+            peer.learn(model, block)
+            peer.finish(model)
+            peer.label(model, block)
         return model
 
     def answer(model: Any) -> Answer:
         words = ", ".join(f"{name} {_short(value)}" for name, value in best.setting.items())
-        when = "at the end" if best.at_the_end >= best.as_it_came else "as it came"
+        when = "at the end" if end else "as it came"
         remarks = filter(None, (words, f"labels {when}", peer.told(model)))
         return Answer(best.best, len(truth), "; ".join(remarks))
 

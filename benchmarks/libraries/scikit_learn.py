@@ -90,7 +90,7 @@ def _birch(folder: Path, step: int) -> Prepared:
     Small ones hold a datapoint or two each: the stream is kept then, and clustered as a batch.
     """
     problem = Stream.load(folder)
-    grid = [{"threshold": share * problem.radius} for share in (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4)]
+    grid = [{"threshold": share * problem.radius} for share in (0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)]
 
     def make(setting: Setting) -> Birch:
         return Birch(n_clusters=None, compute_labels=False, **setting)

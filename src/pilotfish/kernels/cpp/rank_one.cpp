@@ -53,66 +53,86 @@ int RankOne::deflate(int n) {
   return m;
 }
 
-// shift_[k]: the root above pole k, and gap_ row k: the poles' distances from it.
-void RankOne::root(int k, int m) {
-  double* gap = &gap_[size_t(k) * m];
-  double upper = 0.0;  // where the root is less than
-  if (k == 0) {
-    for (int j = 0; j < m; ++j) upper += weight_[j];
-  } else {
-    upper = pole_[k - 1] - pole_[k];
+// shift_[k]: the root above pole k, and gap_ row k: the poles' distances from it; for k to k + 3, those that
+// there are. Each lane is a root of its own, sought from the nearer pole, so that no digit of the distance to
+// it is lost. A step goes to the root of 1 + p + q / (left - x) + r + s / (right - x), which has the same
+// values and slopes as the sums over the poles below and above; where it would leave the bracket, half-way.
+void RankOne::roots(int k, int m) {
+  const int lanes_used = std::min(4, m - k);
+  double total = 0.0;
+  for (int j = 0; j < m; ++j) total += weight_[j];
+  Lanes<4> own, above_own, w_own, w_above, first = Lanes<4>::Zero();
+  for (int lane = 0; lane < 4; ++lane) {
+    const int at = k + std::min(lane, lanes_used - 1);
+    own[lane] = pole_[at];
+    above_own[lane] = at ? pole_[at - 1] : pole_[0] + total;
+    w_own[lane] = weight_[at];
+    w_above[lane] = at ? weight_[at - 1] : 0.0;
+    if (at == 0) first[lane] = 1.0;
   }
-  double origin = pole_[k], low = 0.0, high = upper;
-  if (k > 0) {  // from the nearer pole, so that no digit of the distance to it is lost
-    double middle = 1.0;
-    for (int j = 0; j < m; ++j) middle += weight_[j] / ((pole_[j] - pole_[k]) - 0.5 * upper);
-    if (middle < 0.0) {
-      origin = pole_[k - 1];
-      low = -0.5 * upper;
-      high = 0.0;
-    } else {
-      high = 0.5 * upper;
+  const Lanes<4> half = 0.5 * (above_own - own);
+  Lanes<4> middle = Lanes<4>::Ones();
+  for (int j = 0; j < m; ++j) middle += weight_[j] / ((pole_[j] - own) - half);
+  // where the nearest two poles alone would have it, the others being as they are half-way: c y^2 - B y + C =
+  // 0
+  const Lanes<4> rest = middle + (w_own - w_above) / half;
+  const Lanes<4> linear = 2.0 * half * rest + w_own + w_above, constant = 2.0 * half * w_own;
+  const Lanes<4> apart = (linear * linear - 4.0 * rest * constant).max(0.0).sqrt();
+  const Lanes<4> guess = 2.0 * constant / (linear + apart), far_guess = (linear - apart) / (2.0 * rest);
+  Lanes<4> origin, low, high, x;
+  for (int lane = 0; lane < 4; ++lane) {
+    const bool up = middle[lane] < 0.0 && first[lane] == 0.0;
+    origin[lane] = up ? above_own[lane] : own[lane];
+    low[lane] = up ? -half[lane] : 0.0;
+    high[lane] = up ? 0.0 : (first[lane] == 0.0 ? half[lane] : 2.0 * half[lane]);
+    x[lane] = (linear[lane] >= 0.0 ? guess : far_guess)[lane] - (origin[lane] - own[lane]);
+    if (first[lane] != 0.0) x[lane] = std::min(weight_[0], half[lane]);
+    if (!(x[lane] > low[lane] && x[lane] < high[lane])) x[lane] = 0.5 * (low[lane] + high[lane]);
+  }
+  const Lanes<4> left = own - origin, right = above_own - origin;
+  bool found[4] = {false, false, false, false};
+  for (int step = 0, open = 4; step < MOST_STEPS && open > 0; ++step) {
+    Lanes<4> below = Lanes<4>::Zero(), above = below, slope_below = below, slope_above = below;
+    for (int j = 0; j < m; ++j) {
+      const Lanes<4> inverse = 1.0 / ((pole_[j] - origin) - x), term = weight_[j] * inverse;
+      const Lanes<4> under = term.min(0.0), over = term.max(0.0);
+      below += under;
+      above += over;
+      slope_below += under * inverse;
+      slope_above += over * inverse;
+    }
+    const Lanes<4> f = 1.0 + below + above, error = 2.0 * EPS * m * (1.0 - below + above);
+    const Lanes<4> a = left - x, b = right - x, q = slope_below * a * a, s = slope_above * b * b;
+    const Lanes<4> c = f - slope_below * a - slope_above * b;
+    // of the step t from x: c t^2 - B t + C = 0
+    const Lanes<4> B = c * (a + b) + q + s, C = c * a * b + q * b + s * a;
+    const Lanes<4> root = (B * B - 4.0 * c * C).max(0.0).sqrt();
+    const Lanes<4> stable = 2.0 * C / (B + root), other = (B - root) / (2.0 * c);
+    const Lanes<4> alone = left + q / (1.0 + below - slope_below * a);
+    for (int lane = 0; lane < 4; ++lane) {
+      if (found[lane]) continue;
+      if (std::abs(f[lane]) <= error[lane]) {
+        found[lane] = true;
+        --open;
+        continue;
+      }
+      (f[lane] < 0.0 ? low : high)[lane] = x[lane];
+      double next = x[lane] + (B[lane] >= 0.0 ? stable[lane] : other[lane]);
+      if (first[lane] != 0.0) next = alone[lane];
+      if (!(next > low[lane] && next < high[lane])) next = 0.5 * (low[lane] + high[lane]);
+      if (next == x[lane] || !(high[lane] > low[lane])) {
+        found[lane] = true;
+        --open;
+        continue;
+      }
+      x[lane] = next;
     }
   }
-  const double left = pole_[k] - origin, right = k ? pole_[k - 1] - origin : 0.0;
-  double x = k == 0 ? std::min(weight_[0], 0.5 * upper) : 0.5 * (low + high);
-  if (!(x > low && x < high)) x = 0.5 * (low + high);
-  for (int step = 0; step < MOST_STEPS; ++step) {
-    double below = 0.0, above = 0.0, slope_below = 0.0, slope_above = 0.0;
-    for (int j = k; j < m; ++j) {
-      const double inverse = 1.0 / ((pole_[j] - origin) - x), term = weight_[j] * inverse;
-      below += term;
-      slope_below += term * inverse;
-    }
-    for (int j = 0; j < k; ++j) {
-      const double inverse = 1.0 / ((pole_[j] - origin) - x), term = weight_[j] * inverse;
-      above += term;
-      slope_above += term * inverse;
-    }
-    const double f = 1.0 + below + above;
-    if (std::abs(f) <= 2.0 * EPS * m * (1.0 - below + above)) break;
-    (f < 0.0 ? low : high) = x;
-    // 1 + p + q / (left - x) + r + s / (right - x), which has the same values and slopes here
-    const double a = left - x, b = right - x;
-    double next;
-    if (k == 0) {
-      const double q = slope_below * a * a, p = 1.0 + below - slope_below * a;
-      next = left + q / p;
-    } else {
-      const double q = slope_below * a * a, s = slope_above * b * b;
-      const double c = f - slope_below * a - slope_above * b;
-      // c t^2 - B t + C = 0 for the step t from x: (a - t)(b - t) c + q (b - t) + s (a - t) = 0
-      const double B = c * (a + b) + q + s, C = c * a * b + q * b + s * a;
-      const double root = std::sqrt(std::max(B * B - 4.0 * c * C, 0.0));
-      const double t = B >= 0.0 ? 2.0 * C / (B + root) : (B - root) / (2.0 * c);
-      next = x + t;
-    }
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    if (next == x || !(high > low)) break;
-    x = next;
+  for (int lane = 0; lane < lanes_used; ++lane) {
+    shift_[k + lane] = origin[lane] + x[lane];
+    double* gap = &gap_[size_t(k + lane) * m];
+    for (int j = 0; j < m; ++j) gap[j] = (pole_[j] - origin[lane]) - x[lane];
   }
-  shift_[k] = origin + x;
-  for (int j = 0; j < m; ++j) gap[j] = (pole_[j] - origin) - x;
 }
 
 void RankOne::vectors(int n, int m, int width, double* values, double* R) {
@@ -166,7 +186,7 @@ void RankOne::solve(const double* poles, const double* z, int n, int width, doub
     pole_[k] = d_[kept_[k]];
     weight_[k] = z_[kept_[k]] * z_[kept_[k]];
   }
-  for (int k = 0; k < m; ++k) root(k, m);
+  for (int k = 0; k < m; k += 4) roots(k, m);
   vectors(n, m, width, values, R);
 }
 

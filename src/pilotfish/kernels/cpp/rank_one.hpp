@@ -26,7 +26,7 @@ class RankOne {
 
   void reserve(int n);
   int deflate(int n);
-  void root(int k, int m);
+  void roots(int k, int m);
   void vectors(int n, int m, int width, double* values, double* R);
 
   Buffer d_, z_, pole_, weight_, gap_, shift_, true_z_, vector_;  // gap_[k m + j] = pole_j - value_k

@@ -39,7 +39,8 @@ Subspaces::Subspaces(int D)
 void Subspaces::reserve(int n) {
   const size_t width = in_fours(n + 1);
   if (g_.size() >= width) return;
-  for (Buffer* buffer : {&g_, &again_, &values_, &poles_, &along_, &row_}) buffer->resize(width);
+  for (Buffer* buffer : {&g_, &again_, &values_, &poles_, &along_}) buffer->resize(width);
+  rows_of_.resize(4 * width);
   delta_.resize(width + 4);
   R_.resize(width * width);
 }
@@ -81,18 +82,40 @@ void Subspaces::solve(const double* variances, int rank, int n, double scale) {
 void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out,
                        int room) {
   const int width = in_fours(n), columns = in_fours(kept);
-  for (int d = 0; d < D_; ++d) {
-    const double* u = basis + size_t(d) * layout.room;
-    for (int c = 0; c < columns; c += 4) {
-      Lanes<4> sum = Lanes<4>::Zero();
-      for (int i = 0; i < rank; ++i) sum += u[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
-      if (n > rank) sum += p_[d] * loose_lanes<4>(&R_[size_t(rank) * width + c]);
-      loose_lanes<4>(&row_[c]) = sum;
-    }
-    double* to = out + size_t(d) * room;
-    std::copy_n(row_.data(), kept, to);
-    std::fill_n(to + kept, room - kept, 0.0);
+  for (int i = 0; i < n; ++i) std::fill_n(&R_[size_t(i) * width + kept], columns - kept, 0.0);
+  int d = 0;
+  for (; d + 4 <= D_; d += 4) rotate_rows<4>(basis, layout, rank, n, columns, out, room, d);
+  for (; d < D_; ++d) rotate_rows<1>(basis, layout, rank, n, columns, out, room, d);
+}
+
+// So many rows at once: none waits for the sums of another.
+template <int ROWS>
+void Subspaces::rotate_rows(const double* basis, const Layout& layout, int rank, int n, int columns,
+                            double* out, int room, int d) {
+  int c = 0;
+  for (; c + 8 <= columns; c += 8) rotate_block<ROWS, 8>(basis, layout, rank, n, columns, d, c);
+  if (c < columns) rotate_block<ROWS, 4>(basis, layout, rank, n, columns, d, c);
+  for (int row = 0; row < ROWS; ++row) {
+    double* to = out + size_t(d + row) * room;
+    for (c = 0; c < columns; c += 4) loose_lanes<4>(to + c) = loose_lanes<4>(&rows_of_[row * columns + c]);
+    for (; c < room; c += 4) loose_lanes<4>(to + c).setZero();
   }
+}
+
+template <int ROWS, int COLUMNS>
+void Subspaces::rotate_block(const double* basis, const Layout& layout, int rank, int n, int columns, int d,
+                             int c) {
+  const int width = in_fours(n);
+  const double *u = basis + size_t(d) * layout.room, *r = &R_[c];
+  Lanes<COLUMNS> sums[ROWS];
+  for (auto& sum : sums) sum.setZero();
+  for (int i = 0; i < rank; ++i, r += width) {
+    const Lanes<COLUMNS> along = loose_lanes<COLUMNS>(r);
+    for (int row = 0; row < ROWS; ++row) sums[row] += u[row * layout.room + i] * along;
+  }
+  if (n > rank)
+    for (int row = 0; row < ROWS; ++row) sums[row] += p_[d + row] * loose_lanes<COLUMNS>(r);
+  for (int row = 0; row < ROWS; ++row) loose_lanes<COLUMNS>(&rows_of_[row * columns + c]) = sums[row];
 }
 
 double Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how) {

@@ -43,20 +43,24 @@ inline double deviation(const double* x, const double* mean, int rows, double* e
   return sum.sum();
 }
 
-// g = U^T e over the first so many directions, a multiple of four.
-inline void project(const Layout& layout, const double* basis, int directions, const double* e, double* g) {
+// g = U^T e over COLUMNS directions, in four chains of additions, of which none waits for another.
+template <int COLUMNS>
+inline void project_block(const Layout& layout, const double* u, const double* e, double* g) {
   const int D = layout.D, room = layout.room;
-  for (int c = 0; c < directions; c += 4) {
-    const double* u = basis + c;
-    Lanes<4> one = Lanes<4>::Zero(), other = Lanes<4>::Zero();
-    int d = 0;
-    for (; d + 1 < D; d += 2, u += 2 * room) {
-      one += loose_lanes<4>(u) * e[d];
-      other += loose_lanes<4>(u + room) * e[d + 1];
-    }
-    if (d < D) one += loose_lanes<4>(u) * e[d];
-    loose_lanes<4>(g + c) = one + other;
-  }
+  Lanes<COLUMNS> sums[4];
+  for (auto& sum : sums) sum.setZero();
+  int d = 0;
+  for (; d + 4 <= D; d += 4, u += 4 * room)
+    for (int i = 0; i < 4; ++i) sums[i] += loose_lanes<COLUMNS>(u + i * room) * e[d + i];
+  for (; d < D; ++d, u += room) sums[0] += loose_lanes<COLUMNS>(u) * e[d];
+  loose_lanes<COLUMNS>(g) = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+// The same over the first so many directions, a multiple of four.
+inline void project(const Layout& layout, const double* basis, int directions, const double* e, double* g) {
+  int c = 0;
+  for (; c + 8 <= directions; c += 8) project_block<8>(layout, basis + c, e, g + c);
+  if (c < directions) project_block<4>(layout, basis + c, e, g + c);
 }
 
 inline double square_of_first(const double* g, int n) {
@@ -92,13 +96,18 @@ class Subspaces {
   int augment(const double* basis, const Layout& layout, int rank, const double* y, double zero);
   void solve(const double* variances, int rank, int n, double scale);
   void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out, int room);
+  template <int ROWS, int COLUMNS>
+  void rotate_block(const double* basis, const Layout& layout, int rank, int n, int columns, int d, int c);
+  template <int ROWS>
+  void rotate_rows(const double* basis, const Layout& layout, int rank, int n, int columns, double* out,
+                   int room, int d);
   void put(const Subspace& to, const Layout& layout) const;
   void reserve(int n);
   void reserve_wide();
   void absorb(double scale, const double* y, double zero);
 
   int D_, rows_;
-  Buffer error_, y_, p_, g_, again_, values_, poles_, along_, delta_, R_, row_;
+  Buffer error_, y_, p_, g_, again_, values_, poles_, along_, delta_, R_, rows_of_;
   RankOne eigenpairs_;
   // what merge works on
   Layout wide_;
