@@ -117,8 +117,9 @@ def _lead(target: Lead, own: Result, results: Sequence[Result]) -> Measured:
 
 
 def _lead_in_answer(own: Result, results: Sequence[Result]) -> Measured:
-    """Against the best; an answer that is no number is no answer, theirs or ours."""
-    others = [(r.answer, r.entry.label) for r in rivals(results) if not math.isnan(r.answer)]
+    """Against the best whose model is not another; an answer that is no number is none, theirs or ours."""
+    alike = [r for r in rivals(results) if not r.entry.differs]
+    others = [(r.answer, r.entry.label) for r in alike if not math.isnan(r.answer)]
     if not others:
         return "", False
     best, label = max(others)

@@ -19,6 +19,12 @@ _PEERS = (
     Entry("scikit_learn", "k_means_in_batches", f"scikit-learn MiniBatchKMeans, {_BATCHES}"),
     Entry("scikit_learn", "birch_one_by_one", f"scikit-learn Birch, {_ONE}"),
     Entry("scikit_learn", "birch_in_batches", f"scikit-learn Birch, {_BATCHES}"),
+    Entry(
+        "scikit_learn",
+        "birch_that_keeps",
+        "scikit-learn Birch that keeps the stream",
+        differs="a batch method: it keeps most datapoints and clusters them at the end",
+    ),
     Entry("dp_means", "one_by_one", f"DP-means, {_ONE}"),
     Entry("dp_means", "in_batches", f"DP-means, {_BATCHES}"),
 )
@@ -40,15 +46,16 @@ _NEAR = (
 _TUNED = (
     "Peers are told the true number of clusters where they take one, and have the setting of most NMI on "
     "these very data, looked for outside the time. Their labels are read with the model of the end of the "
-    "stream, or a hundred datapoints at a time as they came, whichever is better. r is a cluster's "
+    "stream, or a hundred datapoints at a time as they came, whichever is better; to read them is in the "
+    "time, since pilotfish tells them as it learns. Birch may keep a tenth of the datapoints, as one who "
+    "learns a stream, or as many as it likes, in an entry that is not judged. r is a cluster's "
     "radius, the extent times the root of the largest dimension. Grids: DBSTREAM clustering_threshold "
     "{.5, .7, 1} r, fading_factor {.0005, .002}, intersection_factor {.02, .05, .2}; DenStream epsilon "
     "{.35, .5, .7, 1, 1.4} r, decaying_factor {.2, .6, 2}; CluStream with 50 micro-clusters (100 take four "
     "times as long) halflife {.3, .5}, sigma {.03, .1} r, two seeds; STREAMKMeans chunks of {10, 100}, "
     "halflife {.03, .1, .5}, sigma {.03, .1} r, three seeds; MiniBatchKMeans reassignment_ratio {0, .01, "
     ".1}, four seeds, begun at points of the whole stream; Birch threshold {.1, .15, .2, .25, .35, .5, "
-    ".7, 1} r, of which the small ones keep nearly every datapoint and cluster them as a batch at the end; "
-    "DP-means delta {.3, .5, .7, 1, 1.4, 2, 2.8, 4} r^2. "
+    ".7, 1} r; DP-means delta {.3, .5, .7, 1, 1.4, 2, 2.8, 4} r^2. "
 )
 _FAR = (
     "{long} datapoints, 20 clusters at least 4 sqrt(D) apart, standard deviation 1 along {d} and .2 in "

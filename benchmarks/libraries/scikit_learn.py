@@ -13,6 +13,8 @@ from streaming import Peer, Setting, in_steps, prepared
 
 REGULARISATION = 1e-5  # as pilotfish
 
+KEPT = 0.1  # share of a stream that one who learns it may keep
+
 
 def remark() -> str:
     return ""
@@ -77,17 +79,22 @@ def _k_means(folder: Path, step: int) -> Prepared:
 
 
 def birch_one_by_one(folder: Path) -> Prepared:
-    return _birch(folder, 1)
+    return _birch(folder, 1, KEPT)
 
 
 def birch_in_batches(folder: Path) -> Prepared:
-    return _birch(folder, 100)
+    return _birch(folder, 100, KEPT)
 
 
-def _birch(folder: Path, step: int) -> Prepared:
+def birch_that_keeps(folder: Path) -> Prepared:
+    """With small subclusters, of a datapoint or two each: the stream is kept, and clustered as a batch."""
+    return _birch(folder, 100, 1.0)
+
+
+def _birch(folder: Path, step: int, most: float) -> Prepared:
     """The radius of a subcluster by that of a cluster; subclusters are joined into clusters at the end.
 
-    Small ones hold a datapoint or two each: the stream is kept then, and clustered as a batch.
+    A setting under which these are more than that share of the datapoints is left out.
     """
     problem = Stream.load(folder)
     grid = [{"threshold": share * problem.radius} for share in (0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)]
@@ -96,6 +103,8 @@ def _birch(folder: Path, step: int) -> Prepared:
         return Birch(n_clusters=None, compute_labels=False, **setting)
 
     def finish(model: Any) -> None:
+        if (kept := len(model.subcluster_centers_)) > most * len(problem.x):
+            raise ValueError(f"{kept} of {len(problem.x)} datapoints are kept")
         model.set_params(n_clusters=problem.clusters).partial_fit()
         model.set_params(n_clusters=None)
 
@@ -103,4 +112,4 @@ def _birch(folder: Path, step: int) -> Prepared:
         return f"keeps {len(model.subcluster_centers_)} subclusters"
 
     peer = Peer(make, in_steps(Birch.partial_fit, step), Birch.predict, finish, told)
-    return prepared(folder / f"birch_{step}.json", peer, problem.x, problem.labels, grid)
+    return prepared(folder / f"birch_{step}_{most}.json", peer, problem.x, problem.labels, grid)

@@ -77,7 +77,7 @@ def assert_same(one, other, atol=1e-9):
     np.testing.assert_allclose(a.distances, b.distances, atol=atol)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (2, 5), (1, 14), (3, 2)], ids=str)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (2, 5), (1, 14), (3, 2), (1, 30)], ids=str)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_compiled_and_twin_agree(compiled, rng, variant, shape):
     """The same assignments, merges and models, for every policy, number of frames and width."""

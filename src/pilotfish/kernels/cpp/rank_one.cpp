@@ -35,9 +35,9 @@ int RankOne::deflate(int n) {
     }
     if (m > 0) {
       const int before = kept_[m - 1];
-      const double r = std::hypot(z_[before], z_[i]), c = z_[i] / r, s = z_[before] / r;
-      const double apart = d_[before] - d_[i];
-      if (apart * std::abs(c * s) <= tiny) {  // turned so that the former is coupled no longer
+      const double apart = d_[before] - d_[i], both = z_[before] * z_[before] + z_[i] * z_[i];
+      if (!(apart * std::abs(z_[before] * z_[i]) > tiny * both)) {  // turned: the former is coupled no longer
+        const double r = std::hypot(z_[before], z_[i]), c = z_[i] / r, s = z_[before] / r;
         turns_.push_back({before, i, c, s});
         z_[i] = r;
         z_[before] = 0.0;
@@ -135,12 +135,32 @@ void RankOne::roots(int k, int m) {
   }
 }
 
+// The unit vector of root k, into that column.
+void RankOne::put_vector(int k, int column, int m, int width, double* R) {
+  const double* gap = &gap_[size_t(k) * m];
+  double square = 0.0;
+  for (int j = 0; j < m; ++j) {
+    vector_[j] = true_z_[j] / gap[j];
+    square += vector_[j] * vector_[j];
+  }
+  const double scale = 1.0 / std::sqrt(square);
+  for (int j = 0; j < m; ++j) R[size_t(kept_[j]) * width + column] = scale * vector_[j];
+}
+
 void RankOne::vectors(int n, int m, int width, double* values, double* R) {
   for (int j = 0; j < m; ++j) {  // |z_j|^2 = prod (value_k - pole_j) / prod (pole_k - pole_j)
     double square = -gap_[size_t(j) * m + j];
     for (int k = 0; k < m; ++k)
       if (k != j) square *= gap_[size_t(k) * m + j] / (pole_[j] - pole_[k]);
     true_z_[j] = std::copysign(std::sqrt(std::max(square, 0.0)), z_[kept_[j]]);
+  }
+  if (m == n) {  // the usual case: roots are in falling order already
+    for (int column = 0; column < n; ++column) {
+      values[column] = std::max(shift_[column], 0.0);
+      put_vector(column, column, m, width, R);
+    }
+    for (int i = 0; i < n; ++i) std::fill_n(R + size_t(i) * width + n, width - n, 0.0);
+    return;
   }
   for (int i = 0; i < n; ++i) {
     order_[i] = i;
@@ -157,14 +177,7 @@ void RankOne::vectors(int n, int m, int width, double* values, double* R) {
       R[size_t(own) * width + column] = 1.0;
       continue;
     }
-    const double* gap = &gap_[size_t(place - kept_.data()) * m];
-    double square = 0.0;
-    for (int j = 0; j < m; ++j) {
-      vector_[j] = true_z_[j] / gap[j];
-      square += vector_[j] * vector_[j];
-    }
-    const double scale = 1.0 / std::sqrt(square);
-    for (int j = 0; j < m; ++j) R[size_t(kept_[j]) * width + column] = scale * vector_[j];
+    put_vector(int(place - kept_.data()), column, m, width, R);
   }
   for (size_t t = turns_.size(); t-- > 0;) {
     const Turn& turn = turns_[t];

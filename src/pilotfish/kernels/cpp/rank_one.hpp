@@ -27,6 +27,7 @@ class RankOne {
   void reserve(int n);
   int deflate(int n);
   void roots(int k, int m);
+  void put_vector(int k, int column, int m, int width, double* R);
   void vectors(int n, int m, int width, double* values, double* R);
 
   Buffer d_, z_, pole_, weight_, gap_, shift_, true_z_, vector_;  // gap_[k m + j] = pole_j - value_k

@@ -187,7 +187,9 @@ bool Stream::costs_less(const double* x, int slot, double transition, double* be
       const double far = square / (square + rules_.bandwidth);  // at most 1 - rho
       if (cost + far * far * square * (1.0 - 1e-12) > *best) return false;
       project(layout_, seen.basis, in_fours(d), error_.data(), g_.data());
-      cost += std::max(square - nearness(square, rules_.bandwidth) * square_of_first(g_.data(), d), 0.0);
+      const double inside = square_of_first(g_.data(), d);
+      if (cost + (square - inside) - 1e-12 * square > *best) return false;  // rho is at most 1
+      cost += std::max(square - nearness(square, rules_.bandwidth) * inside, 0.0);
     }
     if (cost > *best) return false;
   }
@@ -328,7 +330,7 @@ void Stream::merge_close(int slot, long n) {
       if (other == slot) continue;
       double square = 0.0;
       for (int p = 0; p < P_ && square < limit; ++p)
-        square += deviation(subspace(slot, p).mean, subspace(other, p).mean, layout_.rows, error_.data());
+        square += square_apart(subspace(slot, p).mean, subspace(other, p).mean, layout_.rows, limit);
       if (square < least) {
         least = square;
         nearest = other;

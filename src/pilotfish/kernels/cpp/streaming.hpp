@@ -1,5 +1,4 @@
 // Scalable online sequence clustering, a datapoint at a time; twins/streaming.py says what is computed.
-// computes.
 #pragma once
 
 #include <array>

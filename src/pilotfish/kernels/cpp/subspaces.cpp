@@ -121,8 +121,16 @@ void Subspaces::rotate_block(const double* basis, const Layout& layout, int rank
 double Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how) {
   const double w = how.weight, shrink = w / (w + 1.0), share = std::sqrt(w) / (w + 1.0);
   const int d = int(*seen.dimension), rank = int(*seen.rank);
-  const double square = deviation(x, seen.mean, rows_, error_.data());
-  const double zero = ROUNDING * (std::sqrt(square_of(x, rows_)) + std::sqrt(square_of(seen.mean, rows_)));
+  Lanes<4> of_error = Lanes<4>::Zero(), of_x = of_error, of_mean = of_error;
+  for (int i = 0; i < rows_; i += 4) {
+    const Lanes<4> point = loose_lanes<4>(x + i), mean = loose_lanes<4>(seen.mean + i), e = point - mean;
+    loose_lanes<4>(&error_[i]) = e;
+    of_error += e * e;
+    of_x += point * point;
+    of_mean += mean * mean;
+  }
+  const double square = of_error.sum();
+  const double zero = ROUNDING * (std::sqrt(of_x.sum()) + std::sqrt(of_mean.sum()));
   int n = 0;
   if (how.most + how.spare > 0) n = augment(seen.basis, layout, rank, error_.data(), zero);
   const double inside = n ? square_of_first(g_.data(), d) : 0.0;

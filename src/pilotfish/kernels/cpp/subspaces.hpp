@@ -43,6 +43,14 @@ inline double deviation(const double* x, const double* mean, int rows, double* e
   return sum.sum();
 }
 
+// |a - b|^2, or some of it that is not less than limit.
+inline double square_apart(const double* a, const double* b, int rows, double limit) {
+  double square = 0.0;
+  for (int d = 0; d < rows && square < limit; d += 4)
+    square += (loose_lanes<4>(a + d) - loose_lanes<4>(b + d)).square().sum();
+  return square;
+}
+
 // g = U^T e over COLUMNS directions, in four chains of additions, of which none waits for another.
 template <int COLUMNS>
 inline void project_block(const Layout& layout, const double* u, const double* e, double* g) {
