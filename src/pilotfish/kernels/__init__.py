@@ -30,6 +30,7 @@ from pilotfish.kernels.results import (
     Viterbi,
 )
 from pilotfish.kernels.streams import (
+    LARGEST,
     StreamColumn,
     StreamHead,
     StreamRules,
@@ -44,6 +45,7 @@ from pilotfish.kernels.streams import (
 
 __all__ = [
     "ACTIVE",
+    "LARGEST",
     "EStep",
     "Emissions",
     "ForwardBackward",

@@ -7,6 +7,8 @@ import numpy as np
 
 from pilotfish.types import Array, Float, Int
 
+LARGEST = 1e100  # of a number that is observed: its square must not overflow
+
 
 class Weighting(IntEnum):
     """What a cluster's weight becomes with every datapoint (5.15, 5.16, and a constant step)."""

@@ -16,13 +16,13 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
+from pilotfish.kernels import LARGEST
 from pilotfish.types import Array, Float
 
 CHUNK = 2**16  # bytes that are read at once: as many as a pipe holds
 LONGEST = 2**24  # bytes of a line
 PATIENCE = 0.25  # s, after which a reader that waits looks up
 FEW = 16  # lines that are looked at one by one
-LARGEST = 1e100  # as the online learners have it
 UNPLAIN = re.compile(rb"[ \t\v\f\r_#]")  # beside commas: what reading at once cannot tell apart
 
 

@@ -5,8 +5,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pilotfish.kernels.refusals import not_observable
+from pilotfish.kernels.streams import (
+    LARGEST,
+    StreamRules,
+    StreamState,
+    StreamStep,
+    Weighting,
+    in_fours,
+    stream_of,
+)
 from pilotfish.kernels.streams import StreamColumn as Column
-from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep, Weighting, in_fours, stream_of
 from pilotfish.kernels.twins.subspaces import (
     Subspace,
     born,
@@ -21,7 +29,6 @@ from pilotfish.kernels.twins.subspaces import (
 )
 from pilotfish.types import Array, Float
 
-LARGEST = 1e100  # squares must not overflow
 STRAIGHTEN_EVERY = 256  # datapoints of a cluster
 
 

@@ -12,7 +12,7 @@ from pilotfish.models.online.model import Head, OnlineModel
 from pilotfish.models.signs import sign_choices
 from pilotfish.types import Array, Float
 
-LARGEST = 1e100  # squares must not overflow
+LARGEST = kernels.LARGEST
 
 
 def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, Assignment]:
