@@ -115,8 +115,7 @@ class DPMPPCA:
     cluster    penalty lambda of one more cluster, against squared distances to subspaces
     dimension  penalty lambda_1 of one more dimension of a subspace: it must explain more variance than this
     noise      variance sigma^2 in every column beside the subspace, of the model that is read out
-    bandwidth  b_m, the squared distance from a mean over which its subspace fades: there, 37 % of what lies
-               in the subspace is not counted as distance twice over (5.13)
+    bandwidth  b_m, the squared distance from a mean at which its subspace has faded to 1 / e: rho (5.13)
     Source: Tanwani 2018, equations 5.12-5.25, as specification 2 corrects them.
     """
 
