@@ -148,7 +148,9 @@ def promised(target: Target) -> str:
 
 
 def verdicts(taken: Taken) -> list[Verdict]:
-    return [judge(target, taken) for target in TARGETS]
+    """Of the cases that were taken."""
+    names = {case.name for case, _ in taken}
+    return [judge(target, taken) for target in TARGETS if target.case in names]
 
 
 def milliseconds(seconds: float) -> str:

@@ -81,7 +81,8 @@ def _times(report: Report) -> Iterator[str]:
         "answer",
     )
     rows = [row for case, results in report.cases if not case.unit for row in _rows(case, results)]
-    yield from table(titles, rows, "llrrrrrrrrl")
+    if rows:
+        yield from table(titles, rows, "llrrrrrrrrl")
     yield ""
     yield (
         "CPU, its minimum, its quartiles and wall: of calls in a long-lived process. First result: all CPU "
