@@ -160,7 +160,7 @@ class StreamStep:
 
     identities  the cluster that took each
     costs       what its assignment cost (5.26-5.28)
-    changes     how much less the loss at it is after its update, never more than 0 but for rounding
+    changes     how the loss at it changed with its update: never more than 0, but for rounding
     gone        a row for each cluster that is no more: at which datapoint, its identity, and the identity
                 that it was merged into, or -1 when it was forgotten
     """

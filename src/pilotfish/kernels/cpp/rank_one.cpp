@@ -70,11 +70,11 @@ void RankOne::roots(int k, int m) {
     w_above[lane] = at ? weight_[at - 1] : 0.0;
     if (at == 0) first[lane] = 1.0;
   }
-  const Lanes<4> half = 0.5 * (above_own - own);
+  Lanes<4> half = 0.5 * (above_own - own);
+  if (k == 0) half[0] = 0.5 * total;  // all of it, where the pole would round some away
   Lanes<4> middle = Lanes<4>::Ones();
   for (int j = 0; j < m; ++j) middle += weight_[j] / ((pole_[j] - own) - half);
-  // where the nearest two poles alone would have it, the others being as they are half-way: c y^2 - B y + C =
-  // 0
+  // where the nearest two poles would have it, the others being as they are half-way: a quadratic equation
   const Lanes<4> rest = middle + (w_own - w_above) / half;
   const Lanes<4> linear = 2.0 * half * rest + w_own + w_above, constant = 2.0 * half * w_own;
   const Lanes<4> apart = (linear * linear - 4.0 * rest * constant).max(0.0).sqrt();

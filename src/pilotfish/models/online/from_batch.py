@@ -67,9 +67,9 @@ def penalties_from(
         raise InvalidInput("all datapoints of every state are equal, expected states with some extent")
     nearness = 1.0 - np.expm1(-squares / bandwidth) ** 2
     costs = (squares - nearness * _inside(skill, data, errors, dimension)).sum(axis=0)  # (N,)
-    cluster = float(costs.max()) * (1.0 + 1e-9)  # the farthest one stays too
+    cluster = max(float(costs.max()) * (1.0 + 1e-9), noise)  # the farthest one stays too
     return SOSC(
-        cluster=max(cluster, noise),
+        cluster=cluster,
         dimension=dimension,
         noise=noise,
         bandwidth=float(bandwidth),
