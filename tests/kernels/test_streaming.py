@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.kernels import StreamColumn, StreamRules, StreamState, Weighting, empty_stream, twins
+from pilotfish.kernels import (
+    StreamColumn,
+    StreamRules,
+    StreamState,
+    Weighting,
+    empty_stream,
+    in_fours,
+    stream_of,
+    twins,
+)
 
 RULES = StreamRules(
     cluster=9.0,
@@ -244,3 +253,33 @@ def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(com
         assert goes.state.dimensions[0, 0] == 1
         assert stays.changes[0] <= 0.0
         assert goes.changes[0] <= 0.0
+
+
+def test_one_update_is_the_definition_for_any_spectrum(compiled, rng):
+    """w / (w + 1) Sigma + w / (w + 1)^2 e e^T, to rounding, for variances that are equal, nearly equal, zero
+    or 24 powers of ten apart, datapoints in the subspace, beside it and at the mean; directions orthonormal.
+    """
+    for _ in range(200):
+        D = int(rng.integers(1, 25))
+        r = int(rng.integers(0, D + 1))
+        w = float(rng.choice([1.0, 5.0, 1e6]))
+        near = rng.uniform(0.1, 2.0) * (1.0 + rng.choice([0.0, 1e-16, 1e-13, 1e-8]) * rng.normal(size=r))
+        v = 10.0 ** rng.uniform(-16.0, 8.0, size=r) if rng.random() < 0.5 else near
+        v[rng.integers(r + 1) :] *= rng.choice([0.0, 1.0])
+        v = np.sort(v)[::-1]
+        U = np.linalg.qr(rng.normal(size=(D, D)))[0][:, :r]
+        e = U @ (np.sqrt(v) * rng.normal(size=r) * rng.choice([1.0, 0.0, 1e-8], size=r))
+        e = e + rng.choice([0.0, 1e-9, 1.0, 1e4]) * rng.normal(size=D)
+        state = stream_of(1, 1, D, in_fours(r))
+        state.head[:] = 0, 1, 1, 5, -1, 0
+        state.clusters[0, [StreamColumn.WEIGHT, StreamColumn.POINTS, StreamColumn.BEGUN]] = w, 5, 1
+        state.counts[0, 0] = 4
+        state.dimensions[0, 0], state.ranks[0, 0] = min(r, D - 1), r
+        state.variances[0, 0, :r], state.bases[0, 0, :, :r] = v, U
+        rules = replace(RULES, cluster=1e300, spare=D, merge_distance=0.0)
+        expected = w / (w + 1) * (U * v) @ U.T + w / (w + 1) ** 2 * np.outer(e, e)
+        after = compiled.observe(e.reshape(1, 1, D), state, rules).state
+        close = 1e-13 * np.abs(expected).max()
+        np.testing.assert_allclose(covariances(after)[0, 0], expected, rtol=0, atol=close)
+        assert drift(after) < 1e-14
+        assert (np.diff(after.variances[0, 0]) <= 0.0).all()
