@@ -1,12 +1,17 @@
 """Following a reference at least cost, as in linear quadratic control: systems, feedback and their motion.
 `track` has a finite horizon and `regulate` an infinite one; `track_continuous` and `regulate_continuous` are
 the same in continuous time; `solve_batch` is one least-squares problem that also knows how motions spread.
+`impedance_torque` holds an arm's tool by springs and dampers, `SerialChain` is the arm without its masses.
 """
 
+from pilotfish.control.arm_doors import arm_limits, impedance
+from pilotfish.control.arms import impedance_torque, posture_torque
 from pilotfish.control.batch import BatchSolution, solve_batch
+from pilotfish.control.chains import SerialChain, forward_kinematics, jacobian, tool_poses
 from pilotfish.control.continuous import regulate_continuous, track_continuous
 from pilotfish.control.discrete import regulate, track
 from pilotfish.control.feedback import ContinuousFeedback, Feedback, Motion
+from pilotfish.control.reach import Reach, inverse_kinematics
 from pilotfish.control.reference import Reference
 from pilotfish.control.systems import (
     ContinuousSystem,
@@ -17,23 +22,39 @@ from pilotfish.control.systems import (
     discretise,
     double_integrator,
 )
+from pilotfish.kernels import ArmEffort, ArmLimits, ArmReading, Impedance, ToolTarget
 
 __all__ = [
+    "ArmEffort",
+    "ArmLimits",
+    "ArmReading",
     "BatchSolution",
     "ContinuousFeedback",
     "ContinuousSystem",
     "DiscreteSystem",
     "Feedback",
+    "Impedance",
     "LinearSystem",
     "Motion",
+    "Reach",
     "Reference",
+    "SerialChain",
+    "ToolTarget",
     "VaryingSystem",
+    "arm_limits",
     "continuous_double_integrator",
     "discretise",
     "double_integrator",
+    "forward_kinematics",
+    "impedance",
+    "impedance_torque",
+    "inverse_kinematics",
+    "jacobian",
+    "posture_torque",
     "regulate",
     "regulate_continuous",
     "solve_batch",
+    "tool_poses",
     "track",
     "track_continuous",
 ]

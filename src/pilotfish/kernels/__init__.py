@@ -7,6 +7,7 @@ from pilotfish.kernels.active import (
     SlowKernels,
     e_step,
     forward_backward,
+    impedance,
     log_emissions,
     observe,
     observe_one,
@@ -20,6 +21,15 @@ from pilotfish.kernels.active import (
     whiteners,
 )
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
+from pilotfish.kernels.arms import (
+    ArmEffort,
+    ArmLimits,
+    ArmReading,
+    Impedance,
+    ToolTarget,
+    finite_or_zero,
+    within_limits,
+)
 from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
@@ -46,9 +56,13 @@ from pilotfish.kernels.streams import (
 __all__ = [
     "ACTIVE",
     "LARGEST",
+    "ArmEffort",
+    "ArmLimits",
+    "ArmReading",
     "EStep",
     "Emissions",
     "ForwardBackward",
+    "Impedance",
     "Riccati",
     "SemiMarkov",
     "SemiMarkovEStep",
@@ -60,11 +74,14 @@ __all__ = [
     "StreamRules",
     "StreamState",
     "StreamStep",
+    "ToolTarget",
     "Viterbi",
     "Weighting",
     "e_step",
     "empty_stream",
+    "finite_or_zero",
     "forward_backward",
+    "impedance",
     "in_fours",
     "log_emissions",
     "observe",
@@ -79,4 +96,5 @@ __all__ = [
     "stream_row_length",
     "viterbi",
     "whiteners",
+    "within_limits",
 ]

@@ -12,6 +12,7 @@ try:
     from pilotfish.kernels.compiled import (
         e_step,
         forward_backward,
+        impedance,
         log_emissions,
         observe,
         observe_one,
@@ -28,6 +29,7 @@ except ImportError as reason:
     from pilotfish.kernels.twins import (
         e_step,
         forward_backward,
+        impedance,
         log_emissions,
         observe,
         observe_one,
@@ -55,6 +57,7 @@ __all__ = [
     "SlowKernels",
     "e_step",
     "forward_backward",
+    "impedance",
     "log_emissions",
     "observe",
     "observe_one",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
+from pilotfish.kernels.arms import ArmEffort, ArmLimits, ArmReading, Impedance, ToolTarget
 from pilotfish.kernels.refusals import flat_row, free_push, no_factor, not_observable, singular_transform
 from pilotfish.kernels.results import (
     EStep,
@@ -30,6 +31,7 @@ _native: Any = import_module("pilotfish.kernels._v3") if LEVEL == "x86-64-v3" el
 KERNELS = (
     "e_step",
     "forward_backward",
+    "impedance",
     "log_emissions",
     "observe",
     "observe_one",
@@ -120,6 +122,34 @@ def forward_backward(
     return ForwardBackward(
         *_native.forward_backward(emissions, log_initial, _packed(transitions), log_transitions)
     )
+
+
+def impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget) -> ArmEffort:
+    torque, wrench, share = _native.impedance(
+        impedance.stiffness,
+        impedance.damping,
+        impedance.posture,
+        impedance.posture_stiffness,
+        impedance.joint_damping,
+        impedance.force_limit,
+        impedance.moment_limit,
+        impedance.singular_value,
+        impedance.limit_margin,
+        impedance.limit_stiffness,
+        limits.lower,
+        limits.upper,
+        limits.torque,
+        reading.q,
+        reading.velocity,
+        reading.position,
+        reading.quaternion,
+        reading.jacobian,
+        reading.bias,
+        target.position,
+        target.quaternion,
+        target.twist,
+    )
+    return ArmEffort(torque, wrench, share)
 
 
 def viterbi(

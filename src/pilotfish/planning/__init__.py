@@ -3,6 +3,7 @@ the only place where a model's precision turns into a tracking weight.
 """
 
 from pilotfish.planning.chart import Chart, chart
+from pilotfish.planning.moving import moving_reference
 from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
 from pilotfish.planning.through import plan_through, through
 from pilotfish.planning.via_points import Observation, ViaPoint, observations, on_chart, via_point
@@ -13,6 +14,7 @@ __all__ = [
     "ViaPoint",
     "chart",
     "expected_plan",
+    "moving_reference",
     "observations",
     "on_chart",
     "plan",

@@ -12,6 +12,7 @@
 
 #include "chain.hpp"
 #include "expectation.hpp"
+#include "impedance.hpp"
 #include "semi_markov.hpp"
 #include "semi_tied.hpp"
 #include "streaming.hpp"
@@ -418,6 +419,50 @@ auto whiteners(In<double, 3> covariances) {
   return std::make_tuple(refused, result);
 }
 
+// The interpreter's lock is kept: to wait for it again would cost a control loop more than the work does.
+auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> posture,
+               double posture_stiffness, double joint_damping, double force_limit, double moment_limit,
+               double singular_value, double limit_margin, double limit_stiffness, In<double, 1> lower,
+               In<double, 1> upper, In<double, 1> torque_limit, In<double, 1> q, In<double, 1> velocity,
+               In<double, 1> position, In<double, 1> quaternion, In<double, 2> jacobian, In<double, 1> bias,
+               In<double, 1> target_position, In<double, 1> target_quaternion, In<double, 1> twist) {
+  const size_t n = q.shape(0);
+  expect_some(n, "q");
+  if (n > MOST_JOINTS) throw nb::value_error("q has more entries than an arm has joints: 1 to 16");
+  for (const auto* six : {&stiffness, &damping, &twist}) expect(*six, "stiffness, damping or twist", {6});
+  for (const auto* three : {&position, &target_position}) expect(*three, "position", {3});
+  for (const auto* four : {&quaternion, &target_quaternion}) expect(*four, "quaternion", {4});
+  for (const auto* one : {&posture, &lower, &upper, &torque_limit, &velocity, &bias})
+    expect(*one, "posture, a limit, velocity or bias", {n});
+  expect(jacobian, "jacobian", {6, n});
+  const Arm arm{int(n),
+                stiffness.data(),
+                damping.data(),
+                posture.data(),
+                posture_stiffness,
+                joint_damping,
+                force_limit,
+                moment_limit,
+                singular_value,
+                limit_margin,
+                limit_stiffness,
+                lower.data(),
+                upper.data(),
+                torque_limit.data(),
+                q.data(),
+                velocity.data(),
+                position.data(),
+                quaternion.data(),
+                jacobian.data(),
+                bias.data(),
+                target_position.data(),
+                target_quaternion.data(),
+                twist.data()};
+  Out torque = empty<Out>({n}), wrench = empty<Out>({6});
+  const double share = pilotfish::impedance(arm, torque.data(), wrench.data());
+  return std::make_tuple(torque, wrench, share);
+}
+
 #ifdef PILOTFISH_KNOWS_V3
 bool supports_v3() {
   // All that x86-64-v3 may use beyond the baseline; a hypervisor may mask any of these.
@@ -437,6 +482,7 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("log_emissions", &python::log_emissions);
   module.def("e_step", &python::e_step);
   module.def("forward_backward", &python::forward_backward);
+  module.def("impedance", &python::impedance);
   module.def("viterbi", &python::viterbi);
   module.def("semi_markov", &python::semi_markov);
   module.def("semi_markov_viterbi", &python::semi_markov_viterbi);
