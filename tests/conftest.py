@@ -1,12 +1,16 @@
 """What every law shares: annotations that are checked, seeds, and the folder of real recordings."""
 
 import os
+from ctypes.util import find_library
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+
+if find_library("OSMesa"):  # it draws without a screen; MuJoCo asks once, when it is imported
+    os.environ.setdefault("MUJOCO_GL", "osmesa")
 
 # From here on every annotation in pilotfish is checked at every call. The hook sees what is on the path,
 # hence `pythonpath = ["src"]` in pyproject.toml; test_house.py proves that it is at work.

@@ -6,6 +6,8 @@ from pilotfish.station.answers import example
 from pilotfish.station.commands_data import data
 from pilotfish.station.commands_demo import demo
 from pilotfish.station.commands_learn import learn
+from pilotfish.station.commands_perform import perform
+from pilotfish.station.commands_record import record, tasks
 from pilotfish.station.commands_replay import replay
 from pilotfish.station.commands_select import select
 from pilotfish.station.commands_show import show
@@ -33,6 +35,9 @@ cli.add_command(stream)
 cli.add_command(select)
 cli.add_command(show)
 cli.add_command(replay)
+cli.add_command(tasks)
+cli.add_command(record)
+cli.add_command(perform)
 
 
 def main() -> None:

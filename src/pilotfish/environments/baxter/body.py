@@ -1,0 +1,162 @@
+"""Baxter as MuJoCo simulates it: joints, masses and torques of the robot, in shapes of our own."""
+
+from dataclasses import dataclass
+
+import mujoco
+
+from pilotfish.environments.baxter.chain import quaternion_of
+from pilotfish.environments.baxter.facts import (
+    HAND,
+    HAND_FROM_WRIST,
+    JOINTS,
+    MASSES,
+    MOUNT,
+    MOUNT_YAW,
+    SHELL,
+    SPRING,
+    SPRING_JOINT,
+    SPRING_REST,
+    Mass,
+    Triple,
+)
+from pilotfish.geometry import multiply
+
+RED, DARK, GREY = (0.62, 0.09, 0.11, 1.0), (0.17, 0.18, 0.2, 1.0), (0.45, 0.46, 0.48, 1.0)
+PALE = (0.62, 0.64, 0.66, 1.0)
+ROBOT, THING = 1, 2  # kinds of shapes that touch: the robot touches things, and things each other
+FLOOR = -0.93  # m, seen from the torso
+SKY = (0.9, 0.92, 0.94, 1.0), (0.62, 0.71, 0.8, 1.0)  # at the horizon and above
+ROTOR = (0.08, 0.08, 0.06, 0.06, 0.02, 0.02, 0.02)  # kg m^2 behind the gears; chosen, the maker gives none
+FRICTION = 0.7  # N m s/rad, of each joint, as published
+
+# Capsules along the links: from, to and radius [m], in the axes of the joint that turns them.
+COVERS = (
+    ((0.0, 0.0, 0.08), (0.0, 0.0, 0.24), 0.075),
+    ((0.0, 0.0, 0.0), (0.102, 0.0, 0.0), 0.075),
+    ((0.0, 0.0, -0.02), (0.0, 0.0, 0.22), SHELL),
+    ((0.0, 0.0, 0.0), (0.10359, 0.0, 0.0), SHELL),
+    ((0.0, 0.0, -0.02), (0.0, 0.0, 0.23), 0.055),
+    ((0.0, 0.0, 0.0), (0.115975, 0.0, 0.0), 0.05),
+    ((0.0, 0.0, -0.03), (0.0, 0.0, 0.06), 0.042),
+)
+
+BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+# What stands still: kind, size, place [m] and colour of each shape; none of them touches anything.
+Shape = tuple[mujoco.mjtGeom, Triple, Triple, tuple[float, ...]]
+STAND: dict[str, Shape] = {
+    "pedestal": (CYLINDER, (0.1, 0.25, 0.0), (-0.06, 0.0, -0.35), GREY),
+    "foot": (CYLINDER, (0.38, 0.03, 0.0), (-0.06, 0.0, FLOOR + 0.03), DARK),
+    "column": (CYLINDER, (0.13, 0.13, 0.0), (-0.06, 0.0, -0.72), GREY),
+}
+UPPER_BODY: dict[str, Shape] = {
+    "torso": (BOX, (0.1, 0.15, 0.26), (-0.03, 0.0, 0.18), RED),
+    "shoulders": (BOX, (0.08, 0.26, 0.08), (0.0, 0.0, 0.12), DARK),
+    "neck": (CYLINDER, (0.06, 0.12, 0.0), (0.03, 0.0, 0.53), GREY),
+    "screen": (BOX, (0.015, 0.15, 0.1), (0.14, 0.0, 0.69), DARK),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """The names in a model of what belongs to one arm: its joints and motors in order, and its hand."""
+
+    side: str
+    joints: tuple[str, ...]
+    hand: str
+
+
+def arm_names(side: str) -> Arm:
+    """The names of the arm on that side, "left" or "right"."""
+    return Arm(side, tuple(f"{side}_{joint.name}" for joint in JOINTS), f"{side}_hand")
+
+
+def empty_world(timestep: float) -> mujoco.MjSpec:
+    """A floor, light, and the torso of the robot in whose axes the world is; no arm yet."""
+    spec = mujoco.MjSpec()
+    spec.modelname, spec.compiler.degree = "baxter", False
+    spec.option.timestep = timestep
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0  # friction holds what is gripped
+    _light(spec)
+    _add(spec.worldbody, "floor", mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 0.1), (0.0, 0.0, FLOOR), PALE)
+    spec.geom("floor").material = "dull"
+    _torso(spec.worldbody)
+    return spec
+
+
+def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None = None) -> mujoco.MjsBody:
+    """The hand of a new arm on that side: torque motors at its joints, or stiff in a posture [rad] given."""
+    sign = 1.0 if side == "left" else -1.0
+    x, y, z = MOUNT
+    parent = spec.worldbody.add_body(
+        name=f"{side}_mount", pos=[x, sign * y, z], quat=quaternion_of((0.0, 0.0, sign * MOUNT_YAW))
+    )
+    for n, (joint, mass, (start, end, radius)) in enumerate(zip(JOINTS, MASSES, COVERS, strict=True)):
+        parent = parent.add_body(
+            name=f"{side}_{joint.name}_link", pos=joint.xyz, quat=quaternion_of(joint.rpy)
+        )
+        _weigh(parent, mass)
+        _cover(parent, f"{side}_{joint.name}_cover", (start, end), radius, RED if n in (0, 2, 4) else DARK)
+        if posture is not None:
+            parent.quat = multiply(quaternion_of(joint.rpy), quaternion_of((0.0, 0.0, posture[n])))
+            continue
+        hinge = parent.add_joint(
+            name=f"{side}_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1]
+        )
+        hinge.range, hinge.armature = (joint.lower, joint.upper), ROTOR[n]
+        hinge.damping[0] = FRICTION  # of the first power of the speed
+        if joint.name == SPRING_JOINT:
+            hinge.stiffness[0], hinge.springref = SPRING, SPRING_REST
+        motor = spec.add_actuator(name=f"{side}_{joint.name}", target=hinge.name)
+        motor.trntype, motor.ctrlrange = mujoco.mjtTrn.mjTRN_JOINT, (-joint.torque, joint.torque)
+    hand = parent.add_body(name=f"{side}_hand", pos=[0.0, 0.0, HAND_FROM_WRIST])
+    _weigh(hand, HAND)
+    return hand
+
+
+def _light(spec: mujoco.MjSpec) -> None:
+    """A bright room under a pale sky, without shadows: a frame costs little, and nothing is black."""
+    spec.visual.quality.offsamples = 0
+    spec.visual.map.znear, spec.visual.map.fogstart, spec.visual.map.fogend = 0.01, 3.0, 8.0
+    spec.visual.rgba.fog = spec.visual.rgba.haze = SKY[0]
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.35] * 3
+    spec.visual.headlight.specular = [0.1] * 3
+    size = getattr(spec.visual, "global")
+    size.offwidth, size.offheight = 960, 720  # the largest pictures
+    for aim, strength in (((-0.5, 0.4, -1.0), 0.4), ((0.3, 0.8, -0.6), 0.25)):
+        lamp = spec.worldbody.add_light(
+            dir=aim, diffuse=[strength] * 3, specular=[0.15] * 3, castshadow=False
+        )
+        lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    gradient = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
+    sky = spec.add_texture(name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=gradient)
+    sky.rgb1, sky.rgb2, sky.width, sky.height = SKY[1][:3], SKY[0][:3], 32, 192
+    spec.add_material(name="dull", specular=0.0, shininess=0.0)
+
+
+def _torso(world: mujoco.MjsBody) -> None:
+    for name, (kind, size, pos, rgba) in (STAND | UPPER_BODY).items():
+        _add(world, name, kind, size, pos, rgba)
+
+
+def _add(
+    body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: Triple, pos: Triple, rgba: tuple[float, ...]
+) -> None:
+    geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba)
+    geom.contype, geom.conaffinity = (THING, ROBOT | THING) if name == "floor" else (0, 0)
+
+
+def _cover(
+    body: mujoco.MjsBody, name: str, ends: tuple[Triple, Triple], radius: float, rgba: tuple[float, ...]
+) -> None:
+    geom = body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*ends[0], *ends[1]], rgba=rgba
+    )
+    geom.size[0] = radius
+    geom.contype, geom.conaffinity, geom.mass = ROBOT, THING, 0.0
+
+
+def _weigh(body: mujoco.MjsBody, mass: Mass) -> None:
+    body.mass, body.ipos, body.fullinertia = mass.mass, mass.centre, mass.inertia
+    body.explicitinertial = True

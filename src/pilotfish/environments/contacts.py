@@ -1,0 +1,39 @@
+"""How hard things touch."""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from pilotfish.environments.baxter import ROBOT
+from pilotfish.types import Array, Float
+
+TOOL = "tool"  # the sum of what pushes the robot, beside the names of fragile things
+
+
+def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, fragile: tuple[str, ...]) -> dict[str, float]:
+    """The force [N] of all contacts of the robot together, under "tool", and on each fragile shape."""
+    total, on = np.zeros(3), dict.fromkeys(fragile, 0.0)
+    for n in range(data.ncon):
+        force = _force(model, data, n)
+        pair = data.contact[n].geom
+        robot = model.geom_contype[pair] == ROBOT
+        if robot.any():
+            total += force if robot[1] else -force
+        for geom in pair:
+            name = model.geom(int(geom)).name
+            if name in on:
+                on[name] += float(np.linalg.norm(force))
+    return {TOOL: float(np.linalg.norm(total)), **on}
+
+
+def larger(a: Mapping[str, float], b: Mapping[str, float]) -> dict[str, float]:
+    """Of two measurements of the same things, the larger of each."""
+    return {name: max(value, b[name]) for name, value in a.items()}
+
+
+def _force(model: mujoco.MjModel, data: mujoco.MjData, n: int) -> Float[Array, " 3"]:
+    """What the n-th contact's second shape is pushed by, in world axes."""
+    wrench = np.zeros(6)
+    mujoco.mj_contactForce(model, data, n, wrench)
+    return np.asarray(data.contact[n].frame.reshape(3, 3).T @ wrench[:3])

@@ -1,0 +1,43 @@
+"""Pieces that things in a workcell are made of."""
+
+import mujoco
+import numpy as np
+
+from pilotfish.environments.baxter import FLOOR, ROBOT, THING
+from pilotfish.geometry import exp
+from pilotfish.types import Array, Float
+
+BOX, CYLINDER, CAPSULE, SPHERE = (
+    mujoco.mjtGeom.mjGEOM_BOX,
+    mujoco.mjtGeom.mjGEOM_CYLINDER,
+    mujoco.mjtGeom.mjGEOM_CAPSULE,
+    mujoco.mjtGeom.mjGEOM_SPHERE,
+)
+WOOD, STEEL, YELLOW = (0.72, 0.58, 0.42, 1.0), (0.66, 0.68, 0.71, 1.0), (0.95, 0.77, 0.1, 1.0)
+GREEN, BLUE, GLASS = (0.15, 0.62, 0.3, 1.0), (0.2, 0.4, 0.75, 1.0), (0.55, 0.8, 0.85, 0.75)
+Triple = tuple[float, float, float]
+
+
+def thing(
+    body: mujoco.MjsBody,
+    name: str,
+    kind: mujoco.mjtGeom,
+    size: Triple,
+    pos: Triple,
+    rgba: tuple[float, float, float, float],
+) -> mujoco.MjsGeom:
+    """A solid piece [m] of a thing, which touches the robot and other things; it has no mass yet."""
+    geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba, mass=0.0)
+    geom.contype, geom.conaffinity = THING, ROBOT | THING
+    return geom
+
+
+def turned(axis: Triple, angle: float) -> Float[Array, " 4"]:
+    """The quaternion of a turn by an angle [rad] about an axis of length one."""
+    return exp(0.5 * angle * np.array(axis))
+
+
+def post_under(spec: mujoco.MjSpec, name: str, top: Float[Array, " 3"], half: float = 0.03) -> mujoco.MjsGeom:
+    """A square post that stands on the floor and ends at its top [m]; half of its width is half."""
+    x, y, z = (float(value) for value in top)
+    return thing(spec.worldbody, name, BOX, (half, half, (z - FLOOR) / 2), (x, y, (z + FLOOR) / 2), STEEL)

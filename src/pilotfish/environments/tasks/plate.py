@@ -1,0 +1,196 @@
+"""Pick and place: carry a glass plate over an obstacle, whose height varies, onto a cross on the table."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees, pi, radians
+
+import mujoco
+import numpy as np
+
+from pilotfish.environments.baxter import mount_suction
+from pilotfish.environments.people import Act
+from pilotfish.environments.tasks.furniture import (
+    BOX,
+    CYLINDER,
+    GLASS,
+    GREEN,
+    STEEL,
+    WOOD,
+    YELLOW,
+    Triple,
+    post_under,
+    thing,
+    turned,
+)
+from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.geometry import Pose, multiply, rotation_matrix, rotation_vector
+
+LEVELS, STEP, LOWEST = 8, 0.02, 0.09  # heights of the obstacle: how many, from one to the next, the first [m]
+TABLE = -0.12  # m, its top
+HALF: Triple = (0.07, 0.05, 0.004)  # m, half of its sides and of its thickness
+WEIGHT = 0.28  # kg: as glass of this size
+BAR: Triple = (0.16, 0.02, 0.015)  # m, half of its sides: what the plate has to be carried over
+BAR_AT = (0.68, -0.3)  # m, its middle in x and y
+CROSS_AT = (0.66, -0.1)
+NEAR, STRAIGHT, FLAT = 0.02, radians(10.0), radians(3.0)
+PASS = 0.09  # m, how high the cup passes above the middle of the bar
+CLEAR, STILL, TOUCH = 0.03, 0.02, 1.0  # m from plate to cup; m/s; N that the obstacle may feel
+# The tool looks down and the hand's x axis to the robot; of a frame on the table z points up.
+DOWN = turned((0.0, 1.0, 0.0), pi)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlateSituation:
+    """Where the plate lies at first, the middle of its upper face, z up; and how high the obstacle is, 0 to 7."""
+
+    plate: Pose
+    level: int
+
+
+def situation_at(level: int, rng: np.random.Generator) -> PlateSituation:
+    """The obstacle at that height, the plate somewhere."""
+    x, y = np.array([0.66, -0.52]) + rng.uniform(-1.0, 1.0, 2) * np.array([0.08, 0.06])
+    yaw = rng.uniform(-1.0, 1.0) * radians(25.0)
+    place = np.array([x, y, TABLE + 2 * HALF[2]])
+    return PlateSituation(Pose(place, turned((0.0, 0.0, 1.0), yaw)), level)
+
+
+def _draw(rng: np.random.Generator) -> PlateSituation:
+    return situation_at(int(rng.integers(LEVELS)), rng)
+
+
+def obstacle_at(level: int) -> Pose:
+    """The middle of the obstacle at one of its heights."""
+    place = np.array([*BAR_AT, TABLE + LOWEST + level * STEP])
+    return Pose(place, np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def cross() -> Pose:
+    """Where the plate is to lie: the middle of its upper face."""
+    return Pose(np.array([*CROSS_AT, TABLE + 2 * HALF[2]]), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def _furnish(spec: mujoco.MjSpec, situation: PlateSituation) -> None:
+    table = thing(
+        spec.worldbody, "table", BOX, (0.24, 0.4, 0.015), (0.67, -0.3, TABLE - 0.015), WOOD
+    )
+    table.friction = (1.2, 0.005, 0.0001)  # a rubber mat: the cup slides on the glass sooner than the glass there
+    post_under(spec, "leg", np.array([0.67, -0.3, TABLE - 0.03]))
+    for name, size in (("along", (0.05, 0.006, 0.0004)), ("across", (0.006, 0.05, 0.0004))):
+        arm = thing(spec.worldbody, f"cross_{name}", BOX, size, (*CROSS_AT, TABLE + 0.0002), GREEN)
+        arm.contype = arm.conaffinity = 0  # paint
+    _obstacle(spec, obstacle_at(situation.level).position[2])
+    _plate(spec, situation.plate)
+
+
+def _obstacle(spec: mujoco.MjSpec, height: float) -> None:
+    """A bar along x that hangs between two rods."""
+    x, y = BAR_AT
+    thing(spec.worldbody, "obstacle", BOX, BAR, (x, y, height), YELLOW)
+    for n, sign in enumerate((-1.0, 1.0)):
+        half = (height - TABLE) / 2
+        pos = x + sign * (BAR[0] - 0.01), y, TABLE + half
+        thing(spec.worldbody, f"rod_{n}", CYLINDER, (0.008, half, 0.0), pos, STEEL)
+
+
+def _plate(spec: mujoco.MjSpec, at: Pose) -> None:
+    body = spec.worldbody.add_body(name="plate", pos=at.position, quat=at.quaternion)
+    body.add_freejoint(name="plate")
+    glass = thing(body, "plate", BOX, HALF, (0.0, 0.0, -HALF[2]), GLASS)
+    glass.mass, glass.friction = WEIGHT, (0.6, 0.005, 0.0001)
+
+
+def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: PlateSituation) -> dict[str, Pose]:
+    """Where the plate lay at first: it is what the robot sees before it moves."""
+    del model, data
+    return {"plate": situation.plate, "obstacle": obstacle_at(situation.level)}
+
+
+def plate_now(data: mujoco.MjData) -> Pose:
+    """The middle of the plate's upper face."""
+    body = data.body("plate")
+    return Pose(np.array(body.xpos), np.array(body.xquat))
+
+
+def _judge(scene: Scene, situation: PlateSituation) -> Verdict:
+    del situation
+    plate, goal = plate_now(scene.data), cross()
+    error = float(np.linalg.norm(plate.position - goal.position))
+    turn = float(np.linalg.norm(rotation_vector(goal.quaternion, plate.quaternion)))
+    lean = float(np.arccos(min(1.0, rotation_matrix(plate.quaternion)[2, 2])))
+    away = float(np.linalg.norm(scene.tool.position - plate.position))
+    speed = float(np.linalg.norm(scene.data.joint("plate").qvel[:3]))
+    pushed = max(scene.forces.get(name, 0.0) for name in FRAGILE)
+    for wrong, why in (
+        (error > NEAR, f"the plate lies {error:.3f} m from the cross"),
+        (lean > FLAT, f"the plate leans by {degrees(lean):.1f} degrees"),
+        (turn > STRAIGHT, f"the plate is turned by {degrees(turn):.1f} degrees"),
+        (away < CLEAR, f"the cup is still {away:.3f} m from the plate"),
+        (speed > STILL, f"the plate still moves, at {speed:.3f} m/s"),
+        (pushed > TOUCH, f"the obstacle was pushed by {pushed:.1f} N"),
+    ):
+        if wrong:
+            return Verdict(False, error, why)
+    return Verdict(True, error)
+
+
+FRAGILE = ("obstacle", "rod_0", "rod_1")
+
+
+def _home(situation: PlateSituation) -> Pose:
+    del situation
+    return Pose(np.array([0.56, -0.4, 0.18]), DOWN)
+
+
+def _over(place: Pose, height: float) -> Pose:
+    """The cup above a place, looking down on it, its axes turned with it."""
+    up = place.position + np.array([0.0, 0.0, height])
+    return Pose(up, multiply(place.quaternion, DOWN))
+
+
+def _lifted(frames: Mapping[str, Pose]) -> Pose:
+    """The cup above where the plate was, high enough to pass the bar."""
+    up = frames["obstacle"].position[2] + PASS - frames["plate"].position[2]
+    return _over(frames["plate"], up)
+
+
+def _past(frames: Mapping[str, Pose]) -> Pose:
+    """The cup beyond the bar, on the side of the cross, as high."""
+    x, y, z = frames["obstacle"].position
+    return _over(Pose(np.array([CROSS_AT[0], y + 0.14, z]), cross().quaternion), PASS)
+
+
+def _script(situation: PlateSituation) -> tuple[Act, ...]:
+    del situation
+    near = {"position_tolerance": 0.008, "angle_tolerance": radians(3.0)}
+    exact = {"position_tolerance": 0.003, "angle_tolerance": radians(1.5)}
+    passing = {"position_tolerance": 0.02, "angle_tolerance": radians(6.0), "passing": True}
+    return (
+        Act("above the plate", lambda f: _over(f["plate"], 0.04), **near),
+        Act("touch", lambda f: _over(f["plate"], -0.002), dwell=0.5, speed=0.5, **exact),
+        Act("suck", lambda f: _over(f["plate"], -0.002), grip=1.0, dwell=0.8, speed=0.5, **exact),
+        Act("lift", _lifted, grip=1.0, **passing),
+        Act("over the obstacle", _past, grip=1.0, **passing),
+        Act("above the cross", lambda f: _over(cross(), 0.04), grip=1.0, **near),
+        Act("put down", lambda f: _over(cross(), -0.002), grip=1.0, dwell=0.5, speed=0.5, **exact),
+        Act("let go", lambda f: _over(cross(), -0.002), dwell=0.8, speed=0.5, **exact),
+        Act("leave", lambda f: _over(cross(), 0.1), dwell=0.5, **near),
+    )
+
+
+PLATE: Task[PlateSituation] = Task(
+    name="plate",
+    about="carry a glass plate over an obstacle and put it on a cross",
+    frames=("plate", "obstacle"),
+    grips=True,
+    unit="m",
+    seconds=40.0,
+    fragile=FRAGILE,
+    mount=mount_suction,
+    draw=_draw,
+    furnish=_furnish,
+    home=_home,
+    see=_see,
+    judge=_judge,
+    script=_script,
+)

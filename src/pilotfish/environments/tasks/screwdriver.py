@@ -1,0 +1,188 @@
+"""Setting a screwdriver into a screw that moves: the tip goes to the bottom of its recess and stays there."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from math import acos, degrees, pi, radians
+
+import mujoco
+import numpy as np
+
+from pilotfish.environments.baxter import FLOOR, Tool, held_body, mount_point, part
+from pilotfish.environments.people import Act
+from pilotfish.environments.tasks.furniture import (
+    BLUE,
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    STEEL,
+    WOOD,
+    YELLOW,
+    thing,
+    turned,
+)
+from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.geometry import Pose, multiply, rotation_matrix
+from pilotfish.types import Array, Float
+
+TIP, REACH = 0.0035, 0.2  # m: radius of the tip, and how far it is from the hand
+BORE, MOUTH, DEEP, HIGH = 0.0055, 0.0125, 0.01, 0.017  # m: radii of bore and funnel, heights of both
+BLOCK = 0.03  # m, half of what the recess is sunk into
+NEAR, STRAIGHT, SLOT = 0.003, radians(5.0), radians(10.0)  # of the tip, its axis, its blade
+# The tool looks down, into a recess whose z axis looks up.
+DOWN = turned((0.0, 1.0, 0.0), pi)
+SIDES = 8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScrewdriverSituation:
+    """A screw that sways about a middle: along a level direction of length one, by sway [m] to either side.
+
+    The middle's z axis points out of the recess and its x axis along the slot; the sway is that of a sine of
+    pace [rad/s] that begins at phase [rad].
+    """
+
+    middle: Pose
+    direction: Float[Array, " 3"]
+    sway: float
+    pace: float
+    phase: float
+
+
+def _mount(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
+    """A screwdriver held at its handle; the point is the end of its blade, which lies along x."""
+    del spec
+    held = held_body(hand, side)
+    part(
+        held, f"{side}_palm", CYLINDER, (0.03, 0.03, 0.0), (0.0, 0.0, 0.03), (0.17, 0.18, 0.2, 1.0)
+    ).mass = 0.3
+    part(held, f"{side}_grip", CYLINDER, (0.014, 0.03, 0.0), (0.0, 0.0, 0.08), YELLOW)
+    shaft = part(held, f"{side}_shaft", CAPSULE, (TIP, 0.05 - TIP, 0.0), (0.0, 0.0, REACH - 0.05), STEEL)
+    shaft.friction, shaft.priority = (0.3, 0.005, 0.0001), 1
+    blade = part(held, f"{side}_blade", BOX, (0.005, 0.001, 0.006), (0.0, 0.0, REACH - 0.007), STEEL)
+    blade.mass, blade.contype, blade.conaffinity = 0.0, 0, 0
+    return Tool(mount_point(held, REACH, side), REACH, (held.name,))
+
+
+def _draw(rng: np.random.Generator) -> ScrewdriverSituation:
+    place = np.array([0.66, -0.32, -0.05]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.08, 0.08, 0.04])
+    yaw = turned((0.0, 0.0, 1.0), radians(20.0) * rng.uniform(-1.0, 1.0))
+    lean, heading, phase = rng.uniform(-pi, pi, 3)
+    tilt = turned((np.cos(lean), np.sin(lean), 0.0), radians(8.0) * rng.uniform())
+    pace = 2.0 * pi / rng.uniform(10.0, 18.0)
+    sway = rng.uniform(0.005, 0.02) / pace  # m: its fastest is 5 to 20 mm/s
+    direction = np.array([np.cos(heading), np.sin(heading), 0.0])
+    return ScrewdriverSituation(Pose(place, multiply(tilt, yaw)), direction, sway, pace, phase)
+
+
+def screw_at(situation: ScrewdriverSituation, time: float) -> Pose:
+    """Where the screw is to be after a time [s]."""
+    away = situation.sway * np.sin(situation.pace * time + situation.phase)
+    return Pose(situation.middle.position + away * situation.direction, situation.middle.quaternion)
+
+
+def _furnish(spec: mujoco.MjSpec, situation: ScrewdriverSituation) -> None:
+    begin = screw_at(situation, 0.0)
+    x, y, z = situation.middle.position
+    top = z - 0.045
+    thing(spec.worldbody, "bench", BOX, (0.16, 0.16, 0.01), (x, y, top - 0.01), WOOD)
+    thing(
+        spec.worldbody, "leg", BOX, (0.04, 0.04, (top - FLOOR) / 2), (x, y, (top + FLOOR) / 2 - 0.01), STEEL
+    )
+    carriage = spec.worldbody.add_body(name="carriage", pos=begin.position)
+    for name, axis in (("ahead", [1, 0, 0]), ("aside", [0, 1, 0])):
+        slide = carriage.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        slide.damping[0] = 5.0
+        motor = spec.add_actuator(name=name, target=name)
+        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        motor.set_to_position(kp=20000.0, kv=400.0)
+        motor.forcerange, motor.ctrlrange = (-150.0, 150.0), (-1.0, 1.0)
+    target = carriage.add_body(name="target", quat=begin.quaternion)
+    thing(target, "bottom", BOX, (BLOCK, BLOCK, 0.008), (0.0, 0.0, -0.008), BLUE).mass = 1.0
+    for name, sign in (("mark", 1.0), ("other_mark", -1.0)):  # of the slot, beside the funnel
+        mark = thing(target, name, BOX, (0.007, 0.001, 0.0005), (sign * 0.021, 0.0, HIGH), YELLOW)
+        mark.contype = mark.conaffinity = 0
+    _sink(target)
+
+
+def _sink(target: mujoco.MjsBody) -> None:
+    """The walls of the recess: a ring of upright boxes, one of slanting ones above it, a plate around."""
+    half = 0.003  # m, of each wall's thickness
+    slant, beyond = (MOUTH - BORE) / 2, half / 2**0.5
+    for n in range(SIDES):
+        around = turned((0.0, 0.0, 1.0), 2.0 * pi * n / SIDES)
+        rings = (
+            ("bore", BORE + half, DEEP / 2, (half, 0.004, DEEP / 2), 0.0),
+            ("funnel", BORE + slant + beyond, HIGH - slant - beyond, (half, 0.0055, slant * 2**0.5), pi / 4),
+            ("plate", (MOUTH + BLOCK) / 2, HIGH - half, ((BLOCK - MOUTH) / 2, 0.012, half), 0.0),
+        )  # fmt: skip
+        for name, out, up, size, angle in rings:
+            wall = thing(target, f"{name}_{n}", BOX, size, (0.0, 0.0, 0.0), BLUE)
+            wall.pos = rotation_matrix(around) @ np.array([out, 0.0, up])
+            wall.quat = multiply(around, turned((0.0, 1.0, 0.0), angle))
+
+
+def _stir(model: mujoco.MjModel, data: mujoco.MjData, situation: ScrewdriverSituation, time: float) -> None:
+    """The carriage's motors draw it along its path; they stand at nothing where it begins."""
+    way = screw_at(situation, time).position - screw_at(situation, 0.0).position
+    data.ctrl[model.actuator("ahead").id], data.ctrl[model.actuator("aside").id] = way[:2]
+
+
+def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: ScrewdriverSituation) -> dict[str, Pose]:
+    del model, situation
+    target = data.body("target")
+    return {"target": Pose(target.xpos.copy(), target.xquat.copy())}
+
+
+def _judge(scene: Scene, situation: ScrewdriverSituation) -> Verdict:
+    tool = _see(scene.model, scene.data, situation)["target"].inverse() @ scene.tool
+    error = float(np.linalg.norm(tool.position))
+    blade, _, axis = rotation_matrix(tool.quaternion).T
+    lean, twist = acos(np.clip(-axis[2], -1.0, 1.0)), acos(min(abs(blade[0]), 1.0))
+    if error > NEAR:
+        return Verdict(False, error, f"the tip is {1000 * error:.1f} mm from the bottom of the recess")
+    if lean > STRAIGHT:
+        return Verdict(False, error, f"the screwdriver leans by {degrees(lean):.1f} degrees")
+    if twist > SLOT:
+        return Verdict(False, error, f"the blade stands {degrees(twist):.1f} degrees across the slot")
+    return Verdict(True, error)
+
+
+def _home(situation: ScrewdriverSituation) -> Pose:
+    del situation
+    return Pose(np.array([0.6, -0.35, 0.15]), DOWN)
+
+
+def above(frames: Mapping[str, Pose], height: float) -> Pose:
+    """The tool, straight, its tip so high [m] above the bottom of the recess."""
+    return frames["target"] @ Pose(np.array([0.0, 0.0, height]), DOWN)
+
+
+def _script(situation: ScrewdriverSituation) -> tuple[Act, ...]:
+    del situation
+    near = partial(Act, position_tolerance=0.010, angle_tolerance=radians(4.0), tracking=True)
+    exact = partial(Act, position_tolerance=0.0045, angle_tolerance=radians(2.5), tracking=True)
+    return (
+        near("line up", lambda f: above(f, 0.07)),
+        exact("aim", lambda f: above(f, HIGH + 0.01), speed=0.6),
+        exact("set in", lambda f: above(f, -0.002), speed=0.3, dwell=2.5),
+    )
+
+
+SCREWDRIVER: Task[ScrewdriverSituation] = Task(
+    name="screwdriver",
+    about="set a screwdriver into the recess of a screw that moves, and stay in it",
+    frames=("target",),
+    grips=False,
+    unit="m",
+    seconds=30.0,
+    fragile=(),
+    mount=_mount,
+    draw=_draw,
+    furnish=_furnish,
+    home=_home,
+    see=_see,
+    judge=_judge,
+    script=_script,
+    stir=_stir,
+)

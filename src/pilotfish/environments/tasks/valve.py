@@ -1,0 +1,122 @@
+"""Opening a valve: grip its handle, turn it, let go. The valve turns only if it is turned."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import degrees, pi, radians
+
+import mujoco
+import numpy as np
+
+from pilotfish.environments.baxter import FLOOR, mount_gripper
+from pilotfish.environments.people import Act
+from pilotfish.environments.tasks.furniture import BOX, CYLINDER, GREEN, STEEL, YELLOW, thing, turned
+from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.geometry import Pose
+
+TOLERANCE = radians(5.0)
+CLEAR = 0.08  # m, from handle to tool when it is done
+STICTION, DRAG = 0.3, 0.3  # N m; N m s/rad
+# Looking along x, as the tool does when it grips: its z axis ahead, its fingers closing level.
+FACING = turned((0.0, 1.0, 0.0), pi / 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValveSituation:
+    """Where the valve stands, its axis pointing away from the robot along x of its axes.
+
+    The handle is to be turned from begin to end [rad] about that axis; begin is what it stands at.
+    """
+
+    valve: Pose
+    begin: float
+    end: float
+
+
+def _draw(rng: np.random.Generator) -> ValveSituation:
+    place = np.array([0.86, -0.3, 0.12]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.05, 0.1, 0.08])
+    turn = turned((0.0, 0.0, 1.0), rng.uniform(-0.25, 0.25))
+    begin = rng.uniform(-0.5, 0.3)
+    return ValveSituation(Pose(place, turn), begin, begin + rng.uniform(1.0, 1.4))
+
+
+def _furnish(spec: mujoco.MjSpec, situation: ValveSituation) -> None:
+    at = situation.valve.position
+    stand = spec.worldbody.add_body(name="stand", pos=at, quat=situation.valve.quaternion)
+    thing(stand, "panel", BOX, (0.01, 0.14, 0.14), (0.085, 0.0, 0.0), (0.35, 0.42, 0.5, 1.0))
+    thing(stand, "post", BOX, (0.03, 0.03, (at[2] - FLOOR) / 2), (0.125, 0.0, (FLOOR - at[2]) / 2), STEEL)
+    # The mark that the handle is to point to.
+    mark = thing(stand, "mark", BOX, (0.002, 0.012, 0.012), (0.074, 0.0, 0.0), GREEN)
+    mark.pos = 0.074, -0.12 * np.sin(situation.end), 0.12 * np.cos(situation.end)
+    mark.contype = mark.conaffinity = 0
+    valve = spec.worldbody.add_body(
+        name="valve", pos=at, quat=handle_at(situation, situation.begin).quaternion
+    )
+    hinge = valve.add_joint(name="valve", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
+    hinge.ref, hinge.frictionloss, hinge.armature = situation.begin, STICTION, 0.002
+    hinge.damping[0] = DRAG
+    stem = thing(valve, "stem", CYLINDER, (0.008, 0.035, 0.0), (0.04, 0.0, 0.0), STEEL)
+    stem.quat, stem.mass = FACING, 0.2
+    bar = thing(valve, "handle", BOX, (0.012, 0.011, 0.065), (0.0, 0.0, 0.0), YELLOW)
+    bar.mass, bar.friction = 0.2, (1.0, 0.01, 0.001)
+
+
+def handle_at(situation: ValveSituation, angle: float) -> Pose:
+    """Where the handle stands when it is turned to an angle [rad]: x along the axis, z along its bar."""
+    return situation.valve @ Pose(np.zeros(3), turned((1.0, 0.0, 0.0), angle))
+
+
+def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: ValveSituation) -> dict[str, Pose]:
+    del model, data
+    return {"before": handle_at(situation, situation.begin), "after": handle_at(situation, situation.end)}
+
+
+def _angle(scene: Scene) -> float:
+    return float(scene.data.qpos[scene.model.joint("valve").qposadr[0]])
+
+
+def _judge(scene: Scene, situation: ValveSituation) -> Verdict:
+    error = abs(_angle(scene) - situation.end)
+    away = float(np.linalg.norm(scene.tool.position - situation.valve.position))
+    if error > TOLERANCE:
+        return Verdict(False, error, f"the valve stands {degrees(error):.1f} degrees from where it was to be")
+    if away < CLEAR:
+        return Verdict(False, error, f"the hand is still {away:.3f} m from the handle")
+    return Verdict(True, error)
+
+
+def _home(situation: ValveSituation) -> Pose:
+    del situation
+    return Pose(np.array([0.62, -0.35, 0.15]), FACING)
+
+
+def _grip(frames: Mapping[str, Pose], which: str, back: float) -> Pose:
+    return frames[which] @ Pose(np.array([-back, 0.0, 0.0]), FACING)
+
+
+def _script(situation: ValveSituation) -> tuple[Act, ...]:
+    del situation
+    near, exact = (0.012, radians(5.0)), (0.005, radians(2.5))  # m, rad
+    return (
+        Act("line up", lambda f: _grip(f, "before", 0.13), *near, grip=0.0, dwell=0.1),
+        Act("reach", lambda f: _grip(f, "before", 0.0), *exact, grip=1.0, dwell=0.6),
+        Act("turn", lambda f: _grip(f, "after", 0.0), *exact, grip=0.0, dwell=0.5),
+        Act("leave", lambda f: _grip(f, "after", 0.15), *near, grip=0.0, dwell=0.3),
+    )
+
+
+VALVE: Task[ValveSituation] = Task(
+    name="valve",
+    about="grip the handle of a valve, turn it to a mark, let go",
+    frames=("before", "after"),
+    grips=True,
+    unit="rad",
+    seconds=30.0,
+    fragile=(),
+    mount=mount_gripper,
+    draw=_draw,
+    furnish=_furnish,
+    home=_home,
+    see=_see,
+    judge=_judge,
+    script=_script,
+)

@@ -1,0 +1,151 @@
+"""The looks of the real Baxter, taken from an installed package of robot models and thinned once."""
+
+import os
+from collections.abc import Iterator, Sequence
+from hashlib import sha256
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotfish.environments import Surface
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.store import whole_file
+from pilotfish.types import Array, Float, Int
+
+PACKAGE = "example-robot-data"
+FOLDER = "cmeel.prefix/share/example-robot-data/robots/baxter_description/meshes"
+FACES = {"torso": 4500}  # triangles that are kept of the files of a part
+MOST, FEWEST = 1500, 60  # of those of the others, and at least of each colour
+RECIPE = 1  # one more whenever surfaces are made otherwise: old ones in the cache are then left alone
+BARE = (0.25, 0.25, 0.26)  # of what has no colour
+GAMMA = 1.5  # chosen: the package tells amounts of light, of which a screen would show little
+GENTLE = 3  # of 10: how roughly surfaces are thinned
+MERGED = 4  # digits of a metre, in which places of one vertex agree
+DIGEST = 32  # bytes, before the rest of a file in the cache
+HERE = (0.0, 0.0, 0.0)
+
+# What wears each file, where it lies there [m] and how it is turned (roll, pitch, yaw [rad]), as the
+# package's URDF says; the head looks ahead.
+WORN = {
+    "torso/base_link": ("torso", HERE, HERE),
+    "head/H0": ("torso", (0.06, 0.0, 0.69553), HERE),
+    "head/H1": ("torso", (0.14686, 0.0, 0.68283), (1.570796, 0.179774, 0.0)),
+    "upper_shoulder/S0": ("s0", HERE, HERE),
+    "lower_shoulder/S1": ("s1", HERE, HERE),
+    "upper_elbow/E0": ("e0", HERE, HERE),
+    "lower_elbow/E1": ("e1", HERE, HERE),
+    "upper_forearm/W0": ("w0", HERE, HERE),
+    "lower_forearm/W1": ("w1", HERE, HERE),
+    "wrist/W2": ("w2", HERE, HERE),
+}
+
+
+def baxter_surfaces() -> tuple[Surface, ...]:
+    """What Baxter may wear in pictures: from the user's cache, or made of the package's meshes, then kept.
+
+    Raises: SkillError, when the package, or what reads and thins its meshes, is not installed; InvalidInput,
+    when the cache cannot be written.
+    """
+    try:
+        package = metadata.distribution(PACKAGE)
+    except metadata.PackageNotFoundError as error:
+        raise SkillError(_missing(PACKAGE)) from error
+    kept = cache_folder() / f"baxter-{package.version}-{MOST}-{RECIPE}.surfaces"
+    if (found := _kept(kept)) is None:
+        found = tuple(_made(Path(str(package.locate_file(FOLDER)))))
+        _keep(found, kept)
+    return found
+
+
+def cache_folder() -> Path:
+    """The folder of pilotfish in the user's cache."""
+    named = os.environ.get("XDG_CACHE_HOME")
+    return (Path(named) if named else Path.home() / ".cache") / "pilotfish"
+
+
+def _missing(name: str) -> str:
+    return f"the meshes of Baxter need {name}: pip install 'pilotfish[meshes]'"
+
+
+def _made(folder: Path) -> Iterator[Surface]:
+    try:
+        import collada  # noqa: F401 # trimesh reads these files by it
+        import fast_simplification  # noqa: F401
+        import trimesh
+    except ImportError as error:
+        raise SkillError(_missing(error.name or str(error))) from error
+    for name, (part, place, turn) in WORN.items():
+        file = folder / f"{name}.DAE"
+        if not file.is_file():
+            raise SkillError(
+                f"{PACKAGE} has no {file}; install the version that 'pilotfish[meshes]' asks for"
+            )
+        pieces = trimesh.load_scene(file).dump()
+        total = sum(len(piece.faces) for piece in pieces)
+        there = trimesh.transformations.compose_matrix(translate=place, angles=turn)
+        for piece in pieces:
+            piece.apply_transform(there)
+            wanted = max(FACES.get(part, MOST) * len(piece.faces) // total, FEWEST)
+            yield Surface(part, *_thinned(piece, wanted), _colour(piece))
+
+
+def _thinned(piece: Any, wanted: int) -> tuple[Float[Array, "V 3"], Int[Array, "F 3"]]:
+    """Vertices and faces of much the same surface with about so many faces."""
+    import fast_simplification
+
+    piece.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=MERGED)  # else it comes apart
+    vertices, faces = np.asarray(piece.vertices, np.float32), np.asarray(piece.faces, np.int32)
+    if len(faces) > wanted:
+        vertices, faces = fast_simplification.simplify(vertices, faces, target_count=wanted, agg=GENTLE)
+    return vertices.astype(np.float64), faces.astype(np.int32)
+
+
+def _colour(piece: Any) -> tuple[float, float, float, float]:
+    material = getattr(piece.visual, "material", None)
+    if material is None:
+        return (*BARE, 1.0)
+    red, green, blue = ((np.asarray(material.main_color[:3]) / 255.0) ** (1 / GAMMA)).tolist()
+    return red, green, blue, 1.0
+
+
+def _keep(surfaces: Sequence[Surface], file: Path) -> None:
+    from safetensors.numpy import save
+
+    arrays: dict[str, Array] = {}
+    for n, surface in enumerate(surfaces):
+        arrays[f"{n}.{surface.part}.vertices"] = surface.vertices
+        arrays[f"{n}.{surface.part}.faces"] = surface.faces
+        arrays[f"{n}.{surface.part}.rgba"] = np.array(surface.rgba)
+    content = save(arrays)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(
+            f"{file.parent} cannot be made: {error.strerror}; set XDG_CACHE_HOME to another folder"
+        ) from error
+    with whole_file(file) as part:
+        part.write_bytes(sha256(content).digest() + content)
+
+
+def _kept(file: Path) -> tuple[Surface, ...] | None:
+    """What was kept there; None when nothing was, or it is damaged."""
+    from safetensors.numpy import load
+
+    if not file.is_file():
+        return None
+    digest, content = (whole := file.read_bytes())[:DIGEST], whole[DIGEST:]
+    if sha256(content).digest() != digest:
+        return None
+    arrays = load(content)
+    names = sorted({name.rsplit(".", 1)[0] for name in arrays}, key=lambda name: int(name.split(".")[0]))
+    return tuple(
+        Surface(
+            name.split(".")[1],
+            arrays[f"{name}.vertices"],
+            arrays[f"{name}.faces"],
+            tuple(arrays[f"{name}.rgba"].tolist()),
+        )
+        for name in names
+    )

@@ -1,0 +1,127 @@
+"""What the robot wears is seen, and neither weighs, touches nor changes anything."""
+
+import mujoco
+import numpy as np
+import pytest
+from drawing import needs_renderer
+
+from pilotfish.environments import TASKS
+from pilotfish.environments.baxter import ROBOT, THING, add_arm, empty_world
+from pilotfish.environments.baxter.dress import PARTS, Surface, dress
+from pilotfish.environments.cameras import Photographer, View
+from pilotfish.errors import InvalidInput
+
+GREEN = (0.0, 1.0, 0.0, 1.0)
+CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3]])
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+WHOLE = View((0.3, 0.0, 0.0), 3.0, 140.0, -15.0)
+
+
+def worn(part: str, rgba: tuple[float, float, float, float] = GREEN) -> Surface:
+    """A tetrahedron on a part, larger than the part, so that it would touch things if it could."""
+    return Surface(part, CORNERS, SIDES, rgba)
+
+
+def at_work(surfaces: list[Surface]) -> mujoco.MjModel:
+    """The robot with a gripper, a valve within reach, and a rain of balls; the left arm is still."""
+    spec, task = empty_world(0.001), TASKS["valve"]
+    task.mount(spec, add_arm(spec, "right"), "right")
+    add_arm(spec, "left", posture=(-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0))
+    task.furnish(spec, task.draw(np.random.default_rng(0)))
+    for n in range(60):
+        place = [0.25 + 0.1 * (n % 6), -0.8 + 0.1 * (n // 6), 0.6 + 0.05 * (n % 4)]
+        ball = spec.worldbody.add_body(name=f"ball_{n}", pos=place)
+        ball.add_freejoint()
+        shape = ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.03, 0, 0], mass=0.1)
+        shape.contype, shape.conaffinity = THING, ROBOT | THING
+    dress(spec, surfaces)
+    return spec.compile()
+
+
+def test_dressing_changes_no_physics(rng: np.random.Generator):
+    """An arm under random torques in a rain of balls moves the same bit for bit, and meets as many."""
+    plain, dressed = at_work([]), at_work([worn(part) for part in PARTS])
+    assert dressed.ngeom == plain.ngeom + 1 + 7 * 2
+    torques, met = rng.normal(scale=20.0, size=(600, plain.nu)), 0
+    runs = [mujoco.MjData(model) for model in (plain, dressed)]
+    for torque in torques:
+        for model, data in zip((plain, dressed), runs, strict=True):
+            data.ctrl[:] = torque
+            mujoco.mj_step(model, data)
+        one, other = runs
+        np.testing.assert_array_equal(one.qpos, other.qpos)
+        np.testing.assert_array_equal(one.qvel, other.qvel)
+        assert one.ncon == other.ncon
+        met += one.ncon
+    assert met > 0, "nothing touched anything: the law was not tried"
+
+
+def test_nothing_worn_weighs_or_touches():
+    """Masses and inertias are those of the plain robot, and no surface is of a kind that touches."""
+    plain, dressed = at_work([]), at_work([worn(part) for part in PARTS])
+    np.testing.assert_array_equal(plain.body_mass, dressed.body_mass)
+    np.testing.assert_array_equal(plain.body_inertia, dressed.body_inertia)
+    surfaces = dressed.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    assert surfaces.sum() == 15
+    assert not dressed.geom_contype[surfaces].any()
+    assert not dressed.geom_conaffinity[surfaces].any()
+
+
+@needs_renderer
+@pytest.mark.parametrize("part", PARTS)
+def test_what_is_worn_is_seen_instead_of_what_is_under_it(part: str):
+    """A picture has the surface's colour only when it is worn, and what is under it is left out."""
+    pictures = []
+    for surfaces in ([], [worn(part)], [worn(part, (0.0, 1.0, 0.0, 0.0))]):  # the last one is as clear as air
+        model = at_work(surfaces)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        with Photographer(model, WHOLE, width=320, height=240) as photographer:
+            pictures.append(photographer.photograph(data).astype(int))
+    green = [int((taken[..., 1] - taken[..., 0] > 60).sum()) for taken in pictures]
+    assert green[0] == green[2] == 0
+    assert green[1] > 50
+    assert (np.abs(pictures[0] - pictures[2]).max(axis=2) > 20).any(), "what is under it is still seen"
+
+
+def test_a_surface_lies_in_the_axes_of_its_part():
+    """Corners of what is worn stand where the axes of the part put them, in either arm."""
+    model = at_work([worn("w0")])
+    data = mujoco.MjData(model)
+    data.qpos[:7] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+    mujoco.mj_forward(model, data)
+    for side in ("left", "right"):
+        body = model.body(f"{side}_w0_link").id
+        geom = next(
+            g for g in range(model.ngeom) if model.geom_bodyid[g] == body and model.geom_dataid[g] >= 0
+        )
+        corners = model.mesh_vert @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        expected = CORNERS @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+        found = corners[np.lexsort(corners.T.round(6))]
+        np.testing.assert_allclose(
+            found, expected[np.lexsort(expected.T.round(6))], atol=1e-6
+        )  # single precision
+
+
+def test_an_arm_that_is_not_there_wears_nothing():
+    """A robot with one arm is dressed as well."""
+    spec = empty_world(0.001)
+    add_arm(spec, "right")
+    dress(spec, [worn("s0")])
+    assert spec.compile().nmesh == 1
+
+
+@pytest.mark.parametrize(
+    ("surface", "words"),
+    [
+        (Surface("elbow", CORNERS, SIDES, GREEN), "'elbow', expected one of torso, s0"),
+        (Surface("s0", CORNERS, SIDES[:0], GREEN), "some of its 4 vertices"),
+        (Surface("s0", CORNERS, SIDES + 1, GREEN), "some of its 4 vertices"),
+        (Surface("s0", CORNERS, SIDES - 1, GREEN), "some of its 4 vertices"),
+        (Surface("s0", CORNERS * np.nan, SIDES, GREEN), "not finite"),
+    ],
+)
+def test_what_cannot_be_worn_is_refused(surface: Surface, words: str):
+    """The refusal tells the part and what was expected."""
+    with pytest.raises(InvalidInput, match=words):
+        dress(empty_world(0.001), [surface])

@@ -1,0 +1,136 @@
+"""The looks of the real robot are made once, kept whole, and made anew when damaged or out of date."""
+
+import sys
+from importlib import metadata
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pilotfish.environments import Surface
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.station import meshes
+from pilotfish.station.meshes import baxter_surfaces
+
+EXTRA = r"pip install 'pilotfish\[meshes\]'"
+
+
+def invented(rng: np.random.Generator, count: int) -> tuple[Surface, ...]:
+    return tuple(
+        Surface(
+            rng.choice(["torso", "s0", "w2"]),
+            rng.normal(size=(V, 3)),
+            rng.integers(V, size=(2 * V, 3), dtype=np.int32),
+            tuple(rng.uniform(size=4).tolist()),
+        )
+        for V in rng.integers(3, 50, size=count)
+    )
+
+
+def same(one: tuple[Surface, ...], other: tuple[Surface, ...]) -> bool:
+    return len(one) == len(other) and all(
+        a.part == b.part
+        and a.rgba == b.rgba
+        and np.array_equal(a.vertices, b.vertices)
+        and np.array_equal(a.faces, b.faces)
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+@pytest.fixture
+def made(rng: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """A package of a version, what is made of it, and how often it was made; the cache is a folder apart."""
+    package = SimpleNamespace(version="1.0", surfaces=invented(rng, 12), times=0)
+    package.locate_file = lambda folder: tmp_path / folder
+
+    def make(folder: Path) -> tuple[Surface, ...]:
+        package.times += 1
+        return package.surfaces
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(meshes.metadata, "distribution", lambda name: package)
+    monkeypatch.setattr(meshes, "_made", make)
+    return package
+
+
+def test_surfaces_are_made_once(made: SimpleNamespace):
+    """The second time they come from the cache, the same bit for bit and in order, more than ten too."""
+    assert same(baxter_surfaces(), made.surfaces)
+    assert same(baxter_surfaces(), made.surfaces)
+    assert made.times == 1
+
+
+def test_another_package_is_another_look(made: SimpleNamespace, rng: np.random.Generator):
+    """A new version of the package makes surfaces anew, and the old one still has its own."""
+    first = made.surfaces
+    baxter_surfaces()
+    made.version, made.surfaces = "2.0", invented(rng, 3)
+    assert same(baxter_surfaces(), made.surfaces)
+    made.version = "1.0"
+    assert same(baxter_surfaces(), first)
+    assert made.times == 2
+
+
+@pytest.mark.parametrize("damage", ["cut", "changed", "empty"])
+def test_what_is_damaged_is_made_anew(made: SimpleNamespace, tmp_path: Path, damage: str):
+    """A file that is cut, changed by one bit or empty is never read as surfaces."""
+    baxter_surfaces()
+    (file,) = (tmp_path / "cache" / "pilotfish").iterdir()
+    whole = file.read_bytes()
+    changed = bytearray(whole)
+    changed[len(whole) // 2] ^= 1
+    file.write_bytes({"cut": whole[:-7], "changed": bytes(changed), "empty": b""}[damage])
+    assert same(baxter_surfaces(), made.surfaces)
+    assert made.times == 2
+    assert file.read_bytes() == whole
+
+
+def test_a_cache_that_cannot_be_written_is_told(
+    made: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The refusal names the variable to set."""
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(InvalidInput, match="set XDG_CACHE_HOME to another folder"):
+        baxter_surfaces()
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
+    """The refusal tells how to install it."""
+
+    def none(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(meshes.metadata, "distribution", none)
+    with pytest.raises(SkillError, match=f"need example-robot-data: {EXTRA}"):
+        baxter_surfaces()
+
+
+@pytest.mark.parametrize("name", ["trimesh", "collada", "fast_simplification"])
+def test_without_a_reader_the_extra_is_named(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """What reads and thins meshes is part of the extra."""
+    for module in ("trimesh", "collada", "fast_simplification"):
+        monkeypatch.setitem(sys.modules, module, None if module == name else SimpleNamespace())
+    with pytest.raises(SkillError, match=f"need {name}: {EXTRA}"):
+        list(meshes._made(tmp_path))
+
+
+def test_the_package_is_worn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Every part of the robot has surfaces that are as large as it, and few faces."""
+    for module in ("trimesh", "collada", "fast_simplification"):
+        pytest.importorskip(module, reason="pilotfish[meshes] is not installed")
+    try:
+        metadata.distribution(meshes.PACKAGE)
+    except metadata.PackageNotFoundError:
+        pytest.skip("pilotfish[meshes] is not installed")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    found = baxter_surfaces()
+    assert {surface.part for surface in found} == {part for part, _, _ in meshes.WORN.values()}
+    assert sum(len(surface.faces) for surface in found) < 50_000
+    for part in {surface.part for surface in found}:
+        corners = np.concatenate([surface.vertices for surface in found if surface.part == part])
+        assert 0.05 < np.ptp(corners, axis=0).max() < (1.2 if part == "torso" else 0.5), part
+    assert same(baxter_surfaces(), found)
+    (file,) = (tmp_path / "pilotfish").iterdir()
+    assert file.stat().st_size < 2_000_000
