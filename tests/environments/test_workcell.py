@@ -1,4 +1,4 @@
-"""The robot in physics does what its control promises: hangs still, yields as its springs say, keeps limits."""
+"""The robot in physics does what control promises: hangs still, yields as its springs say, keeps limits."""
 
 import mujoco
 import numpy as np

@@ -1,7 +1,9 @@
-"""A small folder of recordings, a skill learned from it, and the command line without a process."""
+"""Small recordings, made by hand and in physics, skills learned from them, and commands without a process."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from jaxtyping import config
 
 from pilotfish.demonstrations import (
     Demonstration,
@@ -18,9 +21,13 @@ from pilotfish.demonstrations import (
     with_derivatives,
     write_folder,
 )
-from pilotfish.geometry import exp, multiply, pose, rotation_matrix
-from pilotfish.models import learn
+from pilotfish.environments import TASKS, Scene, Task, Verdict, people, turn_between
+from pilotfish.environments.tasks.screwdriver import above
+from pilotfish.environments.tasks.valve import FACING, ValveSituation
+from pilotfish.geometry import Pose, exp, multiply, pose, rotation_matrix
+from pilotfish.models import Skill, learn
 from pilotfish.station.command_line import cli
+from pilotfish.station.recorder import SHOWN, Leader, Recording, record, situation
 from pilotfish.store import save_skill
 
 STEPS, PERIOD = 24, 0.1
@@ -138,3 +145,146 @@ def commands(group: click.Group = cli, path: str = "pilotfish") -> dict[str, cli
 @pytest.fixture
 def every_command() -> dict[str, click.Command]:
     return commands()
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Until a time [s] the hand is on its way to a goal, from where it was to be before; and the grip."""
+
+    until: float
+    goal: Callable[[Mapping[str, Pose]], Pose]
+    grip: float = 0.0
+
+
+def on_the_way(start: Pose, end: Pose, share: float) -> Pose:
+    """Begun and ended at rest, turning the shorter way."""
+    s = share**2 * (3.0 - 2.0 * share)
+    turn = 0.5 * s * turn_between(start.quaternion, end.quaternion)
+    return Pose(start.position + s * (end.position - start.position), multiply(exp(turn), start.quaternion))
+
+
+def by_the_clock(*legs: Leg) -> Leader:
+    """A leader who looks at nothing but the clock and where objects stand: quick, and always the same."""
+    homes: list[Pose] = []
+
+    def lead(time: float, seen: people.Seen) -> people.Wish:
+        homes.append(seen.tool)
+        n = next((n for n, leg in enumerate(legs) if time < leg.until), len(legs) - 1)
+        begun, before = (legs[n - 1].until, legs[n - 1].goal(seen.frames)) if n else (0.0, homes[0])
+        share = min((time - begun) / (legs[n].until - begun), 1.0)
+        wish = on_the_way(before, legs[n].goal(seen.frames), share)
+        return people.Wish(wish, legs[n].grip, n, time >= legs[-1].until)
+
+    return lead
+
+
+def before_the_handle(which: str, back: float) -> Callable[[Mapping[str, Pose]], Pose]:
+    """The tool so far [m] before the handle, as it stands or is to stand."""
+    return lambda seen: seen[which] @ Pose(np.array([-back, 0.0, 0.0]), FACING)
+
+
+def valve_opener() -> Leader:
+    """Opens any valve in five seconds."""
+    return by_the_clock(
+        Leg(1.0, before_the_handle("before", 0.13)),
+        Leg(1.8, before_the_handle("before", 0.0)),
+        Leg(2.3, before_the_handle("before", 0.0), grip=1.0),
+        Leg(3.5, before_the_handle("after", 0.0), grip=1.0),
+        Leg(3.8, before_the_handle("after", 0.0), grip=1.0),
+        Leg(4.1, before_the_handle("after", 0.0)),
+        Leg(4.9, before_the_handle("after", 0.15)),
+    )
+
+
+@contextmanager
+def annotations_unchecked() -> Iterator[None]:
+    """Physics five times as fast, for what was run before with every annotation checked."""
+    config.update("jaxtyping_disable", True)
+    try:
+        yield
+    finally:
+        config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture
+def unchecked() -> Iterator[None]:
+    """A law that repeats what others run with checks."""
+    with annotations_unchecked():
+        yield
+
+
+def _opening(number: int) -> Recording:
+    task = TASKS["valve"]
+    return record(task, situation(task, SHOWN, 0, number), valve_opener(), f"opening {number}")
+
+
+@pytest.fixture(scope="session")
+def openings() -> tuple[Recording, ...]:
+    """Four valves opened in physics by the clock."""
+    first = _opening(0)
+    with annotations_unchecked():
+        return (first, *(_opening(number) for number in range(1, 4)))
+
+
+@pytest.fixture(scope="session")
+def valve_skill(openings: tuple[Recording, ...]) -> Skill:
+    """What is learned from them."""
+    shown = [with_derivatives(opening.demonstration) for opening in openings]
+    return learn(shown, states=6, rng=np.random.default_rng(0)).skill
+
+
+def _lined_up(scene: Scene, where: ValveSituation) -> Verdict:
+    goal = before_the_handle("before", 0.13)(TASKS["valve"].see(scene.model, scene.data, where))
+    error = float(np.linalg.norm(scene.tool.position - goal.position))
+    return Verdict(error < 0.02, error, f"the tool is {error:.3f} m from its place" if error >= 0.02 else "")
+
+
+LINING_UP: Task[ValveSituation] = replace(
+    TASKS["valve"],
+    name="lining up",
+    about="come before a valve, and no more",
+    unit="m",
+    seconds=6.0,
+    script=lambda where: TASKS["valve"].script(where)[:1],
+    judge=_lined_up,
+)
+
+
+@pytest.fixture
+def lining_up(monkeypatch: pytest.MonkeyPatch) -> Task[ValveSituation]:
+    """A task that is done in two seconds, among those that commands know."""
+    monkeypatch.setitem(TASKS, LINING_UP.name, LINING_UP)
+    return LINING_UP
+
+
+def screw_setter() -> Leader:
+    """Sets a screwdriver into any recess, as it moves, in four seconds."""
+    return by_the_clock(
+        Leg(1.2, lambda seen: above(seen, 0.07)),
+        Leg(2.0, lambda seen: above(seen, 0.03)),
+        Leg(3.2, lambda seen: above(seen, -0.004)),
+        Leg(4.0, lambda seen: above(seen, -0.004)),
+    )
+
+
+@pytest.fixture(scope="session")
+def settings() -> tuple[Recording, ...]:
+    """Four screwdrivers set in by the clock."""
+    task = TASKS["screwdriver"]
+    with annotations_unchecked():
+        return tuple(
+            record(task, situation(task, SHOWN, 0, m), screw_setter(), f"setting {m}") for m in range(4)
+        )
+
+
+@pytest.fixture(scope="session")
+def lined_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A place with three showings of the short task in the folder "shown", and "skill", learned from them."""
+    place = tmp_path_factory.mktemp("lined up")
+    with pytest.MonkeyPatch.context() as patch, annotations_unchecked():
+        patch.setitem(TASKS, LINING_UP.name, LINING_UP)
+        patch.chdir(place)
+        record_it = ["record", LINING_UP.name, "--demonstrations", "3", "--seed", "5", "--out", "shown"]
+        for line in (record_it, ["learn", "shown", "--states", "2", "--out", "skill"]):
+            CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
+    return place

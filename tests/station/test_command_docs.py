@@ -50,7 +50,7 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 14
+    assert len(lines) == 19
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
@@ -69,6 +69,9 @@ def test_every_line_of_the_docs_runs(data_folder: Path, run: Callable[..., Resul
         "motion.png",
         "sizes.png",
         "via.png",
+        "hooking",
+        "hooking.skill",
+        "hooking.webp",
     }
     assert written <= {path.name for path in tmp_path.iterdir()}
 

@@ -7,17 +7,19 @@ from pilotfish.environments.baxter import Surface
 from pilotfish.environments.cameras import NO_MARKS, VIEWS, Marks, Photographer, View, view_of
 from pilotfish.environments.manipulation import Manipulation
 from pilotfish.environments.steering import turn_between
-from pilotfish.environments.tasks import TASKS, Scene, Task, Verdict
+from pilotfish.environments.tasks import RECORDED_VALVE, TASKS, RecordedValve, Scene, Task, Verdict
 from pilotfish.environments.workcell import TICK, Workcell
 
 __all__ = [
     "NO_MARKS",
+    "RECORDED_VALVE",
     "TASKS",
     "TICK",
     "VIEWS",
     "Manipulation",
     "Marks",
     "Photographer",
+    "RecordedValve",
     "Scene",
     "Surface",
     "Task",

@@ -44,7 +44,7 @@ class SimulatedArm:
 
     @property
     def bias(self) -> Float[Array, " n"]:
-        """What it takes to carry the arm [N m]: against gravity and its motion, less what its springs carry."""
+        """What it takes to carry the arm [N m]: against gravity and motion, less what its springs carry."""
         return np.asarray(self._inertial - self._spring)
 
     def jacobian(self) -> Float[Array, "6 n"]:

@@ -12,18 +12,22 @@ TOOL = "tool"  # the sum of what pushes the robot, beside the names of fragile t
 
 
 def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, fragile: tuple[str, ...]) -> dict[str, float]:
-    """The force [N] of all contacts of the robot together, under "tool", and on each fragile shape."""
+    """The force [N] of all contacts of the robot together, under "tool", and on each fragile shape.
+
+    On a fragile shape the sizes of its contacts' forces are added: pressing it from both sides counts twice.
+    """
     total, on = np.zeros(3), dict.fromkeys(fragile, 0.0)
-    for n in range(data.ncon):
+    named = {int(model.geom(name).id): name for name in fragile}
+    for n, pair in enumerate(data.contact.geom.tolist()):
+        robot = [model.geom_contype[geom] == ROBOT for geom in pair]
+        touched = [named[geom] for geom in pair if geom in named]
+        if not (any(robot) or touched):
+            continue
         force = _force(model, data, n)
-        pair = data.contact[n].geom
-        robot = model.geom_contype[pair] == ROBOT
-        if robot.any():
+        if any(robot):
             total += force if robot[1] else -force
-        for geom in pair:
-            name = model.geom(int(geom)).name
-            if name in on:
-                on[name] += float(np.linalg.norm(force))
+        for name in touched:
+            on[name] += float(np.linalg.norm(force))
     return {TOOL: float(np.linalg.norm(total)), **on}
 
 

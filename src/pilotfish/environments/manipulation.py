@@ -1,5 +1,6 @@
-"""The tasks as Gymnasium environments: an agent asks for poses of the tool, physics tells what comes of them."""
+"""The tasks as Gymnasium environments: an agent asks for poses of the tool, physics tells what follows."""
 
+from math import inf
 from typing import Any
 
 import gymnasium
@@ -9,37 +10,42 @@ from gymnasium import spaces
 from pilotfish.environments.cameras import Photographer, view_of
 from pilotfish.environments.tasks import TASKS, Task
 from pilotfish.environments.workcell import TICK, Workcell
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
 
 PERIOD = 0.02  # s between actions
 REACH = 1.6  # m: nothing that the arm can do is further away
-NORM_TOLERANCE = 1e-3
+SHORTEST = 1e-3  # of a quaternion: a shorter one is no direction
 POSE = 7
+EXPECTED = "eight finite numbers: position [m], quaternion w x y z, grip"
 Observation = dict[str, Array]
-SHAPES: dict[str, tuple[int, ...]] = {
-    "joints": (7,),
-    "velocities": (7,),
-    "tool": (POSE,),
-    "twist": (6,),
-    "grip": (1,),
-    "force": (1,),
+# Of each thing observed: the least and the most that it can be, and how many numbers it is.
+SEEN: dict[str, tuple[float, float, int]] = {
+    "joints": (-inf, inf, 7),
+    "velocities": (-inf, inf, 7),
+    "tool": (-inf, inf, POSE),
+    "twist": (-inf, inf, 6),
+    "grip": (0.0, 1.0, 1),
+    "force": (0.0, inf, 1),
 }
 
 
 class Manipulation(gymnasium.Env[Observation, Array]):
     """A manipulation task in situations drawn from a seed, an action every 20 ms; see TASKS for the names.
 
-    action        position [m] and quaternion w x y z asked of the tool, in the axes of the robot's torso, and
-                  the grip, 0 open to 1 shut. Springs and dampers draw the arm there, at 1 kHz in between
+    action        position [m] and quaternion w x y z, of any length, asked of the tool in the axes of the
+                  robot's torso, and the grip, 0 open to 1 shut. Springs and dampers draw the arm there, at
+                  1 kHz in between
     observation   joints [rad], their velocities [rad/s], the tool's pose and twist [m/s, rad/s], the grip,
                   the force on the tool [N], and the pose of each frame of the task, in the order of its names
     reward        1 once the work is done, 0 before; an episode ends then, or is cut after the task's time
-    info          "success", "error" in the task's unit, "why" it is not done, and the largest force "peaks" [N]
-    reset takes options={"situation": one of the task's own} to set up one that is known.
-    Raises: InvalidInput, for an unknown task, or an action that is not eight finite numbers with a unit
-    quaternion (within .001): the arm stays where it was.
+    info          "success", "error" in the task's unit, "why" it is not done, and "peaks", the largest forces
+                  [N] so far
+    reset takes options={"situation": one of the task's own} to set up one that is known; a grip beyond 0 or 1
+    is taken for the nearer.
+    Raises: InvalidInput, for an unknown task, or an action that is not eight finite numbers with a quaternion
+    longer than .001: the arm stays where it was.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's own form
@@ -53,10 +59,7 @@ class Manipulation(gymnasium.Env[Observation, Array]):
         self.render_mode = render_mode
         low = np.array([-REACH] * 3 + [-1.0] * 4 + [0.0])
         self.action_space = spaces.Box(low, np.array([REACH] * 3 + [1.0] * 5), dtype=np.float64)
-        shapes = SHAPES | {"frames": (len(self.task.frames), POSE)}
-        self.observation_space = spaces.Dict(  # type: ignore[assignment] # whatever its values are
-            {name: spaces.Box(-np.inf, np.inf, shape, np.float64) for name, shape in shapes.items()}
-        )
+        self.observation_space = spaces.Dict(_boxes(len(self.task.frames)))  # type: ignore[assignment] # of whatever values
         self._cell: Workcell[Any] | None = None
         self._photographer: Photographer | None = None
 
@@ -71,10 +74,11 @@ class Manipulation(gymnasium.Env[Observation, Array]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """A new situation: of the seed, of the chance that went on before, or the one given in options."""
+        _refuse_other_options(options or {}, self.task)
         super().reset(seed=seed)
-        given = (options or {}).get("situation")
+        where = options["situation"] if options else self.task.draw(self.np_random)
         self._forget_pictures()
-        self._cell = Workcell(self.task, self.task.draw(self.np_random) if given is None else given)
+        self._cell = Workcell(self.task, where)
         return self._observation(), self._info()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -126,21 +130,37 @@ class Manipulation(gymnasium.Env[Observation, Array]):
         }
 
 
+def _boxes(frames: int) -> dict[str, spaces.Space[Any]]:
+    """What can be observed, where the task has so many frames."""
+    boxes: dict[str, spaces.Space[Any]] = {
+        name: spaces.Box(low, high, (size,), np.float64) for name, (low, high, size) in SEEN.items()
+    }
+    return boxes | {"frames": spaces.Box(-inf, inf, (frames, POSE), np.float64)}
+
+
 def _row(pose: Pose) -> Float[Array, " 7"]:
     return np.append(pose.position, pose.quaternion)
 
 
+def _refuse_other_options(options: dict[str, Any], task: Task[Any]) -> None:
+    if unknown := sorted(options.keys() - {"situation"}):
+        raise InvalidInput(f"reset has no option {unknown[0]!r}, expected 'situation' or none")
+    if options:
+        kind = type(task.draw(np.random.default_rng(0)))
+        require_kind("the situation", options["situation"], kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
+
+
 def _asked(action: Array) -> tuple[Pose, float]:
-    numbers = np.asarray(action, dtype=np.float64)
+    try:
+        numbers = np.array(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"the action is {action!r}, expected {EXPECTED}") from error
     if numbers.shape != (POSE + 1,) or not np.isfinite(numbers).all():
-        raise InvalidInput(
-            f"the action is {numbers.tolist()}, expected eight finite numbers: position [m], quaternion w x y "
-            "z, grip"
-        )
+        raise InvalidInput(f"the action is {numbers.tolist()}, expected {EXPECTED}")
     norm = float(np.linalg.norm(numbers[3:POSE]))
-    if abs(norm - 1.0) > NORM_TOLERANCE:
+    if norm < SHORTEST:
         raise InvalidInput(
-            f"the action's quaternion {numbers[3:POSE].tolist()} has norm {norm:.4g}, expected 1 within "
-            f"{NORM_TOLERANCE:g}; divide it by its norm"
+            f"the action's quaternion {numbers[3:POSE].tolist()} has length {norm:.4g}, expected at least "
+            f"{SHORTEST:g}; 1, 0, 0, 0 asks for no turn"
         )
     return Pose(numbers[:3], numbers[3:POSE] / norm), float(np.clip(numbers[POSE], 0.0, 1.0))

@@ -87,15 +87,15 @@ class Workcell(Generic[S]):
         path = straight(self.target, target, ticks, TICK)
         self._grasp(grip)
         for n in range(ticks):
-            self._tick(self._drawn(path.at(n)), last=n + 1 == ticks)
+            self._tick(self._drawn(path.at(n)))
         self.target = target
 
     def hold(self, posture: Float[Array, " 7"], grip: float, ticks: int) -> None:
         """So many ticks later: position mode, the joints were drawn to a posture [rad]."""
         self._grasp(grip)
-        for n in range(ticks):
+        for _ in range(ticks):
             effort = posture_torque(HOLDING, HOLDING_DAMPING, self.limits, self.arm.reading(), posture)
-            self._tick(effort.torque, last=n + 1 == ticks)
+            self._tick(effort.torque)
         self.target = self.arm.tool
 
     def led(self, wish: Pose, grip: float, ticks: int) -> None:
@@ -111,7 +111,7 @@ class Workcell(Generic[S]):
             self._pull(path.at(n))
             self.target = self._clutch.follow(self.input.tool)
             wanted = ToolTarget(self.target.position, self.target.quaternion, self.input.twist)
-            self._tick(self._drawn(wanted), last=n + 1 == ticks)
+            self._tick(self._drawn(wanted))
         self._hand = hand
 
     def _pull(self, wanted: ToolTarget) -> None:
@@ -124,12 +124,11 @@ class Workcell(Generic[S]):
     def _drawn(self, wanted: ToolTarget) -> Float[Array, " 7"]:
         return impedance_torque(self.impedance, self.limits, self.arm.reading(), wanted).torque
 
-    def _tick(self, torque: Float[Array, " 7"], *, last: bool) -> None:
+    def _tick(self, torque: Float[Array, " 7"]) -> None:
         self._stir()
         self.arm.motors[:] = torque
         mujoco.mj_step2(self.model, self.data)
-        if last:
-            self._feel()  # before contacts are found anew, which have no forces yet
+        self._feel()  # before contacts are found anew, which have no forces yet
         mujoco.mj_step1(self.model, self.data)  # positions and all that hangs on them are those of now
 
     def _stir(self) -> None:

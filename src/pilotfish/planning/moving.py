@@ -26,6 +26,11 @@ def moving_reference(
             f"the skills now and later have means of shape {now.means.shape} and {later.means.shape}, "
             "expected the same skill adapted twice"
         )
+    if now.layout != later.layout:
+        raise InvalidInput(
+            f"the skills now and later have the columns {', '.join(now.layout.names)} and "
+            f"{', '.join(later.layout.names)}, expected the same skill adapted twice"
+        )
     begins = reference(now, states, slack)
     means = later.means.copy()
     for columns in now.layout.quaternions:

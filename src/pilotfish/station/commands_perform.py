@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pilotfish.station.answers import Answer, answering, example, finite, remark, require_new, table
+from pilotfish.station.answers import (
+    Answer,
+    a_person_watches,
+    answering,
+    example,
+    finite,
+    remark,
+    require_new,
+    table,
+)
 from pilotfish.station.commands_record import task_named
 from pilotfish.station.rendering import require_mujoco, require_renderer
 from pilotfish.store import open_skill
@@ -26,7 +35,9 @@ def a_film(_: click.Context, parameter: click.Parameter, path: Path | None) -> P
     return path
 
 
-@click.command(epilog=example("pilotfish perform valve.skill --task valve --situations 20 --film valve.webp"))
+@click.command(
+    epilog=example("pilotfish perform hooking.skill --task carabiner --situations 2 --film hooking.webp")
+)
 @click.argument("skill", type=FILE)
 @click.option("--task", required=True, help="The task that the skill is for; pilotfish tasks lists them.")
 @click.option(
@@ -61,26 +72,29 @@ def a_film(_: click.Context, parameter: click.Parameter, path: Path | None) -> P
 def perform(skill: Path, task: str, situations: int, seed: int, film: Path | None, **options: Any) -> Answer:
     """Carry out the skill in the file SKILL in physics, in situations never shown, and tell how it went.
 
-    The skill is adapted to where the objects stand, planned and tracked; springs and dampers at 1 kHz carry it
-    out. Exit code 0, however many situations succeed.
+    The skill is adapted to where the objects stand, planned and tracked; springs and dampers at 1 kHz carry
+    it out. Exit code 0, however many situations succeed.
     """
     require_mujoco()
-    require_new(film, force=options["force"], inputs=(skill,))
-    if film:
-        require_renderer()
     from pilotfish.station.execution import Pursuit, execute  # needs MuJoCo
-    from pilotfish.station.films import Camera, write_film
+    from pilotfish.station.films import Camera, require_pillow, write_film
     from pilotfish.station.recorder import UNSEEN, situation
 
+    require_new(film, force=options["force"], inputs=(skill,))
+    if film:
+        require_pillow()
+        require_renderer()
     wanted, learned = task_named(task), open_skill(skill)
     pursuit, done = Pursuit(options["effort"], options["slack"]), []
     for n in range(situations):
         camera = Camera(wanted.name) if film and n == 0 else None
         made = execute(learned, wanted, situation(wanted, UNSEEN, seed, n), pursuit=pursuit, watch=camera)
         if camera and film:
-            write_film(camera.frames, film, learned.period)
+            write_film(camera.frames, film, camera.period)
+            camera.close()
         done.append(made)
-        remark(f"situation {n}: {_outcome(made, wanted.unit)}")
+        if a_person_watches():
+            remark(f"situation {n}: {_outcome(made, wanted.unit)}")
     return _answer(done, wanted.unit, film)
 
 

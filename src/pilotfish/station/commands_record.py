@@ -7,7 +7,7 @@ import click
 
 from pilotfish.demonstrations import write_folder
 from pilotfish.errors import InvalidInput
-from pilotfish.station.answers import Answer, answering, example, remark, table
+from pilotfish.station.answers import Answer, a_person_watches, answering, example, remark, table
 from pilotfish.station.rendering import require_mujoco
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    epilog=example("pilotfish tasks", "pilotfish record valve --demonstrations 8 --seed 0 --out valve")
+    epilog=example("pilotfish tasks", "pilotfish record carabiner --demonstrations 4 --seed 0 --out hooking")
 )
 @click.argument("task")
 @click.option(
@@ -41,10 +41,13 @@ def record(task: str, demonstrations: int, seed: int, out: Path | None, force: b
     folder = out or Path(task)
     if folder.exists() and not force and (not folder.is_dir() or any(folder.iterdir())):
         raise InvalidInput(f"{folder} exists; choose another name, or replace it with --force")
+    if not folder.parent.is_dir():
+        raise InvalidInput(f"{folder} cannot be written: {folder.parent} is no folder; make it first")
     made = []
     for recording, tries in shown(wanted, demonstrations, seed):
         made.append((recording, tries))
-        remark(_line(recording, tries, wanted.unit))
+        if a_person_watches():
+            remark(f"shown {len(made)} of {demonstrations}, {recording.seconds:.1f} s")
     write_folder([recording.demonstration for recording, _ in made], folder, overwrite=force)
     facts = {
         "folder": str(folder),
@@ -52,7 +55,7 @@ def record(task: str, demonstrations: int, seed: int, out: Path | None, force: b
         "seed": seed,
         "demonstrations": [_facts(recording, tries) for recording, tries in made],
     }
-    return Answer(f"written to {folder}; pilotfish learn {folder} --out {task}.skill learns from it", facts)
+    return Answer(f"{_shown(made, wanted.unit)}\n\nwritten to {folder}", facts)
 
 
 @click.command(epilog=example("pilotfish tasks"))
@@ -79,12 +82,19 @@ def task_named(name: str) -> "Task[Any]":
     return TASKS[name]
 
 
-def _line(recording: "Recording", tries: int, unit: str) -> str:
-    shown, again = recording.demonstration, f", shown {tries} times" if tries > 1 else ""
-    return (
-        f"{shown.name}: {recording.seconds:.1f} s, {len(shown.x)} rows, error {recording.verdict.error:.2g} "
-        f"{unit}, largest force {recording.peaks['tool']:.0f} N{again}"
-    )
+def _shown(made: "list[tuple[Recording, int]]", unit: str) -> str:
+    rows = [
+        (
+            recording.demonstration.name,
+            f"{recording.seconds:.1f}",
+            str(len(recording.demonstration.x)),
+            f"{recording.verdict.error:.2g}",
+            f"{recording.peaks['tool']:.0f}",
+            str(tries),
+        )
+        for recording, tries in made
+    ]
+    return table(("name", "seconds", "rows", f"error [{unit}]", "largest force [N]", "tries"), rows)
 
 
 def _facts(recording: "Recording", tries: int) -> dict[str, object]:

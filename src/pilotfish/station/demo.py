@@ -15,7 +15,8 @@ from pilotfish.models import learn
 from pilotfish.station.demo_pages import sections
 from pilotfish.station.evaluation import SETTINGS, STATES, TRAINED, replay, replay_from_mean
 from pilotfish.station.lessons import Lesson, summary, tables
-from pilotfish.station.report import Table, write_report
+from pilotfish.station.rendering import require_mujoco, require_renderer
+from pilotfish.station.report import Section, Table, write_report
 from pilotfish.store import datasets, save_skill, synthetic_valve
 
 TITLE = "pilotfish: opening a valve where it never stood"
@@ -66,7 +67,9 @@ def demo(out: Path, *, seed: int = 0, say: Say = click.echo) -> DemoResult:
         say(f"\n{in_columns(table)}")
     report, skill = out / "report.html", out / "valve.skill"
     save_skill(lessons[-1].fit.skill, skill)
-    write_report(report, TITLE, sections(lessons, measured, notice))
+    physics, carried_out = _in_physics(lessons[-1], say)
+    write_report(report, TITLE, (*sections(lessons, measured, notice), physics))
+    measured = (*measured, *carried_out)
     seconds = perf_counter() - began
     say(f"\nskill:  {skill}\nreport: {report}\n{seconds:.1f} s in all")
     if notice:
@@ -100,6 +103,31 @@ def _demonstrations(rng: np.random.Generator) -> tuple[tuple[Demonstration, ...]
         raise
     except SkillError as error:
         return synthetic_valve(rng), f"{SYNTHETIC} Why: {error}"
+
+
+def _in_physics(lesson: Lesson, say: Say) -> tuple[Section, tuple[Table, ...]]:
+    """The skill carried out by the robot in simulation; where that cannot be, words that say why."""
+    try:
+        require_mujoco()
+    except SkillError as error:
+        say(f"\nnot carried out in physics: {error}")
+        return Section("In physics", (f"The replays were not carried out: {error}",)), ()
+    from pilotfish.station.demo_physics import opened  # needs MuJoCo
+
+    pictures = _pictures(say)
+    say(f"\ncarrying out {len(lesson.shown)} replays on a simulated robot ...")
+    section, measured = opened(lesson, pictures=pictures)
+    say(f"\n{in_columns(measured)}")
+    return section, (measured,)
+
+
+def _pictures(say: Say) -> bool:
+    try:
+        require_renderer()
+    except SkillError as error:
+        say(f"\nno film of the physics: {error}")
+        return False
+    return True
 
 
 def _lesson(

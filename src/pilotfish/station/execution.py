@@ -1,7 +1,7 @@
 """Closing the loop: a skill plans, a tracker follows, an arm of springs and dampers does it, in physics."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ from pilotfish.demonstrations import (
     Frame,
     Layout,
     MovingFrame,
+    Quantity,
     demonstration,
     frame_from_pose,
     moving_frame_from_poses,
@@ -80,7 +81,7 @@ def execute(
     long its demonstrations were and no horizon is given.
     """
     _refuse_another(skill, task)
-    steps = horizon or horizon_of(skill)
+    steps = horizon_of(skill) if horizon is None else horizon
     cell = Workcell(task, where)
     began = cell.frames()
     follow = _planned_once if task.stir is None else _planned_again
@@ -99,10 +100,7 @@ def execute(
 
 def _refuse_another(skill: Skill, task: Task[S]) -> None:
     expected = task_layout(task).differentiated()
-    spherical = skill.layout.turns != ()
-    if len(skill.layout.tangent.names) not in (expected.width, expected.width - 2) or (
-        not spherical and skill.layout.names != expected.names
-    ):
+    if skill.layout.names not in (expected.names, _on_sphere(task_layout(task)).differentiated().names):
         raise InvalidInput(
             f"the skill has the columns {', '.join(skill.layout.names)}, task {task.name!r} needs "
             f"{', '.join(expected.names)}; learn it from pilotfish record {task.name}"
@@ -112,6 +110,14 @@ def _refuse_another(skill: Skill, task: Task[S]) -> None:
             f"the skill knows the frames {list(skill.frame_names)}, task {task.name!r} has "
             f"{list(task.frames)}; learn it from pilotfish record {task.name}"
         )
+
+
+def _on_sphere(layout: Layout) -> Layout:
+    """The same columns, their quaternions points of S^3."""
+    kinds = {Quantity.QUATERNION: Quantity.ORIENTATION}
+    return Layout(
+        tuple(replace(part, quantity=kinds.get(part.quantity, part.quantity)) for part in layout.parts)
+    )
 
 
 def horizon_of(skill: Skill) -> int:
@@ -180,12 +186,13 @@ def _planned_again(
 def _now_and_later(
     skill: Skill, seen: tuple[dict[str, Pose], dict[str, Pose]], x: Float[Array, " D"]
 ) -> tuple[Setting, AdaptedSkill]:
-    """The skill where objects are and, in the same flat columns, where they will be at the plan's last step."""
+    """The skill where objects are and, in the same flat columns, where they will be at the plan's end."""
     before, now = seen
     here = setting(adapt(skill, going_frames(skill, before, now, x)))
-    soon = {name: _gone_on(before[name], now[name], AHEAD - 1) for name in now}
-    next_after = {name: _gone_on(before[name], now[name], AHEAD) for name in now}
-    later = adapt(skill, going_frames(skill, soon, next_after, x))
+    nearly, then = (
+        {name: _gone_on(before[name], now[name], steps) for name in now} for steps in (AHEAD - 2, AHEAD - 1)
+    )
+    later = adapt(skill, going_frames(skill, nearly, then, x))
     if not here.map:
         start = on_the_half_of(x, here.adapted)
         return Setting(start, None), later
@@ -206,6 +213,8 @@ def going_frames(
     ahead = {name: _gone_on(before[name], now[name], 1) for name in now}
     moving = [moving_frame_from_poses(name, layout, (now[name], ahead[name])) for name in now]
     here = np.tile(x[: layout.width], (2, 1))
+    for columns in layout.quaternions:  # as four numbers they are steered to unit length, not kept at it
+        here[:, columns] = normalise(here[:, columns])
     seen = with_derivatives(demonstration(here, skill.period, layout, moving)).frames
     return [frame.at(0) if isinstance(frame, MovingFrame) else frame for frame in seen]
 

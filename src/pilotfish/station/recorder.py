@@ -26,6 +26,7 @@ from pilotfish.types import Array, Float
 
 S = TypeVar("S")
 PERIOD, LOOK = 0.1, 0.02  # s between rows of a recording; between looks of whoever leads
+LAG = 0.25  # s, at most, from a move of the hand to that of the tool: two arms on springs lie between
 TICKS, LOOKS = round(LOOK * 1000), round(PERIOD / LOOK)
 TRIES = 5  # of one demonstration, before something must be wrong
 SHOWN, UNSEEN = 1, 2  # streams of situations that never meet
@@ -37,7 +38,7 @@ Leader = Callable[[float, people.Seen], people.Wish]  # time [s] and picture -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One showing: what was asked for, whether it did the work, the largest forces [N], how long it took [s]."""
+    """One showing: what was asked for, whether it did the work, largest forces [N], how long it took [s]."""
 
     demonstration: Demonstration
     verdict: Verdict
@@ -69,11 +70,11 @@ def record(task: Task[S], where: S, leader: Leader, name: str) -> Recording:
         if look % LOOKS == 0:
             rows.append(row(task, cell.target, cell.grip))
             seen.append(poses)
-        if done:
-            break
+            if done:
+                break
         wish = leader(cell.time, people.Seen(cell.arm.tool, poses))
         cell.led(wish.pose, wish.grip, TICKS)
-        done = wish.done and (look + 1) % LOOKS == 0
+        done = done or wish.done
     layout = task_layout(task)
     x = continuous_quaternions(np.array(rows), layout)
     frames = recorded_frames(task, layout, seen)
@@ -95,7 +96,7 @@ def recorded_frames(task: Task[S], layout: Layout, seen: list[dict[str, Pose]]) 
 
 def simulated(task: Task[S], where: S, person: people.Person, rng: np.random.Generator) -> Leader:
     """A simulated person who performs the task's script."""
-    errand = people.Errand(person, task.script(where))
+    errand = people.Errand(person, task.script(where), LAG)
     doing: people.Doing | None = None
 
     def lead(time: float, seen: people.Seen) -> people.Wish:

@@ -36,6 +36,19 @@ class Picture:
             raise InvalidInput(f"the picture {self.caption!r} has no alt text: say in words what it shows")
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """A WebP film that plays over and over, with a caption, and the words that stand for it."""
+
+    webp: bytes
+    caption: str
+    alt: str
+
+    def __post_init__(self) -> None:
+        if not self.alt.strip():
+            raise InvalidInput(f"the film {self.caption!r} has no alt text: say in words what it shows")
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """Cells as text. The first column names the rows."""
@@ -64,7 +77,7 @@ class Section:
     """A heading and what stands under it; plain text is a paragraph."""
 
     heading: str
-    parts: tuple[str | Notice | Table | Picture, ...]
+    parts: tuple[str | Notice | Table | Picture | Film, ...]
 
 
 def write_report(path: str | Path, title: str, sections: Sequence[Section]) -> None:
@@ -90,7 +103,7 @@ def _section(number: int, section: Section) -> str:
     return f'<section id="s{number}">\n<h2>{escape(section.heading)}</h2>\n{parts}\n</section>'
 
 
-def _part(part: str | Notice | Table | Picture) -> str:
+def _part(part: str | Notice | Table | Picture | Film) -> str:
     match part:
         case str():
             return f"<p>{escape(part)}</p>"
@@ -100,6 +113,8 @@ def _part(part: str | Notice | Table | Picture) -> str:
             return _table(part)
         case Picture():
             return _picture(part)
+        case Film():
+            return _film(part)
 
 
 def _table(table: Table) -> str:
@@ -124,6 +139,16 @@ def _picture(picture: Picture) -> str:
     return (
         f'<figure><div class="wide" tabindex="0" role="region" aria-label="picture: {caption}">'
         f'<img src="data:image/png;base64,{data}" alt="{alt}" width="{width}" height="{height}"></div>'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def _film(film: Film) -> str:
+    data = b64encode(film.webp).decode("ascii")
+    alt, caption = escape(film.alt), escape(film.caption)
+    return (
+        f'<figure><div class="wide" tabindex="0" role="region" aria-label="film: {caption}">'
+        f'<img src="data:image/webp;base64,{data}" alt="{alt}"></div>'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 

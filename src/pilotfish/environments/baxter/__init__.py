@@ -1,5 +1,5 @@
-"""Baxter, the two-armed robot of the thesis: the facts of its joints and masses, its arms as chains, its body as
-MuJoCo simulates it in shapes of our own, and the tools that it is fitted with.
+"""Baxter, the two-armed robot of the thesis: the facts of its joints and masses, its arms as chains, its
+body as MuJoCo simulates it in shapes of our own, and the tools that it is fitted with.
 """
 
 from pilotfish.environments.baxter.body import FLOOR, ROBOT, THING, add_arm, arm_names, empty_world

@@ -53,7 +53,7 @@ def mount_point(held: mujoco.MjsBody, length: float, side: str) -> str:
 
 
 def mount_gripper(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str, length: float = 0.15) -> Tool:
-    """Two parallel fingers that close along y; the point lies between their tips, so far [m] from the hand."""
+    """Two parallel fingers that close along y; the point, so far [m] from the hand, is between their tips."""
     held, palm = held_body(hand, side), 0.5 * (length - 0.07)
     part(held, f"{side}_palm", CYLINDER, (0.03, palm, 0.0), (0.0, 0.0, palm), DARK).mass = 0.3
     point = mount_point(held, length, side)
@@ -86,10 +86,10 @@ def _finger(held: mujoco.MjsBody, name: str, sign: float, height: float) -> str:
 
 
 def mount_suction(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
-    """A suction cup on bellows; the point is the middle of its lip, pressed in by 4 mm. It sucks from grip 0.5 on.
+    """A suction cup on bellows, sucking from grip 0.5 on; the point is its lip's middle, pressed in 4 mm.
 
-    The bellows give 10 mm and lean by 12 degrees. Suction is MuJoCo's adhesion: up to 30 N between the lip and
-    all that it touches or nearly touches, by 3 mm, however little of the lip that is.
+    The bellows give 10 mm and lean by 12 degrees. Suction is MuJoCo's adhesion: up to 30 N between the lip
+    and all that it touches or nearly touches, by 4 mm, however little of the lip that is.
     """
     cylinder, held = mujoco.mjtGeom.mjGEOM_CYLINDER, held_body(hand, side)
     part(held, f"{side}_palm", cylinder, (0.03, 0.03, 0.0), (0.0, 0.0, 0.03), DARK)
@@ -102,7 +102,7 @@ def mount_suction(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
 
 
 def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
-    """Bellows that yield along z and lean about x and y, and a lip of small balls: many contacts, that hold level."""
+    """Bellows that yield along z and lean about x and y, and a lip of small balls: contacts all around."""
     cup = held.add_body(name=f"{side}_cup", pos=[0.0, 0.0, 0.154])
     for name, axis, stiffness, damping, limits in BELLOWS:
         joint = cup.add_joint(name=f"{side}_{name}", axis=axis)
@@ -118,7 +118,7 @@ def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
         pos = 0.02 * cos(angle), 0.02 * sin(angle), -0.005
         ball = part(cup, f"{side}_lip_{n}", mujoco.mjtGeom.mjGEOM_SPHERE, (0.005, 0.0, 0.0), pos, RUBBER)
         ball.mass, ball.friction, ball.condim, ball.priority = 0.002, (0.7, 0.02, 0.001), 4, 1
-        ball.margin = ball.gap = 0.003
+        ball.margin = ball.gap = 0.004
         ball.solref = (0.01, 1.0)
     return cup
 

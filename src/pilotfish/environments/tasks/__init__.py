@@ -3,9 +3,22 @@
 from pilotfish.environments.tasks.carabiner import CARABINER
 from pilotfish.environments.tasks.catalogue import TASKS
 from pilotfish.environments.tasks.plate import PLATE
+from pilotfish.environments.tasks.recorded_valve import RECORDED_VALVE, RecordedValve
 from pilotfish.environments.tasks.screwdriver import SCREWDRIVER
 from pilotfish.environments.tasks.stab import STAB
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
 from pilotfish.environments.tasks.valve import VALVE
 
-__all__ = ["CARABINER", "PLATE", "SCREWDRIVER", "STAB", "TASKS", "VALVE", "Scene", "Task", "Verdict"]
+__all__ = [
+    "CARABINER",
+    "PLATE",
+    "RECORDED_VALVE",
+    "SCREWDRIVER",
+    "STAB",
+    "TASKS",
+    "VALVE",
+    "RecordedValve",
+    "Scene",
+    "Task",
+    "Verdict",
+]

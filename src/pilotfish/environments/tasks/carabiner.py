@@ -1,4 +1,9 @@
-"""Hooking a carabiner on a rod: its gate, pushed against the rod, lets it in and springs shut behind it."""
+"""Hooking a carabiner on a rod: its gate, pushed against the rod, lets it in and springs shut behind it.
+
+The ring is about 60 by 46 mm inside, of 9 mm wire in straight pieces; the rod is 14 mm thick. What is
+simpler than in life: the carabiner is fixed to the hand, its gate has no hook at the nose and never meets
+the ring's own wire, and the rod stands still.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
-"""The valve of the thesis' own recording, as a thing in physics: a lever on an axle, at the robot's right side.
+"""The valve of the thesis' own recording, in physics: a lever on an axle, at the robot's right side.
 
-Its axle and the length of its lever are those of the circle on which the sixteen frames of the recording lie, to
-10 mm; friction, masses and the shape of the lever are chosen. So a skill that was learned from a person who opened
-the real one can be carried out: recorded_valve makes a situation of the frames of a showing.
+Its axle and the length of its lever are those of the circle on which the sixteen frames of the recording
+lie, to 12 mm; friction, masses and the shape of the lever are chosen. So a skill that was learned from a
+person who opened the real one can be carried out: a RecordedValve is made of the frames of a showing.
 """
 
 from dataclasses import dataclass
@@ -79,11 +79,17 @@ def _furnish(spec: mujoco.MjSpec, situation: RecordedValve) -> None:
 
 
 def _judge(scene: Scene, situation: RecordedValve) -> Verdict:
-    """Done when the lever stands within ten degrees of where the person left it; the error is an angle [rad]."""
+    """Done when the lever is within ten degrees of where the person left it, and nearer to that than to where
+    it began; the error is an angle [rad].
+    """
     turned_to = float(scene.data.qpos[scene.model.joint("valve").qposadr[0]])
     error = abs(float(np.angle(np.exp(1j * (turned_to - situation.end)))))
     if error > TOLERANCE:
         return Verdict(False, error, f"the lever stands {degrees(error):.1f} degrees from where it was to be")
+    if error > 0.5 * abs(situation.end - situation.begin):
+        return Verdict(
+            False, error, f"the lever has hardly been turned, {degrees(error):.1f} degrees are left"
+        )
     return Verdict(True, error)
 
 

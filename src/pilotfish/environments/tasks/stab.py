@@ -1,7 +1,13 @@
-"""Hot-stab: push a plug, as a robot under water couples a hose with, into the bore of a receptacle on a sloping panel."""
+"""Hot-stab: push a plug, as robots under water couple hoses with, into a receptacle on a sloping panel.
+
+The stab is 24 mm thick, the bore 28 mm wide and 80 mm deep behind a funnel of 53 mm. What is simpler than in
+life: there is no water and no current, the receptacle has twelve flat sides and stands still, and nothing
+locks.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import degrees, pi, radians, tan
 
 import mujoco
@@ -25,7 +31,7 @@ from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
 
 LENGTH = 0.2  # m, from the hand to the tip of the stab
-RADIUS, BORE, MOUTH = 0.012, 0.0145, 0.027  # m: of the stab, of the bore, and where its funnel begins
+RADIUS, BORE, MOUTH = 0.012, 0.014, 0.0265  # m: of the stab, of the bore, and where its funnel begins
 FUNNEL, BOTTOM = 0.0125, 0.08  # m, from the mouth: where the funnel ends, and the bore
 SEATED, DEEP = 0.07, 0.06  # m, from the mouth to the tip: where a person takes it, and what is enough
 AXIS = radians(4.0)  # between stab and bore: what the play allows at that depth, and a little
@@ -83,7 +89,7 @@ def _wall(body: mujoco.MjsBody, n: int) -> None:
 
 
 def _funnel(body: mujoco.MjsBody, n: int) -> None:
-    """One side of the funnel: a plate whose inner face leads from the mouth's edge to the bore's, at 45 degrees."""
+    """One side of the funnel: its inner face leads from the mouth's edge to the bore's, at 45 degrees."""
     angle, middle = 2 * pi * n / SIDES, (BORE + MOUTH + WALL / 2**0.5) / 2
     pos = middle * np.cos(angle), middle * np.sin(angle), (FUNNEL + WALL / 2**0.5) / 2
     long = FUNNEL / 2**0.5
@@ -98,7 +104,7 @@ def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: StabSituation) -
 
 
 def tip_in(receptacle: Pose, tool: Pose) -> tuple[float, float, float]:
-    """How deep the tip is beyond the mouth [m], how far from the bore's axis [m], the angle between both axes [rad]."""
+    """How deep the tip is in and how far from the axis [m], and the angle between axes [rad]."""
     tip = rotation_matrix(receptacle.quaternion).T @ (tool.position - receptacle.position)
     axes = rotation_matrix(receptacle.quaternion)[:, 2] @ rotation_matrix(tool.quaternion)[:, 2]
     return float(tip[2]), float(np.hypot(tip[0], tip[1])), float(np.arccos(min(1.0, axes)))
@@ -138,13 +144,12 @@ def _along(frames: Mapping[str, Pose], depth: float) -> Pose:
 
 def _script(situation: StabSituation) -> tuple[Act, ...]:
     del situation
-    near = {"position_tolerance": 0.008, "angle_tolerance": radians(3.0)}
-    exact = {"position_tolerance": 0.005, "angle_tolerance": radians(2.5)}
-    guided = {"position_tolerance": 0.006, "angle_tolerance": AXIS}  # the bore does the rest
+    near = partial(Act, position_tolerance=0.008, angle_tolerance=radians(3.0))
+    exact = partial(Act, position_tolerance=0.005, angle_tolerance=radians(2.5))
     return (
-        Act("line up", lambda f: _along(f, -0.1), dwell=0.1, **near),
-        Act("approach", lambda f: _along(f, -0.015), speed=0.5, dwell=0.1, **exact),
-        Act("insert", lambda f: _along(f, SEATED), speed=0.3, dwell=0.6, **guided),
+        near("line up", lambda f: _along(f, -0.1), dwell=0.1),
+        exact("approach", lambda f: _along(f, -0.015), speed=0.5, dwell=0.1),
+        exact("insert", lambda f: _along(f, SEATED), speed=0.3, dwell=0.6),
     )
 
 

@@ -25,7 +25,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What may be judged: the physics now, the tool and its grip, and the largest force [N] on fragile things."""
+    """What may be judged: the physics now, the tool and its grip, the largest force [N] on fragile things."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -38,8 +38,8 @@ class Scene:
 class Task(Generic[S]):
     """A task whose situations are values of a kind S of its own; poses are seen from the torso of the robot.
 
-    frames are the names of what it is seen from; grips tells whether the tool opens and closes; unit is that of
-    the error; seconds are what an attempt may take; fragile are the shapes that nothing may push.
+    frames are the names of what it is seen from; grips tells whether the tool opens and closes; unit is that
+    of the error; seconds are what an attempt may take; fragile are the shapes that nothing may push.
     """
 
     name: str

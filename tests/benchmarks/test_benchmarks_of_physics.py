@@ -1,0 +1,62 @@
+"""The physics is timed as it is run, and a promise that is not kept is told."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture
+def physics(monkeypatch: pytest.MonkeyPatch):
+    """benchmarks/physics.py, found as `python benchmarks/physics.py` finds what it imports."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    from importlib import import_module
+
+    return import_module("physics")
+
+
+def test_the_ticks_that_are_timed_are_those_of_the_workcell(physics):
+    """The parts of a tick leave the arm where Workcell.follow leaves it, to the last bit."""
+    from pilotfish.environments.steering import straight
+    from pilotfish.geometry import Pose
+
+    timed, followed = physics.workcell("valve"), physics.workcell("valve")
+    target = Pose(timed.target.position + np.array([0.0, 0.0, 0.01]), timed.target.quaternion)
+    path = straight(timed.target, target, physics.LOOK, physics.TICK)
+    for n in range(physics.LOOK):
+        stamps = physics.tick(timed, path, n)
+        assert list(stamps) == sorted(stamps)
+    followed.follow(target, 0.0, physics.LOOK)
+    np.testing.assert_array_equal(timed.data.qpos, followed.data.qpos)
+    np.testing.assert_array_equal(timed.data.qvel, followed.data.qvel)
+
+
+@pytest.mark.parametrize("which", range(4))
+def test_a_promise_that_is_not_kept_is_a_miss(physics, which):
+    """Speed, step and import each have their verdict; spoiling one spoils that one alone."""
+    held, step, import_ = [(9.0, 20.0, 0.2), (4.9, 20.0, 0.2), (9.0, 61.0, 0.2), (9.0, 20.0, 0.31)][which]
+    speeds = [physics.Speed("valve", held, 9.0, 1.0, 0.1, None, 0)]
+    told = list(
+        physics.verdicts(speeds, [physics.Part("step of control", step, 99.0)], {"pilotfish": import_})
+    )
+    assert [row.endswith("MISS |") for row in told[2:]] == [which == n for n in (1, 2, 3)]
+
+
+@pytest.mark.slow
+def test_a_quick_run_of_the_physics_fills_tables_and_json(tmp_path):
+    """Every task has its figures, in Markdown and in strict JSON, without peers or network."""
+    table, figures = tmp_path / "table.md", tmp_path / "figures.json"
+    options = ["--quick", "--out", str(table), "--json", str(figures)]
+    command = [sys.executable, str(BENCHMARKS / "physics.py"), *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(figures.read_text(), parse_constant=pytest.fail)  # NaN is not JSON
+    assert len(told["speeds"]) == 5
+    assert "## A step of control" in table.read_text()

@@ -1,0 +1,122 @@
+"""The protocol of the pick-and-place rows, on movements made by hand, and once on those of the simulation."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+import pilotfish as pf
+from pilotfish.demonstrations import Layout, Part, Quantity, frame_from_pose, pose_layout, views
+from pilotfish.environments.tasks.plate import obstacle_at, situation_at
+from pilotfish.models import adapt
+
+FOLDER = Path(__file__).parents[2] / "reproductions"
+LAYOUT = Layout((*pose_layout().parts, Part("grip", Quantity.SCALAR, 1, "1")))
+
+
+@pytest.fixture(scope="session")
+def script() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("reproduce_pick_and_place", FOLDER / "pick_and_place.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # a dataclass looks itself up there
+    spec.loader.exec_module(module)
+    return module
+
+
+def movement(level: int, rng: np.random.Generator, rows: int) -> pf.Demonstration:
+    """From above the plate over the obstacle, turning a little, the grip shut on the way."""
+    where = situation_at(level, rng)
+    obstacle = obstacle_at(level)
+    points = np.stack(
+        [where.plate.position, obstacle.position + np.array([0.0, 0.0, 0.1]), [0.66, -0.1, -0.1]]
+    )
+    share = np.linspace(0.0, 2.0, rows)
+    place = np.stack([np.interp(share, [0, 1, 2], points[:, axis]) for axis in range(3)], axis=1)
+    turn = 0.5 * rng.uniform(-0.2, 0.2) * share
+    quaternion = np.stack([0.0 * turn, np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+    grip = ((share > 0.2) & (share < 1.8)).astype(float)[:, None]
+    x = np.concatenate([place + 0.002 * rng.standard_normal(place.shape), quaternion, grip], axis=1)
+    frames = [
+        frame_from_pose("plate", LAYOUT, where.plate),
+        frame_from_pose("obstacle", LAYOUT, obstacle),
+    ]
+    return pf.demonstration(x, 0.1, LAYOUT, frames, f"level {level}")
+
+
+def test_a_stretched_showing_begins_and_ends_where_it_did(script, rng):
+    """200 rows of 0.1 s, whatever the length; first and last row are those of the showing."""
+    for rows in (120, 200, 231):
+        shown = movement(3, rng, rows)
+        rowed = script.stretched(shown)
+        assert rowed.x.shape == (200, 8)
+        assert rowed.period == 0.1
+        np.testing.assert_allclose(rowed.x[[0, -1]], shown.x[[0, -1]], atol=1e-12)
+
+
+def test_without_the_grip_frames_see_the_same_pose(script, rng):
+    """What plate and obstacle see of the pose does not depend on whether the grip is a column."""
+    shown = movement(2, rng, 50)
+    pose = script.without_grip(shown)
+    np.testing.assert_allclose(views([pose]).x, views([shown]).x[..., :7], atol=1e-12)
+    assert pf.with_derivatives(pose).layout.width == 14
+
+
+@pytest.mark.parametrize("alpha", [0.0, 1.0])
+def test_a_skill_that_hears_by_powers_adapts_as_one_that_is_told_them(script, rng, alpha):
+    """Covariances divided by the powers and no relevance, or relevance: means agree, those unheard too."""
+    shown = [pf.with_derivatives(script.stretched(movement(level, rng, 150))) for level in (0, 2, 4, 6)]
+    skill = script.learned(shown, script.structure(alpha), 5).skill
+    powers = rng.uniform(0.1, 1.0, (2, 5))
+    powers[0, 1] = powers[1, 3] = 0.0
+    there = pf.with_derivatives(movement(5, rng, 60)).frames
+    told = adapt(skill, there, relevance=powers)
+    hearing = adapt(script.heard(skill, powers), there)
+    np.testing.assert_allclose(hearing.means, told.means, atol=2e-3)
+    heard = powers.min(axis=0) > 0.0
+    np.testing.assert_allclose(hearing.means[heard], told.means[heard], atol=1e-9)
+    np.testing.assert_allclose(hearing.covariances[heard], told.covariances[heard], rtol=1e-6, atol=1e-12)
+
+
+def test_new_situations_were_never_shown(script):
+    """Every plate differs from those of demonstrations and from each other; no new level trains."""
+    where = [situation_at(level, np.random.default_rng([1, script.SHOWN, level])) for level in range(8)]
+    showings = [script.Showing(situation, movement(0, np.random.default_rng(0), 20)) for situation in where]
+    groups = script.groups(showings, 1, len(script.NEW))
+    assert [w.level for w in groups["tests"]] == [1, 3, 5, 7]
+    new = [*groups["new, between"], *groups["new, beyond"]]
+    assert len(new) == 16
+    assert not {w.level for w in new} & {0, 2, 4, 6}
+    assert all(0 < w.level < 6 for w in groups["new, between"])
+    assert all(not 0 <= w.level <= 6 for w in groups["new, beyond"])
+    places = np.array([w.plate.position[:2] for w in (*where, *new)])
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + np.eye(len(places))
+    assert apart.min() > 1e-6
+
+
+@pytest.mark.slow
+def test_the_rows_are_written_and_have_the_order_of_the_printed_ones(tmp_path):
+    """Parameters as printed, errors below the printed ones, and tying lowers the test error."""
+    report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
+    options = ["--json", report, "--out", pictures, "--situations", "0"]
+    command = [sys.executable, FOLDER / "pick_and_place.py", *options]
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    told = json.loads(report.read_text())
+    rows = told["rows"]
+    assert [row["covariance_parameters"] for row in rows] == [1470, 1470, 588]
+    for row in rows:
+        assert row["train_mse"] < row["test_mse"] < row["thesis"]["test_mse"]
+        assert row["train_mse"] < row["thesis"]["train_mse"]
+    assert rows[0]["test_mse"] > max(rows[1]["test_mse"], rows[2]["test_mse"])
+    assert {row["situations"] for row in told["physics"]} == {"tests"}
+    assert len(told["physics"]) == 6
+    for name in ("figure-4.7", "execution"):
+        assert (pictures / f"{name}.png").stat().st_size > 10_000
