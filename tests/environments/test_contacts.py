@@ -1,4 +1,4 @@
-"""Forces of contacts are those that statics asks for: weights, pushes, and sums with their directions."""
+"""Forces of contacts are those that rest asks for: weights, pushes, and sums with their directions."""
 
 import mujoco
 import numpy as np

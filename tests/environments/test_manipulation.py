@@ -13,7 +13,7 @@ from pilotfish.errors import InvalidInput
 
 Observation = dict[str, np.ndarray]
 GYMNASIUM_S_ADVICE = (  # that a learner may want other scales is for its own wrapper: units are SI here
-    "ignore:.*we recommend using a symmetric and normalized space:UserWarning",
+    "ignore:.*we recommend using a symmetric and .* space:UserWarning",
     "ignore:.*observation space m.* value is -?infinity:UserWarning",
 )
 

@@ -1,4 +1,4 @@
-"""The valve of the recording, in physics: where it was recorded, turned only by who turns it, and judged so."""
+"""The recorded valve in physics: where it was recorded, turned only by who turns it, and judged so."""
 
 from math import pi, radians
 
@@ -38,8 +38,8 @@ def standing(cell: Workcell[RecordedValve], lever: float) -> Workcell[RecordedVa
 
 @pytest.mark.parametrize("turned", ANGLES)
 def test_a_handle_is_as_far_round_as_it_was_turned(turned: float):
-    """An angle makes a pose and the pose gives the angle back; the pose lies on the circle, x away from its middle
-    and z into the valve, which is to the robot's right.
+    """An angle makes a pose and the pose gives the angle back; the pose lies on the circle, x away from its
+    middle and z into the valve, which is to the robot's right.
     """
     handle = handle_at(turned)
     assert lever_angle(handle) == pytest.approx(turned, abs=1e-12)
@@ -62,12 +62,12 @@ def test_the_simulated_handle_is_where_the_pose_says():
 
 
 def test_the_recording_lies_on_the_circle(recorded: list[RecordedValve]):
-    """All sixteen frames are within 12 mm of it, and turned as the handle is there to within ten degrees."""
+    """All sixteen frames are within 12 mm of it, and turned as the handle is there to within 15 degrees."""
     for valve in recorded:
         for frame in (valve.before, valve.after):
             expected = handle_at(lever_angle(frame))
             assert np.linalg.norm(frame.position - expected.position) < 0.012
-            assert angle(frame.quaternion, expected.quaternion) < radians(10.0)
+            assert angle(frame.quaternion, expected.quaternion) < radians(15.0)
 
 
 def test_at_first_the_lever_stands_where_it_was_before(recorded: list[RecordedValve]):
@@ -82,14 +82,13 @@ def test_at_first_the_lever_stands_where_it_was_before(recorded: list[RecordedVa
 
 
 def test_doing_nothing_opens_no_valve(recorded: list[RecordedValve]):
-    """Neither one of the recording's, not even that which had to be turned by ten degrees alone, nor a drawn one."""
+    """None of the recording's, not even that which had to be turned by ten degrees alone; no drawn one."""
     for valve in [*recorded, *map(drawn, range(3))]:
         cell = Workcell(RECORDED_VALVE, valve)
         cell.follow(cell.target, 1.0, 300)
         verdict = cell.verdict()
         assert not verdict.success
-        turn = abs(np.angle(np.exp(1j * (valve.end - valve.begin))))
-        assert verdict.error == pytest.approx(turn, abs=1e-3)
+        assert verdict.error == pytest.approx(valve.turn, abs=1e-3)
         assert verdict.why
 
 
@@ -115,11 +114,21 @@ def test_open_is_within_ten_degrees(seed: int):
 
 @pytest.mark.parametrize(("turned", "expected"), [(0.0, False), (3.9, False), (4.1, True), (8.0, True)])
 def test_open_is_nearer_to_the_end_than_to_the_beginning(turned: float, expected: bool):
-    """Of a valve that had to be turned by eight degrees, less than half is not open, though it is within ten."""
+    """A valve that had to be turned by eight degrees is not open at less than half, though within ten."""
     valve = RecordedValve(handle_at(radians(8.0)), handle_at(0.0), drawn(0).home)
     verdict = standing(Workcell(RECORDED_VALVE, valve), radians(8.0 - turned)).verdict()
     assert verdict.success is expected
     assert ("hardly been turned" in verdict.why) is not expected
+
+
+@pytest.mark.parametrize(("begin", "end"), [(178.0, -178.0), (-178.0, 178.0), (4.0, 0.0)])
+def test_a_short_way_is_short_across_half_a_turn_too(begin: float, end: float):
+    """Where angles begin anew nothing is different: four degrees to go are four; staying opens nothing."""
+    valve = RecordedValve(handle_at(radians(begin)), handle_at(radians(end)), drawn(0).home)
+    assert valve.turn == pytest.approx(radians(4.0))
+    cell = Workcell(RECORDED_VALVE, valve)
+    assert not cell.verdict().success
+    assert standing(cell, radians(end)).verdict().success
 
 
 @pytest.mark.parametrize("lever", [0.0, 1.0, 2.5])

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -288,3 +288,9 @@ def lined_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for line in (record_it, ["learn", "shown", "--states", "2", "--out", "skill"]):
             CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
     return place
+
+
+@pytest.fixture(scope="session")
+def physics_unchecked() -> Callable[[], AbstractContextManager[None]]:
+    """For fixtures that take long."""
+    return annotations_unchecked

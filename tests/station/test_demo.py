@@ -1,17 +1,22 @@
 """The demonstration learns, replays, draws and saves, and says plainly when its data is generated."""
 
 import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 from click.testing import CliRunner
 
+from pilotfish.environments.cameras import why_nothing_draws
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.station import demo as room
 from pilotfish.station.command_line import cli
 from pilotfish.station.demo import DemoResult, demo, in_columns
-from pilotfish.station.report import Table
+from pilotfish.station.lessons import Lesson
+from pilotfish.station.report import Section, Table
 from pilotfish.store import datasets, open_skill
 
 pytestmark = pytest.mark.slow  # it learns twice, replays 32 times and draws thirteen pictures
@@ -19,6 +24,20 @@ pytestmark = pytest.mark.slow  # it learns twice, replays 32 times and draws thi
 
 def out_of_reach() -> NoReturn:
     raise SkillError("the network is down")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def physics_without_checks(physics_unchecked: Callable[[], AbstractContextManager[None]]) -> Iterator[None]:
+    """Eight openings with every annotation checked take a minute; test_demo_physics.py checks them."""
+    carried_out = room._in_physics
+
+    def quickly(lesson: Lesson, say: room.Say) -> tuple[Section, tuple[Table, ...]]:
+        with physics_unchecked():
+            return carried_out(lesson, say)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(room, "_in_physics", quickly)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -58,22 +77,42 @@ def test_the_skill_that_is_saved_can_be_opened(generated: tuple[DemoResult, list
 
 
 def test_every_replay_has_a_row(generated: tuple[DemoResult, list[str]]):
-    """Two structures and two beginnings, each with eight situations and two means; and a summary."""
+    """Two structures and two beginnings, each with eight situations and two means; a summary; the physics."""
     result, _ = generated
-    *numbers, summary = result.tables
+    *numbers, summary, physics = result.tables
     assert [len(table.rows) for table in numbers] == [10] * 4
     assert [row[1] for row in numbers[0].rows] == ["yes"] * 4 + ["no"] * 4 + ["yes", "no"]
     assert [row[1] for row in summary.rows] == ["1470", "1470", "588", "588"]  # covariance parameters
+    assert [row[1] for row in physics.rows] == ["yes"] * 4 + ["no"] * 4
     assert 0.0 < result.seconds < 600.0
 
 
 def test_the_report_shows_every_new_situation(generated: tuple[DemoResult, list[str]]):
-    """Thirteen pictures are inside, one for each of the four new situations among them."""
+    """Thirteen pictures are inside, one for each of the four new situations among them; and where physics can
+    be drawn, a film of it and its moments.
+    """
     result, _ = generated
     text = result.report.read_text(encoding="utf-8")
-    assert text.count("data:image/png;base64,") == 13
+    films = text.count("data:image/webp;base64,")
+    assert films == int(why_nothing_draws() == "")
+    assert text.count("data:image/png;base64,") == 13 + films
     for degrees in ("157.5", "112.5", "67.5", "22.5"):
         assert f"synthetic valve {degrees} deg, new to the skill" in text
+
+
+def test_without_mujoco_the_rest_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Report and skill are there, and say what is missing; no replay in physics has a row."""
+    monkeypatch.setattr(datasets, "valve", out_of_reach)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    said: list[str] = []
+    result = demo(tmp_path, say=said.append)
+    report = result.report.read_text(encoding="utf-8")
+    for text in (report.replace("&#x27;", "'"), "\n".join(said)):
+        assert "not carried out" in text
+        assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in text
+    assert "image/webp" not in report
+    assert len(result.tables) == 5
+    assert open_skill(result.skill).states == 7
 
 
 def test_a_wrong_recording_is_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -100,7 +139,7 @@ def test_the_command_tells_people_and_programs(
     facts = json.loads(answer.stdout)
     assert not facts["synthetic"]
     assert Path(facts["report"]).is_file()
-    rows = {tuple(row[:1] + row[3:4]): row[4:] for row in facts["tables"][-1]["rows"]}
+    rows = {tuple(row[:1] + row[3:4]): row[4:] for row in facts["tables"][-2]["rows"]}
     assert rows["full", "first mean"][2:] == [".0021", ".0146"]  # as published
     assert float(rows["semi-tied(1)", "first mean"][1]) < float(rows["full", "first mean"][1])
 

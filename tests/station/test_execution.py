@@ -100,10 +100,15 @@ def test_an_execution_repeats_bit_for_bit(
     assert not np.array_equal(one.made, other.made)
 
 
-@pytest.mark.parametrize("horizon", [20, 40])
-def test_a_plan_is_as_long_as_it_is_asked_to_be(valve_skill: Skill, horizon: int, unchecked: None):
-    """Of so many steps the first is where the arm is; the others follow, and the settling."""
-    made = execute(valve_skill, VALVE, unseen(0), horizon=horizon)
+@pytest.mark.parametrize("horizon", [2, 4])
+@pytest.mark.parametrize("sphere", [False, True])
+@pytest.mark.parametrize("name", ["valve", "screwdriver"])
+def test_a_plan_is_as_long_as_it_is_asked_to_be(
+    name: str, sphere: bool, horizon: int, openings: tuple[Recording, ...], settings: tuple[Recording, ...]
+):
+    """Of so many steps the first is where the arm is; the others follow, and a second to settle."""
+    skill = learned(openings if name == "valve" else settings, sphere=sphere)
+    made = execute(skill, TASKS[name], unseen(0, TASKS[name]), horizon=horizon)
     assert len(made.asked) == horizon - 1 + 10
 
 

@@ -4,13 +4,15 @@ from base64 import b64decode
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from pilotfish.errors import InvalidInput
-from pilotfish.station.report import Notice, Picture, Section, Table, page, write_report
+from pilotfish.station.films import film_bytes
+from pilotfish.station.report import Film, Notice, Picture, Section, Table, page, write_report
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 FETCHING = {"script", "link", "iframe", "object", "embed", "base", "form"}
@@ -49,9 +51,15 @@ def picture() -> Picture:
     return Picture(figure, "a line", "a line that rises")
 
 
+def film() -> Film:
+    """Two frames."""
+    frames = [np.full((4, 6, 3), grey, np.uint8) for grey in (0, 200)]
+    return Film(film_bytes(frames), 'a light, "twice"', "a light that <goes> on & off")
+
+
 def test_every_tag_is_closed_and_nothing_is_fetched():
-    """The page is well formed, has no script, and names no address; its pictures are inside."""
-    parts = ("words", Notice("mind"), Table("t", ("a", "b"), (("1", "2"),)), picture())
+    """The page is well formed, has no script, and names no address; its pictures and films are inside."""
+    parts = ("words", Notice("mind"), Table("t", ("a", "b"), (("1", "2"),)), picture(), film())
     text = page("title", [Section("one", parts), Section("two", (picture(),))])
     reader = Reader(text)
     assert reader.open == []
@@ -60,7 +68,8 @@ def test_every_tag_is_closed_and_nothing_is_fetched():
         value or "" for _, attrs in reader.tags for key, value in attrs.items() if key in {"src", "href"}
     ]
     assert addresses
-    assert all(address.startswith(("#", "data:image/png;base64,")) for address in addresses)
+    inside = "#", "data:image/png;base64,", "data:image/webp;base64,"
+    assert all(address.startswith(inside) for address in addresses)
     assert "http:" not in text.replace("http-equiv", "")
     assert "https:" not in text
     assert "url(" not in text
@@ -77,6 +86,31 @@ def test_pictures_are_whole_and_described():
     assert (image["width"], image["height"]) == ("192", "96")  # CSS has 96 points to the inch
     assert image["alt"] == "a line that rises"
     assert reader.texts["figcaption"] == ["a line"]
+
+
+def test_films_are_whole_and_described():
+    """A film is an image that browsers play: the bytes that were given, the alternative text, the caption."""
+    reader = Reader(page("title", [Section("one", (picture(), film(), film()))]))
+    films = [attrs for tag, attrs in reader.tags if tag == "img" and "webp" in (attrs["src"] or "")]
+    assert len(films) == 2
+    for attrs in films:
+        kind, _, data = (attrs["src"] or "").partition(",")
+        assert kind == "data:image/webp;base64"
+        assert b64decode(data, validate=True) == film().webp
+        assert attrs["alt"] == "a light that <goes> on & off"
+    assert reader.texts["figcaption"] == ["a line", *['a light, "twice"'] * 2]
+    assert reader.open == []
+
+
+def test_the_policy_of_the_page_lets_films_be_shown():
+    """Images from data addresses are allowed, nothing else is fetched."""
+    (policy,) = (
+        attrs["content"] or ""
+        for tag, attrs in Reader(page("title", [Section("one", (film(),))])).tags
+        if tag == "meta" and attrs.get("http-equiv") == "Content-Security-Policy"
+    )
+    assert "default-src 'none'" in policy
+    assert "img-src data:;" in policy
 
 
 def test_the_contents_lead_to_every_section():
@@ -134,8 +168,10 @@ def test_the_same_report_has_the_same_bytes(tmp_path: Path):
 
 
 def test_ragged_tables_and_pictures_without_words_are_refused():
-    """A row has a cell for each column; a picture can be told in words."""
+    """A row has a cell for each column; a picture and a film can be told in words."""
     with pytest.raises(InvalidInput, match="row 1 of table 't' has 3 cells, its head 2"):
         Table("t", ("a", "b"), (("1", "2"), ("1", "2", "3")))
     with pytest.raises(InvalidInput, match="'a line' has no alt text"):
         Picture(picture().figure, "a line", "  ")
+    with pytest.raises(InvalidInput, match="the film 'a light' has no alt text: say in words what it shows"):
+        Film(film().webp, "a light", "\n")

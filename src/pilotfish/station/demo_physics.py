@@ -62,8 +62,8 @@ def _films(camera: Camera, name: str) -> tuple[Film | Picture, ...]:
         Film(
             film_bytes(camera.frames),
             f"{name}, new to the skill, as it was carried out; the planned path of the tool in orange.",
-            "The robot's right arm reaches for the lever of a valve, shuts its gripper around it, turns it to a "
-            "green mark, lets go and withdraws.",
+            "The robot's right arm reaches for the lever of a valve, shuts its gripper around it, turns it "
+            "to a green mark, lets go and withdraws.",
         ),
         Picture(
             strip(camera.frames, camera.times),
@@ -86,7 +86,7 @@ def carried_out(replay: Replay, shown: Demonstration, new: bool, camera: Camera 
         away = max(away, float(np.linalg.norm(cell.arm.tool.position - pose.position)))
         if camera:
             camera(cell)
-    return Opening(shown.name, new, cell.verdict(), abs(valve.end - valve.begin), cell.peaks["tool"], away)
+    return Opening(shown.name, new, cell.verdict(), valve.turn, cell.peaks["tool"], away)
 
 
 def _pose(frame: Frame) -> Pose:

@@ -124,7 +124,7 @@ def _judge(scene: Scene, situation: PlateSituation) -> Verdict:
     plate, goal = plate_now(scene.data), cross()
     error = float(np.linalg.norm(plate.position - goal.position))
     turn = float(np.linalg.norm(rotation_vector(goal.quaternion, plate.quaternion)))
-    lean = float(np.arccos(min(1.0, rotation_matrix(plate.quaternion)[2, 2])))
+    lean = float(np.arccos(np.clip(rotation_matrix(plate.quaternion)[2, 2], -1.0, 1.0)))
     away = float(np.linalg.norm(scene.tool.position - plate.position))
     speed = float(np.linalg.norm(scene.data.joint("plate").qvel[:3]))
     pushed = max(scene.forces.get(name, 0.0) for name in FRAGILE)

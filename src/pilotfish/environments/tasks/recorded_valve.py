@@ -41,11 +41,21 @@ class RecordedValve:
     def end(self) -> float:
         return lever_angle(self.after)
 
+    @property
+    def turn(self) -> float:
+        """How far the lever is to be turned [rad], the shorter way round."""
+        return _apart(self.begin, self.end)
+
 
 def lever_angle(handle: Pose) -> float:
     """How far the lever is turned about its axle [rad], zero ahead and positive downward."""
     away = handle.position - CENTRE
     return atan2(-away[2], away[0])
+
+
+def _apart(a: float, b: float) -> float:
+    """The angle [rad] between two, at most half a turn."""
+    return abs(float(np.angle(np.exp(1j * (a - b)))))
 
 
 def _furnish(spec: mujoco.MjSpec, situation: RecordedValve) -> None:
@@ -82,11 +92,10 @@ def _judge(scene: Scene, situation: RecordedValve) -> Verdict:
     """Done when the lever is within ten degrees of where the person left it, and nearer to that than to where
     it began; the error is an angle [rad].
     """
-    turned_to = float(scene.data.qpos[scene.model.joint("valve").qposadr[0]])
-    error = abs(float(np.angle(np.exp(1j * (turned_to - situation.end)))))
+    error = _apart(float(scene.data.qpos[scene.model.joint("valve").qposadr[0]]), situation.end)
     if error > TOLERANCE:
         return Verdict(False, error, f"the lever stands {degrees(error):.1f} degrees from where it was to be")
-    if error > 0.5 * abs(situation.end - situation.begin):
+    if error > 0.5 * situation.turn:
         return Verdict(
             False, error, f"the lever has hardly been turned, {degrees(error):.1f} degrees are left"
         )
