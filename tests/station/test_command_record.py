@@ -134,7 +134,7 @@ def test_what_cannot_be_written_is_refused_before_anything_is_shown(
 ):
     """A folder with something in it, a file, a place in a folder that is not there."""
 
-    def nothing_is_shown(*_: object) -> None:
+    def nothing_is_shown(*_: object, **__: object) -> None:
         raise AssertionError
 
     monkeypatch.setattr(recorder, "shown", nothing_is_shown)

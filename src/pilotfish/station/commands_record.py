@@ -7,7 +7,7 @@ import click
 
 from pilotfish.demonstrations import write_folder
 from pilotfish.errors import InvalidInput
-from pilotfish.station.answers import Answer, a_person_watches, answering, example, remark, table
+from pilotfish.station.answers import Answer, a_person_watches, answering, example, finite, remark, table
 from pilotfish.station.rendering import require_mujoco
 
 if TYPE_CHECKING:
@@ -24,11 +24,19 @@ if TYPE_CHECKING:
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all chance.")
 @click.option(
+    "--delay",
+    type=click.FloatRange(min=0.0, max=10.0),
+    callback=finite,
+    default=0.0,
+    show_default=True,
+    help="How late the person sees what the tool does [s].",
+)
+@click.option(
     "--out", type=click.Path(path_type=Path), help="The folder to write.  [default: named after the task]"
 )
 @click.option("--force", is_flag=True, help="Replace a folder of demonstrations that is there already.")
 @answering
-def record(task: str, demonstrations: int, seed: int, out: Path | None, force: bool) -> Answer:
+def record(task: str, demonstrations: int, seed: int, delay: float, **files: Any) -> Answer:
     """Record showings of TASK, each in a situation of its own, as a folder that learn reads.
 
     A simulated person leads one arm of the robot, the other follows and does the work in physics. The same
@@ -38,13 +46,13 @@ def record(task: str, demonstrations: int, seed: int, out: Path | None, force: b
     from pilotfish.station.recorder import shown  # needs MuJoCo
 
     wanted = task_named(task)
-    folder = out or Path(task)
+    folder, force = files["out"] or Path(task), files["force"]
     if folder.exists() and not force and (not folder.is_dir() or any(folder.iterdir())):
         raise InvalidInput(f"{folder} exists; choose another name, or replace it with --force")
     if not folder.parent.is_dir():
         raise InvalidInput(f"{folder} cannot be written: {folder.parent} is no folder; make it first")
     made = []
-    for recording, tries in shown(wanted, demonstrations, seed):
+    for recording, tries in shown(wanted, demonstrations, seed, delay=delay):
         made.append((recording, tries))
         if a_person_watches():
             remark(f"shown {len(made)} of {demonstrations}, {recording.seconds:.1f} s")
@@ -53,6 +61,7 @@ def record(task: str, demonstrations: int, seed: int, out: Path | None, force: b
         "folder": str(folder),
         "task": task,
         "seed": seed,
+        "delay": delay,
         "demonstrations": [_facts(recording, tries) for recording, tries in made],
     }
     return Answer(f"{_shown(made, wanted.unit)}\n\nwritten to {folder}", facts)

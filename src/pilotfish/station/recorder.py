@@ -28,6 +28,8 @@ S = TypeVar("S")
 PERIOD, LOOK = 0.1, 0.02  # s between rows of a recording; between looks of whoever leads
 LAG = 0.25  # s, at most, from a move of the hand to that of the tool: two arms on springs lie between
 TICKS, LOOKS = round(LOOK * 1000), round(PERIOD / LOOK)
+PATIENCE = 40.0  # s more for each second of delay: so many looks a task may need
+ROUNDING = 1e-9  # s
 TRIES = 5  # of one demonstration, before something must be wrong
 SHOWN, UNSEEN = 1, 2  # streams of situations that never meet
 
@@ -57,15 +59,17 @@ def situation(task: Task[S], stream: int, seed: int, number: int) -> S:
     return task.draw(np.random.default_rng([seed, stream, number]))
 
 
-def record(task: Task[S], where: S, leader: Leader, name: str) -> Recording:
+def record(task: Task[S], where: S, leader: Leader, name: str, *, longest: float | None = None) -> Recording:
     """What the leader asks of the right arm by leading the left one, until they are done or time is up.
+
+    That is after the task's own time, or the longest [s] that is given.
 
     Rows hold the pose that the leader's tool asks for, not the one that the arm reached: it goes further
     where it presses, and so does a replay. A task in which things move has frames that move.
     """
     cell = Workcell(task, where, lead=True)
     rows, seen, done = [], [], False
-    for look in range(round(task.seconds / LOOK)):
+    for look in range(round((longest or task.seconds) / LOOK)):
         poses = cell.frames()
         if look % LOOKS == 0:
             rows.append(row(task, cell.target, cell.grip))
@@ -94,9 +98,11 @@ def recorded_frames(task: Task[S], layout: Layout, seen: list[dict[str, Pose]]) 
     return [moving_frame_from_poses(name, layout, [poses[name] for poses in seen]) for name in task.frames]
 
 
-def simulated(task: Task[S], where: S, person: people.Person, rng: np.random.Generator) -> Leader:
-    """A simulated person who performs the task's script."""
-    errand = people.Errand(person, task.script(where), LAG)
+def simulated(
+    task: Task[S], where: S, person: people.Person, rng: np.random.Generator, *, delay: float = 0.0
+) -> Leader:
+    """A simulated person who performs the task's script and knows how late the picture is [s]."""
+    errand = people.Errand(person, task.script(where), LAG + delay)
     doing: people.Doing | None = None
 
     def lead(time: float, seen: people.Seen) -> people.Wish:
@@ -107,18 +113,34 @@ def simulated(task: Task[S], where: S, person: people.Person, rng: np.random.Gen
     return lead
 
 
+def delayed(leader: Leader, delay: float) -> Leader:
+    """A leader who sees every picture so many seconds late, and the first one until then."""
+    pictures: list[tuple[float, people.Seen]] = []
+
+    def lead(time: float, seen: people.Seen) -> people.Wish:
+        pictures.append((time, seen))
+        while len(pictures) > 1 and pictures[1][0] <= time - delay + ROUNDING:
+            pictures.pop(0)
+        return leader(time, pictures[0][1])
+
+    return lead
+
+
 def shown(
-    task: Task[S], number: int, seed: int, person: people.Person = PERSON
+    task: Task[S], number: int, seed: int, person: people.Person = PERSON, *, delay: float = 0.0
 ) -> Iterator[tuple[Recording, int]]:
     """So many showings that did the work, and how many tries each took: who fails, shows it again.
 
+    delay is how late the person sees what the tool does [s]; they then move and wait, and have more time.
     Raises: SkillError, when one fails again and again.
     """
+    longest = task.seconds + PATIENCE * delay
     for m in range(number):
         where = situation(task, SHOWN, seed, m)
         for attempt in range(TRIES):
             rng = np.random.default_rng([seed, SHOWN, m, attempt])
-            made = record(task, where, simulated(task, where, person, rng), f"{task.name} {m}")
+            leader = delayed(simulated(task, where, person, rng, delay=delay), delay)
+            made = record(task, where, leader, f"{task.name} {m}", longest=longest)
             if made.verdict.success:
                 yield made, attempt + 1
                 break
