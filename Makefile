@@ -1,5 +1,5 @@
 # Each target sets up what it needs in .venv. A fresh Debian or Ubuntu needs python3 (3.11 or newer), python3-venv,
-# python3-dev and g++; without the last two everything works too, slower.
+# python3-dev and g++; without the last two everything works too, slower. Films of the physics need libosmesa6.
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:

@@ -39,6 +39,7 @@ STATES = {"valve": 7, "plate": 9, "stab": 6, "screwdriver": 6, "carabiner": 6}
 STRUCTURES = ("full", "semi-tied", "MFA(2)", "streaming")
 NUMBERS = (8, 4)
 SITUATIONS = 20
+EXPLAINED = 0.98  # of the variance, by the subspaces of a stream
 COLOURS = ("#004488", "#DDAA33", "#BB5566", "#44AA99")
 
 
@@ -105,15 +106,23 @@ def recorded(name: str, number: int, seed: int) -> tuple[Demonstration, ...]:
 def learned(demonstrations: Sequence[Demonstration], structure: str, states: int) -> pf.Skill:
     rng = np.random.default_rng(0)
     if structure == "streaming":
-        half = len(demonstrations) // 2
-        batch = pf.learn(demonstrations[:half], states=states, rng=rng).skill
-        penalties = pf.online.penalties_from(batch, demonstrations[:half])
-        model = pf.online.begin_from(batch, demonstrations[:half], penalties)
-        for demonstration in demonstrations[half:]:
-            model, _ = pf.online.observe_demonstration(model, demonstration)
-        return pf.online.read_out(model)
+        return streamed(demonstrations, states, rng)
     kinds: dict[str, Structure] = {"full": pf.Full(), "semi-tied": pf.SemiTied(), "MFA(2)": pf.MFA(2)}
     return pf.learn(demonstrations, states=states, rng=rng, structure=kinds[structure]).skill
+
+
+def streamed(demonstrations: Sequence[Demonstration], states: int, rng: np.random.Generator) -> pf.Skill:
+    """Half at once, the other half datapoint by datapoint, columns at one scale: a stream has one noise."""
+    half = len(demonstrations) // 2
+    scales = pf.online.scales_from(pf.learn(demonstrations[:half], states=states, rng=rng).skill)
+    scaled = [pf.online.scaled(d, scales) for d in demonstrations]
+    first, later = scaled[:half], scaled[half:]
+    batch = pf.learn(first, states=states, rng=rng).skill
+    penalties = pf.online.penalties_from(batch, first, explained=EXPLAINED)
+    model = pf.online.begin_from(batch, first, penalties)
+    for demonstration in later:
+        model, _ = pf.online.observe_demonstration(model, demonstration)
+    return pf.online.unscaled(pf.online.read_out(model), scales)
 
 
 def measured(

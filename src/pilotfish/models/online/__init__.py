@@ -12,6 +12,7 @@ from pilotfish.models.online.observe import (
     observe_stream,
 )
 from pilotfish.models.online.read_out import read_out
+from pilotfish.models.online.scaling import Scales, scaled, scales_from, unscaled
 from pilotfish.models.online.settings import (
     DPGMM,
     DPMPPCA,
@@ -36,6 +37,7 @@ __all__ = [
     "Count",
     "OnlineModel",
     "OnlineSettings",
+    "Scales",
     "Trace",
     "Upkeep",
     "Weighting",
@@ -48,4 +50,7 @@ __all__ = [
     "online_model",
     "penalties_from",
     "read_out",
+    "scaled",
+    "scales_from",
+    "unscaled",
 ]
