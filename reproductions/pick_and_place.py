@@ -270,7 +270,8 @@ def carried_out(
     for name, situations in tried.items():
         label = f"{way.name}, alpha {alpha}: {name}"
         bar = tqdm(situations, label, leave=False, disable=not sys.stderr.isatty())
-        done = [execute(skill, PLATE, w, horizon=HORIZON, pursuit=Pursuit(slack=way.slack)) for w in bar]
+        pursuit = Pursuit(slack=way.slack, horizon=HORIZON)
+        done = [execute(skill, PLATE, where, pursuit=pursuit) for where in bar]
         if done:
             yield _row(way, alpha, (name, situations), done)
 
@@ -347,10 +348,10 @@ def filmed(showings: Sequence[Showing], tried: dict[str, list[PlateSituation]]) 
     way = WAYS[-1]
     skill = to_carry_out(way, FIGURED, showings)
     where = max(tried["tests"], key=lambda w: w.level)
-    pursuit = Pursuit(slack=way.slack)
-    path = execute(skill, PLATE, where, horizon=HORIZON, pursuit=pursuit).asked[:, :3]
+    pursuit = Pursuit(slack=way.slack, horizon=HORIZON)
+    path = execute(skill, PLATE, where, pursuit=pursuit).asked[:, :3]
     camera = Camera(PLATE.name, marks=Marks(path=path))
-    execute(skill, PLATE, where, horizon=HORIZON, pursuit=pursuit, watch=camera)
+    execute(skill, PLATE, where, pursuit=pursuit, watch=camera)
     camera.close()
     return strip(camera.frames, camera.times)
 

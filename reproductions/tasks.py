@@ -32,7 +32,7 @@ import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
 from pilotfish.environments import TASKS, Task
 from pilotfish.gaussians import Structure
-from pilotfish.station.execution import Execution, execute
+from pilotfish.station.execution import Execution, Pursuit, execute
 from pilotfish.station.recorder import UNSEEN, shown, situation
 
 STATES = {"valve": 7, "plate": 9, "stab": 6, "screwdriver": 6, "carabiner": 6}
@@ -132,7 +132,7 @@ def measured(
     label = f"{task.name}: {structure}, {number} shown"
     unseen = [situation(task, UNSEEN, arguments.seed, n) for n in range(arguments.situations)]
     bar = tqdm(unseen, label, leave=False, disable=not sys.stderr.isatty())
-    done = [execute(skill, task, where, horizon=steps) for where in bar]
+    done = [execute(skill, task, where, pursuit=Pursuit(horizon=steps)) for where in bar]
     return Row(
         task=task.name,
         structure=structure,

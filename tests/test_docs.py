@@ -100,6 +100,12 @@ def test_the_program_of_regression_and_via_points_runs_and_passes_the_point(data
     assert names["told"].means.shape == (200, 13)
 
 
+def test_the_program_of_the_world_to_act_in_records_whoever_leads_and_steps_an_environment():
+    names = program("physics")
+    assert len(names["recording"].demonstration.x) == 12  # a second, ten rows each, and what settles
+    assert not names["info"]["success"]
+
+
 def test_the_front_door_tells_what_each_of_its_names_is_for():
     """The docstring of pilotfish sorts every name by the step of the way that it belongs to."""
     told = set(re.findall(r"\w+", str(pf.__doc__)))

@@ -12,7 +12,8 @@ from PIL import Image
 
 from pilotfish.environments import TASKS, Task
 from pilotfish.station import execution
-from pilotfish.station.execution import execute, horizon_of
+from pilotfish.station.execution import execute
+from pilotfish.station.following import steps_shown
 from pilotfish.station.recorder import UNSEEN, situation
 from pilotfish.store import open_skill
 
@@ -80,7 +81,7 @@ def test_a_film_shows_the_first_situation(
     name = f"film{ending}"
     told = facts(*perform, "--situations", "2", "--film", name)
     skill = open_skill(lined_up / "skill")
-    periods = horizon_of(skill) - 1 + 10
+    periods = steps_shown(skill) - 1 + 10
     assert told["film"] == name
     with Image.open(tmp_path / name) as film:
         assert film.n_frames == periods

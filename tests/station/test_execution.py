@@ -25,7 +25,8 @@ from pilotfish.geometry import Pose, angle, conjugate, exp, log, multiply, norma
 from pilotfish.models import Skill, adapt, learn
 from pilotfish.planning import moving_reference
 from pilotfish.station import execution
-from pilotfish.station.execution import PURSUIT, SETTLE, Execution, Pursuit, execute, going_frames, horizon_of
+from pilotfish.station.execution import PURSUIT, SETTLE, Execution, Pursuit, execute, going_frames
+from pilotfish.station.following import steps_shown
 from pilotfish.station.recorder import UNSEEN, Recording, situation, task_layout
 
 VALVE, SCREWDRIVER = TASKS["valve"], TASKS["screwdriver"]
@@ -65,7 +66,7 @@ def test_what_came_of_it_is_told_row_by_row(valve_skill: Skill, unchecked: None)
     made = execute(
         valve_skill, VALVE, where, watch=lambda cell: watched.append((cell.time, cell.forces["tool"]))
     )
-    rows = horizon_of(valve_skill) - 1 + round(SETTLE / valve_skill.period)
+    rows = steps_shown(valve_skill) - 1 + round(SETTLE / valve_skill.period)
     assert len(made.asked) == len(made.made) == len(made.forces) == len(watched) == rows
     assert made.seconds == pytest.approx(rows * valve_skill.period)
     assert [time for time, _ in watched] == pytest.approx(list(valve_skill.period * np.arange(1, rows + 1)))
@@ -81,7 +82,7 @@ def test_what_came_of_it_is_told_row_by_row(valve_skill: Skill, unchecked: None)
 def test_nothing_is_done_by_a_robot_that_waits(valve_skill: Skill, unchecked: None):
     """It is the motion that opens the valve: the arm that stays at home for as long does not."""
     cell = Workcell(VALVE, unseen(0))
-    for _ in range(horizon_of(valve_skill)):
+    for _ in range(steps_shown(valve_skill)):
         cell.follow(cell.target, 0.0, 100)
     assert not cell.verdict().success
 
@@ -108,7 +109,7 @@ def test_a_plan_is_as_long_as_it_is_asked_to_be(
 ):
     """Of so many steps the first is where the arm is; the others follow, and a second to settle."""
     skill = learned(openings if name == "valve" else settings, sphere=sphere)
-    made = execute(skill, TASKS[name], unseen(0, TASKS[name]), horizon=horizon)
+    made = execute(skill, TASKS[name], unseen(0, TASKS[name]), pursuit=Pursuit(horizon=horizon))
     assert len(made.asked) == horizon - 1 + 10
 
 
@@ -116,12 +117,12 @@ def test_unless_told_otherwise_it_takes_as_long_as_showings_did(openings: tuple[
     """Half of the rows in all from two of them; a skill of unknown origin has to be told."""
     rows = [len(opening.demonstration.x) for opening in openings]
     skill = learned(openings)
-    assert horizon_of(skill) == round(np.mean(rows))
+    assert steps_shown(skill) == round(np.mean(rows))
     nothing = replace(skill.provenance, demonstrations=(), datapoints=0)
     with pytest.raises(InvalidInput, match="does not say how long its demonstrations were"):
         execute(replace(skill, provenance=nothing), VALVE, unseen(0))
     with pytest.raises(InvalidInput, match="horizon"):
-        execute(skill, VALVE, unseen(0), horizon=0)
+        execute(skill, VALVE, unseen(0), pursuit=Pursuit(horizon=0))
 
 
 @pytest.mark.parametrize("sphere", [False, True])
@@ -374,7 +375,7 @@ def test_a_pursuit_has_its_price(valve_skill: Skill, unchecked: None):
     assert (PURSUIT.effort, PURSUIT.slack) == (0.1, 1e-5)
     pushes = []
     for effort in (0.01, 0.1, 10.0):
-        made: Execution = execute(valve_skill, VALVE, unseen(0), pursuit=Pursuit(effort, 1e-5), horizon=25)
+        made: Execution = execute(valve_skill, VALVE, unseen(0), pursuit=Pursuit(effort, 1e-5, 25))
         pushes.append(np.linalg.norm(np.diff(made.asked[:24, :3], n=2, axis=0), axis=1).max())
     assert pushes[0] > pushes[1] > pushes[2]
 

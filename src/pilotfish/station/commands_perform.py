@@ -51,6 +51,11 @@ def a_film(_: click.Context, parameter: click.Parameter, path: Path | None) -> P
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the situations."
 )
 @click.option(
+    "--horizon",
+    type=click.IntRange(min=2),
+    help="How many steps.  [default: as many as the demonstrations had on average]",
+)
+@click.option(
     "--effort",
     type=click.FloatRange(min=0.0, min_open=True),
     callback=finite,
@@ -67,6 +72,7 @@ def a_film(_: click.Context, parameter: click.Parameter, path: Path | None) -> P
     help="Added to every variance before it becomes a weight [unit squared].",
 )
 @click.option("--film", type=FILE, callback=a_film, help="The first situation as a .webp or .gif film.")
+@click.option("--dressed", is_flag=True, help="The robot wears the meshes of pilotfish[meshes] in the film.")
 @click.option("--force", is_flag=True, help="Replace a film that is there already.")
 @answering
 def perform(skill: Path, task: str, situations: int, seed: int, film: Path | None, **options: Any) -> Answer:
@@ -78,6 +84,7 @@ def perform(skill: Path, task: str, situations: int, seed: int, film: Path | Non
     require_mujoco()
     from pilotfish.station.execution import Pursuit, execute  # needs MuJoCo
     from pilotfish.station.films import Camera, require_pillow, write_film
+    from pilotfish.station.meshes import baxter_surfaces
     from pilotfish.station.recorder import UNSEEN, situation
 
     require_new(film, force=options["force"], inputs=(skill,))
@@ -85,10 +92,13 @@ def perform(skill: Path, task: str, situations: int, seed: int, film: Path | Non
         require_pillow()
         require_renderer()
     wanted, learned = task_named(task), open_skill(skill)
-    pursuit, done = Pursuit(options["effort"], options["slack"]), []
+    pursuit = Pursuit(options["effort"], options["slack"], options["horizon"])
+    surfaces = baxter_surfaces() if options["dressed"] else ()
+    done = []
     for n in range(situations):
         camera = Camera(wanted.name) if film and n == 0 else None
-        made = execute(learned, wanted, situation(wanted, UNSEEN, seed, n), pursuit=pursuit, watch=camera)
+        where = situation(wanted, UNSEEN, seed, n)
+        made = execute(learned, wanted, where, pursuit=pursuit, watch=camera, surfaces=surfaces)
         if camera and film:
             write_film(camera.frames, film, camera.period)
             camera.close()

@@ -14,7 +14,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning import ViaPoint, plan, planned_states, through
 from pilotfish.station.answers import Answer, answering, example, finite, plain_table, require_new
-from pilotfish.station.following import Setting, followed, gaps, setting, unit_of_gaps
+from pilotfish.station.following import Setting, followed, gaps, setting, steps_shown, unit_of_gaps
 from pilotfish.station.motions import (
     final_state_reached,
     notes_on_the_end,
@@ -159,7 +159,7 @@ def _replay(skill: Skill, asked: Choices) -> Replay:
     frames = _frames(skill, asked.frames)
     here = setting(adapt(skill, frames))
     start = here.inward(start_in(asked.start, here.adapted) if asked.start else first_mean(here.adapted))
-    horizon = asked.horizon or _steps_shown(skill)
+    horizon = asked.horizon or steps_shown(skill)
     reference = plan(here.flat, start, horizon=horizon, slack=asked.slack)
     states = planned_states(here.flat, start, horizon=horizon)
     feedback, direct = followed(here, reference, start, asked.effort)
@@ -168,14 +168,6 @@ def _replay(skill: Skill, asked: Choices) -> Replay:
         reference = through(reference, here.wishes(points), here.flat.layout)
         feedback, motion = followed(here, reference, start, asked.effort)
     return Replay(here, frames, states, reference, feedback, motion, points, direct)
-
-
-def _steps_shown(skill: Skill) -> int:
-    """How many steps a demonstration had on average."""
-    shown = skill.provenance
-    if not shown.demonstrations or shown.datapoints < 2 * len(shown.demonstrations):
-        raise InvalidInput("the skill does not say how long its demonstrations were; say --horizon")
-    return round(shown.datapoints / len(shown.demonstrations))
 
 
 def _frames(skill: Skill, path: Path | None) -> tuple[Frame, ...]:

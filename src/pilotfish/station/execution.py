@@ -1,6 +1,6 @@
 """Closing the loop: a skill plans, a tracker follows, an arm of springs and dampers does it, in physics."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -17,12 +17,12 @@ from pilotfish.demonstrations import (
     moving_frame_from_poses,
     with_derivatives,
 )
-from pilotfish.environments import Task, Verdict, Workcell, turn_between
+from pilotfish.environments import Surface, Task, Verdict, Workcell, turn_between
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, exp, multiply, normalise
 from pilotfish.models import AdaptedSkill, Skill, adapt, on_the_half_of
 from pilotfish.planning import chart, moving_reference, plan, planned_states
-from pilotfish.station.following import Setting, coordinates_with_speeds, setting
+from pilotfish.station.following import Setting, coordinates_with_speeds, setting, steps_shown
 from pilotfish.station.recorder import task_layout
 from pilotfish.types import Array, Float
 
@@ -37,10 +37,16 @@ Watch = Callable[[Workcell[S]], None]  # called after every period of the skill
 
 @dataclass(frozen=True, slots=True)
 class Pursuit:
-    """How a plan is followed: the price of acceleration, what is added to variances [unit of x squared]."""
+    """How a plan is made and followed.
+
+    effort   price of acceleration
+    slack    added to every variance before it becomes a weight [unit of x squared]
+    horizon  how many steps; None stands for as many as demonstrations had on average
+    """
 
     effort: float = 0.1
     slack: float = 1e-5
+    horizon: int | None = None
 
 
 PURSUIT = Pursuit()
@@ -69,20 +75,20 @@ def execute(
     where: S,
     *,
     pursuit: Pursuit = PURSUIT,
-    horizon: int | None = None,
     watch: Watch[S] | None = None,
+    surfaces: Sequence[Surface] = (),
 ) -> Execution:
     """The skill at work in a situation: adapted to where the objects stand, planned, tracked, carried out.
 
-    The plan starts from the arm's home and has horizon steps, as many as demonstrations had on average when
-    it is None; where objects move, it is made again each period for where they are and where they are going.
-    Impedance follows it at 1 kHz.
+    The plan starts from the arm's home; where objects move, it is made again each period for where they are
+    and where they are going. Impedance follows it at 1 kHz. watch is called after each period; in its
+    pictures the robot wears surfaces, if any.
     Raises: InvalidInput, when the skill's columns or frames are not those of the task, or it does not say how
     long its demonstrations were and no horizon is given.
     """
     _refuse_another(skill, task)
-    steps = horizon_of(skill) if horizon is None else horizon
-    cell = Workcell(task, where)
+    steps = steps_shown(skill) if pursuit.horizon is None else pursuit.horizon
+    cell = Workcell(task, where, surfaces=surfaces)
     began = cell.frames()
     follow = _planned_once if task.stir is None else _planned_again
     asked, made, forces = [], [], []
@@ -118,17 +124,6 @@ def _on_sphere(layout: Layout) -> Layout:
     return Layout(
         tuple(replace(part, quantity=kinds.get(part.quantity, part.quantity)) for part in layout.parts)
     )
-
-
-def horizon_of(skill: Skill) -> int:
-    """How many steps a demonstration had on average.
-
-    Raises: InvalidInput, when the skill does not say so.
-    """
-    shown = skill.provenance
-    if not shown.demonstrations or shown.datapoints < 2 * len(shown.demonstrations):
-        raise InvalidInput("the skill does not say how long its demonstrations were")
-    return round(shown.datapoints / len(shown.demonstrations))
 
 
 def _wanted(x: Float[Array, " D"], grips: bool) -> tuple[Pose, float]:

@@ -8,7 +8,7 @@ from pilotfish.control import Feedback, Motion, Reference, double_integrator, tr
 from pilotfish.demonstrations import Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
-from pilotfish.models import AdaptedSkill
+from pilotfish.models import AdaptedSkill, Skill
 from pilotfish.planning import Chart, ViaPoint, chart, on_chart
 from pilotfish.types import Array, Float
 
@@ -80,6 +80,17 @@ def coordinates_with_speeds(layout: Layout) -> int:
             f"{fix}"
         )
     return half
+
+
+def steps_shown(skill: Skill) -> int:
+    """How many steps a demonstration had on average.
+
+    Raises: InvalidInput, when the skill does not say so.
+    """
+    shown = skill.provenance
+    if not shown.demonstrations or shown.datapoints < 2 * len(shown.demonstrations):
+        raise InvalidInput("the skill does not say how long its demonstrations were; say --horizon")
+    return round(shown.datapoints / len(shown.demonstrations))
 
 
 def gaps(layout: Layout, here: slice, x: Float[Array, "T D"], y: Float[Array, "*#T D"]) -> Float[Array, " T"]:
