@@ -19,18 +19,23 @@ from statistics import median
 from time import perf_counter_ns, process_time
 from typing import Any
 
-import mujoco
 import numpy as np
-from kinematics import Peer, against_peers
-from machine import load, machine
-from workers import surroundings
 
-from pilotfish.control import impedance_torque
-from pilotfish.environments import TASKS, TICK, Photographer, Workcell, view_of
-from pilotfish.environments.contacts import contact_forces
-from pilotfish.environments.steering import straight
-from pilotfish.errors import SkillError
-from pilotfish.geometry import Pose
+from pilotfish.station.rendering import require_mujoco
+
+require_mujoco()  # it chooses what draws here, before anything else imports MuJoCo
+
+import mujoco  # noqa: E402 - after the choice, as all that follows
+from kinematics import Peer, against_peers  # noqa: E402
+from machine import load, machine  # noqa: E402
+from workers import surroundings  # noqa: E402
+
+from pilotfish.control import impedance_torque  # noqa: E402
+from pilotfish.environments import TASKS, TICK, Photographer, Workcell, view_of  # noqa: E402
+from pilotfish.environments.contacts import contact_forces  # noqa: E402
+from pilotfish.environments.steering import straight  # noqa: E402
+from pilotfish.errors import SkillError  # noqa: E402
+from pilotfish.geometry import Pose  # noqa: E402
 
 HERE = Path(__file__).parent
 TOP = HERE.parent
