@@ -115,6 +115,7 @@ def test_a_film_is_replaced_by_force_alone(
         (["--slack", "-1"], "--slack"),
         (["--situations", "0"], "--situations"),
         (["--seed", "-1"], "--seed"),
+        (["--dressed"], "name one: --film FILE"),
     ],
 )
 def test_misuse_is_told_before_the_work(

@@ -81,6 +81,8 @@ def perform(skill: Path, task: str, situations: int, seed: int, film: Path | Non
     The skill is adapted to where the objects stand, planned and tracked; springs and dampers at 1 kHz carry
     it out. Exit code 0, however many situations succeed.
     """
+    if options["dressed"] and not film:
+        raise click.UsageError("--dressed is how the robot looks in a film; name one: --film FILE")
     require_mujoco()
     from pilotfish.station.execution import Pursuit, execute  # needs MuJoCo
     from pilotfish.station.films import Camera, require_pillow, write_film

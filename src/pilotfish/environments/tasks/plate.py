@@ -77,11 +77,8 @@ def cross() -> Pose:
 
 def _furnish(spec: mujoco.MjSpec, situation: PlateSituation) -> None:
     table = thing(spec.worldbody, "table", BOX, (0.24, 0.4, 0.015), (0.67, -0.3, TABLE - 0.015), WOOD)
-    table.friction = (
-        1.2,
-        0.005,
-        0.0001,
-    )  # a rubber mat: the cup slides on the glass sooner than the glass there
+    # A rubber mat: the cup slides on the glass sooner than the glass there.
+    table.friction = (1.2, 0.005, 0.0001)
     post_under(spec, "leg", np.array([0.67, -0.3, TABLE - 0.03]))
     for name, size in (("along", (0.05, 0.006, 0.0004)), ("across", (0.006, 0.05, 0.0004))):
         arm = thing(spec.worldbody, f"cross_{name}", BOX, size, (*CROSS_AT, TABLE + 0.0002), GREEN)

@@ -107,7 +107,7 @@ def tip_in(receptacle: Pose, tool: Pose) -> tuple[float, float, float]:
     """How deep the tip is in and how far from the axis [m], and the angle between axes [rad]."""
     tip = rotation_matrix(receptacle.quaternion).T @ (tool.position - receptacle.position)
     axes = rotation_matrix(receptacle.quaternion)[:, 2] @ rotation_matrix(tool.quaternion)[:, 2]
-    return float(tip[2]), float(np.hypot(tip[0], tip[1])), float(np.arccos(min(1.0, axes)))
+    return float(tip[2]), float(np.hypot(tip[0], tip[1])), float(np.arccos(np.clip(axes, -1.0, 1.0)))
 
 
 def _judge(scene: Scene, situation: StabSituation) -> Verdict:
