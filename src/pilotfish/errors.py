@@ -1,8 +1,17 @@
 """Every error that pilotfish raises on purpose: one name for each thing that a caller does differently."""
 
+LONGEST_MESSAGE = 500  # characters
+
 
 class SkillError(Exception):
-    """Base of every error that this library raises on purpose."""
+    """Base of every error that this library raises on purpose.
+
+    The message is one printable line of at most LONGEST_MESSAGE characters, whatever was put into it: control
+    characters are escaped, and the middle of a longer text is left out, so that the remedy at its end stays.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_one_line(message))
 
 
 class InvalidInput(SkillError, ValueError):
@@ -17,6 +26,16 @@ class UnknownSkill(SkillError):
     """A skill file that this version cannot read: damaged, of another kind, or written by a newer version."""
 
 
+def escape(text: str) -> str:
+    """Return text with every character that is not printable written as a backslash escape."""
+    if text.isprintable():
+        return text
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+        for character in text
+    )
+
+
 def require_kind(what: str, value: object, kinds: type | tuple[type, ...], fix: str) -> None:
     """Nothing, when value is of one of the kinds.
 
@@ -25,3 +44,13 @@ def require_kind(what: str, value: object, kinds: type | tuple[type, ...], fix: 
     if isinstance(value, type) or not isinstance(value, kinds):
         expected = " or ".join(kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))
         raise InvalidInput(f"{what} is of the kind {type(value).__name__}, expected {expected}; {fix}")
+
+
+def _one_line(message: str) -> str:
+    if len(message) > LONGEST_MESSAGE:  # before anything is done to each character
+        message = f"{message[: 2 * LONGEST_MESSAGE]} ... {message[-2 * LONGEST_MESSAGE :]}"
+    line = escape(" ".join(message.split()))
+    if len(line) <= LONGEST_MESSAGE:
+        return line
+    end = LONGEST_MESSAGE // 3
+    return f"{line[: LONGEST_MESSAGE - end - 5]} ... {line[-end:]}"

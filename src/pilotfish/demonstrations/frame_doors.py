@@ -3,9 +3,9 @@
 import numpy as np
 
 from pilotfish.demonstrations.frames import Frame, MovingFrame
-from pilotfish.demonstrations.numbers import finite_array
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array
 
 WORST_CONDITION = 1e12  # beyond it, float64 leaves fewer than four digits of what is seen
 

@@ -11,9 +11,9 @@ from pilotfish.demonstrations.fields import fields, items, number, text, whole
 from pilotfish.demonstrations.frame_doors import frame
 from pilotfish.demonstrations.frames import Frame, frame_from_pose
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity
-from pilotfish.demonstrations.numbers import finite_array
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
+from pilotfish.validation import finite_array
 
 FORMAT, VERSION = "pilotfish demonstrations", 1
 NAMES = ("demonstrations.toml", "demonstrations.json")

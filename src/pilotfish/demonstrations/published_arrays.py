@@ -6,11 +6,11 @@ import numpy as np
 
 from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.layouts import pose_layout, position_layout
-from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.signs import continuous_quaternions
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array
 
 PERIOD = 1 / 60  # s, by the publishers' own reader; rows were resampled to 1000, so time is nominal
 CENTIMETRE = 0.01  # m

@@ -9,9 +9,9 @@ import numpy as np
 from pilotfish.demonstrations.frame_doors import frame, moving_frame
 from pilotfish.demonstrations.frames import Frame, MovingFrame, require_turns, world_frame
 from pilotfish.demonstrations.layouts import Layout
-from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array
 
 LARGEST = 1e100
 NORM_TOLERANCE = 1e-3  # recordings are rounded; what is within is left as it is

@@ -3,10 +3,10 @@
 import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Quantity
-from pilotfish.demonstrations.numbers import finite_array
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import continuous
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array
 
 
 def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:

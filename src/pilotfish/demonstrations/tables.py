@@ -8,9 +8,9 @@ from math import isfinite
 import numpy as np
 
 from pilotfish.demonstrations.damage import DAMAGED
-from pilotfish.demonstrations.numbers import numeric_array
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array
 
 ARCHIVE = b"PK"  # how every NPZ file begins
 

@@ -1,0 +1,122 @@
+"""Guarded paths: files from outside, opened without waiting and read up to a bound.
+
+`Path.exists` and its relatives raise OSError or RuntimeError for a name that is too long, a link to itself or
+a folder without permission. Opening a FIFO waits for a writer, and reading a device may never end. The functions
+here turn all of that into InvalidInput, and read regular files only.
+"""
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from errno import EACCES, ENAMETOOLONG, ENOENT, ENOTDIR
+from pathlib import Path
+from typing import IO
+
+from pilotfish.errors import InvalidInput, escape
+
+LARGEST_FILE = 2**30  # bytes
+
+_MISSING = {ENOENT, ENOTDIR}
+
+
+def path_exists(path: str | Path) -> bool:
+    """Return whether something exists at path; a link whose target is missing does not.
+
+    Raises:
+        InvalidInput: If this cannot be found out: a name too long, no permission, a link to itself.
+    """
+    return _status(path) is not None
+
+
+def is_folder(path: str | Path) -> bool:
+    """Return whether path is a folder, or a link to one.    Raises: InvalidInput, as `path_exists`."""
+    return (status := _status(path)) is not None and stat.S_ISDIR(status.st_mode)
+
+
+def is_file(path: str | Path) -> bool:
+    """Return whether path is a regular file, or a link to one.    Raises: InvalidInput, as `path_exists`."""
+    return (status := _status(path)) is not None and stat.S_ISREG(status.st_mode)
+
+
+def resolve_path(path: str | Path) -> Path:
+    """Return the absolute path without links.    Raises: InvalidInput, as `path_exists`."""
+    try:
+        return Path(path).resolve()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InvalidInput(
+            f"{_quoted(path)} cannot be used: {_reason(error)}; choose another name"
+        ) from error
+
+
+@contextmanager
+def open_regular_file(path: str | Path, expected: str) -> Iterator[IO[bytes]]:
+    """Open a regular file for reading; never wait for a writer.
+
+    Args:
+        path: The file; a link to a regular file is followed.
+        expected: What the file should be, for the message: "expected a skill file".
+
+    Yields:
+        The open file, unbuffered from the first byte.
+
+    Raises:
+        InvalidInput: If it cannot be opened, or is a folder, a FIFO, a socket or a device.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except (OSError, ValueError) as error:
+        raise InvalidInput(
+            f"{_quoted(path)} cannot be read: {_reason(error)}; expected {expected}"
+        ) from error
+    with os.fdopen(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise InvalidInput(f"{_quoted(path)} is no regular file; expected {expected}")
+        yield file
+
+
+def read_file(path: str | Path, expected: str, largest: int = LARGEST_FILE) -> bytes:
+    """Return the bytes of a regular file of bounded size.
+
+    Args:
+        path: The file; a link to a regular file is followed.
+        expected: What the file should be, for the message: "expected a skill file".
+        largest: Largest number of bytes; a file that grows while it is read is refused too.
+
+    Raises:
+        InvalidInput: If it cannot be opened or read, is no regular file, or is larger.
+    """
+    with open_regular_file(path, expected) as file:
+        try:
+            data = file.read(largest + 1) if os.fstat(file.fileno()).st_size <= largest else None
+        except OSError as error:
+            raise InvalidInput(
+                f"{_quoted(path)} cannot be read: {_reason(error)}; expected {expected}"
+            ) from error
+    if data is None or len(data) > largest:
+        raise InvalidInput(
+            f"{_quoted(path)} has more than {largest} bytes; expected {expected} of at most that"
+        )
+    return data
+
+
+def _status(path: str | Path) -> os.stat_result | None:
+    try:
+        return os.stat(path)
+    except OSError as error:
+        if error.errno in _MISSING:
+            return None
+        hint = {ENAMETOOLONG: "choose a shorter name", EACCES: "ask for permission or choose another place"}
+        fix = hint.get(error.errno or 0, "choose another name")
+        raise InvalidInput(f"{_quoted(path)} cannot be used: {_reason(error)}; {fix}") from error
+    except ValueError as error:  # a null byte or a lone surrogate
+        raise InvalidInput(f"{_quoted(path)} cannot be used: {error}; choose another name") from error
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
+def _quoted(path: str | Path) -> str:
+    text = escape(os.fspath(path))
+    return text if len(text) <= 200 else f"{text[:100]}...{text[-90:]}"

@@ -1,0 +1,56 @@
+"""Printable text: what a file or a user wrote, made safe to print and to quote in a message.
+
+A terminal obeys the control characters that are printed to it, and cannot encode lone surrogates. So text from
+outside is either refused where it is read (`require_printable`) or escaped where it is quoted (`escape`,
+`short_repr`).
+"""
+
+import reprlib
+
+from pilotfish.errors import InvalidInput, escape
+
+__all__ = ["LONGEST_NAME", "escape", "require_printable", "short_repr"]
+
+LONGEST_NAME = 200  # characters
+
+_repr = reprlib.Repr()
+_repr.maxstring = _repr.maxother = _repr.maxlong = 60
+
+
+def require_printable(text: object, place: str, longest: int = LONGEST_NAME) -> str:
+    """Return text unchanged if it is a printable string on one line.
+
+    Args:
+        text: The value to check.
+        place: What the value is, as the user knows it; the message begins with it.
+        longest: Largest number of characters.
+
+    Raises:
+        InvalidInput: If it is not a string, is longer, or holds a control character, a line break or a lone
+            surrogate.
+    """
+    if not isinstance(text, str):
+        raise InvalidInput(f"{place} is {short_repr(text)}, expected text in quotes")
+    if len(text) > longest:
+        raise InvalidInput(f"{place} has {len(text)} characters, expected at most {longest}; shorten it")
+    if not text.isprintable():
+        raise InvalidInput(
+            f"{place} is {short_repr(text)}, expected printable characters on one line; remove the others"
+        )
+    return text
+
+
+def short_repr(value: object, longest: int = 60) -> str:
+    """Return repr(value) in at most `longest` printable characters, whatever the value is.
+
+    Long strings and containers are shortened in the middle or after a few items, without building their
+    whole text first. An integer with more digits than Python prints is described by its size.
+    """
+    if isinstance(value, int) and value.bit_length() > 200:
+        return f"a whole number of {value.bit_length()} bits"
+    try:
+        text = _repr.repr(value)
+    except ValueError:  # an integer inside a container with more digits than Python prints
+        text = f"a {type(value).__name__} with a number that is too long"
+    text = escape(text)
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
