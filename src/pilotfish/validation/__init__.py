@@ -1,5 +1,5 @@
-"""Checks of what comes from outside: bounded numbers, printable text and guarded paths. Every reader of files,
-messages and users' arrays uses them.
+"""Checks of what comes from outside: bounded numbers, printable text and guarded paths. Every reader of
+files, messages and users' arrays uses them.
 """
 
 from pilotfish.validation.numbers import (

@@ -1,8 +1,8 @@
 """Guarded paths: files from outside, opened without waiting and read up to a bound.
 
-`Path.exists` and its relatives raise OSError or RuntimeError for a name that is too long, a link to itself or
-a folder without permission. Opening a FIFO waits for a writer, and reading a device may never end. The functions
-here turn all of that into InvalidInput, and read regular files only.
+`Path.exists` and its relatives raise OSError or RuntimeError for a name that is too long, a link to itself
+or a folder without permission. Opening a FIFO waits for a writer, and reading a device may never end. The
+functions here turn all of that into InvalidInput, and read regular files only.
 """
 
 import os
@@ -44,9 +44,7 @@ def resolve_path(path: str | Path) -> Path:
     try:
         return Path(path).resolve()
     except (OSError, RuntimeError, ValueError) as error:
-        raise InvalidInput(
-            f"{_quoted(path)} cannot be used: {_reason(error)}; choose another name"
-        ) from error
+        raise _unusable(path, error, "choose another name") from error
 
 
 @contextmanager
@@ -66,9 +64,7 @@ def open_regular_file(path: str | Path, expected: str) -> Iterator[IO[bytes]]:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except (OSError, ValueError) as error:
-        raise InvalidInput(
-            f"{_quoted(path)} cannot be read: {_reason(error)}; expected {expected}"
-        ) from error
+        raise _unreadable(path, error, expected) from error
     with os.fdopen(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise InvalidInput(f"{_quoted(path)} is no regular file; expected {expected}")
@@ -90,9 +86,7 @@ def read_file(path: str | Path, expected: str, largest: int = LARGEST_FILE) -> b
         try:
             data = file.read(largest + 1) if os.fstat(file.fileno()).st_size <= largest else None
         except OSError as error:
-            raise InvalidInput(
-                f"{_quoted(path)} cannot be read: {_reason(error)}; expected {expected}"
-            ) from error
+            raise _unreadable(path, error, expected) from error
     if data is None or len(data) > largest:
         raise InvalidInput(
             f"{_quoted(path)} has more than {largest} bytes; expected {expected} of at most that"
@@ -102,15 +96,23 @@ def read_file(path: str | Path, expected: str, largest: int = LARGEST_FILE) -> b
 
 def _status(path: str | Path) -> os.stat_result | None:
     try:
-        return os.stat(path)
+        return Path(path).stat()
     except OSError as error:
         if error.errno in _MISSING:
             return None
         hint = {ENAMETOOLONG: "choose a shorter name", EACCES: "ask for permission or choose another place"}
         fix = hint.get(error.errno or 0, "choose another name")
-        raise InvalidInput(f"{_quoted(path)} cannot be used: {_reason(error)}; {fix}") from error
+        raise _unusable(path, error, fix) from error
     except ValueError as error:  # a null byte or a lone surrogate
-        raise InvalidInput(f"{_quoted(path)} cannot be used: {error}; choose another name") from error
+        raise _unusable(path, error, "choose another name") from error
+
+
+def _unusable(path: str | Path, error: Exception, fix: str) -> InvalidInput:
+    return InvalidInput(f"{_quoted(path)} cannot be used: {_reason(error)}; {fix}")
+
+
+def _unreadable(path: str | Path, error: Exception, expected: str) -> InvalidInput:
+    return InvalidInput(f"{_quoted(path)} cannot be read: {_reason(error)}; expected {expected}")
 
 
 def _reason(error: Exception) -> str:

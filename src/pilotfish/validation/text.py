@@ -1,7 +1,7 @@
 """Printable text: what a file or a user wrote, made safe to print and to quote in a message.
 
-A terminal obeys the control characters that are printed to it, and cannot encode lone surrogates. So text from
-outside is either refused where it is read (`require_printable`) or escaped where it is quoted (`escape`,
+A terminal obeys the control characters that are printed to it, and cannot encode lone surrogates. So text
+from outside is either refused where it is read (`require_printable`) or escaped where it is quoted (`escape`,
 `short_repr`).
 """
 
