@@ -56,7 +56,7 @@ def open_regular_file(path: str | Path, expected: str) -> Iterator[IO[bytes]]:
         expected: What the file should be, for the message: "expected a skill file".
 
     Yields:
-        The open file, unbuffered from the first byte.
+        The open file, at its first byte.
 
     Raises:
         InvalidInput: If it cannot be opened, or is a folder, a FIFO, a socket or a device.
@@ -65,9 +65,10 @@ def open_regular_file(path: str | Path, expected: str) -> Iterator[IO[bytes]]:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except (OSError, ValueError) as error:
         raise _unreadable(path, error, expected) from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise InvalidInput(f"{_quoted(path)} is not a regular file; expected {expected}")
     with os.fdopen(descriptor, "rb") as file:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise InvalidInput(f"{_quoted(path)} is no regular file; expected {expected}")
         yield file
 
 
