@@ -8,6 +8,7 @@ SHELL := bash
 PYTHON3 ?= python3
 PYTHON := .venv/bin/python
 READY := .venv/ready
+PYTEST := $(PYTHON) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal --durations 20
 KERNELS := $(wildcard CMakeLists.txt src/pilotfish/kernels/*.cpp src/pilotfish/kernels/*.hpp src/pilotfish/kernels/*/*.cpp src/pilotfish/kernels/*/*.hpp)
 
 # Real recordings: the folder beside the checkout when there is one. Without it the library fetches what is public, and
@@ -29,8 +30,8 @@ help: ## list these targets
 demo: $(READY) ## learn the valve task, replay it in new situations, draw it: build/demo
 	.venv/bin/pilotfish demo --out build/demo
 
-test: $(READY) ## run every test
-	$(PYTHON) -m pytest
+test: $(READY) ## run every test that is not slow
+	$(PYTEST) -m "not slow"
 
 lint: $(READY) ## format, lint, types and spelling
 	.venv/bin/ruff format --check
@@ -38,7 +39,8 @@ lint: $(READY) ## format, lint, types and spelling
 	.venv/bin/mypy
 	.venv/bin/codespell -D - -D .ci/british.txt
 
-check: lint test ## everything that CI runs
+check: lint ## lint, then run every test, slow ones too, with three seeds
+	$(PYTEST) --seeds 3
 
 bench: $(READY) ## time pilotfish beside its peers
 	$(PYTHON) benchmarks/run.py

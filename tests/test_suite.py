@@ -1,0 +1,78 @@
+"""The suite keeps its own rules: seeds, and the limit on the time of a test that is not marked slow."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+PROGRAM = """
+import subprocess, sys, time
+import pytest
+
+BUSY = "import time; began = time.process_time()\\nwhile time.process_time() - began < 0.5: pass"
+
+def busy():
+    exec(BUSY, {})
+
+@pytest.fixture
+def expensive():
+    busy()
+
+def test_busy():
+    busy()
+
+def test_busy_child():
+    subprocess.run([sys.executable, "-c", BUSY], check=True)
+
+def test_busy_fixture(expensive):
+    pass
+
+def test_waiting():
+    time.sleep(0.5)
+
+def test_random(rng):
+    assert 0.0 <= rng.random() < 1.0
+
+@pytest.mark.slow
+def test_marked():
+    busy()
+"""
+
+Run = Callable[..., dict[str, str]]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """Return a function that runs PROGRAM with this suite's conftest and gives the outcome of each test."""
+    (tmp_path / "conftest.py").write_text((TESTS / "conftest.py").read_text(encoding="utf-8"))
+    (tmp_path / "test_program.py").write_text(PROGRAM)
+    (tmp_path / "pytest.ini").write_text(f"[pytest]\npythonpath = {TESTS / 'shared'}\nmarkers = slow: x\n")
+
+    def run_program(*options: str) -> dict[str, str]:
+        command = [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "-p", "no:xdist", *options]
+        ran = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True, timeout=120)
+        lines = [line.split() for line in ran.stdout.splitlines() if line.startswith("test_program.py::")]
+        return {words[0].partition("::")[2]: words[1] for words in lines}
+
+    return run_program
+
+
+def test_busy_tests_fail_unless_marked_slow(run: Run):
+    """Time in the test, in its children and in its fixtures counts; waiting for a busy machine does not."""
+    outcomes = run("--slow-after", "0.4")
+    failed = {"test_busy", "test_busy_child", "test_busy_fixture"}
+    assert {name for name, outcome in outcomes.items() if outcome == "FAILED"} == failed
+    passed = {"test_waiting", "test_random[seed0]", "test_marked"}
+    assert {name for name, outcome in outcomes.items() if outcome == "PASSED"} == passed
+    assert next(iter(outcomes)) == "test_marked"  # slow ones begin
+
+
+def test_seeds_option_repeats_random_tests_only(run: Run):
+    """Three seeds give three items of the test that uses rng; without a limit all pass."""
+    outcomes = run("--seeds", "3", "--slow-after", "0")
+    assert set(outcomes.values()) == {"PASSED"}
+    assert {name for name in outcomes if "seed" in name} == {f"test_random[seed{n}]" for n in range(3)}
+    assert len(outcomes) == 8
