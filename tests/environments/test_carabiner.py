@@ -5,8 +5,9 @@ from math import radians
 import mujoco
 import numpy as np
 import pytest
+from performing import perform_as_person
 
-from pilotfish.environments import Verdict, Workcell, people
+from pilotfish.environments import Verdict, Workcell
 from pilotfish.environments.baxter import posture_for
 from pilotfish.environments.tasks import CARABINER
 from pilotfish.environments.tasks.carabiner import (
@@ -20,6 +21,8 @@ from pilotfish.environments.tasks.carabiner import (
     inside,
 )
 from pilotfish.geometry import Pose, normalise
+
+pytestmark = pytest.mark.usefixtures("unchecked")
 
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
 OUTSIDE = GATE_LINE - SEAT + 0.03  # m above its place: the gate is clear of the rod
@@ -49,24 +52,10 @@ def pushed(cell: Workcell, place: float, aside: float, down_to: float) -> None:
         cell.follow(shifted, 0.0, ticks)
 
 
-def performed(seed: int) -> Workcell:
-    """The workcell when a simulated person has led the arm through the task."""
-    cell, rng = Workcell(CARABINER, drawn(seed), lead=True), np.random.default_rng(seed)
-    errand = people.Errand(people.Person(), CARABINER.script(cell.situation))
-    doing, done = people.begin(cell.arm.tool, 0.0), False
-    while not done and cell.time < CARABINER.seconds:
-        seen = people.Seen(cell.arm.tool, cell.frames())
-        doing, wish = people.act_step(errand, doing, cell.time, seen, rng)
-        cell.led(wish.pose, wish.grip, 20)
-        done = wish.done
-    return cell
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_person_hooks_the_carabiner(seed):
     """Led by a person the rod ends inside, near the place chosen along it, and nothing is pushed by 30 N."""
-    cell = performed(seed)
+    cell = perform_as_person(CARABINER, drawn(seed), np.random.default_rng(seed))
     assert cell.verdict() == Verdict(True, cell.verdict().error)
     place = (cell.frames()["rod"].inverse() @ cell.arm.tool).position[0]
     assert place == pytest.approx(cell.situation.place, abs=0.015)
@@ -85,7 +74,6 @@ def test_nothing_is_done_by_waiting():
     assert cell.peaks["tool"] == 0.0
 
 
-@pytest.mark.slow
 def test_what_is_hooked_stays_hooked():
     """The gate lets the rod in and not out: a tool that is asked 10 cm up hangs on the rod by over 15 N."""
     cell = Workcell(CARABINER, drawn(1))
@@ -97,7 +85,6 @@ def test_what_is_hooked_stays_hooked():
     assert cell.forces["tool"] > 15.0
 
 
-@pytest.mark.slow
 def test_half_a_push_leaves_the_gate_open():
     """Where the rod has not yet passed the gate it holds it open, though its axis is inside."""
     cell = Workcell(CARABINER, drawn(1))
@@ -105,7 +92,6 @@ def test_half_a_push_leaves_the_gate_open():
     assert "the gate stands open" in cell.verdict().why
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("aside", [-0.06, 0.06])
 def test_a_push_beside_the_rod_hooks_nothing(aside):
     """Six centimetres aside the ring goes down before or behind the rod, and the rod is not inside."""

@@ -9,6 +9,8 @@ from pilotfish.environments.baxter import ROBOT, THING
 from pilotfish.environments.contacts import contact_forces, larger
 from pilotfish.geometry import Pose
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 GRAVITY = 9.81
 KIND = {
     "robot": f'contype="{ROBOT}" conaffinity="{THING}"',

@@ -11,6 +11,8 @@ from pilotfish.environments.baxter.dress import PARTS, Surface, dress
 from pilotfish.environments.cameras import Photographer, View
 from pilotfish.errors import InvalidInput
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 GREEN = (0.0, 1.0, 0.0, 1.0)
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3]])
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

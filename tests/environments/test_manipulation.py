@@ -11,6 +11,8 @@ from gymnasium.utils.env_checker import check_env
 from pilotfish.environments import TASKS, TICK, Manipulation, Workcell
 from pilotfish.errors import InvalidInput
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 Observation = dict[str, np.ndarray]
 GYMNASIUM_S_ADVICE = (  # that a learner may want other scales is for its own wrapper: units are SI here
     "ignore:.*we recommend using a symmetric and .* space:UserWarning",

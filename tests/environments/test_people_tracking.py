@@ -20,6 +20,8 @@ from pilotfish.environments.people import (
 )
 from pilotfish.geometry import Pose, exp
 
+pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of looks; test_people.py checks each act
+
 TICK = 0.005
 STILL = np.array([1.0, 0.0, 0.0, 0.0])
 AT = Pose(np.array([0.5, 0.1, 0.2]), STILL)

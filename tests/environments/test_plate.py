@@ -5,8 +5,9 @@ from math import radians
 import mujoco
 import numpy as np
 import pytest
+from performing import perform_as_person
 
-from pilotfish.environments import Verdict, Workcell, people
+from pilotfish.environments import Verdict, Workcell
 from pilotfish.environments.baxter import posture_for
 from pilotfish.environments.tasks import PLATE, Scene
 from pilotfish.environments.tasks.plate import (
@@ -20,6 +21,8 @@ from pilotfish.environments.tasks.plate import (
     situation_at,
 )
 from pilotfish.geometry import Pose, exp, rotation_matrix
+
+pytestmark = pytest.mark.usefixtures("unchecked")
 
 LENGTH = 0.15  # m, of the tool
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
@@ -51,22 +54,19 @@ def moved(aside: float, lean: float, turn: float) -> Pose:
     return cross() @ Pose(np.array([aside, 0.0, 0.0]), exp(0.5 * radians(1.0) * np.array([lean, 0.0, turn])))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("level", [0, 7])
 def test_a_person_carries_the_plate_over_the_obstacle(level):
     """Led by a person it ends within 1 cm of the cross, past a low or a high bar that nothing touches."""
-    rng = np.random.default_rng(level)
-    cell = Workcell(PLATE, situation_at(level, rng), lead=True)
-    errand = people.Errand(people.Person(), PLATE.script(cell.situation))
-    doing, done, highest = people.begin(cell.arm.tool, 0.0), False, -1.0
-    while not done and cell.time < PLATE.seconds:
-        seen = people.Seen(cell.arm.tool, cell.frames())
-        doing, wish = people.act_step(errand, doing, cell.time, seen, rng)
-        cell.led(wish.pose, wish.grip, 20)
-        done, highest = wish.done, max(highest, float(plate_now(cell.data).position[2]))
+    rng, heights = np.random.default_rng(level), []
+    cell = perform_as_person(
+        PLATE,
+        situation_at(level, rng),
+        rng,
+        watch=lambda cell: heights.append(plate_now(cell.data).position[2]),
+    )
     assert cell.verdict() == Verdict(True, cell.verdict().error)
     assert cell.verdict().error < 0.01
-    assert highest > obstacle_at(level).position[2] + BAR[2]
+    assert max(heights) > obstacle_at(level).position[2] + BAR[2]
     assert 0.0 < cell.peaks["tool"] < 60.0
     assert all(cell.peaks[name] == 0.0 for name in FRAGILE)
 

@@ -11,6 +11,8 @@ from pilotfish.environments.tasks.recorded_valve import CENTRE, LEVER, handle_at
 from pilotfish.geometry import Pose, angle, normalise, rotation_matrix
 from pilotfish.store import datasets
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 ANGLES = np.linspace(-3.0, 3.0, 13)
 
 

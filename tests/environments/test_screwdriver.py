@@ -5,8 +5,9 @@ from math import pi, radians
 import mujoco
 import numpy as np
 import pytest
+from performing import perform_as_person
 
-from pilotfish.environments import Verdict, Workcell, people
+from pilotfish.environments import Verdict, Workcell
 from pilotfish.environments.baxter import posture_for
 from pilotfish.environments.tasks import SCREWDRIVER
 from pilotfish.environments.tasks.screwdriver import (
@@ -20,6 +21,8 @@ from pilotfish.environments.tasks.screwdriver import (
     screw_at,
 )
 from pilotfish.geometry import Pose, angle, exp
+
+pytestmark = pytest.mark.usefixtures("unchecked")
 
 ARM_LAG = 0.25  # s, from the leading hand to the led tool: what a person who tracks has to reckon with
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
@@ -37,24 +40,10 @@ def stand(cell: Workcell, tool: Pose) -> Verdict:
     return cell.verdict()
 
 
-def performed(seed: int) -> Workcell:
-    """The workcell when a simulated person has led the arm through the task."""
-    cell, rng = Workcell(SCREWDRIVER, drawn(seed), lead=True), np.random.default_rng(seed)
-    errand = people.Errand(people.Person(), SCREWDRIVER.script(cell.situation), ARM_LAG)
-    doing, done = people.begin(cell.arm.tool, 0.0), False
-    while not done and cell.time < SCREWDRIVER.seconds:
-        seen = people.Seen(cell.arm.tool, cell.frames())
-        doing, wish = people.act_step(errand, doing, cell.time, seen, rng)
-        cell.led(wish.pose, wish.grip, 20)
-        done = wish.done
-    return cell
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_person_sets_the_screwdriver_in(seed):
     """Led by a person the tip ends at the bottom of the moving recess, and nothing is pushed by 60 N."""
-    cell = performed(seed)
+    cell = perform_as_person(SCREWDRIVER, drawn(seed), np.random.default_rng(seed), lag=ARM_LAG)
     assert cell.verdict() == Verdict(True, cell.verdict().error)
     assert cell.verdict().error < 0.003
     assert 0.0 < cell.peaks["tool"] < 60.0
@@ -72,7 +61,6 @@ def test_nothing_is_done_by_waiting():
     assert cell.peaks["tool"] == 0.0
 
 
-@pytest.mark.slow
 def test_a_tip_beside_the_funnel_rests_on_the_plate():
     """Pressed down 19 mm aside it stops as high as the plate, however long: the recess has walls."""
     cell = Workcell(SCREWDRIVER, drawn(1))
@@ -87,7 +75,6 @@ def test_a_tip_beside_the_funnel_rests_on_the_plate():
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.slow
 def test_who_aims_at_where_the_screw_was_misses(seed):
     """A tip that is let down where the screw stood when it was farthest away does not find the recess."""
     situation = drawn(seed)

@@ -5,8 +5,9 @@ from math import radians
 import mujoco
 import numpy as np
 import pytest
+from performing import perform_as_person
 
-from pilotfish.environments import Verdict, Workcell, people
+from pilotfish.environments import Verdict, Workcell
 from pilotfish.environments.baxter import posture_for
 from pilotfish.environments.tasks import STAB
 from pilotfish.environments.tasks.stab import (
@@ -20,6 +21,8 @@ from pilotfish.environments.tasks.stab import (
     tip_in,
 )
 from pilotfish.geometry import Pose, exp, rotation_matrix
+
+pytestmark = pytest.mark.usefixtures("unchecked")
 
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -47,19 +50,10 @@ def stand(cell: Workcell, tool: Pose) -> Verdict:
     return cell.verdict()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_person_puts_the_stab_in(seed):
     """Led by a person the stab ends in the bore, and nothing is pushed by 60 N."""
-    rng = np.random.default_rng(seed)
-    cell = Workcell(STAB, drawn(seed), lead=True)
-    errand = people.Errand(people.Person(), STAB.script(cell.situation))
-    doing, done = people.begin(cell.arm.tool, 0.0), False
-    while not done and cell.time < STAB.seconds:
-        seen = people.Seen(cell.arm.tool, cell.frames())
-        doing, wish = people.act_step(errand, doing, cell.time, seen, rng)
-        cell.led(wish.pose, wish.grip, 20)
-        done = wish.done
+    cell = perform_as_person(STAB, drawn(seed), np.random.default_rng(seed))
     assert cell.verdict() == Verdict(True, cell.verdict().error)
     assert cell.verdict().error < 0.001
     assert cell.peaks["tool"] < 60.0

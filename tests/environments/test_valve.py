@@ -11,6 +11,8 @@ from pilotfish.environments.baxter import posture_for
 from pilotfish.environments.tasks.valve import CLEAR, TOLERANCE, handle_at
 from pilotfish.geometry import Pose, angle
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 VALVE = TASKS["valve"]
 
 

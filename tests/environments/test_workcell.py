@@ -10,6 +10,8 @@ from pilotfish.environments.baxter import JOINTS, add_arm, arm_chain, baxter_lim
 from pilotfish.environments.steering import Clutch, straight, turn_between
 from pilotfish.geometry import Pose, angle, exp, multiply, normalise, rotation_vector
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 VALVE = TASKS["valve"]
 SIDES = ("left", "right")
 

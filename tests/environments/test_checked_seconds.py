@@ -1,0 +1,39 @@
+"""Physics keeps its annotations: a second of each task, led and followed, with every call checked.
+
+The other tests of physics run unchecked, because checks cost five to eight times the physics.
+"""
+
+import numpy as np
+import pytest
+from jaxtyping import config
+from performing import perform_as_person
+
+from pilotfish.environments import RECORDED_VALVE, TASKS, Workcell
+
+EVERY_TASK = {**TASKS, RECORDED_VALVE.name: RECORDED_VALVE}
+
+
+@pytest.fixture(autouse=True)
+def checked():
+    assert not config.jaxtyping_disable
+
+
+@pytest.mark.parametrize("name", sorted(EVERY_TASK))
+def test_a_led_second_of_each_task_keeps_its_annotations(name, rng):
+    """The person leads for a second, is judged, and has not finished."""
+    task = EVERY_TASK[name]
+    cell = perform_as_person(task, task.draw(rng), rng, seconds=1.0)
+    assert cell.time == pytest.approx(1.0, abs=0.02)
+    assert not cell.verdict().success
+
+
+@pytest.mark.parametrize("name", sorted(EVERY_TASK))
+def test_a_followed_second_of_each_task_keeps_its_annotations(name, rng):
+    """The arm goes to a pose 5 cm aside and is there, nearly, after a second."""
+    task = EVERY_TASK[name]
+    cell = Workcell(task, task.draw(rng))
+    goal = type(cell.target)(cell.target.position + np.array([0.0, 0.05, 0.0]), cell.target.quaternion)
+    for _ in range(10):
+        cell.follow(goal, 0.0, 100)
+    assert np.linalg.norm(cell.arm.tool.position - goal.position) < 0.02
+    assert not cell.verdict().success
