@@ -18,7 +18,14 @@ from pilotfish.validation.paths import (
     read_file,
     resolve_path,
 )
-from pilotfish.validation.text import LONGEST_NAME, escape, require_printable, short_repr
+from pilotfish.validation.text import (
+    LONGEST_NAME,
+    escape,
+    first_repeated,
+    require_printable,
+    short_list,
+    short_repr,
+)
 
 __all__ = [
     "LARGEST_FILE",
@@ -26,6 +33,7 @@ __all__ = [
     "LONGEST_NAME",
     "escape",
     "finite_array",
+    "first_repeated",
     "is_file",
     "is_folder",
     "numeric_array",
@@ -36,5 +44,6 @@ __all__ = [
     "require_number",
     "require_printable",
     "resolve_path",
+    "short_list",
     "short_repr",
 ]

@@ -9,6 +9,7 @@ from pilotfish.types import Array, Float
 from pilotfish.validation.text import short_repr
 
 LARGEST_MAGNITUDE = 1e100  # the squares of such numbers, and sums of many squares, do not overflow
+MOST_DIMENSIONS = 32  # of an array, as NumPy 1 has it
 
 
 def require_count(value: object, place: str, largest: int, lowest: int = 0) -> int:
@@ -72,10 +73,9 @@ def numeric_array(value: object, place: str) -> Float[Array, "..."]:
     Raises:
         InvalidInput: If it is ragged, holds text, objects, complex or boolean values, or has masked entries.
     """
-    if np.ma.is_masked(value):
-        raise InvalidInput(f"{place} has masked entries, expected numbers everywhere; fill or cut them")
+    _refuse_odd_items(value, place, depth=0)
     try:
-        array = np.array(value)
+        array = np.asarray(value)
     except ValueError as error:
         raise InvalidInput(f"{place} has rows of different lengths, expected equal ones: {error}") from error
     if array.dtype.kind not in "fiu":
@@ -84,6 +84,25 @@ def numeric_array(value: object, place: str) -> Float[Array, "..."]:
     numbers = np.array(array, dtype=np.float64, order="C")
     numbers.setflags(write=False)
     return numbers
+
+
+def _refuse_odd_items(value: object, place: str, depth: int) -> None:
+    """Raise InvalidInput where NumPy would convert text, booleans or masked values among numbers.
+
+    One long text among many short items would also make NumPy reserve its length for each of them.
+    """
+    if np.ma.is_masked(value):
+        raise InvalidInput(f"{place} has masked entries, expected numbers everywhere; fill or cut them")
+    if not isinstance(value, list | tuple):
+        return
+    if depth == MOST_DIMENSIONS:
+        raise InvalidInput(f"{place} is nested deeper than {MOST_DIMENSIONS} lists, expected an array")
+    for item in value:
+        if type(item) is float or type(item) is int:
+            continue
+        if isinstance(item, str | bytes | bool | np.bool_):
+            raise InvalidInput(f"{place} holds {short_repr(item)}, expected an array of real numbers")
+        _refuse_odd_items(item, place, depth + 1)
 
 
 def finite_array(value: object, place: str) -> Float[Array, "..."]:

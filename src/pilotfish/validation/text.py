@@ -6,10 +6,15 @@ from outside is either refused where it is read (`require_printable`) or escaped
 """
 
 import reprlib
+from collections.abc import Collection, Hashable, Iterable
+from itertools import islice
+from typing import TypeVar
 
 from pilotfish.errors import InvalidInput, escape
 
-__all__ = ["LONGEST_NAME", "escape", "require_printable", "short_repr"]
+__all__ = ["LONGEST_NAME", "escape", "first_repeated", "require_printable", "short_list", "short_repr"]
+
+T = TypeVar("T", bound=Hashable)
 
 LONGEST_NAME = 200  # characters
 
@@ -54,3 +59,23 @@ def short_repr(value: object, longest: int = 60) -> str:
         text = f"a {type(value).__name__} with a number that is too long"
     text = escape(text)
     return text if len(text) <= longest else f"{text[: longest - 3]}..."
+
+
+def short_list(items: Collection[object], most: int = 8) -> str:
+    """Return the items separated by commas; of more than `most`, the first ones and how many there are.
+
+    Names stand as they are, everything else as `short_repr` writes it.
+    """
+    shown = [item if isinstance(item, str) else short_repr(item) for item in islice(items, most)]
+    text = ", ".join(escape(item[:LONGEST_NAME]) for item in shown)
+    return text if len(items) <= most else f"{text}, ... {len(items)} in all"
+
+
+def first_repeated(items: Iterable[T]) -> T | None:
+    """Return the first item that equals an earlier one, or None; the cost is linear in their number."""
+    met: set[T] = set()
+    for item in items:
+        if item in met:
+            return item
+        met.add(item)
+    return None
