@@ -157,7 +157,7 @@ BAD_FRAMES = [
     (np.eye(3), [0, 0, np.inf], r"b\[2\] is inf"),
     ([[1, 0], [0]], [0, 0], "different lengths"),
     (np.eye(2, dtype=complex), [0, 0], "complex128 values"),
-    (np.eye(2), ["a", "b"], "no real numbers"),
+    (np.eye(2), ["a", "b"], "b holds 'a', expected an array of real numbers"),
 ]
 
 
@@ -181,7 +181,7 @@ def test_a_moving_frame_is_refused_at_the_step_where_it_is_singular():
 @pytest.mark.parametrize("name", ["", " cup", "a\nb"])
 def test_frames_need_a_name_on_one_line(name: str):
     """Names are what frames are told apart by."""
-    with pytest.raises(InvalidInput, match="a frame is named"):
+    with pytest.raises(InvalidInput, match="the name of a frame is"):
         frame(name, np.eye(2), np.zeros(2))
 
 

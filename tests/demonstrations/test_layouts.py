@@ -45,11 +45,14 @@ def test_layouts_are_values():
     ("name", "size", "quantity", "derivative", "message"),
     [
         ("q", 3, Quantity.QUATERNION, 0, "size 3, expected 4"),
-        ("p", 0, Quantity.POSITION, 0, "size 0"),
-        ("p", 3, Quantity.POSITION, -1, "derivative -1"),
-        ("", 3, Quantity.POSITION, 0, "named ''"),
+        ("p", 0, Quantity.POSITION, 0, "size of part 'p' is 0, expected a whole number from 1 to 10000"),
+        ("p", 3, Quantity.POSITION, -1, "derivative of part 'p' is -1"),
+        ("", 3, Quantity.POSITION, 0, "name of a part is ''"),
         (" p", 3, Quantity.POSITION, 0, "blank ends"),
         ("a\nb", 3, Quantity.POSITION, 0, "one line"),
+        ("n" * 201, 3, Quantity.POSITION, 0, "has 201 characters, expected at most 200"),
+        ("p", 3, Quantity.POSITION, 10, "derivative of part 'p' is 10, expected a whole number from 0 to 9"),
+        ("p", 10**19, Quantity.SCALAR, 0, "size of part 'p' is 10{19}, expected a whole number from 1"),
     ],
 )
 def test_parts_that_cannot_be_are_refused(

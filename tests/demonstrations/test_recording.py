@@ -78,7 +78,7 @@ def test_numbers_that_are_not_finite_are_located(bad: float):
 @pytest.mark.parametrize("period", [0.0, -0.1, np.nan, np.inf])
 def test_time_must_go_forward(period: float):
     """A period is a positive, finite time."""
-    with pytest.raises(InvalidInput, match=f"period is {period} s"):
+    with pytest.raises(InvalidInput, match=f"period is {period}, expected a number from 1e-09"):
         demonstration(LINE, period, PLANE)
 
 

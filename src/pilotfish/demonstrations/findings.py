@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import combinations
+from hashlib import sha256
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from pilotfish.demonstrations.frames import Frame, MovingFrame, is_world
 from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.demonstrations.signs import without_flips
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import short_list
 
 VERY_DIFFERENT = 2.0  # times the length of the shortest
 JUMP = 5.0  # times the steps before and after
@@ -75,8 +76,12 @@ def _same(given: Frame | MovingFrame, other: Frame | MovingFrame) -> bool:
 
 
 def _duplicates(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]:
-    for (m, one), (n, other) in combinations(enumerate(demonstrations), 2):
-        if np.array_equal(one.x, other.x):
+    first: dict[tuple[tuple[int, ...], bytes], int] = {}
+    for n, other in enumerate(demonstrations):
+        rows = other.x + 0.0  # minus zero becomes zero
+        m = first.setdefault((rows.shape, sha256(rows.tobytes()).digest()), n)
+        if m < n:
+            one = demonstrations[m]
             message = f"has the same rows as {_place(m, one)}; a copy counts as a second showing"
             yield Finding(Severity.WARNING, _place(n, other), message)
 
@@ -95,7 +100,8 @@ def _lengths(demonstrations: Sequence[Demonstration]) -> Iterator[Finding]:
 def _constant_columns(place: str, demo: Demonstration) -> Iterator[Finding]:
     still = np.flatnonzero(np.ptp(demo.x, axis=0) == 0)
     if still.size:
-        names = ", ".join(repr(demo.layout.names[column]) for column in still)
+        columns = demo.layout.names
+        names = short_list([repr(columns[column]) for column in still])
         yield Finding(
             Severity.NOTE, place, f"never changes in {names}; learning then rests on regularisation"
         )

@@ -13,6 +13,7 @@ import numpy as np
 from pilotfish.demonstrations.frame_doors import moving_frame
 from pilotfish.demonstrations.frames import WORLD, Frame, MovingFrame, is_world
 from pilotfish.demonstrations.manifests import (
+    LARGEST_MANIFEST,
     NAMES,
     Entry,
     FrameKeys,
@@ -22,9 +23,17 @@ from pilotfish.demonstrations.manifests import (
     written_manifest,
 )
 from pilotfish.demonstrations.recording import Demonstration, demonstration
-from pilotfish.demonstrations.tables import arrays_of_npz, csv_bytes, npz_bytes, rows_of_csv
+from pilotfish.demonstrations.tables import (
+    LARGEST_ARCHIVE,
+    LARGEST_TABLE,
+    arrays_of_npz,
+    csv_bytes,
+    npz_bytes,
+    rows_of_csv,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import is_file, is_folder, read_file, resolve_path, short_list, short_repr
 
 
 def read_folder(path: str | Path) -> tuple[Demonstration, ...]:
@@ -63,35 +72,37 @@ def write_folder(
 
 
 def _manifest(folder: Path) -> Manifest:
-    there = [name for name in NAMES if (folder / name).is_file()]
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise InvalidInput(f"{folder} is no folder, expected one with demonstrations.toml in it")
+    there = [name for name in NAMES if is_file(folder / name)]
     if len(there) != 1:
         found = "both" if there else "neither"
         raise InvalidInput(f"{folder} has {found} of {' and '.join(NAMES)}, expected exactly one")
-    return parsed_manifest(_bytes(folder / there[0]), there[0])
+    return parsed_manifest(_bytes(folder, there[0], "a manifest", LARGEST_MANIFEST), there[0])
 
 
-def _bytes(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise InvalidInput(f"{file} cannot be read: {error.strerror}") from error
+def _bytes(folder: Path, name: str, expected: str, largest: int) -> bytes:
+    """Return the bytes of a file that lies in the folder, also behind a link that does not leave it."""
+    file = folder / name
+    if not resolve_path(file).is_relative_to(resolve_path(folder)):
+        raise InvalidInput(f"{file} is a link to a file outside the folder; copy that file into the folder")
+    return read_file(file, expected, largest)
 
 
 def _read(folder: Path, entry: Entry, manifest: Manifest) -> Demonstration:
-    data = _bytes(folder / entry.file)
+    csv = entry.file.endswith(".csv")
+    data = _bytes(folder, entry.file, "a table of rows", LARGEST_TABLE if csv else LARGEST_ARCHIVE)
     if entry.sha256 and entry.sha256 != (now := hashlib.sha256(data).hexdigest()):
         raise InvalidInput(
             f"{entry.file}: changed since pilotfish wrote it (sha256 {now[:12]}..., the manifest says "
             f"{entry.sha256[:12]}...); if the change is meant, delete its sha256 and the manifest's own"
         )
-    if entry.file.endswith(".csv"):
+    if csv:
         arrays = {"x": rows_of_csv(data, entry.file, manifest.layout.names)}
     else:
         arrays = arrays_of_npz(data, entry.file)
     _refuse_other_arrays(arrays, entry)
-    where = f"{entry.file}{' (row 0 is line 2)' if entry.file.endswith('.csv') else ''}"
+    where = f"{entry.file}{' (row 0 is line 2)' if csv else ''}"
     try:
         frames = [_frame(given, arrays) for given in entry.frames]
         return demonstration(arrays["x"], manifest.period, manifest.layout, frames, entry.name)
@@ -104,10 +115,12 @@ def _refuse_other_arrays(arrays: dict[str, Float[Array, "..."]], entry: Entry) -
     expected = {"x", *keys}
     if missing := sorted(expected - arrays.keys()):
         hint = "; moving frames need an NPZ file" if entry.file.endswith(".csv") else ""
-        raise InvalidInput(f"{entry.file} has no array {missing[0]!r}, it has {sorted(arrays)}{hint}")
+        raise InvalidInput(
+            f"{entry.file} has no array {missing[0]!r}, it has {short_list(sorted(arrays))}{hint}"
+        )
     if extra := sorted(arrays.keys() - expected):
         raise InvalidInput(
-            f"{entry.file} has an array {extra[0]!r} that no frame names; name it or remove it"
+            f"{entry.file} has an array {short_repr(extra[0])} that no frame names; name it or remove it"
         )
 
 

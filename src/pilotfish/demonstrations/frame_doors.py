@@ -3,6 +3,7 @@
 import numpy as np
 
 from pilotfish.demonstrations.frames import Frame, MovingFrame
+from pilotfish.demonstrations.layouts import require_name
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array
@@ -15,7 +16,7 @@ def frame(name: str, A: object, b: object) -> Frame:
 
     Raises: InvalidInput, when A is not square, b is not as long, a number is not finite, or A is singular.
     """
-    place = f"frame {_named(name)!r}"
+    place = f"frame {require_name(name, 'a frame')!r}"
     matrix, offset = finite_array(A, f"{place}: A"), finite_array(b, f"{place}: b")
     _refuse_shapes(place, matrix, offset, leading=())
     _refuse_singular(place, matrix[None], moving=False)
@@ -27,17 +28,11 @@ def moving_frame(name: str, A: object, b: object) -> MovingFrame:
 
     Raises: InvalidInput, as frame does, naming the step.
     """
-    place = f"moving frame {_named(name)!r}"
+    place = f"moving frame {require_name(name, 'a frame')!r}"
     matrices, offsets = finite_array(A, f"{place}: A"), finite_array(b, f"{place}: b")
     _refuse_shapes(place, matrices, offsets, leading=matrices.shape[:1])
     _refuse_singular(place, matrices, moving=True)
     return MovingFrame(name, matrices, offsets)
-
-
-def _named(name: str) -> str:
-    if not name or name != name.strip() or not name.isprintable():
-        raise InvalidInput(f"a frame is named {name!r}, expected a name on one line, without blank ends")
-    return name
 
 
 def _refuse_shapes(

@@ -10,6 +10,7 @@ from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import short_list
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,12 +62,13 @@ def refuse_disagreement(demonstrations: Sequence[Demonstration]) -> None:
 def disagreement(first: Demonstration, other: Demonstration) -> str:
     """Why the two cannot be learned from together; empty when they can."""
     if first.layout != other.layout:
-        return f"differ in layout: {', '.join(other.layout.names)} and {', '.join(first.layout.names)}"
+        return f"differ in layout: {short_list(other.layout.names)} and {short_list(first.layout.names)}"
     if first.period != other.period:
         return f"differ in period: {other.period} s and {first.period} s; resample one of them"
     names, expected = ([given.name for given in demo.frames] for demo in (other, first))
     if names != expected:
-        return f"differ in frames: {names} and {expected}; give the same frames in the same order"
+        found = f"{short_list(names)} and {short_list(expected)}"
+        return f"differ in frames: {found}; give the same frames in the same order"
     return ""
 
 

@@ -1,13 +1,15 @@
 """What the columns of a recording mean."""
 
-import difflib
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import accumulate
 
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.validation import first_repeated, nearest_name, require_count, require_printable, short_list
 
 QUATERNION_SIZE, ROTATION_VECTOR_SIZE = 4, 3
+MOST_COLUMNS = 10_000
+HIGHEST_DERIVATIVE = 9
 
 
 class Quantity(Enum):
@@ -34,15 +36,11 @@ class Part:
     derivative: int = 0
 
     def __post_init__(self) -> None:
-        if not self.name or self.name != self.name.strip() or not self.name.isprintable():
-            raise InvalidInput(
-                f"a part is named {self.name!r}, expected a name on one line, without blank ends"
-            )
-        if self.size < 1 or self.derivative < 0:
-            raise InvalidInput(
-                f"part {self.name!r} has size {self.size} and derivative {self.derivative}, "
-                "expected a size of 1 or more and a derivative of 0 or more"
-            )
+        require_name(self.name, "a part")
+        require_kind("quantity", self.quantity, Quantity, "say Quantity.SCALAR")
+        require_count(self.size, f"the size of part {self.name!r}", MOST_COLUMNS, 1)
+        require_count(self.derivative, f"the derivative of part {self.name!r}", HIGHEST_DERIVATIVE)
+        require_printable(self.unit, f"the unit of part {self.name!r}")
         if self.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION) and self.size != QUATERNION_SIZE:
             raise InvalidInput(
                 f"part {self.name!r} is a quaternion of size {self.size}, expected 4 (w x y z)"
@@ -61,11 +59,11 @@ class Layout:
     parts: tuple[Part, ...]
 
     def __post_init__(self) -> None:
-        keys = [(part.name, part.derivative) for part in self.parts]
-        if twice := sorted({key for key in keys if keys.count(key) > 1}):
-            raise InvalidInput(f"the layout has {twice[0]} (name, derivative) more than once; rename one")
         if not self.parts:
             raise InvalidInput("the layout has no parts, expected at least one")
+        if twice := first_repeated((part.name, part.derivative) for part in self.parts):
+            raise InvalidInput(f"the layout has {twice} (name, derivative) more than once; rename one")
+        require_count(self.width, "the number of columns of the layout", MOST_COLUMNS)
 
     @property
     def width(self) -> int:
@@ -111,10 +109,10 @@ class Layout:
             if (part.name, part.derivative) == (name, derivative):
                 return columns
         known = [f"{part.name!r} (derivative {part.derivative})" for part in self.parts]
-        near = difflib.get_close_matches(name, [part.name for part in self.parts], n=1, cutoff=0.4)
-        hint = f"; did you mean {near[0]!r}?" if near and near[0] != name else ""
+        near = nearest_name(name, (part.name for part in self.parts), cutoff=0.4)
+        hint = f"; did you mean {near!r}?" if near and near != name else ""
         raise InvalidInput(
-            f"no part {name!r} with derivative {derivative}; there is {', '.join(known)}{hint}"
+            f"no part {name!r} with derivative {derivative}; there is {short_list(known)}{hint}"
         )
 
     def differentiated(self) -> "Layout":
@@ -133,6 +131,18 @@ class Layout:
     def tangent(self) -> "Layout":
         """The columns of deviations: a rotation vector [rad] in body axes for each orientation on S^3."""
         return Layout(tuple(_tangent_part(part) for part in self.parts))
+
+
+def require_name(name: object, what: str) -> str:
+    """Return the name of a part or frame if it is printable, not empty, and has no blank ends.
+
+    Raises:
+        InvalidInput: If it is not; the message begins with what is named.
+    """
+    place = f"the name of {what}"
+    if not (text := require_printable(name, place)) or text != text.strip():
+        raise InvalidInput(f"{place} is {text!r}, expected text on one line, without blank ends")
+    return text
 
 
 def pose_layout() -> Layout:

@@ -7,17 +7,35 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-from pilotfish.demonstrations.fields import fields, items, number, text, whole
+from pilotfish.demonstrations.fields import fields, items
 from pilotfish.demonstrations.frame_doors import frame
 from pilotfish.demonstrations.frames import Frame, frame_from_pose
-from pilotfish.demonstrations.layouts import Layout, Part, Quantity
+from pilotfish.demonstrations.layouts import (
+    HIGHEST_DERIVATIVE,
+    MOST_COLUMNS,
+    Layout,
+    Part,
+    Quantity,
+    require_name,
+)
+from pilotfish.demonstrations.recording import require_period
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import pose
-from pilotfish.validation import finite_array
+from pilotfish.geometry import Pose, pose
+from pilotfish.validation import (
+    finite_array,
+    first_repeated,
+    require_count,
+    require_printable,
+    short_repr,
+)
 
 FORMAT, VERSION = "pilotfish demonstrations", 1
 NAMES = ("demonstrations.toml", "demonstrations.json")
 ENDINGS = (".csv", ".npz")
+LARGEST_MANIFEST = 2**24  # bytes
+MOST_DEMONSTRATIONS = 10_000
+MOST_FRAME_NUMBERS = 2**26  # in the matrices of all frames; a demonstration without one has the world's
+SHA256 = 64  # digits
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +77,13 @@ def parsed_manifest(data: bytes, name: str) -> Manifest:
     _refuse_changed(top, name)
     layout = _layout(top["layout"], f"{name}: layout")
     listed = items(top["demonstration"], f"{name}: demonstration")
+    _refuse_large(listed, layout, name)
     entries = [_entry(value, f"{name}: demonstration {m}", layout) for m, value in enumerate(listed)]
     if not entries:
         raise InvalidInput(f"{name}: demonstration is empty, expected at least one")
-    files = [entry.file for entry in entries]
-    if twice := [file for file in files if files.count(file) > 1]:
-        raise InvalidInput(f"{name}: file {twice[0]!r} is named more than once, expected a file for each")
-    return Manifest(_period(top["period"], f"{name}: period"), layout, tuple(entries))
+    if twice := first_repeated(entry.file for entry in entries):
+        raise InvalidInput(f"{name}: file {twice!r} is named more than once, expected a file for each")
+    return Manifest(require_period(top["period"], f"{name}: period"), layout, tuple(entries))
 
 
 def written_manifest(content: dict[str, Any]) -> bytes:
@@ -73,7 +91,13 @@ def written_manifest(content: dict[str, Any]) -> bytes:
     said = {"format": FORMAT, "version": VERSION, **content}
     signed = {**said, "sha256": content_hash(said)}
     lines = [f"  {json.dumps(key)}: {_one_item_a_line(value)}" for key, value in signed.items()]
-    return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+    data = ("{\n" + ",\n".join(lines) + "\n}\n").encode()
+    if len(data) > LARGEST_MANIFEST:
+        raise InvalidInput(
+            f"the manifest would have {len(data)} bytes, expected at most {LARGEST_MANIFEST}; write the "
+            "demonstrations to several folders"
+        )
+    return data
 
 
 def layout_fields(layout: Layout) -> list[dict[str, Any]]:
@@ -118,17 +142,34 @@ def _content(data: bytes, name: str) -> object:
 
 
 def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    keys = [key for key, _ in pairs]
-    if twice := [key for key in keys if keys.count(key) > 1]:
-        raise InvalidInput(f"key {twice[0]!r} stands more than once in one table; keep one")
-    return dict(pairs)
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        twice = first_repeated(key for key, _ in pairs)
+        raise InvalidInput(f"key {short_repr(twice)} stands more than once in one table; keep one")
+    return table
+
+
+def _refuse_large(listed: list[Any], layout: Layout, name: str) -> None:
+    """Raise InvalidInput before frames are made that would not fit in memory."""
+    require_count(len(listed), f"{name}: the number of demonstrations", MOST_DEMONSTRATIONS)
+    counts = [
+        len(items) for one in listed if isinstance(one, dict) and isinstance(items := one.get("frames"), list)
+    ]
+    frames = sum(max(1, count) for count in counts) + len(listed) - len(counts)
+    if frames * layout.width**2 > MOST_FRAME_NUMBERS:
+        raise InvalidInput(
+            f"{name}: the matrices of {frames} frames of {layout.width} columns have "
+            f"{frames * layout.width**2} numbers, expected at most {MOST_FRAME_NUMBERS}; use several folders"
+        )
 
 
 def _refuse_other_formats(content: object, name: str) -> None:
     said = content if isinstance(content, dict) else {}
     if said.get("format") != FORMAT:
-        raise InvalidInput(f'{name}: format is {said.get("format")!r}, expected format = "{FORMAT}"')
-    version = whole(said.get("version"), f"{name}: version")
+        raise InvalidInput(
+            f'{name}: format is {short_repr(said.get("format"))}, expected format = "{FORMAT}"'
+        )
+    version = require_count(said.get("version"), f"{name}: version", 2**31, -(2**31))
     if version > VERSION:
         raise InvalidInput(
             f"{name}: written by a newer pilotfish (version {version}, this one reads {VERSION}); upgrade it"
@@ -138,18 +179,17 @@ def _refuse_other_formats(content: object, name: str) -> None:
 
 
 def _refuse_changed(top: dict[str, Any], name: str) -> None:
-    if "sha256" in top and top["sha256"] != (now := content_hash(top)):
+    if "sha256" not in top:
+        return
+    try:
+        now = content_hash(top)
+    except (ValueError, RecursionError) as error:  # numbers with more digits than Python prints
+        raise InvalidInput(f"{name}: its sha256 cannot be checked: {error}") from error
+    if top["sha256"] != now:
         raise InvalidInput(
             f"{name}: changed since pilotfish wrote it: its sha256 is {now}, the one written in it "
-            f"{top['sha256']!r}; if the change is meant, delete the key sha256 at the top"
+            f"{short_repr(top['sha256'], 70)}; if the change is meant, delete the key sha256 at the top"
         )
-
-
-def _period(value: object, place: str) -> float:
-    period = number(value, place)
-    if period <= 0.0:
-        raise InvalidInput(f"{place} is {period} s, expected a positive number")
-    return period
 
 
 def _layout(value: object, place: str) -> Layout:
@@ -164,11 +204,13 @@ def _part(value: object, place: str) -> Part:
     said = fields(value, place, ("name", "quantity", "size", "unit"), ("derivative",))
     kinds = [quantity.value for quantity in Quantity]
     if said["quantity"] not in kinds:
-        raise InvalidInput(f"{place}: quantity is {said['quantity']!r}, expected one of {', '.join(kinds)}")
-    size = whole(said["size"], f"{place}: size")
-    derivative = whole(said.get("derivative", 0), f"{place}: derivative")
-    name, unit = text(said["name"], f"{place}: name"), text(said["unit"], f"{place}: unit")
+        found = short_repr(said["quantity"])
+        raise InvalidInput(f"{place}: quantity is {found}, expected one of {', '.join(kinds)}")
+    size = require_count(said["size"], f"{place}: size", MOST_COLUMNS, 1)
+    derivative = require_count(said.get("derivative", 0), f"{place}: derivative", HIGHEST_DERIVATIVE)
+    unit = require_printable(said["unit"], f"{place}: unit")
     try:
+        name = require_name(said["name"], "a part")
         return Part(name, Quantity(said["quantity"]), size, unit, derivative)
     except InvalidInput as error:
         raise InvalidInput(f"{place}: {error}") from error
@@ -176,21 +218,18 @@ def _part(value: object, place: str) -> Part:
 
 def _entry(value: object, place: str, layout: Layout) -> Entry:
     said = fields(value, place, ("file",), ("name", "sha256", "frames"))
-    file = text(said["file"], f"{place}: file")
+    file = require_printable(said["file"], f"{place}: file")
     path = PurePath(file)
-    if path.name != file or "\\" in file or not file.isprintable() or path.suffix not in ENDINGS:
+    if path.name != file or "\\" in file or path.suffix not in ENDINGS:
         raise InvalidInput(
             f"{place}: file is {file!r}, expected the name of a .csv or .npz file in this folder"
         )
     listed = items(said.get("frames", []), f"{place}: frames")
     frames = [_frame(item, f"{place}, frame {n}", layout) for n, item in enumerate(listed)]
-    names = [given.name for given in frames]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise InvalidInput(f"{place}: two frames are named {twice[0]!r}, expected different names")
-    name, sha256 = (
-        text(said.get("name", ""), f"{place}: name"),
-        text(said.get("sha256", ""), f"{place}: sha256"),
-    )
+    if twice := first_repeated(given.name for given in frames):
+        raise InvalidInput(f"{place}: two frames are named {twice!r}, expected different names")
+    name = require_printable(said.get("name", ""), f"{place}: name")
+    sha256 = require_printable(said.get("sha256", ""), f"{place}: sha256", SHA256)
     return Entry(name, file, sha256, tuple(frames))
 
 
@@ -198,15 +237,19 @@ def _frame(value: object, place: str, layout: Layout) -> Frame | FrameKeys:
     by_pose = isinstance(value, dict) and ("position" in value or "quaternion" in value)
     needed = ("name", "position", "quaternion") if by_pose else ("name", "A", "b")
     said = fields(value, place, needed, ())
-    name = text(said["name"], f"{place}: name")
     try:
+        name = require_name(said["name"], "a frame")
         if by_pose:
-            return frame_from_pose(name, layout, pose(said["position"], said["quaternion"]))
+            return frame_from_pose(name, layout, _pose(said))
         if isinstance(said["A"], str):
-            return FrameKeys(name, said["A"], text(said["b"], f"{place}: b"))
-        return _of_the_layout(frame(name, finite_array(said["A"], "A"), finite_array(said["b"], "b")), layout)
+            return FrameKeys(name, require_printable(said["A"], "A"), require_printable(said["b"], "b"))
+        return _of_the_layout(frame(name, said["A"], said["b"]), layout)
     except InvalidInput as error:
         raise InvalidInput(f"{place}: {error}") from error
+
+
+def _pose(said: dict[str, Any]) -> Pose:
+    return pose(*(finite_array(said[key], key) for key in ("position", "quaternion")))
 
 
 def _of_the_layout(given: Frame, layout: Layout) -> Frame:

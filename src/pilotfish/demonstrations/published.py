@@ -1,5 +1,6 @@
 """Doors for recordings that others have published in MATLAB files."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,17 @@ from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.frame_doors import frame
 from pilotfish.demonstrations.frames import Frame
 from pilotfish.demonstrations.layouts import pose_layout, position_layout
+from pilotfish.demonstrations.matlab_sizes import refuse_expansion
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.errors import InvalidInput
+from pilotfish.validation import read_file, short_list
 
 VALVE_PERIOD = 0.1  # s, the file's own time row
 VALVE_ANGLES = ("180", "135", "90", "45", "157.5", "112.5", "67.5", "22.5")  # degrees
 VALVE_FRAMES = ("valve before", "valve after")
 ZSHAPE_PERIOD = 0.01  # s, chosen: the file counts steps 1 to 300 and says nothing of seconds
 ZSHAPE_COUNT, ZSHAPE_STEPS = 5, 300
+LARGEST_MATLAB = 2**26  # bytes of a file, and of what it expands to; a number may take one byte there
 
 
 def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
@@ -79,13 +83,15 @@ def _variables(path: str | Path, name: str) -> dict[str, Any]:
     from scipy.io import loadmat  # slow to import, and only wanted here
     from scipy.io.matlab import MatReadError
 
+    data = read_file(path, "a MATLAB file", LARGEST_MATLAB)
     try:
-        found: dict[str, Any] = loadmat(Path(path), simplify_cells=True)
-    except FileNotFoundError as error:
-        raise InvalidInput(f"{path}: no such file") from error
+        refuse_expansion(data, LARGEST_MATLAB)
+        found: dict[str, Any] = loadmat(io.BytesIO(data), simplify_cells=True)
+    except InvalidInput as error:
+        raise InvalidInput(f"{path}: {error}") from error
     except (*DAMAGED, MatReadError) as error:
         raise InvalidInput(f"{path}: not a MATLAB file that can be read: {error}") from error
     if name not in found:
         there = [key for key in found if not key.startswith("__")]
-        raise InvalidInput(f"{path} has the variables {there}, expected {name!r} among them")
+        raise InvalidInput(f"{path} has the variables {short_list(there)}, expected {name!r} among them")
     return found

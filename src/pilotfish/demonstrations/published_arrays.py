@@ -1,5 +1,6 @@
 """Doors for recordings that others have published as NumPy arrays of several demonstrations."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,10 @@ from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.layouts import pose_layout, position_layout
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.signs import continuous_quaternions
+from pilotfish.demonstrations.tables import LARGEST_ARCHIVE, MOST_NUMBERS
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array
+from pilotfish.validation import numeric_array, read_file
 
 PERIOD = 1 / 60  # s, by the publishers' own reader; rows were resampled to 1000, so time is nominal
 CENTIMETRE = 0.01  # m
@@ -49,10 +51,13 @@ def read_helloworld_npy(path: str | Path) -> tuple[Demonstration, ...]:
 
 
 def _array(path: str | Path, width: int) -> Float[Array, "M T D"]:
+    data = read_file(path, "a NumPy array of demonstrations", LARGEST_ARCHIVE)
     try:
-        loaded = np.load(path, allow_pickle=False)
+        loaded = np.load(io.BytesIO(data), allow_pickle=False)
     except DAMAGED as error:
         raise InvalidInput(f"{path}: not an array file that can be read: {error}") from error
+    if not isinstance(loaded, np.ndarray) or loaded.size > MOST_NUMBERS:
+        raise InvalidInput(f"{path}: expected one array of at most {MOST_NUMBERS} numbers")
     recorded = numeric_array(loaded, str(path))
     if recorded.ndim != 3 or recorded.shape[2] != width:
         raise InvalidInput(f"{path} has shape {recorded.shape}, expected (M, T, {width})")

@@ -7,11 +7,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from pilotfish.demonstrations.damage import DAMAGED
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity
 from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations.tables import LARGEST_ARCHIVE, load_archive
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import read_file
 
 Archive = dict[str, np.ndarray]
 Read = TypeVar("Read")
@@ -138,11 +139,7 @@ def _held(held: Archive) -> str:
 
 def _read(path: str | Path, read: Callable[[Archive], Read]) -> Read:
     """What read makes of the archive; whatever is wrong with it names the file."""
-    try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            held = {name: archive[name] for name in archive.files}
-    except DAMAGED as error:
-        raise InvalidInput(f"{path}: not an archive of arrays that can be read: {error}") from error
+    held = load_archive(read_file(path, "an archive of arrays", LARGEST_ARCHIVE), str(path))
     try:
         return read(held)
     except InvalidInput as error:

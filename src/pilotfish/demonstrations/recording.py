@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 
@@ -11,9 +10,17 @@ from pilotfish.demonstrations.frames import Frame, MovingFrame, require_turns, w
 from pilotfish.demonstrations.layouts import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array
+from pilotfish.validation import (
+    LARGEST_MAGNITUDE,
+    first_repeated,
+    numeric_array,
+    require_number,
+    require_printable,
+    short_list,
+    short_repr,
+)
 
-LARGEST = 1e100
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-9, 1e9  # s; squares of both, and what they divide, do not overflow
 NORM_TOLERANCE = 1e-3  # recordings are rounded; what is within is left as it is
 
 
@@ -45,6 +52,7 @@ def demonstration(
     are points of S^3, where signs mean nothing - flip sign from one row to the next, a period that is not
     positive, frames that are singular, of another width or length, or that take an orientation off S^3.
     """
+    require_printable(name, "the name of a demonstration")
     place = f"demonstration {name!r}" if name else "demonstration"
     points = numeric_array(x, place)
     _refuse_shape(place, points, layout)
@@ -55,12 +63,20 @@ def demonstration(
         _refuse_lengths(named, q)
         if start not in layout.turns:
             _refuse_flips(named, q)
-    if not 0 < period < inf:
-        raise InvalidInput(f"{place}: period is {period} s, expected a positive number")
+    seconds = require_period(period, f"{place}: period")
     checked = _checked_frames(place, frames, points.shape)
     for given in checked:
         require_turns(f"{place}, frame {given.name!r}", given.A, given.b, layout.turns)
-    return Demonstration(points, float(period), layout, checked, name)
+    return Demonstration(points, seconds, layout, checked, name)
+
+
+def require_period(value: object, place: str) -> float:
+    """Return the time between two rows as a float.
+
+    Raises:
+        InvalidInput: If it is not a number of seconds from SHORTEST_PERIOD to LONGEST_PERIOD.
+    """
+    return require_number(value, place, SHORTEST_PERIOD, LONGEST_PERIOD)
 
 
 def _refuse_shape(place: str, x: Float[Array, "..."], layout: Layout) -> None:
@@ -68,7 +84,7 @@ def _refuse_shape(place: str, x: Float[Array, "..."], layout: Layout) -> None:
         raise InvalidInput(f"{place} has shape {x.shape}, expected (T, {layout.width}) with T of 2 or more")
     if x.shape[1] != layout.width:
         raise InvalidInput(
-            f"{place} has {x.shape[1]} columns, but its layout has {layout.width}: {', '.join(layout.names)}"
+            f"{place} has {x.shape[1]} columns, but its layout has {layout.width}: {short_list(layout.names)}"
         )
 
 
@@ -83,11 +99,11 @@ def _refuse_not_finite(place: str, x: Float[Array, "T D"], layout: Layout) -> No
 
 
 def _refuse_huge(place: str, x: Float[Array, "T D"], layout: Layout) -> None:
-    if (bad := np.argwhere(np.abs(x) > LARGEST)).size:
+    if (bad := np.argwhere(np.abs(x) > LARGEST_MAGNITUDE)).size:
         row, column = bad[0].tolist()
         raise InvalidInput(
             f"{place}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]:g}, "
-            f"expected at most {LARGEST:g}; check the recording, or choose a larger unit"
+            f"expected at most {LARGEST_MAGNITUDE:g}; check the recording, or choose a larger unit"
         )
 
 
@@ -115,15 +131,14 @@ def _checked_frames(
 ) -> tuple[Frame | MovingFrame, ...]:
     steps, width = shape
     checked = tuple(_checked(place, given, steps, width) for given in frames)
-    names = [given.name for given in checked]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise InvalidInput(f"{place} has two frames named {twice[0]!r}, expected different names")
+    if twice := first_repeated(given.name for given in checked):
+        raise InvalidInput(f"{place} has two frames named {twice!r}, expected different names")
     return checked or (world_frame(width),)
 
 
 def _checked(place: str, given: Frame | MovingFrame, steps: int, width: int) -> Frame | MovingFrame:
     if not isinstance(given, Frame | MovingFrame):
-        raise InvalidInput(f"{place}: a frame is {given!r}, expected a Frame; see frame_from_pose")
+        raise InvalidInput(f"{place}: a frame is {short_repr(given)}, expected a Frame; see frame_from_pose")
     try:
         door = moving_frame if isinstance(given, MovingFrame) else frame
         checked = door(given.name, given.A, given.b)

@@ -6,7 +6,7 @@ from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import continuous
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array
+from pilotfish.validation import finite_array, short_list
 
 
 def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:
@@ -17,7 +17,7 @@ def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:
     points = np.array(finite_array(x, "x"))
     if points.ndim != 2 or points.shape[1] != layout.width:
         raise InvalidInput(
-            f"x has shape {points.shape}, expected (T, {layout.width}): {', '.join(layout.names)}"
+            f"x has shape {points.shape}, expected (T, {layout.width}): {short_list(layout.names)}"
         )
     for columns in layout.quaternions:
         q = points[:, columns]

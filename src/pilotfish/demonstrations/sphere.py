@@ -10,6 +10,7 @@ from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.geometry import conjugate, multiply, normalise
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import short_list
 
 BLOCK_TOLERANCE = 1e-4  # between the matrices by which a frame turns a quaternion and its derivative
 
@@ -33,7 +34,7 @@ def on_sphere(demo: Demonstration) -> Demonstration:
 def _layout(layout: Layout) -> Layout:
     if not layout.quaternions and not layout.turns:
         raise InvalidInput(
-            f"the columns are {', '.join(layout.names)}, expected a quaternion among them to put on S^3"
+            f"the columns are {short_list(layout.names)}, expected a quaternion among them to put on S^3"
         )
     orientations = {
         part.name for part in layout.parts if part.quantity is Quantity.QUATERNION and not part.derivative

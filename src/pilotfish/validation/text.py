@@ -5,6 +5,7 @@ from outside is either refused where it is read (`require_printable`) or escaped
 `short_repr`).
 """
 
+import difflib
 import reprlib
 from collections.abc import Collection, Hashable, Iterable
 from itertools import islice
@@ -12,11 +13,20 @@ from typing import TypeVar
 
 from pilotfish.errors import InvalidInput, escape
 
-__all__ = ["LONGEST_NAME", "escape", "first_repeated", "require_printable", "short_list", "short_repr"]
+__all__ = [
+    "LONGEST_NAME",
+    "escape",
+    "first_repeated",
+    "nearest_name",
+    "require_printable",
+    "short_list",
+    "short_repr",
+]
 
 T = TypeVar("T", bound=Hashable)
 
 LONGEST_NAME = 200  # characters
+MOST_COMPARED = 200  # names; comparing two takes up to a millisecond
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxother = _repr.maxlong = 60
@@ -79,3 +89,15 @@ def first_repeated(items: Iterable[T]) -> T | None:
             return item
         met.add(item)
     return None
+
+
+def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """Return the known name that is most similar to a mistyped one, or None if none is similar.
+
+    Args:
+        name: What was typed.
+        known: The names that exist; the first MOST_COMPARED are compared.
+        cutoff: Least similarity, from 0 to 1.
+    """
+    near = difflib.get_close_matches(name[:LONGEST_NAME], list(islice(known, MOST_COMPARED)), 1, cutoff)
+    return near[0] if near else None

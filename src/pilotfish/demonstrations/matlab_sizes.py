@@ -1,0 +1,90 @@
+"""What a MATLAB file expands to, looked at before SciPy reads it.
+
+A file of version 5 to 7.2 has a header of 128 bytes, then elements: a tag of a kind and a length, 4 bytes
+each, and as many bytes. A compressed element holds one matrix, which may expand a thousandfold. SciPy
+reserves memory for all items of a structure or cell array before it reads the first; so the sizes that
+matrices give are compared with the bytes that are there.
+Source: MAT-File Format, The MathWorks, chapter 1.
+"""
+
+import zlib
+from collections.abc import Iterator
+from itertools import islice
+from math import prod
+from typing import Literal
+
+from pilotfish.errors import InvalidInput
+
+HEADER = 128  # bytes
+TAG = 8  # bytes of a tag, and of the tag of an empty element
+MATRIX, COMPRESSED = 14, 15  # kinds of elements
+CELL, STRUCTURE, OBJECT = 1, 2, 3  # classes of matrices whose items are elements of their own
+DEEPEST = 50  # matrices in matrices
+MOST_ELEMENTS = 1_000_000
+
+Order = Literal["little", "big"]
+
+
+def refuse_expansion(data: bytes, largest: int) -> None:
+    """Raise InvalidInput if a MATLAB file would take more memory than its content explains.
+
+    Files of version 4 have no compression; what is no MATLAB file at all is left to SciPy to refuse.
+
+    Args:
+        data: The bytes of the file.
+        largest: Largest number of bytes that all compressed elements together may expand to.
+    """
+    orders: dict[bytes, Order] = {b"IM": "little", b"MI": "big"}
+    if (order := orders.get(data[126:HEADER])) is None:
+        return
+    left = largest
+    for kind, content in _elements(memoryview(data)[HEADER:], order):
+        matrices = [(kind, content)]
+        if kind == COMPRESSED:
+            unpacked = zlib.decompressobj().decompress(content, left + 1)
+            if len(unpacked) > left:
+                raise InvalidInput(f"it expands to more than {largest} bytes, expected at most that")
+            left -= len(unpacked)
+            matrices = list(islice(_elements(memoryview(unpacked), order), 1))
+        for inner, matrix in matrices:
+            if inner == MATRIX:
+                _refuse_empty_promises(matrix, order)
+
+
+def _elements(data: memoryview, order: Order) -> Iterator[tuple[int, memoryview]]:
+    """Yield kind and content of the elements that follow one another."""
+    place = 0
+    for _ in range(MOST_ELEMENTS):
+        if place + TAG > len(data):
+            return
+        first = _number(data, place, order)
+        if small := first >> 16:  # up to four bytes, in the second half of the tag
+            yield first & 0xFFFF, data[place + 4 : place + 4 + small]
+            place += TAG
+            continue
+        length = _number(data, place + 4, order)
+        yield first, data[place + TAG : place + TAG + length]
+        place += TAG + length + (0 if first == COMPRESSED else -length % 8)
+    raise InvalidInput(f"it has more than {MOST_ELEMENTS} elements, expected at most that")
+
+
+def _refuse_empty_promises(matrix: memoryview, order: Order, depth: int = 0) -> None:
+    """Raise InvalidInput if a matrix says that it has more items than it has bytes for."""
+    if depth > DEEPEST:
+        raise InvalidInput(f"it has matrices within matrices, more than {DEEPEST} deep")
+    elements = _elements(matrix, order)
+    first = list(islice(elements, 2))
+    if len(first) < 2:
+        return
+    (_, flags), (_, sizes) = first
+    kind = _number(flags, 0, order) & 0xFF
+    items = prod(_number(sizes, place, order) for place in range(0, len(sizes) - 3, 4))
+    if kind in (CELL, STRUCTURE, OBJECT) and items > len(matrix) // TAG:
+        raise InvalidInput(f"an array of {items} cells or structures has only {len(matrix)} bytes")
+    for inner, content in elements:
+        if inner == MATRIX:
+            _refuse_empty_promises(content, order, depth + 1)
+
+
+def _number(data: memoryview, place: int, order: Order) -> int:
+    return int.from_bytes(data[place : place + 4], order)
