@@ -2,6 +2,7 @@
 
 import os
 import socket
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -88,6 +89,17 @@ def test_sparse_file_of_a_terabyte_is_refused_without_being_read(tmp_path: Path)
         open_file.truncate(2**40)
     with pytest.raises(InvalidInput, match="has more than"):
         read_file(file, EXPECTED)
+
+
+def test_small_file_is_read_without_memory_for_the_largest(tmp_path: Path) -> None:
+    """`file.read(largest)` allocates as much as it may read before it reads."""
+    (tmp_path / "small").write_bytes(b"few")
+    tracemalloc.start()
+    try:
+        assert read_file(tmp_path / "small", EXPECTED) == b"few"
+        assert tracemalloc.get_traced_memory()[1] < 4 * 2**20
+    finally:
+        tracemalloc.stop()
 
 
 def test_file_that_says_it_is_empty_is_read_up_to_the_bound() -> None:

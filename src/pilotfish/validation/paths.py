@@ -16,6 +16,7 @@ from typing import IO
 from pilotfish.errors import InvalidInput, escape
 
 LARGEST_FILE = 2**30  # bytes
+CHUNK = 2**20  # bytes that are read at once
 
 _MISSING = {ENOENT, ENOTDIR}
 
@@ -85,14 +86,24 @@ def read_file(path: str | Path, expected: str, largest: int = LARGEST_FILE) -> b
     """
     with open_regular_file(path, expected) as file:
         try:
-            data = file.read(largest + 1) if os.fstat(file.fileno()).st_size <= largest else None
+            data = _up_to(file, largest) if os.fstat(file.fileno()).st_size <= largest else None
         except OSError as error:
             raise _unreadable(path, error, expected) from error
-    if data is None or len(data) > largest:
+    if data is None:
         raise InvalidInput(
             f"{_quoted(path)} has more than {largest} bytes; expected {expected} of at most that"
         )
     return data
+
+
+def _up_to(file: IO[bytes], largest: int) -> bytes | None:
+    """Return all bytes, or None when there are more; `file.read(largest)` would allocate that much first."""
+    parts, size = [], 0
+    while part := file.read(CHUNK):
+        parts.append(part)
+        if (size := size + len(part)) > largest:
+            return None
+    return b"".join(parts)
 
 
 def _status(path: str | Path) -> os.stat_result | None:
