@@ -22,7 +22,7 @@ endif
 export PYTHONDONTWRITEBYTECODE :=# bytecode is kept, so that an import stays quick
 export OPENBLAS_NUM_THREADS ?= 1# the matrices are small: more threads are slower
 
-.PHONY: help demo test lint check bench reproduce clean
+.PHONY: help demo test lint check fuzz bench reproduce clean
 
 help: ## list these targets
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -41,6 +41,9 @@ lint: $(READY) ## format, lint, types and spelling
 
 check: lint ## lint, then run every test, slow ones too, with three seeds
 	$(PYTEST) --seeds 3
+
+fuzz: $(READY) ## give a million hostile inputs to every decoder and public function: PILOTFISH_FUZZ=N sets how many
+	$(PYTHON) tests/fuzz/run.py
 
 bench: $(READY) ## time pilotfish beside its peers
 	$(PYTHON) benchmarks/run.py

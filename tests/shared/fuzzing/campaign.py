@@ -1,0 +1,307 @@
+"""Run many mutants of a target: in a forked process with bounded memory, watched from outside.
+
+A mutant must be accepted and sound, or be refused by a SkillError or a click.UsageError of one line.
+"""
+
+import faulthandler
+import json
+import mmap
+import os
+import re
+import resource
+import signal
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any, NoReturn
+
+import click
+
+from fuzzing.soundness import Unsound, require_sound_refusal
+from fuzzing.target import Mutant, Target, mutant_of, plan_of
+from pilotfish.errors import SkillError
+
+LONGEST = 2.0  # s of processor time that one mutant may take
+STUCK = 30.0  # s after which a child that goes on with one mutant is ended
+GROWTH = 200 * 2**20  # bytes by which memory may grow
+ROOM = 300 * 2**20  # bytes of address space beyond those at the start
+THOROUGH = 10  # one of so many accepted mutants is planned and written again
+
+
+class Hang(BaseException):
+    """A mutant took too long. No decoder catches it."""
+
+
+@dataclass
+class Failure:
+    """What went wrong, and the smallest mutant known that shows it."""
+
+    target: str
+    seed: int
+    index: int
+    kind: str
+    message: str
+    base: int = -1
+    edits: list[str] = field(default_factory=list)
+    data: str = ""
+    trace: str = ""
+    count: int = 1
+
+    def __str__(self) -> str:
+        edits = "\n".join(f"    {edit}" for edit in self.edits)
+        again = f"--target {self.target!r} --seed {self.seed} --start {self.index} --mutants 1"
+        return (
+            f"{self.target}: {self.kind} ({self.count} times): {self.message[:300]}\n"
+            f"  again: .venv/bin/python tests/fuzz/run.py {again}\n  base {self.base}, edits\n{edits}\n"
+            f"  input: {self.data}\n{self.trace}"
+        )
+
+
+@dataclass
+class Tally:
+    """What came of the mutants of one target."""
+
+    target: str
+    mutants: int = 0
+    accepted: int = 0
+    refused: int = 0
+    slowest: float = 0.0
+    slowest_index: int = -1
+    growth: int = 0
+    failures: list[Failure] = field(default_factory=list)
+
+    def add(self, other: "Tally") -> None:
+        """Take in what came of more mutants."""
+        self.mutants += other.mutants
+        self.accepted += other.accepted
+        self.refused += other.refused
+        self.growth = max(self.growth, other.growth)
+        if other.slowest > self.slowest:
+            self.slowest, self.slowest_index = other.slowest, other.slowest_index
+        self.failures += other.failures
+
+
+def attempt(target: Target, data: Any, thorough: bool) -> bool:
+    """Whether a mutant was accepted; whatever must not be is raised."""
+    try:
+        value = target.read(data)
+    except SkillError as error:
+        require_sound_refusal(error)
+        return False
+    except click.UsageError as error:
+        require_sound_refusal(error, error.format_message())
+        return False
+    target.use(value, thorough)
+    return True
+
+
+def timed(target: Target, data: Any, thorough: bool) -> bool:
+    """The same, ended after LONGEST."""
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    try:
+        return attempt(target, data, thorough)
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+
+def run_here(name: str, target: Target, seed: int, indices: range, here: mmap.mmap | None = None) -> Tally:
+    """Run mutants in this process; here is where the number of the current one is written."""
+    tally, seen = Tally(name), {}
+    before = _largest()
+    for index in indices:
+        if here is not None:
+            here[:24] = b"".join(n.to_bytes(8, "little") for n in (index, tally.accepted, tally.refused))
+        base, edits = plan_of(target, name, seed, index)
+        mutant = mutant_of(target, base, edits)
+        began = time.process_time()
+        try:
+            if timed(target, mutant.data, tally.accepted % THOROUGH == 0):
+                tally.accepted += 1
+            else:
+                tally.refused += 1
+            if (grown := _largest() - before) > GROWTH and grown > tally.growth + GROWTH // 4:
+                raise Unsound(f"memory grew by {grown // 2**20} MiB")
+        except (Exception, Hang) as error:  # noqa: BLE001 - everything else that is raised is a failure
+            _note(tally, seen, _failure(name, target, seed, index, (base, edits), error))
+        seconds = time.process_time() - began
+        if seconds > tally.slowest:
+            tally.slowest, tally.slowest_index = seconds, index
+        tally.growth = max(tally.growth, _largest() - before)
+        tally.mutants += 1
+    return tally
+
+
+def _note(tally: Tally, seen: dict[str, Failure], failure: Failure) -> None:
+    if failure.kind in seen:
+        seen[failure.kind].count += 1
+    else:
+        seen[failure.kind] = failure
+        tally.failures.append(failure)
+
+
+def _kind(error: BaseException) -> str:
+    """The type of an error and where in pilotfish it was raised."""
+    steps = traceback.extract_tb(error.__traceback__)
+    ours = [step for step in steps if f"{os.sep}pilotfish{os.sep}" in step.filename]
+    last = (ours or steps)[-1]
+    where = "" if isinstance(error, Hang) else f" at {Path(last.filename).name}:{last.lineno}"
+    if isinstance(error, Unsound):
+        where = f" {re.sub(r'[^a-z]+', ' ', re.split(' is |: ', str(error))[0])[:60]}"
+    return f"{type(error).__name__}{where}"
+
+
+def _failure(
+    name: str, target: Target, seed: int, index: int, plan: tuple[int, tuple[int, ...]], error: BaseException
+) -> Failure:
+    """The failure with as few edits as still show it."""
+    kind = _kind(error)
+    base, edits = plan
+    mutant = mutant_of(target, base, edits)
+    for n in range(len(edits) - 1, -1, -1):
+        fewer = (*edits[:n], *edits[n + 1 :])
+        if len(edits) > 1 and (smaller := _fails_alike(target, base, fewer, kind)):
+            edits, mutant = fewer, smaller
+    data = mutant.data
+    if isinstance(data, bytes | str):
+        data = _shorter(target, data, kind)
+    if isinstance(data, Path) and data.is_file():
+        data = data.read_bytes()
+    text = repr(data)
+    if not isinstance(data, str) and len(text) > 800:
+        text = f"{text[:800]}... ({len(data) if isinstance(data, bytes) else '?'} bytes)"
+    trace = "".join(traceback.format_exception(error)[-6:])[-900:]
+    return Failure(name, seed, index, kind, f"{error}", base, list(mutant.edits), text[:2000], trace)
+
+
+def _fails_alike(target: Target, base: int, edits: Sequence[int], kind: str) -> Mutant | None:
+    mutant = mutant_of(target, base, edits)
+    return mutant if _error_of(target, mutant.data) == kind else None
+
+
+def _error_of(target: Target, data: Any) -> str | None:
+    try:
+        timed(target, data, True)
+    except (Exception, Hang) as error:  # noqa: BLE001 - it is compared with another
+        return _kind(error)
+    return None
+
+
+def _shorter(target: Target, data: Any, kind: str) -> Any:
+    """The data without what can be left out; at most about 300 attempts or 20 s."""
+    end, size = time.process_time() + 20.0, max(1, len(data) // 2)
+    attempts = 0
+    while size and attempts < 300 and time.process_time() < end:
+        n = 0
+        while n < len(data) and attempts < 300 and time.process_time() < end:
+            fewer = data[:n] + data[n + size :]
+            attempts += 1
+            if _error_of(target, fewer) == kind:
+                data = fewer
+            else:
+                n += size
+        size //= 2
+    return data
+
+
+def _largest() -> int:
+    """The largest resident memory of this process so far, in bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+# ---------------------------------------------------------------------------------------------- processes
+
+
+def run_target(name: str, target: Target, seed: int, mutants: int, start: int = 0) -> Tally:
+    """Run mutants of a target in forked processes; one that dies or hangs is a failure, the rest goes on."""
+    total, end = Tally(name), start + mutants
+    while start < end:
+        tally, start = _forked(name, target, seed, range(start, end))
+        total.add(tally)
+    return total
+
+
+def _forked(name: str, target: Target, seed: int, indices: range) -> tuple[Tally, int]:
+    with NamedTemporaryFile() as out, NamedTemporaryFile() as err, mmap.mmap(-1, 24) as here:
+        here[:8] = indices.start.to_bytes(8, "little")
+        sys.stdout.flush()
+        process = os.fork()
+        if process == 0:
+            _child(name, target, seed, indices, here, (out.fileno(), err.fileno()))
+        status, stuck = _watched(process, here)
+        if status == 0:
+            told = json.loads(Path(out.name).read_text())
+            told["failures"] = [Failure(**failure) for failure in told["failures"]]
+            return Tally(**told), indices.stop
+        index, accepted, refused = (int.from_bytes(here[n : n + 8], "little") for n in (0, 8, 16))
+        kind = "Hang outside Python" if stuck else "Crash"
+        why = f"no end after {STUCK:g} s" if stuck else f"the process ended with status {status}"
+        failure = Failure(name, seed, index, kind, why, trace=Path(err.name).read_text()[-3000:])
+        return Tally(name, index - indices.start + 1, accepted, refused, failures=[failure]), index + 1
+
+
+def _child(
+    name: str, target: Target, seed: int, indices: range, here: mmap.mmap, files: tuple[int, int]
+) -> NoReturn:
+    """Run mutants with bounded memory and write the tally as JSON."""
+    out, err = files
+    try:
+        os.dup2(err, 2)
+        faulthandler.enable()
+        warnings.simplefilter("error")
+        for base in range(len(target.bases)):  # what is loaded and cached at first use does not count
+            attempt(target, mutant_of(target, base, ()).data, True)
+        signal.signal(signal.SIGPROF, _hang)
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + ROOM, resource.RLIM_INFINITY))
+        tally = run_here(name, target, seed, indices, here)
+        os.write(out, json.dumps(asdict(tally)).encode())
+        os._exit(0)
+    except BaseException:  # noqa: BLE001 - this process ends here, whatever happened
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+
+
+def _hang(signum: int, frame: Any) -> None:
+    raise Hang(f"it took more than {LONGEST:g} s")
+
+
+def _watched(process: int, here: mmap.mmap) -> tuple[int, bool]:
+    """Return the status of a child at its end, and whether it had to be ended: it stayed with one mutant."""
+    last, since, patience = b"", time.monotonic(), 4 * STUCK
+    while True:
+        ended, status = os.waitpid(process, os.WNOHANG)
+        if ended:
+            return status, False
+        if (now := here[:8]) != last:
+            patience = STUCK if last else patience  # it tries what it is to edit before the first
+            last, since = now, time.monotonic()
+        elif time.monotonic() - since > patience:
+            os.kill(process, signal.SIGKILL)
+            return os.waitpid(process, 0)[1], True
+        time.sleep(0.05)
+
+
+def table(tallies: Sequence[Tally]) -> str:
+    """A line for each target."""
+    names = ("mutants", "accepted", "refused", "failures", "slowest", "memory")
+    head = f"{'target':16} " + " ".join(f"{name:>9}" for name in names)
+    rows = [
+        f"{t.target:16} {t.mutants:9} {t.accepted:9} {t.refused:9} {sum(f.count for f in t.failures):9} "
+        f"{t.slowest:7.3f} s {t.growth / 2**20:6.0f} MB"
+        for t in tallies
+    ]
+    total = Tally("all")
+    for tally in tallies:
+        total.add(tally)
+    count = sum(f.count for f in total.failures)
+    rows.append(
+        f"{'all':16} {total.mutants:9} {total.accepted:9} {total.refused:9} {count:9} "
+        f"{total.slowest:7.3f} s {total.growth / 2**20:6.0f} MB"
+    )
+    return "\n".join([head, *rows])

@@ -1,0 +1,259 @@
+"""Public functions under hostile arguments.
+
+Functions at the front (see STRICT) return a sound value or raise SkillError for whatever they are given.
+The others may also raise what NumPy and Python raise for arguments that do not fit. For all of them: no
+crash, no hang, arguments stay as they were, and a value in another form (strided, big-endian, unaligned,
+read-only, a list) gives the same result or is refused.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
+from random import Random
+from typing import Any
+
+import numpy as np
+
+from fuzzing.edits import NUMBERS, STRUCTURES, TEXTS, Token, edit_array, shown
+from fuzzing.public_examples import PACKAGES, examples, function_named
+from fuzzing.soundness import Unsound, require_sound
+from fuzzing.target import Target
+from pilotfish.errors import SkillError
+from pilotfish.types import Array
+
+# Functions for which only a SkillError is a refusal.
+STRICT = {
+    "geometry.pose",
+    *(f"demonstrations.{n}" for n in ("continuous_quaternions", "demonstration", "frame", "moving_frame")),
+    *(f"models.{n}" for n in ("learn", "learn_markov", "learn_mixture", "learn_semi_markov", "adapt")),
+    *(f"models.online.{n}" for n in ("observe", "observe_stream", "online_model")),
+    *(
+        f"control.{n}"
+        for n in ("arm_limits", "impedance", "double_integrator", "discretise", "track", "regulate")
+    ),
+    *(
+        f"planning.{n}"
+        for n in ("via_point", "plan", "expected_plan", "plan_through", "planned_states", "chart")
+    ),
+    *(f"validation.{n}" for n in ("finite_array", "numeric_array", "require_count", "require_number")),
+    *("manipulation.step", "manipulation.reset"),
+}
+ORDINARY = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError, MemoryError, RuntimeWarning)
+OURS = ("place", "largest", "expected")  # arguments that tell who calls, not what is given
+VALUES = tuple(v for v in (*NUMBERS, *TEXTS, *STRUCTURES) if not isinstance(v, Token))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Call:
+    """A function's name and arguments; same tells that they say the same as the example's in another form."""
+
+    name: str
+    arguments: dict[str, Any]
+    same: bool = True
+    inside: bool = False  # whether a value made by another function was edited
+
+
+def edit_call(call: Call, rng: Random) -> tuple[Call, str]:
+    """Edit one argument, or leave one out."""
+    key = rng.choice([key for key in call.arguments if key not in OURS])
+    value = call.arguments[key]
+    if rng.random() < 0.25 and isinstance(value, np.ndarray):
+        edited, said = other_form(value, rng)
+        return replace(call, arguments={**call.arguments, key: edited}), f"{call.name}({key}): {said}"
+    edited, said, inside = _edited(value, rng)
+    changed = replace(
+        call, arguments={**call.arguments, key: edited}, same=False, inside=call.inside or inside
+    )
+    return changed, f"{call.name}({key}): {said}"
+
+
+def _edited(value: Any, rng: Random) -> tuple[Any, str, bool]:
+    if isinstance(value, np.ndarray) and rng.random() < 0.85:
+        edited, said = edit_array(value, rng) if rng.random() < 0.85 else other_kind(value, rng)
+        return edited, said, False
+    if is_dataclass(value) and fields(value) and rng.random() < 0.85:
+        return *_edited_field(value, rng), True
+    if isinstance(value, list | tuple) and value and rng.random() < 0.6:
+        n = rng.randrange(len(value))
+        edited, said, inside = _edited(value[n], rng)
+        return type(value)((*value[:n], edited, *value[n + 1 :])), f"[{n}] {said}", inside
+    if isinstance(value, list | tuple) and rng.random() < 0.5:
+        other = rng.choice((value[:-1], value + value, value[::-1]))
+        return other, f"{len(value)} items -> {len(other)}", False
+    if isinstance(value, dict) and value:
+        key = rng.choice(list(value))
+        edited, said, inside = _edited(value[key], rng)
+        return {**value, key: edited}, f"[{key!r}] {said}", inside
+    other = rng.choice(VALUES)
+    return other, f"{shown(value)} -> {shown(other)}", False
+
+
+def _edited_field(value: Any, rng: Random) -> tuple[Any, str]:
+    field = rng.choice(fields(value)).name
+    edited, said, _ = _edited(getattr(value, field), rng)
+    try:
+        return replace(value, **{field: edited}), f".{field} {said}"
+    except (SkillError, *ORDINARY) as error:  # the value refuses it itself
+        return value, f".{field} {said}, refused: {str(error)[:60]}"
+
+
+def other_form(array: Array, rng: Random) -> tuple[Any, str]:
+    """The same numbers in another form."""
+    if array.ndim == 0 or array.dtype.kind not in "fi":
+        return array, "as it is"
+    spread = np.zeros((*array.shape[:-1], 2 * array.shape[-1]), array.dtype)
+    spread[..., ::2] = array
+    raw = np.zeros(array.nbytes + 1, np.uint8)
+    shifted = raw[1:].view(array.dtype).reshape(array.shape)
+    shifted[...] = array
+    closed = array.copy()
+    closed.setflags(write=False)
+    forms = {
+        "strided": spread[..., ::2],
+        "unaligned": shifted,
+        "read-only": closed,
+        "Fortran order": np.asfortranarray(array),
+        "big-endian": array.astype(array.dtype.newbyteorder(">")),
+        "negative strides": array[::-1].copy()[::-1],
+        "a list": array.tolist(),
+        "a masked array": np.ma.masked_array(array, np.zeros(array.shape, bool)),
+        "a broadcast": np.broadcast_to(array, (1, *array.shape))[0],
+        "objects": array.astype(object),
+    }
+    name = rng.choice(list(forms))
+    return forms[name], name
+
+
+def other_kind(array: Array, rng: Random) -> tuple[Any, str]:
+    """Something that is no array of numbers."""
+    kinds: dict[str, Callable[[], Any]] = {
+        "masked": lambda: np.ma.masked_array(array, np.ones(array.shape, bool)),
+        "ragged": lambda: [*array.tolist(), [1.0]] if array.ndim else [array.tolist(), [1.0, [2.0]]],
+        "texts": lambda: array.astype(str),
+        "complex": lambda: array + 1j,
+        "dates": lambda: np.zeros(array.shape, "M8[s]"),
+        "objects with None": lambda: np.full(array.shape, None),
+        "booleans": lambda: array > 0,
+        "a huge whole number": lambda: np.full(array.shape, 10**400, dtype=object),
+        "NaN": lambda: np.full(array.shape, np.nan),
+        "empty": lambda: np.zeros((0, *array.shape[1:])),
+        "many axes": lambda: array.reshape(*array.shape, *[1] * 20),
+    }
+    name = rng.choice(list(kinds))
+    return kinds[name](), name
+
+
+def call_it(call: Call) -> Any:
+    """The call and its result.    Raises: SkillError, when it is refused."""
+    function, strict = function_named(call.name), call.name in STRICT and not call.inside
+    before = {key: value.copy() for key, value in call.arguments.items() if isinstance(value, np.ndarray)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error" if strict else "ignore")
+        try:
+            result = function(**call.arguments)
+            if hasattr(result, "__next__"):
+                result = tuple(result)
+        except SkillError:
+            raise
+        except ORDINARY as error:
+            if strict:
+                raise
+            result = error
+        finally:
+            _require_unchanged(before, call)
+    if isinstance(result, ORDINARY):
+        raise SkillError("refused as Python and NumPy refuse")
+    return call, result
+
+
+def _require_unchanged(before: dict[str, Array], call: Call) -> None:
+    for key, value in before.items():
+        if not _equal(value, call.arguments[key]):
+            raise Unsound(f"{call.name} changed its argument {key}")
+
+
+def _equal(a: Array, b: Array) -> bool:
+    if a.dtype.kind in "fc":
+        return np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
+    return np.array_equal(np.asarray(a), np.asarray(b))
+
+
+def use_result(value: tuple[Call, Any], thorough: bool) -> None:
+    """Sound where the function is strict; the same as the example's where the arguments say the same."""
+    call, result = value
+    if call.same:
+        require_alike(result, expected(call.name), call.name)
+    if call.name in STRICT and not call.inside:
+        require_sound(result, call.name)
+
+
+@cache
+def _examples(package: str) -> dict[str, dict[str, Any]]:
+    return examples(package)
+
+
+@cache
+def expected(name: str) -> Any:
+    """What the function gives for the example's arguments."""
+    package = "environments" if name.startswith("manipulation.") else name.rpartition(".")[0]
+    arguments = _examples(package)[name]
+    result = function_named(name)(**_fresh(arguments))
+    return tuple(result) if hasattr(result, "__next__") else result
+
+
+def _fresh(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Randomness begins again for each call."""
+    return {
+        key: np.random.default_rng(0) if isinstance(value, np.random.Generator) else value
+        for key, value in arguments.items()
+    }
+
+
+def require_alike(a: Any, b: Any, place: str) -> None:
+    """Equal but for rounding: strides may change the order of sums."""
+    if isinstance(a, np.ndarray) and a.dtype.kind in "fiub":
+        if a.shape != np.shape(b) or not np.allclose(a, b, rtol=1e-7, atol=1e-9, equal_nan=True):
+            raise Unsound(f"{place} depends on the form of its arguments")
+    elif isinstance(a, float):
+        if not np.isclose(a, b, rtol=1e-7, atol=1e-9, equal_nan=True):
+            raise Unsound(f"{place} depends on the form of its arguments")
+    elif is_dataclass(a) and not isinstance(a, type):
+        for field in fields(a):
+            require_alike(getattr(a, field.name), getattr(b, field.name), place)
+    elif isinstance(a, list | tuple) and isinstance(b, list | tuple):
+        if len(a) != len(b):
+            raise Unsound(f"{place} depends on the form of its arguments")
+        for one, other in zip(a, b, strict=True):
+            require_alike(one, other, place)
+
+
+def _target(package: str) -> Target:
+    given = _examples(package)
+    slow = {"learn_semi_markov", "select", "relevance"}
+    names = [name for name in given if name.rpartition(".")[2] not in slow or package == "models"]
+    bases = [Call(name, given[name]) for name in names]
+
+    def write(call: Call) -> Call:
+        return replace(call, arguments=_fresh(call.arguments))
+
+    return Target(bases, edit_call, write, call_it, use_result)
+
+
+def _maker(package: str) -> Callable[[], Target]:
+    return lambda: _target(package)
+
+
+SHARES = {
+    "geometry": 2.0,
+    "gaussians": 2.0,
+    "models": 0.7,
+    "models.online": 1.0,
+    "control": 1.5,
+    "planning": 1.5,
+}
+TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
+    f"{package}()": (_maker(package), SHARES.get(package, 0.05 if package == "plots" else 0.5))
+    for package in PACKAGES
+    if package != "store"
+}

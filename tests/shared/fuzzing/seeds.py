@@ -1,0 +1,131 @@
+"""Valid values of every kind that a decoder reads: small, so that many mutants of them can be tried."""
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+
+from pilotfish import gaussians, models
+from pilotfish.demonstrations import (
+    Demonstration,
+    Layout,
+    Part,
+    Quantity,
+    demonstration,
+    frame_from_pose,
+    on_sphere,
+    pose_layout,
+    position_layout,
+    resampled,
+    with_derivatives,
+)
+from pilotfish.geometry import exp, pose
+from pilotfish.models import EMSettings, Skill, Timing, online
+from pilotfish.store import synthetic_valve
+
+FEW = EMSettings(regularisation=1e-4, max_iterations=8)
+STEPS = 14
+
+
+@cache
+def valves() -> tuple[Demonstration, ...]:
+    """Three short openings of a valve: poses as four numbers, seen from two frames."""
+    shown = synthetic_valve(np.random.default_rng(0))[:3]
+    return tuple(_poses(resampled(demo, STEPS)) for demo in shown)
+
+
+def _poses(demo: Demonstration) -> Demonstration:
+    frames = [
+        frame_from_pose(f"frame {n}", pose_layout(), pose(given.b[:3], exp(np.array([0.1 * n, 0.2, 0.0]))))
+        for n, given in enumerate(demo.frames)
+    ]
+    x = demo.x[:, :7].copy()
+    x[:, 3:] /= np.linalg.norm(x[:, 3:], axis=1, keepdims=True)
+    return demonstration(x, demo.period, pose_layout(), frames, demo.name)
+
+
+@cache
+def lines() -> tuple[Demonstration, ...]:
+    """Three short lines in a plane, in the world's frame."""
+    rng = np.random.default_rng(1)
+    way = np.linspace(0.0, 1.0, STEPS)[:, None] * np.array([1.0, -0.5])
+    return tuple(
+        demonstration(way + 0.02 * rng.normal(size=way.shape), 0.1, position_layout(2), name=f"line {m}")
+        for m in range(3)
+    )
+
+
+@cache
+def grips() -> tuple[Demonstration, ...]:
+    """Three short recordings of a position, a force and a gripper."""
+    rng = np.random.default_rng(2)
+    layout = Layout(
+        (
+            Part("position", Quantity.POSITION, 2, "m"),
+            Part("force", Quantity.VECTOR, 2, "N"),
+            Part("grip", Quantity.SCALAR, 1, "1"),
+        )
+    )
+    x = np.linspace(0.0, 1.0, STEPS)[:, None] * np.array([1.0, 2.0, 0.3, -0.4, 1.0])
+    return tuple(
+        demonstration(x + 0.05 * rng.normal(size=x.shape), 0.05, layout, name=f"grip {m}") for m in range(3)
+    )
+
+
+@cache
+def skills() -> tuple[Skill, ...]:
+    """Skills of every dynamics, duration distribution and covariance structure, some on the sphere."""
+    return tuple(_skills())
+
+
+def _skills() -> Iterator[Skill]:
+    flat = [with_derivatives(demo) for demo in lines()]
+    turning = [with_derivatives(demo) for demo in valves()]
+    curved = [with_derivatives(on_sphere(demo)) for demo in valves()]
+
+    def fit(learner, data, states=3, **more):  # type: ignore[no-untyped-def] # one of several learners
+        return learner(data, states=states, rng=np.random.default_rng(0), settings=FEW, **more).skill
+
+    yield fit(models.learn_mixture, flat)
+    yield fit(models.learn_markov, turning)
+    yield fit(models.learn, turning)
+    yield fit(models.learn, curved, states=2)
+    yield fit(models.learn, grips(), states=2)
+    laws = (models.Normal(), models.LogNormal(), models.Gamma(), models.Poisson(), models.NegativeBinomial())
+    for law in (*laws, models.Histogram(pseudocount=1.0)):
+        yield fit(models.learn_semi_markov, flat, timing=Timing(law))
+    structures = (gaussians.SemiTied(0.7), gaussians.MFA(1), gaussians.MPPCA(1), gaussians.HDDC(1))
+    for structure in (*structures, gaussians.EMLLT(5), gaussians.MLT(2), gaussians.Diagonal()):
+        yield fit(models.learn, flat, structure=structure)
+
+
+@cache
+def streams() -> tuple[online.OnlineModel, ...]:
+    """Models of every online learner and weighting, after a few datapoints."""
+    settings = (
+        online.DPGMM(cluster=0.1, noise=1e-3),
+        online.DPMPPCA(cluster=0.1, dimension=1e-4, noise=1e-3, bandwidth=0.1),
+        online.HDPHSMM(
+            cluster=0.1,
+            noise=1e-3,
+            transition=0.1,
+            new_transition=0.1,
+            upkeep=online.Upkeep(online.Trace(0.9, 0.01), spare=2, most_clusters=8),
+        ),
+        online.SOSC(
+            cluster=0.1,
+            dimension=1e-4,
+            noise=1e-3,
+            bandwidth=0.1,
+            upkeep=online.Upkeep(online.Constant(5.0), 0.05, batch=4),
+        ),
+    )
+    return tuple(_grown(one, data) for one in settings for data in (lines(), valves()))
+
+
+def _grown(settings: online.OnlineSettings, data: tuple[Demonstration, ...]) -> online.OnlineModel:
+    names = tuple(given.name for given in data[0].frames)
+    model = online.online_model(settings, data[0].layout, data[0].period, names)
+    for demo in data[:2]:
+        model, _ = online.observe_demonstration(online.begin_demonstration(model), demo)
+    return model
