@@ -39,6 +39,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from recordings import recorded_once
 from tqdm import tqdm
 
 import pilotfish as pf
@@ -155,12 +156,17 @@ def showing(level: int, seed: int) -> Showing:
     Raises: SkillError, when it fails again and again.
     """
     where = situation_at(level, np.random.default_rng([seed, SHOWN, level]))
-    for attempt in range(TRIES):
-        rng = np.random.default_rng([seed, SHOWN, level, attempt])
-        made = record(PLATE, where, simulated(PLATE, where, PERSON, rng), f"level {level}")
-        if made.verdict.success:
-            return Showing(where, stretched(made.demonstration))
-    raise SkillError(f"level {level} failed {TRIES} times, the last because {made.verdict.why}")
+
+    def make() -> list[Demonstration]:
+        for attempt in range(TRIES):
+            rng = np.random.default_rng([seed, SHOWN, level, attempt])
+            made = record(PLATE, where, simulated(PLATE, where, PERSON, rng), f"level {level}")
+            if made.verdict.success:
+                return [made.demonstration]
+        raise SkillError(f"level {level} failed {TRIES} times, the last because {made.verdict.why}")
+
+    (demonstration,) = recorded_once(__file__, f"level {level}, seed {seed}", make)
+    return Showing(where, stretched(demonstration))
 
 
 def stretched(shown: Demonstration) -> Demonstration:

@@ -20,12 +20,12 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from recordings import recorded_once
 from tqdm import tqdm
 
 import pilotfish as pf
@@ -95,12 +95,16 @@ def rows_of(task: Task[Any], arguments: argparse.Namespace) -> list[Row]:
     return rows
 
 
-@cache
 def recorded(name: str, number: int, seed: int) -> tuple[Demonstration, ...]:
-    """So many showings, with their speeds."""
-    made = shown(TASKS[name], number, seed)
-    bar = tqdm(made, f"{name}: showing", number, disable=not sys.stderr.isatty())
-    return tuple(pf.with_derivatives(recording.demonstration) for recording, _ in bar)
+    """Return demonstrations of a task, with their speeds."""
+
+    def make() -> list[Demonstration]:
+        made = shown(TASKS[name], number, seed)
+        bar = tqdm(made, f"{name}: showing", number, disable=not sys.stderr.isatty())
+        return [recording.demonstration for recording, _ in bar]
+
+    demonstrations = recorded_once(__file__, f"{name}, {number} demonstrations, seed {seed}", make)
+    return tuple(map(pf.with_derivatives, demonstrations))
 
 
 def learned(demonstrations: Sequence[Demonstration], structure: str, states: int) -> pf.Skill:

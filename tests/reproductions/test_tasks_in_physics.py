@@ -1,4 +1,4 @@
-"""The five tasks are done by skills that were learned from recordings, where nothing stood before."""
+"""The five tasks are done by skills learned from recordings, in situations that were never recorded."""
 
 import json
 import subprocess
@@ -7,20 +7,22 @@ from pathlib import Path
 
 import pytest
 
+from pilotfish.environments import TASKS
+
 SCRIPT = Path(__file__).parents[2] / "reproductions" / "tasks.py"
 SITUATIONS = 5  # of the twenty of the whole table
 
 
-@pytest.mark.slow
-def test_every_task_is_done_where_it_was_never_shown(tmp_path):
-    """With full covariances and eight demonstrations, in at least four of five unseen situations each."""
+@pytest.mark.slow  # eight demonstrations and five executions of each task in physics: 10 to 60 CPU seconds
+@pytest.mark.parametrize("task", sorted(TASKS))
+def test_a_task_is_done_where_it_was_never_shown(tmp_path, task):
+    """With full covariances and eight demonstrations, in at least four of five unseen situations."""
     numbers, pictures = tmp_path / "tasks.json", tmp_path / "pictures"
-    asked = ["--structures", "full", "--shown", "8", "--situations", str(SITUATIONS)]
+    asked = ["--tasks", task, "--structures", "full", "--shown", "8", "--situations", str(SITUATIONS)]
     command = [sys.executable, SCRIPT, *asked, "--json", numbers, "--out", pictures]
-    subprocess.run(command, check=True, capture_output=True, timeout=1200)
-    rows = json.loads(numbers.read_text())
-    assert sorted(row["task"] for row in rows) == ["carabiner", "plate", "screwdriver", "stab", "valve"]
-    for row in rows:
-        assert row["succeeded"] >= SITUATIONS - 1, row
-        assert row["force"] < 60.0, row  # N: nothing is done by ramming
+    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    (row,) = json.loads(numbers.read_text())
+    assert row["task"] == task
+    assert row["succeeded"] >= SITUATIONS - 1, row
+    assert row["force"] < 60.0, row  # N: nothing is done by ramming
     assert (pictures / "tasks.png").is_file()
