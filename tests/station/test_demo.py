@@ -132,13 +132,19 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path):
 def test_the_command_tells_people_and_programs(
     data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """--json prints one object and nothing else; the recording is not called generated."""
+    """The line of the docs leaves a report and a skill; --json prints one object and nothing else; the
+    recording is not called generated.
+    """
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
-    answer = CliRunner().invoke(cli, ["demo", "--out", str(tmp_path), "--json"], catch_exceptions=False)
+    monkeypatch.chdir(tmp_path)
+    answer = CliRunner().invoke(cli, ["demo", "--out", "build/demo", "--json"], catch_exceptions=False)
     assert answer.exit_code == 0
     facts = json.loads(answer.stdout)
     assert not facts["synthetic"]
-    assert Path(facts["report"]).is_file()
+    assert Path(facts["report"]) == Path("build/demo/report.html")
+    assert Path(facts["skill"]) == Path("build/demo/valve.skill")
+    assert (tmp_path / "build" / "demo" / "report.html").is_file()
+    assert (tmp_path / "build" / "demo" / "valve.skill").is_file()
     rows = {tuple(row[:1] + row[3:4]): row[4:] for row in facts["tables"][-2]["rows"]}
     assert rows["full", "first mean"][2:] == [".0021", ".0146"]  # as published
     assert float(rows["semi-tied(1)", "first mean"][1]) < float(rows["full", "first mean"][1])
