@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from annotations import unchecked_annotations
+from annotations import annotations_checked
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -23,6 +23,7 @@ settings.register_profile("ci", deadline=None, derandomize=True, database=None, 
 settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 SLOW_AFTER = 10.0  # CPU seconds
+LIVE = Path(__file__).parent / "live"
 _began = pytest.StashKey[float]()
 
 
@@ -46,8 +47,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("rng", seeds, indirect=True, ids=lambda seed: f"seed{seed}")
 
 
+@pytest.hookimpl(tryfirst=True)  # before items are deselected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Start slow tests first, so that no worker is left alone with one at the end."""
+    """Mark live tests slow: they wait for processes, installs and disks. Start slow tests first, so that no
+    worker is left alone with one at the end.
+    """
+    for item in items:
+        if LIVE in item.path.parents:
+            item.add_marker("slow")
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
@@ -89,7 +96,14 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 @pytest.fixture
 def unchecked() -> Iterator[None]:
     """Run a test without checks of annotations: in physics they cost five to eight times the physics."""
-    with unchecked_annotations():
+    with annotations_checked(False):
+        yield
+
+
+@pytest.fixture
+def checked() -> Iterator[None]:
+    """Check annotations in a test whose module is unchecked."""
+    with annotations_checked(True):
         yield
 
 

@@ -14,7 +14,7 @@ EVERY_TASK = {**TASKS, RECORDED_VALVE.name: RECORDED_VALVE}
 
 
 @pytest.fixture(autouse=True)
-def checked():
+def annotations_are_checked(checked):
     assert not config.jaxtyping_disable
 
 

@@ -14,8 +14,6 @@ import pytest
 TOP = Path(__file__).parents[2]
 SOURCES = ("src", "pyproject.toml", "CMakeLists.txt", "README.md", "LICENSE")
 
-pytestmark = pytest.mark.slow
-
 
 def run(command: list[str | Path], **more: object) -> subprocess.CompletedProcess[str]:
     finished = subprocess.run(command, capture_output=True, text=True, check=False, **more)  # type: ignore[call-overload]

@@ -1,4 +1,4 @@
-"""Switches the checks of annotations off where they cost more than what they check."""
+"""Switches the checks of annotations off where they cost more than what they check, and on again."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,10 +7,10 @@ from jaxtyping import config
 
 
 @contextmanager
-def unchecked_annotations() -> Iterator[None]:
-    """Run what is inside without checks of annotations."""
+def annotations_checked(wanted: bool) -> Iterator[None]:
+    """Run what is inside with or without checks of annotations."""
     before = config.jaxtyping_disable
-    config.update("jaxtyping_disable", True)
+    config.update("jaxtyping_disable", not wanted)
     try:
         yield
     finally:

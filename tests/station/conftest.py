@@ -1,8 +1,7 @@
 """Small recordings, made by hand and in physics, skills learned from them, and commands without a process."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,8 @@ from typing import Any
 import click
 import numpy as np
 import pytest
+from annotations import annotations_checked
 from click.testing import CliRunner, Result
-from jaxtyping import config
 
 from pilotfish.demonstrations import (
     Demonstration,
@@ -196,23 +195,6 @@ def valve_opener() -> Leader:
     )
 
 
-@contextmanager
-def annotations_unchecked() -> Iterator[None]:
-    """Physics five times as fast, for what was run before with every annotation checked."""
-    config.update("jaxtyping_disable", True)
-    try:
-        yield
-    finally:
-        config.update("jaxtyping_disable", False)
-
-
-@pytest.fixture
-def unchecked() -> Iterator[None]:
-    """A law that repeats what others run with checks."""
-    with annotations_unchecked():
-        yield
-
-
 def _opening(number: int) -> Recording:
     task = TASKS["valve"]
     return record(task, situation(task, SHOWN, 0, number), valve_opener(), f"opening {number}")
@@ -221,9 +203,8 @@ def _opening(number: int) -> Recording:
 @pytest.fixture(scope="session")
 def openings() -> tuple[Recording, ...]:
     """Four valves opened in physics by the clock."""
-    first = _opening(0)
-    with annotations_unchecked():
-        return (first, *(_opening(number) for number in range(1, 4)))
+    with annotations_checked(False):
+        return tuple(_opening(number) for number in range(4))
 
 
 @pytest.fixture(scope="session")
@@ -271,7 +252,7 @@ def screw_setter() -> Leader:
 def settings() -> tuple[Recording, ...]:
     """Four screwdrivers set in by the clock."""
     task = TASKS["screwdriver"]
-    with annotations_unchecked():
+    with annotations_checked(False):
         return tuple(
             record(task, situation(task, SHOWN, 0, m), screw_setter(), f"setting {m}") for m in range(4)
         )
@@ -281,16 +262,10 @@ def settings() -> tuple[Recording, ...]:
 def lined_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A place with three showings of the short task in the folder "shown", and "skill", learned from them."""
     place = tmp_path_factory.mktemp("lined up")
-    with pytest.MonkeyPatch.context() as patch, annotations_unchecked():
+    with pytest.MonkeyPatch.context() as patch, annotations_checked(False):
         patch.setitem(TASKS, LINING_UP.name, LINING_UP)
         patch.chdir(place)
         record_it = ["record", LINING_UP.name, "--demonstrations", "3", "--seed", "5", "--out", "shown"]
         for line in (record_it, ["learn", "shown", "--states", "2", "--out", "skill"]):
             CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
     return place
-
-
-@pytest.fixture(scope="session")
-def physics_unchecked() -> Callable[[], AbstractContextManager[None]]:
-    """For fixtures that take long."""
-    return annotations_unchecked

@@ -2,12 +2,12 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
+from annotations import annotations_checked
 from click.testing import CliRunner
 
 from pilotfish.environments.cameras import why_nothing_draws
@@ -27,12 +27,12 @@ def out_of_reach() -> NoReturn:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def physics_without_checks(physics_unchecked: Callable[[], AbstractContextManager[None]]) -> Iterator[None]:
-    """Eight openings with every annotation checked take a minute; test_demo_physics.py checks them."""
+def physics_without_checks() -> Iterator[None]:
+    """Eight openings with every annotation checked take a minute."""
     carried_out = room._in_physics
 
     def quickly(lesson: Lesson, say: room.Say) -> tuple[Section, tuple[Table, ...]]:
-        with physics_unchecked():
+        with annotations_checked(False):
             return carried_out(lesson, say)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -7,6 +7,7 @@ from math import radians
 
 import numpy as np
 import pytest
+from annotations import annotations_checked
 from drawing import needs_renderer
 from matplotlib.figure import Figure
 from PIL import Image
@@ -46,10 +47,10 @@ def lesson(data_folder: object) -> Lesson:
 
 
 @pytest.fixture(scope="module")
-def carried(lesson: Lesson, physics_unchecked: object) -> tuple[Section, Table, list[Opening]]:
+def carried(lesson: Lesson) -> tuple[Section, Table, list[Opening]]:
     """All replays carried out, with a film where pictures can be drawn, and what came of each."""
     openings: list[Opening] = []
-    with pytest.MonkeyPatch.context() as patch, physics_unchecked():
+    with pytest.MonkeyPatch.context() as patch, annotations_checked(False):
         patch.setattr(demo_physics, "table", lambda done: openings.extend(done) or table(done))
         section, measured = opened(lesson, pictures=demo._pictures(lambda _: None))
     return section, measured, openings

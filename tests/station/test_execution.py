@@ -45,7 +45,7 @@ def unseen(number: int, task: Any = VALVE) -> Any:
     return situation(task, UNSEEN, 0, number)
 
 
-def test_a_skill_opens_a_valve_where_none_stood(valve_skill: Skill):
+def test_a_skill_opens_a_valve_where_none_stood(valve_skill: Skill, unchecked: None):
     """Learned from four showings, it turns another valve to within the task's five degrees and leaves it."""
     made = execute(valve_skill, VALVE, unseen(0))
     assert made.verdict.success, made.verdict.why

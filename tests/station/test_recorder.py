@@ -26,6 +26,7 @@ from pilotfish.station.recorder import (
     UNSEEN,
     Leader,
     Recording,
+    delayed,
     record,
     shown,
     simulated,
@@ -33,7 +34,11 @@ from pilotfish.station.recorder import (
     task_layout,
 )
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 VALVE, SCREWDRIVER = TASKS["valve"], TASKS["screwdriver"]
+
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def leading(velocity: tuple[float, float, float], seconds: float, grip_from: float = np.inf) -> Leader:
@@ -58,7 +63,7 @@ def same(a: Recording, b: Recording) -> bool:
     return rows and framed and (a.verdict, a.peaks, a.seconds) == (b.verdict, b.peaks, b.seconds)
 
 
-def test_the_same_seed_gives_the_same_recordings(lining_up: Task[Any], tmp_path: Path, unchecked: None):
+def test_the_same_seed_gives_the_same_recordings(lining_up: Task[Any], tmp_path: Path):
     """Two showings of a simulated person are equal bit for bit, so are the files of their folders; those of
     another seed are others.
     """
@@ -131,8 +136,11 @@ def test_what_is_kept_is_what_was_asked_for_not_what_was_reached():
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))
-def test_there_is_a_grip_where_there_is_something_to_grip_with(name: str):
-    """A pose has seven columns, a pose with a grip eight; the grip's own tells when it was asked for."""
+def test_there_is_a_grip_where_there_is_something_to_grip_with(name: str, checked: None):
+    """A pose has seven columns, a pose with a grip eight; the grip's own tells when it was asked for.
+
+    Half a second of each task is recorded with every annotation checked.
+    """
     task = TASKS[name]
     made = record(task, situation(task, SHOWN, 0, 0), leading((0, 0, 0), 0.5, grip_from=0.3), "x")
     layout = made.demonstration.layout
@@ -245,11 +253,31 @@ def test_another_try_is_another_showing(lining_up: Task[Any]):
     assert not np.array_equal(rows[0], rows[1])
 
 
-def test_a_simulated_person_opens_a_valve(unchecked: None):
-    """Looking, moving and waiting, in the first try or a later one, to within the task's tolerance."""
-    ((made, tries),) = shown(VALVE, 1, 0)
+def test_a_simulated_person_opens_a_valve_and_takes_longer_when_they_see_late():
+    """Looking, moving and waiting, in the first try or a later one, to within the task's tolerance; with half
+    a second of delay too, in longer than without.
+    """
+    ((made, tries),), ((late, _),) = (shown(VALVE, 1, 0, delay=delay) for delay in (0.0, 0.5))
+    assert late.seconds > made.seconds + 2 * 0.5  # at least four acts, each with a look at what came of it
     assert 1 <= tries <= TRIES
     assert made.verdict.success
     assert isinstance(made.demonstration, Demonstration)
     assert 5.0 < made.seconds < VALVE.seconds
     assert np.abs(np.diff(made.demonstration.x[:, :3], axis=0)).max() < 0.05
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.5])
+def test_every_picture_comes_so_late(delay: float):
+    """At each look the leader is given the picture of so many seconds ago, and the first one until then."""
+    given = []
+
+    def watch(time: float, seen: people.Seen) -> people.Wish:
+        given.append((time, float(seen.tool.position[0])))  # a tool whose place tells the time
+        return people.Wish(seen.tool, 0.0, 0, False)
+
+    leader = delayed(watch, delay)
+    for look in range(60):
+        time = 0.02 * look
+        leader(time, people.Seen(Pose(np.array([time, 0.0, 0.0]), UPRIGHT), {}))
+    for time, pictured in given:
+        assert pictured == pytest.approx(max(time - delay, 0.0), abs=1e-9)
