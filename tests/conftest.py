@@ -41,8 +41,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run each test that uses `rng` once per seed."""
-    if "rng" in metafunc.fixturenames:
+    """Run each test that uses `rng`, and does not name its own seeds, once per seed."""
+    own = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
+    if "rng" in metafunc.fixturenames and "rng" not in own:
         seeds = range(metafunc.config.getoption("seeds"))
         metafunc.parametrize("rng", seeds, indirect=True, ids=lambda seed: f"seed{seed}")
 
