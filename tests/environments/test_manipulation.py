@@ -1,15 +1,23 @@
 """The tasks as Gymnasium environments keep that interface's promises, and those of the physics behind."""
 
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import fields, replace
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+from annotations import annotations_checked
 from gymnasium.utils.env_checker import check_env
 
-from pilotfish.environments import TASKS, TICK, Manipulation, Workcell
+from pilotfish.environments import TASKS, TICK, Manipulation, RecordedValve, Workcell
+from pilotfish.environments.tasks.carabiner import CarabinerSituation
+from pilotfish.environments.tasks.plate import PlateSituation
+from pilotfish.environments.tasks.screwdriver import ScrewdriverSituation
+from pilotfish.environments.tasks.stab import StabSituation
+from pilotfish.environments.tasks.valve import ValveSituation
 from pilotfish.errors import InvalidInput
+from pilotfish.geometry import Pose
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -128,7 +136,7 @@ def test_the_arm_goes_where_it_is_asked():
     assert env.cell.time == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("length", [0.01, 0.5, 2.0])
+@pytest.mark.parametrize("length", [0.01, 0.5, 2.0, 1e155, 1e308])
 def test_the_length_of_a_quaternion_does_not_matter(length: float):
     """Of any length, and of either sign, it asks for the same turn."""
     states = []
@@ -143,9 +151,9 @@ def test_the_length_of_a_quaternion_does_not_matter(length: float):
     assert np.allclose(states[0], states[2], atol=1e-12)
 
 
-def wrong(name: str) -> Any:
+def wrong_actions() -> dict[str, Any]:
     good = np.array([0.6, -0.3, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0])
-    made: dict[str, Any] = {
+    return {
         "a hole": np.where(np.arange(8) == 1, np.nan, good),
         "no end": np.where(np.arange(8) == 7, np.inf, good),
         "too few": good[:7],
@@ -153,24 +161,101 @@ def wrong(name: str) -> Any:
         "a row": good[None],
         "no turn": np.where((np.arange(8) > 2) & (np.arange(8) < 7), 0.0, good),
         "words": np.array(["here"] * 8),
+        "numbers in words": np.array(good, dtype=str),
+        "masked": np.ma.masked_array(good, np.arange(8) == 2),
+        "a masked number": [np.ma.masked, *good[1:]],
+        "truth values": good > 0.5,
+        "a huge integer": [10**400, *good[1:]],
+        "a huge place": np.append(1e200, good[1:]),
+        "nothing": None,
     }
-    return made[name]
 
 
-@pytest.mark.parametrize("name", ["a hole", "no end", "too few", "too many", "a row", "no turn", "words"])
+WRONG = wrong_actions()
+
+
+@pytest.mark.parametrize("name", sorted(WRONG))
 def test_an_action_that_means_nothing_is_refused_and_nothing_moves(name: str):
     """The physics is to the last bit where it was, its clock too, and the next good action works."""
     env = Manipulation("valve")
     env.reset(seed=0)
     env.step(held(env, (0.05, 0.0, 0.0)))
     before = env.cell.data.qpos.copy(), env.cell.data.qvel.copy(), env.cell.time
-    with pytest.raises(InvalidInput, match="expected"):
-        env.step(wrong(name))
+    with annotations_checked(False), pytest.raises(InvalidInput, match="expected"):
+        env.step(WRONG[name])
     assert np.array_equal(env.cell.data.qpos, before[0])
     assert np.array_equal(env.cell.data.qvel, before[1])
     assert env.cell.time == before[2]
     env.step(held(env))
     assert env.cell.time == pytest.approx(before[2] + 0.02)
+
+
+HERE = Pose(np.array([0.8, -0.3, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
+HOLE = Pose(np.array([0.8, np.nan, 0.1]), HERE.quaternion)
+FAR = Pose(np.array([1e155, 0.0, 0.0]), HERE.quaternion)
+LONG = Pose(HERE.position, np.array([1e155, 0.0, 0.0, 0.0]))
+LEVEL = np.array([1.0, 0.0, 0.0])
+UNUSABLE_SITUATIONS: list[tuple[type, tuple[Any, ...], str]] = [
+    (ValveSituation, (HOLE, 0.0, 1.0), r"the valve: position\[1\] is nan"),
+    (ValveSituation, (FAR, 0.0, 1.0), "the valve: position.* is 1e"),
+    (ValveSituation, (LONG, 0.0, 1.0), "the valve: quaternion"),
+    (ValveSituation, (None, 0.0, 1.0), "the valve is of the kind NoneType, expected Pose"),
+    (ValveSituation, (HERE, np.nan, 1.0), "angle begin is nan, expected a number from -100 to 100"),
+    (ValveSituation, (HERE, 0.0, "1"), "angle end is '1', expected a number"),
+    (StabSituation, (HOLE,), "the receptacle: position"),
+    (CarabinerSituation, (HOLE, 0.0), "the rod: position"),
+    (CarabinerSituation, (HERE, 0.2), "the place along the rod is 0.2, expected a number from -0.15 to 0.15"),
+    (PlateSituation, (HOLE, 0), "the plate: position"),
+    (PlateSituation, (HERE, 8), "level of the obstacle is 8, expected a whole number from 0 to 7"),
+    (PlateSituation, (HERE, True), "level of the obstacle is True"),
+    (ScrewdriverSituation, (HOLE, LEVEL, 0.01, 0.5, 0.0), "the middle of the screw's way: position"),
+    (ScrewdriverSituation, (HERE, 2 * LEVEL, 0.01, 0.5, 0.0), "expected a direction of length one"),
+    (ScrewdriverSituation, (HERE, LEVEL, np.inf, 0.5, 0.0), "the sway is inf"),
+    (ScrewdriverSituation, (HERE, LEVEL, 0.01, np.nan, 0.0), "the pace is nan"),
+    (ScrewdriverSituation, (HERE, LEVEL, 0.01, 0.5, 10**400), "the phase is a whole number of 1329 bits"),
+    (RecordedValve, (HERE, HOLE, HERE), "the pose 'after': position"),
+]
+
+
+@pytest.mark.parametrize(("kind", "values", "message"), UNUSABLE_SITUATIONS)
+def test_situation_with_unusable_values_is_refused(kind: type, values: tuple[Any, ...], message: str):
+    """Before the physics is built, so that it never computes with what is not a number."""
+    with annotations_checked(False), pytest.raises(InvalidInput, match=message):
+        kind(*values)
+
+
+@pytest.mark.parametrize("height", [-0.93, -0.9, 2.9])
+def test_situation_out_of_reach_or_under_the_floor_is_refused_by_reset(height: float):
+    """The physics engine's own errors do not come through."""
+    for task in sorted(TASKS):
+        drawn = TASKS[task].draw(np.random.default_rng(0))
+        thing = next(field.name for field in fields(drawn) if isinstance(getattr(drawn, field.name), Pose))
+        at = getattr(drawn, thing)
+        env = Manipulation(task)
+        with suppress(InvalidInput):
+            moved = replace(drawn, **{thing: Pose(np.append(at.position[:2], height), at.quaternion)})
+            observation, _ = env.reset(options={"situation": moved})
+            assert all(np.isfinite(value).all() for value in observation.values())
+
+
+@pytest.mark.parametrize("task", [[], None, 3, ["valve"], "", "valves"])
+def test_unknown_task_is_refused(task: Any):
+    """Whatever it is."""
+    with (
+        annotations_checked(False),
+        pytest.raises(InvalidInput, match="carabiner, plate, screwdriver, stab, valve"),
+    ):
+        Manipulation(task)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"seed": -1}, {"seed": "3"}, {"seed": True}, {"seed": 2**64}, {"options": []}, {"options": {3: 4}}],
+)
+def test_unusable_reset_is_refused(arguments: dict[str, Any]):
+    """Seeds and options."""
+    with annotations_checked(False), pytest.raises(InvalidInput, match="expected"):
+        Manipulation("valve").reset(**arguments)
 
 
 def test_an_episode_is_cut_after_the_time_of_the_task():

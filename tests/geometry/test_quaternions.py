@@ -119,7 +119,7 @@ def test_no_branch_of_the_inversion_divides_by_little(q: np.ndarray):
 )
 def test_what_is_no_rotation_is_refused(R: np.ndarray):
     """A mirror image has no quaternion, nor has a scaled axis."""
-    with pytest.raises(InvalidInput, match="no rotation matrix"):
+    with pytest.raises(InvalidInput, match=r"no rotation matrix|nan, expected a finite number"):
         from_rotation_matrix(R)
 
 
@@ -176,5 +176,5 @@ def test_continuous_leaves_one_point_alone():
 @pytest.mark.parametrize("bad", [[0.0] * 4, [np.nan, 0, 0, 1.0], [np.inf, 0, 0, 0]])
 def test_what_has_no_direction_is_not_normalised(bad: list[float]):
     """A zero or endless quaternion is refused, and its place in the batch named."""
-    with pytest.raises(InvalidInput, match=r"\(1,\) has norm"):
+    with pytest.raises(InvalidInput, match=r"\(1,\) has norm 0|q\[1, .\] is (nan|inf)"):
         normalise(np.array([[1.0, 0, 0, 0], bad]))

@@ -5,6 +5,7 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels import ArmLimits, Impedance
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array, require_number
 
 JOINTS = 16  # the compiled kernel keeps room for so many
 POSITIVE = ("force_limit", "moment_limit", "singular_value")  # nothing is divided by the others
@@ -22,7 +23,7 @@ def arm_limits(lower: object, upper: object, velocity: object, torque: object) -
     """
     low = _joints("lower", lower)
     up, speed, strength = (
-        _numbers(name, value, len(low))
+        finite_array(value, name, (len(low),))
         for name, value in (("upper", upper), ("velocity", velocity), ("torque", torque))
     )
     if (empty := np.flatnonzero(~(low < up))).size:
@@ -63,42 +64,26 @@ def impedance(  # noqa: PLR0913 - one argument for each field, all but the first
     }
     for name, value in numbers.items():
         require = _require_positive if name in POSITIVE else _require_not_negative
-        require(name, _numbers(name, [value], 1))
+        require(name, np.array([require_number(value, name)]))
     return Impedance(*springs, _joints("posture", posture), *map(float, numbers.values()))
 
 
 def _springs(name: str, value: object) -> Float[Array, " 6"]:
-    numbers = _array(name, value)
+    numbers = finite_array(value, name)
     if numbers.shape == (2,):
         numbers = np.repeat(numbers, 3)
-    numbers = _numbers(name, numbers, 6)
+    numbers = finite_array(numbers, name, (6,))
     _require_not_negative(name, numbers)
     return numbers
 
 
 def _joints(name: str, value: object) -> Float[Array, " n"]:
-    numbers = _array(name, value)
+    numbers = finite_array(value, name)
     if numbers.ndim != 1 or not 1 <= len(numbers) <= JOINTS:
         raise InvalidInput(
             f"{name} has shape {numbers.shape}, expected (n,): one for each of 1 to {JOINTS} joints"
         )
-    return _numbers(name, numbers, len(numbers))
-
-
-def _numbers(name: str, value: object, size: int) -> Float[Array, " n"]:
-    numbers = _array(name, value)
-    if numbers.shape != (size,):
-        raise InvalidInput(f"{name} has shape {numbers.shape}, expected ({size},)")
-    if not np.isfinite(numbers).all():
-        raise InvalidInput(f"{name} is {numbers.tolist()}, expected finite numbers")
     return numbers
-
-
-def _array(name: str, value: object) -> Float[Array, "*shape"]:
-    try:
-        return np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} is {value!r}, expected numbers") from error
 
 
 def _require_positive(name: str, numbers: Float[Array, " n"]) -> None:

@@ -1,6 +1,7 @@
 """The tasks as Gymnasium environments: an agent asks for poses of the tool, physics tells what follows."""
 
-from math import inf
+from math import hypot, inf
+from types import NoneType
 from typing import Any
 
 import gymnasium
@@ -11,13 +12,15 @@ from pilotfish.environments.cameras import Photographer, view_of
 from pilotfish.environments.tasks import TASKS, Task
 from pilotfish.environments.workcell import TICK, Workcell
 from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.geometry import Pose
+from pilotfish.geometry import Pose, normalise
 from pilotfish.types import Array, Float
+from pilotfish.validation import LARGEST_FLOAT, finite_array, refuse_huge, require_count, short_repr
 
 PERIOD = 0.02  # s between actions
 REACH = 1.6  # m: nothing that the arm can do is further away
 SHORTEST = 1e-3  # of a quaternion: a shorter one is no direction
 POSE = 7
+LARGEST_SEED = 2**64 - 1
 EXPECTED = "eight finite numbers: position [m], quaternion w x y z, grip"
 Observation = dict[str, Array]
 # Of each thing observed: the least and the most that it can be, and how many numbers it is.
@@ -51,10 +54,12 @@ class Manipulation(gymnasium.Env[Observation, Array]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, task: str, *, render_mode: str | None = None) -> None:
+        require_kind("task", task, str, f"name one of {', '.join(sorted(TASKS))}")
         if task not in TASKS:
-            raise InvalidInput(f"task is {task!r}, expected one of {', '.join(sorted(TASKS))}")
+            raise InvalidInput(f"task is {short_repr(task)}, expected one of {', '.join(sorted(TASKS))}")
+        require_kind("render_mode", render_mode, (str, NoneType), "give 'rgb_array' or None")
         if render_mode not in (None, "rgb_array"):
-            raise InvalidInput(f"render_mode is {render_mode!r}, expected None or 'rgb_array'")
+            raise InvalidInput(f"render_mode is {short_repr(render_mode)}, expected None or 'rgb_array'")
         self.task: Task[Any] = TASKS[task]
         self.render_mode = render_mode
         low = np.array([-REACH] * 3 + [-1.0] * 4 + [0.0])
@@ -74,7 +79,9 @@ class Manipulation(gymnasium.Env[Observation, Array]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """A new situation: of the seed, of the chance that went on before, or the one given in options."""
-        _refuse_other_options(options or {}, self.task)
+        if seed is not None:
+            require_count(seed, "seed", LARGEST_SEED)
+        _refuse_other_options({} if options is None else options, self.task)
         super().reset(seed=seed)
         where = options["situation"] if options else self.task.draw(self.np_random)
         self._forget_pictures()
@@ -143,8 +150,9 @@ def _row(pose: Pose) -> Float[Array, " 7"]:
 
 
 def _refuse_other_options(options: dict[str, Any], task: Task[Any]) -> None:
-    if unknown := sorted(options.keys() - {"situation"}):
-        raise InvalidInput(f"reset has no option {unknown[0]!r}, expected 'situation' or none")
+    require_kind("options", options, dict, 'give {"situation": ...} or none')
+    if unknown := [key for key in options if key != "situation"]:
+        raise InvalidInput(f"reset has no option {short_repr(unknown[0])}, expected 'situation' or none")
     if options:
         kind = type(task.draw(np.random.default_rng(0)))
         require_kind("the situation", options["situation"], kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
@@ -152,15 +160,13 @@ def _refuse_other_options(options: dict[str, Any], task: Task[Any]) -> None:
 
 def _asked(action: Array) -> tuple[Pose, float]:
     try:
-        numbers = np.array(action, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"the action is {action!r}, expected {EXPECTED}") from error
-    if numbers.shape != (POSE + 1,) or not np.isfinite(numbers).all():
-        raise InvalidInput(f"the action is {numbers.tolist()}, expected {EXPECTED}")
-    norm = float(np.linalg.norm(numbers[3:POSE]))
-    if norm < SHORTEST:
+        numbers = finite_array(action, "the action", (POSE + 1,), largest=LARGEST_FLOAT)
+        refuse_huge(numbers[:3], "the action's position")
+    except InvalidInput as error:
+        raise InvalidInput(f"{error}; expected {EXPECTED}") from error
+    if (norm := hypot(*numbers[3:POSE])) < SHORTEST:
         raise InvalidInput(
             f"the action's quaternion {numbers[3:POSE].tolist()} has length {norm:.4g}, expected at least "
             f"{SHORTEST:g}; 1, 0, 0, 0 asks for no turn"
         )
-    return Pose(numbers[:3], numbers[3:POSE] / norm), float(np.clip(numbers[POSE], 0.0, 1.0))
+    return Pose(numbers[:3], normalise(numbers[3:POSE])), float(np.clip(numbers[POSE], 0.0, 1.0))

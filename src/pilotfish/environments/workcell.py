@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from pilotfish.control import ToolTarget, impedance, impedance_torque, posture_torque
-from pilotfish.environments.arms import SimulatedArm
+from pilotfish.environments.arms import JOINTS, SimulatedArm
 from pilotfish.environments.baxter import (
     Surface,
     Tool,
@@ -22,11 +22,14 @@ from pilotfish.environments.baxter import (
 from pilotfish.environments.contacts import contact_forces, larger
 from pilotfish.environments.steering import Clutch, hand_wrench, straight
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array, float_array, require_count, require_number
 
 S = TypeVar("S")
 TICK = 0.001  # s, of physics and of control
+MOST_TICKS = 10**6  # of one call: quarter of an hour
 LED_DAMPING = 0.5  # N m s/rad, of the joints of an arm that a person leads
 # Position mode, N m/rad and N m s/rad: about 4 Hz, well damped.
 HOLDING = np.array([400.0, 400.0, 200.0, 200.0, 60.0, 60.0, 40.0])
@@ -45,6 +48,8 @@ class Workcell(Generic[S]):
     def __init__(
         self, task: Task[S], situation: S, *, lead: bool = False, surfaces: Sequence[Surface] = ()
     ) -> None:
+        require_kind("task", task, Task, "TASKS holds them by name")
+        require_kind("surfaces", surfaces, Sequence, "give a list of them")
         self.task, self.situation, self.limits = task, situation, baxter_limits()
         self.model, self.fitted = _built(task, situation, lead, surfaces)
         self.data = mujoco.MjData(self.model)
@@ -84,7 +89,7 @@ class Workcell(Generic[S]):
 
     def follow(self, target: Pose, grip: float, ticks: int) -> None:
         """So many ticks later: the arm was drawn towards a target that moved evenly to this one."""
-        path = straight(self.target, target, ticks, TICK)
+        path = straight(self.target, _checked(target), _ticks(ticks), TICK)
         self._grasp(grip)
         for n in range(ticks):
             self._tick(self._drawn(path.at(n)))
@@ -92,8 +97,9 @@ class Workcell(Generic[S]):
 
     def hold(self, posture: Float[Array, " 7"], grip: float, ticks: int) -> None:
         """So many ticks later: position mode, the joints were drawn to a posture [rad]."""
+        posture = finite_array(posture, "posture", (JOINTS,))
         self._grasp(grip)
-        for _ in range(ticks):
+        for _ in range(_ticks(ticks)):
             effort = posture_torque(HOLDING, HOLDING_DAMPING, self.limits, self.arm.reading(), posture)
             self._tick(effort.torque)
         self.target = self.arm.tool
@@ -103,9 +109,10 @@ class Workcell(Generic[S]):
 
         The hand pulls the input arm by a spring; where that arm's tool goes, the other's follows.
         """
-        assert self.input, "made with lead=True"
-        hand = self._clutch.lead(wish)
-        path = straight(self._hand, hand, ticks, TICK)
+        if self.input is None:
+            raise InvalidInput("the cell has no arm to lead; make it with lead=True")
+        hand = self._clutch.lead(_checked(wish))
+        path = straight(self._hand, hand, _ticks(ticks), TICK)
         self._grasp(grip)
         for n in range(ticks):
             self._pull(path.at(n))
@@ -136,7 +143,7 @@ class Workcell(Generic[S]):
             self.task.stir(self.model, self.data, self.situation, self.time)
 
     def _grasp(self, grip: float) -> None:
-        self.grip = grip
+        self.grip = require_number(grip, "grip")
         if self.fitted.motor:
             share = min(max(grip, 0.0), 1.0)
             command = self.fitted.open + share * (self.fitted.shut - self.fitted.open)
@@ -159,4 +166,18 @@ def _built(
     if surfaces:
         dress(spec, surfaces)
     task.furnish(spec, situation)
-    return spec.compile(), tool
+    try:
+        return spec.compile(), tool
+    except ValueError as error:
+        raise InvalidInput(f"{situation} cannot be set up: {error}; draw one: task.draw(rng)") from error
+
+
+def _checked(target: Pose) -> Pose:
+    require_kind("the pose asked for", target, Pose, "geometry.pose(position, quaternion) makes one")
+    float_array(target.position, "the position asked for", 3)
+    float_array(target.quaternion, "the quaternion asked for", 4)
+    return target
+
+
+def _ticks(ticks: int) -> int:
+    return require_count(ticks, "ticks", MOST_TICKS, lowest=1)

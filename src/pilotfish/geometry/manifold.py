@@ -9,16 +9,20 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry.quaternions import exp, multiply, rotation_matrix
 from pilotfish.geometry.rotation_vectors import inverse_right_jacobian, right_jacobian, rotation_vector
 from pilotfish.types import Array, Float
+from pilotfish.validation import float_array, require_count, require_shapes_agree, short_repr
 
+LARGEST_WIDTH = 10**6  # columns
 MEAN_STEPS, MEAN_PRECISION = 100, 1e-12  # rad
 TINY = float(np.finfo(float).tiny)
 
 
 def tangent_slices(width: int, turns: tuple[int, ...]) -> Iterator[tuple[slice, slice, bool]]:
     """Columns of points and of tangent vectors that belong together, and whether they are an orientation."""
+    require_turns(width, turns)
     done = tangent = 0
     for start in (*sorted(turns), width):
         if start > done:
@@ -30,6 +34,31 @@ def tangent_slices(width: int, turns: tuple[int, ...]) -> Iterator[tuple[slice, 
         done = start + 4
 
 
+def tangent_width(width: int, turns: tuple[int, ...]) -> int:
+    """Return how many columns tangent vectors have at points of so many.    Raises: as require_turns."""
+    require_turns(width, turns)
+    return width - len(turns)
+
+
+def require_turns(width: object, turns: object) -> None:
+    """Check that each of turns is the first of four columns among width, none of them shared.
+
+    Raises:
+        InvalidInput: If not.
+    """
+    columns = require_count(width, "width", LARGEST_WIDTH)
+    if not isinstance(turns, tuple):
+        raise InvalidInput(f"turns is {short_repr(turns)}, expected a tuple of first columns, such as (3,)")
+    done = 0
+    for start in sorted(require_count(turn, "a turn's first column", columns) for turn in turns):
+        if start < done or start + 4 > columns:
+            raise InvalidInput(
+                f"turns is {short_repr(turns)}, expected first columns of quaternions, four columns each and "
+                f"none shared, among {columns}"
+            )
+        done = start + 4
+
+
 def log_at(
     base: Float[Array, "*#B D"], x: Float[Array, "*#B D"], turns: tuple[int, ...]
 ) -> Float[Array, "*B E"]:
@@ -37,6 +66,9 @@ def log_at(
 
     Of x and -x the nearer one, so no rotation vector is longer than pi.
     """
+    base = float_array(base, "base")
+    x = float_array(x, "x", _width(base, "base"))
+    require_shapes_agree(base=base, x=x)
     parts = [
         rotation_vector(base[..., here], x[..., here]) if turn else x[..., here] - base[..., here]
         for here, _, turn in tangent_slices(base.shape[-1], turns)
@@ -48,6 +80,9 @@ def exp_at(
     base: Float[Array, "*#B D"], v: Float[Array, "*#B E"], turns: tuple[int, ...]
 ) -> Float[Array, "*B D"]:
     """Where the geodesic that leaves base along v is at time one: base + v, and base exp(v / 2) on turns."""
+    base = float_array(base, "base")
+    v = float_array(v, "v", tangent_width(_width(base, "base"), turns))
+    require_shapes_agree(base=base, v=v)
     parts = [
         multiply(base[..., here], exp(0.5 * v[..., there])) if turn else base[..., here] + v[..., there]
         for here, there, turn in tangent_slices(base.shape[-1], turns)
@@ -86,6 +121,12 @@ def karcher_mean(
     pi / 2 [rad] of it. Begins at the chordal mean, whose outer product is nearest to those of x.
     Source: Karcher 1977; Markley et al. 2007 for the beginning.
     """
+    x, shares = float_array(x, "x"), float_array(shares, "shares")
+    if x.ndim != 2 or shares.shape != x.shape[:1] or shares.min(initial=0.0) < 0.0:
+        raise InvalidInput(
+            f"x has shape {x.shape} and shares {shares.shape}, expected (N, D) and (N,), no share below zero"
+        )
+    require_turns(x.shape[1], turns)
     x, shares = x[shares > 0.0], shares[shares > 0.0] / max(float(shares.sum()), TINY)
     mean = shares @ x
     for start in turns:
@@ -101,13 +142,20 @@ def karcher_mean(
     return np.asarray(mean)
 
 
+def _width(array: Float[Array, "*B D"], name: str) -> int:
+    if array.ndim == 0:
+        raise InvalidInput(f"{name} is one number, expected a row or rows of them")
+    return int(array.shape[-1])
+
+
 def _block_diagonal(
     v: Float[Array, "*B E"],
     turns: tuple[int, ...],
     block: Callable[[Float[Array, "*B 3"]], Float[Array, "*B 3 3"]],
 ) -> Float[Array, "*B E E"]:
     """The identity, with block(v) on the tangents of every orientation."""
-    E = v.shape[-1]
+    v = float_array(v, "v")
+    E = _width(v, "v")
     matrix = np.zeros((*v.shape, E)) + np.eye(E)
     for _, there, turn in tangent_slices(E + len(turns), turns):
         if turn:

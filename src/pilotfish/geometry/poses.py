@@ -7,6 +7,7 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry.quaternions import conjugate, multiply, rotation_matrix
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array
 
 NORM_TOLERANCE = 1e-4  # what four typed digits leave: |(.7071, .7071, 0, 0)| = 1 - 1e-5
 
@@ -36,7 +37,7 @@ def pose(position: object, quaternion: object) -> Pose:
 
     A norm within 1e-4 of one is rounding and is divided out; further away it is refused.
     """
-    place, turn = _numbers(position, "position", 3), _numbers(quaternion, "quaternion", 4)
+    place, turn = finite_array(position, "position", (3,)), finite_array(quaternion, "quaternion", (4,))
     norm = float(np.linalg.norm(turn))
     if abs(norm - 1) > NORM_TOLERANCE:
         raise InvalidInput(
@@ -44,15 +45,3 @@ def pose(position: object, quaternion: object) -> Pose:
             "if only its length is wrong, pass geometry.normalise(quaternion)"
         )
     return Pose(place, turn / norm)
-
-
-def _numbers(value: object, name: str, size: int) -> Float[Array, " n"]:
-    try:
-        numbers = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} is {value!r}, expected {size} numbers") from error
-    if numbers.shape != (size,):
-        raise InvalidInput(f"{name} has shape {numbers.shape}, expected ({size},)")
-    if not np.isfinite(numbers).all():
-        raise InvalidInput(f"{name} is {numbers.tolist()}, expected {size} finite numbers")
-    return numbers

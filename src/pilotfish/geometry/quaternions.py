@@ -3,15 +3,26 @@
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import LARGEST_FLOAT, float_array, require_shapes_agree
 
+CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+SHORTEST, LONGEST = 1e-70, 1e70  # of quaternions whose products' squares are taken
+LARGEST_TURN = 1e6  # rad; beyond, float64 leaves fewer than nine digits of the angle
 ROTATION_TOLERANCE = 1e-4  # a published rotation matrix carries about six digits
 
 
 def multiply(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 4"]:
     """The Hamilton product p q: first turn by q, then by p."""
-    pw, px, py, pz = np.moveaxis(p, -1, 0)
-    qw, qx, qy, qz = np.moveaxis(q, -1, 0)
+    p, q = quaternions(p, "p"), quaternions(q, "q")
+    require_shapes_agree(p=p, q=q)
+    return hamilton_product(p, q)
+
+
+def hamilton_product(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 4"]:
+    """Return p q as multiply does, for arrays that were checked before."""
+    pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     w = pw * qw - px * qx - py * qy - pz * qz
     x = pw * qx + px * qw + py * qz - pz * qy
     y = pw * qy - px * qz + py * qw + pz * qx
@@ -21,19 +32,66 @@ def multiply(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array,
 
 def conjugate(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4"]:
     """The turn back: q conjugate(q) = |q|^2."""
-    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
+    return np.asarray(quaternions(q, "q") * CONJUGATE)
 
 
 def normalise(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4"]:
-    """The nearest unit quaternions.
+    """Return the nearest unit quaternions; of any length, however large or small.
 
-    Raises: InvalidInput, when one has no direction: its norm is zero or not finite.
+    Raises:
+        InvalidInput: If one has no direction: it is zero or not finite.
     """
-    norms = np.linalg.norm(q, axis=-1, keepdims=True)
-    if (bad := np.argwhere(~((norms > 0) & np.isfinite(norms)))).size:
-        place = tuple(int(i) for i in bad[0, :-1])
-        raise InvalidInput(f"quaternion {place} has norm {norms[(*place, 0)]}, expected a positive number")
-    return np.asarray(q / norms)
+    q = float_array(q, "q", 4, largest=LARGEST_FLOAT)
+    if np.abs(q).max(initial=0.0) > LONGEST or not _have_directions(q):
+        longest = np.abs(q).max(axis=-1, keepdims=True)
+        if (bad := np.argwhere(longest == 0.0)).size:
+            raise InvalidInput(
+                f"quaternion {tuple(bad[0, :-1].tolist())} has norm 0, expected a positive number"
+            )
+        q = np.ldexp(q, -np.frexp(longest)[1])  # by powers of two, so that no digit is lost
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
+
+
+def directions(value: object, name: str) -> Float[Array, "*B 4"]:
+    """Return an array of quaternions whose products neither overflow nor vanish.
+
+    Raises:
+        InvalidInput: If it is something else, or one has a length below 1e-70 or beyond 1e70.
+    """
+    q = float_array(value, name, 4)
+    if not _have_directions(q):
+        place = tuple(np.argwhere(~_directed(q))[0].tolist())
+        raise InvalidInput(
+            f"{name}: quaternion {place} is {q[place].tolist()}, expected a length from {SHORTEST:g} to "
+            f"{LONGEST:g}; pass geometry.normalise({name})"
+        )
+    return q
+
+
+def _have_directions(q: Float[Array, "*B 4"]) -> bool:
+    return bool(_directed(q).all())
+
+
+def _directed(q: Float[Array, "*B 4"]) -> Bool[Array, "*B"]:
+    """Which lengths are from 1e-70 to 1e70."""
+    squares = np.einsum("...d,...d->...", q, q)
+    return np.asarray((squares >= SHORTEST**2) & (squares <= LONGEST**2))
+
+
+def between_directions(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 4"]:
+    """Return p* q, the turn from p to q times the product of their lengths."""
+    p, q = directions(p, "p"), directions(q, "q")
+    require_shapes_agree(p=p, q=q)
+    return hamilton_product(p * CONJUGATE, q)
+
+
+def quaternions(value: object, name: str) -> Float[Array, "*B 4"]:
+    """Return an array of finite quaternions.
+
+    Raises:
+        InvalidInput: If it is something else, or a component exceeds 1e100.
+    """
+    return float_array(value, name, 4)
 
 
 def left_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4 4"]:
@@ -41,14 +99,14 @@ def left_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4 4"]:
 
     Source: Tanwani 2018, eq. 3.57.
     """
-    w, x, y, z = np.moveaxis(q, -1, 0)
+    w, x, y, z = np.moveaxis(quaternions(q, "q"), -1, 0)
     rows = [[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def rotation_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3 3"]:
     """The matrix R with R v = q v q*, v a pure quaternion. q has norm one."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
+    w, x, y, z = np.moveaxis(quaternions(q, "q"), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -64,6 +122,7 @@ def from_rotation_matrix(R: Float[Array, "*B 3 3"]) -> Float[Array, "*B 4"]:
     Raises: InvalidInput, when R is no rotation: R^T R or det R is further than 1e-4 from one.
     Source: Shepperd 1978, J. Guidance and Control 1(3), in matrix form.
     """
+    R = float_array(R, "R", 3)
     _refuse_non_rotation(R)
     outer = _outer_product_times_four(R)
     longest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
@@ -72,8 +131,9 @@ def from_rotation_matrix(R: Float[Array, "*B 3 3"]) -> Float[Array, "*B 4"]:
 
 
 def _refuse_non_rotation(R: Float[Array, "*B 3 3"]) -> None:
-    finite = bool(np.isfinite(R).all())
-    skew = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(initial=0.0) if finite else np.inf
+    if R.ndim < 2 or R.shape[-2] != 3:
+        raise InvalidInput(f"R has shape {R.shape}, expected (..., 3, 3)")
+    skew = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(initial=0.0)
     if skew > ROTATION_TOLERANCE or bool((np.linalg.det(R) < 0).any()):
         raise InvalidInput(
             f"R is no rotation matrix: R^T R differs from the identity by {skew:.3g}, expected at most "
@@ -99,6 +159,7 @@ def exp(v: Float[Array, "*B 3"]) -> Float[Array, "*B 4"]:
 
     So v is half a rotation vector.
     """
+    v = float_array(v, "v", 3, largest=LARGEST_TURN)
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     return np.concatenate([np.cos(length), np.sinc(length / np.pi) * v], axis=-1)
 
@@ -109,6 +170,7 @@ def log(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3"]:
     q and -q have different logarithms, for they are two points of S^3. At q = -1 every direction would do;
     the answer is (pi, 0, 0).
     """
+    q = directions(q, "q")
     w, vector = q[..., :1], q[..., 1:]
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     direction = np.divide(vector, length, out=np.zeros_like(vector), where=length > 0)
@@ -118,13 +180,16 @@ def log(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3"]:
 
 def angle(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B"]:
     """How far to turn from p to q [rad], 0 to pi. The signs of p and q do not matter."""
-    between = multiply(conjugate(p), q)
+    between = between_directions(p, q)
     half = np.arctan2(np.linalg.norm(between[..., 1:], axis=-1), np.abs(between[..., 0]))
     return np.asarray(2 * half)
 
 
 def continuous(q: Float[Array, "T 4"]) -> Float[Array, "T 4"]:
     """The same rotations with no sign flip from one to the next; the first keeps its sign."""
+    q = quaternions(q, "q")
+    if q.ndim != 2:
+        raise InvalidInput(f"q has shape {q.shape}, expected (T, 4): one quaternion for each step")
     flips = np.einsum("td,td->t", q[1:], q[:-1]) < 0
     signs = np.where(np.concatenate([[False], np.logical_xor.accumulate(flips)]), -1.0, 1.0)
     return q * signs[:, None]

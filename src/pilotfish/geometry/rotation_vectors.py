@@ -4,8 +4,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pilotfish.geometry.quaternions import conjugate, multiply
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry.quaternions import LARGEST_TURN, between_directions
 from pilotfish.types import Array, Float
+from pilotfish.validation import float_array, require_shapes_agree
 
 SMALL = 0.3  # rad; below, quotients cancel and their series, to the terms given, are exact to rounding
 
@@ -15,7 +17,7 @@ def rotation_vector(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float
 
     At most pi long. Lengths of p and q do not matter.
     """
-    between = multiply(conjugate(p), q)
+    between = between_directions(p, q)
     between = np.where(between[..., :1] < 0.0, -between, between)
     sine = np.linalg.norm(between[..., 1:], axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, between[..., :1])
@@ -24,7 +26,7 @@ def rotation_vector(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float
 
 def cross_matrix(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
     """[v] with [v] w = v x w."""
-    x, y, z = np.moveaxis(v, -1, 0)
+    x, y, z = np.moveaxis(float_array(v, "v", 3), -1, 0)
     o = np.zeros_like(x)
     rows = [[o, -z, y], [z, o, -x], [-y, x, o]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
@@ -36,6 +38,7 @@ def right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
     Singular where |v| = 2 pi.
     Source: Chirikjian 2012, Stochastic Models, Information Theory, and Lie Groups 2, section 10.6.
     """
+    v = float_array(v, "v", 3, largest=LARGEST_TURN)
     V, angle = cross_matrix(v), _angles(v)
     one_minus_cosine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2  # (1 - cos a) / a^2
     rest = _with_series(angle, lambda a: (a - np.sin(a)) / a**3, [1 / 6, -1 / 120, 1 / 5040, -1 / 362880])
@@ -44,6 +47,7 @@ def right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
 
 def inverse_right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
     """The inverse of right_jacobian: v' = J^-1 times the body's angular velocity. |v| < 2 pi."""
+    v = _within_a_turn(v)
     V = cross_matrix(v)
     return np.asarray(np.eye(3) + 0.5 * V + _cotangent_rest(_angles(v)) * (V @ V))
 
@@ -52,11 +56,26 @@ def inverse_right_jacobian_change(
     v: Float[Array, "*#B 3"], w: Float[Array, "*#B 3"]
 ) -> Float[Array, "*B 3 3"]:
     """The derivative of inverse_right_jacobian(v) @ w with respect to v, w held."""
+    v, w = _within_a_turn(v), float_array(w, "w", 3)
+    require_shapes_agree(v=v, w=w)
     V, W, angle = cross_matrix(v), cross_matrix(w), _angles(v)
     twice = np.cross(v, np.cross(v, w))  # V V w
     towards = twice[..., :, None] * v[..., None, :]
     inner = cross_matrix(np.cross(v, w)) + V @ W
     return np.asarray(-0.5 * W - _cotangent_rest(angle) * inner + _cotangent_slope(angle) * towards)
+
+
+def _within_a_turn(v: object) -> Float[Array, "*B 3"]:
+    """Rotation vectors at which right_jacobian has an inverse.    Raises: InvalidInput, for any other."""
+    vectors = float_array(v, "v", 3, largest=LARGEST_TURN)
+    lengths = np.linalg.norm(vectors, axis=-1)
+    if lengths.max(initial=0.0) >= 2.0 * np.pi:
+        place = tuple(np.argwhere(lengths >= 2.0 * np.pi)[0].tolist())
+        raise InvalidInput(
+            f"v: rotation vector {place} is {lengths[place]:.6g} rad long, expected less than 2 pi; take the "
+            "shorter way round"
+        )
+    return vectors
 
 
 def _angles(v: Float[Array, "*B 3"]) -> Float[Array, "*B 1 1"]:

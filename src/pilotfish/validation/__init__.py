@@ -3,11 +3,15 @@ files, messages and users' arrays uses them.
 """
 
 from pilotfish.validation.numbers import (
+    LARGEST_FLOAT,
     LARGEST_MAGNITUDE,
     finite_array,
+    float_array,
     numeric_array,
+    refuse_huge,
     require_count,
     require_number,
+    require_shapes_agree,
 )
 from pilotfish.validation.paths import (
     LARGEST_FILE,
@@ -30,11 +34,13 @@ from pilotfish.validation.text import (
 
 __all__ = [
     "LARGEST_FILE",
+    "LARGEST_FLOAT",
     "LARGEST_MAGNITUDE",
     "LONGEST_NAME",
     "escape",
     "finite_array",
     "first_repeated",
+    "float_array",
     "is_file",
     "is_folder",
     "nearest_name",
@@ -42,9 +48,11 @@ __all__ = [
     "open_regular_file",
     "path_exists",
     "read_file",
+    "refuse_huge",
     "require_count",
     "require_number",
     "require_printable",
+    "require_shapes_agree",
     "resolve_path",
     "short_list",
     "short_repr",

@@ -17,9 +17,11 @@ import numpy as np
 from pilotfish.environments.baxter import FLOOR, Tool, held_body, mount_point, part
 from pilotfish.environments.people import Act
 from pilotfish.environments.tasks.furniture import BOX, CAPSULE, CYLINDER, STEEL, WOOD, YELLOW, thing, turned
+from pilotfish.environments.tasks.situation_checks import require_pose
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_number
 
 ROD, HALF = 0.007, 0.15  # m: radius of the rod, and half of its length
 SEAT, GATE_LINE = 0.12, 0.172  # m from the hand: where the rod comes to rest inside, and where the gate is
@@ -49,6 +51,10 @@ class CarabinerSituation:
 
     rod: Pose
     place: float
+
+    def __post_init__(self) -> None:
+        require_pose(self.rod, "the rod", FLOOR + 0.15)
+        require_number(self.place, "the place along the rod", -HALF, HALF)
 
 
 def _mount(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:

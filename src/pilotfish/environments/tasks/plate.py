@@ -27,8 +27,10 @@ from pilotfish.environments.tasks.furniture import (
     thing,
     turned,
 )
+from pilotfish.environments.tasks.situation_checks import require_pose
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
 from pilotfish.geometry import Pose, multiply, rotation_matrix, rotation_vector
+from pilotfish.validation import require_count
 
 LEVELS, STEP, LOWEST = 8, 0.02, 0.09  # heights of the obstacle: how many, from one to the next, the first [m]
 TABLE = -0.12  # m, its top
@@ -50,6 +52,10 @@ class PlateSituation:
 
     plate: Pose
     level: int
+
+    def __post_init__(self) -> None:
+        require_pose(self.plate, "the plate", TABLE)
+        require_count(self.level, "the level of the obstacle", LEVELS - 1)
 
 
 def situation_at(level: int, rng: np.random.Generator) -> PlateSituation:

@@ -14,6 +14,7 @@ import numpy as np
 from pilotfish.environments.baxter import FLOOR, Tool, mount_gripper
 from pilotfish.environments.people import Act
 from pilotfish.environments.tasks.furniture import BOX, CYLINDER, GREEN, STEEL, YELLOW, thing, turned
+from pilotfish.environments.tasks.situation_checks import require_pose
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
 from pilotfish.geometry import Pose, multiply
 
@@ -32,6 +33,10 @@ class RecordedValve:
     before: Pose
     after: Pose
     home: Pose
+
+    def __post_init__(self) -> None:
+        for name in ("before", "after", "home"):
+            require_pose(getattr(self, name), f"the pose {name!r}", FLOOR)
 
     @property
     def begin(self) -> float:

@@ -26,9 +26,12 @@ from pilotfish.environments.tasks.furniture import (
     thing,
     turned,
 )
+from pilotfish.environments.tasks.situation_checks import LARGEST_ANGLE, require_pose
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array, require_number
 
 TIP, REACH = 0.0035, 0.2  # m: radius of the tip, and how far it is from the hand
 BORE, MOUTH, DEEP, HIGH = 0.0055, 0.0125, 0.01, 0.017  # m: radii of bore and funnel, heights of both
@@ -37,6 +40,7 @@ NEAR, STRAIGHT, SLOT = 0.003, radians(5.0), radians(10.0)  # of the tip, its axi
 # The tool looks down, into a recess whose z axis looks up.
 DOWN = turned((0.0, 1.0, 0.0), pi)
 SIDES = 8
+LARGEST_SWAY, FASTEST = 1.0, 100.0  # m, which its motors can hold; rad/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +56,17 @@ class ScrewdriverSituation:
     sway: float
     pace: float
     phase: float
+
+    def __post_init__(self) -> None:
+        require_pose(self.middle, "the middle of the screw's way", FLOOR + 0.1)
+        along = finite_array(self.direction, "the direction of the sway", (3,))
+        if not abs(float(along @ along) - 1.0) < 1e-3:
+            raise InvalidInput(
+                f"the direction of the sway is {along.tolist()}, expected a direction of length one"
+            )
+        require_number(self.sway, "the sway", 0.0, LARGEST_SWAY)
+        require_number(self.pace, "the pace", 0.0, FASTEST)
+        require_number(self.phase, "the phase", -LARGEST_ANGLE, LARGEST_ANGLE)
 
 
 def _mount(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:

@@ -13,7 +13,7 @@ from math import degrees, pi, radians, tan
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import Tool, held_body, mount_point, part
+from pilotfish.environments.baxter import FLOOR, Tool, held_body, mount_point, part
 from pilotfish.environments.people import Act
 from pilotfish.environments.tasks.furniture import (
     BLUE,
@@ -26,6 +26,7 @@ from pilotfish.environments.tasks.furniture import (
     thing,
     turned,
 )
+from pilotfish.environments.tasks.situation_checks import require_pose
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
@@ -46,6 +47,9 @@ class StabSituation:
     """Where the mouth of the receptacle is, its z axis pointing into the bore."""
 
     receptacle: Pose
+
+    def __post_init__(self) -> None:
+        require_pose(self.receptacle, "the receptacle", FLOOR + 0.2)
 
 
 def mount_stab(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:

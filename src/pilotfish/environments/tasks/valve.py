@@ -10,8 +10,10 @@ import numpy as np
 from pilotfish.environments.baxter import FLOOR, mount_gripper
 from pilotfish.environments.people import Act
 from pilotfish.environments.tasks.furniture import BOX, CYLINDER, GREEN, STEEL, YELLOW, thing, turned
+from pilotfish.environments.tasks.situation_checks import LARGEST_ANGLE, require_pose
 from pilotfish.environments.tasks.task import Scene, Task, Verdict
 from pilotfish.geometry import Pose
+from pilotfish.validation import require_number
 
 TOLERANCE = radians(5.0)
 CLEAR = 0.08  # m, from handle to tool when it is done
@@ -30,6 +32,11 @@ class ValveSituation:
     valve: Pose
     begin: float
     end: float
+
+    def __post_init__(self) -> None:
+        require_pose(self.valve, "the valve", FLOOR + 0.01)
+        for name in ("begin", "end"):
+            require_number(getattr(self, name), f"the handle's angle {name}", -LARGEST_ANGLE, LARGEST_ANGLE)
 
 
 def _draw(rng: np.random.Generator) -> ValveSituation:
