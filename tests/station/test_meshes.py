@@ -1,12 +1,14 @@
 """The looks of the real robot are made once, kept whole, and made anew when damaged or out of date."""
 
 import sys
+from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from safetensors.numpy import save
 
 from pilotfish.environments import Surface
 from pilotfish.errors import InvalidInput, SkillError
@@ -84,6 +86,44 @@ def test_what_is_damaged_is_made_anew(made: SimpleNamespace, tmp_path: Path, dam
     assert same(baxter_surfaces(), made.surfaces)
     assert made.times == 2
     assert file.read_bytes() == whole
+
+
+FORGED = {
+    "no safetensors": b"nothing",
+    "another name": {"A0": np.zeros(2)},
+    "no number in a name": {f"x.torso.{field}": np.zeros(3) for field in ("vertices", "faces", "rgba")},
+    "an unknown part": {"0.tail.vertices": np.zeros((3, 3))},
+    "faces missing": {"0.torso.vertices": np.zeros((3, 3)), "0.torso.rgba": np.ones(4)},
+    "faces beyond the vertices": {"0.torso.faces": np.full((1, 3), 3, dtype=np.int32)},
+    "negative faces": {"0.torso.faces": np.full((1, 3), -1, dtype=np.int32)},
+    "faces as floats": {"0.torso.faces": np.zeros((1, 3))},
+    "no faces": {"0.torso.faces": np.zeros((0, 3), dtype=np.int32)},
+    "vertices that are not finite": {"0.torso.vertices": np.full((3, 3), np.inf)},
+    "vertices in a plane": {"0.torso.vertices": np.zeros((3, 2))},
+    "a colour that is not finite": {"0.torso.rgba": np.full(4, np.nan)},
+    "a colour without alpha": {"0.torso.rgba": np.ones(3)},
+}
+
+
+@pytest.mark.parametrize("forged", FORGED)
+def test_cache_of_other_content_with_the_right_hash_is_made_anew(
+    made: SimpleNamespace, tmp_path: Path, forged: str
+) -> None:
+    """The hash tells that a file is whole, not that this program wrote it."""
+    baxter_surfaces()
+    (file,) = (tmp_path / "cache" / "pilotfish").iterdir()
+    right = {
+        "0.torso.vertices": np.zeros((3, 3)),
+        "0.torso.faces": np.array([[0, 1, 2]], dtype=np.int32),
+        "0.torso.rgba": np.ones(4),
+    }
+    given = FORGED[forged]
+    missing = {"0.torso.faces"} if forged == "faces missing" else set()
+    arrays = {k: v for k, v in right.items() if k not in missing}
+    content = given if isinstance(given, bytes) else save(arrays | given)
+    file.write_bytes(sha256(content).digest() + content)
+    assert same(baxter_surfaces(), made.surfaces)
+    assert made.times == 2
 
 
 def test_a_cache_that_cannot_be_written_is_told(

@@ -1,6 +1,7 @@
 """The looks of the real Baxter, taken from an installed package of robot models and thinned once."""
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from importlib import metadata
@@ -13,6 +14,7 @@ from pilotfish.environments import Surface
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.store import whole_file
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import read_file
 
 PACKAGE = "example-robot-data"
 FOLDER = "cmeel.prefix/share/example-robot-data/robots/baxter_description/meshes"
@@ -24,6 +26,8 @@ GAMMA = 1.5  # chosen: the package tells amounts of light, of which a screen wou
 GENTLE = 3  # of 10: how roughly surfaces are thinned
 MERGED = 4  # digits of a metre, in which places of one vertex agree
 DIGEST = 32  # bytes, before the rest of a file in the cache
+LARGEST = 2**26  # bytes of a file in the cache
+FIELDS = ("vertices", "faces", "rgba")  # of a surface
 HERE = (0.0, 0.0, 0.0)
 
 # What wears each file, where it lies there [m] and how it is turned (roll, pitch, yaw [rad]), as the
@@ -40,6 +44,10 @@ WORN = {
     "lower_forearm/W1": ("w1", HERE, HERE),
     "wrist/W2": ("w2", HERE, HERE),
 }
+
+
+# How the faces of a surface are named in the cache: its number, then what wears it.
+FACES_OF = re.compile(rf"[0-9]{{1,4}}\.({'|'.join(sorted({part for part, _, _ in WORN.values()}))})\.faces")
 
 
 def baxter_surfaces() -> tuple[Surface, ...]:
@@ -130,22 +138,40 @@ def _keep(surfaces: Sequence[Surface], file: Path) -> None:
 
 
 def _kept(file: Path) -> tuple[Surface, ...] | None:
-    """What was kept there; None when nothing was, or it is damaged."""
+    """Return the surfaces in a file of the cache; None if there is none, or it is not as it was written."""
+    try:
+        data = read_file(file, "surfaces", LARGEST)
+    except InvalidInput:  # it is missing or too large, and is made anew
+        return None
+    digest, content = data[:DIGEST], data[DIGEST:]
+    return _surfaces(content) if sha256(content).digest() == digest else None
+
+
+def _surfaces(content: bytes) -> tuple[Surface, ...] | None:
+    """Return the surfaces in the bytes of a safetensors file; None if it holds anything else."""
+    from safetensors import SafetensorError
     from safetensors.numpy import load
 
-    if not file.is_file():
+    try:
+        arrays = load(content)
+    except (SafetensorError, ValueError):  # ValueError: a shape that no array has
         return None
-    digest, content = (whole := file.read_bytes())[:DIGEST], whole[DIGEST:]
-    if sha256(content).digest() != digest:
+    names = [name.removesuffix(".faces") for name in arrays if FACES_OF.fullmatch(name)]
+    names.sort(key=lambda name: int(name.split(".")[0]))
+    if set(arrays) != {f"{name}.{field}" for name in names for field in FIELDS}:
         return None
-    arrays = load(content)
-    names = sorted({name.rsplit(".", 1)[0] for name in arrays}, key=lambda name: int(name.split(".")[0]))
-    return tuple(
-        Surface(
-            name.split(".")[1],
-            arrays[f"{name}.vertices"],
-            arrays[f"{name}.faces"],
-            tuple(arrays[f"{name}.rgba"].tolist()),
-        )
-        for name in names
-    )
+    surfaces = [_surface(name, *(arrays[f"{name}.{field}"] for field in FIELDS)) for name in names]
+    whole = [surface for surface in surfaces if surface is not None]
+    return tuple(whole) if len(whole) == len(surfaces) else None
+
+
+def _surface(name: str, vertices: Array, faces: Array, rgba: Array) -> Surface | None:
+    """Return a surface if the arrays are those of one: finite numbers, and faces of its vertices."""
+    shapes = vertices.shape[1:] == faces.shape[1:] == (3,) and rgba.shape == (4,)
+    kinds = vertices.dtype == rgba.dtype == np.float64 and faces.dtype == np.int32
+    if not shapes or not kinds or not np.isfinite(vertices).all() or not np.isfinite(rgba).all():
+        return None
+    if not faces.size or faces.min() < 0 or faces.max() >= len(vertices):
+        return None
+    red, green, blue, alpha = rgba.tolist()
+    return Surface(name.split(".")[1], vertices, faces, (red, green, blue, alpha))
