@@ -1,5 +1,6 @@
 """The recordings of others come in as they were published."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -146,3 +147,14 @@ def test_files_of_other_recordings_are_refused(tmp_path: Path):
     for read, width in ((read_robotasks_npy, 7), (read_helloworld_npy, 2)):
         with pytest.raises(InvalidInput, match=rf"shape \(2, 5, 6\), expected \(M, T, {width}\)"):
             read(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize(("read", "width"), [(read_robotasks_npy, 7), (read_helloworld_npy, 2)])
+@pytest.mark.parametrize("bad", [np.inf, np.nan, np.uint64(0xFFF0000000000001).view(np.float64)])
+def test_number_that_is_not_finite_is_refused_before_it_is_scaled(
+    read: Callable[[Path], object], width: int, bad: float, tmp_path: Path
+) -> None:
+    """A signalling NaN, the third, makes any multiplication warn."""
+    np.save(tmp_path / "x.npy", np.full((2, 5, width), bad))
+    with pytest.raises(InvalidInput, match="finite"):
+        read(tmp_path / "x.npy")

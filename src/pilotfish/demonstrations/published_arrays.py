@@ -30,7 +30,10 @@ def read_robotasks_npy(path: str | Path) -> tuple[Demonstration, ...]:
     scale = np.array([CENTIMETRE] * 3 + [1.0] * 4)
     return tuple(
         demonstration(
-            continuous_quaternions(x * scale, layout), PERIOD, layout, name=f"{Path(path).stem} {m + 1}"
+            continuous_quaternions(_scaled(x, scale), layout),
+            PERIOD,
+            layout,
+            name=f"{Path(path).stem} {m + 1}",
         )
         for m, x in enumerate(recorded)
     )
@@ -45,9 +48,15 @@ def read_helloworld_npy(path: str | Path) -> tuple[Demonstration, ...]:
     """
     layout, recorded = position_layout(axes=2), _array(path, width=2)
     return tuple(
-        demonstration(x * CENTIMETRE, PERIOD, layout, name=f"{Path(path).stem} {m + 1}")
+        demonstration(_scaled(x, CENTIMETRE), PERIOD, layout, name=f"{Path(path).stem} {m + 1}")
         for m, x in enumerate(recorded)
     )
+
+
+def _scaled(x: Float[Array, "T D"], scale: float | Float[Array, " D"]) -> Float[Array, "T D"]:
+    """Return x times scale; a signalling NaN, which warns when it is multiplied, stays NaN."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(x * scale)
 
 
 def _array(path: str | Path, width: int) -> Float[Array, "M T D"]:

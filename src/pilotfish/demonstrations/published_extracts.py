@@ -92,7 +92,9 @@ def _exercises(x: np.ndarray, n: int) -> Demonstration:
     if x.ndim != 2 or x.shape[1] != layout.width:
         raise InvalidInput(f"x{n} has shape {x.shape}, expected (T, {layout.width})")
     scale = np.array([MOCAP6_LENGTH] + [np.pi / 180.0] * len(MOCAP6_ANGLES))
-    return demonstration(x * scale, MOCAP6_PERIOD, layout, name=f"exercises {MOCAP6_TRIALS[n]}")
+    with np.errstate(invalid="ignore"):  # a signalling NaN is refused like any other
+        scaled = x * scale
+    return demonstration(scaled, MOCAP6_PERIOD, layout, name=f"exercises {MOCAP6_TRIALS[n]}")
 
 
 def mocap6_layout() -> Layout:
