@@ -231,7 +231,9 @@ KINDS = ("<f4", ">f8", "<i8", "<c16", "|b1", "<f2", "<u1", "<U3", "<M8[s]", "<i4
 def edit_array(array: Array, rng: Random) -> tuple[Array, str]:
     """Edit entries, shape or kind of an array."""
     array = np.asarray(array)
-    return rng.choice((_entries, _entries, _entries, _scaled, _row, _shape, _shape, _kind))(array, rng)
+    return rng.choice((_entries, _entries, _entries, _scaled, _scaled, _row, _shape, _shape, _kind))(
+        array, rng
+    )
 
 
 def _entries(array: Array, rng: Random) -> tuple[Array, str]:
@@ -249,7 +251,7 @@ def _entries(array: Array, rng: Random) -> tuple[Array, str]:
 def _scaled(array: Array, rng: Random) -> tuple[Array, str]:
     if array.dtype.kind not in "fiu":
         return _kind(array, rng)
-    factor = rng.choice((-1.0, 0.0, 1e-3, 1e3, 1e-8, 1e8, 1e-20, 1e20, 1e-150, 1e150, 1.0000001, 0.5))
+    factor = rng.choice((-1.0, 0.0, 1e-20, 1e20, 1e-150, 1e150, 1.0000001, *[10.0 ** rng.uniform(-9, 9)] * 7))
     with np.errstate(all="ignore"):
         return array * factor, f"times {factor}"
 
