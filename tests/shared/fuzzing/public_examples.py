@@ -463,6 +463,9 @@ def _validation() -> Examples:
     return {
         "escape": {"text": "a"},
         "finite_array": {"value": np.eye(2), "place": "x"},
+        "float_array": {"value": np.eye(2), "place": "x", "columns": 2},
+        "refuse_huge": {"numbers": np.eye(2), "place": "x"},
+        "require_shapes_agree": {"a": np.eye(2), "b": np.ones(2)},
         "numeric_array": {"value": [[1.0, 2.0], [3.0, 4.0]], "place": "x"},
         "require_count": {"value": 3, "place": "x", "largest": 5},
         "require_number": {"value": 3.0, "place": "x"},
