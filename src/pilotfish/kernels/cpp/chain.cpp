@@ -7,6 +7,9 @@ namespace pilotfish {
 
 namespace {
 
+// A larger drop of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
+constexpr double LARGEST_DROP = 1e6;
+
 constexpr double DOUBTFUL = 1e-280;  // a sum this small may have lost a term to underflow, at 1e-308
 
 int padded(int K) { return (K + LANES - 1) / LANES * LANES; }
@@ -19,6 +22,12 @@ Buffer pad(const double* matrix, int K, bool transposed) {
     for (int k = 0; k < K; ++k)
       rows[size_t(j) * width + k] = transposed ? matrix[k * K + j] : matrix[j * K + k];
   return rows;
+}
+
+// The best emission of a step, zero where none is possible.
+double step_best(const double* log_emissions, int width) {
+  const double best = *std::max_element(log_emissions, log_emissions + width);
+  return best == NEVER ? 0.0 : best;
 }
 
 }  // namespace
@@ -65,6 +74,7 @@ double Neighbours::log_sum(int state, const double* values, double* terms) const
 Chain::Chain(int K, const double* log_initial, const double* transitions, const double* log_transitions)
     : K_(K),
       width_(padded(K)),
+      log_transitions_(log_transitions),
       log_initial_(size_t(width_), NEVER),
       initial_(size_t(width_)),
       from_(pad(transitions, K, false)),
@@ -75,12 +85,16 @@ Chain::Chain(int K, const double* log_initial, const double* transitions, const 
   exponentials(log_initial_.data(), 0.0, initial_.data(), width_);
 }
 
-double Chain::forward(const double* log_emissions, long T, double* forward, double* offsets) const {
+double Chain::forward(const double* log_emissions, long T, double* forward, double* offsets,
+                      double* drop) const {
   Buffer likelihood(width_), sum(width_), terms(width_);
-  for (int k = 0; k < width_; ++k) forward[k] = log_initial_[k] + log_emissions[k];
-  offsets[0] = 0.0;
+  double best = step_best(log_emissions, width_);
+  for (int k = 0; k < width_; ++k) forward[k] = log_initial_[k] + (log_emissions[k] - best);
+  offsets[0] = best;
+  *drop = 0.0;
   for (long t = 0;; ++t, forward += width_) {
     const double most = largest(forward, width_);
+    *drop = std::max(*drop, -most);
     if (most == NEVER) {
       std::fill_n(forward, (T - t) * width_, NEVER);
       std::fill_n(offsets + t, T - t, 0.0);
@@ -96,8 +110,9 @@ double Chain::forward(const double* log_emissions, long T, double* forward, doub
         if (sum[k] < DOUBTFUL) next[k] = origins_.log_sum(k, forward, terms.data()) - most;
     }
     log_emissions += width_;
-    for (int k = 0; k < width_; ++k) next[k] += log_emissions[k];
-    offsets[t + 1] = offsets[t] + most;
+    best = step_best(log_emissions, width_);
+    for (int k = 0; k < width_; ++k) next[k] += log_emissions[k] - best;
+    offsets[t + 1] = offsets[t] + most + best;
   }
 }
 
@@ -113,13 +128,16 @@ struct Chain::Step {
   Buffer exact;       // over all steps, transitions of rows whose sum was doubtful
 };
 
-void Chain::backward(const double* log_emissions, long T, double* forward, double* counts) const {
+void Chain::backward(const double* log_emissions, long T, double* forward, double* counts,
+                     double drop) const {
+  if (drop > LARGEST_DROP) return beside_best_path(log_emissions, T, forward, counts);
   Step step(K_, width_);
   Buffer later(width_, 0.0), joint(width_);  // log p(all later steps | state), relative
   for (long t = T - 1; t >= 0; --t) {
     if (t + 1 < T) {
       const double* emission = log_emissions + (t + 1) * width_;
-      for (int k = 0; k < width_; ++k) step.ahead[k] = emission[k] + later[k];
+      const double best = step_best(emission, width_);
+      for (int k = 0; k < width_; ++k) step.ahead[k] = (emission[k] - best) + later[k];
       look_back(step, later.data());
     }
     double* gamma = forward + t * width_;
@@ -167,28 +185,66 @@ void Chain::add_transitions(Step& step, const double* gamma) const {
   }
 }
 
+// The same in logarithms throughout, from emissions relative to those of the best path. forward (T, width) is
+// filled anew, and nothing is taken out of it: the best partial path may lie far above the paths that matter.
+void Chain::beside_best_path(const double* log_emissions, long T, double* forward, double* counts) const {
+  std::vector<int64_t> path(T);
+  viterbi(K_, T, log_emissions, width_, log_initial_.data(), log_transitions_, path.data());
+  Buffer emissions(T * width_, NEVER), terms(width_), later(width_, 0.0), ahead(width_, NEVER);
+  for (long t = 0; t < T; ++t)
+    for (int k = 0; k < K_; ++k)
+      emissions[t * width_ + k] = log_emissions[t * width_ + k] - log_emissions[t * width_ + path[t]];
+  std::fill_n(forward, T * width_, NEVER);
+  for (int k = 0; k < K_; ++k) forward[k] = log_initial_[k] + emissions[k];
+  for (long t = 1; t < T; ++t)
+    for (int k = 0; k < K_; ++k)
+      forward[t * width_ + k] =
+          origins_.log_sum(k, forward + (t - 1) * width_, terms.data()) + emissions[t * width_ + k];
+  for (long t = T - 1; t >= 0; --t) {
+    double* gamma = forward + t * width_;
+    if (t + 1 < T)
+      for (int j = 0; j < K_; ++j) later[j] = successors_.log_sum(j, ahead.data(), terms.data());
+    double most = NEVER, sum = 0.0;
+    for (int k = 0; k < K_; ++k) most = std::max(most, gamma[k] += later[k]);
+    for (int k = 0; k < width_; ++k) sum += gamma[k] = std::exp(gamma[k] - most);
+    for (int k = 0; k < width_; ++k) gamma[k] /= sum;
+    if (t + 1 < T)
+      for (int j = 0; j < K_; ++j)
+        for (int i = successors_.begin[j]; gamma[j] > 0.0 && i < successors_.begin[j + 1]; ++i) {
+          const int k = successors_.states[i];
+          counts[j * K_ + k] += gamma[j] * std::exp(ahead[k] + successors_.log_probabilities[i] - later[j]);
+        }
+    for (int k = 0; k < K_; ++k) ahead[k] = emissions[t * width_ + k] + later[k];
+  }
+}
+
 double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
                         double* counts, double* log_forward) {
   const long K = chain.states(), width = chain.width();
   Buffer padded(T * width, NEVER), gamma(T * width), offsets(T);
   for (long t = 0; t < T; ++t) std::copy_n(log_emissions + t * K, K, padded.data() + t * width);
-  const double log_likelihood = chain.forward(padded.data(), T, gamma.data(), offsets.data());
+  double drop;
+  const double log_likelihood = chain.forward(padded.data(), T, gamma.data(), offsets.data(), &drop);
   for (long t = 0; t < T; ++t)
     for (long k = 0; k < K; ++k) log_forward[t * K + k] = gamma[t * width + k] + offsets[t];
   std::fill_n(posteriors, T * K, 0.0);
   std::fill_n(counts, K * K, 0.0);
   if (log_likelihood == NEVER) return NEVER;
-  chain.backward(padded.data(), T, gamma.data(), counts);
+  chain.backward(padded.data(), T, gamma.data(), counts, drop);
   for (long t = 0; t < T; ++t) std::copy_n(gamma.data() + t * width, K, posteriors + t * K);
   return log_likelihood;
 }
 
-double viterbi(int K, long T, const double* log_emissions, const double* log_initial,
-               const double* log_transitions, int64_t* states) {
+namespace {
+
+// The recursion of Viterbi from emissions less what is taken out of each step.
+double best_path(int K, long T, const double* log_emissions, long stride, const std::vector<double>& taken,
+                 const double* log_initial, const double* log_transitions, int64_t* states) {
   std::vector<double> best(K), score(K), origin(K);  // origins as real numbers: one vector width for all
   std::vector<int32_t> origins(size_t(T) * K);
-  for (int k = 0; k < K; ++k) best[k] = log_initial[k] + log_emissions[k];
+  for (int k = 0; k < K; ++k) best[k] = log_initial[k] + (log_emissions[k] - taken[0]);
   for (long t = 1; t < T; ++t) {
+    const double* emission = log_emissions + t * stride;
     for (int k = 0; k < K; ++k) score[k] = best[0] + log_transitions[k];
     std::fill(origin.begin(), origin.end(), 0.0);
     for (int j = 1; j < K; ++j)
@@ -199,13 +255,28 @@ double viterbi(int K, long T, const double* log_emissions, const double* log_ini
         origin[k] = better ? double(j) : origin[k];
       }
     for (int k = 0; k < K; ++k) {
-      best[k] = score[k] + log_emissions[t * K + k];
+      best[k] = score[k] + (emission[k] - taken[t]);
       origins[t * K + k] = int32_t(origin[k]);
     }
   }
   states[T - 1] = std::max_element(best.begin(), best.end()) - best.begin();  // the first of equals
   for (long t = T - 1; t > 0; --t) states[t - 1] = origins[t * K + states[t]];
   return best[states[T - 1]];
+}
+
+}  // namespace
+
+double viterbi(int K, long T, const double* log_emissions, long stride, const double* log_initial,
+               const double* log_transitions, int64_t* states) {
+  std::vector<double> taken(T);
+  for (long t = 0; t < T; ++t) taken[t] = step_best(log_emissions + t * stride, K);
+  double best = best_path(K, T, log_emissions, stride, taken, log_initial, log_transitions, states);
+  if (best < -LARGEST_DROP && best != NEVER) {  // rounding may hide which of two paths is the better one
+    for (long t = 0; t < T; ++t) taken[t] = log_emissions[t * stride + states[t]];
+    best = best_path(K, T, log_emissions, stride, taken, log_initial, log_transitions, states);
+  }
+  for (double reference : taken) best += reference;
+  return best;
 }
 
 }  // namespace pilotfish

@@ -197,7 +197,7 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   double log_probability;
   {
     Free run;
-    log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), log_initial.data(),
+    log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), long(K), log_initial.data(),
                                          log_transitions.data(), states.data());
   }
   return std::make_tuple(states, log_probability);

@@ -45,8 +45,9 @@ class MarkovInference {
   double infer(const double* log_emissions, long T, double* posteriors) {
     double log_likelihood;
     if (scaled_.infer(log_emissions, T, posteriors, counts_.data(), &log_likelihood)) return log_likelihood;
-    log_likelihood = chain_.forward(log_emissions, T, posteriors, offsets_.data());
-    if (log_likelihood != NEVER) chain_.backward(log_emissions, T, posteriors, counts_.data());
+    double drop;
+    log_likelihood = chain_.forward(log_emissions, T, posteriors, offsets_.data(), &drop);
+    if (log_likelihood != NEVER) chain_.backward(log_emissions, T, posteriors, counts_.data(), drop);
     return log_likelihood;
   }
 

@@ -7,22 +7,30 @@ namespace pilotfish {
 
 namespace {
 
+// A larger drop of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
+constexpr double LARGEST_DROP = 1e6;
+
 constexpr double NEGLIGIBLE = -60.0;  // e^-60: a million of them leave a sum as it was, to the last digit
 
 // Whole registers are read and written beyond the ends of rows; there is room for that.
 long padded(long n) { return (n + LANES - 1) / LANES * LANES + LANES; }
 
-// Adds step to n values, and weights to these: into terms. Returns the largest of the terms.
-double advance(double* values, double step, const double* weights, long n, double* terms) {
-  Lanes<LANES> most = Lanes<LANES>::Constant(NEVER);
+struct Largest {
+  double value, term;
+};
+
+// Adds step to n values, and weights to these: into terms. Returns the largest value and term.
+Largest advance(double* values, double step, const double* weights, long n, double* terms) {
+  Lanes<LANES> most = Lanes<LANES>::Constant(NEVER), best = most;
   for (long c = 0; c < n; c += LANES) {
     const Lanes<LANES> value = loose_lanes<LANES>(values + c) + step;
     const Lanes<LANES> term = value + loose_lanes<LANES>(weights + c);
     loose_lanes<LANES>(values + c) = value;
     lanes<LANES>(terms + c) = term;
+    best = best.max(value);
     most = most.max(term);
   }
-  return most.maxCoeff();
+  return {best.maxCoeff(), most.maxCoeff()};
 }
 
 // Turns n terms into exponentials relative to the largest, which is finite; returns their sum.
@@ -60,6 +68,7 @@ SemiMarkovChain::SemiMarkovChain(SemiMarkovTables tables)
       log_beyond_(tables.log_beyond, tables.log_beyond + 2 * tables.K),
       tables_(size_t(4) * K_ * stride_, NEVER),
       reversed_(size_t(2) * K_ * stride_, NEVER),
+      longest_(size_t(2) * K_, 0),
       successors_(tables.log_transitions, K_, false),
       origins_(tables.log_transitions, K_, true) {
   for (size_t kind = 0; kind < 4; ++kind)
@@ -69,6 +78,12 @@ SemiMarkovChain::SemiMarkovChain(SemiMarkovTables tables)
   for (int kind : {0, 2})
     for (int k = 0; k < K_; ++k)
       std::reverse_copy(at(kind, k), at(kind, k) + S_, reversed_.data() + (kind / 2 * K_ + k) * stride_);
+  for (bool first : {false, true})
+    for (int k = 0; k < K_; ++k) {
+      long& longest = longest_[first * K_ + k] = S_;
+      if (may_exceed_tables(first, k)) continue;
+      while (longest > 0 && at(first, k)[longest - 1] == NEVER && at(2 + first, k)[longest - 1] == NEVER) --longest;
+    }
 }
 
 Lattice::Lattice(const SemiMarkovChain& chain, long longest)
@@ -79,6 +94,7 @@ Lattice::Lattice(const SemiMarkovChain& chain, long longest)
       starts(emissions.size()),
       ends(emissions.size()),
       values(emissions.size()),
+      longer(chain.states()),
       terms(room),
       few(chain.states()) {}
 
@@ -90,6 +106,21 @@ void Lattice::read(const double* log_emissions, long steps) {
     taken[t] = best == NEVER ? 0.0 : best;
     for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - taken[t];
   }
+  relative_to_path = false;
+}
+
+void Lattice::read(const double* log_emissions, long steps, const int64_t* path) {
+  const int K = chain.states();
+  T = steps;
+  for (long t = 0; t < T; ++t, log_emissions += K) {
+    taken[t] = log_emissions[path[t]];
+    for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - taken[t];
+  }
+  relative_to_path = true;
+}
+
+bool Lattice::lost_digits(double log_likelihood) const {
+  return !relative_to_path && std::max(largest_drop, -log_likelihood) > LARGEST_DROP;
 }
 
 void Lattice::add_silent_step() {
@@ -100,33 +131,42 @@ void Lattice::add_silent_step() {
 template <typename End, typename Start>
 void Lattice::forward(End end, Start start) {
   const int K = chain.states();
-  const long S = chain.longest();
   std::fill(values.begin(), values.end(), NEVER);
+  std::fill(longer.begin(), longer.end(), NEVER);
+  largest_drop = 0.0;
   for (int k = 0; k < K; ++k) {
     row(values, k)[0] = row(starts, k)[0] = chain.log_initial(k);
     row(ends, k)[0] = NEVER;
   }
   double late = 0.0;  // taken out of the step before, but not yet of values
   for (long t = 1; t < T; ++t) {
-    const long from = std::max<long>(1, t - S), n = t - from;
+    double best = NEVER;
     for (int k = 0; k < K; ++k) {
+      const long from = std::max<long>(1, t - chain.longest(false, k)), n = t - from;
       const double step = row(emissions, k)[t - 1] - late;
       double* value = row(values, k);
-      const double most = advance(value + from, step, chain.visits_backwards(k, n), n, terms.data());
+      const Largest most = advance(value + from, step, chain.visits_backwards(k, n), n, terms.data());
       value[0] += step;
-      const double first = t <= S ? value[0] + chain.visits(true, k)[t - 1] : NEVER;
-      few[k] = row(ends, k)[t] = end(Ending{t, k, n, step, most, first});
+      if (from > 1) longer[k] = std::max(longer[k], value[from - 1]) + step;
+      best = std::max(best, best_running(t, k, most.value));
+      const double first = t <= chain.longest() ? value[0] + chain.visits(true, k)[t - 1] : NEVER;
+      few[k] = row(ends, k)[t] = end(Ending{t, k, n, step, most.term, first});
     }
-    for (int k = 0; k < K; ++k) row(values, k)[t] = row(starts, k)[t] = start(t, k);
-    late = take_out(t);
+    for (int k = 0; k < K; ++k) best = std::max(best, row(values, k)[t] = row(starts, k)[t] = start(t, k));
+    late = take_out(t, best);
   }
 }
 
-double Lattice::take_out(long t) {
+double Lattice::best_running(long t, int k, double most) const {
+  if (chain.may_exceed_tables(false, k)) most = std::max(most, longer[k]);
+  const bool goes_on = t < chain.longest(true, k) || chain.may_exceed_tables(true, k);
+  return goes_on ? std::max(most, row(values, k)[0]) : most;
+}
+
+double Lattice::take_out(long t, double best) {
+  if (best == NEVER || relative_to_path) return 0.0;
   const int K = chain.states();
-  double best = NEVER;
-  for (int k = 0; k < K; ++k) best = std::max(best, row(starts, k)[t]);
-  if (best == NEVER) return 0.0;
+  largest_drop = std::max(largest_drop, -best);
   for (int k = 0; k < K; ++k) {
     row(starts, k)[t] -= best;
     row(ends, k)[t] -= best;
@@ -165,8 +205,10 @@ SemiMarkovInference::SemiMarkovInference(const SemiMarkovChain& chain, long long
 double SemiMarkovInference::infer(const double* log_emissions, long T, double* posteriors) {
   lattice_.read(log_emissions, T);
   forward();
-  const double log_likelihood = this->log_likelihood();
+  double log_likelihood = this->log_likelihood();
   if (log_likelihood == NEVER) return NEVER;
+  if (lattice_.lost_digits(log_likelihood))
+    log_likelihood = log_likelihood_beside_best_path(log_emissions, T);
   backward(log_likelihood);
   write(posteriors);
   return log_likelihood + lattice_.all_taken();
@@ -219,7 +261,7 @@ double SemiMarkovInference::look_ahead(long b, int k, double log_likelihood) {
   const long S = chain_.longest(), n = std::min(S, in.T - 1 - b);
   const double step = in.row(in.emissions, k)[b], start = in.row(in.starts, k)[b];
   double *begun = in.row(begun_, k) + b, *until = in.row(finished_, k) + b + 1, *terms = in.terms.data();
-  double most = advance(in.row(in.values, k) + b + 1, step, chain_.visits(first, k), n, terms);
+  double most = advance(in.row(in.values, k) + b + 1, step, chain_.visits(first, k), n, terms).term;
   remaining_[k] += step;
   *begun = 0.0;
   if (start == NEVER) return NEVER;
@@ -297,7 +339,7 @@ void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, 
     const long t = at.t, from = t - at.n;
     double *values = lattice.row(lattice.values, at.k), &longer = settled[at.k];
     if (from > 1) longer = log_add(longer, values[from - 1]) + at.step;
-    const double most = advance(values + from, 0.0, chain.last_backwards(at.k, at.n), at.n, terms);
+    const double most = advance(values + from, 0.0, chain.last_backwards(at.k, at.n), at.n, terms).term;
     const double last = log_sum(terms, most, at.n, values[0] + chain.last(true, at.k, t));
     return log_add(last, longer + chain.last(false, at.k, S + 1));
   };
@@ -352,13 +394,11 @@ void find_best_visits(Lattice& lattice, BestVisits& best) {
       });
 }
 
-}  // namespace
-
-double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T, int64_t* states) {
-  const int K = chain.states();
-  Lattice lattice(chain, T);
+// The most probable path of what the lattice has read; returns its log-probability, relative.
+double best_path(Lattice& lattice, int64_t* states) {
+  const int K = lattice.chain.states();
+  const long T = lattice.T;
   BestVisits best(K, T);
-  lattice.read(log_emissions, T);
   find_best_visits(lattice, best);
   double most = NEVER;
   long begin = 0;
@@ -377,7 +417,28 @@ double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T
     std::fill(states + begin, states + end, state);
     if (begin > 0) state = best.origin(begin, state);
   }
+  return most;
+}
+
+}  // namespace
+
+double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T, int64_t* states) {
+  Lattice lattice(chain, T);
+  lattice.read(log_emissions, T);
+  double most = best_path(lattice, states);
+  if (most != NEVER && lattice.lost_digits(most)) {
+    lattice.read(log_emissions, T, states);
+    most = best_path(lattice, states);
+  }
   return most + lattice.all_taken();
+}
+
+double SemiMarkovInference::log_likelihood_beside_best_path(const double* log_emissions, long T) {
+  std::vector<int64_t> path(T);
+  viterbi(chain_, log_emissions, T, path.data());
+  lattice_.read(log_emissions, T, path.data());
+  forward();
+  return log_likelihood();
 }
 
 }  // namespace pilotfish

@@ -1,4 +1,18 @@
-// Inference along a semi-Markov chain, in logarithms; the twin tells what every name means.
+// Inference along a semi-Markov chain, in logarithms; the NumPy reference defines every name.
+//
+// Reference points. Log-probabilities of a recording reach +-1e20 where states are sharp, while those of the
+// paths that matter differ by a few nats: whatever is added up must be relative to something close to these
+// paths, or their differences are lost to rounding.
+//
+//   1. Every step is relative to its best emission, and to the best partial path until there: one that is about
+//      to enter a state, or one that stays in a visit that can still go on. A running visit counts, since near
+//      the end of a recording all mass may lie in a last visit, and whatever could start beside it is 1e13 nats
+//      less likely. A visit that can neither end nor be the last does not count.
+//   2. Where the best partial path is a dead end - an outlier that one state explains, which then cannot be
+//      left - the paths that survive are far below it. This shows as a drop of the best partial path beyond
+//      LARGEST_DROP. Then every step is relative to the emission of the best whole path (Viterbi) instead. At
+//      the nodes of that path and of those close to it, no partial path is better than its own: two paths into
+//      one node have the same future.
 #pragma once
 
 #include "chain.hpp"
@@ -20,6 +34,11 @@ class SemiMarkovChain {
   int states() const { return K_; }
   long width() const { return K_; }  // of log-emissions and posteriors
   long longest() const { return S_; }
+
+  // The longest possible visit to a state of at most S steps, by whether it began with the recording; S where
+  // longer ones may be the last.
+  long longest(bool first, int state) const { return longest_[first * K_ + state]; }
+  bool may_exceed_tables(bool first, int state) const { return log_beyond_[first * K_ + state] != NEVER; }
   long stride() const { return stride_; }
   double log_initial(int state) const { return log_initial_[state]; }
   const Neighbours& successors() const { return successors_; }
@@ -53,6 +72,7 @@ class SemiMarkovChain {
   Buffer log_initial_, log_beyond_;
   Buffer tables_;    // (4, K, stride), padded with impossible lengths
   Buffer reversed_;  // (2, K, stride), those of kinds 0 and 2
+  std::vector<long> longest_;  // (2, K)
   Neighbours successors_, origins_;
 };
 
@@ -67,12 +87,18 @@ struct Ending {
 };
 
 // Where visits may begin and end within one demonstration of T steps. Rows are those of states, of room
-// entries. What is taken out of every step, its best emission and the best start after it, keeps numbers as
-// small as one visit makes them, however long the demonstration.
+// entries. What is taken out of every step keeps numbers small, however long the demonstration: see above.
 struct Lattice {
   Lattice(const SemiMarkovChain& chain, long longest);
 
+  // Takes the best emission out of every step, and `forward` the best partial path.
   void read(const double* log_emissions, long T);
+
+  // Takes the emission of a path out of every step, and nothing else.
+  void read(const double* log_emissions, long T, const int64_t* path);
+
+  // Whether the best partial path dropped so far that the surviving paths have lost digits.
+  bool lost_digits(double log_likelihood) const;
 
   // One more, that says nothing: what ends with the last one is asked for as well.
   void add_silent_step();
@@ -81,7 +107,9 @@ struct Lattice {
   template <typename End, typename Start>
   void forward(End end, Start start);
 
-  double take_out(long t);
+  // The best running visit to k at step t, relative as values are; most is that of visits from the tables.
+  double best_running(long t, int k, double most) const;
+  double take_out(long t, double best);
 
   // visit(b, log p(all steps, this is the last visit)) for every visit to k, from the latest to the first.
   template <typename Visit>
@@ -93,10 +121,13 @@ struct Lattice {
 
   const SemiMarkovChain& chain;
   long room, T = 0;
-  Buffer taken;         // (room)
+  bool relative_to_path = false;
+  double largest_drop = 0.0;  // of the best partial path, in one step
+  Buffer taken;               // (room)
   Buffer emissions;     // (K, room), less what was taken out
   Buffer starts, ends;  // (K, room), as the twin's, less what was taken out until there
   Buffer values;        // (K, room), of every start or end: it, and the emissions on the way
+  Buffer longer;        // (K), the best of the values of visits that are longer than the tables
   Buffer terms, few;    // room to work in, of a visit's steps and of the states
 };
 
@@ -116,6 +147,7 @@ class SemiMarkovInference {
  private:
   void forward();
   double log_likelihood();
+  double log_likelihood_beside_best_path(const double* log_emissions, long T);
   void backward(double log_likelihood);
   double look_ahead(long b, int k, double log_likelihood);
   void add_changes(long b);

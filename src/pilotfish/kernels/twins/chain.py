@@ -1,4 +1,11 @@
-"""Inference along a Markov chain, in logarithms throughout: no path is ever lost to underflow."""
+"""Inference along a Markov chain, in logarithms throughout: no path is ever lost to underflow.
+
+Log-probabilities of a recording reach 1e20 in magnitude where states are sharp or a step is far from all of
+them, while those of the paths that matter differ by a few nats. The posteriors are therefore computed from
+emissions relative to those of the most probable path: at its nodes and those close to it, numbers are small.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,6 +18,39 @@ def log_or_never(probability: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     with np.errstate(divide="ignore"):
         logarithm: Float[Array, "*shape"] = np.log(probability)
     return logarithm
+
+
+def without_the_best(log_emissions: Float[Array, "T K"]) -> tuple[Float[Array, "T K"], float]:
+    """Return emissions relative to the best of each step, and the sum of what was taken out."""
+    best = log_emissions.max(axis=1)
+    best = np.where(best == -np.inf, 0.0, best)
+    return log_emissions - best[:, None], float(best.sum())
+
+
+def relative_to_best_path(
+    log_emissions: Float[Array, "T K"], find_path: Callable[[Float[Array, "T K"]], Viterbi]
+) -> tuple[Float[Array, "T K"], float]:
+    """Return emissions relative to those of the most probable path, and the sum of what was taken out.
+
+    The path is found twice: where log-probabilities are large, rounding may hide which of two paths is the
+    better one, and the second search compares them relative to the first one's path.
+
+    Args:
+        log_emissions: log b_k(x_t); -inf is allowed.
+        find_path: The Viterbi algorithm of the chain, from emissions to a path.
+
+    Returns:
+        The emissions relative to the path, and the log-emissions of the path summed. Where no path has a
+        probability above zero, the emissions are relative to the best of each step.
+    """
+    relative, taken = without_the_best(log_emissions)
+    for _ in range(2):
+        found = find_path(relative)
+        if found.log_probability == -np.inf:
+            return relative, taken
+        best = log_emissions[np.arange(len(log_emissions)), found.states]
+        relative, taken = log_emissions - best[:, None], float(best.sum())
+    return relative, taken
 
 
 def log_forwards(
@@ -61,17 +101,21 @@ def forward_backward(
     Source: Rabiner 1989; Tanwani 2018, eqs. 3.8-3.13. Ours: every step has its own evidence, equal to the
     likelihood but for rounding, so that posteriors sum to one however long the demonstration.
     """
-    log_transitions = log_or_never(transitions)
-    forward = log_forwards(log_emissions, log_or_never(initial), log_transitions)
-    log_likelihood = float(np.logaddexp.reduce(forward[-1]))
+    log_initial, log_transitions = log_or_never(initial), log_or_never(transitions)
+    log_forward = log_forwards(log_emissions, log_initial, log_transitions)
+    relative, taken = relative_to_best_path(
+        log_emissions, lambda rows: best_path(rows, log_initial, log_transitions)
+    )
+    forward = log_forwards(relative, log_initial, log_transitions)
+    log_likelihood = float(np.logaddexp.reduce(forward[-1])) + taken
     if log_likelihood == -np.inf:
-        return ForwardBackward(-np.inf, np.zeros_like(forward), np.zeros_like(log_transitions), forward)
-    backward = log_backwards(log_emissions, log_transitions)
+        return ForwardBackward(-np.inf, np.zeros_like(forward), np.zeros_like(log_transitions), log_forward)
+    backward = log_backwards(relative, log_transitions)
     joint = forward + backward  # log p(x, state k at t)
     log_evidence = np.logaddexp.reduce(joint, axis=1)  # (T,), all equal to log_likelihood
     posteriors = np.exp(joint - log_evidence[:, None])
-    counts = expected_transitions(forward, log_transitions, log_emissions + backward, log_evidence)
-    return ForwardBackward(log_likelihood, posteriors, counts, forward)
+    counts = expected_transitions(forward, log_transitions, relative + backward, log_evidence)
+    return ForwardBackward(log_likelihood, posteriors, counts, log_forward)
 
 
 def viterbi(
@@ -81,9 +125,20 @@ def viterbi(
 
     Source: Viterbi 1967; Rabiner 1989, eqs. 32-35.
     """
-    log_transitions = log_or_never(transitions)
+    log_initial, log_transitions = log_or_never(initial), log_or_never(transitions)
+    relative, taken = relative_to_best_path(
+        log_emissions, lambda rows: best_path(rows, log_initial, log_transitions)
+    )
+    found = best_path(relative, log_initial, log_transitions)
+    return Viterbi(found.states, found.log_probability + taken)
+
+
+def best_path(
+    log_emissions: Float[Array, "T K"], log_initial: Float[Array, " K"], log_transitions: Float[Array, "K K"]
+) -> Viterbi:
+    """Compute the most probable path by the recursion of Viterbi, once."""
     T, K = log_emissions.shape
-    best = log_or_never(initial) + log_emissions[0]
+    best = log_initial + log_emissions[0]
     origins = np.zeros((T, K), dtype=np.int64)  # the best state just before
     for t in range(1, T):
         scores = best[:, None] + log_transitions  # from, to

@@ -1,15 +1,19 @@
-"""Inference along a semi-Markov chain, whose visits to a state last as long as the state's own law says.
+"""Inference along a semi-Markov chain: the duration of a visit has a distribution of its own in each state.
 
 A visit begins after the first b steps and takes s of them. In every function here starts[b, i] is the log
 probability of the first b steps and that a visit to i begins after them, ends[t, i] of the first t steps and
 that a visit to i ends with them and another one follows.
+
+Log-probabilities of a recording reach 1e20 in magnitude where states are sharp, while those of the paths
+that matter differ by a few nats. The posteriors are therefore computed from emissions relative to those of
+the most probable path: at the nodes of that path and of those close to it, all numbers are small.
 """
 
 import numpy as np
 
 from pilotfish.kernels.arguments import SemiMarkovTables
 from pilotfish.kernels.results import SemiMarkov, SemiMarkovForward, Viterbi
-from pilotfish.kernels.twins.chain import log_or_never
+from pilotfish.kernels.twins.chain import log_or_never, relative_to_best_path
 from pilotfish.types import Array, Float, Int
 
 
@@ -22,7 +26,7 @@ def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) ->
     Source: Yu 2010, the explicit duration model; Guedon 2003 for a last visit that is cut short. Ours: the
     same for a first visit.
     """
-    relative, taken = without_the_best(log_emissions)
+    relative, taken = relative_to_best_path(log_emissions, lambda rows: best_path(rows, tables))
     starts, ends = log_forwards(relative, tables)
     last = starts + log_last_visits(relative, tables)  # (T, K), log p(all steps, this is the last visit)
     log_likelihood = float(np.logaddexp.reduce(last, axis=None))
@@ -52,13 +56,6 @@ def nowhere(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Sem
         np.zeros_like(tables.log_visits),
         np.zeros_like(tables.log_beyond),
     )
-
-
-def without_the_best(log_emissions: Float[Array, "T K"]) -> tuple[Float[Array, "T K"], float]:
-    """Emissions relative to the best of each step, and the sum of what was taken out."""
-    best = log_emissions.max(axis=1)
-    best = np.where(best == -np.inf, 0.0, best)
-    return log_emissions - best[:, None], float(best.sum())
 
 
 def log_visits_from(
@@ -158,21 +155,30 @@ def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
 
     Source: Viterbi 1967, over pairs of state and duration.
     """
-    relative, taken = without_the_best(log_emissions)
+    relative, taken = relative_to_best_path(log_emissions, lambda rows: best_path(rows, tables))
+    found = best_path(relative, tables)
+    return Viterbi(found.states, found.log_probability + taken)
+
+
+def best_path(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:
+    """Compute the most probable path by the recursion of Viterbi over states and durations, once."""
     log_transitions = log_or_never(tables.transitions)
-    starts, ends = np.empty_like(relative), np.full_like(relative, -np.inf)  # of the best path alone
-    origins = np.zeros(relative.shape, dtype=np.int64)  # the best state before the visit that begins after b
-    begins = np.zeros(relative.shape, dtype=np.int64)  # b of the best visit that ends with step t
+    starts, ends = (
+        np.empty_like(log_emissions),
+        np.full_like(log_emissions, -np.inf),
+    )  # of the best path alone
+    # The best state before the visit that begins after b; b of the best visit that ends with step t.
+    origins, begins = np.zeros((2, *log_emissions.shape), dtype=np.int64)
     for b in range(len(starts)):
         scores = ends[b][:, None] + log_transitions  # from, to
         origins[b] = scores.argmax(axis=0)  # argmax takes the first of equals
         starts[b] = scores.max(axis=0) if b > 0 else log_or_never(tables.initial)
-        steps = starts[b] + log_visits_from(b, relative, tables)
+        steps = starts[b] + log_visits_from(b, log_emissions, tables)
         until = slice(b + 1, b + 1 + len(steps))
         better = (steps > ends[until]) | ((steps == ends[until]) & lower(origins[b]))
         ends[until] = np.where(better, steps, ends[until])
         begins[until] = np.where(better, b, begins[until])
-    last = starts + log_last_visits(relative, tables)
+    last = starts + log_last_visits(log_emissions, tables)
     state = int(last.max(axis=0).argmax())
     begin = 0
     for b in range(1, len(last)):
@@ -185,7 +191,7 @@ def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
         state = int(origins[begin, state])
         begin, end = int(begins[begin, state]), begin
         states[begin:end] = state
-    return Viterbi(states, float(last.max()) + taken)
+    return Viterbi(states, float(last.max()))
 
 
 def lower(origins: Int[Array, " K"]) -> Array:
