@@ -1,5 +1,7 @@
 """What is written about the house is true: version, changes, README, constraints; no machine is named."""
 
+import ast
+import importlib
 import importlib.metadata
 import re
 import shutil
@@ -112,13 +114,39 @@ def test_kernels_are_compiled_where_they_can_be():
     assert kernels.ACTIVE != "numpy", "run: python -m pip install -v --no-build-isolation --no-deps -e ."
 
 
-def test_importing_pilotfish_imports_nothing_slow():
-    """`import pilotfish` loads neither SciPy nor what only pictures, downloads, files or commands need."""
-    slow = {"scipy", "matplotlib", "pooch", "safetensors", "click", "tqdm"}
-    program = "import sys, pilotfish; print(*sys.modules)"
-    command = [sys.executable, "-W", "ignore", "-c", program]
-    loaded = set(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
+def modules_after(program: str) -> set[str]:
+    """Return what a fresh process has imported after a program."""
+    command = [sys.executable, "-W", "ignore", "-c", f"{program}; import sys; print(*sys.modules)"]
+    return set(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
+
+
+def test_import_pilotfish_loads_no_package_before_its_first_use():
+    """`import pilotfish` itself loads nothing, not even NumPy."""
+    loaded = modules_after("import pilotfish")
+    assert not [name for name in loaded if name.startswith(("numpy", "jaxtyping", "pilotfish."))]
+
+
+def test_import_every_public_name_loads_nothing_slow():
+    """What only pictures, downloads, files, commands or shape checks need is loaded by neither."""
+    slow = {"scipy", "matplotlib", "pooch", "safetensors", "click", "tqdm", "jaxtyping"}
+    loaded = modules_after("import pilotfish; [getattr(pilotfish, name) for name in pilotfish.__all__]")
+    assert "pilotfish.models" in loaded
     assert not loaded & (slow | {"pilotfish.station", "pilotfish.plots"})
+
+
+def test_stub_of_pilotfish_names_what_is_there():
+    """Static type checkers read __init__.pyi: it imports every public name from where it is defined."""
+    stub = ast.parse(read("src/pilotfish/__init__.pyi"))
+    imported = {
+        alias.asname or alias.name: getattr(importlib.import_module(node.module or ""), alias.name)
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert sorted(imported) == pf.__all__
+    assert all(getattr(pf, name) is value for name, value in imported.items())
+    (public,) = (node.value for node in stub.body if isinstance(node, ast.Assign))
+    assert sorted(ast.literal_eval(public)) == pf.__all__
 
 
 def python_blocks(text: str) -> list[str]:

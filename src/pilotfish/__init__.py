@@ -17,97 +17,45 @@ refuse     SkillError, of which InvalidInput, NotPositiveDefinite and UnknownSki
 The rooms behind these names (pilotfish.models, pilotfish.control, pilotfish.plots ...) hold the rest.
 """
 
-from pilotfish.control import double_integrator, track
-from pilotfish.demonstrations import Demonstration, Frame, demonstration, on_sphere, with_derivatives
-from pilotfish.demonstrations import read_folder as load
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
-from pilotfish.gaussians import HDDC, MFA, Diagonal, Full, HDDCShare, SemiTied, Spherical
-from pilotfish.models import (
-    AdaptedSkill,
-    Candidate,
-    Censoring,
-    EMSettings,
-    Fit,
-    Gamma,
-    Histogram,
-    KMeans,
-    LogNormal,
-    NegativeBinomial,
-    Normal,
-    Poisson,
-    Skill,
-    TimeBins,
-    Timing,
-    adapt,
-    learn,
-    learn_markov,
-    learn_mixture,
-    learn_semi_markov,
-    log_likelihood,
-    online,
-    relevance,
-    select,
-    select_frames,
-)
-from pilotfish.planning import chart, expected_plan, plan, plan_through, through, via_point
-from pilotfish.store import datasets, open_skill, open_stream, save_skill, save_stream
+from importlib import import_module
+from typing import Any
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "HDDC",
-    "MFA",
-    "AdaptedSkill",
-    "Candidate",
-    "Censoring",
-    "Demonstration",
-    "Diagonal",
-    "EMSettings",
-    "Fit",
-    "Frame",
-    "Full",
-    "Gamma",
-    "HDDCShare",
-    "Histogram",
-    "InvalidInput",
-    "KMeans",
-    "LogNormal",
-    "NegativeBinomial",
-    "Normal",
-    "NotPositiveDefinite",
-    "Poisson",
-    "SemiTied",
-    "Skill",
-    "SkillError",
-    "Spherical",
-    "TimeBins",
-    "Timing",
-    "UnknownSkill",
-    "adapt",
-    "chart",
-    "datasets",
-    "demonstration",
-    "double_integrator",
-    "expected_plan",
-    "learn",
-    "learn_markov",
-    "learn_mixture",
-    "learn_semi_markov",
-    "load",
-    "log_likelihood",
-    "on_sphere",
-    "online",
-    "open_skill",
-    "open_stream",
-    "plan",
-    "plan_through",
-    "relevance",
-    "save_skill",
-    "save_stream",
-    "select",
-    "select_frames",
-    "through",
-    "track",
-    "via_point",
-    "with_derivatives",
-]
+# Where each public name is defined. A package is imported when one of its names is first used, so that
+# `import pilotfish` takes a few milliseconds. __init__.pyi says the same to static type checkers.
+_PACKAGES = {
+    "control": "double_integrator track",
+    "demonstrations": "load Demonstration Frame demonstration on_sphere with_derivatives",
+    "errors": "InvalidInput NotPositiveDefinite SkillError UnknownSkill",
+    "gaussians": "HDDC MFA Diagonal Full HDDCShare SemiTied Spherical",
+    "models": (
+        "AdaptedSkill Candidate Censoring EMSettings Fit Gamma Histogram KMeans LogNormal "
+        "NegativeBinomial Normal Poisson Skill TimeBins Timing adapt learn learn_markov learn_mixture "
+        "learn_semi_markov log_likelihood online relevance select select_frames"
+    ),
+    "planning": "chart expected_plan plan plan_through through via_point",
+    "store": "datasets open_skill open_stream save_skill save_stream",
+}
+_PACKAGE_OF = {name: package for package, names in _PACKAGES.items() for name in names.split()}
+__all__ = sorted(_PACKAGE_OF)  # noqa: PLE0605 - a list, derived from the table
+_NAMES_THERE = {"load": "read_folder"}  # where the package calls it otherwise
+_SUBPACKAGES = {*_PACKAGES, "environments", "geometry", "kernels", "plots"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name, or a package, at its first use."""
+    if name in _PACKAGE_OF:
+        package = import_module(f"{__name__}.{_PACKAGE_OF[name]}")
+        value = getattr(package, _NAMES_THERE.get(name, name))
+    elif name in _SUBPACKAGES:
+        value = import_module(f"{__name__}.{name}")
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names and the packages, imported yet or not."""
+    return sorted({*globals(), *__all__, *_SUBPACKAGES})

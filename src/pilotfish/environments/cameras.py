@@ -10,11 +10,10 @@ from weakref import finalize
 
 import mujoco
 import numpy as np
-from jaxtyping import UInt8
 
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import Pose, rotation_matrix
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Float, UInt8
 
 WIDTH, HEIGHT = 640, 480
 REMEDY = (

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import UInt8
 
 from pilotfish.environments import NO_MARKS, Marks, Photographer, Workcell, view_of
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.store import whole_file
-from pilotfish.types import Array
+from pilotfish.types import Array, UInt8
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
