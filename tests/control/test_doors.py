@@ -86,10 +86,10 @@ def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
 @pytest.mark.parametrize(
     ("effort", "error", "message"),
     [
-        (0.0, InvalidInput, "effort is 0.0, expected a positive price"),
-        (-2.0, InvalidInput, "effort is -2.0, expected a positive price"),
-        (np.nan, InvalidInput, "effort is nan, expected a positive price"),
-        (np.inf, InvalidInput, "effort is inf, expected a positive price"),
+        (0.0, InvalidInput, "effort is 0.0, expected .* a positive price"),
+        (-2.0, InvalidInput, "effort is -2.0, expected .* a positive price"),
+        (np.nan, InvalidInput, "effort is nan, expected .* a positive price"),
+        (np.inf, InvalidInput, "effort is inf, expected .* a positive price"),
         (np.eye(3), InvalidInput, r"effort has shape \(3, 3\), expected one number or \(2, 2\)"),
         (np.diag([1.0, np.nan]), InvalidInput, r"effort\[1, 1\] is nan"),
         (np.array([[1.0, 0.5], [0.0, 1.0]]), InvalidInput, "effort differs from its transpose by 0.5"),
@@ -120,7 +120,7 @@ def linear(A: np.ndarray, B: np.ndarray, period: float = 0.1) -> LinearSystem:
         (linear(np.eye(4), np.ones((4, 0))), r"B has shape \(4, 0\), expected \(4, m\)"),
         (linear(np.eye(4), replaced(np.ones((4, 2)), (1, 1), np.nan)), r"B\[1, 1\] is nan"),
         (linear(replaced(np.eye(4), (0, 1), -np.inf), np.ones((4, 2))), r"A\[0, 1\] is -inf"),
-        (linear(np.eye(4), np.ones((4, 2)), period=0.0), "period is 0.0 s, expected a positive time"),
+        (linear(np.eye(4), np.ones((4, 2)), period=0.0), "period is 0.0, expected .* a positive time"),
         (
             VaryingSystem(np.ones((3, 4, 4)), np.ones((3, 4, 2)), 0.1),
             "varies over 3 periods, expected 4 between 5 targets",
@@ -145,10 +145,10 @@ def test_a_continuous_system_that_is_none_is_refused():
         lambda: track_continuous(broken, Reference(TARGETS, WEIGHTS), 1.0, period=0.1),
         lambda: regulate_continuous(broken, Reference(TARGETS, WEIGHTS), 1.0, period=0.1),
     ):
-        with pytest.raises(InvalidInput, match=r"A\[0, 0\] is nan, expected a finite number; 16 are not"):
+        with pytest.raises(InvalidInput, match=r"A\[0, 0\] is nan, expected .* nor are 15 more"):
             use()
     for control in (track_continuous, regulate_continuous):
-        with pytest.raises(InvalidInput, match=r"period is -1\.0 s"):
+        with pytest.raises(InvalidInput, match=r"period is -1\.0, expected .* a positive time"):
             control(continuous_double_integrator(2), Reference(TARGETS, WEIGHTS), 1.0, period=-1.0)
 
 

@@ -1,9 +1,19 @@
 """Laws of the infinite horizon in discrete time."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
-from pilotfish.control import LinearSystem, Reference, double_integrator, regulate, track
+from pilotfish.control import (
+    LinearSystem,
+    Reference,
+    continuous_double_integrator,
+    double_integrator,
+    regulate,
+    regulate_continuous,
+    track,
+)
 from pilotfish.errors import InvalidInput
 
 
@@ -125,3 +135,47 @@ def test_a_weight_without_a_stabilising_gain_is_refused(rng):
     unreached = LinearSystem(np.diag([1.1, 0.5]), np.array([[0.0], [1.0]]), 0.1)
     with pytest.raises(InvalidInput, match=r"weights\[0\] has no stabilising gain"):
         regulate(unreached, Reference(np.zeros((3, 2)), np.stack([np.eye(2)] * 3)), 1.0)
+
+
+@pytest.mark.parametrize("scale", [1e-45, 1e-30, 1e30, 1e45])
+def test_weight_too_far_from_the_effort_is_refused_before_the_solver(scale):
+    """SciPy would warn of an invalid cast, and give a gain of rounding errors."""
+    reference = Reference(np.zeros((3, 4)), np.stack([scale * np.eye(4)] * 3))
+    for solve in (
+        lambda: regulate(double_integrator(2, 0.1), reference, 1.0),
+        lambda: regulate_continuous(continuous_double_integrator(2), reference, 1.0, period=0.1),
+    ):
+        with pytest.raises(InvalidInput, match=r"weights\[0\] is up to .* and effort up to 1"):
+            solve()
+
+
+@pytest.mark.parametrize("scale", [1e-45, 1e-20, 1e20, 1e45])
+def test_gain_depends_on_the_ratio_of_weight_and_effort_only(scale):
+    """However large both are."""
+    weights = np.stack([np.eye(4)] * 3)
+    expected = regulate(double_integrator(2, 0.1), Reference(np.zeros((3, 4)), weights), 1.0).gains
+    found = regulate(double_integrator(2, 0.1), Reference(np.zeros((3, 4)), scale * weights), scale).gains
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e60, 1e300])
+def test_weight_beyond_all_use_is_refused(scale):
+    """Products of it would overflow."""
+    reference = Reference(np.zeros((3, 4)), np.stack([scale * np.eye(4)] * 3))
+    with pytest.raises(InvalidInput, match=r"weights\[0, 0, 0\] is 1e"):
+        regulate(double_integrator(2, 0.1), reference, 1.0)
+
+
+@pytest.mark.parametrize("power", range(-320, 60, 20))
+def test_weights_of_columns_far_apart_give_a_gain_or_a_refusal(power):
+    """Whatever SciPy says of it, as a warning would be an error here."""
+    reference = Reference(np.zeros((3, 4)), np.stack([np.diag([1.0, 10.0**power, 1.0, 1.0])] * 3))
+    for solve in (
+        lambda: regulate(double_integrator(2, 0.1), reference, 1.0).gains,
+        lambda: regulate_continuous(continuous_double_integrator(2), reference, 1.0, period=0.1).gains,
+    ):
+        if power in range(-20, 21, 20):
+            assert np.isfinite(solve()).all()
+            continue
+        with suppress(InvalidInput):
+            assert np.isfinite(solve()).all()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from annotations import annotations_checked
 from scipy.integrate import solve_ivp
 
 from pilotfish.control import (
@@ -63,12 +64,32 @@ def test_a_period_that_is_no_positive_time_is_refused(period):
         lambda: double_integrator(2, period),
         lambda: discretise(continuous_double_integrator(2), period),
     ):
-        with pytest.raises(InvalidInput, match=r"period is .* expected a positive time"):
+        with pytest.raises(InvalidInput, match=r"period is .* expected .* a positive time"):
             build()
 
 
 def test_a_double_integrator_without_axes_is_refused():
-    with pytest.raises(InvalidInput, match="axes is 0, expected 1 or more"):
+    with pytest.raises(InvalidInput, match="axes is 0, expected a whole number from 1"):
         double_integrator(0, 0.1)
-    with pytest.raises(InvalidInput, match="axes is -1, expected 1 or more"):
+    with pytest.raises(InvalidInput, match="axes is -1, expected a whole number from 1"):
         continuous_double_integrator(-1)
+
+
+@pytest.mark.parametrize("period", [5e-324, 1e-155, 1e155, 1e300, 10**400, True, "3"])
+def test_period_whose_square_is_lost_is_refused(period):
+    """Rather than squared to 0 or infinity."""
+    for build in (double_integrator, lambda _, period: discretise(continuous_double_integrator(2), period)):
+        with annotations_checked(False), pytest.raises(InvalidInput, match=r"period is .* a positive time"):
+            build(2, period)
+
+
+@pytest.mark.parametrize("size", [1e16, 1e49, 1e300])
+def test_system_too_fast_for_its_period_is_not_discretised(size):
+    """Its matrix exponential is not finite, or has no right digits."""
+    with pytest.raises(InvalidInput, match="expected"):
+        discretise(ContinuousSystem(size * np.eye(2), np.ones((2, 1))), 1.0)
+    with pytest.raises(InvalidInput, match="outgrows"):
+        discretise(ContinuousSystem(1e3 * np.eye(2), np.ones((2, 1))), 1.0)
+    decayed = discretise(ContinuousSystem(-1e3 * np.eye(2), np.ones((2, 1))), 1.0)
+    np.testing.assert_allclose(decayed.A, np.zeros((2, 2)), atol=1e-300)
+    np.testing.assert_allclose(decayed.B, 1e-3)

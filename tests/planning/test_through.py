@@ -204,6 +204,39 @@ def test_contradictions_are_refused(rng):
     through(plan, [here, via_point("position y", 0.5, time=0.6, deviation=0.1)], LAYOUT)
 
 
+@pytest.mark.parametrize("deviation", [5e-324, 1e-170, 1e-155, 1e-60, 1e60, 1e155, 1e308])
+def test_deviation_whose_square_is_lost_is_refused_where_the_point_is_made(deviation):
+    """Its square or the reciprocal of it would be 0, infinite or NaN."""
+    with pytest.raises(InvalidInput, match=r"^the deviation of 'position' is .*from 1e-50 to 1e\+50"):
+        via_point("position", [0.0, 0.0], time=0.5, deviation=deviation)
+
+
+@pytest.mark.parametrize("deviation", [1e-49, 1e-30, 1e-20, 1e-15, 1e-11])
+def test_deviation_far_below_that_of_the_plan_is_refused_by_its_name(rng, deviation):
+    """The message says which deviation the plan can still resolve, and that one works."""
+    plan = random_plan(rng)
+
+    def drawn(size):
+        return through(plan, [via_point("position", [0.5, -0.4], time=0.5, deviation=size)], LAYOUT)
+
+    with pytest.raises(InvalidInput, match=r"^the deviation of 'position' is .*expected at least") as refused:
+        drawn(deviation)
+    least = float(str(refused.value).split("at least ")[1].split(",")[0])
+    np.testing.assert_allclose(tracked(drawn(1.01 * least))[5, :2], [0.5, -0.4], atol=1e-12)
+
+
+@pytest.mark.parametrize("broken", ["targets", "weights"])
+def test_reference_that_is_not_finite_is_not_drawn_through_points(rng, broken):
+    """LAPACK may not return from NaN."""
+    plan = random_plan(rng)
+    array = getattr(plan, broken).copy()
+    array[5] = np.nan
+    with pytest.raises(InvalidInput, match=rf"the reference's {broken}\[5, 0.* is nan"):
+        through(
+            replace(plan, **{broken: array}), [via_point("position y", 0.0, time=0.5, deviation=0.1)], LAYOUT
+        )
+
+
 def test_points_that_mean_nothing_are_refused(rng, pose_plan):
     plan, layout, q = pose_plan
     with pytest.raises(InvalidInput, match="did you mean 'position'"):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.control.discrete import no_steady_gain, symmetric_part
+from pilotfish.control.discrete import no_steady_gain, scaled_prices, symmetric_part
 from pilotfish.control.doors import (
     effort_matrix,
     require_period,
@@ -15,6 +15,7 @@ from pilotfish.control.feedback import ContinuousFeedback
 from pilotfish.control.flow import Flow, flow
 from pilotfish.control.reference import Reference, distinct
 from pilotfish.control.systems import ContinuousSystem, discretise
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.types import Array, Float
 
 
@@ -40,8 +41,14 @@ def track_continuous(
     R = _enter(system, reference, effort, period)
     end = np.zeros_like(system.A) if terminal is None else terminal
     require_terminal(end, len(system.A))
-    prices, moves = _backwards(_flows(system, reference, R, period), _lifted(end, reference.targets[-1]))
-    pull = np.linalg.solve(R, system.B.T) @ prices  # R^-1 B^T [P, -s]
+    with np.errstate(all="ignore"):
+        prices, moves = _backwards(_flows(system, reference, R, period), _lifted(end, reference.targets[-1]))
+        pull = np.linalg.solve(R, system.B.T) @ prices  # R^-1 B^T [P, -s]
+    if not (np.isfinite(pull).all() and np.isfinite(moves).all()):
+        raise InvalidInput(
+            "the gains are not finite: within a period the system outgrows what numbers can hold; choose a "
+            "shorter period, or weights and effort of more similar size"
+        )
     gains, targets = pull[:, :, :-1], reference.targets[:-1]
     feedforwards = -pull[:, :, -1] - np.einsum("tmn,tn->tm", gains, targets)  # R^-1 B^T (s - P mu)
     return ContinuousFeedback(
@@ -79,6 +86,8 @@ def regulate_continuous(
 def _enter(
     system: ContinuousSystem, reference: Reference, effort: float | Float[Array, "m m"], period: float
 ) -> Float[Array, "m m"]:
+    require_kind("system", system, ContinuousSystem, "see control.continuous_double_integrator")
+    require_kind("reference", reference, Reference, "pf.plan makes one from an adapted skill")
     require_system(system.A, system.B, rank=2)
     require_period(period)
     require_same_period(reference.period, period)
@@ -146,13 +155,16 @@ def _steady_gain(
 ) -> Float[Array, "m n"]:
     from scipy.linalg import solve_continuous_are  # slow to import
 
+    weight, R = scaled_prices(weight, R, name)
     A, B = system.A, system.B
     try:
-        P = solve_continuous_are(A, B, symmetric_part(weight), symmetric_part(R))
-    except np.linalg.LinAlgError as error:
+        with np.errstate(all="ignore"):  # what SciPy makes of a hopeless problem is judged by its gain
+            P = solve_continuous_are(A, B, symmetric_part(weight), symmetric_part(R))
+            K: Float[Array, "m n"] = np.linalg.solve(R, B.T @ P)
+            stable = np.linalg.eigvals(A - B @ K).real.max() < 0
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise no_steady_gain(name) from error
-    K: Float[Array, "m n"] = np.linalg.solve(R, B.T @ P)
-    if not np.linalg.eigvals(A - B @ K).real.max() < 0:
+    if not stable:
         raise no_steady_gain(name)
     return K
 

@@ -17,6 +17,8 @@ from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.kernels import riccati
 from pilotfish.types import Array, Float
 
+MOST_APART = 1e24  # beyond, SciPy's Riccati solvers lose every digit
+
 
 def enter(
     system: DiscreteSystem, reference: Reference, effort: float | Float[Array, "m m"]
@@ -78,15 +80,39 @@ def _steady_gain(
 ) -> Float[Array, "m n"]:
     from scipy.linalg import solve_discrete_are  # slow to import
 
+    weight, R = scaled_prices(weight, R, name)
     A, B = system.A, system.B
     try:
-        P = solve_discrete_are(A, B, symmetric_part(weight), symmetric_part(R))
-    except np.linalg.LinAlgError as error:
+        with np.errstate(all="ignore"):  # what SciPy makes of a hopeless problem is judged by its gain
+            P = solve_discrete_are(A, B, symmetric_part(weight), symmetric_part(R))
+            K: Float[Array, "m n"] = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+            stable = np.abs(np.linalg.eigvals(A - B @ K)).max() < 1
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise no_steady_gain(name) from error
-    K: Float[Array, "m n"] = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    if not np.abs(np.linalg.eigvals(A - B @ K)).max() < 1:
+    if not stable:
         raise no_steady_gain(name)
     return K
+
+
+def scaled_prices(
+    weight: Float[Array, "n n"], R: Float[Array, "m m"], name: str
+) -> tuple[Float[Array, "n n"], Float[Array, "m m"]]:
+    """Return weight and effort divided by one power of two, so that the largest effort is from 1/2 to 1.
+
+    The gain stays the same, and SciPy's solvers, which depend on the scale, find it.
+
+    Raises:
+        InvalidInput: If the larger is more than 1e24 times the other; a zero weight is not compared.
+    """
+    largest, price = float(np.abs(weight).max()), float(np.abs(R).max())
+    if largest > 0.0 and not price / MOST_APART <= largest <= price * MOST_APART:
+        raise InvalidInput(
+            f"{name} is up to {largest:.3g} and effort up to {price:.3g}, expected them at most a factor of "
+            f"{MOST_APART:g} apart: beyond, no steady gain can be computed; choose weight and effort in "
+            "the same units"
+        )
+    exponent = int(np.frexp(price)[1])
+    return np.ldexp(weight, -exponent), np.ldexp(R, -exponent)
 
 
 def no_steady_gain(name: str) -> InvalidInput:

@@ -4,23 +4,32 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array, float_array, require_count, require_number
 
+MOST_AXES = 10_000
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-9, 1e9  # s, as of recordings
+SMALLEST_PRICE, LARGEST = 1e-50, 1e50  # products of prices, systems and weights do not overflow
 ROUNDING = 1e-8  # what computing a weight may cost in symmetry or sign, as a share of its largest entry
 
 
 def require_axes(axes: int) -> None:
-    require_kind("axes", axes, (int, np.integer), "give a whole number: half the columns of the skill")
-    if axes < 1:
-        raise InvalidInput(f"axes is {axes}, expected 1 or more: one for each position of the state")
+    try:
+        require_count(axes, "axes", MOST_AXES, lowest=1)
+    except InvalidInput as error:
+        raise InvalidInput(f"{error}: one for each position of the state, half of its entries") from error
 
 
 def require_period(period: float) -> None:
-    if not 0 < period < np.inf:
-        raise InvalidInput(f"period is {period} s, expected a positive time")
+    try:
+        require_number(period, "period", SHORTEST_PERIOD, LONGEST_PERIOD)
+    except InvalidInput as error:
+        raise InvalidInput(f"{error}: a positive time [s]") from error
 
 
 def require_system(A: Array, B: Array, *, rank: int) -> None:
     """A is (n, n) and B (n, m), or one of each for every period: (S, n, n) and (S, n, m)."""
+    _require_numbers("A", A)
+    _require_numbers("B", B)
     if A.ndim != rank or A.shape[-1] != A.shape[-2] or A.size == 0:
         expected = "(n, n)" if rank == 2 else "(S, n, n), S periods"
         raise InvalidInput(
@@ -29,12 +38,12 @@ def require_system(A: Array, B: Array, *, rank: int) -> None:
     if B.ndim != A.ndim or B.shape[:-1] != A.shape[:-1] or B.shape[-1] == 0:
         expected = ", ".join(map(str, A.shape[:-1]))
         raise InvalidInput(f"B has shape {B.shape}, expected ({expected}, m): a row for each state of A")
-    _require_finite("A", A)
-    _require_finite("B", B)
 
 
 def require_same_period(planned: float | None, period: float) -> None:
     """A plan made for one time between targets is not followed at another pace."""
+    if planned is not None:
+        require_number(planned, "the reference's period", SHORTEST_PERIOD, LONGEST_PERIOD)
     if planned is not None and abs(planned - period) > ROUNDING * period:
         raise InvalidInput(
             f"the reference has a target every {planned:g} s, the system moves every {period:g} s; give the "
@@ -52,6 +61,8 @@ def require_steps(A: Array, horizon: int) -> None:
 
 def require_reference(targets: Array, weights: Array, states: int) -> None:
     """At least two targets of the system's states, each with a symmetric positive semidefinite weight."""
+    _require_numbers("targets", targets)
+    _require_numbers("weights", weights)
     if targets.ndim != 2 or targets.shape[1] != states:
         raise InvalidInput(
             f"targets has shape {targets.shape}, expected (T, {states}) as the system has {states} states; a "
@@ -65,8 +76,6 @@ def require_reference(targets: Array, weights: Array, states: int) -> None:
         raise InvalidInput(
             f"weights has shape {weights.shape}, expected {(*targets.shape, states)}: one a target"
         )
-    _require_finite("targets", targets)
-    _require_finite("weights", weights)
     changes = np.flatnonzero((weights[1:] != weights[:-1]).any(axis=(1, 2))) + 1
     for t in (0, *changes):
         require_semidefinite(f"weights[{t}]", weights[t])
@@ -87,23 +96,23 @@ def require_semidefinite(name: str, weight: Array) -> None:
 
 def effort_matrix(effort: float | Array, inputs: int) -> Float[Array, "m m"]:
     """R: effort times the identity, or effort itself if it is a symmetric positive definite matrix."""
-    require_kind("effort", effort, (float, int, np.number, np.ndarray), "give a number, or R as an array")
-    if np.ndim(effort) == 0:
-        if not 0 < effort < np.inf:
+    if not isinstance(effort, np.ndarray | list | tuple) or np.ndim(effort) == 0:
+        try:
+            price = require_number(effort, "effort", SMALLEST_PRICE, LARGEST)
+        except InvalidInput as error:
             raise InvalidInput(
-                f"effort is {effort}, expected a positive price: a small one, say 1e-3, hardly costs"
-            )
-        return float(effort) * np.eye(inputs)
-    R = np.asarray(effort, dtype=np.float64)
+                f"{error}: a positive price, a small one, say 1e-3, hardly costs; or R as an array"
+            ) from error
+        return price * np.eye(inputs)
+    R = finite_array(effort, "effort", largest=LARGEST)
     if R.shape != (inputs, inputs):
         raise InvalidInput(
             f"effort has shape {R.shape}, expected one number or {(inputs, inputs)} for {inputs} inputs; "
             "np.diag makes a matrix of a price for each"
         )
-    _require_finite("effort", R)
     _require_symmetric("effort", R)
     lowest = np.linalg.eigvalsh(R)[0]
-    if not lowest > 0:
+    if not lowest >= SMALLEST_PRICE:
         raise NotPositiveDefinite(
             f"effort has the eigenvalue {lowest:.3g}, expected all above zero: price every input"
         )
@@ -111,20 +120,18 @@ def effort_matrix(effort: float | Array, inputs: int) -> Float[Array, "m m"]:
 
 
 def require_terminal(terminal: Array, states: int) -> None:
+    _require_numbers("terminal", terminal)
     if terminal.shape != (states, states):
         raise InvalidInput(
             f"terminal has shape {terminal.shape}, expected {(states, states)}: the last state's weight"
         )
-    _require_finite("terminal", terminal)
     require_semidefinite("terminal", terminal)
 
 
 def require_start(start: Array, states: int) -> None:
-    if np.shape(start) != (states,):
-        raise InvalidInput(
-            f"start has shape {np.shape(start)}, expected ({states},): one number for each state"
-        )
-    _require_finite("start", start)
+    _require_numbers("start", start)
+    if start.shape != (states,):
+        raise InvalidInput(f"start has shape {start.shape}, expected ({states},): one number for each state")
 
 
 def require_halves(gains: Array) -> int:
@@ -144,10 +151,6 @@ def _require_symmetric(name: str, matrix: Array) -> None:
         )
 
 
-def _require_finite(name: str, array: Array) -> None:
-    finite = np.isfinite(array)
-    if not finite.all():
-        bad = np.argwhere(~finite)
-        raise InvalidInput(
-            f"{name}{bad[0].tolist()} is {array[tuple(bad[0])]}, expected a finite number; {len(bad)} are not"
-        )
+def _require_numbers(name: str, array: Array) -> None:
+    require_kind(name, array, np.ndarray, f"give np.array({name})")
+    float_array(array, name, largest=LARGEST)

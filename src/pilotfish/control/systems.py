@@ -5,7 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.control.doors import require_axes, require_period, require_system
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.types import Array, Float
+
+LONGEST_WAY = 1e15  # beyond, float64 leaves no right digit of a matrix exponential
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +70,7 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     Raises: InvalidInput, when the system is not one or the period is not a positive time.
     Source: Van Loan 1978, Computing integrals involving the matrix exponential.
     """
+    require_kind("system", system, ContinuousSystem, "see control.continuous_double_integrator")
     require_system(system.A, system.B, rank=2)
     require_period(period)
     from scipy.linalg import expm  # slow to import
@@ -74,7 +78,17 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     n, m = system.B.shape
     generator = np.zeros((n + m, n + m))
     generator[:n] = np.hstack([system.A, system.B])
-    flow = expm(period * generator)
+    if (way := float(np.abs(period * generator).sum(axis=0).max())) > LONGEST_WAY:
+        raise InvalidInput(
+            f"within a period of {period} s the system moves its state by {way:.3g} times itself, expected "
+            f"at most {LONGEST_WAY:g}; choose a shorter period"
+        )
+    with np.errstate(all="ignore"):
+        flow = expm(period * generator)
+    if not np.isfinite(flow).all():
+        raise InvalidInput(
+            f"within a period of {period} s the system outgrows what numbers can hold; choose a shorter one"
+        )
     return LinearSystem(flow[:n, :n].copy(), flow[:n, n:].copy(), float(period))
 
 

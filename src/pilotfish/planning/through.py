@@ -7,12 +7,16 @@ import numpy as np
 
 from pilotfish.control import Reference
 from pilotfish.demonstrations import Layout
-from pilotfish.errors import require_kind
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import Gaussian, log_density
 from pilotfish.models import AdaptedSkill, log_likelihood_of_states, on_the_half_of, posteriors
 from pilotfish.planning.plan import plan, reference
 from pilotfish.planning.via_points import Observation, ViaPoint, observations
 from pilotfish.types import Array, Float
+from pilotfish.validation import float_array
+
+LEAST_SHARE = 1e-8  # of the plan's smallest deviation: the square of it is what float64 resolves beside 1
+SEMIDEFINITE = 1e-6  # by how much rounding may let an entry exceed what the diagonal allows
 
 
 def plan_through(
@@ -66,10 +70,41 @@ def through(reference: Reference, points: Sequence[ViaPoint], layout: Layout) ->
     """
     require_kind("reference", reference, Reference, "pf.plan makes one from an adapted skill")
     require_kind("layout", layout, Layout, "a skill holds one: skill.layout")
-    targets, weights = reference.targets.copy(), reference.weights.copy()
-    for seen in observations(points, layout, reference.targets, reference.period):
+    targets, weights = _arrays(reference, layout)
+    found = observations(points, layout, targets, reference.period)
+    for point, seen in zip(points, found, strict=True):
+        _refuse_lost(point, seen, weights)
+    for seen in found:
         targets[seen.step], weights[seen.step] = _conditioned(targets[seen.step], weights[seen.step], seen)
     return replace(reference, targets=targets, weights=weights)
+
+
+def _arrays(reference: Reference, layout: Layout) -> tuple[Float[Array, "T n"], Float[Array, "T n n"]]:
+    """Copies of targets and weights.    Raises: InvalidInput, when they are not finite or of other shapes."""
+    targets = np.array(float_array(reference.targets, "the reference's targets"))
+    weights = np.array(float_array(reference.weights, "the reference's weights"))
+    width = layout.width
+    if targets.ndim != 2 or targets.shape[1] != width or weights.shape != (*targets.shape, width):
+        raise InvalidInput(
+            f"the reference has targets of shape {targets.shape} and weights of {weights.shape}, expected "
+            f"(T, {width}) and (T, {width}, {width}): {', '.join(layout.names)}"
+        )
+    return targets, weights
+
+
+def _refuse_lost(point: ViaPoint, seen: Observation, weights: Float[Array, "T n n"]) -> None:
+    """A deviation far below the plan's own leaves no digits of the plan's weights beside its own.
+
+    Raises: InvalidInput, naming the smallest that does.
+    """
+    largest = float(np.abs(np.diagonal(weights, axis1=1, axis2=2)).max(initial=0.0))
+    least = LEAST_SHARE / np.sqrt(largest) if largest > 0.0 else 0.0
+    if (given := float(seen.deviations.min())) < least:
+        whole = point.deviation.min() / given  # the angle of an orientation is twice that of its quaternion
+        raise InvalidInput(
+            f"the deviation of {point.what!r} is {whole * given:g}, expected at least {whole * least:.3g}, "
+            f"{LEAST_SHARE:g} of the plan's own: a smaller one is lost in rounding"
+        )
 
 
 def _conditioned(
@@ -87,5 +122,11 @@ def _conditioned(
     # In units of each column's own precision nothing small is lost beside something large.
     diagonal = np.diag(total)
     unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    shift = unit * np.linalg.lstsq(unit[:, None] * total * unit, unit * pull)[0]
+    scaled = unit[:, None] * total * unit
+    if not np.abs(scaled).max() <= 1.0 + SEMIDEFINITE:
+        raise InvalidInput(
+            f"weights[{seen.step}] of the reference has an entry larger than its diagonal allows, expected a "
+            "positive semidefinite matrix"
+        )
+    shift = unit * np.linalg.lstsq(scaled, unit * pull)[0]
     return target + shift, total

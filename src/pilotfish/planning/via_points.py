@@ -10,8 +10,12 @@ from pilotfish.demonstrations import Layout, Quantity
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.planning.chart import Chart
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import finite_array, numeric_array, require_number
 
 Numbers = float | Sequence[float] | Array
+LARGEST_VALUE = 1e50
+SMALLEST_DEVIATION, LARGEST_DEVIATION = 1e-50, 1e50  # their squares and what these are divided by are finite
+SHORTEST_PERIOD = 1e-100  # s
 UNIT_TOLERANCE = 1e-3  # what typing a quaternion may cost in its norm
 
 
@@ -36,23 +40,24 @@ def via_point(what: str, value: Numbers, *, time: float, deviation: Numbers) -> 
     Raises: InvalidInput, when a number is not finite, time is negative or a deviation is not above zero.
     """
     require_kind("what", what, str, 'give the name of a part or column, say "position"')
-    wished = np.atleast_1d(np.array(value, dtype=np.float64))
-    spread = np.array(deviation, dtype=np.float64)
+    wished = np.atleast_1d(finite_array(value, f"the value of {what!r}", largest=LARGEST_VALUE))
+    spread = numeric_array(deviation, f"the deviation of {what!r}")
     if wished.ndim != 1 or spread.shape not in ((), wished.shape):
         raise InvalidInput(
             f"{what!r} is wished to be of shape {wished.shape} within {spread.shape}, expected a number for "
             "each column, and one deviation for each or one for all"
         )
-    if not np.isfinite(wished).all():
-        raise InvalidInput(f"{what!r} is wished to be {wished.tolist()}, expected finite numbers")
-    if not (np.isfinite(spread).all() and (spread > 0.0).all()):
+    if not ((spread >= SMALLEST_DEVIATION) & (spread <= LARGEST_DEVIATION)).all():
         raise InvalidInput(
-            f"the deviation of {what!r} is {spread.tolist()}, expected positive numbers in the unit of its "
-            "columns; a small one, say 1e-4, makes it exact"
+            f"the deviation of {what!r} is {spread.tolist()}, expected positive numbers from "
+            f"{SMALLEST_DEVIATION:g} to {LARGEST_DEVIATION:g} in the unit of its columns; a small one, say "
+            "1e-4, makes it exact"
         )
-    if not 0.0 <= time < np.inf:
-        raise InvalidInput(f"the time of {what!r} is {time} s, expected seconds after the start")
-    return ViaPoint(what, wished, float(time), np.broadcast_to(spread, wished.shape).copy())
+    try:
+        seconds = require_number(time, "time", 0.0)
+    except InvalidInput as error:
+        raise InvalidInput(f"the time of {what!r}: {error}: seconds after the start") from error
+    return ViaPoint(what, wished, seconds, np.broadcast_to(spread, wished.shape).copy())
 
 
 def on_chart(point: ViaPoint, chart: Chart) -> ViaPoint:
@@ -161,8 +166,8 @@ def _step(point: ViaPoint, last: int, period: float | None) -> int:
         raise InvalidInput(
             "the plan knows no period, so no step has a time; give it one: Reference(..., period)"
         )
-    step = round(point.time / period)
-    if not 1 <= step <= last:
+    steps = point.time / require_number(period, "the plan's period", SHORTEST_PERIOD)
+    if not 1 <= (step := round(min(steps, last + 1.0))) <= last:
         raise InvalidInput(
             f"{point.what!r} is wished at {point.time:g} s, expected {period:g} to {last * period:g} s: the "
             "motion begins at its start and ends with the plan's horizon"

@@ -85,7 +85,10 @@ def _point(wish: Wish, layout: Layout) -> ViaPoint:
             "its columns, without deg"
         )
     deviation = radians(wish.deviation) if whole else wish.deviation
-    return via_point(wish.what, wish.value, time=wish.time, deviation=deviation)
+    try:
+        return via_point(wish.what, wish.value, time=wish.time, deviation=deviation)
+    except InvalidInput as error:
+        raise InvalidInput(f"--via {wish.text}: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)
