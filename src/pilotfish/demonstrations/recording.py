@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish.demonstrations.frame_doors import frame, moving_frame
 from pilotfish.demonstrations.frames import Frame, MovingFrame, require_turns, world_frame
 from pilotfish.demonstrations.layouts import Layout
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
     LARGEST_MAGNITUDE,
@@ -53,6 +53,8 @@ def demonstration(
     positive, frames that are singular, of another width or length, or that take an orientation off S^3.
     """
     require_printable(name, "the name of a demonstration")
+    require_kind("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
+    require_kind("frames", frames, Iterable, "give a list of frames; see frame_from_pose")
     place = f"demonstration {name!r}" if name else "demonstration"
     points = numeric_array(x, place)
     _refuse_shape(place, points, layout)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Quantity
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.geometry import continuous
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, short_list
@@ -14,6 +14,7 @@ def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:
 
     Derivatives of an orientation change sign with it. For the door `demonstration`, which refuses flips.
     """
+    require_kind("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
     points = np.array(finite_array(x, "x"))
     if points.ndim != 2 or points.shape[1] != layout.width:
         raise InvalidInput(

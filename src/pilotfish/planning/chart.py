@@ -20,6 +20,7 @@ from pilotfish.geometry import (
 )
 from pilotfish.models import AdaptedSkill
 from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,6 +127,7 @@ def _bases(
     if at is None:
         return np.stack([karcher_mean(means, np.ones(len(means)), (0,)) for means in q])
     require_kind("at", at, np.ndarray, "give np.array(pose)")
+    at = numeric_array(at, "at")
     if at.shape != (layout.width,) or not np.isfinite(at).all():
         raise InvalidInput(
             f"at is {at.tolist()}, expected {layout.width} finite numbers: {', '.join(layout.names)}"

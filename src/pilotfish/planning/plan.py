@@ -7,6 +7,7 @@ from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import cholesky
 from pilotfish.models import AdaptedSkill, log_likelihood_of_states, most_probable_states, on_the_half_of
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import numeric_array
 
 
 def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack: float = 2e-3) -> Reference:
@@ -38,6 +39,7 @@ def _from(
     """The skill on the start's half of S^3, and its most probable states from there."""
     require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_kind("start", start, np.ndarray, "give np.array(start)")
+    start = numeric_array(start, "start")
     if start.shape != (width := model.means.shape[1],):
         raise InvalidInput(
             f"start has shape {start.shape}, expected ({width},): {', '.join(model.layout.names)}"

@@ -11,8 +11,10 @@ from pilotfish.models.online.assignments import Assignment, Assignments
 from pilotfish.models.online.model import Head, OnlineModel
 from pilotfish.models.signs import sign_choices
 from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array
 
 LARGEST = kernels.LARGEST
+MODELS = "online.online_model makes one, and online.observe gives the next"
 
 
 def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, Assignment]:
@@ -22,6 +24,7 @@ def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, As
     observe_stream copies them once for many datapoints.
     Raises: InvalidInput, when x is not finite, beyond 1e100 or of another width.
     """
+    require_kind("model", model, OnlineModel, MODELS)
     point, state = _numbers(x), model.state
     if point.shape != (state.frames, state.width):
         point = _one_frame(point, model)
@@ -39,6 +42,7 @@ def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[Onli
     with every call. The model given is as it was, and no datapoint is learned when one is refused.
     Raises: InvalidInput, when a datapoint is not finite, beyond 1e100 or of another width.
     """
+    require_kind("model", model, OnlineModel, MODELS)
     P, D = len(model.frame_names), model.layout.width
     points = _numbers(x)
     if points.shape[1:] != (P, D) and not (P == 1 and points.shape[1:] == (D,)):
@@ -63,6 +67,7 @@ def observe_demonstration(
     derivatives with them: q and -q are one orientation.
     Raises: InvalidInput, when it differs from the model in layout, period or names of frames.
     """
+    require_kind("model", model, OnlineModel, MODELS)
     require_kind("demonstration", demonstration, Demonstration, "pf.demonstration makes one of an array")
     for what, given, known in (
         ("layout", demonstration.layout, model.layout),
@@ -122,10 +127,9 @@ def _one_frame(x: Float[Array, "..."], model: OnlineModel) -> Float[Array, "1 D"
 
 
 def _numbers(x: object) -> Float[Array, "..."]:
-    try:
-        return np.ascontiguousarray(x, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(f"the datapoint is not made of numbers: {error}") from error
+    if type(x) is np.ndarray and x.dtype == np.float64:  # a stream is one datapoint after another
+        return np.ascontiguousarray(x)
+    return numeric_array(x, "the datapoint")
 
 
 def _expected(model: OnlineModel) -> str:
