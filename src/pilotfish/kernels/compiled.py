@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pilotfish.kernels import checks
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.arms import ArmEffort, ArmLimits, ArmReading, Impedance, ToolTarget
 from pilotfish.kernels.refusals import flat_row, free_push, no_factor, not_observable, singular_transform
@@ -48,32 +49,22 @@ if missing := sorted(set(KERNELS) - set(dir(_native))):
     raise ImportError(f"they were built from older sources and lack {', '.join(missing)}")
 
 
-def _packed(values: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """The same numbers as C-contiguous float64, copied only if they were not."""
-    return np.ascontiguousarray(values, dtype=np.float64)
-
-
 def _gaussians(
     emissions: Emissions,
 ) -> tuple[Float[Array, "P K D"], Float[Array, "P K E E"], Int[Array, " turns"]]:
-    turns = np.array(sorted(emissions.turns), dtype=np.int64)
-    return _packed(emissions.means), _packed(emissions.whiteners), turns
+    return emissions.means, emissions.whiteners, np.array(emissions.turns, dtype=np.int64)
 
 
 def _chain(
     tables: SemiMarkovTables,
 ) -> tuple[Float[Array, " K"], Float[Array, "K K"], Float[Array, "4 S K"], Float[Array, "2 K"]]:
     log_initial, log_transitions = log_or_never(tables.initial), log_or_never(tables.transitions)
-    return (
-        _packed(log_initial),
-        _packed(log_transitions),
-        _packed(tables.log_visits),
-        _packed(tables.log_beyond),
-    )
+    return log_initial, log_transitions, tables.log_visits, tables.log_beyond
 
 
 def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
-    log_densities: Float[Array, "N K"] = _native.log_emissions(_packed(x), *_gaussians(emissions))
+    x, emissions = checks.gaussians(x, emissions, {})
+    log_densities: Float[Array, "N K"] = _native.log_emissions(x, *_gaussians(emissions))
     return log_densities
 
 
@@ -85,16 +76,11 @@ def e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> EStep:
-    sums = _native.e_step(
-        _packed(x),
-        np.ascontiguousarray(lengths, dtype=np.int64),
-        _packed(log_or_never(initial)),
-        _packed(transitions),
-        _packed(log_or_never(transitions)),
-        *_gaussians(emissions),
-        threads,
+    x, lengths, initial, transitions, emissions, threads = checks.e_step(
+        x, lengths, initial, transitions, emissions, threads
     )
-    return EStep(*sums)
+    logarithms = log_or_never(initial), transitions, log_or_never(transitions)
+    return EStep(*_native.e_step(x, lengths, *logarithms, *_gaussians(emissions), threads))
 
 
 def semi_markov_e_step(
@@ -104,27 +90,31 @@ def semi_markov_e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> SemiMarkovEStep:
-    sums = _native.semi_markov_e_step(
-        _packed(x),
-        np.ascontiguousarray(lengths, dtype=np.int64),
-        *_chain(tables),
-        *_gaussians(emissions),
-        threads,
-    )
+    x, lengths, tables, emissions, threads = checks.semi_markov_e_step(x, lengths, tables, emissions, threads)
+    sums = _native.semi_markov_e_step(x, lengths, *_chain(tables), *_gaussians(emissions), threads)
     return SemiMarkovEStep(*sums)
 
 
 def forward_backward(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ForwardBackward:
-    log_initial, log_transitions = _packed(log_or_never(initial)), _packed(log_or_never(transitions))
-    emissions = _packed(log_emissions)
-    return ForwardBackward(
-        *_native.forward_backward(emissions, log_initial, _packed(transitions), log_transitions)
-    )
+    log_emissions, initial, transitions = checks.markov(log_emissions, initial, transitions)
+    logarithms = log_or_never(initial), transitions, log_or_never(transitions)
+    return ForwardBackward(*_native.forward_backward(log_emissions, *logarithms))
 
 
 def impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget) -> ArmEffort:
+    try:
+        effort = _impedance(impedance, limits, reading, target)
+    except (
+        TypeError,
+        ValueError,
+    ):  # checked and packed only here: a control loop calls this each millisecond
+        effort = _impedance(*checks.arm(impedance, limits, reading, target))
+    return effort
+
+
+def _impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget) -> ArmEffort:
     torque, wrench, share = _native.impedance(
         impedance.stiffness,
         impedance.damping,
@@ -155,28 +145,34 @@ def impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, targ
 def viterbi(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> Viterbi:
-    log_initial, log_transitions = _packed(log_or_never(initial)), _packed(log_or_never(transitions))
-    states, log_probability = _native.viterbi(_packed(log_emissions), log_initial, log_transitions)
+    log_emissions, initial, transitions = checks.markov(log_emissions, initial, transitions)
+    states, log_probability = _native.viterbi(log_emissions, log_or_never(initial), log_or_never(transitions))
     return Viterbi(states.view(np.int64), log_probability)  # the same bits, by the name that NumPy knows them
 
 
 def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkov:
-    return SemiMarkov(*_native.semi_markov(_packed(log_emissions), *_chain(tables)))
+    log_emissions, tables = checks.semi_markov(log_emissions, tables)
+    return SemiMarkov(*_native.semi_markov(log_emissions, *_chain(tables)))
 
 
 def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
-    return SemiMarkovForward(*_native.semi_markov_forward(_packed(log_emissions), *_chain(tables)))
+    log_emissions, tables = checks.semi_markov(log_emissions, tables)
+    return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_chain(tables)))
 
 
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:
-    states, log_probability = _native.semi_markov_viterbi(_packed(log_emissions), *_chain(tables))
+    log_emissions, tables = checks.semi_markov(log_emissions, tables)
+    states, log_probability = _native.semi_markov_viterbi(log_emissions, *_chain(tables))
     return Viterbi(states.view(np.int64), log_probability)
 
 
 def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) -> StreamStep:
-    refused, head, clusters, counts, room, identities, costs, changes, gone = _native.observe(
-        _packed(x), state.head, state.clusters, state.counts, state.room, rules.numbers
-    )
+    try:
+        found = _native.observe(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
+    except (TypeError, ValueError):  # checked and packed only here: a datapoint takes a few microseconds
+        x, state = checks.stream(x, "NPD", state, rules)
+        found = _native.observe(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
+    refused, head, clusters, counts, room, identities, costs, changes, gone = found
     if refused >= 0:
         raise not_observable(x, refused)
     now = StreamState(head, clusters, counts, state.frames, state.width, room)
@@ -186,9 +182,12 @@ def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) ->
 def observe_one(
     x: Float[Array, "P D"], state: StreamState, rules: StreamRules
 ) -> tuple[StreamState, int, float, float]:
-    refused, head, clusters, counts, room, identity, cost, change = _native.observe_one(
-        x, state.head, state.clusters, state.counts, state.room, rules.numbers
-    )
+    try:
+        found = _native.observe_one(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
+    except (TypeError, ValueError):
+        x, state = checks.stream(x, "PD", state, rules)
+        found = _native.observe_one(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
+    refused, head, clusters, counts, room, identity, cost, change = found
     if refused >= 0:
         raise not_observable(x[None], refused)
     return StreamState(head, clusters, counts, state.frames, state.width, room), identity, cost, change
@@ -201,9 +200,7 @@ def riccati(
     targets: Float[Array, "T n"],
     effort: Float[Array, "m m"],
 ) -> Riccati:
-    refused, *solution = _native.riccati(
-        _packed(A), _packed(B), _packed(weights), _packed(targets), _packed(effort)
-    )
+    refused, *solution = _native.riccati(*checks.riccati(A, B, weights, targets, effort))
     if refused >= 0:
         raise free_push(refused)
     return Riccati(*solution)
@@ -212,11 +209,10 @@ def riccati(
 def semi_tied_sweeps(
     scatters: Float[Array, "K D D"], mass: Float[Array, " K"], transform: Float[Array, "D D"], sweeps: int
 ) -> Float[Array, "D D"]:
+    scatters, mass, transform, sweeps = checks.semi_tied(scatters, mass, transform, sweeps)
     present = mass > 0.0
     improved: Float[Array, "D D"]
-    refused, improved = _native.semi_tied_sweeps(
-        _packed(scatters[present]), _packed(mass[present]), _packed(transform), sweeps
-    )
+    refused, improved = _native.semi_tied_sweeps(scatters[present], mass[present], transform, sweeps)
     if refused == len(transform):
         raise singular_transform()
     if refused >= 0:
@@ -226,7 +222,7 @@ def semi_tied_sweeps(
 
 def whiteners(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     inverses: Float[Array, "K D D"]
-    refused, inverses = _native.whiteners(_packed(covariances))
+    refused, inverses = _native.whiteners(*checks.covariances(covariances))
     if refused >= 0:
         raise no_factor(refused)
     return inverses

@@ -23,6 +23,16 @@ template <int N>
 using Lanes = Eigen::Array<double, N, 1>;
 using Buffer = std::vector<double, Eigen::aligned_allocator<double>>;
 
+// The bits of a result must not depend on where malloc puts an array. Eigen's sum() and prod() over a Map, a
+// block or a segment begin at the first entry on a register's boundary, and an assignment to one computes the
+// entries before that boundary in another loop. So Maps are copied or multiplied, but summed only where their
+// size is fixed (Lanes) or through sum_in_order, and products are computed into memory that Eigen allocates.
+inline double sum_in_order(const double* x, long n) {
+  double sum = 0.0;
+  for (long i = 0; i < n; ++i) sum += x[i];
+  return sum;
+}
+
 template <int N>
 inline Eigen::Map<Lanes<N>, Eigen::AlignedMax> lanes(double* at) {
   return Eigen::Map<Lanes<N>, Eigen::AlignedMax>(at);

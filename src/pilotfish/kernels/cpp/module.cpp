@@ -30,9 +30,42 @@ namespace pilotfish::python {
 namespace {
 
 template <typename Number, int Axes>
-using In = nb::ndarray<const Number, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
+using Given = nb::ndarray<const Number, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
+
+// An array that a kernel reads where it is. See its caster below.
+template <typename Number, int Axes>
+struct In : Given<Number, Axes> {
+  In() = default;
+  explicit In(const Given<Number, Axes>& given) : Given<Number, Axes>(given) {}
+};
+
 using Out = nb::ndarray<nb::numpy, double, nb::c_contig>;
 using States = nb::ndarray<nb::numpy, int64_t, nb::c_contig>;
+
+}  // namespace
+}  // namespace pilotfish::python
+
+namespace nanobind::detail {
+
+// Only arrays of exactly these numbers are taken: of native byte order, contiguous, and aligned, because to read
+// a double at an odd address is undefined. Nothing is converted here; kernels/compiled.py does it.
+template <typename Number, int Axes>
+struct type_caster<pilotfish::python::In<Number, Axes>> {
+  using Array = pilotfish::python::In<Number, Axes>;
+  NB_TYPE_CASTER(Array, const_name("numpy.ndarray"))
+
+  bool from_python(handle source, uint8_t flags, cleanup_list* cleanup) noexcept {
+    make_caster<pilotfish::python::Given<Number, Axes>> given;
+    if (!given.from_python(source, flags & ~uint8_t(cast_flags::convert), cleanup)) return false;
+    value = Array(given.value);
+    return reinterpret_cast<uintptr_t>(value.data()) % alignof(Number) == 0;
+  }
+};
+
+}  // namespace nanobind::detail
+
+namespace pilotfish::python {
+namespace {
 
 template <typename Array>
 Array empty(std::initializer_list<size_t> shape) {
@@ -306,13 +339,18 @@ long refused_in(const double* x, long size) {
   return std::find_if(x, x + size, [](double one) { return !(std::abs(one) <= LARGEST); }) - x;
 }
 
+constexpr double LARGEST_COUNT = 9007199254740992.0;  // 2^53: one more is another double
+constexpr double LARGEST_INT = 2147483647.0;
+
 // Rules in the order of StreamRules' fields.
 StreamRules rules_of(const In<double, 1>& r) {
   expect(r, "rules", {13});
+  for (int i : {6, 9, 10, 11, 12})
+    if (!(r(i) >= 0.0 && r(i) <= (i < 11 ? LARGEST_INT : LARGEST_COUNT) && r(i) == std::floor(r(i))))
+      throw nb::value_error("weighting, spare, directions, clusters or batch is no whole number");
   const StreamRules rules{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
                           r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
-  if (rules.spare < 0 || rules.directions < 0 || rules.clusters < 1 || rules.batch < 1)
-    throw nb::value_error("spare or directions are negative, or clusters or batch are not positive");
+  if (rules.clusters < 1 || rules.batch < 1) throw nb::value_error("clusters or batch are not positive");
   return rules;
 }
 
@@ -342,11 +380,16 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
   expect(counts, "counts", {K, K});
   if (!(head(CURRENT) < double(K) && head(BEFORE) < double(K)))
     throw nb::value_error("head names a cluster that is not there");
+  for (int i = 0; i < HEADS; ++i)
+    if (!(head(i) >= (i == CURRENT || i == BEFORE ? -1.0 : 0.0) && head(i) <= LARGEST_COUNT &&
+          head(i) == std::floor(head(i))))
+      throw nb::value_error("head holds a number that counts nothing");
   const size_t block = (rows.shape(1) - NUMBERS) / P;
   for (size_t k = 0; k < K; ++k)
     for (size_t p = 0; p < P; ++p) {
       const double* numbers = rows.data() + k * rows.shape(1) + NUMBERS + p * block;
-      if (!(numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= std::min(room, int(D))))
+      const bool whole = numbers[0] == std::floor(numbers[0]) && numbers[1] == std::floor(numbers[1]);
+      if (!(whole && numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= std::min(room, int(D))))
         throw nb::value_error("a cluster's dimension or number of directions is out of range");
     }
   stream.load(head.data(), rows.data(), counts.data(), int(K), room);

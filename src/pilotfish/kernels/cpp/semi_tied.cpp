@@ -42,7 +42,7 @@ int semi_tied_sweeps(int K, int D, const double* covariances, const double* mass
   Eigen::Map<Matrix> B(transform, D, D);
   Matrix inverse(D, D), G(D, D);
   Vector cofactors(D), direction(D), change(D), image(D);
-  const double whole = Eigen::Map<const Vector>(mass, K).sum();
+  const double whole = sum_in_order(mass, K);
   const auto covariance = [&](int k) {
     return Eigen::Map<const Matrix>(covariances + size_t(k) * D * D, D, D);
   };

@@ -2,6 +2,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "lanes.hpp"
+
 namespace pilotfish {
 
 namespace {
@@ -13,11 +15,12 @@ using GivenVector = Eigen::Map<const Vector>;
 
 }  // namespace
 
+// Results are computed in matrices of Eigen's own and then copied out: see sum_in_order.
 long riccati(Tracking problem, Gains result) {
   const long T = problem.T, n = problem.n, m = problem.m;
   const GivenMatrix R(problem.effort, m, m);
-  Matrix PA(n, n), PB(n, m), S(m, m), G(m, n), Y(m, n);
-  Vector pull(n), push(m);
+  Matrix PA(n, n), PB(n, m), S(m, m), G(m, n), Y(m, n), K(m, n), V(n, n);
+  Vector pull(n), push(m), ahead(n), drift(n);
   Eigen::LLT<Matrix> factor(m);
   const auto value = [&](long t) { return Eigen::Map<Matrix>(result.values + t * n * n, n, n); };
   const auto gradient = [&](long t) { return Eigen::Map<Vector>(result.gradients + t * n, n); };
@@ -37,18 +40,22 @@ long riccati(Tracking problem, Gains result) {
     if (factor.info() != Eigen::Success) return t;
     G.noalias() = PB.transpose() * A;
     Y = factor.matrixL().solve(G);  // K = L^-T Y, and A^T P B K = Y^T Y
-    Eigen::Map<Matrix> K(result.gains + t * m * n, m, n);
     K = factor.matrixU().solve(Y);
-    value(t) = weight(t);
-    value(t).noalias() += A.transpose() * PA;
-    value(t).noalias() -= Y.transpose() * Y;
-    value(t) = (0.5 * (value(t) + value(t).transpose())).eval();
-    pull.noalias() = P * (A * target(t) - target(t + 1)).eval();
+    Eigen::Map<Matrix>(result.gains + t * m * n, m, n) = K;
+    V = weight(t);
+    V.noalias() += A.transpose() * PA;
+    V.noalias() -= Y.transpose() * Y;
+    value(t) = 0.5 * (V + V.transpose());
+    drift.noalias() = A * target(t);
+    drift -= target(t + 1);
+    pull.noalias() = P * drift;
     pull += gradient(t + 1);
     push.noalias() = B.transpose() * pull;
-    Eigen::Map<Vector>(result.feedforwards + t * m, m) = -factor.solve(push);
-    gradient(t).noalias() = A.transpose() * pull;
-    gradient(t).noalias() -= K.transpose() * push;
+    ahead.noalias() = A.transpose() * pull;
+    ahead.noalias() -= K.transpose() * push;
+    gradient(t) = ahead;
+    factor.solveInPlace(push);
+    Eigen::Map<Vector>(result.feedforwards + t * m, m) = -push;
   }
   return -1;
 }

@@ -48,7 +48,8 @@ def _task(
         return nothing
     values, U = np.linalg.eigh(gram)  # squared singular values of J
     posture = impedance.posture_stiffness * (impedance.posture - reading.q)
-    pseudo = U @ ((U.T @ (J @ posture)) / np.maximum(values, impedance.singular_value**2))  # J^+T posture
+    least = impedance.singular_value * impedance.singular_value  # inf where ** would raise OverflowError
+    pseudo = U @ ((U.T @ (J @ posture)) / np.maximum(values, least))  # J^+T posture
     task = J.T @ (F - pseudo) + posture
     return (F, task) if np.isfinite(task).all() else nothing
 
