@@ -64,7 +64,10 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
         pytest.skip("this processor has no x86-64-v3, or the compiler did not know it")
     newer = importlib.import_module("pilotfish.kernels._v3")
     given = case(2, [70, 33], 9, 5)
-    data, gaussians = (given.x, given.lengths), (given.means, given.whiteners[..., :8, :8].copy(), np.array([4]), 2)
+    data, gaussians = (
+        (given.x, given.lengths),
+        (given.means, given.whiteners[..., :8, :8].copy(), np.array([4]), 2),
+    )
     logs = np.log(given.initial), np.log(given.transitions)
     markov = *data, logs[0], given.transitions, logs[1], *gaussians
     semi_markov = *data, *logs, np.zeros((4, 30, 5)), np.zeros((2, 5)), *gaussians

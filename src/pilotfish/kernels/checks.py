@@ -22,6 +22,7 @@ from pilotfish.validation import numeric_array, require_count, require_number, s
 LARGEST_COUNT = 2**53  # up to here float64 counts one by one
 LARGEST_INT = 2**31 - 1
 MOST_JOINTS = 16
+SMALLEST = float(np.finfo(np.float64).tiny)  # compiled kernels take smaller numbers for 0
 
 Frozen = TypeVar("Frozen", SemiMarkovTables, Emissions, ArmLimits, ArmReading, Impedance, ToolTarget)
 
@@ -120,9 +121,10 @@ def _wrong_shape(argument: Argument, array: Array, sizes: dict[str, int]) -> Inv
 
 def _defined(kind: str, array: Array) -> bool:
     match kind:
-        case "finite":  # one pass without a warning: NaN where one is, inf where a square overflows
+        case "finite":  # in one pass: NaN where one is, inf where a square overflows
             flat = array.ravel()
-            return isfinite(flat.dot(flat))
+            with np.errstate(over="ignore"):
+                return isfinite(flat.dot(flat))
         case "probability":
             return bool(array.min() >= 0.0 and array.max() < inf)
         case _:
@@ -162,8 +164,8 @@ def gaussians(x: object, emissions: Emissions, sizes: dict[str, int]) -> tuple[A
     turns = _turns(emissions.turns, sizes["D"])
     sizes["E"] = sizes["D"] - len(turns)
     means, whiteners = fit(DATA[1:], (emissions.means, emissions.whiteners), sizes)
-    if not np.einsum("pkii->pki", whiteners).min() > 0.0:
-        raise InvalidInput("whiteners have a diagonal entry that is not positive, as no inverse factor has")
+    if not (least := np.einsum("pkii->pki", whiteners).min()) >= SMALLEST:
+        raise InvalidInput(f"whiteners have {least} on a diagonal, expected at least {SMALLEST:g}")
     return points, Emissions(means, whiteners, turns)
 
 
@@ -310,7 +312,7 @@ def stream(x: object, axes: str, state: StreamState, rules: StreamRules) -> tupl
 
 def _require_rules(rules: StreamRules) -> None:
     for name, lowest, largest in (
-        ("weighting", 0, LARGEST_INT),
+        ("weighting", 0, 2),
         ("spare", 0, LARGEST_INT),
         ("directions", 0, LARGEST_INT),
         ("clusters", 1, LARGEST_COUNT),

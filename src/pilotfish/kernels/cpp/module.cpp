@@ -341,13 +341,17 @@ long refused_in(const double* x, long size) {
 
 constexpr double LARGEST_COUNT = 9007199254740992.0;  // 2^53: one more is another double
 constexpr double LARGEST_INT = 2147483647.0;
+constexpr double LARGEST_RULE[] = {2.0, LARGEST_INT, LARGEST_INT, LARGEST_COUNT, LARGEST_COUNT};
+constexpr int WHOLE_RULE[] = {6, 9, 10, 11, 12};
 
 // Rules in the order of StreamRules' fields.
 StreamRules rules_of(const In<double, 1>& r) {
   expect(r, "rules", {13});
-  for (int i : {6, 9, 10, 11, 12})
-    if (!(r(i) >= 0.0 && r(i) <= (i < 11 ? LARGEST_INT : LARGEST_COUNT) && r(i) == std::floor(r(i))))
+  for (int i = 0; i < 5; ++i) {
+    const double number = r(WHOLE_RULE[i]);
+    if (!(number >= 0.0 && number <= LARGEST_RULE[i] && number == std::floor(number)))
       throw nb::value_error("weighting, spare, directions, clusters or batch is no whole number");
+  }
   const StreamRules rules{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
                           r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
   if (rules.clusters < 1 || rules.batch < 1) throw nb::value_error("clusters or batch are not positive");
