@@ -1,7 +1,5 @@
 // The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released
 // between. Built twice, for two instruction sets: kernels/compiled.py picks one, and names its results.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <string>
 #include <tuple>
 
+#include "arrays.hpp"
 #include "chain.hpp"
 #include "expectation.hpp"
 #include "impedance.hpp"
@@ -28,78 +27,6 @@ namespace nb = nanobind;
 
 namespace pilotfish::python {
 namespace {
-
-template <typename Number, int Axes>
-using Given = nb::ndarray<const Number, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
-
-// An array that a kernel reads where it is. See its caster below.
-template <typename Number, int Axes>
-struct In : Given<Number, Axes> {
-  In() = default;
-  explicit In(const Given<Number, Axes>& given) : Given<Number, Axes>(given) {}
-};
-
-using Out = nb::ndarray<nb::numpy, double, nb::c_contig>;
-using States = nb::ndarray<nb::numpy, int64_t, nb::c_contig>;
-
-}  // namespace
-}  // namespace pilotfish::python
-
-namespace nanobind::detail {
-
-// Only arrays of exactly these numbers are taken: of native byte order, contiguous, and aligned, because to read
-// a double at an odd address is undefined. Nothing is converted here; kernels/compiled.py does it.
-template <typename Number, int Axes>
-struct type_caster<pilotfish::python::In<Number, Axes>> {
-  using Array = pilotfish::python::In<Number, Axes>;
-  NB_TYPE_CASTER(Array, const_name("numpy.ndarray"))
-
-  bool from_python(handle source, uint8_t flags, cleanup_list* cleanup) noexcept {
-    make_caster<pilotfish::python::Given<Number, Axes>> given;
-    if (!given.from_python(source, flags & ~uint8_t(cast_flags::convert), cleanup)) return false;
-    value = Array(given.value);
-    return reinterpret_cast<uintptr_t>(value.data()) % alignof(Number) == 0;
-  }
-};
-
-}  // namespace nanobind::detail
-
-namespace pilotfish::python {
-namespace {
-
-template <typename Array>
-Array empty(std::initializer_list<size_t> shape) {
-  using Number = typename Array::Scalar;
-  size_t size = 1;
-  for (size_t axis : shape) size *= axis;
-  auto* data = new Number[size];
-  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<Number*>(p); });
-  return Array(data, shape.size(), shape.begin(), owner);
-}
-
-// No kernel reads beyond an array, whatever it was given.
-template <typename Array>
-void expect(const Array& array, const char* name, std::initializer_list<size_t> shape) {
-  size_t axis = 0;
-  for (size_t size : shape) {
-    if (array.shape(axis) != size)
-      throw nb::value_error((std::string(name) + " has " + std::to_string(array.shape(axis)) +
-                             " entries along axis " + std::to_string(axis) + ", expected " +
-                             std::to_string(size))
-                                .c_str());
-    ++axis;
-  }
-}
-
-void expect_some(size_t size, const char* name) {
-  if (size == 0) throw nb::value_error((std::string(name) + " is empty, expected at least one").c_str());
-}
-
-void expect_threads(int threads) {
-  if (threads >= 0) return;
-  const std::string is = "threads is " + std::to_string(threads);
-  throw nb::value_error((is + ", expected a number, or 0 for all").c_str());
-}
 
 struct Free {  // the interpreter while a kernel runs
   nb::gil_scoped_release others;
