@@ -13,6 +13,7 @@ from pilotfish.demonstrations import (
     Quantity,
     Views,
     demonstration,
+    frame,
     position_layout,
     views,
 )
@@ -125,7 +126,7 @@ def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, scene):
             adapt(skill, wrong)
     with pytest.raises(InvalidInput, match="singular"):
         adapt(skill, [a, replace(b, A=np.zeros((2, 2)))])
-    with pytest.raises(InvalidInput, match="not finite"):
+    with pytest.raises(InvalidInput, match=r"b\[0\] is nan"):
         adapt(skill, [a, replace(b, b=np.array([np.nan, 0.0]))])
     with pytest.raises(InvalidInput, match=r"frame\.at"):
         adapt(skill, [a, MovingFrame(b.name, b.A[None], b.b[None])])
@@ -242,3 +243,28 @@ def test_likelihood_and_paths_refuse_what_is_not_the_models(rng, scene):
         log_likelihood(fit.skill, demos, longest=0)
     with pytest.raises(InvalidInput, match="longest is -1 steps"):
         Timing(longest=-1)
+
+
+@pytest.mark.parametrize(
+    ("A", "b"),
+    [(1.0, 1e308), (1.0, 1e51), (1e308, 0.0), (1e21, 0.0), (1e-21, 0.0), (1e-200, 0.0), (np.nan, 0.0)],
+)
+def test_frame_whose_squares_overflow_is_refused_by_its_name(rng, scene, A, b):
+    """Where it is made, and where a skill is adapted to one that was made without check."""
+    demos = scene()
+    skill, (one, other) = learn(demos, states=2, rng=rng).skill, demos[0].frames
+    huge = Frame(other.name, A * np.eye(2), np.full(2, b))
+    with pytest.raises(InvalidInput, match=r"^frame 'object 1': [Ab]"):
+        adapt(skill, [one, huge])
+    with pytest.raises(InvalidInput, match=r"^frame 'object 1': [Ab]"):
+        frame(huge.name, huge.A, huge.b)
+
+
+@pytest.mark.parametrize(("A", "b"), [(1e20, 1e49), (1e-19, 1e49), (1e10, 0.0)])
+def test_skill_is_finite_in_the_largest_and_smallest_frames(rng, scene, A, b):
+    """Products of covariances over frames of very different size too."""
+    demos = scene()
+    skill, (one, other) = learn(demos, states=2, rng=rng).skill, demos[0].frames
+    adapted = adapt(skill, [one, frame(other.name, A * np.eye(2), np.full(2, b))])
+    assert np.isfinite(adapted.means).all()
+    assert np.isfinite(adapted.covariances).all()

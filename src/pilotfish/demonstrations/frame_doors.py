@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.demonstrations.frames import Frame, MovingFrame
+from pilotfish.demonstrations.frames import Frame, MovingFrame, require_magnitudes
 from pilotfish.demonstrations.layouts import require_name
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
@@ -19,6 +19,7 @@ def frame(name: str, A: object, b: object) -> Frame:
     place = f"frame {require_name(name, 'a frame')!r}"
     matrix, offset = finite_array(A, f"{place}: A"), finite_array(b, f"{place}: b")
     _refuse_shapes(place, matrix, offset, leading=())
+    require_magnitudes(place, matrix, offset)
     _refuse_singular(place, matrix[None], moving=False)
     return Frame(name, matrix, offset)
 
@@ -31,6 +32,7 @@ def moving_frame(name: str, A: object, b: object) -> MovingFrame:
     place = f"moving frame {require_name(name, 'a frame')!r}"
     matrices, offsets = finite_array(A, f"{place}: A"), finite_array(b, f"{place}: b")
     _refuse_shapes(place, matrices, offsets, leading=matrices.shape[:1])
+    require_magnitudes(place, matrices, offsets)
     _refuse_singular(place, matrices, moving=True)
     return MovingFrame(name, matrices, offsets)
 

@@ -9,9 +9,11 @@ from pilotfish.demonstrations.layouts import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, continuous, left_matrix, rotation_matrix, tangent_slices
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import float_array
 
 WORLD = "world"
 SPACE = 3  # axes of the space that poses live in
+SMALLEST_SCALE, LARGEST_SCALE, LARGEST_OFFSET = 1e-20, 1e20, 1e50  # of A and of b; covariances take squares
 ROTATION_TOLERANCE = 1e-4  # a published rotation matrix carries about six digits
 
 
@@ -34,6 +36,24 @@ class MovingFrame:
 
     def at(self, t: int) -> Frame:
         return Frame(self.name, self.A[t], self.b[t])
+
+
+def require_magnitudes(place: str, A: Float[Array, "*B D D"], b: Float[Array, "*B D"]) -> None:
+    """Check that a frame can carry means and covariances without overflow.
+
+    Raises:
+        InvalidInput: If A or b is not finite, an entry of A exceeds 1e20 or one of b 1e50, or all entries of
+            A are below 1e-20.
+    """
+    float_array(A, f"{place}: A", largest=LARGEST_SCALE)
+    float_array(b, f"{place}: b", largest=LARGEST_OFFSET)
+    sizes = np.abs(A).max(axis=(-2, -1), initial=0.0)
+    smallest = float(sizes.min(initial=LARGEST_SCALE))
+    if 0.0 < smallest < SMALLEST_SCALE:  # 0 is refused as singular
+        raise InvalidInput(
+            f"{place}: A has no entry beyond {smallest:g}, expected at least {SMALLEST_SCALE:g}; choose "
+            "another unit for what the frame sees"
+        )
 
 
 def world_frame(width: int) -> Frame:
@@ -61,8 +81,9 @@ def frame_from_pose(name: str, layout: Layout, pose: Pose) -> Frame:
 def moving_frame_from_poses(name: str, layout: Layout, poses: Sequence[Pose]) -> MovingFrame:
     """As frame_from_pose, one pose for each step; quaternions may flip sign, being poses."""
     _refuse_other_than_three_axes(name, layout)
-    positions = np.stack([pose.position for pose in poses])
-    quaternions = continuous(np.stack([pose.quaternion for pose in poses]))
+    place = f"frame {name!r}: position"
+    positions = np.stack([float_array(pose.position, place, SPACE, LARGEST_OFFSET) for pose in poses])
+    quaternions = continuous(np.stack([float_array(pose.quaternion, "quaternion", 4, 2.0) for pose in poses]))
     A = np.zeros((len(poses), layout.width, layout.width))
     b = np.zeros((len(poses), layout.width))
     for part, columns in zip(layout.parts, layout.slices, strict=True):

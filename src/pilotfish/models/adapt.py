@@ -5,7 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, MovingFrame, require_turns, tangent_map
+from pilotfish.demonstrations import (
+    Frame,
+    Layout,
+    MovingFrame,
+    require_magnitudes,
+    require_turns,
+    tangent_map,
+)
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import (
     DenseCovariances,
@@ -42,11 +49,24 @@ def adapt(
     powers = _powers(relevance, skill)
     ordered = agreeing(matched, skill, powers)
     fused = _fused_on_sphere if skill.layout.turns else _fused
-    states = [fused(skill, ordered, powers, k) for k in range(skill.states)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        states = [fused(skill, ordered, powers, k) for k in range(skill.states)]
+    _refuse_overflow(states, ordered)
     means = _unit_quaternions(np.stack([g.mean for g in states]), skill.layout)
     return AdaptedSkill(
         skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period
     )
+
+
+def _refuse_overflow(states: Sequence[Gaussian | RiemannianGaussian], frames: Sequence[Frame]) -> None:
+    """Raises: InvalidInput, naming the frame of the largest numbers, when a product of its is not finite."""
+    for k, state in enumerate(states):
+        if not (np.isfinite(state.mean).all() and np.isfinite(state.covariance).all()):
+            largest = max(frames, key=lambda frame: max(np.abs(frame.A).max(), np.abs(frame.b).max()))
+            raise InvalidInput(
+                f"state {k} is not finite where the frames stand, of which {largest.name!r} has the largest "
+                "numbers; check its A and b, or choose a larger unit"
+            )
 
 
 def _fused(skill: Skill, frames: Sequence[Frame], powers: Float[Array, "P K"], k: int) -> Gaussian:
@@ -115,12 +135,15 @@ def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]
             "give each of these once"
         )
     for frame in standing:
-        if frame.b.shape != (skill.width,):
+        for array in (frame.A, frame.b):
+            require_kind(f"an array of frame {frame.name!r}", array, np.ndarray, "see demonstrations.frame")
+        if frame.b.shape != (skill.width,) or frame.A.shape != (skill.width, skill.width):
+            columns = frame.b.shape[0] if frame.b.ndim else 0
             raise InvalidInput(
-                f"frame {frame.name!r} has {len(frame.b)} columns, the skill has {skill.width}"
+                f"frame {frame.name!r} has {columns} columns and A of shape {frame.A.shape}, the skill has "
+                f"{skill.width}"
             )
-        if not (np.isfinite(frame.A).all() and np.isfinite(frame.b).all()):
-            raise InvalidInput(f"frame {frame.name!r} holds values that are not finite")
+        require_magnitudes(f"frame {frame.name!r}", frame.A, frame.b)
         if (condition := float(np.linalg.cond(frame.A))) > 1e12:
             raise InvalidInput(
                 f"frame {frame.name!r} is singular: the condition number of A is {condition:.3g}"
