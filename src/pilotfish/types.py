@@ -2,10 +2,11 @@
 
 jaxtyping takes half as long to import as NumPy, and its annotations do nothing unless a checker reads them.
 So they are used where a checker asks for them: a static one, or one that has imported jaxtyping by the time
-that pilotfish is imported, as the tests do. Elsewhere Float[Array, "T D"] is Array.
+that pilotfish is imported, as the tests do. Elsewhere Float[Array, "T D"] is an Array with these letters.
 """
 
 import sys
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +17,16 @@ if TYPE_CHECKING or "jaxtyping" in sys.modules:
     from jaxtyping import Bool, Float, Int, UInt8
 else:
 
+    @cache
+    def _shaped(array, letters):
+        return type(array.__name__, (array,), {"dim_str": letters.strip()})
+
     class Float:
         """An array of a data type and a shape, neither of which is checked."""
 
         def __class_getitem__(cls, parameters):
-            """Return the type of the array, the first of the two parameters."""
-            return parameters[0]
+            """Return a type with the letters of the shape in dim_str: the codec of files reads them."""
+            return _shaped(*parameters)
 
     Bool = Int = UInt8 = Float
 
