@@ -230,7 +230,7 @@ def test_settings_out_of_range_are_refused(change, match):
 
 
 def test_no_state_and_no_demonstration_are_refused(rng, scene):
-    with pytest.raises(InvalidInput, match="at least 1"):
+    with pytest.raises(InvalidInput, match="states is 0, expected a whole number from 1"):
         learn(scene(), states=0, rng=rng)
     with pytest.raises(InvalidInput, match="no demonstrations"):
         learn([], states=2, rng=rng)

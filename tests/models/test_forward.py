@@ -196,7 +196,7 @@ def test_nonsense_is_refused():
     chain = left_right([4, 4], [1, 1])
     with pytest.raises(InvalidInput, match="horizon is 0"):
         occupancy(chain, np.empty((0, 2)), 0)
-    with pytest.raises(InvalidInput, match="3 observed"):
+    with pytest.raises(InvalidInput, match="horizon is 2, expected a whole number from 3"):
         occupancy(chain, np.zeros((3, 2)), 2)
     with pytest.raises(InvalidInput, match="observation 0 in state 0"):
         occupancy(chain, np.array([[-np.inf, 0.0]]), 2)

@@ -239,9 +239,9 @@ def test_likelihood_and_paths_refuse_what_is_not_the_models(rng, scene):
         log_likelihood(fit.skill, [other])
     with pytest.raises(InvalidInput, match="the model knows 2 of 2"):
         viterbi(fit.skill, other)
-    with pytest.raises(InvalidInput, match="longest is 0 steps"):
+    with pytest.raises(InvalidInput, match="longest is 0, expected"):
         log_likelihood(fit.skill, demos, longest=0)
-    with pytest.raises(InvalidInput, match="longest is -1 steps"):
+    with pytest.raises(InvalidInput, match="longest is -1, expected"):
         Timing(longest=-1)
 
 

@@ -183,13 +183,10 @@ def damaged(model: online.OnlineModel, **arrays: Any) -> online.OnlineModel:
 
 
 def test_nothing_is_written_that_could_not_be_opened(tmp_path: Path):
-    """A model whose numbers are none, or beyond what a file counts, is refused by the door it leaves by."""
+    """A model whose numbers are none is refused by the door it leaves by."""
     model = grown("sosc", "count")
     with pytest.raises(InvalidInput, match="counts"):
         pf.save_stream(damaged(model, counts=-model.counts), tmp_path / "file")
-    huge = online.online_model(online.DPGMM(1.0, 1.0, online.Upkeep(most_clusters=2**40)), LAYOUT, 0.1)
-    with pytest.raises(InvalidInput, match="most_clusters is"):
-        pf.save_stream(huge, tmp_path / "file")
     assert not list(tmp_path.iterdir())
 
 
@@ -209,7 +206,7 @@ def test_skills_and_streams_are_told_apart(tmp_path: Path):
 def test_a_file_that_is_not_there_is_named(tmp_path: Path):
     """And so is a folder: each with what was expected."""
     for place in (tmp_path / "none", tmp_path):
-        with pytest.raises(InvalidInput, match=r"cannot be read.*stream file"):
+        with pytest.raises(InvalidInput, match="expected a stream file"):
             pf.open_stream(place)
 
 

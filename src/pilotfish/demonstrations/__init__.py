@@ -17,7 +17,14 @@ from pilotfish.demonstrations.frames import (
     tangent_map,
     world_frame,
 )
-from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
+from pilotfish.demonstrations.layouts import (
+    Layout,
+    Part,
+    Quantity,
+    pose_layout,
+    position_layout,
+    require_name,
+)
 from pilotfish.demonstrations.published import read_valve_mat, read_zshape_mat
 from pilotfish.demonstrations.published_arrays import read_helloworld_npy, read_robotasks_npy
 from pilotfish.demonstrations.published_extracts import (
@@ -26,7 +33,7 @@ from pilotfish.demonstrations.published_extracts import (
     read_mocap6_labels_npz,
     read_mocap6_npz,
 )
-from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations.recording import Demonstration, demonstration, require_period
 from pilotfish.demonstrations.resampling import resampled
 from pilotfish.demonstrations.signs import continuous_quaternions
 from pilotfish.demonstrations.sphere import on_sphere
@@ -61,6 +68,8 @@ __all__ = [
     "read_valve_mat",
     "read_zshape_mat",
     "require_magnitudes",
+    "require_name",
+    "require_period",
     "require_turns",
     "resampled",
     "tangent_map",

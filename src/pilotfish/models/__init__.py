@@ -25,7 +25,7 @@ from pilotfish.models.dynamics import (
     Weights,
 )
 from pilotfish.models.em import EMSettings, Outcome, Run, improve
-from pilotfish.models.forward import Forward, markov_forward, occupancy, semi_markov_forward
+from pilotfish.models.forward import LONGEST_PLAN, Forward, markov_forward, occupancy, semi_markov_forward
 from pilotfish.models.freedom import free_dynamics, free_parameters
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
 from pilotfish.models.learn_semi_markov import Timing, learn_semi_markov, most_likely_semi_markov
@@ -48,7 +48,14 @@ from pilotfish.models.size import (
     fitted_parameters,
     semi_markov_parameters,
 )
-from pilotfish.models.skill import AdaptedSkill, HiddenModel, Provenance, Skill
+from pilotfish.models.skill import (
+    MOST_SKILL_NUMBERS,
+    MOST_STATES,
+    AdaptedSkill,
+    HiddenModel,
+    Provenance,
+    Skill,
+)
 from pilotfish.models.starts import Given, KMeans, Start, TimeBins
 from pilotfish.models.statistics import (
     Statistics,
@@ -62,6 +69,9 @@ from pilotfish.models.statistics import (
 from pilotfish.models.visits import Visits
 
 __all__ = [
+    "LONGEST_PLAN",
+    "MOST_SKILL_NUMBERS",
+    "MOST_STATES",
     "AdaptedSkill",
     "Candidate",
     "Censoring",

@@ -6,7 +6,10 @@ from functools import cache
 
 import numpy as np
 
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Bool, Float
+
+MOST_TERMS = 2**25  # steps that are summed one by one, times states; an array of them takes 256 MiB
 
 LogWeights = Callable[[Float[Array, " S"]], Float[Array, "S K"]]
 
@@ -34,6 +37,7 @@ def rule_for(log_weights: LogWeights, longest: int) -> Rule:
     Steps are taken one by one up to longest, and on as long as any law is narrow; from there on blocks,
     each twice as long as the one before, are summed by Gauss's rule for equally spaced points: exact
     for polynomials of degree 63, where the density of a law, smooth within a block, is no different.
+    Raises: InvalidInput, when so many steps must be taken one by one that they would not fit in memory.
     """
     first = max(FIRST, int(longest - 1).bit_length())
     edges = 2.0 ** np.arange(first, LAST + 0.25, 0.5)
@@ -48,7 +52,16 @@ def rule_for(log_weights: LogWeights, longest: int) -> Rule:
     rough = (np.ptp(blocks[:, 0], axis=0) > ROUGH) & ~small  # (B, K)
     begin = _last(rough.any(axis=1)) + 1
     end = max(begin, _last(~small.all(axis=1)) + 1)
+    _refuse_long(first + begin, log_w.shape[2])
     return _rule(first + begin, first + end)
+
+
+def _refuse_long(whole: int, states: int) -> None:
+    if 2**whole * states > MOST_TERMS:
+        raise InvalidInput(
+            f"durations of {states} states reach {2**whole} steps and are too narrow there to be summed in "
+            f"blocks, expected at most {MOST_TERMS // states} steps; use a longer period"
+        )
 
 
 def _falling(blocks: Float[Array, "3 2 B K"]) -> Bool[Array, "2 B K"]:

@@ -5,6 +5,7 @@ import numpy as np
 from pilotfish.models.durations_rule import LogWeights, Rule, rule_for
 from pilotfish.types import Array, Float
 
+FAR = 2**20  # steps
 RANGE = 600.0  # how far apart logarithms may be for their numbers to be added as they are
 
 
@@ -30,7 +31,10 @@ def _shares(log_weights: LogWeights, rule: Rule) -> Float[Array, "N K"]:
 
 
 def quantile(log_weights: LogWeights, lost: float) -> int:
-    """The least number of steps that a visit under any of the laws outlasts with probability at most lost."""
+    """The least number of steps that a visit under any of the laws outlasts with probability at most lost.
+
+    Beyond FAR steps it is rounded up to a power of two.
+    """
     rule = rule_for(log_weights, 1)
     longer = np.cumsum(_shares(log_weights, rule)[::-1], axis=0)[::-1]  # p(s >= d) where a block begins
     begin = rule.whole
@@ -38,6 +42,8 @@ def quantile(log_weights: LogWeights, lost: float) -> int:
         begin *= 2
     if begin == rule.whole:
         return max(1, int(np.count_nonzero((longer[:begin] > lost).any(axis=1))))
+    if begin > FAR:
+        return begin
     # Within the block that holds it, step by step.
     slow = longer[rule.steps > begin // 2][0] > lost
     steps = np.arange(begin // 2 + 1.0, begin + 1.0)

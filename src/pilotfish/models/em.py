@@ -7,11 +7,14 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Views
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput
 from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics, further_statistics
 from pilotfish.models.visits import of_states
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import require_count
+
+MOST_ITERATIONS, MOST_RESTARTS, MOST_THREADS = 1_000_000, 1000, 1024
 
 MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
 EStep = Callable[[HiddenModel, Views, Statistics], Statistics]
@@ -46,13 +49,9 @@ class EMSettings:
             raise InvalidInput(
                 f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]"
             )
-        for name in ("threads", "max_iterations", "restarts"):
-            require_kind(name, getattr(self, name), (int, np.integer), "give a whole number")
-        if self.threads < 0:
-            raise InvalidInput(f"threads is {self.threads}, expected at least 1, or 0 for all cores")
-        for name in ("max_iterations", "restarts"):
-            if (count := getattr(self, name)) < 1:
-                raise InvalidInput(f"{name} is {count}, expected at least 1")
+        require_count(self.threads, "threads", MOST_THREADS)
+        require_count(self.max_iterations, "max_iterations", MOST_ITERATIONS, 1)
+        require_count(self.restarts, "restarts", MOST_RESTARTS, 1)
 
 
 @dataclass(frozen=True, slots=True)

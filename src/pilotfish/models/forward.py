@@ -5,10 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
 from pilotfish.models.visits import followed_far_enough, visit_tables
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_count
+
+LONGEST_PLAN = 1_000_000  # steps
+MOST_OCCUPANCIES = 2**24  # numbers for every step and state; a few arrays of them are held at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,11 +84,10 @@ def occupancy(dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: in
 
 
 def _check(log_observed: Float[Array, "S K"], horizon: int) -> None:
-    require_kind("horizon", horizon, (int, np.integer), "give a whole number of steps")
-    if horizon < max(1, len(log_observed)):
-        raise InvalidInput(
-            f"horizon is {horizon} steps, expected at least 1, and the {len(log_observed)} observed ones"
-        )
+    require_count(horizon, "horizon", LONGEST_PLAN, max(1, len(log_observed)))
+    if horizon * log_observed.shape[1] > MOST_OCCUPANCIES:
+        most = MOST_OCCUPANCIES // log_observed.shape[1]
+        raise InvalidInput(f"horizon is {horizon} steps, expected at most {most} for so many states")
     if not np.isfinite(log_observed).all():
         t, i = np.argwhere(~np.isfinite(log_observed))[0]
         raise InvalidInput(

@@ -14,10 +14,11 @@ from pilotfish.gaussians import Full, Structure
 from pilotfish.models.durations_counted import with_durations
 from pilotfish.models.dynamics import Dynamics
 from pilotfish.models.em import EMSettings, MStep, Outcome, Run, improve
-from pilotfish.models.skill import Provenance, Skill
+from pilotfish.models.skill import MOST_STATES, Provenance, Skill
 from pilotfish.models.starts import Given, KMeans, Start, TimeBins
 from pilotfish.models.statistics import Statistics, maximise, most_likely_chain, most_likely_weights
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_count
 
 FULL = Full()
 TIME_BINS = TimeBins()
@@ -104,10 +105,8 @@ def _guess(
     start: Start, states: int, rng: np.random.Generator, restarts: int
 ) -> Callable[[Views], Statistics]:
     require_kind("start", start, (TimeBins, KMeans, Given, Start), "give an instance, say pf.KMeans()")
-    require_kind("states", states, (int, np.integer), "give a whole number")
+    require_count(states, "states", MOST_STATES, 1)
     require_kind("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
-    if states < 1:
-        raise InvalidInput(f"states is {states}, expected at least 1")
     if restarts > 1 and (start == TIME_BINS or isinstance(start, Given)):
         raise InvalidInput(
             f"{restarts} restarts from the same beginning would all end alike; "

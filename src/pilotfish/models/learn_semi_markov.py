@@ -19,12 +19,11 @@ from pilotfish.models.skill import Skill
 from pilotfish.models.starts import Given, Start
 from pilotfish.models.statistics import (
     Statistics,
-    followed,
     further_statistics,
     most_likely_chain,
     statistics,
 )
-from pilotfish.models.visits import log_tails, require_longest, whole_visits
+from pilotfish.models.visits import LOST, log_tails, require_longest, whole_visits
 from pilotfish.types import Array, Bool
 
 NORMAL = Normal()
@@ -135,7 +134,7 @@ def _with_broad_visits(markov: Skill, data: Views, timing: Timing, floor: float)
     """What the Markov skill believes, its visits as many as it makes but spread over many lengths."""
     sums, counted = statistics(markov, data), with_durations(markov, data, floor).durations
     broad = GaussianDurations(counted.means, np.maximum(counted.deviations, BREADTH * counted.means))
-    longest = timing.longest or followed(broad, data.lengths)
+    longest = min(timing.longest or broad.longest(LOST), int(data.lengths.max()))
     between = sums.transitions * (1.0 - np.eye(len(sums.first)))
     table = np.exp(broad.log_table(longest))
     visits = whole_visits(table / table.sum(axis=0) * (sums.first + between.sum(axis=0)))

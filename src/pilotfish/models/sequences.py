@@ -9,11 +9,12 @@ from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import whiteners
 from pilotfish.models.dynamics import Dynamics, MarkovChain, SemiMarkovChain, Weights
-from pilotfish.models.forward import occupancy
+from pilotfish.models.forward import LONGEST_PLAN, occupancy
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
 from pilotfish.models.statistics import one_step_chain
 from pilotfish.models.visits import followed_far_enough, log_tails, require_longest, visit_tables
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import require_count
 
 UNLIKELY = 1e-12  # probability of a visit longer than what is sampled
 
@@ -100,8 +101,7 @@ def sample_states(dynamics: Dynamics, horizon: int, rng: np.random.Generator) ->
 
     Every visit lasts at least one step; a final state lasts to the end.
     """
-    if horizon < 1:
-        raise InvalidInput(f"horizon is {horizon} steps, expected at least 1")
+    require_count(horizon, "horizon", LONGEST_PLAN, 1)
     if isinstance(dynamics, Weights):
         return rng.choice(len(dynamics.weights), size=horizon, p=dynamics.weights)
     if isinstance(dynamics, MarkovChain):
@@ -118,9 +118,11 @@ def _sample_markov(chain: MarkovChain, horizon: int, rng: np.random.Generator) -
 
 
 def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
-    table = np.exp(chain.durations.log_table(chain.durations.longest(UNLIKELY)))  # (S, K)
+    longest = min(chain.durations.longest(UNLIKELY), horizon)
+    table = np.exp(chain.durations.log_table(longest))  # (S, K)
+    table[-1] = np.exp(log_tails(chain.durations, longest)[0][-1])  # visits that go on beyond it
     state = int(rng.choice(len(chain.initial), p=chain.initial))
-    lengths = _lengths_left(chain) if chain.censoring.first else table
+    lengths = _lengths_left(chain, longest) if chain.censoring.first else table
     states: list[int] = []
     while len(states) < horizon:
         onward = chain.transitions[state]
@@ -132,6 +134,7 @@ def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Gen
     return np.array(states[:horizon])
 
 
-def _lengths_left(chain: SemiMarkovChain) -> Float[Array, "S K"]:
+def _lengths_left(chain: SemiMarkovChain, longest: int) -> Float[Array, "S K"]:
     """p(s steps are left of a visit that is met at a random one of its steps), up to a factor."""
-    return np.asarray(np.exp(log_tails(chain.durations, chain.durations.longest(UNLIKELY))[0]))
+    log_longer, log_excess = log_tails(chain.durations, longest)
+    return np.asarray(np.exp(np.concatenate([log_longer[:-1], log_excess[-1:]])))

@@ -68,8 +68,8 @@ def statistics(
 ) -> Statistics:
     """What the model believes about the data: the E-step (3.8-3.15, 3.22), over every demonstration at once.
 
-    Of a semi-Markov model visits of up to longest steps are followed; by default up to what a visit to any
-    state outlasts with a probability of at most 1e-8, and no further than the longest demonstration.
+    Of a semi-Markov model visits of up to longest steps are followed, by default up to what a visit to any
+    state outlasts with a probability of at most 1e-8; no further than the longest demonstration either way.
     threads share the work, 0 meaning as many as this process may use; the sums do not depend on them.
     Raises: NotPositiveDefinite.
     """
@@ -77,7 +77,8 @@ def statistics(
     W = each[0][None] if len(each) == 1 else np.stack(each)  # of wide states a copy takes as long as they do
     emissions = kernels.Emissions(model.means, W, views.turns)
     if isinstance(chain := model.dynamics, SemiMarkovChain):
-        tables = visit_tables(chain, longest or followed(chain.durations, views.lengths))
+        followed_to = longest or chain.durations.longest(LOST)
+        tables = visit_tables(chain, min(followed_to, int(views.lengths.max())))
         step = kernels.semi_markov_e_step(views.x, views.lengths, tables, emissions, threads)
         visits = visits_of(step.visits, chain)
         return _summed(model.means, step, visits, views.turns)

@@ -7,13 +7,14 @@ from typing import TypeVar
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.durations import Durations, HistogramDurations
 from pilotfish.models.durations_rule import step_by_step
 from pilotfish.models.durations_sums import from_the_end, log_tails_of
 from pilotfish.models.dynamics import Censoring, SemiMarkovChain, final_states
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import require_count
 
+LONGEST = 2**31 - 1  # steps, of a visit or a plan that someone asks for
 LOST = 1e-8  # a visit outlasts what is followed of it with less probability
 ALL = 4  # where recordings are no longer than so many times that, visits are followed to their ends
 
@@ -24,9 +25,7 @@ def require_longest(longest: int | None) -> None:
     """Raises: InvalidInput, unless it is a number of steps or None."""
     if longest is None:
         return
-    require_kind("longest", longest, (int, np.integer), "give a whole number of steps, or None")
-    if longest < 1:
-        raise InvalidInput(f"longest is {longest} steps, expected at least 1, or None")
+    require_count(longest, "longest", LONGEST, 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,11 @@ from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
 from pilotfish.store.skills_fields import Arrays, taken
 from pilotfish.store.whole_files import whole_file
 from pilotfish.types import Array
+from pilotfish.validation import LONGEST_NAME, read_file, short_repr
 
 KEY = "pilotfish"
+LARGEST_HEADED_FILE = 2**28  # bytes; reading one takes some three times as much memory
+MOST_DIMENSIONS = 8  # of an array
 T = TypeVar("T")
 
 Header = dict[str, Any]
@@ -43,7 +46,10 @@ def encoded(kind: Format, header: Header, arrays: Arrays) -> bytes:
     from safetensors.numpy import save  # slow to import
 
     header = {"format": kind.name, "version": kind.version, **header}
-    return bytes(save(arrays, {KEY: canonical(header | {"content": _hash(header, arrays)})}))
+    data = bytes(save(arrays, {KEY: canonical(header | {"content": _hash(header, arrays)})}))
+    if len(data) > LARGEST_HEADED_FILE:
+        raise InvalidInput(f"the file would have {len(data)} bytes, expected at most {LARGEST_HEADED_FILE}")
+    return data
 
 
 def content_of(kind: Format, header: Header, arrays: Arrays) -> str:
@@ -92,10 +98,7 @@ def opened(path: str | Path, expected: str, decode: Callable[[bytes], T]) -> T:
 
     Raises: UnknownSkill, with the file's name; InvalidInput, when there is none that can be read.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise InvalidInput(f"{path} cannot be read: {error.strerror}; expected a {expected} file") from error
+    data = read_file(path, f"a {expected} file", LARGEST_HEADED_FILE)
     try:
         return decode(data)
     except UnknownSkill as error:
@@ -123,8 +126,11 @@ def _unpacked(data: bytes) -> tuple[str, Arrays]:
 
 
 def _array(name: str, tensor: dict[str, Any]) -> Array:
-    if tensor["dtype"] != "F64":
-        raise UnknownSkill(f"{name} holds {tensor['dtype']}, expected F64")
+    if not name.isprintable() or len(name) > LONGEST_NAME:
+        raise UnknownSkill(f"the name of an array is {short_repr(name)}, expected a short printable one")
+    if tensor["dtype"] != "F64" or len(tensor["shape"]) > MOST_DIMENSIONS:
+        found = f"{tensor['dtype']} in {len(tensor['shape'])} dimensions"
+        raise UnknownSkill(f"{name} holds {found}, expected F64 in at most {MOST_DIMENSIONS}")
     try:
         return np.frombuffer(tensor["data"], dtype="<f8").astype(np.float64).reshape(tensor["shape"])
     except ValueError as error:  # no number in it, in a shape that no array has
@@ -135,14 +141,14 @@ def _require_known(kind: Format, header: Any) -> None:
     said = header if isinstance(header, dict) else {}
     if (name := said.get("format")) != kind.name:
         remedy = f"; {REMEDIES[name]}" if isinstance(name, str) and name in REMEDIES else ""
-        raise UnknownSkill(f"its format is {name!r}, expected {kind.name!r}{remedy}")
+        raise UnknownSkill(f"its format is {short_repr(name)}, expected {kind.name!r}{remedy}")
     version = said.get("version")
     if type(version) is not int or version < 1:
-        raise UnknownSkill(f"its format's version is {version!r}, expected {kind.version}")
+        raise UnknownSkill(f"its format's version is {short_repr(version)}, expected {kind.version}")
     if version > kind.version:
         raise UnknownSkill(
-            f"written by a newer pilotfish (format {version}, this one reads {kind.version}); upgrade "
-            "pilotfish"
+            f"written by a newer pilotfish (format {short_repr(version)}, this one reads {kind.version}); "
+            "upgrade pilotfish"
         )
 
 
@@ -150,7 +156,8 @@ def _require_unaltered(header: Header, arrays: Arrays) -> None:
     told = taken(header, "content", "the header")
     if told != (now := _hash(header, arrays)):
         raise UnknownSkill(
-            f"the file was altered: its content has the hash {now}, the one written in it is {told!r}; "
+            f"the file was altered: its content has the hash {now}, the one written in it is "
+            f"{short_repr(told, 70)}; "
             "fetch or learn the skill again"
         )
 

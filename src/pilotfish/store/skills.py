@@ -19,7 +19,7 @@ from pilotfish.gaussians import (
 )
 from pilotfish.models import MarkovChain, Provenance, SemiMarkovChain, Skill, Weights
 from pilotfish.store.headed_files import SKILL, content_of, decoded, encoded, opened, written
-from pilotfish.store.skills_checks import require_agreement, require_sound
+from pilotfish.store.skills_checks import require_agreement, require_sizes, require_sound
 from pilotfish.store.skills_fields import (
     Arrays,
     from_json,
@@ -32,6 +32,7 @@ from pilotfish.store.skills_fields import (
     taken_list,
 )
 from pilotfish.types import Array, Float
+from pilotfish.validation import short_repr
 
 # What can be written and read, by the name it has in a file. To add a kind, add a line.
 DYNAMICS: dict[str, type[Any]] = {"mixture": Weights, "markov": MarkovChain, "semi-markov": SemiMarkovChain}
@@ -110,6 +111,7 @@ def _skill(header: dict[str, Any], arrays: Arrays) -> Skill:
         raise InvalidInput(f"means has shape {means.shape}, expected (frames, states, columns)")
     sizes = _sizes(means)
     layout = layout_together(taken_list(header, "layout"))
+    require_sizes(*means.shape)
     tangent = _tangent(sizes, layout)
     dynamics = taken(header, "dynamics", "the header")
     skill = Skill(
@@ -151,6 +153,7 @@ def _kind(fields: Any, kinds: dict[str, type[Any]], place: str) -> type[Any]:
     name = taken(fields, "kind", place)
     if not isinstance(name, str) or name not in kinds:
         raise UnknownSkill(
-            f"{place} are of the kind {name!r}, which this version does not know, only {list(kinds)}"
+            f"{place} are of the kind {short_repr(name)}, which this version does not know, only "
+            f"{list(kinds)}"
         )
     return kinds[name]

@@ -1,9 +1,10 @@
 """What a skill must be, beyond shapes, before it is written and after it was read."""
 
-from math import inf
+from dataclasses import fields
 
 import numpy as np
 
+from pilotfish.demonstrations import require_name, require_period
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import (
     Covariances,
@@ -13,6 +14,8 @@ from pilotfish.gaussians import (
     SemiTiedCovariances,
 )
 from pilotfish.models import (
+    MOST_SKILL_NUMBERS,
+    MOST_STATES,
     Durations,
     Dynamics,
     GammaDurations,
@@ -26,9 +29,13 @@ from pilotfish.models import (
     Skill,
     Weights,
 )
-from pilotfish.store.skills_fields import require_finite
 from pilotfish.types import Array, Float
+from pilotfish.validation import LARGEST_MAGNITUDE, require_count, short_list, short_repr
 
+MOST_FRAMES = 1000
+LARGEST_MEAN = 1e101  # datapoints have at most 1e100
+LONGEST_DURATION = 1e12  # steps; of parameters too
+SHORTEST = 1e-12  # of parameters that are divided by
 ROUNDING = 1e-6  # what probabilities may miss one by
 SKEW = 1e-8  # what a covariance may differ from its transpose by, as a share of its largest entry
 
@@ -37,7 +44,8 @@ def require_agreement(skill: Skill) -> None:
     """Frames, columns and covariances are as many as the means say.    Raises: InvalidInput."""
     if skill.means.ndim != 3 or skill.means.size == 0:
         raise InvalidInput(f"means has shape {skill.means.shape}, expected (frames, states, columns)")
-    P, _, D = skill.means.shape
+    P, K, D = skill.means.shape
+    require_sizes(P, K, D)
     names = skill.frame_names
     if len(names) != P or len(skill.covariances) != P:
         raise InvalidInput(
@@ -45,9 +53,22 @@ def require_agreement(skill: Skill) -> None:
             f"{len(skill.covariances)} covariances"
         )
     if len(set(names)) != P:
-        raise InvalidInput(f"the frames are named {list(names)}, expected different names")
+        raise InvalidInput(f"the frames are named {short_list(names)}, expected different names")
+    for name in names:
+        require_name(name, "a frame")
     if skill.layout.width != D:
         raise InvalidInput(f"means has {D} columns, but the layout has {skill.layout.width}")
+
+
+def require_sizes(frames: int, states: int, columns: int) -> None:
+    """Raise InvalidInput if a skill of these sizes would not fit in memory."""
+    require_count(frames, "the number of frames", MOST_FRAMES, 1)
+    require_count(states, "the number of states", MOST_STATES, 1)
+    if (numbers := frames * states * columns**2) > MOST_SKILL_NUMBERS:
+        raise InvalidInput(
+            f"the covariances of {states} states in {frames} frames of {columns} columns have {numbers} "
+            f"numbers, expected at most {MOST_SKILL_NUMBERS}"
+        )
 
 
 def require_sound(skill: Skill) -> None:
@@ -55,9 +76,8 @@ def require_sound(skill: Skill) -> None:
 
     Raises: InvalidInput; NotPositiveDefinite, when a covariance is none.
     """
-    if not 0 < skill.period < inf:
-        raise InvalidInput(f"period is {skill.period} s, expected a positive time")
-    require_finite(skill.means, "means")
+    require_period(skill.period, "period")
+    _require_magnitude(skill.means, "means", LARGEST_MEAN)
     _require_dynamics(skill.dynamics)
     for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
         _require_covariances(covariances, f"the covariance in frame {name!r} of state")
@@ -79,20 +99,34 @@ def _require_dynamics(dynamics: Dynamics) -> None:
 
 
 def _require_durations(durations: Durations) -> None:
+    _require_parameters(durations)
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            means, deviations = durations.means, durations.deviations
+            durations.log_table(1)
+    except FloatingPointError as error:
+        raise InvalidInput(f"durations cannot be computed with: {error}") from error
+    for name, values in (("mean", means), ("deviation", deviations)):
+        _require_magnitude(values, f"the {name} of durations", LONGEST_DURATION)
+
+
+def _require_parameters(durations: Durations) -> None:
+    for field in fields(durations):
+        _require_magnitude(getattr(durations, field.name), f"durations.{field.name}", LONGEST_DURATION)
     match durations:
         case GaussianDurations(_, deviations):
-            _require_positive(deviations, "durations.deviations")
+            _require_positive(deviations, "durations.deviations", SHORTEST)
         case LogNormalDurations(_, log_deviations):
-            _require_positive(log_deviations, "durations.log_deviations")
+            _require_positive(log_deviations, "durations.log_deviations", SHORTEST)
         case PoissonDurations(more):
-            _require_positive(more, "durations.more")
+            _require_positive(more, "durations.more", SHORTEST)
         case GammaDurations(shapes, rates):
-            _require_positive(shapes, "durations.shapes")
-            _require_positive(rates, "durations.rates")
+            _require_positive(shapes, "durations.shapes", SHORTEST)
+            _require_positive(rates, "durations.rates", SHORTEST)
         case NegativeBinomialDurations(shapes, leaving):
-            _require_positive(shapes, "durations.shapes")
-            _require_positive(leaving, "durations.leaving")
-            _require_positive(1.0 - leaving, "1 - durations.leaving")
+            _require_positive(shapes, "durations.shapes", SHORTEST)
+            _require_positive(leaving, "durations.leaving", SHORTEST)
+            _require_positive(1.0 - leaving, "1 - durations.leaving", SHORTEST)
         case HistogramDurations(probabilities):
             for k, column in enumerate(probabilities.T):
                 _require_distribution(column, f"durations.probabilities[:, {k}]")
@@ -109,12 +143,24 @@ def _require_departures(row: Float[Array, " K"], i: int) -> None:
 
 def _require_distribution(p: Float[Array, " K"], place: str) -> None:
     if (p < 0.0).any() or abs(p.sum() - 1.0) > ROUNDING:
-        raise InvalidInput(f"{place} is {p.tolist()} with sum {p.sum():.9g}, expected probabilities of sum 1")
+        raise InvalidInput(
+            f"{place} is {short_repr(p.tolist())} with sum {p.sum():.9g}, expected probabilities of sum 1"
+        )
 
 
-def _require_positive(values: Float[Array, "..."], place: str) -> None:
-    if (bad := np.argwhere(~(values > 0.0))).size:
-        raise InvalidInput(f"{place}{bad[0].tolist()} is {values[tuple(bad[0])]}, expected more than 0")
+def _require_positive(values: Float[Array, "..."], place: str, lowest: float = 0.0) -> None:
+    if (bad := np.argwhere(~(values > lowest))).size:
+        raise InvalidInput(
+            f"{place}{bad[0].tolist()} is {values[tuple(bad[0])]}, expected more than {lowest:g}"
+        )
+
+
+def _require_magnitude(values: Float[Array, "..."], place: str, largest: float) -> None:
+    if (bad := np.argwhere(~(np.abs(values) <= largest))).size:
+        found = values[tuple(bad[0])]
+        raise InvalidInput(
+            f"{place}{bad[0].tolist()} is {found}, expected a finite number of at most {largest:g}"
+        )
 
 
 def _require_covariances(covariances: Covariances, what: str) -> None:
@@ -133,7 +179,8 @@ def _require_covariances(covariances: Covariances, what: str) -> None:
             _require_positive(variances, "variances")
             _require_one_of_each(membership)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as not finite
-        covariances.whiteners(what)
+        whiteners = covariances.whiteners(what)
+    _require_magnitude(whiteners, f"the inverse deviation of {what} ", LARGEST_MAGNITUDE)
 
 
 def _require_symmetry(dense: Float[Array, "K D D"], what: str) -> None:
@@ -148,5 +195,5 @@ def _require_one_of_each(membership: Float[Array, "K C"]) -> None:
     ones = membership == 1.0
     if ((membership != 0.0) != ones).any() or (ones.sum(axis=1) != 1).any():
         raise InvalidInput(
-            f"membership is {membership.tolist()}, expected one 1 in each row, and 0 elsewhere"
+            f"membership is {short_repr(membership.tolist())}, expected one 1 in each row, and 0 elsewhere"
         )

@@ -1,6 +1,7 @@
 """Dataclasses taken apart into what JSON holds and what arrays hold, and put together again."""
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -20,11 +21,15 @@ from pilotfish.models import (
     PoissonDurations,
 )
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_count, require_number, require_printable, short_list, short_repr
 
 Arrays = dict[str, Array]
 T = TypeVar("T")
 
 PLAIN = (bool, int, float, str)
+LONGEST_TEXT = 10_000  # characters of a note
+MOST_TEXTS = 100_000  # names of demonstrations
+LARGEST_COUNT = 2**53  # up to here float64 counts one by one
 
 # What a field that says how long visits last may hold, by the name it has in a file. To add a kind, add a
 # line. The first has no name in a file: there was no other when files were first written.
@@ -99,7 +104,7 @@ def put_together(kind: type[T], place: str, plain: Any, arrays: Arrays, sizes: M
 def taken(things: Any, name: str, place: str) -> Any:
     """The thing of that name, removed from things.    Raises: InvalidInput, when there is none."""
     if not isinstance(things, dict) or name not in things:
-        has = sorted(things) if isinstance(things, dict) else repr(things)
+        has = short_list(sorted(things)) if isinstance(things, dict) else short_repr(things)
         raise InvalidInput(f"{place} lacks {name!r}, it has {has}")
     return things.pop(name)
 
@@ -108,7 +113,7 @@ def taken_list(header: dict[str, Any], name: str) -> list[Any]:
     """The list of that name, removed from the header.    Raises: InvalidInput, when there is none."""
     value = taken(header, name, "the header")
     if not isinstance(value, list):
-        raise InvalidInput(f"{name} is {value!r}, expected a list")
+        raise InvalidInput(f"{name} is {short_repr(value)}, expected a list")
     return value
 
 
@@ -124,7 +129,7 @@ def layout_together(parts: list[Any]) -> Layout:
 
 def require_nothing_left(things: Mapping[str, Any], place: str) -> None:
     if things:
-        raise InvalidInput(f"{place} has {sorted(things)}, expected nothing more")
+        raise InvalidInput(f"{place} has {short_list(sorted(things))}, expected nothing more")
 
 
 def require_array(array: Array, kind: Any, place: str, sizes: dict[str, int]) -> None:
@@ -148,27 +153,35 @@ def from_json(value: Any, kind: Any, place: str) -> Any:
     if isinstance(kind, type) and issubclass(kind, Enum):
         known = [member.value for member in kind]
         if value not in known:
-            raise InvalidInput(f"{place} is {value!r}, which this version does not know, only {known}")
+            raise InvalidInput(
+                f"{place} is {short_repr(value)}, which this version does not know, only {known}"
+            )
         return kind(value)
     if kind == tuple[str, ...]:
-        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise InvalidInput(f"{place} is {value!r}, expected a list of texts")
-        return tuple(value)
+        if not isinstance(value, list) or len(value) > MOST_TEXTS:
+            raise InvalidInput(
+                f"{place} is {short_repr(value)}, expected a list of at most {MOST_TEXTS} texts"
+            )
+        return tuple(require_printable(item, f"{place} {n}") for n, item in enumerate(value))
     if kind is float and value is None:
         return math.nan
-    if type(value) is not kind or (kind is float and not math.isfinite(value)):
-        raise InvalidInput(f"{place} is {value!r}, expected {kind.__name__}")
-    return value
+    if type(value) is not kind:
+        raise InvalidInput(f"{place} is {short_repr(value)}, expected {kind.__name__}")
+    if kind is int:
+        return require_count(value, place, LARGEST_COUNT)
+    if kind is str:
+        return require_printable(value, place, LONGEST_TEXT)
+    return require_number(value, place, -sys.float_info.max, sys.float_info.max) if kind is float else value
 
 
 def _to_json(value: Any, kind: Any, place: str) -> Any:
     if isinstance(value, Enum):
         return value.value
-    if kind == tuple[str, ...]:
-        return [str(item) for item in value]
-    if kind is float and math.isinf(value):
-        raise InvalidInput(f"{place} is {value}, expected a finite number, or nan for one that is not known")
-    return None if kind is float and math.isnan(value) else kind(value)
+    plain: Any = [str(item) for item in value] if kind == tuple[str, ...] else kind(value)
+    if kind is float and math.isnan(plain):
+        return None
+    from_json(plain, kind, place)  # what could not be read is not written
+    return plain
 
 
 def _declared(kind: type) -> dict[str, Any]:
@@ -199,7 +212,9 @@ def _chosen(inner: dict[str, Any], kinds: Mapping[str, type[Any]], place: str) -
         return kinds[first]
     if isinstance(name := inner.pop("kind"), str) and name in others:
         return kinds[name]
-    raise InvalidInput(f"{place} are of the kind {name!r}, which this version does not know, only {others}")
+    raise InvalidInput(
+        f"{place} are of the kind {short_repr(name)}, which this version does not know, only {others}"
+    )
 
 
 def _class(kind: Any) -> type[Any]:

@@ -14,6 +14,7 @@ from pilotfish.kernels import StreamColumn, StreamHead, StreamState, in_fours, s
 from pilotfish.models import Skill, online
 from pilotfish.store.headed_files import STREAM, Header, decoded, encoded, format_name, opened, written
 from pilotfish.store.skills import decode_skill
+from pilotfish.store.skills_checks import require_sizes
 from pilotfish.store.skills_fields import (
     Arrays,
     from_json,
@@ -26,6 +27,7 @@ from pilotfish.store.skills_fields import (
     taken_list,
 )
 from pilotfish.store.streams_checks import MOST, require_sound_stream
+from pilotfish.validation import short_repr
 
 # What can be written and read, by the name it has in a file. To add a kind, add a line.
 LEARNERS: dict[str, type[Any]] = {
@@ -89,6 +91,8 @@ def _model(header: Header, arrays: Arrays) -> online.OnlineModel:
     names = from_json(taken(header, "frames", "the header"), tuple[str, ...], "frames")
     settings = _settings_together(taken(header, "settings", "the header"))
     period = from_json(taken(header, "period", "the header"), float, "period")
+    if "numbers" in arrays and arrays["numbers"].size:
+        require_sizes(len(names), len(arrays["numbers"]), layout.width)
     state = _state_together(arrays, len(names), layout.width)
     require_nothing_left(header, "the header")
     require_nothing_left(arrays, "the file")
@@ -193,5 +197,5 @@ def _kind(plain: Any, kinds: dict[str, type[Any]], place: str) -> type[Any]:
     if isinstance(name, str) and name in kinds:
         return kinds[name]
     raise UnknownSkill(
-        f"{place} is of the kind {name!r}, which this version does not know, only {list(kinds)}"
+        f"{place} is of the kind {short_repr(name)}, which this version does not know, only {list(kinds)}"
     )

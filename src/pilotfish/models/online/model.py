@@ -1,15 +1,15 @@
 """A model that grows with a stream: a plain value, whole at every moment."""
 
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.demonstrations import Layout
+from pilotfish.demonstrations import Layout, require_name, require_period
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, rules_of
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import short_list
 
 Column, Head = kernels.StreamColumn, kernels.StreamHead
 
@@ -112,10 +112,11 @@ def online_model(
             "the layout has orientations on their sphere, and streams learn quaternions as four numbers; "
             "give demonstrations as they are recorded, without on_sphere"
         )
-    if not 0.0 < period < inf:
-        raise InvalidInput(f"period is {period} s, expected a positive time")
-    names = tuple(frame_names)
+    require_period(period, "period")
+    names = tuple(require_name(name, "a frame") for name in frame_names)
     if not names or len(set(names)) != len(names):
-        raise InvalidInput(f"the frames are named {list(names)}, expected at least one, with different names")
+        raise InvalidInput(
+            f"the frames are named {short_list(names)}, expected at least one, with different names"
+        )
     state = kernels.empty_stream(len(names), layout.width)
     return OnlineModel(settings, layout, float(period), names, rules_of(settings, layout.width), state)

@@ -8,6 +8,10 @@ from math import inf, isfinite, sqrt
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.models.skill import MOST_STATES
+from pilotfish.validation import require_count
+
+MOST_SPARE, LARGEST_BATCH = 10_000, 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +80,9 @@ class Upkeep:
         require_kind("weighting", self.weighting, (Count, Trace, Constant), "give an instance, say Count()")
         if self.merge_distance is not None and not 0.0 <= self.merge_distance < inf:
             raise InvalidInput(f"merge_distance is {self.merge_distance}, expected 0 or more, or None")
-        for name, least in (("spare", 0), ("most_clusters", 1), ("batch", 1)):
-            value = getattr(self, name)
-            require_kind(name, value, int, "give a whole number")
-            if value < least:
-                raise InvalidInput(f"{name} is {value}, expected at least {least}")
+        require_count(self.spare, "spare", MOST_SPARE)
+        require_count(self.most_clusters, "most_clusters", MOST_STATES, 1)
+        require_count(self.batch, "batch", LARGEST_BATCH, 1)
 
 
 UPKEEP = Upkeep()
