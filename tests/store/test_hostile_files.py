@@ -71,7 +71,6 @@ def edited(change: Callable[[dict[str, Any], dict[str, np.ndarray]], object]) ->
 
 
 PAIRS = [
-    (1e6, 1e-3),
     (1e9, 1.0),
     (1e13, 1e12),
     (1e150, 1.0),
@@ -208,9 +207,8 @@ def test_wide_skills_are_counted_before_covariances_are_made() -> None:
         lambda h, text: h["dynamics"].update(kind=text),
         lambda h, text: h.update({text: 0}),
         lambda h, text: h.update(format=text),
-        lambda h, text: h.update(content=text),
     ],
-    ids=range(12),
+    ids=range(11),
 )
 def test_text_that_is_not_printable_is_refused_in_a_printable_message(change: Any, text: str) -> None:
     header, arrays = parts_of(encode_skill(skill()))
