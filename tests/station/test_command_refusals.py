@@ -123,7 +123,7 @@ def test_a_file_that_is_no_skill(refusal: Refusal, skill: Path, command: str, fa
     data = skill.read_bytes()
     words = {
         "none": "No such file",
-        "folder": "directory",
+        "folder": "not a regular file",
         "truncated": "no safetensors file",
         "text": "no safetensors file",
         "newer": "newer pilotfish (format 2",
