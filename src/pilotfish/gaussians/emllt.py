@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.gaussian import cholesky
-from pilotfish.gaussians.structures import Covariances
+from pilotfish.gaussians.structures import LARGEST_COUNT, Covariances
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_count
 
 TYING_SWEEPS = 10  # of the semi-tied transform that a fit begins with
 HALVINGS = 20
@@ -60,9 +61,7 @@ class EMLLT:
 
     def __post_init__(self) -> None:
         for name in ("vectors", "sweeps"):
-            require_kind(name, getattr(self, name), int, "give a whole number")
-            if (value := getattr(self, name)) < 1:
-                raise InvalidInput(f"{name} is {value}, expected at least 1")
+            require_count(getattr(self, name), name, LARGEST_COUNT, 1)
 
     @property
     def label(self) -> str:

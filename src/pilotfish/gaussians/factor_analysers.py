@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.latent import (
     LatentCovariances,
     previous_latent,
@@ -13,8 +13,9 @@ from pilotfish.gaussians.latent import (
     require_factors,
     sweep,
 )
-from pilotfish.gaussians.structures import Covariances
+from pilotfish.gaussians.structures import LARGEST_COUNT, Covariances
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_count, require_number
 
 FAINT = 1e-3  # share of the noise that a factor begins with at least: one of nothing would never grow
 
@@ -150,11 +151,9 @@ def _standardised_components(S: Float[Array, "K D D"], factors: int, least: floa
 
 
 def _require_numbers(name: str, factors: int, sweeps: int, least_noise: float) -> None:
-    for what, value, least in ((name, factors, 0), ("sweeps", sweeps, 1)):
-        require_kind(what, value, int, "give a whole number")
-        if value < least:
-            raise InvalidInput(f"{what} is {value}, expected at least {least}")
-    if not 0.0 < least_noise < 1.0:
+    require_count(factors, name, LARGEST_COUNT)
+    require_count(sweeps, "sweeps", LARGEST_COUNT, 1)
+    if not 0.0 < require_number(least_noise, "least_noise") < 1.0:
         raise InvalidInput(f"least_noise is {least_noise}, expected a share between 0 and 1, say 1e-8")
 
 

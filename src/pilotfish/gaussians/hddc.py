@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.latent import LatentCovariances, principal_components, require_factors
-from pilotfish.gaussians.structures import Covariances
+from pilotfish.gaussians.structures import LARGEST_COUNT, Covariances
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import require_count, require_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +25,7 @@ class HDDC:
 
     def __post_init__(self) -> None:
         for dimension in self._listed():
-            require_kind("dimensions", dimension, int, "give a whole number, or a tuple of one a state")
-            if dimension < 0:
-                raise InvalidInput(f"dimensions is {self.dimensions}, expected at least 0")
+            require_count(dimension, "dimensions", LARGEST_COUNT)
 
     @property
     def label(self) -> str:
@@ -76,7 +75,7 @@ class HDDCShare:
     share: float = 0.95
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.share < 1.0:
+        if not 0.0 < require_number(self.share, "share") < 1.0:
             raise InvalidInput(f"share is {self.share}, expected a number between 0 and 1, say .95")
 
     @property

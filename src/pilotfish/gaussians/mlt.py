@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import whiteners
-from pilotfish.gaussians.structures import Covariances
+from pilotfish.gaussians.structures import LARGEST_COUNT, Covariances
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import require_count
 
 FIRST_SWEEPS = 10  # of the one transform that a fit begins with
 
@@ -46,9 +47,7 @@ class MLT:
 
     def __post_init__(self) -> None:
         for name in ("transforms", "sweeps"):
-            require_kind(name, getattr(self, name), int, "give a whole number")
-            if (value := getattr(self, name)) < 1:
-                raise InvalidInput(f"{name} is {value}, expected at least 1")
+            require_count(getattr(self, name), name, LARGEST_COUNT, 1)
 
     @property
     def label(self) -> str:

@@ -7,8 +7,9 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians.gaussian import whiteners
-from pilotfish.gaussians.structures import Covariances
+from pilotfish.gaussians.structures import LARGEST_COUNT, Covariances
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_count, require_number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,10 +43,9 @@ class SemiTied:
 
     def __post_init__(self) -> None:
         require_kind("tying", self.tying, (float, int), "give a number from 0 (free) to 1 (fully tied)")
-        if not 0.0 <= self.tying <= 1.0:
+        if not 0.0 <= require_number(self.tying, "tying") <= 1.0:
             raise InvalidInput(f"tying is {self.tying}, expected a number from 0 (free) to 1 (fully tied)")
-        if self.sweeps < 1:
-            raise InvalidInput(f"sweeps is {self.sweeps}, expected at least 1")
+        require_count(self.sweeps, "sweeps", LARGEST_COUNT, 1)
 
     @property
     def label(self) -> str:

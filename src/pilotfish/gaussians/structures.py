@@ -12,6 +12,8 @@ import numpy as np
 from pilotfish.gaussians.gaussian import whiteners
 from pilotfish.types import Array, Float
 
+LARGEST_COUNT = 10_000  # of factors, directions, vectors, transforms or sweeps
+
 
 @runtime_checkable
 class Covariances(Protocol):

@@ -1,6 +1,5 @@
 """Structures and kinds of durations by the names that a command line gives them."""
 
-import difflib
 from collections.abc import Sequence
 
 from pilotfish.errors import InvalidInput
@@ -8,6 +7,7 @@ from pilotfish.gaussians import Structure
 from pilotfish.models import Candidate
 from pilotfish.station.learners import LAWS, LEARNERS
 from pilotfish.station.structure_names import structure_named
+from pilotfish.validation import first_repeated, nearest_name, short_repr
 
 MOST = 500  # candidates of one selection
 
@@ -45,26 +45,28 @@ def state_list(text: str) -> list[int]:
     for word in _words("states", text):
         ends = word.split(":")
         if len(ends) > 2 or not all(end.isdecimal() and len(end) < 6 for end in ends):
-            raise InvalidInput(f"--states has {word!r}, expected numbers such as 5 or 3:10")
+            raise InvalidInput(f"--states has {short_repr(word)}, expected numbers such as 5 or 3:10")
         first, last = int(ends[0]), int(ends[-1])
         if not 1 <= first <= last:
             raise InvalidInput(
-                f"--states has {word!r}, expected a range that rises from at least 1, say 3:10"
+                f"--states has {short_repr(word)}, expected a range that rises from at least 1, say 3:10"
             )
         sizes.update(range(first, last + 1))
+        if len(sizes) > MOST:
+            raise InvalidInput(f"--states lists {len(sizes)} and more, expected at most {MOST}; list fewer")
     return sorted(sizes)
 
 
 def _words(option: str, text: str) -> list[str]:
     words = [word.strip().lower() for word in text.split(",")]
     if not all(words):
-        raise InvalidInput(f"--{option} is {text!r}, expected a list with commas between")
-    if twice := [word for word in words if words.count(word) > 1]:
-        raise InvalidInput(f"--{option} names {twice[0]!r} more than once")
+        raise InvalidInput(f"--{option} is {short_repr(text)}, expected a list with commas between")
+    if (twice := first_repeated(words)) is not None:
+        raise InvalidInput(f"--{option} names {short_repr(twice)} more than once")
     return words
 
 
 def _unknown(option: str, word: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, known, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"--{option} has {word!r}, expected some of {', '.join(known)}{hint}"
+    near = nearest_name(word, known)
+    hint = f"; did you mean {near!r}?" if near else ""
+    return f"--{option} has {short_repr(word)}, expected some of {', '.join(known)}{hint}"

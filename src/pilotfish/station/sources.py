@@ -1,6 +1,5 @@
 """Where a command takes its recordings from: a folder, or a data set by name."""
 
-import difflib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ from pilotfish.demonstrations import Demonstration, on_sphere, read_folder, with
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Skill
 from pilotfish.store import datasets, synthetic_valve
+from pilotfish.validation import first_repeated, nearest_name, short_repr
 
 NUMBER = re.compile("[0-9]{1,6}")
 PREFIX = "dataset:"
@@ -57,9 +57,9 @@ def require_dataset(name: str) -> None:
     known = (*datasets.names(), SYNTHETIC)
     if name in known:
         return
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise InvalidInput(f"no data set is named {name!r}, there are {', '.join(known)}{hint}")
+    near = nearest_name(name, known)
+    hint = f"; did you mean {near!r}?" if near else ""
+    raise InvalidInput(f"no data set is named {short_repr(name)}, there are {', '.join(known)}{hint}")
 
 
 def a_choice(_: click.Context, parameter: click.Parameter, only: str) -> str:
@@ -79,12 +79,13 @@ def chosen(demonstrations: Sequence[Demonstration], only: str) -> tuple[Demonstr
     """
     if not only:
         return tuple(demonstrations)
-    numbers = _listed(only)
-    if bad := [n for n in numbers if n >= len(demonstrations)]:
-        last = len(demonstrations) - 1
-        raise InvalidInput(f"--only {only} names demonstration {bad[0]}, there are 0 to {last}")
-    if twice := [n for n in numbers if numbers.count(n) > 1]:
-        raise InvalidInput(f"--only {only} names demonstration {twice[0]} more than once")
+    listed, last = _listed(only), len(demonstrations) - 1
+    if bad := [numbers for numbers in listed if numbers[-1] > last]:
+        first = max(bad[0][0], last + 1)
+        raise InvalidInput(f"--only {short_repr(only)} names demonstration {first}, there are 0 to {last}")
+    numbers = [n for piece in listed for n in piece]
+    if (twice := first_repeated(numbers)) is not None:
+        raise InvalidInput(f"--only {short_repr(only)} names demonstration {twice} more than once")
     return tuple(demonstrations[n] for n in numbers)
 
 
@@ -126,15 +127,19 @@ def _in_columns_of(skill: Skill, demo: Demonstration) -> Demonstration:
     return replace(here, frames=tuple(f for f in here.frames if f.name in skill.frame_names))
 
 
-def _listed(only: str) -> list[int]:
-    return [n for piece in only.split(",") for n in _numbers(piece, only)]
+def _listed(only: str) -> list[range]:
+    return [_numbers(piece, only) for piece in only.split(",")]
 
 
 def _numbers(piece: str, only: str) -> range:
     ends = [end.strip() for end in piece.split("-")]
     if len(ends) > 2 or not all(NUMBER.fullmatch(end) for end in ends):
-        raise InvalidInput(f"--only is {only!r}, expected numbers such as 0-3 or 0,2,5 (first is 0)")
+        raise InvalidInput(
+            f"--only is {short_repr(only)}, expected numbers such as 0-3 or 0,2,5 (first is 0)"
+        )
     first, last = int(ends[0]), int(ends[-1])
     if last < first:
-        raise InvalidInput(f"--only is {only!r}: {piece.strip()} runs backwards; say {last}-{first}")
+        raise InvalidInput(
+            f"--only is {short_repr(only)}: {piece.strip()} runs backwards; say {last}-{first}"
+        )
     return range(first, last + 1)

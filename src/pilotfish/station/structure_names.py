@@ -1,6 +1,5 @@
 """Covariance structures by the names that a command line gives them: full, semi-tied:0.5, mfa:4."""
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,6 +19,7 @@ from pilotfish.gaussians import (
     Spherical,
     Structure,
 )
+from pilotfish.validation import nearest_name, short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,18 +66,20 @@ def structure_named(text: str) -> Structure:
     """
     name, colon, number = text.partition(":")
     if name not in STRUCTURES:
-        near = difflib.get_close_matches(name, STRUCTURES, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise InvalidInput(f"no covariance structure is named {text!r}, there are {structure_names()}{hint}")
+        near = nearest_name(name, STRUCTURES)
+        hint = f"; did you mean {near!r}?" if near else ""
+        raise InvalidInput(
+            f"no covariance structure is named {short_repr(text)}, there are {structure_names()}{hint}"
+        )
     named = STRUCTURES[name]
     if (colon and not number) or (number and not named.number) or (named.needed and not number):
-        raise InvalidInput(f"{text!r} is no covariance structure, expected {_pattern(name, named)}")
+        raise InvalidInput(f"{short_repr(text)} is no covariance structure, expected {_pattern(name, named)}")
     try:
         return named.make(number)
     except ValueError as error:
         reason = f": {error}" if isinstance(error, InvalidInput) else ""
         raise InvalidInput(
-            f"{text!r} is no covariance structure, expected {_pattern(name, named)}{reason}"
+            f"{short_repr(text)} is no covariance structure, expected {_pattern(name, named)}{reason}"
         ) from None
 
 

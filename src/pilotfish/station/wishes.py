@@ -14,8 +14,10 @@ from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
 from pilotfish.planning import ViaPoint, observations, via_point
 from pilotfish.station.following import turns
+from pilotfish.validation import require_printable, short_repr
 
 PATTERN = re.compile(r"(?P<what>.+)=(?P<value>[^=@]+)@(?P<time>[^@]+?)s?\+-(?P<deviation>.+?)(?P<deg>deg)?")
+LONGEST = 200  # characters of a text
 SHOWN = "such as position=.4,.1,.3@4s+-.001 or orientation=1,0,0,0@4s+-2deg"
 
 
@@ -39,14 +41,22 @@ class WishType(click.ParamType[Wish]):
     def convert(self, value: str | Wish, param: click.Parameter | None, ctx: click.Context | None) -> Wish:
         if isinstance(value, Wish):
             return value
+        try:
+            require_printable(value, "the text", LONGEST)
+        except InvalidInput as error:
+            self.fail(str(error), param, ctx)
         found = PATTERN.fullmatch(value.strip())
         if not found:
-            self.fail(f"{value!r} is no point, expected WHAT=NUMBERS@SECONDS+-DEVIATION, {SHOWN}", param, ctx)
+            self.fail(
+                f"{short_repr(value)} is no point, expected WHAT=NUMBERS@SECONDS+-DEVIATION, {SHOWN}",
+                param,
+                ctx,
+            )
         try:
             numbers = tuple(_number(text) for text in found["value"].split(","))
             time, deviation = _number(found["time"]), _number(found["deviation"])
         except ValueError as error:
-            self.fail(f"{value!r} has {error}, expected a finite number, {SHOWN}", param, ctx)
+            self.fail(f"{short_repr(value)} has {error}, expected a finite number, {SHOWN}", param, ctx)
         return Wish(value, found["what"].strip(), numbers, time, deviation, bool(found["deg"]))
 
 
@@ -54,9 +64,9 @@ def _number(text: str) -> float:
     try:
         number = float(text)
     except ValueError:
-        raise ValueError(repr(text.strip())) from None
+        raise ValueError(short_repr(text.strip())) from None
     if not isfinite(number):
-        raise ValueError(repr(text.strip()))
+        raise ValueError(short_repr(text.strip()))
     return number
 
 
@@ -76,19 +86,19 @@ def _point(wish: Wish, layout: Layout) -> ViaPoint:
     )
     if whole and not wish.degrees:
         raise InvalidInput(
-            f"--via {wish.text}: the deviation of a whole orientation is an angle in degrees; "
+            f"--via {short_repr(wish.text)}: the deviation of a whole orientation is an angle in degrees; "
             f"say +-{wish.deviation:g}deg, if degrees were meant"
         )
     if wish.degrees and not whole:
         raise InvalidInput(
-            f"--via {wish.text}: {wish.what!r} is no whole orientation; give the deviation in the unit of "
-            "its columns, without deg"
+            f"--via {short_repr(wish.text)}: {short_repr(wish.what)} is no whole orientation; "
+            "give the deviation in the unit of its columns, without deg"
         )
     deviation = radians(wish.deviation) if whole else wish.deviation
     try:
         return via_point(wish.what, wish.value, time=wish.time, deviation=deviation)
     except InvalidInput as error:
-        raise InvalidInput(f"--via {wish.text}: {error}") from error
+        raise InvalidInput(f"--via {short_repr(wish.text)}: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)

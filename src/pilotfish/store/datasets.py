@@ -4,8 +4,6 @@ Each is read from the folder that the environment variable PILOTFISH_DATA names 
 ...), or else downloaded once into the user's cache; its sha256 is checked either way.
 """
 
-import difflib
-
 from pilotfish.demonstrations import (
     Demonstration,
     read_chicken_dance_npz,
@@ -21,6 +19,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.store.datasets_files import file_of
 from pilotfish.store.datasets_registry import DATASETS, Dataset
 from pilotfish.types import Array, Int
+from pilotfish.validation import nearest_name, short_repr
 
 __all__ = [
     "Dataset",
@@ -50,9 +49,9 @@ def info(name: str) -> Dataset:
     for dataset in DATASETS:
         if dataset.name == name:
             return dataset
-    near = difflib.get_close_matches(name, names(), n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise InvalidInput(f"no dataset is named {name!r}, there are {', '.join(names())}{hint}")
+    near = nearest_name(name, names())
+    hint = f"; did you mean {near!r}?" if near else ""
+    raise InvalidInput(f"no dataset is named {short_repr(name)}, there are {', '.join(names())}{hint}")
 
 
 def valve() -> tuple[Demonstration, ...]:
