@@ -1,13 +1,16 @@
 """Inputs that fuzzing found to be answered with something else than a refusal in one line."""
 
 from functools import cache
+from time import process_time
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from annotations import annotations_checked
 from fuzzing.public_examples import Examples, examples, function_named
 from fuzzing.soundness import require_sound_refusal
+from fuzzing.targets import TARGETS
 
 from pilotfish.errors import SkillError
 
@@ -42,3 +45,36 @@ def test_argument_that_cannot_be_is_refused_in_one_line(name: str, argument: str
     with annotations_checked(False), pytest.raises(SkillError) as refusal:
         function_named(name)(**{**given, argument: value})
     require_sound_refusal(refusal.value)
+
+
+LONG = "9" * 50_000
+TEXTS: list[tuple[str, str]] = [
+    ("via", f"position={LONG}@1s+-1"),
+    ("via", f"position=1,{'x' * 50_000}@1s+-1"),
+    ("via", "position" * 5_000 + "=1@1s+-1"),
+    ("via", "posi\rtion=1@1s+-1"),
+    ("via", "position=1,2,\ud800@1s+-1"),
+    ("only", ",".join(["0-999999"] * 500)),
+    ("only", ",".join(["0"] * 50_000)),
+    ("only", LONG),
+    ("structure", f"mfa:{LONG}"),
+    ("structure", "mfa:99999999999999999999"),
+    ("structure", "hddc:" + "1" * 4000),
+    ("structure", f"semi-tied:{LONG}"),
+    ("structure", "mlt:0\x1b[2J"),
+    ("states", ",".join(f"{n}:99999" for n in range(1, 5_000))),
+    ("states", f"3;{'full,' * 20_000};markov"),
+    ("states", f"3;full;{LONG}"),
+]
+
+
+@pytest.mark.parametrize(("option", "text"), TEXTS, ids=lambda text: text[:20])
+def test_option_text_that_cannot_be_is_refused_quickly_in_one_line(option: str, text: str) -> None:
+    """Lists of ranges were written out, and compared each with each, before their bounds were looked at."""
+    read = TARGETS[option][0]().read
+    began = process_time()
+    with pytest.raises((SkillError, click.UsageError)) as refusal:
+        read(text)
+    assert process_time() - began < 1.0
+    error = refusal.value
+    require_sound_refusal(error, error.format_message() if isinstance(error, click.UsageError) else None)

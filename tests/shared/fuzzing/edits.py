@@ -393,11 +393,11 @@ def edit_text(marks: tuple[str, ...]) -> Edit:
             case 2:
                 edited = text[:n] + text[m:]
             case 3:
-                edited = text[:n] + piece * rng.choice((1, 1, 1, 3, 3000)) + text[n:]
+                edited = text[:n] + (piece * rng.choice((1, 1, 1, 3, 3000)))[:20_000] + text[n:]
             case 4:
-                edited = text + text[n:m] * rng.choice((1, 1, 2, 2000))
+                edited = text + text[n:m][:100] * rng.choice((1, 1, 2, 2000))
             case _:
                 edited = text[:n] + piece + text[m:]
-        return edited[:200_000], f"{shown(text)} -> {shown(edited)}"
+        return edited[:50_000], f"{shown(text)} -> {shown(edited)}"
 
     return edit

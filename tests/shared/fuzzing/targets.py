@@ -34,7 +34,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
 GROUPS = {
     "skills and streams": ("skill", "stream", "stream lines"),
     "recordings": ("manifest.*", "csv", "npz", "folder", "*.mat", "*.np[yz]"),
-    "command line": ("frames.*", "start.*", "--*", "mesh cache"),
+    "command line": ("frames.*", "start.*", "via*", "only", "structure", "states", "mesh cache"),
     "functions": ("*()",),
 }
 

@@ -22,6 +22,7 @@ from pilotfish.geometry import pose
 from pilotfish.models import AdaptedSkill, adapt
 from pilotfish.planning import plan, through
 from pilotfish.station import meshes, stream_lines
+from pilotfish.station.candidates import candidates
 from pilotfish.station.commands_learn import learn as learn_command
 from pilotfish.station.following import followed, setting
 from pilotfish.station.situations import first_mean, frames_in, start_in
@@ -182,6 +183,19 @@ def _structures() -> Target:
     return Target(names, edit_text((":", "-", ".", "mfa", "hddc")), str, read, use)
 
 
+def _candidates() -> Target:
+    texts = ("3:6;full,diagonal;counted", "3,5,7:9;semi-tied:0.5,mfa:1;markov,mixture", "2;hddc:.9;gamma")
+
+    def read(text: str) -> Any:
+        states, structures, durations = [*text.split(";", 2), "", ""][:3]
+        return candidates(states, structures, durations)
+
+    def use(value: Any, thorough: bool) -> None:
+        require_sound([(one.states, one.label) for one in value])
+
+    return Target(texts, edit_text((":", ",", ";", "-", ".", "mfa", "99999")), str, read, use)
+
+
 # ---------------------------------------------------------------------------------------------- streams
 
 
@@ -245,10 +259,11 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "frames.json": (_frames(2, False), 2.0),
     "frames.toml": (_frames(3, True), 1.0),
     "start.json": (_starts, 2.0),
-    "--via": (_vias(2), 2.0),
-    "--via on S3": (_vias(3), 1.0),
-    "--only": (_only, 2.0),
-    "--structure": (_structures, 2.0),
+    "via": (_vias(2), 2.0),
+    "via on S3": (_vias(3), 1.0),
+    "only": (_only, 2.0),
+    "structure": (_structures, 2.0),
+    "states": (_candidates, 2.0),
     "stream lines": (_stream_lines, 3.0),
     "mesh cache": (_meshes, 1.0),
 }
