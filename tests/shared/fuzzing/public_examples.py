@@ -48,12 +48,15 @@ LEFT_OUT: Mapping[str, str] = {
     "store.whole_file": "takes a path alone",
     "demonstrations.write_folder": "writes recordings, which come from `demonstration`",
     "demonstrations.pose_layout": "takes nothing",
+    **{
+        f"demonstrations.{name}": "a check that `demonstration` and decoders call"
+        for name in ("require_magnitudes", "require_name", "require_period")
+    },
     "models.relevance": "takes a skill and recordings alone, and a second",
     "models.improve": "takes functions; `learn` calls it",
     "models.maximise": "takes functions; `learn` calls it",
     "environments.view_of": "takes a name alone",
     "plots.state_colour": "takes a number of a state alone",
-    **{f"plots.{name}": "draws values that other functions made" for name in ()},
     **{
         f"validation.{name}": "takes a path alone"
         for name in ("is_file", "is_folder", "open_regular_file", "path_exists", "read_file", "resolve_path")
