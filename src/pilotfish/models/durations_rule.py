@@ -9,7 +9,8 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Bool, Float
 
-MOST_TERMS = 2**25  # steps that are summed one by one, times states; an array of them takes 256 MiB
+MOST_TERMS = 2**22  # steps that are summed one by one, times states; an array of them takes 32 MiB
+KEPT = 16  # rules of at most 2^16 steps one by one are kept
 
 LogWeights = Callable[[Float[Array, " S"]], Float[Array, "S K"]]
 
@@ -53,7 +54,8 @@ def rule_for(log_weights: LogWeights, longest: int) -> Rule:
     begin = _last(rough.any(axis=1)) + 1
     end = max(begin, _last(~small.all(axis=1)) + 1)
     _refuse_long(first + begin, log_w.shape[2])
-    return _rule(first + begin, first + end)
+    make = _kept_rule if first + begin <= KEPT else _rule
+    return make(first + begin, first + end)
 
 
 def _refuse_long(whole: int, states: int) -> None:
@@ -80,6 +82,11 @@ def step_by_step(longest: int) -> Rule:
 
 
 @cache
+def _kept_rule(begin: int, end: int) -> Rule:
+    """Return the rule that was made before; long ones would fill the memory."""
+    return _rule(begin, end)
+
+
 def _rule(begin: int, end: int) -> Rule:
     """One by one up to 2^begin, then blocks up to 2^end."""
     blocks = [gauss_for_steps(2**n) for n in range(begin, end)]
