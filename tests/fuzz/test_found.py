@@ -1,5 +1,7 @@
 """Inputs that fuzzing found to be answered with something else than a refusal in one line."""
 
+import tracemalloc
+from contextlib import suppress
 from functools import cache
 from time import process_time
 from typing import Any
@@ -12,7 +14,8 @@ from fuzzing.public_examples import Examples, examples, function_named
 from fuzzing.soundness import require_sound_refusal
 from fuzzing.targets import TARGETS
 
-from pilotfish.errors import SkillError
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.models import GaussianDurations
 
 # A function, one of its arguments, and the value that it is to refuse.
 CALLS: list[tuple[str, str, Any]] = [
@@ -78,3 +81,19 @@ def test_option_text_that_cannot_be_is_refused_quickly_in_one_line(option: str, 
     assert process_time() - began < 1.0
     error = refusal.value
     require_sound_refusal(error, error.format_message() if isinstance(error, click.UsageError) else None)
+
+
+@pytest.mark.parametrize("deviation", [1e5, 6.4e5, 3e6, 1e7])
+def test_durations_of_millions_of_steps_take_little_memory(deviation: float) -> None:
+    """A skill file of 1.5 kB made its reader sum 8 million steps one by one, and keep them."""
+    durations = GaussianDurations(np.full(3, 5.0), np.full(3, deviation))
+    tracemalloc.start()
+    try:
+        with suppress(InvalidInput):
+            durations.log_table(1)
+        assert tracemalloc.get_traced_memory()[1] < 150 * 2**20
+    finally:
+        tracemalloc.stop()
+    if deviation > 5e6:
+        with pytest.raises(InvalidInput, match="use a longer period"):
+            durations.log_table(1)

@@ -36,7 +36,7 @@ STRICT = {
         f"planning.{n}"
         for n in ("via_point", "plan", "expected_plan", "plan_through", "planned_states", "chart")
     ),
-    *(f"validation.{n}" for n in ("finite_array", "numeric_array", "require_count", "require_number")),
+    *(f"validation.{n}" for n in ("finite_array", "float_array", "require_count", "require_number")),
     *("manipulation.step", "manipulation.reset"),
 }
 ORDINARY = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError, MemoryError, RuntimeWarning)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from fuzzing import public_functions, targets_demonstrations, targets_station
+from fuzzing import public_functions, targets_demonstrations, targets_kernels, targets_station
 from fuzzing.headed import edit_headed, headed_writer, taken_apart
 from fuzzing.seeds import skills, streams
 from fuzzing.soundness import use_skill, use_stream
@@ -28,6 +28,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     **targets_demonstrations.TARGETS,
     **targets_station.TARGETS,
     **public_functions.TARGETS,
+    **targets_kernels.TARGETS,
 }
 
 # Patterns of targets that are run together in the suite.
@@ -35,7 +36,7 @@ GROUPS = {
     "skills and streams": ("skill", "stream", "stream lines"),
     "recordings": ("manifest.*", "csv", "npz", "folder", "*.mat", "*.np[yz]"),
     "command line": ("frames.*", "start.*", "via*", "only", "structure", "states", "mesh cache"),
-    "functions": ("*()",),
+    "functions": ("*()", "kernels"),
 }
 
 

@@ -1,0 +1,58 @@
+"""Compiled kernels beside their NumPy references, with spoiled arguments: see tests/fuzz/test_kernels.py."""
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from types import ModuleType
+from typing import Any
+
+from fuzzing.soundness import Unsound
+from fuzzing.target import Target
+from pilotfish.errors import SkillError
+
+TESTS = Path(__file__).parents[2] / "fuzz" / "test_kernels.py"
+
+
+def _module() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("kernels_under_test", TESTS)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _kernels() -> Target:
+    """The mutants are numbered: an edit chooses the number."""
+    from kernel_arguments import DRAW, Mutant, mutant
+
+    from pilotfish.kernels import twins
+
+    tests = _module()
+    try:
+        from pilotfish.kernels import compiled
+    except ImportError:  # where there is no compiler, the references run alone
+        compiled = twins
+
+    def edit(value: tuple[str, int], rng: Random) -> tuple[tuple[str, int], str]:
+        number = rng.randrange(10**9)
+        return (value[0], number), f"{value[0]}: mutant {number}"
+
+    def read(value: tuple[str, Mutant]) -> Any:
+        kernel, mutated = value
+        found = [tests.outcome(kernels, kernel, mutated.arguments) for kernels in (compiled, twins)]
+        if wrong := tests.difference(mutated, kernel, *found):
+            raise Unsound(f"{kernel}, {mutated.kind}: {wrong}")
+        for refusal in found:
+            if isinstance(refusal, SkillError):
+                raise refusal
+        return found
+
+    def write(value: tuple[str, int]) -> tuple[str, Mutant]:
+        return value[0], mutant(value[0], 0, value[1])
+
+    return Target([(kernel, 0) for kernel in DRAW], edit, write, read, lambda value, thorough: None)
+
+
+TARGETS: dict[str, tuple[Callable[[], Target], float]] = {"kernels": (_kernels, 2.0)}
