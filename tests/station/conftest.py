@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from annotations import annotations_checked
 from click.testing import CliRunner, Result
+from demonstrating import Demonstrated, demonstrate
 
 from pilotfish.demonstrations import (
     Demonstration,
@@ -269,3 +270,9 @@ def lined_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for line in (record_it, ["learn", "shown", "--states", "2", "--out", "skill"]):
             CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
     return place
+
+
+@pytest.fixture(scope="session")
+def demonstrated(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Demonstrated:
+    """The demonstration, run once on the real recording."""
+    return demonstrate(tmp_path_factory.mktemp("demonstrated"), data_folder)

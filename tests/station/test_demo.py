@@ -2,21 +2,20 @@
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
 import pytest
 from annotations import annotations_checked
 from click.testing import CliRunner
+from demonstrating import Demonstrated
 
 from pilotfish.environments.cameras import why_nothing_draws
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.station import demo as room
 from pilotfish.station.command_line import cli
 from pilotfish.station.demo import DemoResult, demo, in_columns
-from pilotfish.station.lessons import Lesson
-from pilotfish.station.report import Section, Table
+from pilotfish.station.report import Table
 from pilotfish.store import datasets, open_skill
 
 pytestmark = pytest.mark.slow  # it learns twice, replays 32 times and draws thirteen pictures
@@ -26,25 +25,11 @@ def out_of_reach() -> NoReturn:
     raise SkillError("the network is down")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def physics_without_checks() -> Iterator[None]:
-    """Eight openings with every annotation checked take a minute."""
-    carried_out = room._in_physics
-
-    def quickly(lesson: Lesson, say: room.Say) -> tuple[Section, tuple[Table, ...]]:
-        with annotations_checked(False):
-            return carried_out(lesson, say)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(room, "_in_physics", quickly)
-        yield
-
-
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory: pytest.TempPathFactory) -> tuple[DemoResult, list[str]]:
     """The demonstration where no recording can be had, and all that it said meanwhile."""
     said: list[str] = []
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, annotations_checked(False):
         patch.setattr(datasets, "valve", out_of_reach)
         return demo(tmp_path_factory.mktemp("demo") / "deep" / "inside", say=said.append), said
 
@@ -129,22 +114,16 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path):
         demo(tmp_path / "taken" / "demo", say=lambda _: None)
 
 
-def test_the_command_tells_people_and_programs(
-    data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_command_tells_people_and_programs(demonstrated: Demonstrated):
     """The line of the docs leaves a report and a skill; --json prints one object and nothing else; the
     recording is not called generated.
     """
-    monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
-    monkeypatch.chdir(tmp_path)
-    answer = CliRunner().invoke(cli, ["demo", "--out", "build/demo", "--json"], catch_exceptions=False)
-    assert answer.exit_code == 0
-    facts = json.loads(answer.stdout)
+    assert demonstrated.answer.exit_code == 0
+    facts = json.loads(demonstrated.answer.stdout)
     assert not facts["synthetic"]
-    assert Path(facts["report"]) == Path("build/demo/report.html")
-    assert Path(facts["skill"]) == Path("build/demo/valve.skill")
-    assert (tmp_path / "build" / "demo" / "report.html").is_file()
-    assert (tmp_path / "build" / "demo" / "valve.skill").is_file()
+    for name, file in (("report", "report.html"), ("skill", "valve.skill")):
+        assert Path(facts[name]) == Path("build/demo", file)
+        assert (demonstrated.folder / "build" / "demo" / file).is_file()
     rows = {tuple(row[:1] + row[3:4]): row[4:] for row in facts["tables"][-2]["rows"]}
     assert rows["full", "first mean"][2:] == [".0021", ".0146"]  # as published
     assert float(rows["semi-tied(1)", "first mean"][1]) < float(rows["full", "first mean"][1])

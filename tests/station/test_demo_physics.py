@@ -7,7 +7,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from annotations import annotations_checked
+from demonstrating import Demonstrated
 from drawing import needs_renderer
 from matplotlib.figure import Figure
 from PIL import Image
@@ -19,7 +19,7 @@ from pilotfish.errors import SkillError
 from pilotfish.gaussians import SemiTied
 from pilotfish.models import learn
 from pilotfish.station import demo, demo_physics
-from pilotfish.station.demo_physics import ABOUT, Opening, carried_out, opened, table
+from pilotfish.station.demo_physics import ABOUT, Opening, carried_out, opened
 from pilotfish.station.evaluation import SETTINGS, STATES, TRAINED, replay
 from pilotfish.station.lessons import Lesson
 from pilotfish.station.report import Film, Picture, Section, Table
@@ -46,21 +46,11 @@ def lesson(data_folder: object) -> Lesson:
     return taught(datasets.valve())
 
 
-@pytest.fixture(scope="module")
-def carried(lesson: Lesson) -> tuple[Section, Table, list[Opening]]:
-    """All replays carried out, with a film where pictures can be drawn, and what came of each."""
-    openings: list[Opening] = []
-    with pytest.MonkeyPatch.context() as patch, annotations_checked(False):
-        patch.setattr(demo_physics, "table", lambda done: openings.extend(done) or table(done))
-        section, measured = opened(lesson, pictures=demo._pictures(lambda _: None))
-    return section, measured, openings
-
-
-def test_valves_are_opened(carried: tuple[Section, Table, list[Opening]]):
+def test_valves_are_opened(demonstrated: Demonstrated):
     """Of eight replays seven open the valve, four shown and three new; six at least on any machine, for one
     ends a twentieth of a degree within what counts. The valve with ten degrees to go is not opened.
     """
-    openings = carried[2]
+    openings = demonstrated.openings
     assert [opening.new for opening in openings] == [False] * 4 + [True] * 4
     open_ones = [opening.verdict.success for opening in openings]
     assert sum(open_ones) >= 6
@@ -72,9 +62,9 @@ def test_valves_are_opened(carried: tuple[Section, Table, list[Opening]]):
         assert opening.away < 0.06
 
 
-def test_the_table_says_how_each_went(carried: tuple[Section, Table, list[Opening]], lesson: Lesson):
+def test_the_table_says_how_each_went(demonstrated: Demonstrated, lesson: Lesson):
     """A row for each showing, in order: whether it was shown, whether it is open, angles in degrees."""
-    _, measured, openings = carried
+    measured, openings = demonstrated.measured, demonstrated.openings
     assert [row[0] for row in measured.rows] == [showing.name for showing in lesson.shown]
     assert [row[1] for row in measured.rows] == ["yes"] * 4 + ["no"] * 4
     for row, opening in zip(measured.rows, openings, strict=True):
@@ -86,11 +76,9 @@ def test_the_table_says_how_each_went(carried: tuple[Section, Table, list[Openin
 
 
 @needs_renderer
-def test_the_section_holds_one_film_and_its_moments(
-    carried: tuple[Section, Table, list[Opening]], lesson: Lesson
-):
+def test_the_section_holds_one_film_and_its_moments(demonstrated: Demonstrated, lesson: Lesson):
     """Words, the table, a film of the first new situation, a frame for each row of the plan, six moments."""
-    section, measured, _ = carried
+    section, measured = demonstrated.section, demonstrated.measured
     words, shown, film, picture = section.parts
     assert (section.heading, words, shown) == ("In physics", ABOUT, measured)
     assert isinstance(film, Film)
