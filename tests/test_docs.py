@@ -30,7 +30,7 @@ def test_every_picture_has_its_section_in_the_docs():
     assert set(re.findall(r"^### `(\w+)\(", PICTURES, re.MULTILINE)) == DRAWING
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # draws fourteen pictures with checks of annotations: 14 CPU seconds
 def test_the_pictures_of_the_docs_are_drawn_as_written(data_folder, tmp_path, monkeypatch):
     """The block of docs/pictures.md, run in an empty folder, leaves one picture for each function."""
     (block,) = re.findall(r"```python\n(.*?)```", PICTURES, re.DOTALL)
@@ -63,7 +63,6 @@ def test_every_page_is_found_from_the_index():
     assert not missing
 
 
-@pytest.mark.slow
 def test_the_program_about_choosing_a_model_picks_one_and_hears_frames_as_they_matter(data_folder):
     names = program("choosing-a-model")
     assert names["selection"].best.candidate.structure == pf.Diagonal()
@@ -72,7 +71,6 @@ def test_the_program_about_choosing_a_model_picks_one_and_hears_frames_as_they_m
     assert all(len(d.frames) == 2 for d in names["fewer"])
 
 
-@pytest.mark.slow
 def test_the_program_about_durations_is_as_much_likelier_as_the_page_says(data_folder):
     names = program("durations")
     shown = names["demonstrations"]
@@ -82,7 +80,6 @@ def test_the_program_about_durations_is_as_much_likelier_as_the_page_says(data_f
     assert np.exp(durations.log_table(durations.longest(1e-8))).sum(axis=0) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
 def test_the_program_about_orientations_gives_unit_quaternions_and_the_widths_that_it_tells(data_folder):
     names = program("orientations")
     skill, x = names["fit"].skill, names["x"]
@@ -92,7 +89,6 @@ def test_the_program_about_orientations_gives_unit_quaternions_and_the_widths_th
     np.testing.assert_allclose(np.linalg.norm(x[:, 3:7], axis=1), 1.0, rtol=1e-12)
 
 
-@pytest.mark.slow
 def test_the_program_of_regression_and_via_points_runs_and_passes_the_point(data_folder):
     """The Python blocks of the page are one program; its motion keeps what the page promises."""
     names = program("regression-and-via-points")

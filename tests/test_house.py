@@ -153,7 +153,6 @@ def python_blocks(text: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.slow
 def test_the_readme_examples_run(data_folder: Path, monkeypatch: pytest.MonkeyPatch):
     """The first example of README.md ends where a person ended there; the second goes on from it,
     and its plan is drawn through the point; the third learns on from a stream.

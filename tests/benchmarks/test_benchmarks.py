@@ -28,7 +28,7 @@ def results(measure: ModuleType, kinds: ModuleType, taken: dict[str, tuple[float
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # times every problem: 26 CPU seconds
 def test_a_quick_run_of_pilotfish_alone_fills_table_and_json(tmp_path: Path):
     """Without peers or network every case of pilotfish has figures, in Markdown and in strict JSON."""
     table, figures = tmp_path / "table.md", tmp_path / "figures.json"

@@ -49,7 +49,7 @@ def test_a_promise_that_is_not_kept_is_a_miss(physics, which):
     assert [row.endswith("MISS |") for row in told[2:]] == [which == n for n in (1, 2, 3)]
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # times the physics
 def test_a_quick_run_of_the_physics_fills_tables_and_json(tmp_path):
     """Every task has its figures, in Markdown and in strict JSON, without peers or network."""
     table, figures = tmp_path / "table.md", tmp_path / "figures.json"

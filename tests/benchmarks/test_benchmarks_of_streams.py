@@ -162,7 +162,7 @@ def test_streams_are_listed_by_rate_and_quick_runs_leave_the_endless_one_out(ben
     assert [case.name for case in run.chosen(run.arguments())] == ["endless_3"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # times streams of many sizes
 def test_the_table_of_costs_is_written_for_small_sizes(tmp_path: Path):
     """Figures, a line through them, and a picture."""
     picture, figures = tmp_path / "cost.png", tmp_path / "cost.json"

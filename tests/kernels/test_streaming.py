@@ -161,7 +161,6 @@ def test_the_loss_at_a_datapoint_never_rises(compiled, rng, variant):
     assert changes.min() < -1e-3
 
 
-@pytest.mark.slow
 def test_directions_stay_orthonormal(compiled):
     """Below 1e-8 after 10^6 updates, of few directions and of all."""
     rng = np.random.default_rng(0)

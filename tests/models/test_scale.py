@@ -1,7 +1,6 @@
 """Long and wide recordings: nothing underflows, nothing is lost."""
 
 import numpy as np
-import pytest
 
 from pilotfish.demonstrations import Layout, Part, Quantity, Views, demonstration
 from pilotfish.gaussians import DenseCovariances
@@ -14,7 +13,6 @@ def chain_of_places(rng, K, D, spread):
     return HiddenModel(chain, rng.normal(size=(1, K, D)), (DenseCovariances(covariances),))
 
 
-@pytest.mark.slow
 def test_statistics_of_100000_steps_in_94_dimensions_do_not_underflow(rng):
     """Every step has a log-density of some hundred nats; masses still add up to the number of steps."""
     K, D, T = 3, 94, 100_000

@@ -80,7 +80,7 @@ def test_more_components_follow_better_and_tying_costs_some(dance, chicken_dance
     assert tied["rms_cm"]["unseen"] < 1.2 * free["rms_cm"]["unseen"] < 5.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # runs the reproduction: 21 CPU seconds
 def test_the_dance_writes_its_numbers_pictures_and_animation(data_folder, tmp_path):
     """With few components: a row for each structure, three pictures, and an animation that moves."""
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"

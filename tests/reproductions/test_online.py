@@ -162,7 +162,7 @@ def test_the_form_of_a_stream_serves_the_valve_and_its_order_does_not(data_folde
     assert errors[2] > 1.5 * errors[0]
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # runs the reproductions: 2 to 11 CPU seconds each
 @pytest.mark.parametrize(
     ("name", "options", "count"),
     [

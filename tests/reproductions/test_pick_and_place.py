@@ -102,7 +102,7 @@ def test_new_situations_were_never_shown(script):
     assert apart.min() > 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # records eight demonstrations in physics and runs the reproduction
 def test_the_rows_are_written_and_have_the_order_of_the_printed_ones(tmp_path):
     """Parameters as printed, errors below the printed ones, and tying lowers the test error."""
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"

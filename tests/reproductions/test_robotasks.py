@@ -35,7 +35,7 @@ def test_every_showing_begins_and_ends_at_rest_of_its_own_frames(data_folder, ro
             np.testing.assert_allclose(seen[:7], [0, 0, 0, 1, 0, 0, 0], atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # runs the reproduction
 def test_the_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     command = [sys.executable, FOLDER / "robotasks.py", "--json", report, "--out", pictures]

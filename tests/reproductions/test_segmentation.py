@@ -89,7 +89,7 @@ def test_a_summary_compares_methods_seed_by_seed(segmentation):
     assert row["accuracy_over_HMM_error"] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # runs the reproduction
 def test_the_segmentation_writes_its_numbers_and_pictures(data_folder, tmp_path):
     """Two seeds: a row for each method and set of features, two pictures for each set."""
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"

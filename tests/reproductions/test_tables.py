@@ -52,7 +52,7 @@ def test_first_and_third_stroke_of_the_z_share_their_directions(data_folder):
     assert max(rows[0]["semi-tied correlation 0-1"], rows[0]["semi-tied correlation 1-2"]) < 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # runs the reproduction
 @pytest.mark.parametrize("name", ["valve", "zshape"])
 def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path, name):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
@@ -62,7 +62,7 @@ def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path
     assert len(list(pictures.glob("*.png"))) >= 10
 
 
-@pytest.mark.slow
+@pytest.mark.slow  # runs the reproduction
 def test_durations_come_back_exactly_and_are_counted_too_short(tmp_path):
     """Errors shrink with the recordings where durations are learned exactly, not where they are counted."""
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"

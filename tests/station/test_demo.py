@@ -18,7 +18,7 @@ from pilotfish.station.demo import DemoResult, demo, in_columns
 from pilotfish.station.report import Table
 from pilotfish.store import datasets, open_skill
 
-pytestmark = pytest.mark.slow  # it learns twice, replays 32 times and draws thirteen pictures
+SLOW = pytest.mark.slow  # it learns twice, replays 32 times and draws thirteen pictures, in physics too: 27 s
 
 
 def out_of_reach() -> NoReturn:
@@ -34,6 +34,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> tuple[DemoResult, lis
         return demo(tmp_path_factory.mktemp("demo") / "deep" / "inside", say=said.append), said
 
 
+@SLOW
 def test_generated_data_is_called_so_first_of_all(generated: tuple[DemoResult, list[str]]):
     """Terminal and report begin by saying that the data is synthetic, and why."""
     result, said = generated
@@ -45,12 +46,14 @@ def test_generated_data_is_called_so_first_of_all(generated: tuple[DemoResult, l
     assert said[-1].startswith("\n*** SYNTHETIC DATA")  # what scrolled away is said again
 
 
+@SLOW
 def test_published_numbers_stand_beside_the_recording_alone(generated: tuple[DemoResult, list[str]]):
     """Nothing measured on generated data is put beside a published number."""
     result, _ = generated
     assert "published" not in " ".join(cell for table in result.tables for cell in table.head)
 
 
+@SLOW
 def test_the_skill_that_is_saved_can_be_opened(generated: tuple[DemoResult, list[str]]):
     """It is the semi-tied one, learned from the first four demonstrations."""
     result, _ = generated
@@ -61,6 +64,7 @@ def test_the_skill_that_is_saved_can_be_opened(generated: tuple[DemoResult, list
     assert skill.states == 7
 
 
+@SLOW
 def test_every_replay_has_a_row(generated: tuple[DemoResult, list[str]]):
     """Two structures and two beginnings, each with eight situations and two means; a summary; the physics."""
     result, _ = generated
@@ -72,6 +76,7 @@ def test_every_replay_has_a_row(generated: tuple[DemoResult, list[str]]):
     assert 0.0 < result.seconds < 600.0
 
 
+@SLOW
 def test_the_report_shows_every_new_situation(generated: tuple[DemoResult, list[str]]):
     """Thirteen pictures are inside, one for each of the four new situations among them; and where physics can
     be drawn, a film of it and its moments.
@@ -85,6 +90,7 @@ def test_the_report_shows_every_new_situation(generated: tuple[DemoResult, list[
         assert f"synthetic valve {degrees} deg, new to the skill" in text
 
 
+@SLOW
 def test_without_mujoco_the_rest_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Report and skill are there, and say what is missing; no replay in physics has a row."""
     monkeypatch.setattr(datasets, "valve", out_of_reach)
@@ -114,6 +120,7 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path):
         demo(tmp_path / "taken" / "demo", say=lambda _: None)
 
 
+@SLOW
 def test_the_command_tells_people_and_programs(demonstrated: Demonstrated):
     """The line of the docs leaves a report and a skill; --json prints one object and nothing else; the
     recording is not called generated.

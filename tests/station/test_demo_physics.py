@@ -25,7 +25,7 @@ from pilotfish.station.lessons import Lesson
 from pilotfish.station.report import Film, Picture, Section, Table
 from pilotfish.store import datasets, synthetic_valve
 
-pytestmark = pytest.mark.slow  # eight openings of twenty seconds
+SLOW = pytest.mark.slow  # the whole demonstration: eight openings of twenty seconds
 
 
 def taught(shown: tuple[Demonstration, ...]) -> Lesson:
@@ -46,6 +46,7 @@ def lesson(data_folder: object) -> Lesson:
     return taught(datasets.valve())
 
 
+@SLOW
 def test_valves_are_opened(demonstrated: Demonstrated):
     """Of eight replays seven open the valve, four shown and three new; six at least on any machine, for one
     ends a twentieth of a degree within what counts. The valve with ten degrees to go is not opened.
@@ -62,6 +63,7 @@ def test_valves_are_opened(demonstrated: Demonstrated):
         assert opening.away < 0.06
 
 
+@SLOW
 def test_the_table_says_how_each_went(demonstrated: Demonstrated, lesson: Lesson):
     """A row for each showing, in order: whether it was shown, whether it is open, angles in degrees."""
     measured, openings = demonstrated.measured, demonstrated.openings
@@ -75,6 +77,7 @@ def test_the_table_says_how_each_went(demonstrated: Demonstrated, lesson: Lesson
         assert float(row[6]) == pytest.approx(1000.0 * opening.away, abs=0.5)
 
 
+@SLOW
 @needs_renderer
 def test_the_section_holds_one_film_and_its_moments(demonstrated: Demonstrated, lesson: Lesson):
     """Words, the table, a film of the first new situation, a frame for each row of the plan, six moments."""
@@ -133,6 +136,7 @@ def test_the_gripper_shuts_at_the_handle_and_opens_where_it_is_to_be(
     assert np.all(grips[shut[0] : shut[-1] + 1] == 1.0)
 
 
+@SLOW
 def test_generated_openings_are_carried_out_too(unchecked: None):
     """A skill that was learned from generated data opens the valve that this was generated for."""
     shown = synthetic_valve(np.random.default_rng(0))
