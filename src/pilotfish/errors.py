@@ -41,8 +41,10 @@ def require_kind(what: str, value: object, kinds: type | tuple[type, ...], fix: 
 
     Raises: InvalidInput otherwise, naming the kind given, those expected and the fix.
     """
-    if isinstance(value, type) or not isinstance(value, kinds):
-        expected = " or ".join(kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))
+    listed = kinds if isinstance(kinds, tuple) else (kinds,)
+    truth = isinstance(value, bool) and bool not in listed and object not in listed  # an int, to Python alone
+    if isinstance(value, type) or truth or not isinstance(value, kinds):
+        expected = " or ".join(kind.__name__ for kind in listed)
         raise InvalidInput(f"{what} is of the kind {type(value).__name__}, expected {expected}; {fix}")
 
 

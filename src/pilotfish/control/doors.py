@@ -96,7 +96,7 @@ def require_semidefinite(name: str, weight: Array) -> None:
 
 def effort_matrix(effort: float | Array, inputs: int) -> Float[Array, "m m"]:
     """R: effort times the identity, or effort itself if it is a symmetric positive definite matrix."""
-    if not isinstance(effort, np.ndarray | list | tuple) or np.ndim(effort) == 0:
+    if not (isinstance(effort, np.ndarray) and effort.ndim) and not isinstance(effort, list | tuple):
         try:
             price = require_number(effort, "effort", SMALLEST_PRICE, LARGEST)
         except InvalidInput as error:

@@ -9,9 +9,10 @@ from pilotfish.demonstrations.layouts import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, continuous, left_matrix, rotation_matrix, tangent_slices
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import float_array
+from pilotfish.validation import float_array, require_count
 
 WORLD = "world"
+MOST_COLUMNS = 10_000
 SPACE = 3  # axes of the space that poses live in
 SMALLEST_SCALE, LARGEST_SCALE, LARGEST_OFFSET = 1e-20, 1e20, 1e50  # of A and of b; covariances take squares
 ROTATION_TOLERANCE = 1e-4  # a published rotation matrix carries about six digits
@@ -58,7 +59,8 @@ def require_magnitudes(place: str, A: Float[Array, "*B D D"], b: Float[Array, "*
 
 def world_frame(width: int) -> Frame:
     """The frame from which everything looks as it was recorded."""
-    return Frame(WORLD, np.eye(width), np.zeros(width))
+    columns = require_count(width, "width", MOST_COLUMNS, lowest=1)
+    return Frame(WORLD, np.eye(columns), np.zeros(columns))
 
 
 def is_world(given: Frame | MovingFrame) -> bool:

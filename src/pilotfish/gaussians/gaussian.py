@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
 from pilotfish.types import Array, Bool, Float, Int
+from pilotfish.validation import float_array, numeric_array, require_count, require_number, short_repr
 
+MOST_DRAWS, LARGEST_RADIUS = 10**8, 1e50
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
@@ -25,6 +27,7 @@ def cholesky(covariances: Float[Array, "K D D"], what: str = "covariance") -> Fl
 
     Raises: NotPositiveDefinite, naming the first that has none and its smallest eigenvalue.
     """
+    covariances = _covariances(covariances)
     try:
         factors = np.linalg.cholesky(covariances)
     except np.linalg.LinAlgError:
@@ -56,6 +59,7 @@ def whiteners(covariances: Float[Array, "K D D"], what: str = "covariance") -> F
 
     Raises: NotPositiveDefinite, as cholesky does.
     """
+    covariances = _covariances(covariances)
     try:
         return kernels.whiteners(covariances)
     except NotPositiveDefinite:
@@ -67,6 +71,7 @@ def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
 
     Raises: NotPositiveDefinite, when the covariance is singular.
     """
+    x = _rows(_gaussian(g), x)
     W = whiteners(g.covariance[None])[0]
     distances = np.sum(((x - g.mean) @ W.T) ** 2, axis=1)
     return np.asarray(-0.5 * distances + np.log(np.diag(W)).sum() - 0.5 * g.mean.size * LOG_2_PI)
@@ -74,6 +79,10 @@ def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
 
 def transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"]) -> Gaussian:
     """The density of A x + b when x has density g."""
+    _gaussian(g)
+    A, b = float_array(A, "A", g.mean.size), float_array(b, "b")
+    if A.ndim != 2 or b.shape != A.shape[:1]:
+        raise InvalidInput(f"A has shape {A.shape} and b {b.shape}, expected (E, {g.mean.size}) and (E,)")
     return Gaussian(A @ g.mean + b, _symmetric(A @ g.covariance @ A.T))
 
 
@@ -85,8 +94,11 @@ def product(gaussians: Sequence[Gaussian]) -> Gaussian:
     Raises: NotPositiveDefinite, when two opinions are certain about the same direction.
     Source: Tanwani 2018, equations 3.34-3.35, with the inverse that (3.34) leaves out.
     """
+    require_kind("gaussians", gaussians, (list, tuple), "give a list of them")
     if not gaussians:
         raise InvalidInput("a product of no Gaussians was asked for; give at least one")
+    if len({_gaussian(g).mean.size for g in gaussians}) > 1:
+        raise InvalidInput("the Gaussians have different numbers of columns, expected the same")
     fused = gaussians[0]
     for other in gaussians[1:]:
         fused = _pair_product(fused, other)
@@ -102,6 +114,8 @@ def _pair_product(p: Gaussian, q: Gaussian) -> Gaussian:
 
 def marginal(g: Gaussian, columns: Int[Array, " E"]) -> Gaussian:
     """The density of the chosen columns of x, in the order given."""
+    _gaussian(g)
+    columns = split_columns(columns, g.mean.size)[0]
     return Gaussian(g.mean[columns], g.covariance[np.ix_(columns, columns)])
 
 
@@ -111,7 +125,11 @@ def condition(g: Gaussian, columns: Int[Array, " E"], value: Float[Array, " E"])
     Raises: NotPositiveDefinite, when the chosen columns have a singular covariance.
     Source: Bishop 2006, equations 2.81-2.82.
     """
+    _gaussian(g)
     columns, rest = split_columns(columns, g.mean.size)
+    value = float_array(value, "value", len(columns))
+    if value.ndim != 1:
+        raise InvalidInput(f"value has shape {value.shape}, expected ({len(columns)},)")
     known, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, rest)]
     cholesky(known[None], "the covariance of the given columns, number")
     slope = np.linalg.solve(known, cross).T  # S_rk S_kk^-1, (D - E, E)
@@ -124,6 +142,9 @@ def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E
 
     Raises: InvalidInput, when one is out of range or given twice.
     """
+    require_kind("columns", columns, np.ndarray, "give np.array([...]) of column numbers")
+    if columns.ndim != 1 or columns.dtype.kind not in "iu" or np.ma.is_masked(columns):
+        raise InvalidInput(f"columns is {short_repr(columns)}, expected an array of whole numbers")
     from_front = np.where(columns < 0, columns + width, columns)
     if from_front.size and not 0 <= from_front.min() <= from_front.max() < width:
         raise InvalidInput(f"columns {columns.tolist()} are not all among the {width} there are")
@@ -134,6 +155,9 @@ def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E
 
 def sample(g: Gaussian, count: int, rng: np.random.Generator) -> Float[Array, "N D"]:
     """count independent draws. A singular covariance is allowed: draws then stay on its support."""
+    _gaussian(g)
+    require_count(count, "count", MOST_DRAWS)
+    require_kind("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
     values, vectors = np.linalg.eigh(g.covariance)
     spread = vectors * np.sqrt(np.maximum(values, 0.0))  # (D, D), spread spread^T = covariance
     return np.asarray(g.mean + rng.standard_normal((count, g.mean.size)) @ spread.T)
@@ -144,6 +168,8 @@ def confidence_radius(width: int, probability: float) -> float:
 
     One dimension and .683 give 1; the same ellipsoid holds less in more dimensions.
     """
+    require_count(width, "width", MOST_DRAWS, lowest=1)
+    require_kind("probability", probability, (float, int), "give a number between 0 and 1")
     if not 0.0 < probability < 1.0:
         raise InvalidInput(f"probability is {probability}, expected a number between 0 and 1, say .95")
     from scipy.special import gammaincinv  # here, because scipy doubles the time of importing pilotfish
@@ -153,6 +179,7 @@ def confidence_radius(width: int, probability: float) -> float:
 
 def inside(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
     """Which rows of x lie in the smallest region that holds a draw of g with this probability."""
+    x = _rows(_gaussian(g), x)
     W = whiteners(g.covariance[None])[0]
     radius = confidence_radius(g.mean.size, probability)
     return np.asarray(np.sum(((x - g.mean) @ W.T) ** 2, axis=1) <= radius**2)
@@ -160,6 +187,9 @@ def inside(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Arra
 
 def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]:
     """The closed contour of a planar Gaussian at a Mahalanobis radius (1 is the 1-sigma ellipse)."""
+    _gaussian(g)
+    require_number(radius, "radius", 0.0, LARGEST_RADIUS)
+    require_count(points, "points", MOST_DRAWS, lowest=1)
     if g.mean.size != 2:
         raise InvalidInput(
             f"an ellipse needs 2 dimensions, this Gaussian has {g.mean.size}; take a marginal first"
@@ -168,6 +198,34 @@ def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]
     angles = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (N, 2)
     return np.asarray(g.mean + radius * (circle * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
+
+def _covariances(covariances: object) -> Float[Array, "K D D"]:
+    """An array of square matrices, whose numbers may still be not finite: cholesky names the first."""
+    same = type(covariances) is np.ndarray and covariances.dtype == np.float64
+    array = np.asarray(covariances) if same else numeric_array(covariances, "covariances")
+    if array.ndim != 3 or array.shape[1] != array.shape[2]:
+        raise InvalidInput(f"covariances has shape {array.shape}, expected (K, D, D)")
+    return array
+
+
+def _gaussian(g: object) -> Gaussian:
+    """A Gaussian of finite numbers, or InvalidInput."""
+    require_kind("g", g, Gaussian, "Gaussian(mean, covariance) makes one")
+    assert isinstance(g, Gaussian)
+    mean, covariance = float_array(g.mean, "the mean"), float_array(g.covariance, "the covariance")
+    if mean.ndim != 1 or covariance.shape != (len(mean), len(mean)):
+        raise InvalidInput(
+            f"the mean has shape {mean.shape} and the covariance {covariance.shape}, expected (D,) and (D, D)"
+        )
+    return g
+
+
+def _rows(g: Gaussian, x: object) -> Float[Array, "N D"]:
+    rows = float_array(x, "x", g.mean.size)
+    if rows.ndim != 2:
+        raise InvalidInput(f"x has shape {rows.shape}, expected (N, {g.mean.size})")
+    return rows
 
 
 def _symmetric(covariance: Float[Array, "D D"]) -> Float[Array, "D D"]:

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import float_array
 
 TINY = float(np.finfo(float).tiny)
 
@@ -34,6 +36,9 @@ class Moments:
 
 def moments(x: Float[Array, "N D"], shares: Float[Array, "N K"]) -> Moments:
     """Sum points up, each shared among K components as its row of shares says."""
+    x, shares = float_array(x, "x"), float_array(shares, "shares")
+    if x.ndim != 2 or shares.ndim != 2 or len(x) != len(shares):
+        raise InvalidInput(f"x has shape {x.shape} and shares {shares.shape}, expected (N, D) and (N, K)")
     mass = shares.sum(axis=0)
     means = shares.T @ x / np.maximum(mass, TINY)[:, None]
     scatters = []

@@ -9,8 +9,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import whiteners
 from pilotfish.types import Array, Float
+from pilotfish.validation import float_array
 
 LARGEST_COUNT = 10_000  # of factors, directions, vectors, transforms or sweeps
 
@@ -133,5 +135,8 @@ def component_correlation(covariances: Float[Array, "K D D"]) -> Float[Array, "K
     Near one where components share their directions of variation.
     NaN where a covariance has all entries equal.    Source: Tanwani 2018, equation 4.25.
     """
+    covariances = float_array(covariances, "covariances")
+    if covariances.ndim != 3 or not covariances.size:
+        raise InvalidInput(f"covariances has shape {covariances.shape}, expected (K, D, D)")
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.atleast_2d(np.corrcoef(covariances.reshape(len(covariances), -1)))

@@ -156,6 +156,8 @@ def _block_diagonal(
     """The identity, with block(v) on the tangents of every orientation."""
     v = float_array(v, "v")
     E = _width(v, "v")
+    if not isinstance(turns, tuple):
+        raise InvalidInput(f"turns is {short_repr(turns)}, expected a tuple of first columns, such as (3,)")
     matrix = np.zeros((*v.shape, E)) + np.eye(E)
     for _, there, turn in tangent_slices(E + len(turns), turns):
         if turn:

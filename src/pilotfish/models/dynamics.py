@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotfish.errors import require_kind
 from pilotfish.models.durations import Durations
 from pilotfish.types import Array, Bool, Float
 
@@ -33,6 +34,10 @@ class Censoring:
 
     first: bool = False
     last: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("first", "last"):
+            require_kind(name, getattr(self, name), (bool, np.bool_), "give True or False")
 
 
 CUT_SHORT = Censoring()

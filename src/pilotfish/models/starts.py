@@ -11,6 +11,7 @@ from pilotfish.geometry import karcher_mean, log_at
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import BLOCK, Statistics, labelled_statistics, statistics
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import require_number
 
 ATTEMPTS = 20
 
@@ -31,6 +32,9 @@ class TimeBins:
     """
 
     jitter: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_number(self.jitter, "jitter", 0.0, 1.0)
 
     def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         if (shortest := int(views.lengths.min())) < states:
@@ -59,6 +63,9 @@ class KMeans:
     """
 
     pseudocount: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_number(self.pseudocount, "pseudocount", 0.0)
 
     def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         joint = _joint_view(views)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from pilotfish.control import Reference
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models import AdaptedSkill
 from pilotfish.planning.plan import reference
 from pilotfish.types import Array, Int
@@ -21,6 +21,8 @@ def moving_reference(
     nearer to those of now.
     Raises: InvalidInput, when the two differ in states or columns, or slack cannot be used.
     """
+    for name, skill in (("now", now), ("later", later)):
+        require_kind(name, skill, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     if now.means.shape != later.means.shape:
         raise InvalidInput(
             f"the skills now and later have means of shape {now.means.shape} and {later.means.shape}, "

@@ -7,7 +7,9 @@ from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.gaussians import cholesky
 from pilotfish.models import AdaptedSkill, log_likelihood_of_states, most_probable_states, on_the_half_of
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import numeric_array
+from pilotfish.validation import LARGEST_MAGNITUDE, numeric_array, require_count, short_repr
+
+LONGEST_HORIZON = 10**6  # steps
 
 
 def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack: float = 2e-3) -> Reference:
@@ -39,6 +41,7 @@ def _from(
     """The skill on the start's half of S^3, and its most probable states from there."""
     require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_kind("start", start, np.ndarray, "give np.array(start)")
+    require_count(horizon, "horizon", LONGEST_HORIZON, lowest=1)
     start = numeric_array(start, "start")
     if start.shape != (width := model.means.shape[1],):
         raise InvalidInput(
@@ -56,6 +59,7 @@ def expected_plan(model: AdaptedSkill, *, horizon: int, slack: float = 2e-3) -> 
     Raises: InvalidInput, when horizon or slack cannot be used.
     """
     require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_count(horizon, "horizon", LONGEST_HORIZON, lowest=1)
     nothing = np.empty((0, model.states))
     return reference(model, most_probable_states(model.dynamics, nothing, horizon), slack)
 
@@ -75,8 +79,13 @@ def reference(model: AdaptedSkill, states: Int[Array, " T"], slack: float) -> Re
     """Means and weights (covariance + slack I)^-1 of a given state sequence."""
     refuse_curved(model)
     require_kind("slack", slack, (float, int), "give a variance")
-    if not 0.0 <= slack < np.inf:
+    if not 0.0 <= slack <= LARGEST_MAGNITUDE:
         raise InvalidInput(f"slack is {slack}, expected a finite variance of at least 0")
+    require_kind("states", states, np.ndarray, "give np.array(states)")
+    if states.dtype.kind not in "iu" or states.ndim != 1:
+        raise InvalidInput(f"states is {short_repr(states)}, expected an array of whole numbers, one a step")
+    if not (states.size and 0 <= states.min() <= states.max() < model.states):
+        raise InvalidInput(f"states is {short_repr(states)}, expected numbers from 0 to {model.states - 1}")
     softened = model.covariances + slack * np.eye(model.means.shape[1])
     cholesky(softened, "the softened covariance of state")
     inverse = np.linalg.solve(softened, np.broadcast_to(np.eye(softened.shape[1]), softened.shape))
