@@ -7,15 +7,17 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Views
-from pilotfish.errors import InvalidInput
+from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics, further_statistics
 from pilotfish.models.visits import of_states
 from pilotfish.types import Array, Bool, Float
-from pilotfish.validation import require_count
+from pilotfish.validation import LARGEST_MAGNITUDE, require_count
 
 MOST_ITERATIONS, MOST_RESTARTS, MOST_THREADS = 1_000_000, 1000, 1024
 
+NUMBER = (int, float, np.integer, np.floating)
+SMALLEST_FLOOR = 1e-100  # steps squared
 MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
 EStep = Callable[[HiddenModel, Views, Statistics], Statistics]
 
@@ -43,9 +45,11 @@ class EMSettings:
 
     def __post_init__(self) -> None:
         for name in ("regularisation", "tolerance"):
-            if not 0.0 <= (value := getattr(self, name)) < np.inf:
+            require_kind(name, value := getattr(self, name), NUMBER, "give a number")
+            if not 0.0 <= value <= LARGEST_MAGNITUDE:
                 raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
-        if not 0.0 < self.duration_floor < np.inf:
+        require_kind("duration_floor", self.duration_floor, NUMBER, "give a number")
+        if not SMALLEST_FLOOR <= self.duration_floor <= LARGEST_MAGNITUDE:
             raise InvalidInput(
                 f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]"
             )

@@ -4,12 +4,12 @@ A squared distance is in squared units of the columns, and so is every penalty t
 """
 
 from dataclasses import dataclass
-from math import inf, isfinite, sqrt
+from math import sqrt
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.models.skill import MOST_STATES
-from pilotfish.validation import require_count
+from pilotfish.validation import LARGEST_MAGNITUDE, require_count
 
 MOST_SPARE, LARGEST_BATCH = 10_000, 100_000
 
@@ -33,6 +33,8 @@ class Trace:
     forget_below: float = 0.0
 
     def __post_init__(self) -> None:
+        for name in ("discount", "forget_below"):
+            require_kind(name, getattr(self, name), (int, float), "give a number")
         if not 0.0 < self.discount < 1.0:
             raise InvalidInput(f"discount is {self.discount}, expected a number between 0 and 1, say 0.995")
         if not 0.0 <= self.forget_below < 1.0:
@@ -49,7 +51,8 @@ class Constant:
     weight: float
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.weight < inf:
+        require_kind("weight", self.weight, (int, float), "give a number")
+        if not 0.0 < self.weight <= LARGEST_MAGNITUDE:
             raise InvalidInput(f"weight is {self.weight}, expected a positive number")
 
 
@@ -78,7 +81,9 @@ class Upkeep:
 
     def __post_init__(self) -> None:
         require_kind("weighting", self.weighting, (Count, Trace, Constant), "give an instance, say Count()")
-        if self.merge_distance is not None and not 0.0 <= self.merge_distance < inf:
+        if self.merge_distance is not None:
+            require_kind("merge_distance", self.merge_distance, (int, float), "give a number or None")
+        if self.merge_distance is not None and not 0.0 <= self.merge_distance <= LARGEST_MAGNITUDE:
             raise InvalidInput(f"merge_distance is {self.merge_distance}, expected 0 or more, or None")
         require_count(self.spare, "spare", MOST_SPARE)
         require_count(self.most_clusters, "most_clusters", MOST_STATES, 1)
@@ -228,6 +233,6 @@ def _require_numbers(settings: object, positive: tuple[str, ...], nonnegative: t
         value = getattr(settings, name)
         require_kind(name, value, (int, float), "give a number")
         least = "more than 0" if name in positive else "0 or more"
-        if not isfinite(value) or value < 0 or (name in positive and value == 0):
+        if not value <= LARGEST_MAGNITUDE or value < 0 or (name in positive and value == 0):
             raise InvalidInput(f"{name} is {value}, expected {least}, in squared units of the columns")
     require_kind("upkeep", settings.upkeep, Upkeep, "give an instance, say Upkeep(batch=50)")  # type: ignore[attr-defined]
