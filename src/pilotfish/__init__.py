@@ -40,7 +40,7 @@ _PACKAGES = {
 _PACKAGE_OF = {name: package for package, names in _PACKAGES.items() for name in names.split()}
 __all__ = sorted(_PACKAGE_OF)  # noqa: PLE0605 - a list, derived from the table
 _NAMES_THERE = {"load": "read_folder"}  # where the package calls it otherwise
-_SUBPACKAGES = {*_PACKAGES, "environments", "geometry", "kernels", "plots"}
+_SUBPACKAGES = {*_PACKAGES, "environments", "files", "geometry", "kernels", "plots"}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,7 @@
 """Every error that pilotfish raises on purpose: one name for each thing that a caller does differently."""
 
+from pathlib import Path
+
 LONGEST_MESSAGE = 500  # characters
 
 
@@ -16,6 +18,14 @@ class SkillError(Exception):
 
 class InvalidInput(SkillError, ValueError):
     """What was given cannot be used; the message says where, what was expected and the nearest fix."""
+
+
+class NameTaken(InvalidInput):
+    """Another process made something under the name of an output; the result is kept at `path` instead."""
+
+    def __init__(self, message: str, path: Path) -> None:
+        super().__init__(message)
+        self.path = path
 
 
 class NotPositiveDefinite(SkillError, ArithmeticError):

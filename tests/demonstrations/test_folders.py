@@ -216,19 +216,27 @@ def test_a_failed_write_leaves_nothing_behind(tmp_path: Path, make):
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("moment", ["write_bytes", "first rename", "second rename"])
+EXCHANGE = ["write_bytes", "rename 1"]  # methods of Path, and which call of it fails
+TWO_RENAMES = [*EXCHANGE, "rename 2", "rename 3"]  # where the system cannot exchange folders
+
+
+@pytest.mark.parametrize(
+    ("exchanges", "moment"), [*((True, m) for m in EXCHANGE), *((False, m) for m in TWO_RENAMES)]
+)
 def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
-    tmp_path: Path, make, monkeypatch: pytest.MonkeyPatch, moment: str
+    tmp_path: Path, make, monkeypatch: pytest.MonkeyPatch, moment: str, exchanges: bool
 ):
     """Wherever writing stops, the folder that was there is there, and nothing beside it."""
+    if not exchanges:
+        monkeypatch.setattr("pilotfish.files.whole_folders.exchange", lambda *_: False)
     old, new = make(), make()
     write_folder([old], tmp_path / "set")
-    *nth, method = moment.split()
+    method, *nth = moment.split()
     real, calls = getattr(Path, method), []
 
     def fails_once(self: Path, argument: Path | bytes) -> Path | int:
         calls.append(self)
-        if len(calls) == (2 if nth == ["second"] else 1):
+        if len(calls) == int(*nth or "1"):
             raise OSError(28, "No space left on device")
         return real(self, argument)
 
@@ -243,23 +251,31 @@ def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
     assert same(*read_folder(tmp_path / "set"), new)
 
 
-def test_an_interrupt_between_the_two_renames_leaves_the_folder_that_was_there(make, tmp_path, monkeypatch):
-    """Ctrl-C may come at any moment; what was there is put back."""
+@pytest.mark.parametrize("call", [2, 3])
+@pytest.mark.parametrize("before", [True, False])
+def test_an_interrupt_at_either_rename_leaves_the_old_folder_or_the_new_one(
+    make, tmp_path, monkeypatch, call, before
+):
+    """Where the system cannot exchange folders, Ctrl-C may come before each of two renames, or after it."""
+    monkeypatch.setattr("pilotfish.files.whole_folders.exchange", lambda *_: False)
     old, real, calls = make(), Path.rename, []
     write_folder([old], tmp_path / "set")
 
     def interrupted(self: Path, target: Path) -> Path:
         calls.append(self)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-        return real(self, target)
+        if len(calls) != call:
+            return real(self, target)
+        if not before:
+            real(self, target)
+        raise KeyboardInterrupt
 
+    new = make()
     monkeypatch.setattr(Path, "rename", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        write_folder([make()], tmp_path / "set", overwrite=True)
+        write_folder([new], tmp_path / "set", overwrite=True)
     monkeypatch.undo()
     assert [file.name for file in tmp_path.iterdir()] == ["set"]
-    assert same(*read_folder(tmp_path / "set"), old)
+    assert same(*read_folder(tmp_path / "set"), new if (call, before) == (3, False) else old)
 
 
 def test_a_key_that_stands_twice_is_refused(written: tuple[Path, tuple[Demonstration, ...]]):

@@ -4,7 +4,7 @@
 
 from pilotfish.demonstrations.derivatives import with_derivatives
 from pilotfish.demonstrations.findings import Finding, Severity, check
-from pilotfish.demonstrations.folders import read_folder, write_folder
+from pilotfish.demonstrations.folders import read_folder, require_replaceable, write_folder
 from pilotfish.demonstrations.frame_doors import frame, moving_frame
 from pilotfish.demonstrations.frame_views import Views, views
 from pilotfish.demonstrations.frames import (
@@ -70,6 +70,7 @@ __all__ = [
     "require_magnitudes",
     "require_name",
     "require_period",
+    "require_replaceable",
     "require_turns",
     "resampled",
     "tangent_map",

@@ -2,9 +2,8 @@
 
 import hashlib
 import re
-import secrets
-import shutil
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,18 @@ from pilotfish.demonstrations.tables import (
     rows_of_csv,
 )
 from pilotfish.errors import InvalidInput
+from pilotfish.files import whole_folder
 from pilotfish.types import Array, Float
-from pilotfish.validation import is_file, is_folder, read_file, resolve_path, short_list, short_repr
+from pilotfish.validation import (
+    is_file,
+    is_folder,
+    is_link,
+    path_exists,
+    read_file,
+    resolve_path,
+    short_list,
+    short_repr,
+)
 
 
 def read_folder(path: str | Path) -> tuple[Demonstration, ...]:
@@ -49,26 +58,47 @@ def read_folder(path: str | Path) -> tuple[Demonstration, ...]:
 def write_folder(
     demonstrations: Sequence[Demonstration], path: str | Path, *, overwrite: bool = False
 ) -> None:
-    """A folder that reads back equal, number for number. It appears whole or not at all.
+    """Write a folder that reads back equal, number for number. It appears whole or not at all.
 
-    It is built beside its place and then renamed. overwrite replaces a folder of demonstrations, and
-    nothing else.
-    Raises: InvalidInput, when there are none or they differ in layout or period, when the folder exists and
-    is not to be replaced, and when the disk refuses.
+    At every moment, path leads to the old folder or to the new one, also when the process is killed
+    (`pilotfish.files.whole_folder`).
+
+    Args:
+        demonstrations: At least one; they share layout and period.
+        path: The folder to write. A folder that is empty is filled.
+        overwrite: Whether a folder of demonstrations may be replaced; nothing else ever is.
+
+    Raises:
+        InvalidInput: If the demonstrations do not go together, path cannot be written, or what is there may
+            not be replaced. If it came into being in the meantime it is kept, and the result has another
+            name, the `path` of the error (`NameTaken`).
     """
     files = _files(demonstrations)
-    place = Path(path).resolve()
-    _refuse_place(place, overwrite)
-    beside = place.parent / f".{place.name}-{secrets.token_hex(4)}"
-    try:
-        beside.mkdir()
+    require_replaceable(path, overwrite=overwrite)
+    place = resolve_path(path)
+    with whole_folder(place, partial(_require_demonstrations, place) if overwrite else None) as folder:
         for name, data in files.items():
-            (beside / name).write_bytes(data)
-        _move(beside, place)
-    except OSError as error:
-        raise InvalidInput(f"{place} cannot be written: {error.strerror}") from error
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+            (folder / name).write_bytes(data)
+
+
+def require_replaceable(path: str | Path, *, overwrite: bool) -> None:
+    """Return if write_folder may write to path: it is missing, empty, or a folder of demonstrations.
+
+    Args:
+        path: The folder to write.
+        overwrite: Whether a folder of demonstrations may be replaced.
+
+    Raises:
+        InvalidInput: If something else is there, or anything without overwrite.
+    """
+    place = resolve_path(path)
+    if not path_exists(place) and not (is_link(path) and not overwrite):
+        return
+    if is_folder(place) and not _names_in(place):
+        return
+    if not overwrite:
+        raise InvalidInput(f"{path} exists; choose another place, or say overwrite=True")
+    _require_demonstrations(place, place)
 
 
 def _manifest(folder: Path) -> Manifest:
@@ -194,33 +224,23 @@ def _frame_fields(n: int, given: Frame | MovingFrame) -> dict[str, Any]:
     return {"name": given.name, "A": np.asarray(given.A).tolist(), "b": np.asarray(given.b).tolist()}
 
 
-def _refuse_place(place: Path, overwrite: bool) -> None:
-    if not place.exists() or (place.is_dir() and not any(place.iterdir())):
-        return
-    if not overwrite:
-        raise InvalidInput(f"{place} exists; choose another place, or say overwrite=True")
+def _require_demonstrations(place: Path, folder: Path) -> None:
+    """Raise InvalidInput unless a folder holds demonstrations and nothing else; place is its usual name."""
     try:
-        known = {*NAMES, *(entry.file for entry in _manifest(place).entries)}
+        known = {*NAMES, *(entry.file for entry in _manifest(folder).entries)}
+        names = _names_in(folder)
     except InvalidInput as error:
         raise InvalidInput(
             f"{place} is not a folder of demonstrations and is not replaced ({error}); choose another place"
         ) from error
-    if strange := sorted(file.name for file in place.iterdir() if file.name not in known):
+    if strange := sorted(name for name in names if name not in known):
         raise InvalidInput(
-            f"{place} also holds {strange[0]!r}, which is no demonstration of it; move that away"
+            f"{place} also holds {short_repr(strange[0])}, which is no demonstration of it; move that away"
         )
 
 
-def _move(built: Path, place: Path) -> None:
-    """Put what was built in its place; what was there is gone only after that."""
-    if not place.exists():
-        built.rename(place)
-        return
-    old = built.with_name(f"{built.name}-old")
-    place.rename(old)
+def _names_in(folder: Path) -> list[str]:
     try:
-        built.rename(place)
-    finally:  # an interrupt too puts back what was there
-        if not place.exists():
-            old.rename(place)
-    shutil.rmtree(old)
+        return [file.name for file in folder.iterdir()]
+    except OSError as error:
+        raise InvalidInput(f"{folder} cannot be listed: {error.strerror}; choose another place") from error

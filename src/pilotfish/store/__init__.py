@@ -3,11 +3,11 @@ grow with a stream (`save_stream`, `open_stream`), published recordings by name 
 and files that appear whole or not at all (`whole_file`).
 """
 
+from pilotfish.files import whole_file
 from pilotfish.store import datasets
 from pilotfish.store.skills import content_hash, decode_skill, encode_skill, open_skill, save_skill
 from pilotfish.store.streams import decode_stream, encode_stream, open_kept, open_stream, save_stream
 from pilotfish.store.synthetic import synthetic_valve
-from pilotfish.store.whole_files import whole_file
 
 __all__ = [
     "content_hash",

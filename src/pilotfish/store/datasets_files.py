@@ -7,6 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.store.datasets_registry import Dataset
+from pilotfish.validation import is_file, is_folder, read_file
 
 VARIABLE = "PILOTFISH_DATA"
 Retrieve = Callable[[Dataset], Path]
@@ -40,12 +41,12 @@ def local_file(dataset: Dataset, folder: str) -> Path | None:
     """
     if not folder:
         return None
-    if not Path(folder).is_dir():
+    if not is_folder(folder):
         raise InvalidInput(f"{VARIABLE} is {folder!r}, expected a folder of datasets; correct it or unset it")
     file = Path(folder) / dataset.file
-    if not file.is_file():
+    if not is_file(file):
         return None
-    if (found := hashlib.sha256(file.read_bytes()).hexdigest()) != dataset.sha256:
+    if (found := hashlib.sha256(read_file(file, "a data set")).hexdigest()) != dataset.sha256:
         raise InvalidInput(
             f"{file} has sha256 {found}, expected {dataset.sha256} as published at {dataset.address}; "
             f"put the original there, or unset {VARIABLE} to download it"

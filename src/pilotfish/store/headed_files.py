@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
+from pilotfish.files import whole_file
 from pilotfish.store.skills_fields import Arrays, taken
-from pilotfish.store.whole_files import whole_file
 from pilotfish.types import Array
 from pilotfish.validation import LONGEST_NAME, read_file, short_repr
 
@@ -87,9 +87,9 @@ def format_name(data: bytes) -> str | None:
     return name if isinstance(name, str) else None
 
 
-def written(data: bytes, path: str | Path) -> None:
+def written(data: bytes, path: str | Path, overwrite: bool) -> None:
     """The file is there whole, or what stood there before.    Raises: InvalidInput."""
-    with whole_file(path) as part:
+    with whole_file(path, overwrite=overwrite) as part:
         part.write_bytes(data)
 
 

@@ -45,13 +45,21 @@ COVARIANCES: dict[str, type[Any]] = {
 }
 
 
-def save_skill(skill: Skill, path: str | Path) -> None:
-    """Writes the skill to path, whole or not at all. The same skill gives the same bytes.
+def save_skill(skill: Skill, path: str | Path, *, overwrite: bool = True) -> None:
+    """Write the skill to path, whole or not at all. The same skill gives the same bytes.
 
-    Raises: InvalidInput, when path cannot be written or the skill holds what open_skill would refuse;
-    NotPositiveDefinite, when one of its covariances is not.
+    Args:
+        skill: The skill.
+        path: The file to write.
+        overwrite: Whether an existing file may be replaced.
+
+    Raises:
+        InvalidInput: If path cannot be written, or exists and may not be replaced, or the skill holds what
+            open_skill would refuse. If the file came into being in the meantime it is kept, and the result
+            has another name, the `path` of the error (`NameTaken`).
+        NotPositiveDefinite: If one of its covariances is not.
     """
-    written(encode_skill(skill), path)
+    written(encode_skill(skill), path, overwrite)
 
 
 def open_skill(path: str | Path) -> Skill:

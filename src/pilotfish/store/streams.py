@@ -41,12 +41,20 @@ SUBSPACES = ("dimensions", "ranks", "means", "variances", "distances", "bases")
 WHOLE = ("spare", "most_clusters", "batch")
 
 
-def save_stream(model: online.OnlineModel, path: str | Path) -> None:
-    """Writes the model to path, whole or not at all. The same model gives the same bytes.
+def save_stream(model: online.OnlineModel, path: str | Path, *, overwrite: bool = True) -> None:
+    """Write the model to path, whole or not at all. The same model gives the same bytes.
 
-    Raises: InvalidInput, when path cannot be written or the model holds what open_stream would refuse.
+    Args:
+        model: The model.
+        path: The file to write.
+        overwrite: Whether an existing file may be replaced.
+
+    Raises:
+        InvalidInput: If path cannot be written, or exists and may not be replaced, or the model holds what
+            open_stream would refuse. If the file came into being in the meantime it is kept, and the result
+            has another name, the `path` of the error (`NameTaken`).
     """
-    written(encode_stream(model), path)
+    written(encode_stream(model), path, overwrite)
 
 
 def open_stream(path: str | Path) -> online.OnlineModel:

@@ -40,6 +40,11 @@ def is_file(path: str | Path) -> bool:
     return (status := _status(path)) is not None and stat.S_ISREG(status.st_mode)
 
 
+def is_link(path: str | Path) -> bool:
+    """Return whether path is a link, its target missing or not.    Raises: InvalidInput, as `path_exists`."""
+    return (status := _status(path, follow=False)) is not None and stat.S_ISLNK(status.st_mode)
+
+
 def resolve_path(path: str | Path) -> Path:
     """Return the absolute path without links.    Raises: InvalidInput, as `path_exists`."""
     try:
@@ -106,9 +111,9 @@ def _up_to(file: IO[bytes], largest: int) -> bytes | None:
     return b"".join(parts)
 
 
-def _status(path: str | Path) -> os.stat_result | None:
+def _status(path: str | Path, follow: bool = True) -> os.stat_result | None:
     try:
-        return Path(path).stat()
+        return Path(path).stat(follow_symlinks=follow)
     except OSError as error:
         if error.errno in _MISSING:
             return None

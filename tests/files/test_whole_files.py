@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.store import whole_file
+from pilotfish.files import whole_file
 
 
 def write_half(path: Path, trouble: type[BaseException]) -> None:

@@ -1,0 +1,181 @@
+"""Renames that refuse or exchange in one step, also where the system has only links, or not even those."""
+
+import os
+from errno import EOPNOTSUPP, EPERM
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+from pilotfish.errors import InvalidInput, NameTaken
+from pilotfish.files import make_folder, renaming, whole_file, whole_folder
+from pilotfish.files.renaming import exchange, rename_new
+
+
+def unsupported(*_: object, **__: object) -> NoReturn:
+    raise OSError(EPERM, "Operation not permitted")
+
+
+@pytest.fixture(params=["renameat2", "links", "neither"])
+def system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A system with renameat2; with hard links alone; with neither."""
+    if request.param != "renameat2":
+        monkeypatch.setattr(renaming, "_libc_renameat2", lambda: None)
+    if request.param == "neither":
+        monkeypatch.setattr(os, "link", unsupported)
+    return str(request.param)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def occupy(path: Path, kind: str) -> None:
+    if kind == "file":
+        path.write_text("mine")
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.symlink_to("nowhere")
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "link without a target"])
+def test_a_taken_name_is_refused_on_every_system(tmp_path: Path, system: str, kind: str):
+    """Both stay as they are."""
+    occupy(tmp_path / "target", kind)
+    (tmp_path / "source").write_text("new")
+    with pytest.raises(FileExistsError):
+        rename_new(tmp_path / "source", tmp_path / "target")
+    assert (tmp_path / "source").read_text() == "new"
+    assert names(tmp_path) == ["source", "target"]
+    assert kind != "file" or (tmp_path / "target").read_text() == "mine"
+
+
+def test_a_free_name_is_given_on_every_system(tmp_path: Path, system: str):
+    """The old name is gone."""
+    (tmp_path / "source").write_text("new")
+    rename_new(tmp_path / "source", tmp_path / "target")
+    assert (tmp_path / "target").read_text() == "new"
+    assert names(tmp_path) == ["target"]
+
+
+def test_folders_exchange_their_names(tmp_path: Path):
+    """In one step, where the system has it; otherwise nothing happens."""
+    for name in ("one", "other"):
+        (tmp_path / name / name).mkdir(parents=True)
+    done = exchange(tmp_path / "one", tmp_path / "other")
+    assert names(tmp_path / "one") == (["other"] if done else ["one"])
+
+
+@pytest.mark.parametrize("kind", ["file", "link without a target"])
+def test_a_file_that_appears_during_the_work_is_kept_and_the_result_too(
+    tmp_path: Path, system: str, kind: str
+):
+    """The result gets a free name beside it, which the error gives."""
+    (tmp_path / "motion-1.csv").write_text("another")
+
+    def write() -> None:
+        with whole_file(tmp_path / "motion.csv", overwrite=False) as part:
+            part.write_text("new")
+            occupy(tmp_path / "motion.csv", kind)
+
+    with pytest.raises(NameTaken, match=r"motion\.csv was made .* in .*motion-2\.csv") as taken:
+        write()
+    assert taken.value.path == tmp_path / "motion-2.csv"
+    assert taken.value.path.read_text() == "new"
+    assert names(tmp_path) == ["motion-1.csv", "motion-2.csv", "motion.csv"]
+    assert kind == "file" or (tmp_path / "motion.csv").is_symlink()
+
+
+@pytest.mark.parametrize("kind", ["file", "link without a target"])
+def test_an_existing_file_is_refused_before_the_work(tmp_path: Path, kind: str):
+    """overwrite=False."""
+    occupy(tmp_path / "motion.csv", kind)
+    with (
+        pytest.raises(InvalidInput, match="exists; choose another name"),
+        whole_file(tmp_path / "motion.csv", overwrite=False),
+    ):
+        pytest.fail("the work began")
+
+
+def test_overwriting_follows_links(tmp_path: Path):
+    """The link stays, and leads to the new content."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "real").write_text("old")
+    (tmp_path / "link").symlink_to("folder/real")
+    with whole_file(tmp_path / "link") as part:
+        part.write_text("new")
+    assert (tmp_path / "link").readlink() == Path("folder/real")
+    assert (tmp_path / "folder" / "real").read_text() == "new"
+
+
+def test_a_folder_that_appears_during_the_work_is_kept_and_the_result_too(tmp_path: Path):
+    """Also a file of that name."""
+
+    def write(place: Path) -> None:
+        with whole_folder(place) as built:
+            (built / "new").touch()
+            if place.name == "folder":
+                (place / "mine").mkdir(parents=True)
+            else:
+                place.touch()
+
+    for name in ("folder", "file"):
+        with pytest.raises(NameTaken) as taken:
+            write(tmp_path / name)
+        assert names(taken.value.path) == ["new"]
+    assert names(tmp_path) == ["file", "file-1", "folder", "folder-1"]
+
+
+def test_what_comes_into_a_replaced_folder_during_the_work_is_kept(tmp_path: Path):
+    """The old folder is looked at again once nobody can reach it, and comes back."""
+
+    def replaceable(folder: Path) -> None:
+        if (folder / "precious").exists():
+            raise InvalidInput("it holds a precious file")
+
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "old").touch()
+
+    def write() -> None:
+        with whole_folder(tmp_path / "set", replaceable) as built:
+            (built / "new").touch()
+            (tmp_path / "set" / "precious").touch()
+
+    with pytest.raises(NameTaken, match=r"precious file; this result is in .*set-1") as taken:
+        write()
+    assert names(tmp_path / "set") == ["old", "precious"]
+    assert names(taken.value.path) == ["new"]
+    assert names(tmp_path) == ["set", "set-1"]
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "loop", "loop/below", "file/below", "a\0b", "\ud800"])
+def test_names_that_cannot_be_used_are_refused_by_name(tmp_path: Path, name: str):
+    """Too long, a link to itself, below a file, no name at all."""
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "file").touch()
+    for overwrite in (True, False):
+        with pytest.raises(InvalidInput), whole_file(tmp_path / name, overwrite=overwrite) as part:
+            part.touch()
+    with pytest.raises(InvalidInput), whole_folder(tmp_path / name):
+        pass
+    with pytest.raises(InvalidInput, match="cannot be made"):
+        make_folder(tmp_path / name)
+    assert names(tmp_path) == ["file", "loop"]
+
+
+def test_a_file_system_that_cannot_synchronise_folders_is_no_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Some network file systems."""
+    real = os.fsync
+
+    def fsync(descriptor: int) -> None:
+        if Path(f"/proc/self/fd/{descriptor}").resolve().is_dir():
+            raise OSError(EOPNOTSUPP, "not supported")
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    with whole_file(tmp_path / "motion.csv") as part:
+        part.write_text("new")
+    assert (tmp_path / "motion.csv").read_text() == "new"
