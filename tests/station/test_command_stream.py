@@ -310,13 +310,13 @@ def test_files_are_kept_meanwhile(run: Runs, rows: Path, monkeypatch: pytest.Mon
     """Every so many seconds, whole; a time when that fails is told, and the stream goes on."""
     kept: list[int] = []
     monkeypatch.setattr(stream_lines, "CHUNK", 800)
-    monkeypatch.setattr(growing, "save_stream", lambda model, _: kept.append(model.datapoints))
+    monkeypatch.setattr(growing, "save_stream", lambda model, _, **__: kept.append(model.datapoints))
     assert run("stream", rows, *SOSC, "--out", "a.stream", "--save-every", "1e-9").exit_code == 0
     assert len(kept) > 3
     assert kept == sorted(kept)
     assert kept[-1] == 60
 
-    def full(model: online.OnlineModel, path: Path) -> None:
+    def full(model: online.OnlineModel, path: Path, **_: bool) -> None:
         if model.datapoints < 60:
             raise InvalidInput(f"{path} cannot be written: no room")
 

@@ -1,9 +1,10 @@
 """How every command answers: text for people or one JSON object, and a refusal in one line."""
 
 import json
-import sys
+import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from errno import EPIPE
 from functools import wraps
 from math import isfinite
 from pathlib import Path
@@ -11,7 +12,11 @@ from typing import Any
 
 import click
 
+from pilotfish.demonstrations import require_replaceable
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.station.output import print_failure, say
+from pilotfish.station.stops import SIGNALLED
+from pilotfish.validation import is_folder, is_link, path_exists, resolve_path
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +31,9 @@ class Answer:
 def answering(work: Callable[..., Answer]) -> Callable[..., None]:
     """A command that prints the answer of work; a refusal of ours is one line on stderr and exit code 1.
 
-    Misuse (click.UsageError) is told by click, with exit code 2. A bug keeps its traceback.
+    The work writes its files before it returns, so an answer that cannot be printed costs none of them; the
+    exit code is then 1, with a line on stderr unless the reader of a pipe went away, as `head` does. Misuse
+    (click.UsageError) has exit code 2. A bug keeps its traceback.
     """
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
@@ -36,12 +43,12 @@ def answering(work: Callable[..., Answer]) -> Callable[..., None]:
             answer = work(**chosen)
         except SkillError as error:
             raise click.ClickException(" ".join(str(error).split())) from error
+        stopped = (lambda: True) if answer.code > SIGNALLED else None
         if as_json:
-            click.echo(json.dumps(answer.facts, allow_nan=False))
+            say(json.dumps(answer.facts, allow_nan=False), stopped)
         elif answer.text:  # demo has said it all by then
-            click.echo(answer.text)
-        if answer.code:
-            click.get_current_context().exit(answer.code)
+            say(answer.text, stopped)
+        _require_printed(answer.code)
 
     return command
 
@@ -49,22 +56,6 @@ def answering(work: Callable[..., Answer]) -> Callable[..., None]:
 def example(*lines: str) -> str:
     """The end of a command's help: what one might type."""
     return "\n".join(["\b", "Example:", *(f"  {line}" for line in lines)])
-
-
-def as_json() -> bool:
-    """Whether the command that runs was asked to answer a program."""
-    return bool(click.get_current_context().params["as_json"])
-
-
-def a_person_watches() -> bool:
-    """Whether progress on stderr is seen by someone: a terminal, and no --json."""
-    return sys.stderr.isatty() and not as_json()
-
-
-def remark(text: str) -> None:
-    """A line on stderr, out of the way of the answer."""
-    if not as_json():
-        click.echo(text, err=True)
 
 
 def finite(_: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
@@ -75,28 +66,86 @@ def finite(_: click.Context, parameter: click.Parameter, value: float | None) ->
 
 
 def require_new(*outputs: Path | None, force: bool, inputs: Iterable[Path | None] = ()) -> None:
-    """Each output's folder is there and the output is not, unless force allows to replace it.
+    """Return if each output can be written: its folder is there and the output is not, unless force is given.
 
-    Raises: click.UsageError, when a file is to be two outputs, or an input and an output, force or not;
-    InvalidInput. To be asked before the work, not after it.
+    To be asked before the work. What writes the output refuses to replace one that appears later.
+
+    Raises:
+        click.UsageError: If a file is to be two outputs, or an input and an output, force or not.
+        InvalidInput: If an output cannot be written.
     """
     written = [path for path in outputs if path is not None]
     _refuse_twins(written, [path for path in inputs if path is not None])
     for path in written:
-        if not path.parent.is_dir():
-            raise InvalidInput(f"{path} cannot be written: {path.parent} is no folder; make it first")
-        if path.is_dir():
+        _require_folder(path)
+        if is_folder(path):
             raise InvalidInput(f"{path} is a folder; give the name of a file")
-        if path.exists() and not force:
+        if not force and (path_exists(path) or is_link(path)):
             raise InvalidInput(f"{path} exists; choose another name, or replace it with --force")
+
+
+def require_new_folder(path: Path, *, force: bool) -> None:
+    """Return if demonstrations can be written to a folder: it is missing or empty, or force replaces others.
+
+    Raises:
+        InvalidInput: If they cannot.
+    """
+    _require_folder(path)
+    there = path_exists(path) or is_link(path)
+    try:
+        require_replaceable(path, overwrite=force)
+    except InvalidInput as error:
+        if force or not there:
+            raise
+        raise InvalidInput(f"{path} exists; choose another name, or replace it with --force") from error
+
+
+def write_each(*writes: Callable[[], object]) -> None:
+    """Write several outputs, each also when another fails.
+
+    Raises:
+        SkillError: The failure, or InvalidInput with all of them.
+    """
+    failures: list[SkillError] = []
+    for write in writes:
+        try:
+            write()
+        except SkillError as error:
+            failures.append(error)
+    if len(failures) == 1:
+        raise failures[0]
+    if failures:
+        raise InvalidInput("; ".join(map(str, failures))) from failures[0]
+
+
+def _require_folder(path: Path) -> None:
+    """Raise InvalidInput unless the folder that path is to be in can be written to."""
+    if not is_folder(path.parent):
+        raise InvalidInput(f"{path} cannot be written: {path.parent} is no folder; make it first")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise InvalidInput(f"{path} cannot be written: no permission to write in {path.parent}")
+
+
+def _require_printed(code: int) -> None:
+    """End the command: with its own exit code, or with 1 when its answer could not be printed."""
+    context = click.get_current_context()
+    error = print_failure()
+    if code:
+        context.exit(code)
+    if error is None:
+        return
+    if isinstance(error, OSError) and error.errno == EPIPE:
+        context.exit(1)
+    reason = (error.strerror if isinstance(error, OSError) else None) or error
+    raise click.ClickException(f"the answer cannot be printed: {reason}; all files are written")
 
 
 def _refuse_twins(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
     """A file is one, whatever path leads to it."""
-    read = {path.resolve() for path in inputs}
+    read = {resolve_path(path) for path in inputs}
     written: set[Path] = set()
     for path in outputs:
-        if (file := path.resolve()) in read:
+        if (file := resolve_path(path)) in read:
             raise click.UsageError(f"{path} is what this command reads; choose another name for the output")
         if file in written:
             raise click.UsageError(f"{path} is named for two outputs; choose another name for one")

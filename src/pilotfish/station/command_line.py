@@ -1,5 +1,8 @@
 """The command `pilotfish`: learn, look at, and replay skills."""
 
+import sys
+import traceback
+
 import click
 
 from pilotfish.station.answers import example
@@ -12,6 +15,14 @@ from pilotfish.station.commands_replay import replay
 from pilotfish.station.commands_select import select
 from pilotfish.station.commands_show import show
 from pilotfish.station.commands_stream import stream
+from pilotfish.station.output import (
+    discard_unprinted,
+    droppable_stderr,
+    open_closed_streams,
+    print_on_stderr,
+    redirect_to_nowhere,
+)
+from pilotfish.station.stops import SIGNALLED, Stopped, die_of_signals, raise_on_signals
 
 
 @click.group(
@@ -41,5 +52,40 @@ cli.add_command(perform)
 
 
 def main() -> None:
-    """Run the command line; exit code 0 when it did what was asked, 1 when refused, 2 when misused."""
-    cli(prog_name="pilotfish")
+    """Run the command line and exit.
+
+    The exit code is 0 when it did what was asked, 1 when it was refused or its answer could not be printed, 2
+    when it was misused, and 128 + n when signal n stopped it.
+    """
+    open_closed_streams()
+    try:
+        raise_on_signals()
+        code = _run()
+        die_of_signals()
+    except Stopped as stopped:
+        die_of_signals()
+        redirect_to_nowhere(sys.stdout)  # it may have been stopped while it waited for a reader
+        print_on_stderr(f"stopped by {stopped}")
+        code = SIGNALLED + stopped.number
+    discard_unprinted()
+    sys.exit(code)
+
+
+def _run() -> int:
+    """Run the command line and return its exit code."""
+    try:
+        return cli.main(prog_name="pilotfish", standalone_mode=False) or 0
+    except click.ClickException as error:
+        error.show(droppable_stderr())
+        return error.exit_code
+    except OSError as error:
+        if not _is_raised_by_click(error):
+            raise
+        print_on_stderr(f"Error: standard output cannot be written: {error.strerror}")
+        return 1
+
+
+def _is_raised_by_click(error: OSError) -> bool:
+    """Whether click could not print a help text; what commands print is guarded where it is printed."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    return str(frame.f_globals["__name__"]) == click.utils.__name__

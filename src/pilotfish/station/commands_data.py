@@ -6,8 +6,7 @@ from pathlib import Path
 import click
 
 from pilotfish.demonstrations import Demonstration, Finding, MovingFrame, Severity, check, write_folder
-from pilotfish.errors import InvalidInput
-from pilotfish.station.answers import Answer, answering, example, plain_table, table
+from pilotfish.station.answers import Answer, answering, example, plain_table, require_new_folder, table
 from pilotfish.station.descriptions import columns_text
 from pilotfish.station.sources import SYNTHETIC, dataset, recordings, require_dataset
 from pilotfish.store import datasets
@@ -68,8 +67,7 @@ def check_folder(folder: str) -> Answer:
 @answering
 def export(name: str, folder: Path, force: bool) -> Answer:
     """Write data set NAME to FOLDER, in the format that learn reads."""
-    if folder.exists() and not force and (not folder.is_dir() or any(folder.iterdir())):
-        raise InvalidInput(f"{folder} exists; choose another name, or replace it with --force")
+    require_new_folder(folder, force=force)
     demonstrations = dataset(name)
     write_folder(demonstrations, folder, overwrite=force)
     facts = {"folder": str(folder), "demonstrations": [_facts(demo) for demo in demonstrations]}

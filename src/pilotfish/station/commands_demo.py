@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from pilotfish.station.answers import Answer, answering, as_json, example
+from pilotfish.station.answers import Answer, answering, example
+from pilotfish.station.output import as_json, say
 from pilotfish.station.pictures import require_matplotlib
 
 
@@ -27,7 +28,7 @@ def demo(out: Path, seed: int) -> Answer:
     require_matplotlib()
     from pilotfish.station.demo import demo as run  # needs matplotlib
 
-    result = run(out, seed=seed, say=_silent if as_json() else click.echo)
+    result = run(out, seed=seed, say=_silent if as_json() else say)
     facts = {
         "report": str(result.report),
         "skill": str(result.skill),

@@ -1,6 +1,5 @@
 """pilotfish learn: from recordings to a skill in a file."""
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -25,16 +24,15 @@ from pilotfish.models import (
 )
 from pilotfish.station.answers import (
     Answer,
-    a_person_watches,
     answering,
     example,
     finite,
     plain_table,
-    remark,
     require_new,
 )
 from pilotfish.station.descriptions import columns_text, skill_facts, states_table, time_text
 from pilotfish.station.learners import CENSORINGS, COUNTED, LAWS, LEARNERS, semi_markov_learner
+from pilotfish.station.output import a_person_watches, progress_bar, remark
 from pilotfish.station.sources import a_choice, chosen, prepared, recordings, recordings_in
 from pilotfish.station.structure_names import StructureType, structure_names
 from pilotfish.store import content_hash, save_skill
@@ -171,7 +169,7 @@ def learn(**options: Any) -> Answer:
     gone: tuple[str, ...] = ()
     if asked.drop_distractors:
         fit, gone = _without_distractors(fit, demonstrations, learner, asked)
-    save_skill(fit.skill, asked.out)
+    save_skill(fit.skill, asked.out, overwrite=asked.force)
     return _answer(fit, gone, asked)
 
 
@@ -224,16 +222,8 @@ def _progress(settings: EMSettings) -> Iterator[EMSettings]:
     if not a_person_watches():
         yield settings
         return
-    with click.progressbar(
-        length=settings.max_iterations * settings.restarts,
-        label="learning",
-        file=sys.stderr,
-        show_eta=False,
-        show_percent=False,
-        show_pos=True,
-        item_show_func=lambda shown: str(shown or ""),
-    ) as bar:
-        yield replace(settings, watch=lambda _, gain: bar.update(1, f"log-likelihood {gain:.6g}"))
+    with progress_bar(settings.max_iterations * settings.restarts, "learning") as advance:
+        yield replace(settings, watch=lambda _, gain: advance(f"log-likelihood {gain:.6g}"))
 
 
 def _warn(demonstrations: Sequence[Demonstration]) -> None:

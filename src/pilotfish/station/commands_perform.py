@@ -8,15 +8,14 @@ import click
 
 from pilotfish.station.answers import (
     Answer,
-    a_person_watches,
     answering,
     example,
     finite,
-    remark,
     require_new,
     table,
 )
 from pilotfish.station.commands_record import task_named
+from pilotfish.station.output import a_person_watches, remark
 from pilotfish.station.rendering import require_mujoco, require_renderer
 from pilotfish.store import open_skill
 
@@ -102,7 +101,7 @@ def perform(skill: Path, task: str, situations: int, seed: int, film: Path | Non
         where = situation(wanted, UNSEEN, seed, n)
         made = execute(learned, wanted, where, pursuit=pursuit, watch=camera, surfaces=surfaces)
         if camera and film:
-            write_film(camera.frames, film, camera.period)
+            write_film(camera.frames, film, camera.period, overwrite=options["force"])
             camera.close()
         done.append(made)
         if a_person_watches():

@@ -7,7 +7,8 @@ import click
 
 from pilotfish.demonstrations import write_folder
 from pilotfish.errors import InvalidInput
-from pilotfish.station.answers import Answer, a_person_watches, answering, example, finite, remark, table
+from pilotfish.station.answers import Answer, answering, example, finite, require_new_folder, table
+from pilotfish.station.output import a_person_watches, remark
 from pilotfish.station.rendering import require_mujoco
 
 if TYPE_CHECKING:
@@ -47,10 +48,7 @@ def record(task: str, demonstrations: int, seed: int, delay: float, **files: Any
 
     wanted = task_named(task)
     folder, force = files["out"] or Path(task), files["force"]
-    if folder.exists() and not force and (not folder.is_dir() or any(folder.iterdir())):
-        raise InvalidInput(f"{folder} exists; choose another name, or replace it with --force")
-    if not folder.parent.is_dir():
-        raise InvalidInput(f"{folder} cannot be written: {folder.parent} is no folder; make it first")
+    require_new_folder(folder, force=force)
     made = []
     for recording, tries in shown(wanted, demonstrations, seed, delay=delay):
         made.append((recording, tries))

@@ -1,7 +1,8 @@
 """pilotfish replay: a skill in a situation that may never have been shown."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +12,10 @@ import numpy as np
 from pilotfish.control import Feedback, Motion, Reference
 from pilotfish.demonstrations import Frame, Layout, Part, Quantity, world_frame
 from pilotfish.errors import InvalidInput
+from pilotfish.files import whole_file
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning import ViaPoint, plan, planned_states, through
-from pilotfish.station.answers import Answer, answering, example, finite, plain_table, require_new
+from pilotfish.station.answers import Answer, answering, example, finite, plain_table, require_new, write_each
 from pilotfish.station.following import Setting, followed, gaps, setting, steps_shown, unit_of_gaps
 from pilotfish.station.motions import (
     final_state_reached,
@@ -27,7 +29,7 @@ from pilotfish.station.motions import (
 from pilotfish.station.pictures import a_picture, require_matplotlib, save_picture
 from pilotfish.station.situations import first_mean, frames_in, start_in
 from pilotfish.station.wishes import Miss, Wish, WishType, misses, notes_on_misses, points_of
-from pilotfish.store import open_skill, whole_file
+from pilotfish.store import open_skill
 from pilotfish.types import Array, Int
 
 if TYPE_CHECKING:
@@ -198,24 +200,34 @@ def _drawn(replayed: Replay, asked: Choices) -> "dict[Path, Figure]":
 
 
 def _write(replayed: Replay, figures: "dict[Path, Figure]", asked: Choices) -> None:
-    for path, figure in figures.items():
-        save_picture(figure, path)
+    writes: list[Callable[[], None]] = [
+        partial(save_picture, figure, path, overwrite=asked.force) for path, figure in figures.items()
+    ]
     if asked.out:
-        with whole_file(asked.out) as part:
-            write_motion(part, replayed.motion, replayed.adapted.layout)
+        writes.append(partial(_write_motion, replayed, asked.out, asked.force))
     if asked.gains:
-        with whole_file(asked.gains) as part, part.open("wb") as file:
-            feedback = replayed.feedback
-            np.savez(
-                file,
-                gains=feedback.gains,
-                feedforwards=feedback.feedforwards,
-                targets=replayed.reference.targets,
-                weights=replayed.reference.weights,
-                period=np.float64(replayed.motion.period),
-                columns=np.array(replayed.here.flat.layout.names),
-                bases=replayed.here.map.bases if replayed.here.map else np.empty((0, 4)),
-            )
+        writes.append(partial(_write_gains, replayed, asked.gains, asked.force))
+    write_each(*writes)
+
+
+def _write_motion(replayed: Replay, path: Path, force: bool) -> None:
+    with whole_file(path, overwrite=force) as part:
+        write_motion(part, replayed.motion, replayed.adapted.layout)
+
+
+def _write_gains(replayed: Replay, path: Path, force: bool) -> None:
+    feedback = replayed.feedback
+    with whole_file(path, overwrite=force) as part, part.open("wb") as file:
+        np.savez(
+            file,
+            gains=feedback.gains,
+            feedforwards=feedback.feedforwards,
+            targets=replayed.reference.targets,
+            weights=replayed.reference.weights,
+            period=np.float64(replayed.motion.period),
+            columns=np.array(replayed.here.flat.layout.names),
+            bases=replayed.here.map.bases if replayed.here.map else np.empty((0, 4)),
+        )
 
 
 def _arms(layout: Layout) -> list[Part]:

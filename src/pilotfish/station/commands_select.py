@@ -1,6 +1,5 @@
 """pilotfish select: which model is the right size for recordings."""
 
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,7 +16,6 @@ from pilotfish.models import Candidate, EMSettings, Failure, Score, Selection
 from pilotfish.models import select as score_all
 from pilotfish.station.answers import (
     Answer,
-    a_person_watches,
     answering,
     example,
     finite,
@@ -27,6 +25,7 @@ from pilotfish.station.answers import (
 )
 from pilotfish.station.candidates import candidates
 from pilotfish.station.learners import LEARNERS
+from pilotfish.station.output import a_person_watches, progress_bar
 from pilotfish.station.pictures import a_picture, require_matplotlib, save_picture
 from pilotfish.station.sources import a_choice, chosen, prepared, recordings
 from pilotfish.station.structure_names import structure_names
@@ -133,7 +132,7 @@ def select(**options: Any) -> Answer:
     if asked.out:
         from pilotfish import plots  # needs matplotlib
 
-        save_picture(plots.model_sizes(selection), asked.out)
+        save_picture(plots.model_sizes(selection), asked.out, overwrite=asked.force)
     return _answer(selection, best, seconds, asked)
 
 
@@ -162,15 +161,8 @@ def _progress(candidates_to_try: int) -> Iterator[Callable[[str], None]]:
     if not a_person_watches():
         yield lambda _: None
         return
-    with click.progressbar(
-        length=candidates_to_try,
-        label="selecting",
-        file=sys.stderr,
-        show_percent=False,
-        show_pos=True,
-        item_show_func=lambda shown: str(shown or ""),
-    ) as bar:
-        yield lambda label: bar.update(1, label)
+    with progress_bar(candidates_to_try, "selecting") as advance:
+        yield advance
 
 
 def _answer(selection: Selection, best: Score, seconds: dict[Candidate, float], asked: Choices) -> Answer:

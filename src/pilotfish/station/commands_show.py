@@ -1,5 +1,6 @@
 """pilotfish show: what a skill file holds."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,9 @@ import click
 
 from pilotfish import models
 from pilotfish.errors import InvalidInput
+from pilotfish.files import make_folder
 from pilotfish.models import Skill, online
-from pilotfish.station.answers import Answer, answering, example, plain_table, require_new
+from pilotfish.station.answers import Answer, answering, example, plain_table, require_new, write_each
 from pilotfish.station.descriptions import (
     columns_text,
     relevance_facts,
@@ -106,12 +108,8 @@ def _draw(drawn: Drawn, file: Path, folder: Path, force: bool) -> tuple[list[str
     figures, left_out = drawn
     if not figures:
         return [], left_out
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(f"{folder} cannot be made: {error.strerror}; choose another folder") from error
+    make_folder(folder)
     files = {folder / f"{name}.png": figure for name, figure in figures.items()}
     require_new(*files, force=force, inputs=[file])
-    for path, figure in files.items():
-        save_picture(figure, path)
+    write_each(*(partial(save_picture, figure, path, overwrite=force) for path, figure in files.items()))
     return [str(path) for path in files], left_out

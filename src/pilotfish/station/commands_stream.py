@@ -13,10 +13,11 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.models import learn, online
-from pilotfish.station.answers import Answer, answering, example, finite, remark, require_new
+from pilotfish.station.answers import Answer, answering, example, finite, require_new
 from pilotfish.station.growing import Growth, Outputs, Watch, grow, layout_of
+from pilotfish.station.output import remark
 from pilotfish.station.sources import PREFIX, a_choice, chosen, prepared, recordings, recordings_in
-from pilotfish.station.stops import stops
+from pilotfish.station.stops import SIGNALLED, stops
 from pilotfish.station.stream_descriptions import described, growth_facts, growth_rows, model_facts
 from pilotfish.station.stream_lines import Columns, Piece, rows_arriving
 from pilotfish.station.stream_options import learner_options
@@ -28,9 +29,9 @@ from pilotfish.station.stream_pieces import (
 )
 from pilotfish.station.stream_settings import Wanted, option, settings_of, upkeep_of
 from pilotfish.store import open_stream
+from pilotfish.validation import is_folder, resolve_path
 
 PERIOD, STATES, SEED = 0.01, 7, 0
-SIGNALLED = 128  # and the number of the signal: the exit code, as shells have it
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Choices:
     @property
     def recorded(self) -> bool:
         """Whether SOURCE holds recordings, not rows."""
-        return self.source.startswith(PREFIX) or Path(self.source).is_dir()
+        return self.source.startswith(PREFIX) or is_folder(self.source)
 
 
 FILE = click.Path(path_type=Path)
@@ -123,8 +124,9 @@ def stream(**options: Any) -> Answer:
     _require_new(asked)
     growth = Growth(open_stream(asked.resume) if asked.resume else None)
     flow = (_recorded if asked.recorded else _live)(growth, asked, wanted)
-    watch = Watch(growth, Outputs(asked.out, asked.skill, asked.save_every), asked.every)
+    outputs = Outputs(asked.out, asked.skill, asked.save_every, asked.force)
     with stops() as stopped:
+        watch = Watch(growth, outputs, asked.every, stopped)
         trouble = _grown(flow, watch, asked, stopped)
         return _ended(watch, asked, trouble, stopped())
 
@@ -216,7 +218,7 @@ def _ended(watch: Watch, asked: Choices, trouble: InvalidInput | None, stopped: 
         "trouble": str(trouble) if trouble else None,
         "stopped": signal.Signals(stopped).name if stopped else None,
     }
-    failed = trouble is not None or (asked.strict and growth.refused > 0)
+    failed = trouble is not None or watch.outputs.taken or (asked.strict and growth.refused > 0)
     return Answer(described(model, skill, rows), facts, code=SIGNALLED + stopped if stopped else int(failed))
 
 
@@ -260,7 +262,7 @@ def _given(asked: Choices, *names: str) -> list[str]:
 def _require_new(asked: Choices) -> None:
     """No output is what is read, but for the file of --resume, which the model may replace by force."""
     source = Path(asked.source)
-    read = recordings_in(source) if source.is_dir() else [source]
-    if asked.resume and not (asked.out and asked.out.resolve() == asked.resume.resolve()):
+    read = recordings_in(source) if is_folder(source) else [source]
+    if asked.resume and not (asked.out and resolve_path(asked.out) == resolve_path(asked.resume)):
         read.append(asked.resume)
     require_new(asked.out, asked.skill, force=asked.force, inputs=read)

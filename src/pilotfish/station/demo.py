@@ -10,8 +10,10 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.files import make_folder
 from pilotfish.gaussians import Full, SemiTied, Structure
 from pilotfish.models import learn
+from pilotfish.station.answers import require_new
 from pilotfish.station.demo_pages import sections
 from pilotfish.station.evaluation import SETTINGS, STATES, TRAINED, replay, replay_from_mean
 from pilotfish.station.lessons import Lesson, summary, tables
@@ -54,7 +56,9 @@ def demo(out: Path, *, seed: int = 0, say: Say = click.echo) -> DemoResult:
     Source: Tanwani 2018, sections 3.4 and 4.3.1.
     """
     began, rng = perf_counter(), np.random.default_rng(seed)
-    _make(out)
+    report, skill = out / "report.html", out / "valve.skill"
+    make_folder(out)
+    require_new(report, skill, force=True)
     shown, notice = _demonstrations(rng)
     if notice:
         say(f"*** {notice} ***")
@@ -65,7 +69,6 @@ def demo(out: Path, *, seed: int = 0, say: Say = click.echo) -> DemoResult:
     )
     for table in measured:
         say(f"\n{in_columns(table)}")
-    report, skill = out / "report.html", out / "valve.skill"
     save_skill(lessons[-1].fit.skill, skill)
     physics, carried_out = _in_physics(lessons[-1], say)
     write_report(report, TITLE, (*sections(lessons, measured, notice), physics))
@@ -83,13 +86,6 @@ def in_columns(table: Table) -> str:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     text = ["  ".join([first.ljust(widths[0]), *map(str.rjust, rest, widths[1:])]) for first, *rest in lines]
     return "\n".join([table.caption, *text])
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(f"{folder} cannot be made: {error.strerror}; choose another folder") from error
 
 
 def _demonstrations(rng: np.random.Generator) -> tuple[tuple[Demonstration, ...], str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pilotfish.environments import NO_MARKS, Marks, Photographer, Workcell, view_of
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.store import whole_file
+from pilotfish.files import whole_file
 from pilotfish.types import Array, UInt8
 
 if TYPE_CHECKING:
@@ -62,13 +62,16 @@ def require_pillow() -> None:
         raise SkillError(f"films need {error.name or error}: pip install 'pilotfish[sim]'") from error
 
 
-def write_film(frames: Sequence[Frame], path: Path, period: float = PERIOD) -> None:
+def write_film(
+    frames: Sequence[Frame], path: Path, period: float = PERIOD, *, overwrite: bool = True
+) -> None:
     """A film of frames that are a period [s] apart, over and over, in a .webp or .gif file, whole or none.
 
-    Raises: InvalidInput, for another ending, no frames, frames of several sizes, or a path not to be written.
+    Raises: InvalidInput, for another ending, no frames, frames of several sizes, or a path not to be written,
+    which one that exists is where overwrite is False.
     """
     film = film_bytes(frames, path.suffix.lower(), period)
-    with whole_file(path) as part:
+    with whole_file(path, overwrite=overwrite) as part:
         part.write_bytes(film)
 
 

@@ -3,22 +3,32 @@
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
-import click
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
-from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.errors import InvalidInput, NameTaken, SkillError
 from pilotfish.models import online
-from pilotfish.station.answers import a_person_watches, as_json, remark
-from pilotfish.station.stream_lines import PATIENCE, Break, Columns, Piece, Refusal, Rows, Shown
+from pilotfish.station.answers import write_each
+from pilotfish.station.output import (
+    CLEAR,
+    PATIENCE,
+    a_person_watches,
+    as_json,
+    print_failure,
+    print_on_stderr,
+    progress,
+    remark,
+    say,
+)
+from pilotfish.station.stream_lines import Break, Columns, Piece, Refusal, Rows, Shown
 from pilotfish.station.stream_pieces import cuts
 from pilotfish.store import save_skill, save_stream
 from pilotfish.types import Array, Float
 
 TOLD = 10  # refusals that are told in full
-CLEAR = "\r\x1b[K"  # the start of the line, and nothing on it
 Make = Callable[[Columns], online.OnlineModel]
 
 
@@ -54,31 +64,56 @@ class Growth:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Outputs:
-    """Files for the model and the skill that it is, every so many seconds; 0 is at the end alone."""
+    """Files for the model and the skill that it is, every so many seconds; 0 is at the end alone.
+
+    A file that this stream has written is replaced by the next; any other only by force.
+    """
 
     model: Path | None
     skill: Path | None
-    seconds: float
+    seconds: float = 0.0
+    force: bool = False
+    own: set[Path] = field(default_factory=set)
+    taken: bool = False  # a file of this name appeared: the stream goes on under another one
 
     def keep(self, model: online.OnlineModel) -> dict[str, str]:
-        """The files that are written now.    Raises: SkillError."""
-        files = {}
-        if self.model:
-            save_stream(model, self.model)
-            files["out"] = str(self.model)
-        if self.skill:
-            save_skill(online.read_out(model), self.skill)
-            files["skill"] = str(self.skill)
-        return files
+        """Write the files, each also when another fails, and return them.    Raises: SkillError."""
+        writes = []
+        if out := self.model:
+            writes.append(lambda: self._write("model", out, partial(save_stream, model)))
+        if skill := self.skill:
+            writes.append(lambda: self._write("skill", skill, partial(_save_read_out, model)))
+        write_each(*writes)
+        named = {"out": self.model, "skill": self.skill}
+        return {name: str(path) for name, path in named.items() if path}
+
+    def _write(self, name: str, path: Path, save: Callable[..., None]) -> None:
+        try:
+            save(path, overwrite=self.force or path in self.own)
+        except NameTaken as error:
+            self.taken = True
+            setattr(self, name, error.path)
+            self.own.add(error.path)
+            raise
+        self.own.add(path)
+
+
+def _save_read_out(model: online.OnlineModel, path: Path, *, overwrite: bool) -> None:
+    save_skill(online.read_out(model), path, overwrite=overwrite)
 
 
 class Watch:
-    """Looks at a growth every now and then: shows it to a person, keeps it in files."""
+    """Looks at a growth every now and then: shows it to a person, keeps it in files.
 
-    def __init__(self, growth: Growth, outputs: Outputs, every: int | None) -> None:
-        self.growth, self.outputs, self.every = growth, outputs, every
+    stopped tells whether a signal asked to stop; then no line waits for a reader any more.
+    """
+
+    def __init__(
+        self, growth: Growth, outputs: Outputs, every: int | None, stopped: Callable[[], int] = lambda: 0
+    ) -> None:
+        self.growth, self.outputs, self.every, self.stopped = growth, outputs, every, stopped
         self.live = a_person_watches()
         self.shown = self.kept = (0.0, 0)  # when, and at how many datapoints
         self.marks: list[dict[str, float]] = []
@@ -87,7 +122,7 @@ class Watch:
         """Shows and keeps what is due."""
         now, growth = time.monotonic(), self.growth
         if self.live and growth.observed > self.shown[1] and now >= self.shown[0] + PATIENCE:
-            click.echo(f"{CLEAR}{growth.line}", nl=False, err=True)
+            progress(growth.line)
             self.shown = (now, growth.observed)
         if self.outputs.seconds and growth.observed > self.kept[1]:
             since = self.kept[0] or growth.begun or now
@@ -101,7 +136,7 @@ class Watch:
 
     def clear(self) -> None:
         if self.live and self.shown[1]:
-            click.echo(CLEAR, nl=False, err=True)
+            print_on_stderr(CLEAR, newline=False)
 
     def mark(self) -> None:
         """A line of growth, each so many datapoints."""
@@ -118,7 +153,12 @@ class Watch:
             )
         else:
             self.clear()
-            click.echo(growth.line)
+            say(growth.line, self.stopped)
+
+    @property
+    def pointless(self) -> bool:
+        """Whether no result reaches anyone: the stream writes no file and its lines cannot be printed."""
+        return not (self.outputs.model or self.outputs.skill) and print_failure() is not None
 
     def _keep(self, now: float) -> None:
         model = self.growth.model
@@ -152,6 +192,8 @@ def grow(pieces: Iterable[Piece], make: Make, watch: Watch) -> None:
             case Refusal():
                 refuse(watch, piece)
         watch.look()
+        if watch.every and watch.pointless:
+            return
 
 
 def learn_rows(watch: Watch, x: Float[Array, "N *rest"]) -> None:

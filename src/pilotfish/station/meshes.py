@@ -12,9 +12,9 @@ import numpy as np
 
 from pilotfish.environments import Surface
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.store import whole_file
+from pilotfish.files import make_folder, whole_file
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import read_file
+from pilotfish.validation import is_file, read_file
 
 PACKAGE = "example-robot-data"
 FOLDER = "cmeel.prefix/share/example-robot-data/robots/baxter_description/meshes"
@@ -68,9 +68,13 @@ def baxter_surfaces() -> tuple[Surface, ...]:
 
 
 def cache_folder() -> Path:
-    """The folder of pilotfish in the user's cache."""
-    named = os.environ.get("XDG_CACHE_HOME")
-    return (Path(named) if named else Path.home() / ".cache") / "pilotfish"
+    """The folder of pilotfish in the user's cache.    Raises: SkillError, when the user has none."""
+    if named := os.environ.get("XDG_CACHE_HOME"):
+        return Path(named) / "pilotfish"
+    try:
+        return Path.home() / ".cache" / "pilotfish"
+    except RuntimeError as error:
+        raise SkillError("there is no home folder; set XDG_CACHE_HOME to a folder for surfaces") from error
 
 
 def _missing(name: str) -> str:
@@ -86,7 +90,7 @@ def _made(folder: Path) -> Iterator[Surface]:
         raise SkillError(_missing(error.name or str(error))) from error
     for name, (part, place, turn) in WORN.items():
         file = folder / f"{name}.DAE"
-        if not file.is_file():
+        if not is_file(file):
             raise SkillError(
                 f"{PACKAGE} has no {file}; install the version that 'pilotfish[meshes]' asks for"
             )
@@ -128,11 +132,9 @@ def _keep(surfaces: Sequence[Surface], file: Path) -> None:
         arrays[f"{n}.{surface.part}.rgba"] = np.array(surface.rgba)
     content = save(arrays)
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(
-            f"{file.parent} cannot be made: {error.strerror}; set XDG_CACHE_HOME to another folder"
-        ) from error
+        make_folder(file.parent)
+    except InvalidInput as error:
+        raise InvalidInput(f"{error}: set XDG_CACHE_HOME to one") from error
     with whole_file(file) as part:
         part.write_bytes(sha256(content).digest() + content)
 

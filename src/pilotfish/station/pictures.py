@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.files import whole_file
 from pilotfish.gaussians import SemiTiedCovariances
 from pilotfish.models import FrameRelevance, SemiMarkovChain, Skill
-from pilotfish.store import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,9 +38,12 @@ def a_picture(_: click.Context, parameter: click.Parameter, path: Path | None) -
     return path
 
 
-def save_picture(figure: "Figure", path: Path) -> None:
-    """The picture in a file whose ending says its kind.    Raises: InvalidInput, when the disk refuses."""
-    with whole_file(path) as part:
+def save_picture(figure: "Figure", path: Path, *, overwrite: bool) -> None:
+    """Write the picture to a file whose ending says its kind.
+
+    Raises: InvalidInput, when the disk refuses, or the file exists and overwrite is False.
+    """
+    with whole_file(path, overwrite=overwrite) as part:
         figure.savefig(part, dpi=DOTS_PER_INCH)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from pilotfish.errors import InvalidInput
-from pilotfish.store import whole_file
+from pilotfish.files import whole_file
 
 DOTS_PER_INCH = 160
 
@@ -80,14 +80,16 @@ class Section:
     parts: tuple[str | Notice | Table | Picture | Film, ...]
 
 
-def write_report(path: str | Path, title: str, sections: Sequence[Section]) -> None:
+def write_report(
+    path: str | Path, title: str, sections: Sequence[Section], *, overwrite: bool = True
+) -> None:
     """Writes one HTML file, whole or not at all: pictures and style inside, nothing fetched, no script.
 
     All text is escaped. It follows the reader's choice of light or dark and prints on white; on a phone,
     wide pictures and tables are moved sideways on their own.
-    Raises: InvalidInput, when path cannot be written.
+    Raises: InvalidInput, when path cannot be written, or exists and overwrite is False.
     """
-    with whole_file(path) as part:
+    with whole_file(path, overwrite=overwrite) as part:
         part.write_text(page(title, sections), encoding="utf-8")
 
 

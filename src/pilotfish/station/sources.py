@@ -28,7 +28,10 @@ def recordings(source: str) -> tuple[Demonstration, ...]:
 
 def recordings_in(folder: Path) -> list[Path]:
     """What may be a recording or say what recordings mean, and so must not become a skill."""
-    return [path for path in folder.glob("*") if path.suffix in (".csv", ".npz", ".toml", ".json")]
+    try:
+        return [path for path in folder.iterdir() if path.suffix in (".csv", ".npz", ".toml", ".json")]
+    except OSError:  # no folder, or one that cannot be read: reading the recordings says what is wrong
+        return []
 
 
 def dataset(name: str) -> tuple[Demonstration, ...]:

@@ -1,11 +1,25 @@
-"""Ctrl-C and its kin as something that is looked at, not something that breaks in."""
+"""Ctrl-C and other signals that ask to stop: noted while a stream is learned, elsewhere an exception."""
 
 import signal
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALLED = 128  # and the number of the signal: the exit code, as shells have it
+AGAIN = 1.0  # s: a signal that comes sooner after another does not interrupt what that one cleans up
+LOST = 0.02  # s, after which an exception that Python could not raise where it came is raised anew
+
+
+class Stopped(BaseException):
+    """A signal asks the process to stop; on the way out, files that are half written are removed."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.number = number
 
 
 @contextmanager
@@ -19,12 +33,52 @@ def stops() -> Iterator[Callable[[], int]]:
     def note(number: int, _: FrameType | None) -> None:
         asked.append(number)
 
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    heard = [number for number, action in before.items() if action not in (signal.SIG_IGN, None)]
+    before = {number: signal.getsignal(number) for number in _heeded()}
     try:
-        for number in heard:
+        for number in before:
             signal.signal(number, note)
         yield lambda: asked[0] if asked else 0
     finally:
-        for number in heard:
-            signal.signal(number, before[number])
+        for number, action in before.items():
+            signal.signal(number, action)
+
+
+def raise_on_signals() -> None:
+    """Raise Stopped in the main thread at every signal that asks to stop, from now on.
+
+    Python drops an exception that a signal raises inside a destructor or a callback of the interpreter, and
+    prints it. That is not printed here, and the exception comes again.
+    """
+    last = [-AGAIN]
+
+    def stop(number: int, _: FrameType | None) -> None:
+        if (now := time.monotonic()) >= last[0] + AGAIN:
+            last[0] = now
+            raise Stopped(number)
+
+    def unraisable(lost: Any) -> None:
+        if not isinstance(lost.exc_value, Stopped):
+            sys.__unraisablehook__(lost)
+            return
+        stopped = lost.exc_value.number
+
+        def again(*_: object) -> None:
+            raise Stopped(stopped)
+
+        signal.signal(signal.SIGALRM, again)
+        signal.setitimer(signal.ITIMER_REAL, LOST)
+
+    sys.unraisablehook = unraisable
+    for number in _heeded():
+        signal.signal(number, stop)
+
+
+def die_of_signals() -> None:
+    """From now on, signals that ask to stop end the process at once: there is nothing left to clean up."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    for number in _heeded():
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _heeded() -> list[signal.Signals]:
+    return [n for n in SIGNALS if signal.getsignal(n) not in (signal.SIG_IGN, None)]

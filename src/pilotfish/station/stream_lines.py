@@ -17,11 +17,11 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels import LARGEST
+from pilotfish.station.output import PATIENCE
 from pilotfish.types import Array, Float
 
 CHUNK = 2**16  # bytes that are read at once: as many as a pipe holds
 LONGEST = 2**24  # bytes of a line
-PATIENCE = 0.25  # s, after which a reader that waits looks up
 FEW = 16  # lines that are looked at one by one
 UNPLAIN = re.compile(rb"[ \t\v\f\r_#]")  # beside commas: what reading at once cannot tell apart
 
@@ -77,15 +77,19 @@ def rows_arriving(source: str, width: int | None, stopped: Callable[[], int]) ->
 
 @contextmanager
 def source_of_lines(source: str) -> Iterator[int]:
-    """The descriptor of a file, or of standard input for "-".    Raises: InvalidInput, when there is none."""
+    """The descriptor of a file, or of standard input for "-".    Raises: InvalidInput, when there is none.
+
+    A named pipe is opened also before it has a writer; it ends when its last writer closes it.
+    """
     if source == "-":
         yield standard_input()
         return
     try:
-        descriptor = os.open(source, os.O_RDONLY)
-    except OSError as error:
+        descriptor = os.open(source, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", error)
         raise InvalidInput(
-            f"{source} cannot be read: {error.strerror}; expected -, a CSV file, a folder of recordings, or "
+            f"{source} cannot be read: {reason}; expected -, a CSV file, a folder of recordings, or "
             "dataset:NAME"
         ) from error
     try:
@@ -112,6 +116,9 @@ def chunks(descriptor: int, stopped: Callable[[], int]) -> Iterator[bytes]:
             continue
         try:
             data = os.read(descriptor, CHUNK)
+        except BlockingIOError:  # another reader of the same pipe was quicker
+            yield b""
+            continue
         except OSError as error:
             raise InvalidInput(f"the stream cannot be read any more: {error.strerror}") from error
         if not data:
