@@ -128,10 +128,20 @@ class Inside:
         fault, number, call = moment
         code, told = self.run(command, number, fault, before)
         outputs = {name: state(name, self.target, before, after) for name in command.outputs}
-        beside = sorted(names(self.target) - names(before.folder) - set(command.outputs))
+        beside = names(self.target) - names(before.folder) - set(command.outputs)
+        beside = {name for name in beside if name not in told}  # a result that is kept, as the message says
         again = self.again(command, after) if fault == "killed" and not self.brief else 0
         return Outcome(
-            command.name, command.old, fault, number, call, code, outputs, beside, "Traceback" in told, again
+            command.name,
+            command.old,
+            fault,
+            number,
+            call,
+            code,
+            outputs,
+            sorted(beside),
+            "Traceback" in told,
+            again,
         )
 
     def again(self, command: Command, after: "Contents") -> int:

@@ -128,7 +128,7 @@ def stream(**options: Any) -> Answer:
     with stops() as stopped:
         watch = Watch(growth, outputs, asked.every, stopped)
         trouble = _grown(flow, watch, asked, stopped)
-        return _ended(watch, asked, trouble, stopped())
+        return _ended(watch, asked, trouble)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,14 +199,15 @@ def _grown(flow: Flow, watch: Watch, asked: Choices, stopped: Callable[[], int])
     return None
 
 
-def _ended(watch: Watch, asked: Choices, trouble: InvalidInput | None, stopped: int) -> Answer:
+def _ended(watch: Watch, asked: Choices, trouble: InvalidInput | None) -> Answer:
     """The files are written; what has grown, and how the stream ended."""
     growth, model = watch.growth, watch.growth.model
     begun = asked.from_batch or asked.source == os.devnull  # there may be nothing to observe
     if model is None or not model.clusters or not (growth.observed or begun):
-        return _nothing(growth, stopped)
+        return _nothing(growth, watch.stopped())
     files = watch.outputs.keep(model)
     skill = online.read_out(model)
+    stopped = watch.stopped()  # a signal that comes while files are written counts too
     if trouble:
         watch.tell(f"the stream broke: {trouble}")
     rows = [*growth_rows(growth), *files.items()]
