@@ -76,6 +76,7 @@ def learn_markov(
 
     Raises: as learn does.
     """
+    require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
     guess = _guess(start, states, rng, settings.restarts)
     return _learn(
         demonstrations, guess, m_step_of(structure, settings, most_likely_chain), structure.label, settings
@@ -95,6 +96,7 @@ def learn_mixture(
 
     Raises: as learn does.
     """
+    require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
     guess = _guess(start, states, rng, settings.restarts)
     return _learn(
         demonstrations, guess, m_step_of(structure, settings, most_likely_weights), structure.label, settings

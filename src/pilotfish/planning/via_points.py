@@ -10,7 +10,7 @@ from pilotfish.demonstrations import Layout, Quantity
 from pilotfish.errors import InvalidInput, require_kind
 from pilotfish.planning.chart import Chart
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import finite_array, numeric_array, require_number
+from pilotfish.validation import finite_array, numeric_array, require_number, require_printable
 
 Numbers = float | Sequence[float] | Array
 LARGEST_VALUE = 1e50
@@ -40,6 +40,7 @@ def via_point(what: str, value: Numbers, *, time: float, deviation: Numbers) -> 
     Raises: InvalidInput, when a number is not finite, time is negative or a deviation is not above zero.
     """
     require_kind("what", what, str, 'give the name of a part or column, say "position"')
+    require_printable(what, "the name of what is wished")
     wished = np.atleast_1d(finite_array(value, f"the value of {what!r}", largest=LARGEST_VALUE))
     spread = numeric_array(deviation, f"the deviation of {what!r}")
     if wished.ndim != 1 or spread.shape not in ((), wished.shape):

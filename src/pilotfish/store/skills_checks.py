@@ -142,9 +142,11 @@ def _require_departures(row: Float[Array, " K"], i: int) -> None:
 
 
 def _require_distribution(p: Float[Array, " K"], place: str) -> None:
-    if (p < 0.0).any() or abs(p.sum() - 1.0) > ROUNDING:
+    with np.errstate(over="ignore"):
+        total = float(p.sum())
+    if (p < 0.0).any() or not abs(total - 1.0) <= ROUNDING:
         raise InvalidInput(
-            f"{place} is {short_repr(p.tolist())} with sum {p.sum():.9g}, expected probabilities of sum 1"
+            f"{place} is {short_repr(p.tolist())} with sum {total:.9g}, expected probabilities of sum 1"
         )
 
 

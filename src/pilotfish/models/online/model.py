@@ -113,6 +113,7 @@ def online_model(
             "give demonstrations as they are recorded, without on_sphere"
         )
     require_period(period, "period")
+    require_kind("frame_names", frame_names, (tuple, list), 'give names in a tuple, say ("world",)')
     names = tuple(require_name(name, "a frame") for name in frame_names)
     if not names or len(set(names)) != len(names):
         raise InvalidInput(
