@@ -31,6 +31,10 @@ CALLS: list[tuple[str, str, Any]] = [
     ("models.online.observe_demonstration", "model", None),
     ("planning.plan", "start", np.array(["a", "b", "c", "d"])),
     ("planning.planned_states", "start", np.full(4, None)),
+    ("models.online.online_model", "frame_names", 0.5),
+    ("models.learn", "settings", 0.5),
+    ("models.learn_mixture", "settings", "few"),
+    ("planning.via_point", "what", "posi\ud800tion"),
     ("planning.chart", "at", np.zeros(13, "M8[s]")),
 ]
 

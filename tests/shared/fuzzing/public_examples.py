@@ -47,6 +47,7 @@ LEFT_OUT: Mapping[str, str] = {
     "store.synthetic_valve": "takes randomness alone",
     "store.whole_file": "takes a path alone",
     "demonstrations.write_folder": "writes recordings, which come from `demonstration`",
+    "demonstrations.require_replaceable": "takes a path alone",
     "demonstrations.pose_layout": "takes nothing",
     **{
         f"demonstrations.{name}": "a check that `demonstration` and decoders call"
@@ -59,7 +60,15 @@ LEFT_OUT: Mapping[str, str] = {
     "plots.state_colour": "takes a number of a state alone",
     **{
         f"validation.{name}": "takes a path alone"
-        for name in ("is_file", "is_folder", "open_regular_file", "path_exists", "read_file", "resolve_path")
+        for name in (
+            "is_file",
+            "is_folder",
+            "is_link",
+            "open_regular_file",
+            "path_exists",
+            "read_file",
+            "resolve_path",
+        )
     },
 }
 
