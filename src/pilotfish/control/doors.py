@@ -6,7 +6,7 @@ from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, float_array, require_count, require_number
 
-MOST_AXES = 10_000
+MOST_AXES = 1_000  # the matrices of a double integrator then take 64 MB
 SHORTEST_PERIOD, LONGEST_PERIOD = 1e-9, 1e9  # s, as of recordings
 SMALLEST_PRICE, LARGEST = 1e-50, 1e50  # products of prices, systems and weights do not overflow
 ROUNDING = 1e-8  # what computing a weight may cost in symmetry or sign, as a share of its largest entry

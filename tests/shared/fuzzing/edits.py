@@ -279,7 +279,7 @@ def _shape(array: Array, rng: Random) -> tuple[Array, str]:
         lambda: np.concatenate([array, array], axis=-1) if array.ndim else array,
         lambda: flat,
         lambda: np.resize(array, few) if array.size else np.zeros(few),
-        lambda: np.resize(array, (300, 300)) if rng.random() < 0.1 and array.size else array[::-1],
+        lambda: np.resize(array, (100, 100)) if rng.random() < 0.1 and array.size else array[::-1],
     )
     edited = rng.choice(shapes)() if array.ndim else np.resize(array, few)
     return edited, f"shape {array.shape} -> {edited.shape}"
