@@ -86,8 +86,12 @@ def synchronise(path: Path) -> None:
         os.close(descriptor)
 
 
-def make_folder(path: Path) -> None:
+def make_folder(path: Path, fix: str = "choose another folder") -> None:
     """Make a folder and those above it, where they do not exist.
+
+    Args:
+        path: The folder.
+        fix: What to do if that is impossible, for the message.
 
     Raises:
         InvalidInput: If that is impossible.
@@ -96,7 +100,7 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or error
-        raise InvalidInput(f"{path} cannot be made: {reason}; choose another folder") from error
+        raise InvalidInput(f"{path} cannot be made: {reason}; {fix}") from error
 
 
 def _rename_over_empty_file(source: Path, target: Path) -> None:

@@ -131,10 +131,7 @@ def _keep(surfaces: Sequence[Surface], file: Path) -> None:
         arrays[f"{n}.{surface.part}.faces"] = surface.faces
         arrays[f"{n}.{surface.part}.rgba"] = np.array(surface.rgba)
     content = save(arrays)
-    try:
-        make_folder(file.parent)
-    except InvalidInput as error:
-        raise InvalidInput(f"{error}: set XDG_CACHE_HOME to one") from error
+    make_folder(file.parent, "set XDG_CACHE_HOME to another folder")
     with whole_file(file) as part:
         part.write_bytes(sha256(content).digest() + content)
 
