@@ -24,7 +24,7 @@ from pilotfish.models.dynamics import (
     SemiMarkovChain,
     Weights,
 )
-from pilotfish.models.em import EMSettings, Outcome, Run, improve
+from pilotfish.models.em import MOST_ITERATIONS, MOST_RESTARTS, EMSettings, Outcome, Run, improve
 from pilotfish.models.forward import LONGEST_PLAN, Forward, markov_forward, occupancy, semi_markov_forward
 from pilotfish.models.freedom import free_dynamics, free_parameters
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
@@ -70,6 +70,8 @@ from pilotfish.models.visits import Visits
 
 __all__ = [
     "LONGEST_PLAN",
+    "MOST_ITERATIONS",
+    "MOST_RESTARTS",
     "MOST_SKILL_NUMBERS",
     "MOST_STATES",
     "AdaptedSkill",

@@ -1,6 +1,5 @@
 """The room's doors: what cannot be drawn is refused here, before a figure is begun."""
 
-import difflib
 from collections.abc import Sequence
 
 from pilotfish.control import Motion
@@ -8,6 +7,7 @@ from pilotfish.demonstrations import Demonstration, Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.plots.kinds import require_kind, require_list, require_pairs
 from pilotfish.plots.style import MOST_STATES
+from pilotfish.validation import nearest_name, short_list
 
 Plane = tuple[str, str]  # names of the columns that lie to the right and upward
 
@@ -54,8 +54,8 @@ def column(layout: Layout, name: str) -> int:
     """
     if name in layout.names:
         return layout.names.index(name)
-    near = difflib.get_close_matches(name, layout.names, n=1, cutoff=0.0)[0]
-    raise InvalidInput(f"there is no column {name!r}, the nearest is {near!r}; of {', '.join(layout.names)}")
+    near = nearest_name(name, layout.names, cutoff=0.0)
+    raise InvalidInput(f"there is no column {name!r}, the nearest is {near!r}; of {short_list(layout.names)}")
 
 
 def chosen_planes(layout: Layout, planes: Sequence[Plane] | None) -> list[tuple[int, int]]:

@@ -16,7 +16,7 @@ from pilotfish.demonstrations import require_replaceable
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.station.output import print_failure, say
 from pilotfish.station.stops import SIGNALLED
-from pilotfish.validation import is_folder, is_link, path_exists, resolve_path
+from pilotfish.validation import escape, is_folder, is_link, path_exists, resolve_path
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ def _refuse_twins(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns side by side, two blanks apart."""
-    cells = [list(header), *map(list, rows)]
+    cells = [[escape(cell) for cell in row] for row in (header, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "\n".join(line.rstrip() for line in lines)
@@ -163,4 +163,4 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def plain_table(rows: Sequence[tuple[str, str]]) -> str:
     """What and how much, a line each."""
     width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name.ljust(width)}  {value}" for name, value in rows)
+    return "\n".join(f"{name.ljust(width)}  {escape(value)}" for name, value in rows)

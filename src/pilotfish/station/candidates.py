@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Structure
-from pilotfish.models import Candidate
+from pilotfish.models import MOST_STATES, Candidate
 from pilotfish.station.learners import LAWS, LEARNERS
 from pilotfish.station.structure_names import structure_named
 from pilotfish.validation import first_repeated, nearest_name, short_repr
@@ -47,9 +47,10 @@ def state_list(text: str) -> list[int]:
         if len(ends) > 2 or not all(end.isdecimal() and len(end) < 6 for end in ends):
             raise InvalidInput(f"--states has {short_repr(word)}, expected numbers such as 5 or 3:10")
         first, last = int(ends[0]), int(ends[-1])
-        if not 1 <= first <= last:
+        if not 1 <= first <= last <= MOST_STATES:
             raise InvalidInput(
-                f"--states has {short_repr(word)}, expected a range that rises from at least 1, say 3:10"
+                f"--states has {short_repr(word)}, expected a range that rises, from 1 to {MOST_STATES}, "
+                "say 3:10"
             )
         sizes.update(range(first, last + 1))
         if len(sizes) > MOST:

@@ -2,9 +2,11 @@
 
 import sys
 import traceback
+from typing import Any
 
 import click
 
+from pilotfish.errors import SkillError
 from pilotfish.station.answers import example
 from pilotfish.station.commands_data import data
 from pilotfish.station.commands_demo import demo
@@ -25,7 +27,29 @@ from pilotfish.station.output import (
 from pilotfish.station.stops import SIGNALLED, Stopped, die_of_signals, raise_on_signals
 
 
+class BoundedGroup(click.Group):
+    """Commands whose misuse is reported in one bounded, printable line, as every other error is."""
+
+    def make_context(self, *args: Any, **options: Any) -> click.Context:
+        try:
+            return super().make_context(*args, **options)
+        except click.UsageError as error:
+            raise _one_line(error) from None
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except click.UsageError as error:
+            raise _one_line(error) from None
+
+
+def _one_line(error: click.UsageError) -> click.UsageError:
+    error.message = str(SkillError(error.message))  # type: ignore[misc] # click keeps no other way
+    return error
+
+
 @click.group(
+    cls=BoundedGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog=example(
         "pilotfish learn dataset:valve --only 0-3 --out valve.skill", "pilotfish show valve.skill"

@@ -12,6 +12,9 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, Severity, check
 from pilotfish.gaussians import Structure
 from pilotfish.models import (
+    MOST_ITERATIONS,
+    MOST_RESTARTS,
+    MOST_STATES,
     EMSettings,
     Fit,
     KMeans,
@@ -71,7 +74,9 @@ class Choices:
 )
 @click.argument("folder")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="The skill file to write.")
-@click.option("--states", type=click.IntRange(min=1), default=7, show_default=True, help="How many states.")
+@click.option(
+    "--states", type=click.IntRange(1, MOST_STATES), default=7, show_default=True, help="How many states."
+)
 @click.option(
     "--structure",
     type=StructureType(),
@@ -126,14 +131,14 @@ class Choices:
 )
 @click.option(
     "--iterations",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MOST_ITERATIONS),
     default=200,
     show_default=True,
     help="At most so many iterations from each beginning.",
 )
 @click.option(
     "--restarts",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MOST_RESTARTS),
     default=1,
     show_default=True,
     help="Beginnings to try; the most likely result wins. Above 1, time bins are cut at random.",

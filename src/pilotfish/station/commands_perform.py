@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pilotfish.models import LONGEST_PLAN
 from pilotfish.station.answers import (
     Answer,
     answering,
@@ -41,7 +42,7 @@ def a_film(_: click.Context, parameter: click.Parameter, path: Path | None) -> P
 @click.option("--task", required=True, help="The task that the skill is for; pilotfish tasks lists them.")
 @click.option(
     "--situations",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, 10_000),
     default=20,
     show_default=True,
     help="How many unseen situations.",
@@ -51,7 +52,7 @@ def a_film(_: click.Context, parameter: click.Parameter, path: Path | None) -> P
 )
 @click.option(
     "--horizon",
-    type=click.IntRange(min=2),
+    type=click.IntRange(2, LONGEST_PLAN),
     help="How many steps.  [default: as many as the demonstrations had on average]",
 )
 @click.option(

@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 )
 @click.argument("task")
 @click.option(
-    "--demonstrations", type=click.IntRange(min=1), default=8, show_default=True, help="How many showings."
+    "--demonstrations",
+    type=click.IntRange(1, 10_000),
+    default=8,
+    show_default=True,
+    help="How many showings.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all chance.")
 @click.option(

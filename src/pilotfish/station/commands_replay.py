@@ -13,7 +13,7 @@ from pilotfish.control import Feedback, Motion, Reference
 from pilotfish.demonstrations import Frame, Layout, Part, Quantity, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.files import whole_file
-from pilotfish.models import AdaptedSkill, Skill, adapt
+from pilotfish.models import LONGEST_PLAN, AdaptedSkill, Skill, adapt
 from pilotfish.planning import ViaPoint, plan, planned_states, through
 from pilotfish.station.answers import Answer, answering, example, finite, plain_table, require_new, write_each
 from pilotfish.station.following import Setting, followed, gaps, setting, steps_shown, unit_of_gaps
@@ -98,7 +98,7 @@ PART_FACTS = ("final", "largest_acceleration", "start_to_first_target", "distanc
 )
 @click.option(
     "--horizon",
-    type=click.IntRange(min=2),
+    type=click.IntRange(2, LONGEST_PLAN),
     help="How many steps.  [default: as many as the demonstrations had on average]",
 )
 @click.option(

@@ -12,7 +12,7 @@ import click
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration
-from pilotfish.models import Candidate, EMSettings, Failure, Score, Selection
+from pilotfish.models import MOST_ITERATIONS, Candidate, EMSettings, Failure, Score, Selection
 from pilotfish.models import select as score_all
 from pilotfish.station.answers import (
     Answer,
@@ -87,7 +87,7 @@ class Choices:
 )
 @click.option(
     "--iterations",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MOST_ITERATIONS),
     default=200,
     show_default=True,
     help="At most so many for each fit.",

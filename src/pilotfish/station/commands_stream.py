@@ -12,7 +12,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
-from pilotfish.models import learn, online
+from pilotfish.models import MOST_STATES, learn, online
 from pilotfish.station.answers import Answer, answering, example, finite, require_new
 from pilotfish.station.growing import Growth, Outputs, Watch, grow, layout_of
 from pilotfish.station.output import remark
@@ -89,7 +89,9 @@ FILE = click.Path(path_type=Path)
     "that are not given are guessed from them.",
 )
 @click.option(
-    "--states", type=click.IntRange(min=1), help=f"How many states --from-batch learns.  [default: {STATES}]"
+    "--states",
+    type=click.IntRange(1, MOST_STATES),
+    help=f"How many states --from-batch learns.  [default: {STATES}]",
 )
 @click.option(
     "--seed", type=click.IntRange(min=0), help=f"Seed of all chance of --from-batch.  [default: {SEED}]"

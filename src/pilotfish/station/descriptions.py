@@ -19,7 +19,7 @@ def skill_facts(skill: Skill) -> dict[str, Any]:
     """Everything about a skill but its means and covariances, for programs."""
     provenance = skill.provenance
     return {
-        "states": [_state_facts(skill, k) for k in range(skill.states)],
+        "states": _states_facts(skill),
         "frames": list(skill.frame_names),
         "columns": [
             {"name": name, "unit": unit}
@@ -55,8 +55,10 @@ def states_table(skill: Skill) -> str:
     unit = _spread_unit(skill.layout.tangent)
     timing = {"mixture": "share", "markov": "lasts [s]", "semi-markov": "lasts [s]"}[_dynamics_name(skill)]
     spreads = [f"{name} [{unit}]" for name in skill.frame_names]
+    lasting = _lasting(skill)
     rows = [
-        [str(k), _timing(skill, k), _next(skill, k), *_marked(row)] for k, row in enumerate(_spreads(skill))
+        [str(k), _timing(skill, k, lasting), _next(skill, k), *_marked(row)]
+        for k, row in enumerate(_spreads(skill))
     ]
     lines = [table(("state", timing, "next", *spreads), rows)]
     if len(spreads) > 1:
@@ -64,7 +66,22 @@ def states_table(skill: Skill) -> str:
     return "\n".join(lines)
 
 
-def _state_facts(skill: Skill, k: int) -> dict[str, Any]:
+def _states_facts(skill: Skill) -> list[dict[str, Any]]:
+    spreads, lasting = _spreads(skill), _lasting(skill)
+    return [_state_facts(skill, k, spreads[k], lasting) for k in range(skill.states)]
+
+
+def _lasting(skill: Skill) -> Float[Array, "2 K"] | None:
+    """Mean and deviation of the durations [s]; None where states have none of their own."""
+    if not isinstance(skill.dynamics, SemiMarkovChain):
+        return None
+    durations = skill.dynamics.durations
+    return skill.period * np.stack([durations.means, durations.deviations])
+
+
+def _state_facts(
+    skill: Skill, k: int, spreads: Float[Array, " P"], lasting: Float[Array, "2 K"] | None
+) -> dict[str, Any]:
     facts: dict[str, Any] = {"state": k}
     match skill.dynamics:
         case Weights(weights):
@@ -72,11 +89,8 @@ def _state_facts(skill: Skill, k: int) -> dict[str, Any]:
         case MarkovChain(initial, transitions) | SemiMarkovChain(initial, transitions, _):
             facts["initial"] = float(initial[k])
             facts["next"] = {str(j): float(p) for j, p in enumerate(transitions[k]) if p > 0.0}
-    if isinstance(skill.dynamics, SemiMarkovChain):
-        durations = skill.dynamics.durations
-        mean, deviation = skill.period * durations.means[k], skill.period * durations.deviations[k]
-        facts["duration"] = {"mean": float(mean), "deviation": float(deviation)}
-    spreads = _spreads(skill)[k]
+    if lasting is not None:
+        facts["duration"] = {"mean": float(lasting[0, k]), "deviation": float(lasting[1, k])}
     facts["spread"] = dict(zip(skill.frame_names, map(float, spreads), strict=True))
     facts["precise_frame"] = skill.frame_names[int(spreads.argmin())]
     return facts
@@ -136,16 +150,13 @@ def relevance_facts(relevant: FrameRelevance) -> dict[str, Any]:
     }
 
 
-def _timing(skill: Skill, k: int) -> str:
-    match skill.dynamics:
-        case Weights(weights):
-            return f"{weights[k]:.3f}"
-        case MarkovChain(_, transitions):
-            leaving = 1.0 - transitions[k, k]
-            return f"{skill.period / leaving:.2f}" if leaving > 0.0 else "to the end"
-        case SemiMarkovChain(_, _, durations):
-            mean, deviation = skill.period * durations.means[k], skill.period * durations.deviations[k]
-            return f"{mean:.2f} ± {deviation:.2f}"
+def _timing(skill: Skill, k: int, lasting: Float[Array, "2 K"] | None) -> str:
+    if lasting is not None:
+        return f"{lasting[0, k]:.2f} ± {lasting[1, k]:.2f}"
+    if isinstance(skill.dynamics, Weights):
+        return f"{skill.dynamics.weights[k]:.3f}"
+    leaving = 1.0 - skill.dynamics.transitions[k, k]
+    return f"{skill.period / leaving:.2f}" if leaving > 0.0 else "to the end"
 
 
 def _next(skill: Skill, k: int) -> str:
@@ -171,7 +182,7 @@ def _spreads(skill: Skill) -> Float[Array, "K P"]:
     Of the positions when there are some; a rotation of the frame does not change it.
     """
     columns = _spread_columns(skill.layout.tangent)
-    dense = np.stack([c.dense for c in skill.covariances])[:, :, columns][..., columns]  # (P, K, d, d)
+    dense = np.stack([c.dense[:, columns][..., columns] for c in skill.covariances])  # (P, K, d, d)
     return np.asarray(np.exp(np.linalg.slogdet(dense)[1] / (2 * len(columns)))).T
 
 

@@ -11,6 +11,9 @@ from pilotfish.geometry import angle
 from pilotfish.models import AdaptedSkill, Skill
 from pilotfish.planning import Chart, ViaPoint, chart, on_chart
 from pilotfish.types import Array, Float
+from pilotfish.validation import short_list
+
+MOST_WORK = 2**34  # squared steps times states of a plan that nobody asked the length of: some seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +79,7 @@ def coordinates_with_speeds(layout: Layout) -> int:
             else "learn it again with them: pf.with_derivatives, or pilotfish learn --speeds"
         )
         raise InvalidInput(
-            f"the columns are {', '.join(layout.names)}, expected coordinates, then the derivative of each; "
+            f"the columns are {short_list(layout.names)}, expected coordinates, then the derivative of each; "
             f"{fix}"
         )
     return half
@@ -90,7 +93,13 @@ def steps_shown(skill: Skill) -> int:
     shown = skill.provenance
     if not shown.demonstrations or shown.datapoints < 2 * len(shown.demonstrations):
         raise InvalidInput("the skill does not say how long its demonstrations were; say --horizon")
-    return round(shown.datapoints / len(shown.demonstrations))
+    steps = round(shown.datapoints / len(shown.demonstrations))
+    if steps**2 * skill.states > MOST_WORK:
+        raise InvalidInput(
+            f"the skill says that its demonstrations had {steps} steps on average, which would take long to "
+            "plan; say how many with --horizon"
+        )
+    return steps
 
 
 def gaps(layout: Layout, here: slice, x: Float[Array, "T D"], y: Float[Array, "*#T D"]) -> Float[Array, " T"]:

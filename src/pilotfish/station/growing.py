@@ -27,6 +27,7 @@ from pilotfish.station.stream_lines import Break, Columns, Piece, Refusal, Rows,
 from pilotfish.station.stream_pieces import cuts
 from pilotfish.store import save_skill, save_stream
 from pilotfish.types import Array, Float
+from pilotfish.validation import short_list
 
 TOLD = 10  # refusals that are told in full
 Make = Callable[[Columns], online.OnlineModel]
@@ -247,5 +248,5 @@ def require_columns(model: online.OnlineModel, columns: Columns) -> None:
     """Raises: InvalidInput, when the rows are of other columns than the model."""
     names = model.layout.names * len(model.frame_names)
     if columns.width != len(names) or (columns.names and columns.names != names):
-        told = ", ".join(columns.names) or f"{columns.width} numbers"
+        told = short_list(columns.names) if columns.names else f"{columns.width} numbers"
         raise InvalidInput(f"the rows have {told}, expected those of the model: {', '.join(names[:32])}")

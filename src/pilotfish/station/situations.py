@@ -2,19 +2,31 @@
 
 import json
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, Part, Quantity, frame, frame_from_pose, tangent_map
+from pilotfish.demonstrations import (
+    Frame,
+    Layout,
+    Part,
+    Quantity,
+    frame,
+    frame_from_pose,
+    require_name,
+    tangent_map,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
 from pilotfish.models import AdaptedSkill, Skill, Weights
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array
+from pilotfish.validation import finite_array, read_file, short_list, short_repr
 
+LARGEST_SITUATION = 2**24  # bytes
+MOST_FRAMES = 1000
 BY_POSE, BY_MATRIX = {"name", "position", "quaternion"}, {"name", "A", "b"}
 TURNS = (Quantity.QUATERNION, Quantity.ORIENTATION)
 KEYS = {Quantity.POSITION: "position", **dict.fromkeys(TURNS, "quaternion")}
@@ -29,6 +41,8 @@ def frames_in(path: Path, skill: Skill) -> tuple[Frame, ...]:
     listed = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(listed, list) or not listed:
         raise InvalidInput(f"{path} has no list of frames; expected a list, or a table with the key frames")
+    if len(listed) > MOST_FRAMES:
+        raise InvalidInput(f"{path} has {len(listed)} frames, expected at most {MOST_FRAMES}")
     return tuple(_frame(given, f"{path}, frame {n}", skill.layout) for n, given in enumerate(listed))
 
 
@@ -44,7 +58,7 @@ def start_in(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
     if set(content) == {"x"}:
         x = np.array(finite_array(content["x"], f"{path}: x"))
         if x.shape != (model.layout.width,):
-            columns = ", ".join(model.layout.names)
+            columns = short_list(model.layout.names)
             raise InvalidInput(f"{path}: x has shape {x.shape}, expected ({model.layout.width},): {columns}")
         for first in model.layout.turns:
             x[first : first + 4] = _unit(x[first : first + 4], f"{path}: x")
@@ -61,19 +75,16 @@ def first_mean(model: AdaptedSkill) -> Float[Array, " D"]:
 
 def _keys(parts: Sequence[Part]) -> list[str]:
     """What the file calls each part: its quantity where it is the only one of it, or its name."""
-    kinds = [part.quantity for part in parts]
-    return [
-        KEYS.get(part.quantity, part.name) if kinds.count(part.quantity) == 1 else part.name for part in parts
-    ]
+    kinds = Counter(part.quantity for part in parts)
+    return [KEYS.get(part.quantity, part.name) if kinds[part.quantity] == 1 else part.name for part in parts]
 
 
 def _frame(given: object, place: str, layout: Layout) -> Frame:
     if not isinstance(given, dict) or set(given) not in (BY_POSE, BY_MATRIX):
-        has = sorted(given) if isinstance(given, dict) else repr(given)
+        has = short_list(sorted(given)) if isinstance(given, dict) else short_repr(given)
         raise InvalidInput(f"{place} has {has}, expected name, position, quaternion; or name, A, b")
-    if not isinstance(given["name"], str):
-        raise InvalidInput(f"{place}: name is {given['name']!r}, expected text")
     try:
+        require_name(given["name"], "a frame")
         if set(given) == BY_POSE:
             return frame_from_pose(given["name"], layout, pose(given["position"], given["quaternion"]))
         return _of_whole_width(frame(given["name"], given["A"], given["b"]), layout)
@@ -105,7 +116,9 @@ def _at_rest(content: dict[str, Any], path: str, layout: Layout) -> Float[Array,
     still = [(part, here) for part, here in parts if part.derivative == 0]
     needed = _keys([part for part, _ in still])
     if sorted(content) != sorted(needed):
-        raise InvalidInput(f"{path} has {sorted(content)}, expected {needed}, or x with every column")
+        raise InvalidInput(
+            f"{path} has {short_list(sorted(content))}, expected {short_list(needed)}, or x with every column"
+        )
     x = np.zeros(layout.width)
     for (part, here), key in zip(still, needed, strict=True):
         values = finite_array(content[key], f"{path}: {key}")
@@ -123,13 +136,10 @@ def _unit(q: Float[Array, " 4"], path: str) -> Float[Array, " 4"]:
 
 
 def _content(path: Path) -> Any:
+    data = read_file(path, "a JSON or TOML file", LARGEST_SITUATION)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
         return tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
-    except OSError as error:
-        raise InvalidInput(
-            f"{path} cannot be read: {error.strerror}; expected a JSON or TOML file"
-        ) from error
     except (ValueError, RecursionError) as error:
         kind = "TOML" if path.suffix.lower() == ".toml" else "JSON"
         raise InvalidInput(f"{path} is no {kind} that can be read: {error}") from error

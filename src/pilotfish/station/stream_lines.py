@@ -21,7 +21,7 @@ from pilotfish.station.output import PATIENCE
 from pilotfish.types import Array, Float
 
 CHUNK = 2**16  # bytes that are read at once: as many as a pipe holds
-LONGEST = 2**24  # bytes of a line
+LONGEST = 2**22  # bytes of a line
 FEW = 16  # lines that are looked at one by one
 UNPLAIN = re.compile(rb"[ \t\v\f\r_#]")  # beside commas: what reading at once cannot tell apart
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from pilotfish.models import MOST_STATES, online
 from pilotfish.station.answers import finite
 from pilotfish.station.stream_settings import LEARNERS, PENALTIES, WEIGHTINGS, option
 
@@ -45,17 +46,17 @@ UPKEEP = (
     ),
     click.option(
         "--spare",
-        type=click.IntRange(0, 2**31 - 1),
+        type=click.IntRange(0, online.MOST_SPARE),
         help="Directions that a subspace remembers beyond its dimension.  [default: 1]",
     ),
     click.option(
         "--most-clusters",
-        type=click.IntRange(1, 2**31 - 1),
+        type=click.IntRange(1, MOST_STATES),
         help="The lightest cluster makes room for one more than these.  [default: 256]",
     ),
     click.option(
         "--batch",
-        type=click.IntRange(1, 2**31 - 1),
+        type=click.IntRange(1, online.LARGEST_BATCH),
         help="So many datapoints are assigned before one of them changes a subspace.  [default: 1]",
     ),
 )

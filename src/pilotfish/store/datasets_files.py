@@ -7,9 +7,10 @@ from pathlib import Path, PurePosixPath
 
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.store.datasets_registry import Dataset
-from pilotfish.validation import is_file, is_folder, read_file
+from pilotfish.validation import is_file, is_folder, read_file, short_repr
 
 VARIABLE = "PILOTFISH_DATA"
+LARGEST_DATASET = 2**28  # bytes
 Retrieve = Callable[[Dataset], Path]
 
 
@@ -42,11 +43,15 @@ def local_file(dataset: Dataset, folder: str) -> Path | None:
     if not folder:
         return None
     if not is_folder(folder):
-        raise InvalidInput(f"{VARIABLE} is {folder!r}, expected a folder of datasets; correct it or unset it")
+        raise InvalidInput(
+            f"{VARIABLE} is {short_repr(folder, 200)}, expected a folder of datasets; correct it or unset it"
+        )
     file = Path(folder) / dataset.file
     if not is_file(file):
         return None
-    if (found := hashlib.sha256(read_file(file, "a data set")).hexdigest()) != dataset.sha256:
+    if (
+        found := hashlib.sha256(read_file(file, "a data set", LARGEST_DATASET)).hexdigest()
+    ) != dataset.sha256:
         raise InvalidInput(
             f"{file} has sha256 {found}, expected {dataset.sha256} as published at {dataset.address}; "
             f"put the original there, or unset {VARIABLE} to download it"
