@@ -185,7 +185,7 @@ WRONG_FRAMES: dict[str, tuple[Any, str]] = {
     "an infinite place": ([{**CUP, "position": [0, 0, 1e999]}], "finite"),
     "an endless number": ([{**CUP, "position": [0, 0, 10**400]}], "frame 0"),
     "text": ([{**CUP, "position": "here"}], "'here'"),
-    "a number for a name": ([{**CUP, "name": 3}], "name is 3"),
+    "a number for a name": ([{**CUP, "name": 3}], "name of a frame is 3"),
     "a singular matrix": ([HOME, {"name": "cup", "A": [[0.0] * 7] * 7, "b": [0.0] * 7}], "singular"),
     "a narrow matrix": ([HOME, {"name": "cup", "A": [[1, 0], [0, 1]], "b": [0, 0]}], "2 columns"),
 }
@@ -210,7 +210,7 @@ def test_no_frames_at_all(refusal: Refusal, skill: Path):
 WRONG_STARTS: dict[str, tuple[str, str]] = {
     "half a state": ('{"x": [0, 0, 0, 1, 0, 0, 0]}', "expected (14,)"),
     "no state": ('{"x": 3}', "expected (14,)"),
-    "a place alone": ('{"position": [0, 0, 0]}', "['position', 'quaternion']"),
+    "a place alone": ('{"position": [0, 0, 0]}', "expected position, quaternion"),
     "a flat place": ('{"position": [0, 0], "quaternion": [1, 0, 0, 0]}', "expected (3,)"),
     "no turn": ('{"position": [0, 0, 0], "quaternion": [0, 0, 0, 0]}', "norm 0"),
     "not finite": ('{"position": [0, 0, NaN], "quaternion": [1, 0, 0, 0]}', "finite"),

@@ -172,7 +172,7 @@ def test_two_arms_start_by_their_own_names(
     """Of two positions neither is `position`."""
     (tmp_path / "start.json").write_text(json.dumps({"position": [0, 0, 0]}))
     told = refusal("replay", arms_skill, "--start", "start.json")
-    assert "['left hand', 'left turn', 'right hand', 'right turn']" in told
+    assert "expected left hand, left turn, right hand, right turn" in told
     first, turn = reaches[0].x[0, :3].tolist(), reaches[0].x[0, 3:].tolist()
     arms = {"left hand": first, "left turn": turn, "right hand": first, "right turn": turn}
     (tmp_path / "start.json").write_text(json.dumps(arms))

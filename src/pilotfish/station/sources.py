@@ -12,7 +12,7 @@ from pilotfish.demonstrations import Demonstration, on_sphere, read_folder, with
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Skill
 from pilotfish.store import datasets, synthetic_valve
-from pilotfish.validation import first_repeated, nearest_name, short_repr
+from pilotfish.validation import first_repeated, nearest_name, short_list, short_repr
 
 NUMBER = re.compile("[0-9]{1,6}")
 PREFIX = "dataset:"
@@ -118,7 +118,7 @@ def as_learned(skill: Skill, source: str) -> tuple[Demonstration, ...]:
     names = skill.provenance.demonstrations or tuple(there)
     if missing := [name for name in names if name not in there]:
         raise InvalidInput(
-            f"{source} has the recordings {', '.join(there)}, and the skill was learned from "
+            f"{source} has the recordings {short_list(list(there))}, and the skill was learned from "
             f"{missing[0]!r} too; name the folder that it was learned from"
         )
     return tuple(_in_columns_of(skill, there[name]) for name in names)
