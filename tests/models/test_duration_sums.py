@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp, psi
 
+from pilotfish.errors import InvalidInput
 from pilotfish.models import (
     GammaDurations,
     GaussianDurations,
@@ -84,9 +85,11 @@ def test_quantiles_are_those_of_the_sum_over_every_step(durations, every_step, l
 
 
 def test_a_rule_is_short(durations):
-    """A thousand nodes or so, where no law is narrow far out; a narrow one is followed step by step."""
+    """A few thousand nodes, where no law is narrow far out; a narrow one is followed step by step."""
     wide = LogNormalDurations(np.array([8.0]), np.array([2.0]))
-    assert len(rule_for(wide.log_weights, 100).steps) < 1200
+    assert len(rule_for(wide.log_weights, 100).steps) < 4400
+    broad = GaussianDurations(np.array([1e5]), np.array([3e3]))
+    assert rule_for(broad.log_weights, 100).whole == 128
     narrow = GaussianDurations(np.array([5000.0]), np.array([3.0]))
     rule = rule_for(narrow.log_weights, 100)
     assert rule.whole >= 5000
@@ -184,3 +187,18 @@ def test_a_law_may_be_as_wide_as_its_visits_are():
     none = np.zeros_like(counts)
     durations = LogNormal().estimate(Visits(counts, none, none, none), None, 1.0)
     assert durations.log_deviations[0] > 1.9
+
+
+def test_many_states_of_long_broad_visits_need_few_steps_each():
+    """256 states of a quarter of an hour at 100 Hz, as a long stream has them."""
+    means = np.geomspace(10.0, 1e5, 256)
+    durations = GaussianDurations(means, means)
+    assert rule_for(durations.log_weights, 1).whole == 128
+
+
+def test_narrow_visits_far_out_are_refused_and_recordings_of_that_length_are_not():
+    """Only the steps that no caller asked for count."""
+    narrow = GaussianDurations(np.full(8, 1e7), np.full(8, 1.0))
+    with pytest.raises(InvalidInput, match="durations of 8 states reach 16777216 steps"):
+        rule_for(narrow.log_weights, 1)
+    assert rule_for(GaussianDurations(np.full(8, 5.0), np.ones(8)).log_weights, 10**6).whole == 2**20

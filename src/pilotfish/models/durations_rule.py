@@ -17,7 +17,8 @@ LogWeights = Callable[[Float[Array, " S"]], Float[Array, "S K"]]
 NEGLIGIBLE = -36.0  # log of the share of a law that sums may leave out
 NODES = 32  # that stand for a block of steps
 ROUGH = 60.0  # nats; a law that differs by more within a block is summed step by step there
-FIRST, LAST = 6, 40  # no block begins before step 2^6, none ends after 2^40
+FIRST, LAST = 7, 40  # no block begins before step 2^7, none ends after 2^40
+PARTS = 4  # blocks between a power of two and the next, of equal length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,24 +37,28 @@ def rule_for(log_weights: LogWeights, longest: int) -> Rule:
     """A rule that sums the laws, their squares of s, and their tails from any step up to longest, to 1e-12.
 
     Steps are taken one by one up to longest, and on as long as any law is narrow; from there on blocks,
-    each twice as long as the one before, are summed by Gauss's rule for equally spaced points: exact
-    for polynomials of degree 63, where the density of a law, smooth within a block, is no different.
-    Raises: InvalidInput, when so many steps must be taken one by one that they would not fit in memory.
+    four to each power of two, are summed by Gauss's rule for equally spaced points: exact for polynomials
+    of degree 63, where the density of a law, smooth within a block, is no different.
+    Raises: InvalidInput, when a law is so narrow so far beyond longest that the steps up to there, taken one
+    by one, would not fit in memory.
     """
     first = max(FIRST, int(longest - 1).bit_length())
-    edges = 2.0 ** np.arange(first, LAST + 0.25, 0.5)
-    log_w = log_weights(np.append(edges, float(longest)))  # (2 B + 2, K)
-    log_w = np.stack(
-        [log_w, log_w + 2.0 * np.log(np.append(edges, float(longest)))[:, None]]
-    )  # of squares too
+    edges = np.append(np.outer(2.0 ** np.arange(first, LAST), 1.0 + np.arange(PARTS) / PARTS), 2.0**LAST)
+    at = np.append(edges, float(longest))
+    log_w = log_weights(at)  # (4 B + 2, K)
+    log_w = np.stack([log_w, log_w + 2.0 * np.log(at)[:, None]])  # of squares too
     reference = log_w.max(axis=1)[:, None]
-    blocks = np.stack([log_w[:, :-3:2], log_w[:, 1:-2:2], log_w[:, 2:-1:2]])  # both edges and the middle
-    log_length = np.log(edges[:-2:2])[:, None]
-    small = ((blocks.max(axis=0) + log_length <= reference + NEGLIGIBLE) & _falling(blocks)).all(axis=0)
-    rough = (np.ptp(blocks[:, 0], axis=0) > ROUGH) & ~small  # (B, K)
+    ends = log_w[:, :-1]
+    B = LAST - first
+    octaves = np.stack([ends[:, n : n + PARTS * B : PARTS] for n in range(PARTS + 1)])  # (PARTS + 1, 2, B, K)
+    log_length = np.log(edges[:-1:PARTS])[:, None]
+    small = ((octaves.max(axis=0) + log_length <= reference + NEGLIGIBLE) & _falling(octaves)).all(axis=0)
+    changes = np.abs(np.diff(ends[0], axis=0)).reshape(-1, PARTS, ends.shape[2]).max(axis=1)
+    rough = (changes > ROUGH) & ~small  # (B, K)
     begin = _last(rough.any(axis=1)) + 1
     end = max(begin, _last(~small.all(axis=1)) + 1)
-    _refuse_long(first + begin, log_w.shape[2])
+    if begin:
+        _refuse_long(first + begin, log_w.shape[2])
     make = _kept_rule if first + begin <= KEPT else _rule
     return make(first + begin, first + end)
 
@@ -66,9 +71,9 @@ def _refuse_long(whole: int, states: int) -> None:
         )
 
 
-def _falling(blocks: Float[Array, "3 2 B K"]) -> Bool[Array, "2 B K"]:
-    """Whether what lies beyond a block is no more than it holds: falling there as s^-3 or faster."""
-    return np.asarray(blocks[2] - blocks[1] <= -1.5 * np.log(2.0))
+def _falling(octaves: Float[Array, "E 2 B K"]) -> Bool[Array, "2 B K"]:
+    """Whether what lies beyond an octave is no more than it holds: falling at its end as s^-3 or faster."""
+    return np.asarray(octaves[-1] - octaves[PARTS // 2] <= -3.0 * np.log(4.0 / 3.0))
 
 
 def _last(those: Bool[Array, " B"]) -> int:
@@ -89,9 +94,12 @@ def _kept_rule(begin: int, end: int) -> Rule:
 
 def _rule(begin: int, end: int) -> Rule:
     """One by one up to 2^begin, then blocks up to 2^end."""
-    blocks = [gauss_for_steps(2**n) for n in range(begin, end)]
-    steps = [np.arange(1.0, 2.0**begin + 1.0), *(2.0**n + at for n, (at, _) in enumerate(blocks, begin))]
-    counts = [np.ones(2**begin), *(weights for _, weights in blocks)]
+    steps, counts = [np.arange(1.0, 2.0**begin + 1.0)], [np.ones(2**begin)]
+    for n in range(begin, end):
+        length = 2**n // PARTS
+        nodes, weights = gauss_for_steps(length)
+        steps += [2.0**n + part * length + nodes for part in range(PARTS)]
+        counts += [weights] * PARTS
     return Rule(np.concatenate(steps), np.log(np.concatenate(counts)), 2**begin)
 
 
