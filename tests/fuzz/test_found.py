@@ -1,7 +1,6 @@
 """Inputs that fuzzing found to be answered with something else than a refusal in one line."""
 
 import tracemalloc
-from contextlib import suppress
 from functools import cache
 from time import process_time
 from typing import Any
@@ -14,7 +13,7 @@ from fuzzing.public_examples import Examples, examples, function_named
 from fuzzing.soundness import require_sound_refusal
 from fuzzing.targets import TARGETS
 
-from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.errors import SkillError
 from pilotfish.models import GaussianDurations
 
 # A function, one of its arguments, and the value that it is to refuse.
@@ -93,11 +92,7 @@ def test_durations_of_millions_of_steps_take_little_memory(deviation: float) -> 
     durations = GaussianDurations(np.full(3, 5.0), np.full(3, deviation))
     tracemalloc.start()
     try:
-        with suppress(InvalidInput):
-            durations.log_table(1)
+        assert np.isfinite(durations.log_table(1)).all()
         assert tracemalloc.get_traced_memory()[1] < 150 * 2**20
     finally:
         tracemalloc.stop()
-    if deviation > 5e6:
-        with pytest.raises(InvalidInput, match="use a longer period"):
-            durations.log_table(1)
