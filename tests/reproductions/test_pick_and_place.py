@@ -108,7 +108,7 @@ def test_the_rows_are_written_and_have_the_order_of_the_printed_ones(tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     options = ["--json", report, "--out", pictures, "--situations", "0"]
     command = [sys.executable, FOLDER / "pick_and_place.py", *options]
-    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    subprocess.run(command, check=True, capture_output=True, timeout=1200)
     told = json.loads(report.read_text())
     rows = told["rows"]
     assert [row["covariance_parameters"] for row in rows] == [1470, 1470, 588]

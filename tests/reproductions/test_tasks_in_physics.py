@@ -20,7 +20,7 @@ def test_a_task_is_done_where_it_was_never_shown(tmp_path, task):
     numbers, pictures = tmp_path / "tasks.json", tmp_path / "pictures"
     asked = ["--tasks", task, "--structures", "full", "--shown", "8", "--situations", str(SITUATIONS)]
     command = [sys.executable, SCRIPT, *asked, "--json", numbers, "--out", pictures]
-    subprocess.run(command, check=True, capture_output=True, timeout=600)
+    subprocess.run(command, check=True, capture_output=True, timeout=1200)
     (row,) = json.loads(numbers.read_text())
     assert row["task"] == task
     assert row["succeeded"] >= SITUATIONS - 1, row
