@@ -373,3 +373,18 @@ def test_nonsense_is_refused(rng, scene):
         Timing(law=Normal)
     with pytest.raises(InvalidInput, match="without durations"):
         most_likely_semi_markov(KMeans().guess(views(scene()), 2, rng), None, Timing(), 1.0)
+
+
+@pytest.mark.parametrize("law", [Normal(), Poisson(), Histogram(1.0)], ids=lambda law: law.label)
+def test_longest_beyond_the_recordings_changes_nothing(scene, law):
+    """It sized arrays: a fit of 40 rows took half a minute with a million steps, and no memory held 10^9."""
+    demos = scene(lengths=(30, 36))
+    fits = [
+        learn_semi_markov(demos, states=2, rng=np.random.default_rng(0), timing=Timing(law, longest=longest))
+        for longest in (36, 10**6, 2**31 - 1)
+    ]
+    for fit in fits[1:]:
+        np.testing.assert_array_equal(fit.trace, fits[0].trace)
+        np.testing.assert_array_equal(fit.skill.means, fits[0].skill.means)
+    with pytest.raises(InvalidInput, match=r"longest is 1000000000000, expected a whole number from 1"):
+        Timing(law, longest=10**12)

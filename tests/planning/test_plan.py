@@ -77,3 +77,11 @@ def test_planned_states_are_those_of_the_plan(model):
 def test_a_plan_knows_the_time_between_its_targets(model):
     assert plan(model, model.means[0], horizon=5).period == model.period
     assert expected_plan(model, horizon=5).period == model.period
+
+
+def test_weights_that_would_not_fit_in_memory_are_refused(model):
+    """They are counted before they are made."""
+    with pytest.raises(InvalidInput, match="weights of 16777217 steps have 67108868 numbers"):
+        reference(model, np.zeros(2**24 + 1, dtype=np.int64), 1e-3)
+    with pytest.raises(InvalidInput, match="horizon is 1000000000, expected a whole number from"):
+        expected_plan(model, horizon=10**9)

@@ -11,6 +11,8 @@ from pilotfish.validation import LARGEST_MAGNITUDE, numeric_array, require_count
 
 LONGEST_HORIZON = 10**6  # steps
 
+MOST_WEIGHTS = 2**26  # numbers in the weights of all steps: 512 MiB
+
 
 def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack: float = 2e-3) -> Reference:
     """The reference of the most probable states over horizon steps, from where the robot is now.
@@ -86,6 +88,11 @@ def reference(model: AdaptedSkill, states: Int[Array, " T"], slack: float) -> Re
         raise InvalidInput(f"states is {short_repr(states)}, expected an array of whole numbers, one a step")
     if not (states.size and 0 <= states.min() <= states.max() < model.states):
         raise InvalidInput(f"states is {short_repr(states)}, expected numbers from 0 to {model.states - 1}")
+    if (numbers := states.size * model.means.shape[1] ** 2) > MOST_WEIGHTS:
+        raise InvalidInput(
+            f"the weights of {states.size} steps have {numbers} numbers, expected at most {MOST_WEIGHTS}; "
+            "plan fewer steps at a time"
+        )
     softened = model.covariances + slack * np.eye(model.means.shape[1])
     cholesky(softened, "the softened covariance of state")
     inverse = np.linalg.solve(softened, np.broadcast_to(np.eye(softened.shape[1]), softened.shape))
