@@ -1,7 +1,9 @@
 """Inputs that fuzzing found to be answered with something else than a refusal in one line."""
 
+import io
 import tracemalloc
 from functools import cache
+from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -9,12 +11,18 @@ import click
 import numpy as np
 import pytest
 from annotations import annotations_checked
+from fuzzing.headed import headed_writer, taken_apart
 from fuzzing.public_examples import Examples, examples, function_named
+from fuzzing.seeds import streams
 from fuzzing.soundness import require_sound_refusal
 from fuzzing.targets import TARGETS
+from scipy.io import savemat
 
-from pilotfish.errors import SkillError
+from pilotfish.demonstrations import read_zshape_mat
+from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
 from pilotfish.models import GaussianDurations
+from pilotfish.store import decode_stream, encode_stream
+from pilotfish.store.headed_files import STREAM
 
 # A function, one of its arguments, and the value that it is to refuse.
 CALLS: list[tuple[str, str, Any]] = [
@@ -96,3 +104,24 @@ def test_durations_of_millions_of_steps_take_little_memory(deviation: float) -> 
         assert tracemalloc.get_traced_memory()[1] < 150 * 2**20
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("length", [2**20, 2**31, 2**32 - 1])
+def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
+    length: int, tmp_path: Path
+) -> None:
+    """SciPy reserved the length that an element gives."""
+    file = io.BytesIO()
+    savemat(file, {"Data": np.ones((4, 1500))})
+    data = bytearray(file.getvalue())
+    data[132:136] = length.to_bytes(4, "little")  # of the matrix, after the header and its kind
+    (tmp_path / "x.mat").write_bytes(data)
+    with pytest.raises(InvalidInput, match=f"says that it has {length} bytes"):
+        read_zshape_mat(tmp_path / "x.mat")
+
+
+def test_stream_whose_numbers_are_no_table_is_refused() -> None:
+    header, arrays, damage = taken_apart(encode_stream(streams()[0]))
+    data = headed_writer(STREAM)((header, {**arrays, "numbers": np.array(1.0)}, damage))
+    with pytest.raises(UnknownSkill, match="counts has shape"):
+        decode_stream(data)

@@ -62,7 +62,9 @@ def _elements(data: memoryview, order: Order) -> Iterator[tuple[int, memoryview]
             yield first & 0xFFFF, data[place + 4 : place + 4 + small]
             place += TAG
             continue
-        length = _number(data, place + 4, order)
+        length, there = _number(data, place + 4, order), len(data) - place - TAG
+        if length > there:  # SciPy reserves memory for all of them
+            raise InvalidInput(f"an element says that it has {length} bytes, but only {there} follow")
         yield first, data[place + TAG : place + TAG + length]
         place += TAG + length + (0 if first == COMPRESSED else -length % 8)
     raise InvalidInput(f"it has more than {MOST_ELEMENTS} elements, expected at most that")

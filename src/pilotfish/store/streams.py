@@ -99,7 +99,7 @@ def _model(header: Header, arrays: Arrays) -> online.OnlineModel:
     names = from_json(taken(header, "frames", "the header"), tuple[str, ...], "frames")
     settings = _settings_together(taken(header, "settings", "the header"))
     period = from_json(taken(header, "period", "the header"), float, "period")
-    if "numbers" in arrays and arrays["numbers"].size:
+    if "numbers" in arrays and arrays["numbers"].ndim and arrays["numbers"].size:
         require_sizes(len(names), len(arrays["numbers"]), layout.width)
     state = _state_together(arrays, len(names), layout.width)
     require_nothing_left(header, "the header")

@@ -39,7 +39,16 @@ STRICT = {
     *(f"validation.{n}" for n in ("finite_array", "float_array", "require_count", "require_number")),
     *("manipulation.step", "manipulation.reset"),
 }
-ORDINARY = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError, MemoryError, RuntimeWarning)
+ORDINARY = (
+    TypeError,
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    AttributeError,
+    MemoryError,
+    RuntimeWarning,
+    np.ma.MAError,
+)
 OURS = ("place", "largest", "expected")  # arguments that tell who calls, not what is given
 # Without numbers that are large and allowed, such as that of the steps of a plan.
 VALUES = tuple(
