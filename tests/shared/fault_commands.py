@@ -111,6 +111,9 @@ def make_inputs(inputs: Path) -> None:
     np.savetxt(inputs / "rows", np.vstack(arcs))
 
 
+KEPT: "list[Kept]" = []
+
+
 class Kept:
     """A function whose results are computed once, and then given again in the order of the calls.
 
@@ -119,6 +122,7 @@ class Kept:
 
     def __init__(self, module: Any, name: str) -> None:
         self.real, self.results, self.calls = getattr(module, name), [], 0
+        KEPT.append(self)
         setattr(module, name, self)
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
@@ -163,32 +167,34 @@ def compute_once(chosen: list[Command], inputs: Path) -> None:
     if {"record", "perform"} & set(lines):
         from pilotfish.station import recorder
 
-        kept = [KeptRecordings(recorder, "shown")]
+        KeptRecordings(recorder, "shown")
         record = ["record", "valve", "--demonstrations", "2", "--out", str(inputs / "valve")]
-        run_here(record, kept)
-        run_here(["learn", str(inputs / "valve"), "--states", "4", "--out", str(inputs / "valve.skill")], [])
+        run_here(record)
+        run_here(["learn", str(inputs / "valve"), "--states", "4", "--out", str(inputs / "valve.skill")])
     for name, line in lines.items():
-        run_here(line, long_parts(name))
+        keep_long_parts(name)
+        run_here(line)
 
 
-def long_parts(name: str) -> list[Kept]:
-    """What a command computes for long."""
+def keep_long_parts(name: str) -> None:
+    """Keep what a command computes for long."""
     if name == "select":
         from pilotfish.station import commands_select
 
-        return [Kept(commands_select, "_scored")]
+        Kept(commands_select, "_scored")
     if name == "perform":
         from pilotfish.station import execution
 
-        return [KeptExecution(execution, "execute")]
+        KeptExecution(execution, "execute")
     if name == "demo":
         from pilotfish.station import demo, report
 
-        return [Kept(demo, "_lesson"), Kept(demo, "_in_physics"), Kept(report, "page")]
-    return []
+        Kept(demo, "_lesson")
+        Kept(demo, "_in_physics")
+        Kept(report, "page")
 
 
-def run_here(line: list[str], kept: list[Kept]) -> None:
+def run_here(line: list[str]) -> None:
     """Run a command line in this process, in a folder that is removed afterwards."""
     from click.testing import CliRunner
 
@@ -196,5 +202,5 @@ def run_here(line: list[str], kept: list[Kept]) -> None:
 
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
-    for function in kept:
+    for function in KEPT:
         function.calls = 0

@@ -19,6 +19,7 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Iterator, Sequence
+from ctypes.util import find_library
 from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -83,6 +84,8 @@ def sweep(chosen: list[str], faults: Sequence[str], folder: Path, *, brief: bool
     if (library := built(folder)) is None:
         raise RuntimeError("no C compiler was found; install gcc")
     environment = {**os.environ, "LD_PRELOAD": str(library), "OPENBLAS_NUM_THREADS": "1"}
+    if find_library("OSMesa"):  # it draws without a screen
+        environment.setdefault("MUJOCO_GL", "osmesa")
     command = [sys.executable, "-W", "ignore", __file__, *chosen, "--inside", str(folder)]
     command += ["--faults", *faults, *(["--brief"] if brief else [])]
     result = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
