@@ -284,8 +284,8 @@ must then succeed.
 
 Made by `python tests/shared/fault_sweep.py --brief --markdown docs/robustness.md`: outputs that replace
 others, and of calls that differ only in the name of a recording the first two and the last; without `--brief`
-also outputs that replace nothing, and every call. `tests/files/test_faults.py` runs the same faults. In a row,
-calls that follow one another and end alike stand together.
+also outputs that replace nothing, and every call. `tests/files/test_faults.py` runs the same faults. In a
+row, calls that follow one another and end alike stand together.
 """
 
 
