@@ -206,7 +206,7 @@ UNUSABLE_SITUATIONS: list[tuple[type, tuple[Any, ...], str]] = [
     (CarabinerSituation, (HOLE, 0.0), "the rod: position"),
     (CarabinerSituation, (HERE, 0.2), "the place along the rod is 0.2, expected a number from -0.15 to 0.15"),
     (PlateSituation, (HOLE, 0), "the plate: position"),
-    (PlateSituation, (HERE, 8), "level of the obstacle is 8, expected a whole number from 0 to 7"),
+    (PlateSituation, (HERE, 21), "level of the obstacle is 21, expected a whole number from -3 to 20"),
     (PlateSituation, (HERE, True), "level of the obstacle is True"),
     (ScrewdriverSituation, (HOLE, LEVEL, 0.01, 0.5, 0.0), "the middle of the screw's way: position"),
     (ScrewdriverSituation, (HERE, 2 * LEVEL, 0.01, 0.5, 0.0), "expected a direction of length one"),

@@ -160,6 +160,7 @@ def test_what_was_observed_moves_the_plan():
     assert most_probable_states(chain, np.empty((0, 3)), 10)[0] == 0
 
 
+@pytest.mark.usefixtures("unchecked")  # of 4000 calls
 def test_sampled_sequences_occur_as_often_as_their_occupancy_says(rng):
     chain, horizon, N = random_chain(rng, 3), 12, 4000
     counts = np.zeros((horizon, 3))
@@ -170,12 +171,14 @@ def test_sampled_sequences_occur_as_often_as_their_occupancy_says(rng):
     )
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_sampled_markov_sequences_occur_as_often_as_their_occupancy_says(rng):
     chain, N = MarkovChain(np.array([0.7, 0.3]), np.array([[0.9, 0.1], [0.4, 0.6]])), 4000
     share = np.mean([sample_states(chain, 5, rng)[-1] for _ in range(N)])
     assert abs(share - occupancy(chain, np.empty((0, 2)), 5)[-1, 1]) < 5 * 0.5 / np.sqrt(N)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_several_ways_through_a_movement_appear_with_their_probabilities(rng):
     chain = SemiMarkovChain(
         np.eye(3)[0],

@@ -120,7 +120,7 @@ def _sample_markov(chain: MarkovChain, horizon: int, rng: np.random.Generator) -
 def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
     longest = min(chain.durations.longest(UNLIKELY), horizon)
     table = np.exp(chain.durations.log_table(longest))  # (S, K)
-    table[-1] = np.exp(log_tails(chain.durations, longest)[0][-1])  # visits that go on beyond it
+    table[-1] = (1.0 - table[:-1].sum(axis=0)).clip(min=0.0)  # visits that go on beyond it
     state = int(rng.choice(len(chain.initial), p=chain.initial))
     lengths = _lengths_left(chain, longest) if chain.censoring.first else table
     states: list[int] = []

@@ -33,6 +33,7 @@ from pilotfish.geometry import Pose, multiply, rotation_matrix, rotation_vector
 from pilotfish.validation import require_count
 
 LEVELS, STEP, LOWEST = 8, 0.02, 0.09  # heights of the obstacle: how many, from one to the next, the first [m]
+POSSIBLE = (-3, 20)  # levels: from just above the table to as high as the arm reaches with a plate
 TABLE = -0.12  # m, its top
 HALF: Triple = (0.07, 0.05, 0.004)  # m, half of its sides and of its thickness
 WEIGHT = 0.28  # kg: as glass of this size
@@ -48,14 +49,17 @@ DOWN = turned((0.0, 1.0, 0.0), pi)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlateSituation:
-    """Where the plate lies at first, the middle of its upper face, z up; the obstacle's height, 0 to 7."""
+    """Where the plate lies at first, the middle of its upper face, z up; the obstacle's level.
+
+    Levels 0 to 7 are drawn; the others of POSSIBLE are for situations beyond those of demonstrations.
+    """
 
     plate: Pose
     level: int
 
     def __post_init__(self) -> None:
         require_pose(self.plate, "the plate", TABLE)
-        require_count(self.level, "the level of the obstacle", LEVELS - 1)
+        require_count(self.level, "the level of the obstacle", POSSIBLE[1], POSSIBLE[0])
 
 
 def situation_at(level: int, rng: np.random.Generator) -> PlateSituation:
