@@ -8,7 +8,8 @@ SHELL := bash
 PYTHON3 ?= python3
 PYTHON := .venv/bin/python
 READY := .venv/ready
-PYTEST := $(PYTHON) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal --durations 20
+SEEDS ?= 1
+PYTEST = $(PYTHON) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal --durations 20 --seeds $(SEEDS)
 KERNELS := $(wildcard CMakeLists.txt src/pilotfish/kernels/*.cpp src/pilotfish/kernels/*.hpp src/pilotfish/kernels/*/*.cpp src/pilotfish/kernels/*/*.hpp)
 
 # Real recordings: the folder beside the checkout when there is one. Without it the library fetches what is public, and
@@ -22,7 +23,7 @@ endif
 export PYTHONDONTWRITEBYTECODE :=# bytecode is kept, so that an import stays quick
 export OPENBLAS_NUM_THREADS ?= 1# the matrices are small: more threads are slower
 
-.PHONY: help demo test lint check fuzz bench reproduce clean
+.PHONY: help demo test slow lint check fuzz bench reproduce clean
 
 help: ## list these targets
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -30,8 +31,11 @@ help: ## list these targets
 demo: $(READY) ## learn the valve task, replay it in new situations, draw it: build/demo
 	.venv/bin/pilotfish demo --out build/demo
 
-test: $(READY) ## run every test that is not slow
+test: $(READY) ## run every test that is not slow; SEEDS=3 runs those that depend on chance with three seeds
 	$(PYTEST) -m "not slow"
+
+slow: $(READY) ## run the slow tests: whole scripts, processes that are killed, full disks, installs, mutants
+	$(PYTEST) -m slow
 
 lint: $(READY) ## format, lint, types and spelling
 	.venv/bin/ruff format --check
@@ -39,8 +43,8 @@ lint: $(READY) ## format, lint, types and spelling
 	.venv/bin/mypy
 	.venv/bin/codespell -D - -D .ci/british.txt
 
-check: lint ## lint, then run every test, slow ones too, with three seeds
-	$(PYTEST) --seeds 3
+check: SEEDS = 3
+check: lint slow test ## lint, then run every test with three seeds
 
 fuzz: $(READY) ## give a million hostile inputs to every decoder and public function: PILOTFISH_FUZZ=N sets how many
 	$(PYTHON) tests/fuzz/run.py
