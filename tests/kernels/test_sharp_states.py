@@ -102,17 +102,16 @@ def log_weight_of_semi_markov_path(tables):
 @pytest.mark.parametrize("recording", RECORDINGS)
 def test_semi_markov_sharp_states_equals_60_digits(kernels, rng, recording, durations, sharpness):
     """Likelihood, posteriors, changes of state, forward variable and best path, at any sharpness."""
-    for _ in range(2):
-        log_emissions, tables = sample_problem(rng, recording, durations, sharpness)
-        expected = exact_chains.semi_markov(log_emissions, tables)
-        actual = kernels.semi_markov(log_emissions, tables)
-        np.testing.assert_allclose(actual.log_likelihood, expected.log_likelihood, rtol=RTOL, atol=RTOL)
-        np.testing.assert_allclose(actual.posteriors, expected.posteriors, atol=ATOL)
-        np.testing.assert_allclose(actual.transitions, expected.transitions, atol=ATOL)
-        forward = kernels.semi_markov_forward(log_emissions, tables).log_occupancy.max(axis=1)
-        np.testing.assert_allclose(forward, expected.log_forward.max(axis=1), rtol=RTOL, atol=RTOL)
-        best = kernels.semi_markov_viterbi(log_emissions, tables)
-        assert_most_probable(log_emissions, log_weight_of_semi_markov_path(tables), expected, best)
+    log_emissions, tables = sample_problem(rng, recording, durations, sharpness)
+    expected = exact_chains.semi_markov(log_emissions, tables)
+    actual = kernels.semi_markov(log_emissions, tables)
+    np.testing.assert_allclose(actual.log_likelihood, expected.log_likelihood, rtol=RTOL, atol=RTOL)
+    np.testing.assert_allclose(actual.posteriors, expected.posteriors, atol=ATOL)
+    np.testing.assert_allclose(actual.transitions, expected.transitions, atol=ATOL)
+    forward = kernels.semi_markov_forward(log_emissions, tables).log_occupancy.max(axis=1)
+    np.testing.assert_allclose(forward, expected.log_forward.max(axis=1), rtol=RTOL, atol=RTOL)
+    best = kernels.semi_markov_viterbi(log_emissions, tables)
+    assert_most_probable(log_emissions, log_weight_of_semi_markov_path(tables), expected, best)
 
 
 @pytest.mark.parametrize("sharpness", SHARPNESS)

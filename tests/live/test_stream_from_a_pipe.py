@@ -1,9 +1,11 @@
 """A robot's datapoints through a real pipe: learned as they come, and kept whatever ends the stream."""
 
+import fcntl
 import os
 import signal
 import subprocess
 import sys
+import termios
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -122,7 +124,7 @@ def test_a_signal_before_the_first_row_leaves_no_file(start: Starts, tmp_path: P
     """There is nothing to keep: said on stderr."""
     process = start("--every", "1")
     send(process, b"# hello\n")
-    wait_until(lambda: caught(Path(f"/proc/{process.pid}/status"), signal.SIGTERM))
+    wait_until(lambda: unread(process) == 0)
     process.send_signal(signal.SIGTERM)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, out) == (143, b"")
@@ -130,10 +132,11 @@ def test_a_signal_before_the_first_row_leaves_no_file(start: Starts, tmp_path: P
     assert not (tmp_path / "now.stream").exists()
 
 
-def caught(status: Path, number: signal.Signals) -> bool:
-    """Whether the process has a handler of its own for the signal."""
-    (line,) = (line for line in status.read_text().splitlines() if line.startswith("SigCgt"))
-    return bool(int(line.split()[1], 16) >> (number - 1) & 1)
+def unread(process: subprocess.Popen[bytes]) -> int:
+    """Return how many bytes of the pipe the process has not read yet."""
+    assert process.stdin
+    count = fcntl.ioctl(process.stdin, termios.FIONREAD, bytes(4))
+    return int.from_bytes(count, sys.byteorder)
 
 
 def test_no_more_is_read_than_was_wanted(start: Starts, tmp_path: Path):
