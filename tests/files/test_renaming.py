@@ -10,6 +10,7 @@ import pytest
 from pilotfish.errors import InvalidInput, NameTaken
 from pilotfish.files import make_folder, renaming, whole_file, whole_folder
 from pilotfish.files.renaming import exchange, rename_new
+from pilotfish.store.headed_files import written
 
 
 def unsupported(*_: object, **__: object) -> NoReturn:
@@ -79,7 +80,7 @@ def test_a_file_that_appears_during_the_work_is_kept_and_the_result_too(
             part.write_text("new")
             occupy(tmp_path / "motion.csv", kind)
 
-    with pytest.raises(NameTaken, match=r"motion\.csv was made .* in .*motion-2\.csv") as taken:
+    with pytest.raises(NameTaken, match=r"motion\.csv exists and is kept; .* in .*motion-2\.csv") as taken:
         write()
     assert taken.value.path == tmp_path / "motion-2.csv"
     assert taken.value.path.read_text() == "new"
@@ -88,14 +89,15 @@ def test_a_file_that_appears_during_the_work_is_kept_and_the_result_too(
 
 
 @pytest.mark.parametrize("kind", ["file", "link without a target"])
-def test_an_existing_file_is_refused_before_the_work(tmp_path: Path, kind: str):
-    """overwrite=False."""
+def test_an_existing_file_is_refused_and_the_result_kept_only_if_asked(tmp_path: Path, kind: str):
+    """overwrite=False, without and with beside=True."""
     occupy(tmp_path / "motion.csv", kind)
-    with (
-        pytest.raises(InvalidInput, match="exists; choose another name"),
-        whole_file(tmp_path / "motion.csv", overwrite=False),
-    ):
-        pytest.fail("the work began")
+    with pytest.raises(InvalidInput, match="exists; choose another name"):
+        written(b"new", tmp_path / "motion.csv", overwrite=False, beside=False)
+    assert names(tmp_path) == ["motion.csv"]
+    with pytest.raises(NameTaken, match=r"exists and is kept; this result is in .*motion-1\.csv"):
+        written(b"new", tmp_path / "motion.csv", overwrite=False, beside=True)
+    assert (tmp_path / "motion-1.csv").read_bytes() == b"new"
 
 
 def test_overwriting_follows_links(tmp_path: Path):

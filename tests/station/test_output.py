@@ -202,7 +202,9 @@ def test_commands_that_write_one_file_at_once_keep_each_result(place: Path):
     codes = [process.returncode for process in processes]
     assert codes.count(0) == 1
     assert all("new" in words for words, code in zip(told, codes, strict=True) if code)
-    kept = [words for words in told if "in the meantime" in words]  # unless it saw the file before its work
+    kept = [
+        words for words in told if "exists and is kept" in words
+    ]  # unless it saw the file before its work
     assert len(list(place.glob("new*.skill"))) == 1 + len(kept)
 
 

@@ -106,9 +106,9 @@ def test_of_several_outputs_each_is_tried(
     (tmp_path / "rows").write_text(ROWS)
     real = growing.save_stream
 
-    def taken(model: Any, path: Path, *, overwrite: bool) -> None:
+    def taken(model: Any, path: Path, **options: bool) -> None:
         path.write_text("another")
-        real(model, path, overwrite=overwrite)
+        real(model, path, **options)
 
     monkeypatch.setattr(growing, "save_stream", taken)
     result = run("stream", "rows", *DP_GMM, "--out", "m.stream", "--skill", "s.skill")
@@ -123,12 +123,11 @@ def test_streams_that_save_to_one_name_lose_nothing(
     (tmp_path / "rows").write_text(ROWS)
     real, calls = growing.save_stream, []
 
-    def save(model: Any, path: Path, *, overwrite: bool) -> None:
+    def save(model: Any, path: Path, *, overwrite: bool, beside: bool) -> None:
         calls.append((path.name, overwrite))
         if len(calls) == 1:
             path.write_text("another")
-            monkeypatch.setattr("pilotfish.files.whole_files.path_exists", lambda _: False)
-        real(model, path, overwrite=overwrite)
+        real(model, path, overwrite=overwrite, beside=beside)
 
     monkeypatch.setattr(growing, "save_stream", save)
     result = run("stream", "rows", *DP_GMM, "--out", "m.stream", "--save-every", "1e-9")

@@ -160,6 +160,11 @@ def test_visits_longer_than_a_sample_are_drawn_with_their_probability() -> None:
             "datapoints is a whole number of 1329",
         ),
         (lambda h, a: h["provenance"].update(datapoints=-1), "datapoints is -1"),
+        (
+            lambda h, a: h["provenance"].update(regularisation=None),
+            "regularisation is nan, expected a number",
+        ),
+        (lambda h, a: h["provenance"].update(log_likelihood=1e200), "log_likelihood is 1e[+]200"),
         (lambda h, a: h.update(version=10**400), "newer pilotfish"),
         (lambda h, a: h.update(frames=["w"] * 200_000), "frames is .*expected a list of at most 100000"),
         (lambda h, a: h.update(frames=[f"n{n}" for n in range(99_999)]), "99999 frame names"),
@@ -171,7 +176,7 @@ def test_visits_longer_than_a_sample_are_drawn_with_their_probability() -> None:
         ),
         (lambda h, a: a.update(means=np.zeros((1, 2000, 1))), "number of states is 2000"),
     ],
-    ids=range(14),
+    ids=range(16),
 )
 def test_numbers_in_a_header_are_bounded(change: Any, message: str) -> None:
     refused(edited(change), message)

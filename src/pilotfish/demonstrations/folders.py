@@ -56,7 +56,11 @@ def read_folder(path: str | Path) -> tuple[Demonstration, ...]:
 
 
 def write_folder(
-    demonstrations: Sequence[Demonstration], path: str | Path, *, overwrite: bool = False
+    demonstrations: Sequence[Demonstration],
+    path: str | Path,
+    *,
+    overwrite: bool = False,
+    beside: bool = False,
 ) -> None:
     """Write a folder that reads back equal, number for number. It appears whole or not at all.
 
@@ -67,14 +71,18 @@ def write_folder(
         demonstrations: At least one; they share layout and period.
         path: The folder to write. A folder that is empty is filled.
         overwrite: Whether a folder of demonstrations may be replaced; nothing else ever is.
+        beside: Whether to write to a similar free name if what is there may not be replaced, so that the
+            result of long work is kept; the error gives that name.
 
     Raises:
         InvalidInput: If the demonstrations do not go together, path cannot be written, or what is there may
-            not be replaced. If it came into being in the meantime it is kept, and the result has another
-            name, the `path` of the error (`NameTaken`).
+            not be replaced.
+        NameTaken: If what is there may not be replaced, and the result was written to the `path` of the
+            error: with beside, or where the folder came into being in the meantime.
     """
     files = _files(demonstrations)
-    require_replaceable(path, overwrite=overwrite)
+    if not beside:
+        require_replaceable(path, overwrite=overwrite)
     place = resolve_path(path)
     with whole_folder(place, partial(_require_demonstrations, place) if overwrite else None) as folder:
         for name, data in files.items():

@@ -7,7 +7,7 @@ from secrets import token_hex
 
 from pilotfish.errors import InvalidInput, NameTaken
 from pilotfish.files.renaming import rename_beside, rename_new, synchronise
-from pilotfish.validation import is_file, is_link, path_exists, resolve_path
+from pilotfish.validation import is_file, path_exists, resolve_path
 
 
 @contextmanager
@@ -19,12 +19,12 @@ def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
 
     Args:
         path: The file. With overwrite, a link is followed, and the file that it leads to is replaced.
-        overwrite: Whether an existing file may be replaced. The check is part of the last step: a file that
-            another process makes in the meantime is kept too.
+        overwrite: Whether an existing file may be replaced. The check is part of the last step, so that a
+            file is kept whenever another process makes it.
 
     Raises:
-        InvalidInput: If path cannot be written, is no regular file, or exists and may not be replaced.
-        NameTaken: If path came into being in the meantime; what was written is kept under another name.
+        InvalidInput: If path cannot be written, or is no regular file.
+        NameTaken: If path exists and may not be replaced; what was written is kept under another name.
     """
     target = _target(Path(path), overwrite)
     part = target.with_name(f".pilotfish-{token_hex(8)}{target.suffix[-10:]}")  # writers look at the ending
@@ -48,8 +48,6 @@ def _target(path: Path, overwrite: bool) -> Path:
     target = resolve_path(path) if overwrite else path
     if path_exists(target) and not is_file(target):
         raise InvalidInput(f"{path} is no regular file; give the name of a file, there or not yet there")
-    if not overwrite and (path_exists(path) or is_link(path)):
-        raise InvalidInput(f"{path} exists; choose another name, or say overwrite=True")
     return target
 
 
@@ -61,9 +59,7 @@ def _take_name(part: Path, target: Path, overwrite: bool) -> None:
         rename_new(part, target)
     except FileExistsError as error:
         kept = rename_beside(part, target, rename_new)
-        raise NameTaken(
-            f"{target} was made by something else in the meantime and is kept; this result is in {kept}", kept
-        ) from error
+        raise NameTaken(f"{target} exists and is kept; this result is in {kept}", kept) from error
 
 
 def _remove(part: Path) -> None:

@@ -32,7 +32,7 @@ def whole_folder(path: str | Path, replaceable: Callable[[Path], None] | None = 
 
     Raises:
         InvalidInput: If path cannot be written.
-        NameTaken: If path came into being in the meantime, or what must stay came into it; what was written
+        NameTaken: If path exists and may not be replaced, or what must stay came into it; what was written
             is kept under another name.
     """
     place = resolve_path(path)
@@ -67,10 +67,7 @@ def _take_name(built: Path, place: Path, replaceable: Callable[[Path], None] | N
     except FileExistsError as error:
         if replaceable is None or not is_folder(place):
             kept = rename_beside(built, place, _rename_folder)
-            raise NameTaken(
-                f"{place} was made by something else in the meantime and is kept; this result is in {kept}",
-                kept,
-            ) from error
+            raise NameTaken(f"{place} exists and is kept; this result is in {kept}", kept) from error
         _replace(built, place, replaceable)
 
 

@@ -69,7 +69,7 @@ def export(name: str, folder: Path, force: bool) -> Answer:
     """Write data set NAME to FOLDER, in the format that learn reads."""
     require_new_folder(folder, force=force)
     demonstrations = dataset(name)
-    write_folder(demonstrations, folder, overwrite=force)
+    write_folder(demonstrations, folder, overwrite=force, beside=True)
     facts = {"folder": str(folder), "demonstrations": [_facts(demo) for demo in demonstrations]}
     return Answer(f"{_shown(demonstrations)}\n\nwritten to {folder}", facts)
 

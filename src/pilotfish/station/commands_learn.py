@@ -174,7 +174,7 @@ def learn(**options: Any) -> Answer:
     gone: tuple[str, ...] = ()
     if asked.drop_distractors:
         fit, gone = _without_distractors(fit, demonstrations, learner, asked)
-    save_skill(fit.skill, asked.out, overwrite=asked.force)
+    save_skill(fit.skill, asked.out, overwrite=asked.force, beside=True)
     return _answer(fit, gone, asked)
 
 

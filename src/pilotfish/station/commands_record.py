@@ -58,7 +58,7 @@ def record(task: str, demonstrations: int, seed: int, delay: float, **files: Any
         made.append((recording, tries))
         if a_person_watches():
             remark(f"shown {len(made)} of {demonstrations}, {recording.seconds:.1f} s")
-    write_folder([recording.demonstration for recording, _ in made], folder, overwrite=force)
+    write_folder([recording.demonstration for recording, _ in made], folder, overwrite=force, beside=True)
     facts = {
         "folder": str(folder),
         "task": task,

@@ -92,7 +92,7 @@ class Outputs:
 
     def _write(self, name: str, path: Path, save: Callable[..., None]) -> None:
         try:
-            save(path, overwrite=self.force or path in self.own)
+            save(path, overwrite=self.force or path in self.own, beside=True)
         except NameTaken as error:
             self.taken = True
             setattr(self, name, error.path)
@@ -101,8 +101,8 @@ class Outputs:
         self.own.add(path)
 
 
-def _save_read_out(model: online.OnlineModel, path: Path, *, overwrite: bool) -> None:
-    save_skill(online.read_out(model), path, overwrite=overwrite)
+def _save_read_out(model: online.OnlineModel, path: Path, *, overwrite: bool, beside: bool) -> None:
+    save_skill(online.read_out(model), path, overwrite=overwrite, beside=beside)
 
 
 class Watch:

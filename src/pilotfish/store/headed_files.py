@@ -13,7 +13,7 @@ from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
 from pilotfish.files import whole_file
 from pilotfish.store.skills_fields import Arrays, taken
 from pilotfish.types import Array
-from pilotfish.validation import LONGEST_NAME, read_file, short_repr
+from pilotfish.validation import LONGEST_NAME, is_link, path_exists, read_file, short_repr
 
 KEY = "pilotfish"
 LARGEST_HEADED_FILE = 2**28  # bytes; reading one takes some three times as much memory
@@ -87,8 +87,10 @@ def format_name(data: bytes) -> str | None:
     return name if isinstance(name, str) else None
 
 
-def written(data: bytes, path: str | Path, overwrite: bool) -> None:
-    """The file is there whole, or what stood there before.    Raises: InvalidInput."""
+def written(data: bytes, path: str | Path, *, overwrite: bool, beside: bool) -> None:
+    """Write a file as a whole, or leave what is there.    Raises: InvalidInput, NameTaken."""
+    if not (overwrite or beside) and (path_exists(path) or is_link(path)):
+        raise InvalidInput(f"{path} exists; choose another name, or say overwrite=True")
     with whole_file(path, overwrite=overwrite) as part:
         part.write_bytes(data)
 

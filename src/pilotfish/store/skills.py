@@ -45,21 +45,24 @@ COVARIANCES: dict[str, type[Any]] = {
 }
 
 
-def save_skill(skill: Skill, path: str | Path, *, overwrite: bool = True) -> None:
+def save_skill(skill: Skill, path: str | Path, *, overwrite: bool = True, beside: bool = False) -> None:
     """Write the skill to path, whole or not at all. The same skill gives the same bytes.
 
     Args:
         skill: The skill.
         path: The file to write.
         overwrite: Whether an existing file may be replaced.
+        beside: Whether to write to a similar free name if path exists and may not be replaced, so that the
+            result of long work is kept; the error gives that name.
 
     Raises:
         InvalidInput: If path cannot be written, or exists and may not be replaced, or the skill holds what
-            open_skill would refuse. If the file came into being in the meantime it is kept, and the result
-            has another name, the `path` of the error (`NameTaken`).
+            open_skill would refuse.
+        NameTaken: If path exists and may not be replaced, and the result was written to the `path` of the
+            error: with beside, or where the file came into being in the meantime.
         NotPositiveDefinite: If one of its covariances is not.
     """
-    written(encode_skill(skill), path, overwrite)
+    written(encode_skill(skill), path, overwrite=overwrite, beside=beside)
 
 
 def open_skill(path: str | Path) -> Skill:

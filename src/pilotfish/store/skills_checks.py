@@ -30,7 +30,7 @@ from pilotfish.models import (
     Weights,
 )
 from pilotfish.types import Array, Float
-from pilotfish.validation import LARGEST_MAGNITUDE, require_count, short_list, short_repr
+from pilotfish.validation import LARGEST_MAGNITUDE, require_count, require_number, short_list, short_repr
 
 MOST_FRAMES = 1000
 LARGEST_MEAN = 1e101  # datapoints have at most 1e100
@@ -79,6 +79,9 @@ def require_sound(skill: Skill) -> None:
     require_period(skill.period, "period")
     _require_magnitude(skill.means, "means", LARGEST_MEAN)
     _require_dynamics(skill.dynamics)
+    require_number(skill.provenance.regularisation, "provenance.regularisation", 0.0)
+    if not np.isnan(skill.provenance.log_likelihood):  # as in what a stream reads out as
+        require_number(skill.provenance.log_likelihood, "provenance.log_likelihood")
     for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
         _require_covariances(covariances, f"the covariance in frame {name!r} of state")
 

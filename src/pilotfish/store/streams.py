@@ -41,20 +41,25 @@ SUBSPACES = ("dimensions", "ranks", "means", "variances", "distances", "bases")
 WHOLE = ("spare", "most_clusters", "batch")
 
 
-def save_stream(model: online.OnlineModel, path: str | Path, *, overwrite: bool = True) -> None:
+def save_stream(
+    model: online.OnlineModel, path: str | Path, *, overwrite: bool = True, beside: bool = False
+) -> None:
     """Write the model to path, whole or not at all. The same model gives the same bytes.
 
     Args:
         model: The model.
         path: The file to write.
         overwrite: Whether an existing file may be replaced.
+        beside: Whether to write to a similar free name if path exists and may not be replaced, so that the
+            result of long work is kept; the error gives that name.
 
     Raises:
         InvalidInput: If path cannot be written, or exists and may not be replaced, or the model holds what
-            open_stream would refuse. If the file came into being in the meantime it is kept, and the result
-            has another name, the `path` of the error (`NameTaken`).
+            open_stream would refuse.
+        NameTaken: If path exists and may not be replaced, and the result was written to the `path` of the
+            error: with beside, or where the file came into being in the meantime.
     """
-    written(encode_stream(model), path, overwrite)
+    written(encode_stream(model), path, overwrite=overwrite, beside=beside)
 
 
 def open_stream(path: str | Path) -> online.OnlineModel:
