@@ -159,3 +159,8 @@ def test_float_array_returns_the_same_array_or_refuses_it(values: list[float]) -
         return
     with pytest.raises(InvalidInput, match=r"^A\[[0-9]+\] is "):
         float_array(array, "A")
+
+
+def test_signalling_nan_of_single_precision_becomes_nan_without_a_warning() -> None:
+    signalling = np.frombuffer(b"\x01\x00\x80\x7f" * 16, dtype="<f4")
+    assert np.isnan(numeric_array(signalling, "x")).all()

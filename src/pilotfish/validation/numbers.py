@@ -93,7 +93,8 @@ def numeric_array(value: object, place: str) -> Float[Array, "..."]:
             f"{place} has {array.dtype} values that are no real numbers, expected an array of real numbers: "
             f"{short_repr(value)}"
         )
-    with np.errstate(over="ignore"):  # a number that is too large for float64 is infinite
+    # A number that is too large for float64 becomes infinite, and a signalling NaN a quiet one.
+    with np.errstate(over="ignore", invalid="ignore"):
         numbers = np.array(array, dtype=np.float64, order="C")
     numbers.setflags(write=False)
     return numbers
