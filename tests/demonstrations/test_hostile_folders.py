@@ -29,7 +29,7 @@ from pilotfish.demonstrations import (
     read_zshape_mat,
 )
 from pilotfish.demonstrations.manifests import parsed_manifest
-from pilotfish.demonstrations.tables import MOST_ARRAYS, arrays_of_npz
+from pilotfish.demonstrations.tables import MOST_ARRAYS, arrays_of_npz, load_archive
 from pilotfish.errors import LONGEST_MESSAGE, InvalidInput
 
 QUICK = 2.0  # s of CPU time
@@ -293,6 +293,15 @@ def test_archive_that_expands_or_names_too_much_is_refused(data: bytes, message:
     with pytest.raises(InvalidInput, match=message):
         arrays_of_npz(data, "a.npz")
     assert process_time() - begin < QUICK
+
+
+def test_archive_with_a_member_that_is_no_array_is_refused() -> None:
+    """NumPy returns the bytes of such a member."""
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as listing:
+        listing.writestr("x.npy", b"NUMPY without its first byte")
+    with pytest.raises(InvalidInput, match="'x' is not an array; write it with"):
+        load_archive(data.getvalue(), "a.npz")
 
 
 def test_archive_of_small_integers_is_counted_in_numbers() -> None:

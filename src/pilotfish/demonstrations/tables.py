@@ -102,6 +102,8 @@ def load_archive(data: bytes, file: str) -> dict[str, np.ndarray]:
     except DAMAGED as error:  # NumPy advises to load pickles all the same; we do not
         why = "it holds Python objects, which are never loaded" if "pickle" in str(error) else error
         raise InvalidInput(f"{file}: not an NPZ file of numbers that can be read: {why}") from error
+    if other := [name for name, value in loaded.items() if not isinstance(value, np.ndarray)]:
+        raise InvalidInput(f"{file}: {short_repr(other[0])} is not an array; write it with numpy.savez")
     if (numbers := sum(value.size for value in loaded.values())) > MOST_NUMBERS:
         raise InvalidInput(f"{file} has {numbers} numbers, expected at most {MOST_NUMBERS}; cut it in parts")
     return loaded
