@@ -16,7 +16,7 @@ MUTANTS = 10**6
 
 
 def main() -> int:
-    """Run the mutants and print what came of them; the exit code is 1 when one failed."""
+    """Run the mutants and print the outcomes; the exit code is 1 when one failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutants", type=int, default=int(os.environ.get("PILOTFISH_FUZZ", MUTANTS)))
     parser.add_argument("--target", action="append", help="a name or pattern of targets  [default: all]")

@@ -120,8 +120,8 @@ class Inside:
             for name in command.outputs:
                 make_old(command, self.target / name)
         before = Contents(copied(self.target, self.work / "before"))
-        code, told = self.run(command, 0, CLEAN, before)
-        assert code == 0, f"{command.line}: {code}, {told}"
+        code, printed = self.run(command, 0, CLEAN, before)
+        assert code == 0, f"{command.line}: {code}, {printed}"
         before.calls = (self.work / "calls").read_text().splitlines()
         return before, Contents(copied(self.target, self.work / "after"))
 
@@ -129,10 +129,10 @@ class Inside:
         self, command: Command, before: "Contents", after: "Contents", moment: tuple[str, int, str]
     ) -> Outcome:
         fault, number, call = moment
-        code, told = self.run(command, number, fault, before)
+        code, printed = self.run(command, number, fault, before)
         outputs = {name: state(name, self.target, before, after) for name in command.outputs}
         beside = names(self.target) - names(before.folder) - set(command.outputs)
-        beside = {name for name in beside if name not in told}  # a result that is kept, as the message says
+        beside = {name for name in beside if name not in printed}  # as the message says
         again = self.again(command, after) if fault == "killed" and not self.brief else 0
         return Outcome(
             command.name,
@@ -143,7 +143,7 @@ class Inside:
             code,
             outputs,
             sorted(beside),
-            "Traceback" in told,
+            "Traceback" in printed,
             again,
         )
 
@@ -167,16 +167,16 @@ class Inside:
 
     def child(self, line: list[str], number: int, fault: str) -> tuple[int, str]:
         """Run the command line in a child, with the fault at that call; its exit code and what it printed."""
-        told = self.work / "told"
+        printed = self.work / "printed"
         if (child := os.fork()) == 0:
-            self.in_child(line, number, fault, told)
+            self.in_child(line, number, fault, printed)
         _, status = os.waitpid(child, 0)
-        return os.waitstatus_to_exitcode(status), told.read_text(errors="replace")
+        return os.waitstatus_to_exitcode(status), printed.read_text(errors="replace")
 
-    def in_child(self, line: list[str], number: int, fault: str, told: Path) -> None:
+    def in_child(self, line: list[str], number: int, fault: str, printed: Path) -> None:
         from pilotfish.station import main
 
-        descriptor = os.open(told, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        descriptor = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
         sys.argv = ["pilotfish", *line]

@@ -76,7 +76,7 @@ class Tally:
     failures: list[Failure] = field(default_factory=list)
 
     def add(self, other: "Tally") -> None:
-        """Take in what came of more mutants."""
+        """Add the outcomes of more mutants."""
         self.mutants += other.mutants
         self.accepted += other.accepted
         self.refused += other.refused

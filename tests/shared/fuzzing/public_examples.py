@@ -1,6 +1,6 @@
 """Valid arguments of every public function that takes numbers, arrays or values made of them.
 
-A function that is not here fails tests/fuzz/test_public_functions.py: add it with arguments that it accepts.
+A public function that is not here fails tests/fuzz/test_targets.py: add it with arguments that it accepts.
 """
 
 import importlib
