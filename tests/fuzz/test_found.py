@@ -125,3 +125,14 @@ def test_stream_whose_numbers_are_no_table_is_refused() -> None:
     data = headed_writer(STREAM)((header, {**arrays, "numbers": np.array(1.0)}, damage))
     with pytest.raises(UnknownSkill, match="counts has shape"):
         decode_stream(data)
+
+
+@pytest.mark.parametrize(
+    "relevance", [np.zeros((2, 2), "M8[s]"), np.full((2, 2), None), np.array([[5e-324, 1.0], [1.0, 1.0]])]
+)
+def test_relevance_of_another_kind_or_near_zero_is_refused(relevance: Any) -> None:
+    """Dates and objects reached comparisons, and a variance divided by the tiny one overflowed."""
+    given = dict(_examples("models")["models.adapt"])
+    shape = (len(given["skill"].frame_names), given["skill"].states)
+    with annotations_checked(False), pytest.raises(InvalidInput, match="relevance"):
+        function_named("models.adapt")(**{**given, "relevance": np.resize(relevance, shape)})

@@ -150,7 +150,7 @@ def test_logarithms_are_right_to_the_last_digits(compiled):
 
 def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
     """No kernel reads beyond an array's end, whatever it is given."""
-    x, means, whiteners = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.zeros((1, 3, 2, 2))
+    x, means, whiteners = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.full((1, 3, 2, 2), np.eye(2))
     chain, no_turns = (np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))), np.array([], dtype=np.int64)
     for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
         with pytest.raises(ValueError, match="lengths"):

@@ -6,11 +6,12 @@ x = base + v elsewhere. Turning the world leaves body axes alone. q and -q are o
 """
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry.quaternions import exp, multiply, rotation_matrix
+from pilotfish.geometry.quaternions import exp, hamilton_product, rotation_matrix
 from pilotfish.geometry.rotation_vectors import inverse_right_jacobian, right_jacobian, rotation_vector
 from pilotfish.types import Array, Float
 from pilotfish.validation import float_array, require_count, require_shapes_agree, short_repr
@@ -22,16 +23,26 @@ TINY = float(np.finfo(float).tiny)
 
 def tangent_slices(width: int, turns: tuple[int, ...]) -> Iterator[tuple[slice, slice, bool]]:
     """Columns of points and of tangent vectors that belong together, and whether they are an orientation."""
+    try:
+        return iter(_tangent_slices(width, turns))
+    except TypeError:  # one of turns cannot be hashed
+        require_turns(width, turns)
+        raise
+
+
+@lru_cache(maxsize=256)  # a fit asks for the same ones thousands of times
+def _tangent_slices(width: int, turns: tuple[int, ...]) -> tuple[tuple[slice, slice, bool], ...]:
     require_turns(width, turns)
-    done = tangent = 0
+    slices, done, tangent = [], 0, 0
     for start in (*sorted(turns), width):
         if start > done:
-            yield slice(done, start), slice(tangent, tangent + start - done), False
+            slices.append((slice(done, start), slice(tangent, tangent + start - done), False))
             tangent += start - done
         if start < width:
-            yield slice(start, start + 4), slice(tangent, tangent + 3), True
+            slices.append((slice(start, start + 4), slice(tangent, tangent + 3), True))
             tangent += 3
         done = start + 4
+    return tuple(slices)
 
 
 def tangent_width(width: int, turns: tuple[int, ...]) -> int:
@@ -84,7 +95,9 @@ def exp_at(
     v = float_array(v, "v", tangent_width(_width(base, "base"), turns))
     require_shapes_agree(base=base, v=v)
     parts = [
-        multiply(base[..., here], exp(0.5 * v[..., there])) if turn else base[..., here] + v[..., there]
+        hamilton_product(base[..., here], exp(0.5 * v[..., there]))
+        if turn
+        else base[..., here] + v[..., there]
         for here, there, turn in tangent_slices(base.shape[-1], turns)
     ]
     return np.concatenate(parts, axis=-1)

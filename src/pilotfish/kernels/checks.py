@@ -1,13 +1,14 @@
 """What every kernel requires of its arguments, compiled or not.
 
 `fit` packs arrays as the compiled kernels read them: float64 in native byte order, C-contiguous and aligned.
-It refuses shapes that do not belong together and numbers that no kernel is defined for. The compiled kernels
-and their NumPy references both call the functions below, so they refuse the same in the same words.
+It refuses shapes that do not belong together and numbers that no kernel is defined for. The NumPy references
+call the functions below for all arguments. The compiled kernels make the same checks themselves, and call
+these functions where they refuse, to pack the arguments or to say in the same words what is wrong with them.
 """
 
 from contextlib import suppress
 from dataclasses import fields, replace
-from math import inf, isfinite
+from math import inf
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from pilotfish.kernels.streams import StreamHead, StreamRules, StreamState, stre
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import numeric_array, require_count, require_number, short_repr
 
+LARGEST_NUMBER = 1e150  # sums of squares do not overflow
 LARGEST_COUNT = 2**53  # up to here float64 counts one by one
 LARGEST_INT = 2**31 - 1
 MOST_JOINTS = 16
@@ -31,7 +33,7 @@ class Argument(NamedTuple):
     """An array argument of a kernel.
 
     axes holds a letter for each axis, equal letters for equal sizes, or a digit for a fixed size.
-    kind is "finite" (squares do not overflow), "probability" (at least 0, finite), "logarithm" (below +inf)
+    kind is "finite" (at most LARGEST_NUMBER), "probability" (at least 0, finite), "logarithm" (below +inf)
     or "any" (NaN and infinities have a meaning).
     """
 
@@ -121,10 +123,8 @@ def _wrong_shape(argument: Argument, array: Array, sizes: dict[str, int]) -> Inv
 
 def _defined(kind: str, array: Array) -> bool:
     match kind:
-        case "finite":  # in one pass: NaN where one is, inf where a square overflows
-            flat = array.ravel()
-            with np.errstate(over="ignore"):
-                return isfinite(flat.dot(flat))
+        case "finite":
+            return bool(np.abs(array).max() <= LARGEST_NUMBER)
         case "probability":
             return bool(array.min() >= 0.0 and array.max() < inf)
         case _:
@@ -132,16 +132,11 @@ def _defined(kind: str, array: Array) -> bool:
 
 
 def _undefined(argument: Argument, array: Array) -> InvalidInput:
-    with np.errstate(over="ignore"):
-        good, expected = {
-            "finite": (np.isfinite(array * array), "finite numbers whose squares do not overflow"),
-            "probability": ((array >= 0.0) & (array < inf), "finite numbers of at least 0"),
-            "logarithm": (array < inf, "logarithms: finite numbers or -inf"),
-        }[argument.kind]
-    if good.all():
-        return InvalidInput(
-            f"{argument.name} is too large, expected that its sum of squares does not overflow"
-        )
+    good, expected = {
+        "finite": (np.abs(array) <= LARGEST_NUMBER, f"finite numbers of at most {LARGEST_NUMBER:g}"),
+        "probability": ((array >= 0.0) & (array < inf), "finite numbers of at least 0"),
+        "logarithm": (array < inf, "logarithms: finite numbers or -inf"),
+    }[argument.kind]
     index = np.argwhere(~good)[0].tolist()
     return InvalidInput(f"{argument.name}{index} is {array[tuple(index)]}, expected {expected}")
 

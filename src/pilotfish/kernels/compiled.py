@@ -3,8 +3,10 @@
 Importing this module raises ImportError where they could not be built.
 """
 
+from collections.abc import Callable, Iterable
+from functools import wraps
 from importlib import import_module
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -49,6 +51,33 @@ if missing := sorted(set(KERNELS) - set(dir(_native))):
     raise ImportError(f"they were built from older sources and lack {', '.join(missing)}")
 
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def _checked(
+    check: Callable[..., Iterable[Any]],
+) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
+    """Return a decorator that runs a kernel again, with the arguments that check returns, where it refuses.
+
+    A kernel itself accepts nothing but packed arrays of the right shapes and numbers; to check them in Python
+    each time would take as long as a small problem does.
+    """
+
+    def decorate(kernel: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+        @wraps(kernel)
+        def run(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+            try:
+                return kernel(*arguments, **named)
+            except (TypeError, ValueError, OverflowError):
+                checked = check(*arguments, **named)
+            return kernel(*checked)  # type: ignore[call-arg]  # check returns them all
+
+        return run
+
+    return decorate
+
+
 def _gaussians(
     emissions: Emissions,
 ) -> tuple[Float[Array, "P K D"], Float[Array, "P K E E"], Int[Array, " turns"]]:
@@ -62,12 +91,13 @@ def _chain(
     return log_initial, log_transitions, tables.log_visits, tables.log_beyond
 
 
+@_checked(lambda x, emissions: checks.gaussians(x, emissions, {}))
 def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
-    x, emissions = checks.gaussians(x, emissions, {})
     log_densities: Float[Array, "N K"] = _native.log_emissions(x, *_gaussians(emissions))
     return log_densities
 
 
+@_checked(checks.e_step)
 def e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -76,13 +106,11 @@ def e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> EStep:
-    x, lengths, initial, transitions, emissions, threads = checks.e_step(
-        x, lengths, initial, transitions, emissions, threads
-    )
     logarithms = log_or_never(initial), transitions, log_or_never(transitions)
     return EStep(*_native.e_step(x, lengths, *logarithms, *_gaussians(emissions), threads))
 
 
+@_checked(checks.semi_markov_e_step)
 def semi_markov_e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -90,15 +118,14 @@ def semi_markov_e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> SemiMarkovEStep:
-    x, lengths, tables, emissions, threads = checks.semi_markov_e_step(x, lengths, tables, emissions, threads)
     sums = _native.semi_markov_e_step(x, lengths, *_chain(tables), *_gaussians(emissions), threads)
     return SemiMarkovEStep(*sums)
 
 
+@_checked(checks.markov)
 def forward_backward(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ForwardBackward:
-    log_emissions, initial, transitions = checks.markov(log_emissions, initial, transitions)
     logarithms = log_or_never(initial), transitions, log_or_never(transitions)
     return ForwardBackward(*_native.forward_backward(log_emissions, *logarithms))
 
@@ -142,26 +169,26 @@ def _impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, tar
     return ArmEffort(torque, wrench, share)
 
 
+@_checked(checks.markov)
 def viterbi(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> Viterbi:
-    log_emissions, initial, transitions = checks.markov(log_emissions, initial, transitions)
     states, log_probability = _native.viterbi(log_emissions, log_or_never(initial), log_or_never(transitions))
     return Viterbi(states.view(np.int64), log_probability)  # the same bits, by the name that NumPy knows them
 
 
+@_checked(checks.semi_markov)
 def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkov:
-    log_emissions, tables = checks.semi_markov(log_emissions, tables)
     return SemiMarkov(*_native.semi_markov(log_emissions, *_chain(tables)))
 
 
+@_checked(checks.semi_markov)
 def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
-    log_emissions, tables = checks.semi_markov(log_emissions, tables)
     return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_chain(tables)))
 
 
+@_checked(checks.semi_markov)
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:
-    log_emissions, tables = checks.semi_markov(log_emissions, tables)
     states, log_probability = _native.semi_markov_viterbi(log_emissions, *_chain(tables))
     return Viterbi(states.view(np.int64), log_probability)
 
@@ -193,6 +220,7 @@ def observe_one(
     return StreamState(head, clusters, counts, state.frames, state.width, room), identity, cost, change
 
 
+@_checked(checks.riccati)
 def riccati(
     A: Float[Array, "S n n"],
     B: Float[Array, "S n m"],
@@ -200,16 +228,16 @@ def riccati(
     targets: Float[Array, "T n"],
     effort: Float[Array, "m m"],
 ) -> Riccati:
-    refused, *solution = _native.riccati(*checks.riccati(A, B, weights, targets, effort))
+    refused, *solution = _native.riccati(A, B, weights, targets, effort)
     if refused >= 0:
         raise free_push(refused)
     return Riccati(*solution)
 
 
+@_checked(checks.semi_tied)
 def semi_tied_sweeps(
     scatters: Float[Array, "K D D"], mass: Float[Array, " K"], transform: Float[Array, "D D"], sweeps: int
 ) -> Float[Array, "D D"]:
-    scatters, mass, transform, sweeps = checks.semi_tied(scatters, mass, transform, sweeps)
     present = mass > 0.0
     improved: Float[Array, "D D"]
     refused, improved = _native.semi_tied_sweeps(scatters[present], mass[present], transform, sweeps)
@@ -220,9 +248,10 @@ def semi_tied_sweeps(
     return improved
 
 
+@_checked(checks.covariances)
 def whiteners(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     inverses: Float[Array, "K D D"]
-    refused, inverses = _native.whiteners(*checks.covariances(covariances))
+    refused, inverses = _native.whiteners(covariances)
     if refused >= 0:
         raise no_factor(refused)
     return inverses

@@ -26,6 +26,9 @@ from pilotfish.geometry import normalise
 from pilotfish.models.signs import agreeing
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array
+
+LEAST_RELEVANCE = 1e-50  # covariances are divided by it
 
 
 def adapt(
@@ -101,15 +104,18 @@ def _powers(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array,
     if relevance is None:
         return np.ones((P, K))
     require_kind("relevance", relevance, np.ndarray, "give an array with a row for each frame")
+    relevance = numeric_array(relevance, "relevance")
     if relevance.shape != (P, K):
         raise InvalidInput(
             f"relevance has shape {relevance.shape}, expected ({P}, {K}): frames {list(skill.frame_names)} "
             "in this order, and a column for each state"
         )
-    if (bad := np.argwhere(~((relevance >= 0.0) & (relevance <= 1.0)))).size:
+    good = (relevance == 0.0) | ((relevance >= LEAST_RELEVANCE) & (relevance <= 1.0))
+    if (bad := np.argwhere(~good)).size:
         p, k = bad[0].tolist()
         raise InvalidInput(
             f"relevance of frame {skill.frame_names[p]!r} to state {k} is {relevance[p, k]}, expected 0 to 1"
+            f"{f', and 0 in place of less than {LEAST_RELEVANCE:g}' if 0.0 < relevance[p, k] < 1.0 else ''}"
         )
     if (deaf := np.flatnonzero(~relevance.any(axis=0))).size:
         raise InvalidInput(

@@ -117,7 +117,10 @@ def run_here(name: str, target: Target, seed: int, indices: range, here: mmap.mm
         if here is not None:
             here[:24] = b"".join(n.to_bytes(8, "little") for n in (index, tally.accepted, tally.refused))
         base, edits = plan_of(target, name, seed, index)
-        mutant = mutant_of(target, base, edits)
+        try:
+            mutant = mutant_of(target, base, edits)
+        except MemoryError:  # the edits multiply: their text does not fit under the limit for what reads it
+            continue
         began = time.process_time()
         try:
             if timed(target, mutant.data, tally.accepted % THOROUGH == 0):

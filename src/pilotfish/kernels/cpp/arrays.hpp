@@ -5,7 +5,9 @@
 #include <nanobind/ndarray.h>
 
 #include <cstdint>
+#include <cstring>
 #include <initializer_list>
+#include <limits>
 #include <string>
 
 namespace nb = nanobind;
@@ -69,6 +71,39 @@ void expect(const Array& array, const char* name, std::initializer_list<size_t> 
                                 .c_str());
     ++axis;
   }
+}
+
+// Numbers that no kernel is defined for are refused here; kernels/checks.py then names them. Doubles are compared
+// as the integers that their bits are, which are in the same order: such a loop vectorises.
+constexpr double LARGEST_NUMBER = 1e150;  // as in checks.py: sums of squares do not overflow
+constexpr int64_t MAGNITUDE = 0x7fffffffffffffff, INFINITE = 0x7ff0000000000000;  // bits
+
+inline int64_t bits_of(double number) {
+  int64_t bits;
+  std::memcpy(&bits, &number, sizeof bits);
+  return bits;
+}
+
+template <typename Array>
+void expect_finite(const Array& array, const char* name) {
+  const double* numbers = array.data();
+  const int64_t largest = bits_of(LARGEST_NUMBER);
+  int64_t bad = 0;
+  for (size_t i = 0, size = array.size(); i < size; ++i) bad |= (bits_of(numbers[i]) & MAGNITUDE) > largest;
+  if (bad) throw nb::value_error((std::string(name) + " holds a number that is not finite").c_str());
+}
+
+// -inf is a logarithm, NaN and inf are not.
+template <typename Array>
+void expect_logarithms(const Array& array, const char* name) {
+  const double* numbers = array.data();
+  const int64_t minus_infinity = bits_of(-std::numeric_limits<double>::infinity());
+  int64_t bad = 0;
+  for (size_t i = 0, size = array.size(); i < size; ++i) {
+    const int64_t bits = bits_of(numbers[i]);
+    bad |= ((bits & MAGNITUDE) >= INFINITE) & (bits != minus_infinity);
+  }
+  if (bad) throw nb::value_error((std::string(name) + " holds NaN or infinity").c_str());
 }
 
 inline void expect_some(size_t size, const char* name) {

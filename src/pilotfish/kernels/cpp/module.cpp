@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
 #include <tuple>
@@ -48,6 +49,13 @@ Sizes sizes_of(const In<double, 3>& x, const In<double, 3>& means, const In<doub
   }
   const size_t E = sizes.E();
   expect(whiteners, "whiteners", {P, K, E, E});
+  expect_finite(x, "x");
+  expect_finite(means, "means");
+  expect_finite(whiteners, "whiteners");
+  for (size_t k = 0; k < P * K; ++k)
+    for (size_t e = 0; e < E; ++e)
+      if (!(whiteners.data()[(k * E + e) * E + e] >= std::numeric_limits<double>::min()))
+        throw nb::value_error("whiteners have a diagonal that is not positive");
   return sizes;
 }
 
@@ -72,6 +80,10 @@ SemiMarkovTables tables_of(size_t K, const In<double, 1>& log_initial, const In<
   expect(log_transitions, "log_transitions", {K, K});
   expect(log_visits, "log_visits", {4, S, K});
   expect(log_beyond, "log_beyond", {2, K});
+  expect_logarithms(log_initial, "log_initial");
+  expect_logarithms(log_transitions, "log_transitions");
+  expect_logarithms(log_visits, "log_visits");
+  expect_logarithms(log_beyond, "log_beyond");
   return {int(K), long(S), log_initial.data(), log_transitions.data(), log_visits.data(), log_beyond.data()};
 }
 
@@ -95,6 +107,8 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   expect(log_initial, "log_initial", {K});
   expect(transitions, "transitions", {K, K});
   expect(log_transitions, "log_transitions", {K, K});
+  expect_logarithms(log_initial, "log_initial");
+  expect_logarithms(log_transitions, "log_transitions");
   Out log_likelihoods = empty<Out>({M}), mass = empty<Out>({K}), first = empty<Out>({K});
   Out counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatters = empty<Out>({P, K, E, E});
   const Sums sums{log_likelihoods.data(), mass.data(),     first.data(), counts.data(),
@@ -133,9 +147,12 @@ auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
+  expect_logarithms(log_emissions, "log_emissions");
   expect(log_initial, "log_initial", {K});
   expect(transitions, "transitions", {K, K});
   expect(log_transitions, "log_transitions", {K, K});
+  expect_logarithms(log_initial, "log_initial");
+  expect_logarithms(log_transitions, "log_transitions");
   Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K}), log_forward = empty<Out>({T, K});
   double log_likelihood;
   {
@@ -151,8 +168,11 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
+  expect_logarithms(log_emissions, "log_emissions");
   expect(log_initial, "log_initial", {K});
   expect(log_transitions, "log_transitions", {K, K});
+  expect_logarithms(log_initial, "log_initial");
+  expect_logarithms(log_transitions, "log_transitions");
   States states = empty<States>({T});
   double log_probability;
   {
@@ -168,6 +188,7 @@ auto semi_markov(In<double, 2> log_emissions, In<double, 1> log_initial, In<doub
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1), S = log_visits.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
+  expect_logarithms(log_emissions, "log_emissions");
   const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
   Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K});
   Out visits = empty<Out>({4, S, K}), beyond = empty<Out>({2, K});
@@ -189,6 +210,7 @@ auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
+  expect_logarithms(log_emissions, "log_emissions");
   const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
   Out log_ends = empty<Out>({T, K}), log_occupancy = empty<Out>({T, K});
   {
@@ -204,6 +226,7 @@ auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
+  expect_logarithms(log_emissions, "log_emissions");
   const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
   States states = empty<States>({T});
   double log_probability;
@@ -227,6 +250,11 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
   expect(B, "B", {S, n, m});
   expect(weights, "weights", {T, n, n});
   expect(effort, "effort", {m, m});
+  expect_finite(A, "A");
+  expect_finite(B, "B");
+  expect_finite(weights, "weights");
+  expect_finite(targets, "targets");
+  expect_finite(effort, "effort");
   Out gains = empty<Out>({T - 1, m, n}), feedforwards = empty<Out>({T - 1, m});
   Out values = empty<Out>({T, n, n}), gradients = empty<Out>({T, n});
   const Tracking problem{long(T),  int(n),         int(m),         S != 1,       A.data(),
@@ -246,6 +274,9 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 
   expect(transform, "transform", {D, D});
   expect(covariances, "covariances", {K, D, D});
   expect(mass, "mass", {K});
+  expect_finite(covariances, "covariances");
+  expect_finite(mass, "mass");
+  expect_finite(transform, "transform");
   Out result = empty<Out>({D, D});
   std::copy_n(transform.data(), D * D, result.data());
   int refused;

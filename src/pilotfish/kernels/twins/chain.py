@@ -15,7 +15,7 @@ from pilotfish.types import Array, Float
 
 def log_or_never(probability: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Logarithm of a probability, -inf where it is zero."""
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN, where it is negative, is refused later
         logarithm: Float[Array, "*shape"] = np.log(probability)
     return logarithm
 

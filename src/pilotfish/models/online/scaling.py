@@ -61,6 +61,10 @@ def scaled(shown: Demonstration, scales: Scales) -> Demonstration:
     What each frame sees has the sign of quaternions that runs closer to the skill's states.
     Raises: InvalidInput, when its columns or the number of its frames are not those of the scales.
     """
+    if scales.values.shape != (scales.layout.width,):
+        raise InvalidInput(
+            f"the scales have values of shape {scales.values.shape}, expected ({scales.layout.width},)"
+        )
     if shown.layout != scales.layout or len(shown.frames) != len(scales.means):
         raise InvalidInput(
             f"demonstration {shown.name!r} has the columns {', '.join(shown.layout.names)} and "
