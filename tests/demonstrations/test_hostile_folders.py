@@ -339,6 +339,17 @@ def test_matlab_file_that_expands_beyond_the_bound_is_refused(tmp_path: Path) ->
     assert process_time() - begin < QUICK
 
 
+def test_matlab_file_with_an_element_of_an_unknown_kind_is_refused(tmp_path: Path) -> None:
+    """SciPy looks its size up beyond the end of a table, and the process ends."""
+    savemat(tmp_path / "a.mat", {"Data": np.ones((4, 15))})
+    data = bytearray((tmp_path / "a.mat").read_bytes())
+    at = data.index(struct.pack("<II", 9, 4 * 15 * 8))  # the tag of the doubles
+    data[at] = 144
+    (tmp_path / "a.mat").write_bytes(data)
+    with pytest.raises(InvalidInput, match="an element is of the unknown kind 144"):
+        read_zshape_mat(tmp_path / "a.mat")
+
+
 @pytest.mark.parametrize("order", ["little", "big"])
 @pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize("kind", [1, 2], ids=["cells", "structures"])

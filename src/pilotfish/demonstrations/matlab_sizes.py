@@ -18,6 +18,7 @@ from pilotfish.errors import InvalidInput
 HEADER = 128  # bytes
 TAG = 8  # bytes of a tag, and of the tag of an empty element
 MATRIX, COMPRESSED = 14, 15  # kinds of elements
+KINDS = {*range(1, 8), 9, *range(12, 19)}  # SciPy looks others up beyond the end of a table, and crashes
 CELL, STRUCTURE, OBJECT = 1, 2, 3  # classes of matrices whose items are elements of their own
 DEEPEST = 50  # matrices in matrices
 MOST_ELEMENTS = 1_000_000
@@ -58,8 +59,11 @@ def _elements(data: memoryview, order: Order) -> Iterator[tuple[int, memoryview]
         if place + TAG > len(data):
             return
         first = _number(data, place, order)
+        kind = first & 0xFFFF
+        if kind not in KINDS:
+            raise InvalidInput(f"an element is of the unknown kind {kind}")
         if small := first >> 16:  # up to four bytes, in the second half of the tag
-            yield first & 0xFFFF, data[place + 4 : place + 4 + small]
+            yield kind, data[place + 4 : place + 4 + small]
             place += TAG
             continue
         length, there = _number(data, place + 4, order), len(data) - place - TAG
