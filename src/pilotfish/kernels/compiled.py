@@ -69,7 +69,7 @@ def _checked(
         def run(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
             try:
                 return kernel(*arguments, **named)
-            except (TypeError, ValueError, OverflowError):
+            except (TypeError, ValueError, OverflowError, IndexError):
                 checked = check(*arguments, **named)
             return kernel(*checked)  # type: ignore[call-arg]  # check returns them all
 
@@ -238,6 +238,8 @@ def riccati(
 def semi_tied_sweeps(
     scatters: Float[Array, "K D D"], mass: Float[Array, " K"], transform: Float[Array, "D D"], sweeps: int
 ) -> Float[Array, "D D"]:
+    if not len(scatters):
+        raise ValueError("there is no covariance")
     present = mass > 0.0
     improved: Float[Array, "D D"]
     refused, improved = _native.semi_tied_sweeps(scatters[present], mass[present], transform, sweeps)

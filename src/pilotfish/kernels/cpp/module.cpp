@@ -413,6 +413,7 @@ auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<dou
 
 auto whiteners(In<double, 3> covariances) {
   const size_t K = covariances.shape(0), D = covariances.shape(1);
+  expect_some(K, "covariances");
   expect_some(D, "the last axis of covariances");
   expect(covariances, "covariances", {K, D, D});
   Out result = empty<Out>({K, D, D});
