@@ -234,12 +234,10 @@ def riccati(
     return Riccati(*solution)
 
 
-@_checked(checks.semi_tied)
 def semi_tied_sweeps(
     scatters: Float[Array, "K D D"], mass: Float[Array, " K"], transform: Float[Array, "D D"], sweeps: int
 ) -> Float[Array, "D D"]:
-    if not len(scatters):
-        raise ValueError("there is no covariance")
+    scatters, mass, transform, sweeps = checks.semi_tied(scatters, mass, transform, sweeps)
     present = mass > 0.0
     improved: Float[Array, "D D"]
     refused, improved = _native.semi_tied_sweeps(scatters[present], mass[present], transform, sweeps)
