@@ -72,16 +72,20 @@ Demonstrations demonstrations(const In<double, 3>& x, const In<int64_t, 1>& leng
   return {x.data(), lengths.data(), long(M)};
 }
 
+void expect_chain(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions) {
+  expect(log_initial, "log_initial", {K});
+  expect(log_transitions, "log_transitions", {K, K});
+  expect_logarithms(log_initial, "log_initial");
+  expect_logarithms(log_transitions, "log_transitions");
+}
+
 SemiMarkovTables tables_of(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions,
                            const In<double, 3>& log_visits, const In<double, 2>& log_beyond) {
   const size_t S = log_visits.shape(1);
   expect_some(S, "the second axis of log_visits");
-  expect(log_initial, "log_initial", {K});
-  expect(log_transitions, "log_transitions", {K, K});
+  expect_chain(K, log_initial, log_transitions);
   expect(log_visits, "log_visits", {4, S, K});
   expect(log_beyond, "log_beyond", {2, K});
-  expect_logarithms(log_initial, "log_initial");
-  expect_logarithms(log_transitions, "log_transitions");
   expect_logarithms(log_visits, "log_visits");
   expect_logarithms(log_beyond, "log_beyond");
   return {int(K), long(S), log_initial.data(), log_transitions.data(), log_visits.data(), log_beyond.data()};
@@ -104,11 +108,8 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   const Demonstrations data = demonstrations(x, lengths);
   expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
-  expect(log_initial, "log_initial", {K});
   expect(transitions, "transitions", {K, K});
-  expect(log_transitions, "log_transitions", {K, K});
-  expect_logarithms(log_initial, "log_initial");
-  expect_logarithms(log_transitions, "log_transitions");
+  expect_chain(K, log_initial, log_transitions);
   Out log_likelihoods = empty<Out>({M}), mass = empty<Out>({K}), first = empty<Out>({K});
   Out counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatters = empty<Out>({P, K, E, E});
   const Sums sums{log_likelihoods.data(), mass.data(),     first.data(), counts.data(),
@@ -148,11 +149,8 @@ auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
   expect_logarithms(log_emissions, "log_emissions");
-  expect(log_initial, "log_initial", {K});
   expect(transitions, "transitions", {K, K});
-  expect(log_transitions, "log_transitions", {K, K});
-  expect_logarithms(log_initial, "log_initial");
-  expect_logarithms(log_transitions, "log_transitions");
+  expect_chain(K, log_initial, log_transitions);
   Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K}), log_forward = empty<Out>({T, K});
   double log_likelihood;
   {
@@ -169,10 +167,7 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
   expect_logarithms(log_emissions, "log_emissions");
-  expect(log_initial, "log_initial", {K});
-  expect(log_transitions, "log_transitions", {K, K});
-  expect_logarithms(log_initial, "log_initial");
-  expect_logarithms(log_transitions, "log_transitions");
+  expect_chain(K, log_initial, log_transitions);
   States states = empty<States>({T});
   double log_probability;
   {
