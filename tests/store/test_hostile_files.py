@@ -14,7 +14,7 @@ from documented_file import parts_of, signed
 
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import LONGEST_MESSAGE, InvalidInput, UnknownSkill
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians import DenseCovariances, ExpandedPrecisions
 from pilotfish.models import (
     Censoring,
     GammaDurations,
@@ -68,6 +68,12 @@ def edited(change: Callable[[dict[str, Any], dict[str, np.ndarray]], object]) ->
     header, arrays = parts_of(encode_skill(skill()))
     change(header, arrays)
     return signed(header, arrays)
+
+
+def test_decode_precisions_whose_covariances_overflow_are_refused() -> None:
+    expanded = ExpandedPrecisions(np.ones((1, 1)), np.full((2, 1), 5e-324))
+    with pytest.raises(InvalidInput, match="the covariance in frame 'world' of state"):
+        encode_skill(replace(skill(), covariances=(expanded,)))
 
 
 PAIRS = [

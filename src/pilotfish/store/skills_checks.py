@@ -185,7 +185,9 @@ def _require_covariances(covariances: Covariances, what: str) -> None:
             _require_one_of_each(membership)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as not finite
         whiteners = covariances.whiteners(what)
+        dense = covariances.dense
     _require_magnitude(whiteners, f"the inverse deviation of {what} ", LARGEST_MAGNITUDE)
+    _require_magnitude(dense, f"{what} ", LARGEST_MAGNITUDE**2)
 
 
 def _require_symmetry(dense: Float[Array, "K D D"], what: str) -> None:
