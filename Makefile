@@ -10,6 +10,7 @@ PYTHON := .venv/bin/python
 READY := .venv/ready
 SEEDS ?= 1
 PYTEST = $(PYTHON) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal --durations 20 --seeds $(SEEDS)
+PROSE := src docs README.md CONTRIBUTING.md CHANGELOG.md examples reproductions benchmarks
 KERNELS := $(wildcard CMakeLists.txt src/pilotfish/kernels/*.cpp src/pilotfish/kernels/*.hpp src/pilotfish/kernels/*/*.cpp src/pilotfish/kernels/*/*.hpp)
 
 # Real recordings: the folder beside the checkout when there is one. Without it the library fetches what is public, and
@@ -42,6 +43,8 @@ lint: $(READY) ## format, lint, types and spelling
 	.venv/bin/ruff check
 	.venv/bin/mypy
 	.venv/bin/codespell -D - -D .ci/british.txt
+	.venv/bin/codespell -D .ci/refused.txt $(PROSE)
+	.venv/bin/lint-imports --no-cache
 
 check: SEEDS = 3
 check: lint slow test ## lint, then run every test with three seeds

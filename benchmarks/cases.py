@@ -1,6 +1,6 @@
 """What is measured, who takes part, and what pilotfish promises."""
 
-from kinds import Case, Ceiling, Entry, Lead, Library, Room, Target
+from kinds import Case, Entry, Library, MemoryLimit, MinSpeedup, Requirement, TimeLimit
 from stream_cases import STREAM_CASES, STREAM_TARGETS
 
 OURS = "pilotfish"
@@ -105,12 +105,12 @@ _MIXTURES = (
     Entry("pilotfish", "em_mixture", "pilotfish"),
     Entry("scikit_learn", "em_mixture", "scikit-learn"),
 )
-_VISITS = (
+_SEMI_MARKOV = (
     "Exact EM of a hidden semi-Markov model with a free histogram of durations up to {longest} steps, the "
     "last visit of a recording cut off by its end. Every library begins from the same parameters; times are "
     "for one iteration."
 )
-_VISIT_ENTRIES = (
+_SEMI_MARKOV_ENTRIES = (
     Entry("pilotfish", "em_visits", "pilotfish"),
     Entry("pilotfish_baseline", "em_visits", "pilotfish, portable kernels"),
     Entry("chadhmm", "em_visits", "chadhmm", _OTHER_DURATIONS),
@@ -203,18 +203,18 @@ CASES = (
         "visits",
         "semi-Markov EM iteration, 1 x 500 x 14, K = 10, durations to 100",
         "visits",
-        f"{_VISITS} Data: drawn from such a model, seeded.".replace("{longest}", "100"),
+        f"{_SEMI_MARKOV} Data: drawn from such a model, seeded.".replace("{longest}", "100"),
         _LIKELIHOOD,
-        _VISIT_ENTRIES,
+        _SEMI_MARKOV_ENTRIES,
         1e-6,
     ),
     Case(
         "visits_valve",
         "semi-Markov EM iteration, 4 x 200 x 14, K = 7, durations to 100",
         "visits_valve",
-        f"{_VISITS} Data: the valve.".replace("{longest}", "100"),
+        f"{_SEMI_MARKOV} Data: the valve.".replace("{longest}", "100"),
         _LIKELIHOOD,
-        _VISIT_ENTRIES,
+        _SEMI_MARKOV_ENTRIES,
         1e-6,
     ),
     Case(
@@ -302,17 +302,17 @@ CASES = (
     *STREAM_CASES,
 )
 
-TARGETS: tuple[Target, ...] = (
-    Lead("em_valve", times=3.0),
-    Lead("em_large", times=3.0),
-    Lead("em_vast", times=3.0),
-    Lead("em_wide", times=3.0),
-    Lead("visits", times=20.0),
-    Lead("visits_valve", times=20.0),
-    Ceiling("poses", milliseconds=300.0),
-    Room("fit_vast", data_mb=67.2, times=2.0),
-    Ceiling("em_frames", milliseconds=2.0),
-    Ceiling("lqt", milliseconds=2.0),
-    Lead("lqt", over="textbook", times=4.0),
+TARGETS: tuple[Requirement, ...] = (
+    MinSpeedup("em_valve", times=3.0),
+    MinSpeedup("em_large", times=3.0),
+    MinSpeedup("em_vast", times=3.0),
+    MinSpeedup("em_wide", times=3.0),
+    MinSpeedup("visits", times=20.0),
+    MinSpeedup("visits_valve", times=20.0),
+    TimeLimit("poses", milliseconds=300.0),
+    MemoryLimit("fit_vast", data_mb=67.2, times=2.0),
+    TimeLimit("em_frames", milliseconds=2.0),
+    TimeLimit("lqt", milliseconds=2.0),
+    MinSpeedup("lqt", over="textbook", times=4.0),
     *STREAM_TARGETS,
 )

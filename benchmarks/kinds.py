@@ -50,7 +50,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Ceiling:
+class TimeLimit:
     """pilotfish's first entry, or the one of that label, takes at most so many milliseconds of CPU."""
 
     case: str
@@ -59,7 +59,7 @@ class Ceiling:
 
 
 @dataclass(frozen=True, slots=True)
-class Rate:
+class MinRate:
     """pilotfish's first entry learns at least so many datapoints for each second of CPU."""
 
     case: str
@@ -67,7 +67,7 @@ class Rate:
 
 
 @dataclass(frozen=True, slots=True)
-class Lead:
+class MinSpeedup:
     """Every entry of another library takes at least so many times pilotfish's CPU; over None: of all."""
 
     case: str
@@ -76,7 +76,7 @@ class Lead:
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class MemoryLimit:
     """pilotfish's first entry needs at most so many times the memory of the data, beyond the data itself."""
 
     case: str
@@ -85,10 +85,10 @@ class Room:
 
 
 @dataclass(frozen=True, slots=True)
-class LeadInAnswer:
+class BestAnswer:
     """pilotfish's first entry has a larger answer than every entry of another library."""
 
     case: str
 
 
-Target = Ceiling | Rate | Lead | Room | LeadInAnswer
+Requirement = TimeLimit | MinRate | MinSpeedup | MemoryLimit | BestAnswer

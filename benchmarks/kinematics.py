@@ -12,19 +12,22 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from peer_environment import execute, peer_environment, place_of
+from peer_environment import environment_folder, execute, peer_environment
 from problems import Floats
-from workers import surroundings
+from workers import timed_environment
 
 from pilotfish import control
 from pilotfish.control import ArmLimits, SerialChain, inverse_kinematics
-from pilotfish.environments.baxter import arm_chain, baxter_limits, posture_for
+from pilotfish.environments.baxter import arm_chain, baxter_limits, solve_posture
 from pilotfish.geometry import Pose
 
 SCRIPT = Path(__file__).parent / "kinematics_peers.py"
 EXACT = (1e-6, 1e-5)  # m, rad: what pilotfish.control calls converged
-TOOL, AWAY = 0.1, 0.5  # m; rad by which each joint of a target differs from the start at most
-HOME = Pose(np.array([0.62, -0.3, 0.1]), np.array([0.0, 0.0, 1.0, 0.0]))
+TOOL_LENGTH, TARGET_DISTANCE = (
+    0.1,
+    0.5,
+)  # m; rad by which each joint of a target differs from the start at most
+START_POSE = Pose(np.array([0.62, -0.3, 0.1]), np.array([0.0, 0.0, 1.0, 0.0]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Peer:
     ours: float
     name: str
     theirs: float
-    remark: str
+    print_note: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,47 +50,51 @@ class Problem:
     targets: Floats
 
 
-def against_peers(rounds: int, number: int) -> list[Peer]:
+def compare_with_peers(rounds: int, number: int) -> list[Peer]:
     """Everyone has the same targets, round after round; none when the peers cannot be installed."""
-    python, failures = peer_environment(*place_of("peers-kinematics"), execute)
+    python, failures = peer_environment(*environment_folder("peers-kinematics"), execute)
     if failures:
         print(failures, file=sys.stderr)
         return []
-    problem = problem_of(number)
+    problem = sample_problem(number)
     reaching, telling, theirs = [], [], []
     for _ in range(rounds):
-        reaching.append(seconds(lambda: reached(problem)) / number * 1e6)
+        reaching.append(seconds(lambda: count_converged(problem)) / number * 1e6)
         telling.append(seconds(lambda: jacobians(problem)) / number * 1e6)
-        theirs.append(asked_of(python, problem))
+        theirs.append(run_peer(python, problem))
     mink, pin = ([turn[name] for turn in theirs] for name in ("mink", "pin"))
     apart = np.abs(np.array(pin[0]["first"]) - jacobians(problem)[0].ravel()).max()
-    done = f"reached of {number}: pilotfish {reached(problem)}, mink {mink[0]['reached']}"
+    done = f"reached of {number}: pilotfish {count_converged(problem)}, mink {mink[0]['reached']}"
     agree = f"they agree within {apart:.0e}; control reads MuJoCo's, in the table above"
     names = f"mink {mink[0]['version']}", f"Pinocchio {pin[0]['version']}"
     return [
-        Peer("inverse kinematics", median(reaching), names[0], _middle(mink), done),
-        Peer("Jacobian of a chain", median(telling), names[1], _middle(pin), agree),
+        Peer("inverse kinematics", median(reaching), names[0], _median(mink), done),
+        Peer("Jacobian of a chain", median(telling), names[1], _median(pin), agree),
     ]
 
 
-def _middle(turns: list[dict[str, Any]]) -> float:
+def _median(turns: list[dict[str, Any]]) -> float:
     return median(float(turn["microseconds"]) for turn in turns)
 
 
-def seconds(act: Callable[[], object]) -> float:
+def seconds(function: Callable[[], object]) -> float:
     before = process_time()
-    act()
+    function()
     return process_time() - before
 
 
-def problem_of(number: int) -> Problem:
-    chain, limits, start = arm_chain("right", TOOL), baxter_limits(), posture_for(HOME, TOOL)
-    away = np.random.default_rng(0).uniform(-AWAY, AWAY, (number, len(start)))
+def sample_problem(number: int) -> Problem:
+    chain, limits, start = (
+        arm_chain("right", TOOL_LENGTH),
+        baxter_limits(),
+        solve_posture(START_POSE, TOOL_LENGTH),
+    )
+    away = np.random.default_rng(0).uniform(-TARGET_DISTANCE, TARGET_DISTANCE, (number, len(start)))
     postures = np.clip(start + away, limits.lower, limits.upper)
     return Problem(chain, limits, start, postures, control.tool_poses(chain, postures))
 
 
-def reached(problem: Problem) -> int:
+def count_converged(problem: Problem) -> int:
     poses = [Pose(row[:3], row[3:]) for row in problem.targets]
     return sum(inverse_kinematics(problem.chain, p, problem.start, problem.limits).converged for p in poses)
 
@@ -96,14 +103,14 @@ def jacobians(problem: Problem) -> list[Floats]:
     return [control.jacobian(problem.chain, q) for q in problem.postures]
 
 
-def asked_of(python: Path, problem: Problem) -> dict[str, Any]:
+def run_peer(python: Path, problem: Problem) -> dict[str, Any]:
     chain, limits = problem.chain, problem.limits
     numbers = {
-        "base": _row(chain.world_from_base),
+        "base": _pose_row(chain.world_from_base),
         "positions": chain.positions,
         "quaternions": chain.quaternions,
         "axes": chain.axes,
-        "tool": _row(chain.last_from_tool),
+        "tool": _pose_row(chain.last_from_tool),
         "limits": np.stack([limits.lower, limits.upper], axis=1),
         "start": problem.start,
         "targets": problem.targets,
@@ -114,10 +121,10 @@ def asked_of(python: Path, problem: Problem) -> dict[str, Any]:
         file = Path(folder) / "problem.npz"
         np.savez(file, **numbers)  # type: ignore[arg-type] # of NumPy's stubs: a dict may hold allow_pickle
         command = [str(python), "-W", "ignore", str(SCRIPT), str(file)]
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, env=surroundings(), check=True)
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, env=timed_environment(), check=True)
     told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return told
 
 
-def _row(pose: Pose) -> Floats:
+def _pose_row(pose: Pose) -> Floats:
     return np.append(pose.position, pose.quaternion)

@@ -25,19 +25,19 @@ DAMPING, STEPS = 1e-9, 200
 def main() -> None:
     with np.load(Path(sys.argv[1])) as file:
         problem = dict(file)
-    print(json.dumps({"mink": by_mink(problem), "pin": by_pinocchio(problem)}))
+    print(json.dumps({"mink": solve_with_mink(problem), "pin": solve_with_pinocchio(problem)}))
 
 
-def microseconds(act: Callable[[], object], calls: int) -> float:
+def microseconds(function: Callable[[], object], calls: int) -> float:
     """Of one call, once all was done before."""
-    act()
+    function()
     before = process_time()
-    act()
+    function()
     return (process_time() - before) / calls * 1e6
 
 
-def by_mink(problem: Problem) -> dict[str, Any]:
-    model = arm_in_mujoco(problem)
+def solve_with_mink(problem: Problem) -> dict[str, Any]:
+    model = mujoco_arm(problem)
     configuration = mink.Configuration(model)
     task = mink.FrameTask("tool", "site", position_cost=1.0, orientation_cost=1.0)
     limits = [mink.ConfigurationLimit(model)]
@@ -61,7 +61,7 @@ def by_mink(problem: Problem) -> dict[str, Any]:
     return {"microseconds": taken, "reached": sum(reached), "version": version("mink")}
 
 
-def arm_in_mujoco(problem: Problem) -> mujoco.MjModel:
+def mujoco_arm(problem: Problem) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     base = problem["base"]
@@ -74,8 +74,8 @@ def arm_in_mujoco(problem: Problem) -> mujoco.MjModel:
     return spec.compile()
 
 
-def by_pinocchio(problem: Problem) -> dict[str, Any]:
-    model, frame = arm_in_pinocchio(problem)
+def solve_with_pinocchio(problem: Problem) -> dict[str, Any]:
+    model, frame = pinocchio_arm(problem)
     data = model.createData()
     axes = pinocchio.LOCAL_WORLD_ALIGNED
 
@@ -91,19 +91,19 @@ def by_pinocchio(problem: Problem) -> dict[str, Any]:
     return {"microseconds": taken, "first": first, "version": version("pin")}
 
 
-def arm_in_pinocchio(problem: Problem) -> tuple[Any, int]:
+def pinocchio_arm(problem: Problem) -> tuple[Any, int]:
     model, last = pinocchio.Model(), 0
-    before = placed(problem["base"])
+    before = pose_matrix(problem["base"])
     links = zip(problem["positions"], problem["quaternions"], problem["axes"], strict=True)
     for n, (pos, quat, axis) in enumerate(links):
-        here = before * placed(np.concatenate([pos, quat]))
+        here = before * pose_matrix(np.concatenate([pos, quat]))
         last = model.addJoint(last, pinocchio.JointModelRevoluteUnaligned(axis), here, f"joint_{n}")
         before = pinocchio.SE3.Identity()
     kind = pinocchio.FrameType.OP_FRAME
-    return model, model.addFrame(pinocchio.Frame("tool", last, placed(problem["tool"]), kind))
+    return model, model.addFrame(pinocchio.Frame("tool", last, pose_matrix(problem["tool"]), kind))
 
 
-def placed(pose: np.ndarray) -> Any:
+def pose_matrix(pose: np.ndarray) -> Any:
     w, x, y, z = pose[3:]
     return pinocchio.SE3(pinocchio.Quaternion(w, x, y, z), pose[:3])
 

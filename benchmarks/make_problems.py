@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 from make_streams import make_streams
-from problems import Floats, Framed, Integers, Poses, Sequences, Tracking, Visits
+from problems import Floats, FrameProblem, Integers, Poses, SegmentProblem, Sequences, Tracking
 
 from pilotfish.control import double_integrator
-from pilotfish.demonstrations import read_valve_mat
-from pilotfish.geometry import Pose, conjugate, continuous, exp, log, multiply
+from pilotfish.geometry import Pose, conjugate, multiply, quaternion_exp, quaternion_log, unwrap_quaternions
+from pilotfish.io.published_matlab import read_valve_mat
 
 STATES, STEPS, PERIOD = 7, 200, 0.1  # s
 REGULARISATION = 1e-5  # what pf.learn adds to variances unless told otherwise
-SLACK, EFFORT = 2e-3, 9.0  # as planning and the README have them
-LONGEST = 100  # steps that a visit lasts
+COVARIANCE_REGULARISATION, CONTROL_COST = 2e-3, 9.0  # as planning and the README have them
+MAX_DURATION = 100  # steps that a visit lasts
 SIZES = {  # demonstrations, steps, columns, states
     "large": (50, 500, 14, 10),
     "vast": (2000, 300, 14, 10),
@@ -33,16 +33,16 @@ def main() -> None:
     sizes = {size: int(count) for size, _, count in (word.partition("=") for word in sys.argv[2:])}
     recording = os.environ.get("PILOTFISH_DATA")
     x, A, b = real_valve(Path(recording)) if recording else synthetic_valve(np.random.default_rng(1))
-    valve = valve_in_one_frame(x, sizes["valve"])
+    valve = single_frame_problem(x, sizes["valve"])
     valve.save(folder / "valve")
-    valve_in_frames(x, A, b, sizes["valve"]).save(folder / "frames")
+    multi_frame_problem(x, A, b, sizes["valve"]).save(folder / "frames")
     valve_reference(x).save(folder / "tracking")
-    in_visits(valve, sizes["visits"]).save(folder / "visits_valve")
+    to_segment_problem(valve, sizes["visits"]).save(folder / "visits_valve")
     for number, size in enumerate(("large", "vast", "wide")):
-        drawn_from_a_chain(np.random.default_rng(2 + number), SIZES[size], sizes[size]).save(folder / size)
-    one = drawn_from_a_chain(np.random.default_rng(5), SIZES["visits"], sizes["visits"])
-    in_visits(one, sizes["visits"]).save(folder / "visits")
-    poses_of_a_tool(np.random.default_rng(6)).save(folder / "poses")
+        sample_markov_problem(np.random.default_rng(2 + number), SIZES[size], sizes[size]).save(folder / size)
+    one = sample_markov_problem(np.random.default_rng(5), SIZES["visits"], sizes["visits"])
+    to_segment_problem(one, sizes["visits"]).save(folder / "visits")
+    sample_tool_poses(np.random.default_rng(6)).save(folder / "poses")
     make_streams(folder, sizes)
     print("real" if recording else "synthetic")
 
@@ -75,41 +75,41 @@ def time_bins(demonstrations: int) -> Integers:
     return np.tile(np.arange(STEPS) * STATES // STEPS, demonstrations).astype(np.int64)
 
 
-def gaussians_of(x: Floats, labels: Integers, ridge: float) -> tuple[Floats, Floats]:
+def gaussians_by_label(x: Floats, labels: Integers, ridge: float) -> tuple[Floats, Floats]:
     """Mean and covariance of the points of every label, variances raised by ridge."""
     groups = [x[labels == k] for k in range(labels.max() + 1)]
     covariances = [np.cov(g.T, bias=True) + ridge * np.eye(x.shape[1]) for g in groups]
     return np.stack([g.mean(axis=0) for g in groups]), np.stack(covariances)
 
 
-def sticky(states: int, stay: float) -> Floats:
+def sticky_transitions(states: int, stay: float) -> Floats:
     """Transitions that stay with one probability and share the rest among the other states."""
     leave = (1.0 - stay) / (states - 1)
     return leave * np.ones((states, states)) + (stay - leave) * np.eye(states)
 
 
-def valve_in_one_frame(x: Floats, iterations: int) -> Sequences:
+def single_frame_problem(x: Floats, iterations: int) -> Sequences:
     flat = x.reshape(-1, x.shape[-1])
-    means, covariances = gaussians_of(flat, time_bins(len(x)), ridge=1e-4)
+    means, covariances = gaussians_by_label(flat, time_bins(len(x)), ridge=1e-4)
     uniform, lengths = np.full(STATES, 1 / STATES), np.full(len(x), STEPS)
-    return Sequences(flat, lengths, uniform, sticky(STATES, 0.9), means, covariances, iterations)
+    return Sequences(flat, lengths, uniform, sticky_transitions(STATES, 0.9), means, covariances, iterations)
 
 
-def valve_in_frames(x: Floats, A: Floats, b: Floats, iterations: int) -> Framed:
+def multi_frame_problem(x: Floats, A: Floats, b: Floats, iterations: int) -> FrameProblem:
     seen = np.linalg.solve(A, (x[:, None] - b[:, :, None]).swapaxes(-1, -2)).swapaxes(-1, -2)  # (M, P, T, D)
     joint = np.ascontiguousarray(seen.transpose(0, 2, 1, 3).reshape(-1, A.shape[1] * x.shape[-1]))
     labels = time_bins(len(x))
-    means, covariances = gaussians_of(joint, labels, ridge=REGULARISATION)
+    means, covariances = gaussians_by_label(joint, labels, ridge=REGULARISATION)
     weights = np.bincount(labels) / len(labels)
-    return Framed(x, A, b, STATES, iterations, joint, weights, means, covariances)
+    return FrameProblem(x, A, b, STATES, iterations, joint, weights, means, covariances)
 
 
-def drawn_from_a_chain(
+def sample_markov_problem(
     rng: np.random.Generator, size: tuple[int, int, int, int], iterations: int
 ) -> Sequences:
     """M sequences of T steps in D dimensions, from K overlapping Gaussians that last 50 steps each."""
     M, T, D, K = size
-    transitions, means = sticky(K, 0.98), rng.normal(size=(K, D))
+    transitions, means = sticky_transitions(K, 0.98), rng.normal(size=(K, D))
     factors = rng.normal(size=(K, D, D)) / np.sqrt(D) + 0.3 * np.eye(D)
     states = np.empty((M, T), dtype=np.int64)
     states[:, 0] = rng.integers(K, size=M)
@@ -125,32 +125,32 @@ def drawn_from_a_chain(
     return Sequences(x, np.full(M, T), np.full(K, 1 / K), transitions, guess, pooled, iterations)
 
 
-def in_visits(given: Sequences, iterations: int) -> Visits:
+def to_segment_problem(given: Sequences, iterations: int) -> SegmentProblem:
     """The same data and Gaussians, to be learned by visits of 1 to LONGEST steps, each as likely at first."""
     K = len(given.initial)
     leave = (np.ones((K, K)) - np.eye(K)) / (K - 1)
-    durations = np.full((LONGEST, K), 1 / LONGEST)
-    return Visits(
+    durations = np.full((MAX_DURATION, K), 1 / MAX_DURATION)
+    return SegmentProblem(
         given.x, given.lengths, given.initial, leave, given.means, given.covariances, iterations, durations
     )
 
 
-def poses_of_a_tool(rng: np.random.Generator) -> Poses:
+def sample_tool_poses(rng: np.random.Generator) -> Poses:
     """Four movements of a tool from one object to another, which stand elsewhere each time."""
     s = np.linspace(0.0, 1.0, STEPS)[:, None]
     blend = 10 * s**3 - 15 * s**4 + 6 * s**5
     held = [
-        Pose(rng.normal(size=3), exp(rng.normal(size=3))) for _ in range(2)
+        Pose(rng.normal(size=3), quaternion_exp(rng.normal(size=3))) for _ in range(2)
     ]  # object from tool, at each end
     x, objects = [], []
     for _ in range(4):
-        stand = [Pose(rng.normal(size=3), exp(rng.normal(size=3))) for _ in held]
+        stand = [Pose(rng.normal(size=3), quaternion_exp(rng.normal(size=3))) for _ in held]
         begin, end = (world @ tool for world, tool in zip(stand, held, strict=True))
-        turn = log(multiply(conjugate(begin.quaternion), end.quaternion))
-        q = multiply(np.tile(begin.quaternion, (STEPS, 1)), exp(blend * turn))
-        q = multiply(q, exp(0.02 * rng.normal(size=(STEPS, 3))))
+        turn = quaternion_log(multiply(conjugate(begin.quaternion), end.quaternion))
+        q = multiply(np.tile(begin.quaternion, (STEPS, 1)), quaternion_exp(blend * turn))
+        q = multiply(q, quaternion_exp(0.02 * rng.normal(size=(STEPS, 3))))
         places = begin.position + blend * (end.position - begin.position) + 0.01 * rng.normal(size=(STEPS, 3))
-        x.append(np.hstack([places, continuous(q)]))
+        x.append(np.hstack([places, unwrap_quaternions(q)]))
         objects.append([np.concatenate([pose.position, pose.quaternion]) for pose in stand])
     return Poses(np.stack(x), np.array(objects), STATES)
 
@@ -158,12 +158,14 @@ def poses_of_a_tool(rng: np.random.Generator) -> Poses:
 def valve_reference(x: Floats) -> Tracking:
     """A step-wise plan through the mean of every time bin, weighted by its precision."""
     system, labels = double_integrator(x.shape[-1] // 2, PERIOD), time_bins(1)
-    means, covariances = gaussians_of(x.reshape(-1, x.shape[-1]), time_bins(len(x)), ridge=SLACK)
+    means, covariances = gaussians_by_label(
+        x.reshape(-1, x.shape[-1]), time_bins(len(x)), ridge=COVARIANCE_REGULARISATION
+    )
     precisions = np.linalg.inv(covariances)
     precisions = 0.5 * (precisions + precisions.swapaxes(-1, -2))
     begins = np.searchsorted(labels, np.arange(STATES))
-    effort = EFFORT * np.eye(system.B.shape[1])
-    return Tracking(system.A, system.B, precisions[labels], means[labels], effort, begins)
+    control_cost = CONTROL_COST * np.eye(system.B.shape[1])
+    return Tracking(system.A, system.B, precisions[labels], means[labels], control_cost, begins)
 
 
 if __name__ == "__main__":

@@ -47,16 +47,16 @@ def make_streams(folder: Path, sizes: dict[str, int]) -> None:
     """Each shape in a folder of its name; sizes says how many datapoints near ones and far ones have."""
     for number, (name, shape) in enumerate(SHAPES.items()):
         N = sizes["stream" if name.startswith("stream") else "long"]
-        stream_of(np.random.default_rng(20 + number), shape, N).save(folder / name)
+        sample_stream(np.random.default_rng(20 + number), shape, N).save(folder / name)
 
 
-def stream_of(rng: np.random.Generator, shape: Shape, N: int) -> Stream:
+def sample_stream(rng: np.random.Generator, shape: Shape, N: int) -> Stream:
     K, D = shape.clusters, shape.columns
-    centres = scattered(rng, K, D, shape.apart)
+    centres = sample_separated_centres(rng, K, D, shape.apart)
     dimensions = rng.integers(shape.least, shape.most + 1, size=K)
     bases = [np.linalg.qr(rng.normal(size=(D, max(d, 1))))[0][:, :d] for d in dimensions]
-    labels, begins = turns(rng, shape, N)
-    along = shape.extent * wandering(rng, (N, shape.most), shape.correlation, begins)
+    labels, begins = sample_segments(rng, shape, N)
+    along = shape.extent * sample_autocorrelated(rng, (N, shape.most), shape.correlation, begins)
     x = NOISE * rng.normal(size=(N, D))
     for k, (centre, basis) in enumerate(zip(centres, bases, strict=True)):
         here = labels == k
@@ -64,7 +64,7 @@ def stream_of(rng: np.random.Generator, shape: Shape, N: int) -> Stream:
     return Stream(x, labels, K, shape.most, shape.extent, NOISE, shape.apart)
 
 
-def scattered(rng: np.random.Generator, K: int, D: int, apart: float) -> Floats:
+def sample_separated_centres(rng: np.random.Generator, K: int, D: int, apart: float) -> Floats:
     """K points of a cube, each at least so far from the others; the cube grows until they are."""
     half = 0.5 * apart / np.sqrt(D)
     while True:
@@ -75,7 +75,7 @@ def scattered(rng: np.random.Generator, K: int, D: int, apart: float) -> Floats:
         half *= 1.02
 
 
-def turns(rng: np.random.Generator, shape: Shape, N: int) -> tuple[Integers, Integers]:
+def sample_segments(rng: np.random.Generator, shape: Shape, N: int) -> tuple[Integers, Integers]:
     """The cluster of each step, and the steps at which visits begin."""
     if shape.shuffled:
         return rng.integers(shape.clusters, size=N), np.arange(N)
@@ -85,7 +85,7 @@ def turns(rng: np.random.Generator, shape: Shape, N: int) -> tuple[Integers, Int
     return np.repeat(order, lengths)[:N], begins[begins < N]
 
 
-def wandering(
+def sample_autocorrelated(
     rng: np.random.Generator, size: tuple[int, int], correlation: float, begins: Integers
 ) -> Floats:
     """Coordinates of unit variance, correlated from step to step within a visit, not between visits."""

@@ -12,44 +12,44 @@ from typing import Any
 
 from cases import LIBRARIES
 from kinds import Case, Entry
-from workers import Worker, WorkerError, surroundings
+from workers import Worker, WorkerError, timed_environment
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class MeasurementSettings:
     """How often everything is repeated. sample [s] is the least CPU that one sample should hold."""
 
     rounds: int
     import_rounds: int
     sample: float
-    patience: float  # s, after which a case has no more rounds, if it had a few
+    time_limit: float  # s, after which a case has no more rounds, if it had a few
     iterations: dict[str, int]  # of EM, for each size
     datapoints: dict[str, int]  # of streams, for each size
 
 
-FEWEST = 3  # rounds, however long they take
-FULL = Effort(
+MIN_ROUNDS = 3  # rounds, however long they take
+FULL = MeasurementSettings(
     rounds=15,
     import_rounds=9,
     sample=0.02,
-    patience=60.0,
+    time_limit=60.0,
     iterations={"valve": 30, "large": 5, "vast": 2, "wide": 4, "visits": 5},
     datapoints={"stream": 5000, "long": 200_000},
 )
-QUICK = Effort(
+QUICK = MeasurementSettings(
     rounds=2,
     import_rounds=1,
     sample=0.0,
-    patience=0.0,
+    time_limit=0.0,
     iterations={"valve": 3, "large": 2, "vast": 2, "wide": 2, "visits": 2},
     datapoints={"stream": 500, "long": 5000},
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class SampleStatistics:
     """Samples [s] and where they lie; half of them between lower and upper."""
 
     median: float
@@ -59,14 +59,14 @@ class Spread:
     samples: tuple[float, ...]
 
 
-def spread(samples: Sequence[float]) -> Spread:
+def sample_statistics(samples: Sequence[float]) -> SampleStatistics:
     twice = [*samples, *samples] if len(samples) == 1 else samples
     lower, middle, upper = quantiles(twice, n=4, method="inclusive")
-    return Spread(middle, min(samples), lower, upper, tuple(samples))
+    return SampleStatistics(middle, min(samples), lower, upper, tuple(samples))
 
 
 @dataclass(frozen=True, slots=True)
-class First:
+class FirstCall:
     """The first call in a process that does nothing else [s a unit], and what the process had spent then.
 
     result is all its CPU [s] until the first result, imports included. peak_mb is the most memory that it
@@ -88,29 +88,29 @@ class Result:
     """
 
     entry: Entry
-    cpu: Spread | None = None
-    wall: Spread | None = None
-    first: First | None = None
+    cpu: SampleStatistics | None = None
+    wall: SampleStatistics | None = None
+    first: FirstCall | None = None
     answer: float = math.nan
     begin: float = math.nan
-    remark: str = ""
+    print_note: str = ""
     failure: str = ""
 
 
 @dataclass(slots=True)
-class _Turns:
+class _EntryRuns:
     """What an entry has delivered so far."""
 
     entry: Entry
     call: str
     repeats: int = 1
-    first: First | None = None
+    first: FirstCall | None = None
     replies: list[dict[str, Any]] = field(default_factory=list)
     failure: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class Installations:
     """Where the libraries live: the python of each, its long-lived worker, and why a library is missing."""
 
     pythons: Mapping[str, Path]
@@ -118,28 +118,30 @@ class Floor:
     missing: Mapping[str, str]
 
 
-def measure(case: Case, floor: Floor, problems: Path, effort: Effort, say: Say) -> list[Result]:
+def measure(
+    case: Case, installations: Installations, problems: Path, measurement: MeasurementSettings, say: Say
+) -> list[Result]:
     """Every entry's first call in a fresh process, then rounds in which each has its turn: A B C A B C ..."""
     folder = problems / case.problem
     turns = [
-        _Turns(entry, f"{case.name}/{entry.label}")
+        _EntryRuns(entry, f"{case.name}/{entry.label}")
         for entry in case.entries
-        if entry.library in floor.pythons
+        if entry.library in installations.pythons
     ]
     for turn in turns:
         say(f"{case.name}: {turn.entry.label}, first call")
-        _attempt(turn, partial(_begin, turn, floor, folder, effort))
+        _run_or_record_failure(turn, partial(_first_call, turn, installations, folder, measurement))
     began = monotonic()
-    for number in range(effort.rounds):
-        if number >= FEWEST and monotonic() - began > effort.patience:
+    for number in range(measurement.rounds):
+        if number >= MIN_ROUNDS and monotonic() - began > measurement.time_limit:
             break
-        say(f"{case.name}: round {number + 1} of {effort.rounds}")
+        say(f"{case.name}: round {number + 1} of {measurement.rounds}")
         for turn in turns:
-            _attempt(turn, partial(_take, turn, floor))
+            _run_or_record_failure(turn, partial(_measure_round, turn, installations))
     return [_result(turn) for turn in turns]
 
 
-def _attempt(turn: _Turns, act: Callable[[], None]) -> None:
+def _run_or_record_failure(turn: _EntryRuns, act: Callable[[], None]) -> None:
     if turn.failure:
         return
     try:
@@ -148,52 +150,64 @@ def _attempt(turn: _Turns, act: Callable[[], None]) -> None:
         turn.failure = str(error)
 
 
-def _begin(turn: _Turns, floor: Floor, folder: Path, effort: Effort) -> None:
+def _first_call(
+    turn: _EntryRuns, installations: Installations, folder: Path, measurement: MeasurementSettings
+) -> None:
     """The first call; then one in the long-lived worker, which warms it and tells how many fill a sample."""
     library = turn.entry.library
-    if library in floor.missing:
-        raise WorkerError(floor.missing[library])
+    if library in installations.missing:
+        raise WorkerError(installations.missing[library])
     prepare = {"call": turn.call, "function": turn.entry.function, "folder": str(folder)}
-    with Worker(floor.pythons[library], library, surroundings()) as fresh:
+    with Worker(installations.pythons[library], library, timed_environment()) as fresh:
         fresh.ask("prepare", **prepare)
         reply = fresh.ask("run", call=turn.call, repeats=1)
     told = ("cpu", "wall", "result", "peak_mb", "grown_mb")
-    turn.first = First(*(reply[name] for name in told))
-    floor.workers[library].ask("prepare", **prepare)
-    warm = floor.workers[library].ask("run", call=turn.call, repeats=1)
-    turn.repeats = max(1, min(1000, math.ceil(effort.sample / max(warm["call_cpu"], 1e-6))))
+    turn.first = FirstCall(*(reply[name] for name in told))
+    installations.workers[library].ask("prepare", **prepare)
+    warm = installations.workers[library].ask("run", call=turn.call, repeats=1)
+    turn.repeats = max(1, min(1000, math.ceil(measurement.sample / max(warm["call_cpu"], 1e-6))))
 
 
-def _take(turn: _Turns, floor: Floor) -> None:
-    reply = floor.workers[turn.entry.library].ask("run", call=turn.call, repeats=turn.repeats)
+def _measure_round(turn: _EntryRuns, installations: Installations) -> None:
+    reply = installations.workers[turn.entry.library].ask("run", call=turn.call, repeats=turn.repeats)
     turn.replies.append(reply)
 
 
-def _result(turn: _Turns) -> Result:
+def _result(turn: _EntryRuns) -> Result:
     if turn.failure:
         return Result(turn.entry, failure=turn.failure)
     cpu, wall = ([reply[name] for reply in turn.replies] for name in ("cpu", "wall"))
     last = turn.replies[-1]
     return Result(
-        turn.entry, spread(cpu), spread(wall), turn.first, last["answer"], last["begin"], last["remark"]
+        turn.entry,
+        sample_statistics(cpu),
+        sample_statistics(wall),
+        turn.first,
+        last["answer"],
+        last["begin"],
+        last["remark"],
     )
 
 
-def measure_imports(floor: Floor, effort: Effort, say: Say) -> dict[str, Spread]:
+def measure_imports(
+    installations: Installations, measurement: MeasurementSettings, say: Say
+) -> dict[str, SampleStatistics]:
     """Wall seconds of `import` of each library, and of NumPy beside it, in fresh processes, by turns."""
-    modules = {name: LIBRARIES[name].module for name in floor.pythons if name not in floor.missing}
+    modules = {
+        name: LIBRARIES[name].module for name in installations.pythons if name not in installations.missing
+    }
     samples: dict[str, list[float]] = {name: [] for name in modules}
     for name, module in modules.items():  # once for nothing: bytecode is written, files are in memory
-        _import_seconds(floor.pythons[name], module)
-    for number in range(effort.import_rounds):
-        say(f"import: round {number + 1} of {effort.import_rounds}")
+        _import_seconds(installations.pythons[name], module)
+    for number in range(measurement.import_rounds):
+        say(f"import: round {number + 1} of {measurement.import_rounds}")
         for name, module in modules.items():
-            samples[name].append(_import_seconds(floor.pythons[name], module))
-    return {name: spread(taken) for name, taken in samples.items()}
+            samples[name].append(_import_seconds(installations.pythons[name], module))
+    return {name: sample_statistics(case_results) for name, case_results in samples.items()}
 
 
 def _import_seconds(python: Path, module: str) -> float:
     program = f"from time import perf_counter as now; t = now(); import {module}; print(now() - t)"
     command = [str(python), "-W", "ignore", "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, env=surroundings(), check=False)
+    done = subprocess.run(command, capture_output=True, text=True, env=timed_environment(), check=False)
     return float(done.stdout.split()[-1]) if done.returncode == 0 else math.nan

@@ -27,7 +27,7 @@ def execute(command: Sequence[str]) -> str:
     )
 
 
-def place_of(environment: str) -> tuple[Path, Path]:
+def environment_folder(environment: str) -> tuple[Path, Path]:
     """The folder of an environment of that name, and the list of what is in it."""
     return BUILD / f"{environment}-venv", LISTS / f"{environment}.txt"
 

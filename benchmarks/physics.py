@@ -21,27 +21,31 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.station.rendering import require_mujoco
+from pilotfish.simulation.rendering import require_mujoco
 
 require_mujoco()  # it chooses what draws here, before anything else imports MuJoCo
 
 import mujoco  # noqa: E402 - after the choice, as all that follows
-from kinematics import Peer, against_peers  # noqa: E402
+from kinematics import Peer, compare_with_peers  # noqa: E402
 from machine import load, machine  # noqa: E402
-from workers import surroundings  # noqa: E402
+from workers import timed_environment  # noqa: E402
 
 from pilotfish.control import impedance_torque  # noqa: E402
-from pilotfish.environments import TASKS, TICK, Photographer, Workcell, view_of  # noqa: E402
+from pilotfish.environments import TASKS, TIMESTEP, SceneRenderer, Workcell, camera_view  # noqa: E402
 from pilotfish.environments.contacts import contact_forces  # noqa: E402
-from pilotfish.environments.steering import straight  # noqa: E402
+from pilotfish.environments.steering import linear_path  # noqa: E402
 from pilotfish.errors import SkillError  # noqa: E402
 from pilotfish.geometry import Pose  # noqa: E402
 
 HERE = Path(__file__).parent
 TOP = HERE.parent
 DOCUMENT = TOP / "docs" / "benchmarks-physics.md"
-LEAST_FACTOR, MOST_STEP, MOST_IMPORT = 5.0, 60.0, 0.3  # times real time; us; s: what is promised
-LOOK, AWAY, TURN = 20, 0.05, 3.0  # ticks of one call; m and rad/s of the circle on which a target moves
+MIN_REALTIME_FACTOR, MAX_STEP, MAX_IMPORT = 5.0, 60.0, 0.3  # times real time; us; s: what is promised
+STEPS_PER_OBSERVATION, AWAY, TURN = (
+    20,
+    0.05,
+    3.0,
+)  # ticks of one call; m and rad/s of the circle on which a target moves
 PARTS = (
     "path",
     "reading",
@@ -56,7 +60,7 @@ MODULES = ("pilotfish", "pilotfish.environments")
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class MeasurementSettings:
     """rounds of each figure; seconds of simulation; ticks of control; targets of kinematics."""
 
     rounds: int
@@ -65,7 +69,7 @@ class Effort:
     targets: int
 
 
-FULL, QUICK = Effort(7, 3.0, 20_000, 100), Effort(2, 0.2, 200, 4)
+FULL, QUICK = MeasurementSettings(7, 3.0, 20_000, 100), MeasurementSettings(2, 0.2, 200, 4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +96,12 @@ class Part:
 
 def main() -> None:
     asked = arguments()
-    effort, before = QUICK if asked.quick else FULL, load()
-    speeds = [speed(name, effort) for name in sorted(TASKS)]
-    parts = tick_parts(effort)
-    imports = {module: import_seconds(module, effort.rounds) for module in MODULES}
-    sizes = None if asked.quick else downloaded()
-    peers = against_peers(effort.rounds, effort.targets) if asked.peers else []
+    measurement, before = QUICK if asked.quick else FULL, load()
+    speeds = [speed(name, measurement) for name in sorted(TASKS)]
+    parts = tick_parts(measurement)
+    imports = {module: import_seconds(module, measurement.rounds) for module in MODULES}
+    sizes = None if asked.quick else download_sizes()
+    peers = compare_with_peers(measurement.rounds, measurement.targets) if asked.peers else []
     words = "python benchmarks/physics.py" + " --quick" * asked.quick + " --peers" * asked.peers
     text = "\n".join(document(words, (before, load()), speeds, parts, (imports, sizes), peers)) + "\n"
     print(text)
@@ -127,21 +131,21 @@ def arguments() -> argparse.Namespace:
 
 def workcell(name: str, *, lead: bool = False) -> Workcell[Any]:
     task = TASKS[name]
-    return Workcell(task, task.draw(np.random.default_rng(0)), lead=lead)
+    return Workcell(task, task.sample_situation(np.random.default_rng(0)), lead=lead)
 
 
-def speed(name: str, effort: Effort) -> Speed:
+def speed(name: str, measurement: MeasurementSettings) -> Speed:
     print(name, file=sys.stderr, flush=True)
-    taken = [cpu(lambda: workcell(name)) for _ in range(effort.rounds)]
+    taken = [cpu(lambda: workcell(name)) for _ in range(measurement.rounds)]
     cell, both = workcell(name), workcell(name, lead=True)
     held: list[float] = []
     moving: list[float] = []
     led: list[float] = []
-    for _ in range(effort.rounds):
-        held.append(factor(cell, cell.follow, effort, still=True))
-        moving.append(factor(cell, cell.follow, effort))
-        led.append(factor(both, both.led, effort))
-    frame = frame_seconds(cell, name, effort.rounds)
+    for _ in range(measurement.rounds):
+        held.append(realtime_factor(cell, cell.step_impedance, measurement, still=True))
+        moving.append(realtime_factor(cell, cell.step_impedance, measurement))
+        led.append(realtime_factor(both, both.step_guidance, measurement))
+    frame = frame_seconds(cell, name, measurement.rounds)
     figures = median(held), median(moving), median(led), median(taken)
     return Speed(name, *figures, frame, int(cell.data.ncon))
 
@@ -155,44 +159,50 @@ def cpu(act: Callable[[], object]) -> float:
 Move = Callable[[Pose, float, int], None]
 
 
-def factor(cell: Workcell[Any], move: Move, effort: Effort, *, still: bool = False) -> float:
+def realtime_factor(
+    cell: Workcell[Any], move: Move, measurement: MeasurementSettings, *, still: bool = False
+) -> float:
     """Simulated seconds for each of CPU; the target goes up and down unless it is held still."""
-    home = cell.target
-    looks = round(effort.seconds / (LOOK * TICK))
+    start_pose = cell.target
+    looks = round(measurement.seconds / (STEPS_PER_OBSERVATION * TIMESTEP))
 
     def act() -> None:
         for n in range(1, looks + 1):
-            up = 0.0 if still else AWAY * (1.0 - np.cos(TURN * n * LOOK * TICK))
-            move(Pose(home.position + np.array([0.0, 0.0, up]), home.quaternion), 0.0, LOOK)
+            up = 0.0 if still else AWAY * (1.0 - np.cos(TURN * n * STEPS_PER_OBSERVATION * TIMESTEP))
+            move(
+                Pose(start_pose.position + np.array([0.0, 0.0, up]), start_pose.quaternion),
+                0.0,
+                STEPS_PER_OBSERVATION,
+            )
 
-    simulated = looks * LOOK * TICK
+    simulated = looks * STEPS_PER_OBSERVATION * TIMESTEP
     seconds = cpu(act)
-    move(home, 0.0, LOOK)
+    move(start_pose, 0.0, STEPS_PER_OBSERVATION)
     return simulated / seconds
 
 
 def frame_seconds(cell: Workcell[Any], name: str, rounds: int) -> float | None:
     try:
-        with Photographer(cell.model, view_of(name)) as photographer:
-            photographer.photograph(cell.data)
-            return median(cpu(lambda: photographer.photograph(cell.data)) for _ in range(rounds))
+        with SceneRenderer(cell.model, camera_view(name)) as renderer:
+            renderer.render(cell.data)
+            return median(cpu(lambda: renderer.render(cell.data)) for _ in range(rounds))
     except SkillError as error:
         print(error, file=sys.stderr)
         return None
 
 
-def tick_parts(effort: Effort) -> list[Part]:
-    """The parts of Workcell.follow's tick, in its order, on the valve with a moving target."""
+def tick_parts(measurement: MeasurementSettings) -> list[Part]:
+    """The parts of Workcell.step_impedance's tick, in its order, on the valve with a moving target."""
     cell = workcell("valve")
-    home = cell.target
+    start_pose = cell.target
     stamps: list[tuple[int, ...]] = []
-    while len(stamps) < effort.ticks:
+    while len(stamps) < measurement.ticks:
         up = AWAY * (1.0 - np.cos(TURN * cell.time))
-        target = Pose(home.position + np.array([0.0, 0.0, up]), home.quaternion)
-        path = straight(cell.target, target, LOOK, TICK)
-        stamps += [tick(cell, path, n) for n in range(LOOK)]
+        target = Pose(start_pose.position + np.array([0.0, 0.0, up]), start_pose.quaternion)
+        path = linear_path(cell.target, target, STEPS_PER_OBSERVATION, TIMESTEP)
+        stamps += [tick(cell, path, n) for n in range(STEPS_PER_OBSERVATION)]
         cell.target = target
-    jacobians = [timed_jacobian(cell) for _ in range(effort.ticks)]
+    jacobians = [timed_jacobian(cell) for _ in range(measurement.ticks)]
     path_, reading, torque, motors, moved, felt, placed = (np.diff(np.array(stamps), axis=1) / 1000.0).T
     whole = path_ + reading + torque + motors
     columns = (path_, reading, np.array(jacobians), torque, motors, whole, moved + placed, felt)
@@ -215,7 +225,7 @@ def tick(cell: Workcell[Any], path: Any, n: int) -> tuple[int, ...]:
     written = perf_counter_ns()
     mujoco.mj_step2(cell.model, cell.data)
     moved = perf_counter_ns()
-    contact_forces(cell.model, cell.data, cell.task.fragile)
+    contact_forces(cell.model, cell.data, cell.task.contact_limits)
     felt = perf_counter_ns()
     mujoco.mj_step1(cell.model, cell.data)
     return began, there, read, thought, written, moved, felt, perf_counter_ns()
@@ -232,13 +242,13 @@ def import_seconds(module: str, rounds: int) -> float:
     program = f"from time import perf_counter as now; t = now(); import {module}; print(now() - t)"
     command = [sys.executable, "-W", "ignore", "-c", program]
     told = [
-        subprocess.run(command, capture_output=True, text=True, env=surroundings(), check=True).stdout
+        subprocess.run(command, capture_output=True, text=True, env=timed_environment(), check=True).stdout
         for _ in range(rounds + 1)
     ]
     return median(float(words) for words in told[1:])
 
 
-def downloaded() -> dict[str, float] | None:
+def download_sizes() -> dict[str, float] | None:
     """Megabytes of each wheel that pip fetches for pilotfish[sim], without pilotfish itself."""
     project = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["sim"]]
@@ -267,13 +277,13 @@ def document(
         "and control both at 1 kHz, without pictures. Figures are medians over rounds."
     )
     yield from ("", "## Targets", "")
-    yield from verdicts(speeds, parts, imports)
+    yield from requirement_results(speeds, parts, imports)
     yield from ("", "## Faster than real time", "")
     yield from table_of_speeds(speeds)
     yield from ("", "## A step of control", "")
     yield from table_of_parts(parts)
     yield from ("", "## Imports and download", "")
-    yield from told_of_imports(imports, sizes)
+    yield from describe_imports(imports, sizes)
     if peers:
         yield from ("", "## Kinematics", "")
         yield from table_of_peers(peers)
@@ -286,22 +296,24 @@ def document(
     )
 
 
-def verdicts(speeds: Sequence[Speed], parts: Sequence[Part], imports: Mapping[str, float]) -> Iterator[str]:
+def requirement_results(
+    speeds: Sequence[Speed], parts: Sequence[Part], imports: Mapping[str, float]
+) -> Iterator[str]:
     slowest = min(speeds, key=lambda s: min(s.held, s.moving))
     factor_ = min(slowest.held, slowest.moving)
     step = next(part for part in parts if part.name == "step of control").median
     yield from ("| target | measured | verdict |", "| --- | --- | ---: |")
     for target, told, kept in (
         (
-            f"one arm at least {LEAST_FACTOR:g} x real time in every task",
+            f"one arm at least {MIN_REALTIME_FACTOR:g} x real time in every task",
             f"{factor_:.1f} x ({slowest.task})",
-            factor_ >= LEAST_FACTOR,
+            factor_ >= MIN_REALTIME_FACTOR,
         ),
-        (f"a step of control at most {MOST_STEP:g} us, median", f"{step:.1f} us", step <= MOST_STEP),
+        (f"a step of control at most {MAX_STEP:g} us, median", f"{step:.1f} us", step <= MAX_STEP),
         (
-            f"`import pilotfish` under {MOST_IMPORT:g} s",
+            f"`import pilotfish` under {MAX_IMPORT:g} s",
             f"{imports['pilotfish']:.2f} s",
-            imports["pilotfish"] < MOST_IMPORT,
+            imports["pilotfish"] < MAX_IMPORT,
         ),
     ):
         yield f"| {target} | {told} | {'pass' if kept else 'MISS'} |"
@@ -325,7 +337,7 @@ def table_of_speeds(speeds: Sequence[Speed]) -> Iterator[str]:
 
 def table_of_parts(parts: Sequence[Part]) -> Iterator[str]:
     yield (
-        "Wall time of the parts of one tick of the valve's arm, in the order in which `Workcell.follow` does "
+        "Wall time of the parts of one tick of the valve's arm, in the order in which `Workcell.step_impedance` does "
         "them. A step of control is what stands above it; the Jacobian was timed by itself."
     )
     yield from ("", "| part | median us | p99 us |", "| --- | ---: | ---: |")
@@ -333,7 +345,7 @@ def table_of_parts(parts: Sequence[Part]) -> Iterator[str]:
         yield f"| {part.name} | {part.median:.1f} | {part.p99:.1f} |"
 
 
-def told_of_imports(imports: Mapping[str, float], sizes: Mapping[str, float] | None) -> Iterator[str]:
+def describe_imports(imports: Mapping[str, float], sizes: Mapping[str, float] | None) -> Iterator[str]:
     for module, seconds in imports.items():
         yield f"- `import {module}` takes {seconds:.2f} s, in a fresh process."
     if sizes:
@@ -359,7 +371,7 @@ def table_of_peers(peers: Sequence[Peer]) -> Iterator[str]:
     )
     for p in peers:
         figures = f"{p.ours:.1f} | {p.name} | {p.theirs:.1f} | {p.theirs / p.ours:.2f}"
-        yield f"| {p.what} | {figures} | {p.remark} |"
+        yield f"| {p.what} | {figures} | {p.print_note} |"
 
 
 if __name__ == "__main__":

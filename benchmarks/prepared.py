@@ -7,7 +7,7 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class CommandResult:
     """A number by which libraries are compared, and how many units of work (EM iterations, say) it took.
 
     begin is the same number before the first unit, NaN where there is none.
@@ -15,7 +15,7 @@ class Answer:
 
     value: float
     units: int = 1
-    remark: str = ""
+    print_note: str = ""
     begin: float = nan
 
 
@@ -24,4 +24,4 @@ class Prepared:
     """run is timed; answer reads its result afterwards."""
 
     run: Callable[[], Any]
-    answer: Callable[[Any], Answer]
+    answer: Callable[[Any], CommandResult]

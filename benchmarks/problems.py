@@ -12,7 +12,7 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Filed:
+class StoredProblem:
     """A problem that is kept in a folder, one array a file."""
 
     def save(self, folder: Path) -> None:
@@ -27,7 +27,7 @@ class Filed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sequences(Filed):
+class Sequences(StoredProblem):
     """M sequences end to end, in one frame, and the hidden Markov model that learning begins from."""
 
     x: Floats  # (N, D)
@@ -40,14 +40,14 @@ class Sequences(Filed):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Visits(Sequences):
+class SegmentProblem(Sequences):
     """The same, of a hidden semi-Markov model: transitions has a zero diagonal."""
 
     durations: Floats  # (S, K), shares of 1 ... S steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Poses(Filed):
+class Poses(StoredProblem):
     """M movements of a tool, and the poses of P objects that it is seen from; quaternions are w x y z."""
 
     x: Floats  # (M, T, 7)
@@ -56,7 +56,7 @@ class Poses(Filed):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Framed(Filed):
+class FrameProblem(StoredProblem):
     """M demonstrations in the world and where P frames stood, to be learned with K states.
 
     joint is how all frames see a step, side by side. The mixture that its learning begins from is made of
@@ -75,19 +75,19 @@ class Framed(Filed):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tracking(Filed):
+class Tracking(StoredProblem):
     """A step-wise reference for the system x' = A x + B u; begins[i] is the first step of target i."""
 
     A: Floats  # (n, n)
     B: Floats  # (n, m)
     weights: Floats  # (T, n, n)
     targets: Floats  # (T, n)
-    effort: Floats  # (m, m)
+    control_cost: Floats  # (m, m)
     begins: Integers  # (K,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stream(Filed):
+class Stream(StoredProblem):
     """N datapoints in the order in which they came, the cluster of each, and the scales of the generator."""
 
     x: Floats  # (N, D)

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from cases import LIBRARIES, NOT_INSTALLABLE
-from judging import a_second, agrees, disagreement, milliseconds, ours, ratio, verdicts
+from judging import agrees, incompatibility, milliseconds, own_result, per_second, ratio, requirement_results
 from kinds import Case
 from machine import Machine
-from measure import Effort, Result, Spread
+from measure import MeasurementSettings, Result, SampleStatistics
 
 OF_THE_VALVE = ("valve", "frames", "tracking", "visits_valve")
 
@@ -21,14 +21,14 @@ class Report:
     command: str
     date: str
     quick: bool
-    effort: Effort
+    measurement: MeasurementSettings
     machine: Machine
     loads: tuple[float, float]  # before and after
     valve: str  # real or synthetic
     introductions: dict[str, dict[str, str]]
     missing: dict[str, str]
     cases: list[tuple[Case, list[Result]]]
-    imports: dict[str, Spread]
+    imports: dict[str, SampleStatistics]
 
 
 # -------------------------------------------------------------------------------- Markdown
@@ -44,8 +44,8 @@ def _head(report: Report) -> Iterator[str]:
     yield ""
     yield (
         f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in a process "
-        f"of its own with one thread, taking turns (A B C A B C ...) for {report.effort.rounds} rounds, "
-        f"fewer where a case takes longer than {report.effort.patience:g} s. Times are CPU milliseconds; a "
+        f"of its own with one thread, taking turns (A B C A B C ...) for {report.measurement.rounds} rounds, "
+        f"fewer where a case takes longer than {report.measurement.time_limit:g} s. Times are CPU milliseconds; a "
         "ratio says how many times the CPU of pilotfish's first row it takes, the median over rounds."
     )
     if report.quick:
@@ -61,7 +61,7 @@ def _head(report: Report) -> Iterator[str]:
 
 def _promises(report: Report) -> Iterator[str]:
     yield from ("", "## Targets", "")
-    rows = [(v.promise, v.measured, v.verdict) for v in verdicts(report.cases)]
+    rows = [(v.requirement, v.measured, v.verdict) for v in requirement_results(report.cases)]
     yield from table(("target", "measured", "verdict"), rows, "llr")
 
 
@@ -95,7 +95,7 @@ def _times(report: Report) -> Iterator[str]:
 
 
 def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
-    own = ours(results)
+    own = own_result(results)
     for number, result in enumerate(results):
         name = f"`{case.name}`" if number == 0 else ""
         if not (result.cpu and result.wall and result.first):
@@ -105,7 +105,7 @@ def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
         quartiles = f"{milliseconds(result.cpu.lower)} - {milliseconds(result.cpu.upper)}"
         times = (milliseconds(result.cpu.median), milliseconds(result.cpu.minimum), quartiles)
         first = (f"{result.first.result:.2f}", f"{result.first.peak_mb:.0f}", f"{result.first.grown_mb:.0f}")
-        remarks = "; ".join(filter(None, (result.remark, result.entry.differs)))
+        remarks = "; ".join(filter(None, (result.print_note, result.entry.differs)))
         told = f"{result.answer:.10g}" + (f" ({remarks})" if remarks else "")
         wall = milliseconds(result.wall.median)
         yield (name, result.entry.label, *times, wall, *first, times_ours, told)
@@ -139,7 +139,7 @@ def _streams(report: Report) -> Iterator[str]:
 
 
 def _stream_rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
-    own = ours(results)
+    own = own_result(results)
     for number, result in enumerate(results):
         name = f"`{case.name}`" if number == 0 else ""
         if not (result.cpu and result.first):
@@ -149,16 +149,16 @@ def _stream_rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, .
         took = [milliseconds(s * 1e3) for s in (each.median, each.lower, each.upper)]
         times_ours = f"{ratio(each, own.cpu):.1f}" if own and own.cpu else ""
         memory = (f"{result.first.grown_mb:.1f}", f"{result.first.peak_mb:.0f}")
-        speed = (a_second(each.median), took[0], f"{took[1]} - {took[2]}")
+        speed = (per_second(each.median), took[0], f"{took[1]} - {took[2]}")
         found = f"{result.answer:.3f}"
-        yield (name, result.entry.label, found, *speed, *memory, times_ours, result.remark)
+        yield (name, result.entry.label, found, *speed, *memory, times_ours, result.print_note)
 
 
 def _notes(report: Report) -> Iterator[str]:
     yield from ("", "## Cases", "")
     for case, results in report.cases:
         explanation = case.explanation
-        for size, count in (report.effort.iterations | report.effort.datapoints).items():
+        for size, count in (report.measurement.iterations | report.measurement.datapoints).items():
             explanation = explanation.replace(f"{{{size}}}", str(count))
         told = f"Answer: {case.answer}{_agreement(case, results)}."
         yield f"- `{case.name}`: {case.title}. {explanation} {told}"
@@ -168,7 +168,7 @@ def _agreement(case: Case, results: Sequence[Result]) -> str:
     told = [result for result in results if not result.failure]
     if case.agreement is None or len(told) < 2:
         return ""
-    apart = disagreement(results)
+    apart = incompatibility(results)
     if agrees(case, results):
         alike = "the answers agree, of differing models before the first iteration,"
         alike = alike if any(result.entry.differs for result in told) else "the answers agree"
@@ -180,9 +180,11 @@ def _foot(report: Report) -> Iterator[str]:
     yield from ("", "## Libraries and machine", "")
     rows = []
     for name, said in report.introductions.items():
-        taken = report.imports.get(name)
+        case_results = report.imports.get(name)
         seconds = (
-            f"{taken.median:.3f} ({taken.minimum:.3f})" if taken and not math.isnan(taken.median) else ""
+            f"{case_results.median:.3f} ({case_results.minimum:.3f})"
+            if case_results and not math.isnan(case_results.median)
+            else ""
         )
         library = LIBRARIES[name]
         about = library.does + (f"; {said['remark']}" if said["remark"] else "")
@@ -195,7 +197,7 @@ def _foot(report: Report) -> Iterator[str]:
     machine, said = report.machine, next(iter(report.introductions.values()), {"python": "?", "numpy": "?"})
     yield ""
     yield (
-        f"Imports: wall seconds in a fresh process, {report.effort.import_rounds} of each, by turns. "
+        f"Imports: wall seconds in a fresh process, {report.measurement.import_rounds} of each, by turns. "
         f"Machine: {machine.processor}, {machine.cores} cores, {machine.memory_gb:.0f} GB, {machine.system}; "
         f"Python {said['python']}, NumPy {said['numpy']}; "
         f"load {report.loads[0]:.1f} before and {report.loads[1]:.1f} after."
@@ -217,18 +219,18 @@ def as_json(report: Report) -> dict[str, Any]:
         {
             "case": case.name,
             "title": case.title,
-            "disagreement": disagreement(results) if case.agreement is not None else None,
+            "incompatibility": incompatibility(results) if case.agreement is not None else None,
             "entries": [asdict(result) for result in results],
         }
         for case, results in report.cases
     ]
-    imports = {name: asdict(taken) for name, taken in report.imports.items()}
+    imports = {name: asdict(case_results) for name, case_results in report.imports.items()}
     rest = {
         name: getattr(report, name)
         for name in ("command", "date", "quick", "loads", "valve", "introductions", "missing")
     }
-    judged = [asdict(verdict) for verdict in verdicts(report.cases)]
-    told = {"machine": asdict(report.machine), "effort": asdict(report.effort), "targets": judged}
+    judged = [asdict(verdict) for verdict in requirement_results(report.cases)]
+    told = {"machine": asdict(report.machine), "control_cost": asdict(report.measurement), "targets": judged}
     whole: dict[str, Any] = _without_nan({**rest, **told, "cases": cases, "imports": imports})
     return whole
 

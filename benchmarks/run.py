@@ -19,26 +19,28 @@ from pathlib import Path
 from cases import CASES, LIBRARIES, OURS
 from kinds import Case
 from machine import load, machine
-from measure import FULL, QUICK, Effort, Floor, measure, measure_imports
-from peer_environment import execute, peer_environment, place_of
+from measure import FULL, QUICK, Installations, MeasurementSettings, measure, measure_imports
+from peer_environment import environment_folder, execute, peer_environment
 from report import Report, as_json, markdown
-from workers import Worker, WorkerError, surroundings
+from workers import Worker, WorkerError, timed_environment
 
 HERE = Path(__file__).parent
 DOCUMENT = HERE.parent / "docs" / "benchmarks.md"
 
 
 def main() -> None:
-    asked = arguments()
-    report = benchmark(asked)
+    options = arguments()
+    report = benchmark(options)
     text = markdown(report)
     print(text)
-    whole = not (asked.quick or asked.only or asked.cases)
-    out = asked.out or (DOCUMENT if whole else None)
+    whole = not (options.quick or options.only or options.cases)
+    out = options.out or (DOCUMENT if whole else None)
     if out:
         out.write_text(text, encoding="utf-8")
-    if asked.json:
-        asked.json.write_text(json.dumps(as_json(report), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if options.json:
+        options.json.write_text(
+            json.dumps(as_json(report), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+        )
 
 
 def arguments() -> argparse.Namespace:
@@ -58,68 +60,70 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def command_of(asked: argparse.Namespace) -> str:
+def command_of(options: argparse.Namespace) -> str:
     """The command as a reader would repeat it, without the files it wrote."""
     words = ["python benchmarks/run.py"]
-    words += ["--quick"] if asked.quick else []
-    words += [f"--rounds {asked.rounds}"] if asked.rounds else []
-    words += [f"--only {' '.join(asked.only)}"] if asked.only else []
-    words += [f"--cases {' '.join(asked.cases)}"] if asked.cases else []
+    words += ["--quick"] if options.quick else []
+    words += [f"--rounds {options.rounds}"] if options.rounds else []
+    words += [f"--only {' '.join(options.only)}"] if options.only else []
+    words += [f"--cases {' '.join(options.cases)}"] if options.cases else []
     return " ".join(words)
 
 
-def say(words: str) -> None:
+def report_progress(words: str) -> None:
     print(words, file=sys.stderr, flush=True)
 
 
-def effort_of(asked: argparse.Namespace) -> Effort:
-    effort = QUICK if asked.quick else FULL
-    imports = min(effort.import_rounds, asked.rounds or effort.import_rounds)
-    return replace(effort, rounds=asked.rounds or effort.rounds, import_rounds=imports)
+def measurement_settings(options: argparse.Namespace) -> MeasurementSettings:
+    measurement = QUICK if options.quick else FULL
+    imports = min(measurement.import_rounds, options.rounds or measurement.import_rounds)
+    return replace(measurement, rounds=options.rounds or measurement.rounds, import_rounds=imports)
 
 
-def benchmark(asked: argparse.Namespace) -> Report:
-    effort, before = effort_of(asked), load()
-    cases = chosen(asked)
-    pythons, missing = places([name for name in asked.only or LIBRARIES if takes_part(name, cases)])
+def benchmark(options: argparse.Namespace) -> Report:
+    measurement, before = measurement_settings(options), load()
+    cases = select_cases(options)
+    pythons, missing = library_pythons([name for name in options.only or LIBRARIES if is_needed(name, cases)])
     with tempfile.TemporaryDirectory(prefix="benchmarks-") as scratch, ExitStack() as stack:
         problems = Path(scratch)
-        valve = make_problems(problems, effort)
+        valve = make_problems(problems, measurement)
         workers = {
-            name: stack.enter_context(Worker(python, name, surroundings()))
+            name: stack.enter_context(Worker(python, name, timed_environment()))
             for name, python in pythons.items()
             if name not in missing
         }
         introductions = introduce(workers, missing)
-        floor = Floor(pythons, workers, missing)
-        taken = [
-            (case, measure(case, floor, problems, effort, say)) for case in cases if shared(case, pythons)
+        installations = Installations(pythons, workers, missing)
+        case_results = [
+            (case, measure(case, installations, problems, measurement, report_progress))
+            for case in cases
+            if add_shared_library_path(case, pythons)
         ]
-        imports = measure_imports(floor, effort, say)
+        imports = measure_imports(installations, measurement, report_progress)
     now = datetime.now(UTC).strftime("%Y-%m-%d")
     return Report(
-        command_of(asked),
+        command_of(options),
         now,
-        asked.quick,
-        effort,
+        options.quick,
+        measurement,
         machine(),
         (before, load()),
         valve,
         introductions,
         missing,
-        taken,
+        case_results,
         imports,
     )
 
 
-def chosen(asked: argparse.Namespace) -> list[Case]:
+def select_cases(options: argparse.Namespace) -> list[Case]:
     """The cases that are asked for; a quick run leaves the lengthy out, unless they are named."""
-    if asked.cases:
-        return [case for case in CASES if case.name in asked.cases]
-    return [case for case in CASES if not (asked.quick and case.lengthy)]
+    if options.cases:
+        return [case for case in CASES if case.name in options.cases]
+    return [case for case in CASES if not (options.quick and case.lengthy)]
 
 
-def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
+def library_pythons(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
     """The python that each library runs in, and why some cannot."""
     pythons: dict[str, Path] = {}
     missing: dict[str, str] = {}
@@ -128,20 +132,20 @@ def places(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
         if not environment:
             pythons |= dict.fromkeys(names, Path(sys.executable))
             continue
-        say(f"{environment}: looking after it")
-        python, failures = peer_environment(*place_of(environment), execute)
+        report_progress(f"{environment}: looking after it")
+        python, failures = peer_environment(*environment_folder(environment), execute)
         for requirement, reason in failures.items():  # told here only: it may name this machine
-            say(f"{environment}: {requirement}: {reason}")
+            report_progress(f"{environment}: {requirement}: {reason}")
         reason = "it could not be installed; the run tells why on stderr"
         missing |= {name: reason for name in names if LIBRARIES[name].distribution in failures}
         pythons |= dict.fromkeys(names, python)
     return pythons, missing
 
 
-def make_problems(folder: Path, effort: Effort) -> str:
-    sizes = [f"{size}={count}" for size, count in (effort.iterations | effort.datapoints).items()]
+def make_problems(folder: Path, measurement: MeasurementSettings) -> str:
+    sizes = [f"{size}={count}" for size, count in (measurement.iterations | measurement.datapoints).items()]
     command = [sys.executable, str(HERE / "make_problems.py"), str(folder), *sizes]
-    made = subprocess.run(command, env=surroundings(), stdout=subprocess.PIPE, text=True, check=True)
+    made = subprocess.run(command, env=timed_environment(), stdout=subprocess.PIPE, text=True, check=True)
     return made.stdout.split()[-1]
 
 
@@ -158,11 +162,11 @@ def introduce(workers: dict[str, Worker], missing: dict[str, str]) -> dict[str, 
     return introductions
 
 
-def takes_part(library: str, cases: list[Case]) -> bool:
+def is_needed(library: str, cases: list[Case]) -> bool:
     return any(entry.library == library for case in cases for entry in case.entries)
 
 
-def shared(case: Case, pythons: dict[str, Path]) -> bool:
+def add_shared_library_path(case: Case, pythons: dict[str, Path]) -> bool:
     return any(entry.library in pythons for entry in case.entries)
 
 

@@ -1,6 +1,6 @@
 """Learning from streams: what is measured, and what pilotfish promises."""
 
-from kinds import Case, Ceiling, Entry, Lead, LeadInAnswer, Rate, Room, Target
+from kinds import BestAnswer, Case, Entry, MemoryLimit, MinRate, MinSpeedup, Requirement, TimeLimit
 
 _ONE, _BATCHES = "one by one", "in batches of 100"
 _SPEED = Entry("pilotfish", "from_array", "pilotfish, from an array")
@@ -104,14 +104,14 @@ STREAM_CASES = (
     ),
 )
 
-STREAM_TARGETS: tuple[Target, ...] = (
-    *(LeadInAnswer(case) for case in ("stream_14", "stream_75")),
-    *(Lead(case, times=1.0) for case in ("stream_14", "stream_75")),
-    Ceiling("stream_14", milliseconds=0.01, entry=f"pilotfish, {_ONE}"),
+STREAM_TARGETS: tuple[Requirement, ...] = (
+    *(BestAnswer(case) for case in ("stream_14", "stream_75")),
+    *(MinSpeedup(case, times=1.0) for case in ("stream_14", "stream_75")),
+    TimeLimit("stream_14", milliseconds=0.01, entry=f"pilotfish, {_ONE}"),
     *(
-        Rate(f"{order}_{D}", datapoints_per_second=rate)
+        MinRate(f"{order}_{D}", datapoints_per_second=rate)
         for D, rate in ((3, 500_000), (14, 200_000), (75, 60_000))
         for order in ("long", "shuffled")
     ),
-    Room("endless_3", data_mb=240.0, times=0.05),
+    MemoryLimit("endless_3", data_mb=240.0, times=0.05),
 )

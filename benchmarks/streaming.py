@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from prepared import Answer, Prepared
+from prepared import CommandResult, Prepared
 from problems import Floats, Integers
 
 BLOCK = 100  # datapoints, after which labels are read while a stream goes on
@@ -35,11 +35,11 @@ def _entropy(shares: Floats) -> float:
     return float(-(some * np.log(some)).sum())
 
 
-def _nothing(model: Any) -> None:
+def _finish_unchanged(model: Any) -> None:
     """A model that is finished whenever it is asked."""
 
 
-def _no_words(model: Any) -> str:
+def _describe_nothing(model: Any) -> str:
     return ""
 
 
@@ -54,12 +54,12 @@ class Peer:
     make: Callable[[Setting], Any]
     learn: Callable[[Any, Any], None]
     label: Callable[[Any, Any], Sequence[int]]
-    finish: Callable[[Any], None] = _nothing
-    told: Callable[[Any], str] = _no_words
+    finish: Callable[[Any], None] = _finish_unchanged
+    describe: Callable[[Any], str] = _describe_nothing
 
 
 @dataclass(frozen=True, slots=True)
-class Tuned:
+class TuningResult:
     """The setting of most NMI, of labels read when the stream had ended or a block at a time as it came."""
 
     setting: dict[str, Any]
@@ -74,8 +74,8 @@ class Tuned:
 def prepared(kept: Path, peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> Prepared:
     """The peer at its best setting of the grid, which is looked for once a run and kept in that file."""
     if not kept.exists():
-        kept.write_text(json.dumps(as_json(tuned(peer, points, truth, grid))), encoding="utf-8")
-    best = Tuned(**json.loads(kept.read_text(encoding="utf-8")))
+        kept.write_text(json.dumps(as_json(tune(peer, points, truth, grid))), encoding="utf-8")
+    best = TuningResult(**json.loads(kept.read_text(encoding="utf-8")))
 
     end = best.at_the_end >= best.as_it_came
 
@@ -94,25 +94,25 @@ def prepared(kept: Path, peer: Peer, points: Any, truth: Integers, grid: Sequenc
             peer.label(model, block)
         return model
 
-    def answer(model: Any) -> Answer:
+    def answer(model: Any) -> CommandResult:
         words = ", ".join(f"{name} {_short(value)}" for name, value in best.setting.items())
         when = "at the end" if end else "as it came"
-        remarks = filter(None, (words, f"labels {when}", peer.told(model)))
-        return Answer(best.best, len(truth), "; ".join(remarks))
+        remarks = filter(None, (words, f"labels {when}", peer.describe(model)))
+        return CommandResult(best.best, len(truth), "; ".join(remarks))
 
     return Prepared(run, answer)
 
 
-def as_json(found: Tuned) -> dict[str, Any]:
+def as_json(found: TuningResult) -> dict[str, Any]:
     return {name: getattr(found, name) for name in ("setting", "at_the_end", "as_it_came")}
 
 
-def tuned(peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> Tuned:
+def tune(peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> TuningResult:
     """Raises: what a setting failed with, when every one did."""
     results, fault = [], None
     for setting in grid:
         try:
-            results.append(tried(peer, points, truth, setting))
+            results.append(evaluate_setting(peer, points, truth, setting))
         except FAULTS as error:
             fault = error
     if not results and fault is not None:
@@ -120,7 +120,7 @@ def tuned(peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> 
     return max(results, key=lambda result: result.best)
 
 
-def tried(peer: Peer, points: Any, truth: Integers, setting: Setting) -> Tuned:
+def evaluate_setting(peer: Peer, points: Any, truth: Integers, setting: Setting) -> TuningResult:
     """One pass over the stream, labels of each block read right after it, and of all at the end."""
     model = peer.make(setting)
     came: list[int] = []
@@ -129,16 +129,16 @@ def tried(peer: Peer, points: Any, truth: Integers, setting: Setting) -> Tuned:
         peer.learn(model, block)
         peer.finish(model)
         came.extend(peer.label(model, block))
-    told = partial(normalised_mutual_information, truth=truth)
+    describe = partial(normalised_mutual_information, truth=truth)
     end = np.asarray(peer.label(model, points))
-    return Tuned(dict(setting), told(end), told(np.asarray(came)))
+    return TuningResult(dict(setting), describe(end), describe(np.asarray(came)))
 
 
 def _short(value: Any) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
-def in_steps(learn: Callable[[Any, Any], None], size: int) -> Callable[[Any, Any], None]:
+def learn_in_batches(learn: Callable[[Any, Any], None], size: int) -> Callable[[Any, Any], None]:
     """Learns points so many at a time."""
 
     def stepwise(model: Any, points: Any) -> None:

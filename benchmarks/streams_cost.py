@@ -20,9 +20,9 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from libraries.pilotfish_streams import empty, unfading
+from libraries.pilotfish_streams import empty, without_decay
 from machine import machine
-from make_streams import Shape, stream_of
+from make_streams import Shape, sample_stream
 from problems import Floats
 
 from pilotfish.models import online
@@ -32,8 +32,8 @@ COLUMNS = (3, 7, 14, 28, 75)
 DIMENSIONS = (0, 1, 2, 4, 8, 16)
 SETTLING, MEMORY = 400, 3  # datapoints for each cluster that go before; rounds that a trace lasts
 TIMED, ROUNDS = 2000, 7
-ORDER = ("1", "K D r", "r^3")
-FINER = ("1", "K", "K D r", "D r", "r^2")
+COARSE_TERMS = ("1", "K D r", "r^3")
+FINE_TERMS = ("1", "K", "K D r", "D r", "r^2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Cost:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LinearModel:
     """A sum of terms of these names, in microseconds."""
 
     names: tuple[str, ...]
@@ -66,7 +66,7 @@ class Line:
         return float(terms([cost], self.names)[0] @ self.coefficients)
 
     @property
-    def words(self) -> str:
+    def formula(self) -> str:
         told = zip(self.coefficients, self.names, strict=True)
         return " + ".join(f"{value:.2g} {name}".removesuffix(" 1") for value, name in told)
 
@@ -75,11 +75,11 @@ def main() -> None:
     asked = arguments()
     costs = list(measured(asked.quick))
     settled = [cost for cost in costs if cost.settled]
-    line, finer = fitted(settled, ORDER), fitted(settled, FINER)
+    line, finer = fit_costs(settled, COARSE_TERMS), fit_costs(settled, FINE_TERMS)
     print("\n".join(table(costs, line, finer)))
     if asked.json:
         lines = {"line": asdict(line), "finer": asdict(finer)}
-        told = {"machine": asdict(machine()), **lines, "costs": [_filed(c) for c in costs]}
+        told = {"machine": asdict(machine()), **lines, "costs": [_cost_to_dict(c) for c in costs]}
         asked.json.write_text(json.dumps(told, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     if asked.out:
         draw(settled, line, asked.out)
@@ -110,11 +110,11 @@ def measured(quick: bool) -> Iterator[Cost]:
 def cost_of(K: int, D: int, d: int) -> Cost:
     """Medians over rounds that go on from the same settled model with the same datapoints, by turns."""
     shape = Shape(D, K, d, d, 1.0, 4.0 * D**0.5, shuffled=True)
-    drawn = stream_of(np.random.default_rng(D + 100 * d + 10_000 * K), shape, SETTLING * K + TIMED)
+    drawn = sample_stream(np.random.default_rng(D + 100 * d + 10_000 * K), shape, SETTLING * K + TIMED)
     problem = replace(drawn, dimension=max(d, 1), clusters=MEMORY * K)  # penalties need some extent
     settled, _ = online.observe_stream(empty(problem), problem.x[: SETTLING * K])
     rest = np.ascontiguousarray(problem.x[SETTLING * K :])
-    models = (unfading(settled, problem), settled)
+    models = (without_decay(settled, problem), settled)
     took = np.array([[seconds(model, rest) for model in models] for _ in range(ROUNDS)])
     ends = [online.observe_stream(model, rest)[0] for model in models]
     kept = all(end.clusters == K and (end.dimensions == d).all() for end in ends)
@@ -139,21 +139,21 @@ def terms(costs: list[Cost], names: tuple[str, ...]) -> Floats:
     return np.stack([known[name] for name in names], axis=1)
 
 
-def fitted(costs: list[Cost], names: tuple[str, ...]) -> Line:
+def fit_costs(costs: list[Cost], names: tuple[str, ...]) -> LinearModel:
     """No coefficient is negative."""
     from scipy.optimize import nnls
 
     took = np.array([cost.microseconds for cost in costs])
     coefficients, _ = nnls(terms(costs, names) / took[:, None], np.ones(len(costs)))
-    return Line(names, tuple(coefficients.tolist()))
+    return LinearModel(names, tuple(coefficients.tolist()))
 
 
-def table(costs: list[Cost], line: Line, finer: Line) -> Iterator[str]:
+def table(costs: list[Cost], line: LinearModel, finer: LinearModel) -> Iterator[str]:
     settled = [cost for cost in costs if cost.settled]
-    for words, told in (("Predicted", line), ("Finer", finer)):
+    for formula, told in (("Predicted", line), ("Finer", finer)):
         ratios = [cost.microseconds / told.at(cost) for cost in settled]
         spread = f"median {np.median(ratios):.2f}, from {min(ratios):.2f} to {max(ratios):.2f}"
-        yield f"{words}: {told.words} microseconds, r = d + 1; measured over it: {spread}."
+        yield f"{formula}: {told.formula} microseconds, r = d + 1; measured over it: {spread}."
     yield ""
     yield "| K | D | d | measured us | predicted us | ratio | finer us | far apart us |"
     yield "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
@@ -167,11 +167,11 @@ def table(costs: list[Cost], line: Line, finer: Line) -> Iterator[str]:
             yield f"Left out: {size}; the model was at {cost.found} (worst case; far apart)."
 
 
-def _filed(cost: Cost) -> dict[str, object]:
+def _cost_to_dict(cost: Cost) -> dict[str, object]:
     return asdict(cost) | ({} if cost.settled else {"microseconds": None, "far": None})
 
 
-def draw(costs: list[Cost], line: Line, out: Path) -> None:
+def draw(costs: list[Cost], line: LinearModel, out: Path) -> None:
     """Measured against predicted, both in microseconds, a colour for each d; on the line they are equal."""
     from matplotlib.figure import Figure
 
@@ -181,7 +181,7 @@ def draw(costs: list[Cost], line: Line, out: Path) -> None:
         here = [cost for cost in costs if cost.dimension == d]
         axes.scatter([line.at(c) for c in here], [c.microseconds for c in here], s=14, label=f"d = {d}")
     ends = [f(line.at(cost) for cost in costs) for f in (min, max)]
-    axes.plot(ends, ends, color="black", linewidth=1.0, label=line.words.replace("^3", "³") + ", r = d + 1")
+    axes.plot(ends, ends, color="black", linewidth=1.0, label=line.formula.replace("^3", "³") + ", r = d + 1")
     axes.set(xscale="log", yscale="log", xlabel="predicted [µs a step]", ylabel="measured [µs a step]")
     axes.legend(frameon=False, fontsize=8)
     figure.savefig(out, dpi=150)

@@ -19,7 +19,7 @@ from time import perf_counter, process_time
 from typing import Any
 
 from cases import LIBRARIES
-from prepared import Answer, Prepared
+from prepared import CommandResult, Prepared
 
 Reply = dict[str, Any]  # what JSON carries
 RESET = Path("/proc/self/clear_refs")
@@ -47,7 +47,7 @@ def serve(library: str) -> None:
 def introduce(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
     versions = version_of(LIBRARIES[request["library"]].distribution), version_of("numpy")
     python = platform.python_version()
-    return {"version": versions[0], "numpy": versions[1], "python": python, "remark": adapter.remark()}
+    return {"version": versions[0], "numpy": versions[1], "python": python, "remark": adapter.print_note()}
 
 
 def version_of(distribution: str) -> str:
@@ -65,11 +65,11 @@ def prepare(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
 def run(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
     """Seconds for one unit of work, over so many calls in a row."""
     prepared, repeats = calls[request["call"]], request["repeats"]
-    forget_peak()
+    reset_peak_memory()
     before = peak_mb()
     result, cpu, wall = timed(prepared.run, repeats)
     spent, peak = process_time(), peak_mb()
-    answer: Answer = prepared.answer(result)
+    answer: CommandResult = prepared.answer(result)
     share = 1.0 / (repeats * answer.units)
     return {
         "cpu": cpu * share,
@@ -78,7 +78,7 @@ def run(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
         "result": spent,
         "answer": answer.value,
         "begin": answer.begin,
-        "remark": answer.remark,
+        "remark": answer.print_note,
         "peak_mb": peak,
         "grown_mb": peak - before,
     }
@@ -95,7 +95,7 @@ def timed(call: Callable[[], Any], repeats: int) -> tuple[Any, float, float]:
     return result, *spent
 
 
-def forget_peak() -> None:
+def reset_peak_memory() -> None:
     """From now on the peak is counted anew, where the kernel lets us."""
     if RESET.exists():
         RESET.write_text("5")

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 HERE = Path(__file__).parent
-PATIENCE = 900.0  # s, longer than any one request should take
+TIMEOUT = 900.0  # s, longer than any one request should take
 THREADS = ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR", "VECLIB_MAXIMUM")
 
 
@@ -19,7 +19,7 @@ class WorkerError(Exception):
     """A library could not do what it was asked; the message is what it said."""
 
 
-def surroundings() -> dict[str, str]:
+def timed_environment() -> dict[str, str]:
     """The environment of every timed process: one thread for linear algebra, bytecode kept."""
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return inherited | {f"{library}_NUM_THREADS": "1" for library in THREADS} | {"JAX_PLATFORMS": "cpu"}
@@ -59,13 +59,13 @@ class Worker:
             self._process.stdin.write(json.dumps({"do": do, "library": self._library, **details}) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            raise WorkerError(self._last_words()) from None
-        if not select.select([self._process.stdout], [], [], PATIENCE)[0]:
+            raise WorkerError(self._last_output()) from None
+        if not select.select([self._process.stdout], [], [], TIMEOUT)[0]:
             self.close()
-            raise WorkerError(f"no answer in {PATIENCE:.0f} s")
+            raise WorkerError(f"no answer in {TIMEOUT:.0f} s")
         line = self._process.stdout.readline()
         if not line:
-            raise WorkerError(self._last_words())
+            raise WorkerError(self._last_output())
         reply: dict[str, Any] = json.loads(line)
         if "error" in reply:
             raise WorkerError(reply["error"])
@@ -80,7 +80,7 @@ class Worker:
                 pipe.close()
         self._words.close()
 
-    def _last_words(self) -> str:
+    def _last_output(self) -> str:
         code = self._process.wait()
         self._words.seek(0)
         lines = self._words.read().strip().splitlines() or ["it said nothing"]

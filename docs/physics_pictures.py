@@ -11,16 +11,16 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import pilotfish as pf
-from pilotfish.station.rendering import require_renderer
+from pilotfish.simulation.rendering import require_renderer
 
 require_renderer()  # before MuJoCo is imported: it chooses what draws here
 
 from pilotfish.environments import TASKS  # noqa: E402 - after the choice
-from pilotfish.station.execution import execute  # noqa: E402
-from pilotfish.station.films import Camera  # noqa: E402
-from pilotfish.station.recorder import UNSEEN, shown, situation  # noqa: E402
+from pilotfish.simulation.execution import execute  # noqa: E402
+from pilotfish.simulation.films import FilmRecorder  # noqa: E402
+from pilotfish.simulation.recording import TEST_STREAM, record_demonstrations, situation_from_seed  # noqa: E402
 
-STATES, SHOWN, SEED = 7, 4, 1
+STATES, N_DEMONSTRATIONS, SEED = 7, 4, 1
 MOMENTS, WIDTH, HEIGHT, COLOURS = 5, 240, 180, 224
 
 
@@ -35,12 +35,15 @@ def main() -> None:
 
 def row(name: str) -> list[Image.Image]:
     """Moments of the task being done, each with its time."""
-    task, camera = TASKS[name], Camera(name)
-    demonstrations = [pf.with_derivatives(made.demonstration) for made, _ in shown(task, SHOWN, SEED)]
+    task, camera = TASKS[name], FilmRecorder(name)
+    demonstrations = [
+        pf.add_derivatives(made.demonstration)
+        for made, _ in record_demonstrations(task, N_DEMONSTRATIONS, SEED)
+    ]
     skill = pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0)).skill
-    made = execute(skill, task, situation(task, UNSEEN, SEED, 0), watch=camera)
+    made = execute(skill, task, situation_from_seed(task, TEST_STREAM, SEED, 0), on_period=camera)
     camera.close()
-    print(f"{name}: {'done' if made.verdict.success else made.verdict.why}")
+    print(f"{name}: {'done' if made.outcome.success else made.outcome.reason}")
     chosen = np.linspace(0, len(camera.frames) - 1, MOMENTS).round().astype(int)
     return [small(camera.frames[n], f"{name}, {camera.times[n]:.1f} s") for n in chosen]
 

@@ -27,34 +27,51 @@ def recording(rng, steps=120):
 
 rng = np.random.default_rng(0)
 recordings, fresh = ([recording(rng) for _ in range(count)] for count in (24, 24))
-settings = pf.EMSettings(max_iterations=200)
-common = {"states": 3, "start": pf.KMeans(), "settings": settings}
+settings = pf.models.EMSettings(max_iterations=200)
+common = {"states": 3, "start": pf.models.KMeans(), "settings": settings}
 
 counted = pf.learn(recordings, rng=np.random.default_rng(0), **common).skill
 
 
-def exact(law):
+def exact(distribution):
     """Visits that a recording cuts off count for what they are: at least so long."""
-    timing = pf.Timing(law, pf.Censoring(first=False, last=True))
-    return pf.learn_semi_markov(recordings, rng=np.random.default_rng(0), timing=timing, **common).skill
+    duration_model = pf.models.DurationModel(distribution, pf.models.Censoring(left=False, last=True))
+    return pf.models.learn_semi_markov(
+        recordings, rng=np.random.default_rng(0), duration_model=duration_model, **common
+    ).skill
 
 
 def durations(skill):
     """Mean and deviation of each phase [s], in the order of their places; a normal law's before it is cut."""
-    law, order = skill.dynamics.durations, np.argsort(skill.means[0, :, 0])
-    return "   ".join(f"{PERIOD * law.means[k]:.2f} +- {PERIOD * law.deviations[k]:.2f}" for k in order)
+    distribution, order = skill.dynamics.durations, np.argsort(skill.means[0, :, 0])
+    return "   ".join(
+        f"{PERIOD * distribution.means[k]:.2f} +- {PERIOD * distribution.deviations[k]:.2f}" for k in order
+    )
 
 
-def so_likely(skill):
+def log_likelihood_per_step(skill):
     """Log-likelihood per step of recordings that the skill did not learn from [nats]."""
     return pf.log_likelihood(skill, fresh).sum() / sum(len(d.x) for d in fresh)
 
 
 print("phases last [s]            first          second         third          log-likelihood a step")
-drawn = zip(MEANS, MEANS / np.sqrt(SHAPES), strict=True)
-print(f"{'as drawn':<26} {'   '.join(f'{mean:.2f} +- {deviation:.2f}' for mean, deviation in drawn)}")
-print(f"{'counted':<26} {durations(counted)}   {so_likely(counted):.4f}")
-laws = (pf.Gamma(), pf.LogNormal(), pf.Normal(), pf.Poisson(), pf.NegativeBinomial())
-for law in (*laws, pf.NegativeBinomial(1.0), pf.Histogram(), pf.Histogram(pseudocount=10.0)):
-    skill = exact(law)
-    print(f"{law.label:<26} {durations(skill)}   {so_likely(skill):.4f}")
+true_durations = zip(MEANS, MEANS / np.sqrt(SHAPES), strict=True)
+print(
+    f"{'as drawn':<26} {'   '.join(f'{mean:.2f} +- {deviation:.2f}' for mean, deviation in true_durations)}"
+)
+print(f"{'counted':<26} {durations(counted)}   {log_likelihood_per_step(counted):.4f}")
+distributions = (
+    pf.durations.Gamma(),
+    pf.durations.LogNormal(),
+    pf.durations.Gaussian(),
+    pf.durations.Poisson(),
+    pf.durations.NegativeBinomial(),
+)
+for distribution in (
+    *distributions,
+    pf.durations.NegativeBinomial(1.0),
+    pf.durations.Histogram(),
+    pf.durations.Histogram(pseudocount=10.0),
+):
+    skill = exact(distribution)
+    print(f"{distribution.label:<26} {durations(skill)}   {log_likelihood_per_step(skill):.4f}")

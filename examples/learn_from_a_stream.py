@@ -16,7 +16,7 @@ WAY = np.array([[0.0, 0.0, 0.10], [0.25, 0.10, 0.30], [0.50, 0.0, 0.10]])  # [m]
 DETOUR = np.array([[0.0, 0.0, 0.10], [0.25, 0.10, 0.30], [0.45, -0.35, 0.05], [0.50, 0.0, 0.10]])
 
 
-def showing(corners, rng):
+def sample_demonstration(corners, rng):
     """Through the corners, resting at each, a few millimetres beside where one meant to go."""
     legs = np.linspace(0.0, len(corners) - 1.0, STEPS)
     s = np.clip((legs % 1.0 - 0.25) * 2.0, 0.0, 1.0)[:, None]
@@ -36,7 +36,7 @@ settings = pf.online.SOSC(
     bandwidth=0.5**2,
     transition=1e-5,
     new_transition=1e-5,
-    upkeep=pf.online.Upkeep(pf.online.Trace(0.998)),
+    maintenance=pf.online.Maintenance(pf.online.ExponentialDecay(0.998)),
 )
 rng = np.random.default_rng(0)
 model = pf.online.online_model(settings, position_layout(), PERIOD)
@@ -44,12 +44,12 @@ model = pf.online.online_model(settings, position_layout(), PERIOD)
 print("showing  states  dimensions")
 for n in range(16):
     model = pf.online.begin_demonstration(model)
-    for x in showing(WAY if n < 8 else DETOUR, rng):  # as they come from a sensor
+    for x in sample_demonstration(WAY if n < 8 else DETOUR, rng):  # as they come from a sensor
         model, went = pf.online.observe(model, x)
     print(f"{n + 1:>7}  {model.clusters:>6}  {' '.join(map(str, model.dimensions[:, 0]))}")
 
 # At any moment the model reads out as a skill like those that are learned from recordings.
-skill = pf.online.read_out(model)
+skill = pf.online.to_skill(model)
 world = pf.Frame("world", np.eye(3), np.zeros(3))
 reference = pf.plan(pf.adapt(skill, [world]), WAY[0], horizon=STEPS)
 low = reference.targets[np.argmin(reference.targets[:, 1])]

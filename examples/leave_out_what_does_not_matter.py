@@ -14,35 +14,37 @@ from pilotfish.geometry import normalise, pose
 rng = np.random.default_rng(0)
 
 
-def with_a_chair(demonstration):
+def add_chair_frame(demonstration):
     """The same recording, seen from a chair as well, which stood anywhere."""
     place = np.array([0.5, -0.9, 0.2]) + 0.3 * rng.normal(size=3)  # [m]
     chair = frame_from_pose("chair", demonstration.layout, pose(place, normalise(rng.normal(size=4))))
     return replace(demonstration, frames=(*demonstration.frames, chair))
 
 
-shown = [with_a_chair(demonstration) for demonstration in pf.datasets.valve()[:4]]
-skill = pf.learn(shown, states=7, rng=rng).skill
+training = [add_chair_frame(demonstration) for demonstration in pf.datasets.valve()[:4]]
+skill = pf.learn(training, states=7, rng=rng).skill
 
 # Each demonstration is held out in turn: how much of which frame foretells it best from the others?
-found = pf.relevance(skill, shown)
+found = pf.relevance(skill, training)
 for name, row in zip(found.frame_names, found.values, strict=True):
     print(f"{name:<13}" + " ".join(f"{value:5.2f}" for value in row))
 print(f"matter at no state: {', '.join(found.distractors)}")
 
 # The same valve twice; only the chair has moved in between.
 unseen = pf.datasets.valve()[4]
-before, after = with_a_chair(unseen), with_a_chair(unseen)
+before, after = add_chair_frame(unseen), add_chair_frame(unseen)
 
 
 def motion(skill, situation, relevance=None):
     """The valve opened from where the person began."""
-    here = pf.adapt(skill, situation.frames, relevance=relevance)
-    reference = pf.plan(here, situation.x[0], horizon=200)
-    return pf.track(pf.double_integrator(7, period=0.1), reference, effort=9.0).rollout(situation.x[0])
+    adapted = pf.adapt(skill, situation.frames, relevance=relevance)
+    reference = pf.plan(adapted, situation.x[0], horizon=200)
+    return pf.track(pf.control.double_integrator(7, period=0.1), reference, control_cost=9.0).rollout(
+        situation.x[0]
+    )
 
 
-def moved(skill, relevance=None):
+def follow(skill, relevance=None):
     """How far the motion is led astray by the chair, at most [mm]."""
     one, other = (motion(skill, situation, relevance).x[:, :3] for situation in (before, after))
     return 1000 * np.linalg.norm(one - other, axis=1).max()
@@ -53,11 +55,11 @@ def error(x):
     return 1000 * np.linalg.norm(x[:, :3] - unseen.x[:, :3], axis=1).mean()
 
 
-print(f"the chair moved, all frames heard: the motion bends by up to {moved(skill):.0f} mm")
-print(f"the chair moved, each heard as it matters: {moved(skill, found.values):.3f} mm")
+print(f"the chair moved, all frames heard: the motion bends by up to {follow(skill):.0f} mm")
+print(f"the chair moved, each heard as it matters: {follow(skill, found.values):.3f} mm")
 
 # Or learn anew without it: then nobody need know where the chair stands.
-fewer = pf.learn(pf.select_frames(shown, found), states=7, rng=rng).skill
+fewer = pf.learn(pf.select_frames(training, found), states=7, rng=rng).skill
 print(f"learned anew from {' and '.join(fewer.frame_names)}")
 for how, x in (
     ("all frames heard", motion(skill, before).x),

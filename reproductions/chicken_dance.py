@@ -29,16 +29,23 @@ from matplotlib.figure import Figure
 
 import pilotfish as pf
 from pilotfish import plots
-from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, resampled
-from pilotfish.gaussians import Structure, component_correlation, regress
-from pilotfish.models import as_mixture, covariance_parameters
+from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, resample
+from pilotfish.gaussians import CovarianceStructure, component_correlation, regress
+from pilotfish.models import as_mixture, covariance_parameter_count
 
-POINTS, SHOWN = 500, 375  # datapoints; those that are shown where the last quarter is not
+POINTS, TRAINED = 500, 375  # datapoints; those that are shown where the last quarter is not
 FACTORS = 4  # of MFA and HDDC; the thesis names no number
 COMPONENTS = (5, 10, 20, 40, 75)
-SETTINGS = pf.EMSettings(regularisation=1e-4)
-STRUCTURES: dict[str, Structure] = {
-    s.label: s for s in (pf.SemiTied(1.0), pf.SemiTied(0.6), pf.Full(), pf.MFA(FACTORS), pf.HDDC(FACTORS))
+SETTINGS = pf.models.EMSettings(regularisation=1e-4)
+STRUCTURES: dict[str, CovarianceStructure] = {
+    s.label: s
+    for s in (
+        pf.structures.SemiTied(1.0),
+        pf.structures.SemiTied(0.6),
+        pf.structures.Full(),
+        pf.structures.MFA(FACTORS),
+        pf.structures.HDDC(FACTORS),
+    )
 }
 STYLES = (
     ("#D55E00", "-", 3),
@@ -77,7 +84,7 @@ def main() -> None:
     parser.add_argument("--components", type=int, nargs="+", default=COMPONENTS, help="numbers of components")
     arguments = parser.parse_args()
     try:
-        dance = timed(resampled(pf.datasets.chicken_dance()[0], POINTS))
+        dance = add_time_column(resample(pf.datasets.chicken_dance()[0], POINTS))
     except pf.SkillError as error:
         parser.exit(1, f"{error}\n")
     rows = []
@@ -85,7 +92,7 @@ def main() -> None:
         for states in arguments.components:
             rows.append(measured(dance, label, states))
             print_row(rows[-1], first=len(rows) == 1)
-    for line in (*CLAIMS, *counts(), *comparisons(rows), yardstick(dance)):
+    for line in (*CLAIMS, *counts(), *comparisons(rows), baseline_errors(dance)):
         print(line)
     if arguments.out:
         arguments.out.mkdir(parents=True, exist_ok=True)
@@ -99,7 +106,7 @@ def main() -> None:
         arguments.json.write_text(json.dumps({"rows": rows, "notes": comparisons(rows)}, indent=2) + "\n")
 
 
-def timed(dance: Demonstration) -> Demonstration:
+def add_time_column(dance: Demonstration) -> Demonstration:
     """The same dance with a leading column of time."""
     layout = Layout((Part("time", Quantity.SCALAR, 1, "s"), *dance.layout.parts))
     seconds = np.arange(len(dance.x)) * dance.period
@@ -109,13 +116,13 @@ def timed(dance: Demonstration) -> Demonstration:
 def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]:
     """The errors of one mixture in the three tasks, and what it cost."""
     begin = time.process_time()
-    fit = learned(dance, label, states)
+    fit = learn_skill(dance, label, states)
     seconds = time.process_time() - begin
-    learned_from_part = learned(beginning(dance), label, states).skill
+    learned_from_part = learn_skill(training_part(dance), label, states).skill
     errors = {
-        "time": squared_error(fit.skill, dance, 0, given("time", dance.layout)),
-        "half": squared_error(fit.skill, dance, 0, given("half", dance.layout)),
-        "unseen": squared_error(learned_from_part, dance, SHOWN, given("unseen", dance.layout)),
+        "time": squared_error(fit.skill, dance, 0, input_columns("time", dance.layout)),
+        "half": squared_error(fit.skill, dance, 0, input_columns("half", dance.layout)),
+        "unseen": squared_error(learned_from_part, dance, TRAINED, input_columns("unseen", dance.layout)),
     }
     correlations = component_correlation(fit.skill.covariances[0].dense)
     apart = ~np.eye(fit.skill.states, dtype=bool)
@@ -123,29 +130,31 @@ def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]
         "structure": label,
         "components": states,
         "kept": fit.skill.states,
-        "covariance_parameters": covariance_parameters(STRUCTURES[label], states, fit.skill.width),
+        "covariance_parameters": covariance_parameter_count(STRUCTURES[label], states, fit.skill.width),
         "mse": errors,
         "rms_cm": {task: 100 * float(np.sqrt(error)) for task, error in errors.items()},
         "mean_component_correlation": float(correlations[apart].mean()),
-        "log_likelihood_per_datapoint": float(fit.trace[-1]) / POINTS,
-        "iterations": fit.outcome.iterations,
+        "log_likelihood_per_datapoint": float(fit.log_likelihoods[-1]) / POINTS,
+        "iterations": fit.convergence.iterations,
         "fit_seconds": seconds,
     }
 
 
 @cache
-def beginning(dance: Demonstration) -> Demonstration:
+def training_part(dance: Demonstration) -> Demonstration:
     """The dance without its last quarter."""
-    return demonstration(dance.x[:SHOWN], dance.period, dance.layout, name=dance.name)
+    return demonstration(dance.x[:TRAINED], dance.period, dance.layout, name=dance.name)
 
 
 @cache
-def learned(dance: Demonstration, label: str, states: int) -> pf.Fit:
+def learn_skill(dance: Demonstration, label: str, states: int) -> pf.Fit:
     rng = np.random.default_rng(0)
-    return pf.learn_mixture([dance], states=states, rng=rng, structure=STRUCTURES[label], settings=SETTINGS)
+    return pf.models.learn_mixture(
+        [dance], states=states, rng=rng, structure=STRUCTURES[label], settings=SETTINGS
+    )
 
 
-def given(task: str, layout: Layout) -> np.ndarray:
+def input_columns(task: str, layout: Layout) -> np.ndarray:
     """The columns that a task regenerates the others from."""
     left = [
         column
@@ -156,7 +165,7 @@ def given(task: str, layout: Layout) -> np.ndarray:
     return np.array({"time": [0], "half": [0, *left], "unseen": left}[task])
 
 
-def regenerated(skill: pf.Skill, x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+def regenerate(skill: pf.Skill, x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """The dance with every column but the inputs replaced by what the mixture expects of it."""
     here = pf.adapt(skill, [pf.Frame("world", np.eye(skill.width), np.zeros(skill.width))])
     expected = regress(as_mixture(here), inputs, np.ascontiguousarray(x[:, inputs])).means
@@ -169,7 +178,7 @@ def squared_error(skill: pf.Skill, dance: Demonstration, begin: int, inputs: np.
     """The mean squared error [m^2] of the coordinates regenerated, from a row on; time is none of them."""
     x = dance.x[begin:]
     columns = np.setdiff1d(np.arange(1, x.shape[1]), inputs)
-    return float(np.mean((regenerated(skill, x, inputs) - x)[:, columns] ** 2))
+    return float(np.mean((regenerate(skill, x, inputs) - x)[:, columns] ** 2))
 
 
 def print_row(row: dict[str, object], *, first: bool) -> None:
@@ -191,7 +200,7 @@ def counts() -> list[str]:
     """The thesis' parameter counts, by the library."""
     return [
         f"parameters at K = 75, D = {THESIS_WIDTH}, {label}: "
-        f"{covariance_parameters(STRUCTURES[label], 75, THESIS_WIDTH)} (thesis {count})"
+        f"{covariance_parameter_count(STRUCTURES[label], 75, THESIS_WIDTH)} (thesis {count})"
         for label, count in THESIS_COUNTS.items()
     ]
 
@@ -203,7 +212,11 @@ def comparisons(rows: Sequence[dict[str, object]]) -> list[str]:
     here = {str(row["structure"]): row for row in rows if row["components"] == most}
     full, tied = here["full"], here["semi-tied(1)"]
     ratio = int(str(full["covariance_parameters"])) / int(str(tied["covariance_parameters"]))
-    ordered = [K for K in sorted({int(str(row["components"])) for row in rows}) if in_order(rows, K)]
+    ordered = [
+        K
+        for K in sorted({int(str(row["components"])) for row in rows})
+        if errors_decrease_with_tying(rows, K)
+    ]
     lines.append(f"here, error from time, semi-tied(1) >= semi-tied(0.6) >= full, holds for K = {ordered}")
     lines.append(f"here, K = {most}: the full mixture has {ratio:.1f} times the semi-tied one's parameters")
     for task, told in TASKS.items():
@@ -214,18 +227,18 @@ def comparisons(rows: Sequence[dict[str, object]]) -> list[str]:
     return lines
 
 
-def yardstick(dance: Demonstration) -> str:
+def baseline_errors(dance: Demonstration) -> str:
     """What the errors are to be held against: a body that stands still in the middle of what was shown."""
     still = {"time": dance.x - dance.x.mean(axis=0)}
-    still["unseen"] = dance.x[SHOWN:] - dance.x[:SHOWN].mean(axis=0)
+    still["unseen"] = dance.x[TRAINED:] - dance.x[:TRAINED].mean(axis=0)
     told = []
     for task, error in still.items():
-        columns = np.setdiff1d(np.arange(1, dance.x.shape[1]), given(task, dance.layout))
+        columns = np.setdiff1d(np.arange(1, dance.x.shape[1]), input_columns(task, dance.layout))
         told.append(f"{100 * np.sqrt(np.mean(error[:, columns] ** 2)):.2f} in {TASKS[task]}")
     return "for comparison, the mean of what was shown is wrong by [cm]: " + "; ".join(told)
 
 
-def in_order(rows: Sequence[dict[str, object]], states: int) -> bool:
+def errors_decrease_with_tying(rows: Sequence[dict[str, object]], states: int) -> bool:
     """Whether errors from time fall as tying falls."""
     errors = {
         str(row["structure"]): row["mse"]["time"]  # type: ignore[index]
@@ -236,8 +249,8 @@ def in_order(rows: Sequence[dict[str, object]], states: int) -> bool:
 
 
 def pictures(dance: Demonstration, rows: Sequence[dict[str, object]], states: int) -> dict[str, Figure]:
-    tied, full = (learned(dance, label, states).skill for label in ("semi-tied(1)", "full"))
-    correlations = plots.component_correlations([full, tied])
+    tied, full = (learn_skill(dance, label, states).skill for label in ("semi-tied(1)", "full"))
+    correlations = plots.covariance_correlations([full, tied])
     return {
         "figure-4.3-dance": draw_dance(dance, tied),
         "figure-4.3-curves": draw_curves(rows),
@@ -253,7 +266,7 @@ def draw_dance(dance: Demonstration, skill: pf.Skill) -> Figure:
     for row, task, title in zip(
         panels, ("time", "half"), ("from time", "from time and the left"), strict=True
     ):
-        made = regenerated(skill, dance.x, given(task, dance.layout))
+        made = regenerate(skill, dance.x, input_columns(task, dance.layout))
         for axes, t in zip(row, moments, strict=True):
             draw_body(axes, dance.layout, dance.x[t], made[t], dance.layout if task == "half" else None)
             axes.set_title(f"{title}\n{dance.x[t, 0]:.1f} s", fontsize=10)
@@ -268,7 +281,7 @@ def draw_body(
 ) -> None:
     """The recorded body in grey beneath the regenerated one; what was given of it is blue."""
     for x, colour, width in ((recorded, "0.7", 5.0), (made, "#D55E00", 1.8)):
-        lines = seen(x, layout)
+        lines = project_bones(x, layout)
         given_side = [half is not None and width < 5 and name.startswith("L") for name in lower_ends()]
         colours = ["#0072B2" if side else colour for side in given_side]
         axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=width, capstyle="round"))
@@ -276,7 +289,7 @@ def draw_body(
     axes.axis("off")
 
 
-def seen(x: np.ndarray, layout: Layout) -> np.ndarray:
+def project_bones(x: np.ndarray, layout: Layout) -> np.ndarray:
     """The ends of every bone (B, 2, 2) as seen from before the dancer, a little aside."""
     turn = np.radians(25.0)
     across = np.array([np.cos(turn), 0.0, np.sin(turn)])
@@ -324,10 +337,10 @@ def draw_curves(rows: Sequence[dict[str, object]]) -> Figure:
 
 def animate(dance: Demonstration, states: int, file: Path) -> None:
     """The dance at half the datapoints: recorded in grey, regenerated from time and from the left side."""
-    skill = learned(dance, "semi-tied(1)", states).skill
-    blind = learned(beginning(dance), "semi-tied(1)", states).skill
+    skill = learn_skill(dance, "semi-tied(1)", states).skill
+    blind = learn_skill(training_part(dance), "semi-tied(1)", states).skill
     made = [
-        regenerated(s, dance.x, given(task, dance.layout))
+        regenerate(s, dance.x, input_columns(task, dance.layout))
         for s, task in ((skill, "time"), (skill, "half"), (blind, "unseen"))
     ]
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
@@ -337,7 +350,7 @@ def animate(dance: Demonstration, states: int, file: Path) -> None:
         for axes, x, task in zip(panels, made, TASKS, strict=True):
             axes.clear()
             draw_body(axes, dance.layout, dance.x[t], x[t], None if task == "time" else dance.layout)
-            told = "(shown)" if t < SHOWN else "(never shown)"
+            told = "(shown)" if t < TRAINED else "(never shown)"
             axes.set_title(
                 TASKS[task].split(",")[0] + (f"\n{told}" if task == "unseen" else "\n"), fontsize=10
             )

@@ -18,21 +18,21 @@ import pilotfish as pf
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, views
 from pilotfish.gaussians import DenseCovariances
 from pilotfish.models import (
+    FromModel,
     GammaDurations,
-    Given,
     HiddenModel,
     MarkovChain,
     SemiMarkovChain,
+    count_durations,
     sample_states,
     viterbi,
-    with_durations,
 )
 
 COUNTS, SEEDS, LENGTH, APART = (2, 4, 8, 16, 32, 64, 128), 10, 120, 2.0
 TRUTH = GammaDurations(np.array([20.0, 9.0, 30.0]), np.array([2.0, 0.6, 1.5]))
 CHAIN = SemiMarkovChain(np.full(3, 1 / 3), np.roll(np.eye(3), 1, axis=1), TRUTH)
 PLACE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
-WAYS = {"exact": "#004488", "counted": "#BB5566"}
+METHODS = {"exact": "#004488", "counted": "#BB5566"}
 
 
 def main() -> None:
@@ -58,7 +58,7 @@ def row(count: int, seeds: int) -> dict[str, float]:
     """Errors over data sets of so many recordings: root mean squares, biases, and states told right."""
     found = [errors(count, seed) for seed in range(seeds)]
     numbers: dict[str, float] = {"demonstrations": count}
-    for way in WAYS:
+    for way in METHODS:
         e = np.stack([one[f"{way} error"] for one in found])
         numbers[f"{way} error of the means [share]"] = float(np.sqrt(np.mean(e**2)))
         numbers[f"{way} bias of the means [share]"] = float(np.mean(e))
@@ -72,20 +72,22 @@ def errors(count: int, seed: int) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
     paths = [sample_states(CHAIN, LENGTH, rng) for _ in range(count)]
     demonstrations = [recording(path, rng) for path in paths]
-    start = HiddenModel(
+    initialisation = HiddenModel(
         MarkovChain(np.full(3, 1 / 3), np.full((3, 3), 0.05) + 0.85 * np.eye(3)),
         APART * np.arange(3.0)[None, :, None],
         (DenseCovariances(np.ones((3, 1, 1))),),
     )
-    fit = pf.learn_semi_markov(
+    fit = pf.models.learn_semi_markov(
         demonstrations,
         states=3,
         rng=rng,
-        start=Given(start),
-        timing=pf.Timing(pf.Gamma()),
-        settings=pf.EMSettings(tolerance=1e-7),
+        initialisation=FromModel(initialisation),
+        duration_model=pf.models.DurationModel(pf.durations.Gamma()),
+        settings=pf.models.EMSettings(tolerance=1e-7),
     )
-    counted = replace(fit.markov, dynamics=with_durations(fit.markov, views(demonstrations), 1.0))
+    counted = replace(
+        fit.markov_skill, dynamics=count_durations(fit.markov_skill, views(demonstrations), 1.0)
+    )
     unseen = [sample_states(CHAIN, LENGTH, rng) for _ in range(10)]
     tests = [recording(path, rng) for path in unseen]
     result: dict[str, np.ndarray] = {}
@@ -117,7 +119,7 @@ def picture(rows: list[dict[str, float]]) -> Figure:
     for axes, what in zip(
         panels, ("error of the means", "error of the deviations", "states right"), strict=True
     ):
-        for way, colour in WAYS.items():
+        for way, colour in METHODS.items():
             values = np.array([r[f"{way} {what} [share]"] for r in rows])
             axes.plot(counts, values, "o-", color=colour, label=way)
         if what.startswith("error"):

@@ -33,11 +33,18 @@ from matplotlib.figure import Figure
 import pilotfish as pf  # noqa: F401 - the front door first, so that its message about kernels comes once
 from pilotfish.demonstrations import position_layout
 from pilotfish.models import normalised_mutual_information
-from pilotfish.models.online import SOSC, OnlineModel, Upkeep, identities_now, observe_stream, online_model
+from pilotfish.models.online import (
+    SOSC,
+    Maintenance,
+    OnlineModel,
+    current_cluster_ids,
+    observe_stream,
+    online_model,
+)
 
 CLUSTERS, DIMENSIONS, LENGTHS, REPEATS = 4, (10, 25, 50, 75), (1000, 2500, 5000, 7500), 10
-REACH, APART, SHORTEST, LONGEST, DEVIATION = 5.0, 4.0, 70, 90, 0.2
-LAMBDA, BANDWIDTH, LAMBDA_1, SPARE, SPARES = 6.0, 5.0, 0.2, 5, (1, 2, 5, 10, 75)
+MAX_COORDINATE, MIN_SEPARATION, MIN_DURATION, MAX_DURATION, DEVIATION = 5.0, 4.0, 70, 90, 0.2
+LAMBDA, BANDWIDTH, LAMBDA_1, EXTRA_DIRECTIONS, EXTRA_DIRECTION_CHOICES = 6.0, 5.0, 0.2, 5, (1, 2, 5, 10, 75)
 STAGES_LAMBDA_1 = 0.35  # of section 5.7.1.1
 BLOCK = 500  # rows of distances at a time
 PANELS = (
@@ -81,7 +88,10 @@ def main() -> None:
         for T in arguments.lengths:
             rows.append(row(D, T, arguments.repeats))
             print_row(rows[-1], first=len(rows) == 1)
-    spares = [spared(max(arguments.dimensions), spare, arguments.repeats) for spare in SPARES]
+    spares = [
+        compare_extra_directions(max(arguments.dimensions), extra_directions, arguments.repeats)
+        for extra_directions in EXTRA_DIRECTION_CHOICES
+    ]
     print_spares(spares)
     for note in NOTES:
         print(f"note: {note}")
@@ -98,11 +108,11 @@ def main() -> None:
 
 def stream(D: int, T: int, seed: int) -> Stream:
     rng = np.random.default_rng((seed, D))
-    centres = far_apart(rng, D)
+    centres = sample_separated_centres(rng, D)
     dimensions = rng.integers(1, D, size=CLUSTERS)
     bases = [np.linalg.qr(rng.normal(size=(D, int(d))))[0] for d in dimensions]
-    visits = rng.integers(SHORTEST, LONGEST + 1, size=T // SHORTEST + 1)
-    labels = np.repeat(np.arange(len(visits)) % CLUSTERS, visits)[:T]
+    durations = rng.integers(MIN_DURATION, MAX_DURATION + 1, size=T // MIN_DURATION + 1)
+    labels = np.repeat(np.arange(len(durations)) % CLUSTERS, durations)[:T]
     x = centres[labels] + DEVIATION * rng.normal(size=(T, D))
     for k, basis in enumerate(bases):
         own = labels == k
@@ -110,13 +120,13 @@ def stream(D: int, T: int, seed: int) -> Stream:
     return Stream(x, labels, centres, dimensions)
 
 
-def far_apart(rng: np.random.Generator, D: int) -> np.ndarray:
+def sample_separated_centres(rng: np.random.Generator, D: int) -> np.ndarray:
     """Centres in [-5, 5]^D, each at least 4 sqrt(D) from the others: drawn until they are."""
     centres: list[np.ndarray] = []
     tries = 0
     while len(centres) < CLUSTERS:
-        candidate = rng.uniform(-REACH, REACH, size=D)
-        if all(np.linalg.norm(candidate - other) >= APART * np.sqrt(D) for other in centres):
+        candidate = rng.uniform(-MAX_COORDINATE, MAX_COORDINATE, size=D)
+        if all(np.linalg.norm(candidate - other) >= MIN_SEPARATION * np.sqrt(D) for other in centres):
             centres.append(candidate)
         tries += 1
         if tries % 10_000 == 0:
@@ -124,7 +134,7 @@ def far_apart(rng: np.random.Generator, D: int) -> np.ndarray:
     return np.stack(centres)
 
 
-def settings(D: int, spare: int = SPARE, penalty: float = LAMBDA_1) -> SOSC:
+def settings(D: int, extra_directions: int = EXTRA_DIRECTIONS, penalty: float = LAMBDA_1) -> SOSC:
     return SOSC(
         cluster=LAMBDA * D,
         dimension=penalty,
@@ -132,16 +142,16 @@ def settings(D: int, spare: int = SPARE, penalty: float = LAMBDA_1) -> SOSC:
         bandwidth=BANDWIDTH * D,
         transition=0.025,
         new_transition=0.025,
-        upkeep=Upkeep(spare=spare),
+        maintenance=Maintenance(extra_directions=extra_directions),
     )
 
 
-def learned(made: Stream, wish: SOSC) -> tuple[OnlineModel, np.ndarray, float]:
+def learn_skill(stream_data: Stream, sosc_settings: SOSC) -> tuple[OnlineModel, np.ndarray, float]:
     """The model of the stream, the cluster of every datapoint, and seconds of CPU."""
-    model = online_model(wish, position_layout(made.x.shape[1], "1"), 1.0)
+    model = online_model(sosc_settings, position_layout(stream_data.x.shape[1], "1"), 1.0)
     begin = time.process_time()
-    model, went = observe_stream(model, made.x)
-    return model, identities_now(went), time.process_time() - begin
+    model, went = observe_stream(model, stream_data.x)
+    return model, current_cluster_ids(went), time.process_time() - begin
 
 
 def row(D: int, T: int, repeats: int) -> dict[str, float]:
@@ -155,29 +165,29 @@ def row(D: int, T: int, repeats: int) -> dict[str, float]:
     return numbers
 
 
-def judged(made: Stream, wish: SOSC) -> dict[str, float]:
-    model, labels, seconds = learned(made, wish)
-    apart = np.linalg.norm(model.means[None, :, 0] - made.centres[:, None], axis=2)
+def judged(stream_data: Stream, sosc_settings: SOSC) -> dict[str, float]:
+    model, labels, seconds = learn_skill(stream_data, sosc_settings)
+    apart = np.linalg.norm(model.means[None, :, 0] - stream_data.centres[:, None], axis=2)
     nearest = apart.argmin(axis=1)
     return {
-        "silhouette": silhouette(made.x, labels),
-        "silhouette of the truth": silhouette(made.x, made.labels),
-        "information": normalised_mutual_information(labels, made.labels),
+        "silhouette": silhouette(stream_data.x, labels),
+        "silhouette of the truth": silhouette(stream_data.x, stream_data.labels),
+        "information": normalised_mutual_information(labels, stream_data.labels),
         "seconds": seconds,
         "distance of means": float(apart.min(axis=1).mean()),
-        "expected distance": expected_distance(made),
+        "expected distance": expected_distance(stream_data),
         "clusters": float(model.clusters),
         "dimension": float(model.dimensions[:, 0].mean()),
-        "true dimension": float(made.dimensions.mean()),
-        "dimensions missing": float(np.mean(made.dimensions - model.dimensions[nearest, 0])),
-        "dimensions right": float(np.mean(made.dimensions == model.dimensions[nearest, 0])),
+        "true dimension": float(stream_data.dimensions.mean()),
+        "dimensions missing": float(np.mean(stream_data.dimensions - model.dimensions[nearest, 0])),
+        "dimensions right": float(np.mean(stream_data.dimensions == model.dimensions[nearest, 0])),
     }
 
 
-def expected_distance(made: Stream) -> float:
+def expected_distance(stream_data: Stream) -> float:
     """How far the mean of a cluster's own datapoints lies from its centre, to be expected by chance."""
-    counts = np.bincount(made.labels, minlength=CLUSTERS)
-    return float(np.mean(np.sqrt((made.dimensions + made.x.shape[1] * DEVIATION**2) / counts)))
+    counts = np.bincount(stream_data.labels, minlength=CLUSTERS)
+    return float(np.mean(np.sqrt((stream_data.dimensions + stream_data.x.shape[1] * DEVIATION**2) / counts)))
 
 
 def silhouette(x: np.ndarray, labels: np.ndarray) -> float:
@@ -207,17 +217,17 @@ def silhouette(x: np.ndarray, labels: np.ndarray) -> float:
     return float(scores.mean())
 
 
-def spared(D: int, spare: int, repeats: int) -> dict[str, float]:
+def compare_extra_directions(D: int, extra_directions: int, repeats: int) -> dict[str, float]:
     """What directions in reserve are worth, for the shortest and the longest stream, and two lambda_1."""
-    numbers: dict[str, float] = {"spare": spare}
+    numbers: dict[str, float] = {"extra_directions": extra_directions}
     for T in (LENGTHS[0], LENGTHS[-1]):
         for penalty in (LAMBDA_1, STAGES_LAMBDA_1):
             missing, seconds = [], []
             for seed in range(repeats):
-                made = stream(D, T, seed)
-                model, _, spent = learned(made, settings(D, spare, penalty))
-                apart = np.linalg.norm(model.means[None, :, 0] - made.centres[:, None], axis=2)
-                missing.append(np.mean(made.dimensions - model.dimensions[apart.argmin(axis=1), 0]))
+                stream_data = stream(D, T, seed)
+                model, _, spent = learn_skill(stream_data, settings(D, extra_directions, penalty))
+                apart = np.linalg.norm(model.means[None, :, 0] - stream_data.centres[:, None], axis=2)
+                missing.append(np.mean(stream_data.dimensions - model.dimensions[apart.argmin(axis=1), 0]))
                 seconds.append(spent)
             numbers[f"missing, T = {T}, lambda_1 = {penalty:g}"] = float(np.mean(missing))
             numbers[f"seconds, T = {T}, lambda_1 = {penalty:g}"] = float(np.mean(seconds))
@@ -245,7 +255,7 @@ def print_spares(rows: Sequence[dict[str, float]]) -> None:
     print("spare  " + "".join(f"{name:>28}" for name in names))
     for one in rows:
         cells = "".join(f"{one[f'missing, {n}']:>18.2f} ({one[f'seconds, {n}']:.3f} s)" for n in names)
-        print(f"{one['spare']:>5.0f}  {cells}")
+        print(f"{one['extra_directions']:>5.0f}  {cells}")
 
 
 def picture(rows: Sequence[dict[str, float]]) -> Figure:

@@ -38,30 +38,33 @@ from pilotfish.demonstrations import position_layout
 from pilotfish.models import (
     GaussianDurations,
     SemiMarkovChain,
-    log_likelihood_of_states,
-    matching,
+    log_state_likelihoods,
+    match_labels,
     normalised_mutual_information,
-    runs,
+    state_segments,
 )
 from pilotfish.models.online import (
     SOSC,
+    ExponentialDecay,
+    Maintenance,
     OnlineModel,
-    Trace,
-    Upkeep,
-    identities_now,
+    current_cluster_ids,
     observe_stream,
     online_model,
-    read_out,
+    to_skill,
 )
 
 D, LENGTH, CLUSTERS = 3, 2500, (4, 4, 6)
-REACH, APART, SHORTEST, LONGEST, DEVIATION = 5.0, 4.0, 70, 90, 0.2
-MEAN_DURATION, DEVIATION_OF_DURATIONS = 80.0, float(np.sqrt(((LONGEST - SHORTEST + 1) ** 2 - 1) / 12))
+MAX_COORDINATE, MIN_SEPARATION, MIN_DURATION, MAX_DURATION, DEVIATION = 5.0, 4.0, 70, 90, 0.2
+MEAN_DURATION, DEVIATION_OF_DURATIONS = (
+    80.0,
+    float(np.sqrt(((MAX_DURATION - MIN_DURATION + 1) ** 2 - 1) / 12)),
+)
 SEEDS, SHOWN, PERIOD = 20, 2, 1.0  # a step is taken for a second: the thesis names no time
 UPKEEPS = {
-    "thesis": Upkeep(Trace(0.995), merge_distance=3.6),
-    "apart": Upkeep(Trace(0.995)),
-    "forgetting": Upkeep(Trace(0.995, forget_below=0.3)),
+    "thesis": Maintenance(ExponentialDecay(0.995), merge_distance=3.6),
+    "apart": Maintenance(ExponentialDecay(0.995)),
+    "forgetting": Maintenance(ExponentialDecay(0.995, forget_below=0.3)),
 }
 NOTES = (
     "traces make subspaces forget, not transitions or durations: that the first followed the fourth before",
@@ -89,12 +92,12 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lesson:
+class StageResult:
     """The model after a stage, its own clusters of the stage's datapoints, and the time it took [s]."""
 
     stage: Stage
     model: OnlineModel
-    identities: np.ndarray
+    cluster_ids: np.ndarray
     seconds: float
 
 
@@ -129,10 +132,10 @@ def stages(seed: int) -> tuple[Stage, ...]:
     first = [orthonormal(rng, int(d)) for d in rng.integers(1, D, size=CLUSTERS[0])]
     second = [complement(basis) for basis in first]
     third = [*second, *(orthonormal(rng, int(d)) for d in rng.integers(1, D, size=2))]
-    made, cluster, left = [], 0, int(rng.integers(SHORTEST, LONGEST + 1))
+    made, cluster, left = [], 0, int(rng.integers(MIN_DURATION, MAX_DURATION + 1))
     for bases in (first, second, third):
-        labels, cluster, left = cycle(rng, len(bases), cluster, left)
-        x = np.stack([drawn(rng, centres[k], bases[k]) for k in labels])
+        labels, cluster, left = sample_cycle(rng, len(bases), cluster, left)
+        x = np.stack([sample_segment(rng, centres[k], bases[k]) for k in labels])
         made.append(Stage(x, labels, centres[: len(bases)], tuple(bases)))
     return tuple(made)
 
@@ -141,8 +144,8 @@ def far_apart(rng: np.random.Generator, count: int) -> np.ndarray:
     """Centres in [-5, 5]^D, each at least 4 sqrt(D) from the others; begun anew when no more fit in."""
     while True:
         centres: list[np.ndarray] = []
-        for candidate in rng.uniform(-REACH, REACH, size=(20_000, D)):
-            if all(np.linalg.norm(candidate - other) >= APART * np.sqrt(D) for other in centres):
+        for candidate in rng.uniform(-MAX_COORDINATE, MAX_COORDINATE, size=(20_000, D)):
+            if all(np.linalg.norm(candidate - other) >= MIN_SEPARATION * np.sqrt(D) for other in centres):
                 centres.append(candidate)
             if len(centres) == count:
                 return np.stack(centres)
@@ -157,18 +160,20 @@ def complement(basis: np.ndarray) -> np.ndarray:
     return np.linalg.svd(basis)[0][:, basis.shape[1] :]
 
 
-def cycle(rng: np.random.Generator, count: int, cluster: int, left: int) -> tuple[np.ndarray, int, int]:
+def sample_cycle(
+    rng: np.random.Generator, count: int, cluster: int, left: int
+) -> tuple[np.ndarray, int, int]:
     """The clusters of one stage's datapoints; which is visited at its end, and how long that goes on."""
     labels = []
     for _ in range(LENGTH):
         if left == 0:
-            cluster, left = (cluster + 1) % count, int(rng.integers(SHORTEST, LONGEST + 1))
+            cluster, left = (cluster + 1) % count, int(rng.integers(MIN_DURATION, MAX_DURATION + 1))
         labels.append(cluster)
         left -= 1
     return np.array(labels), cluster, left
 
 
-def drawn(rng: np.random.Generator, centre: np.ndarray, basis: np.ndarray) -> np.ndarray:
+def sample_segment(rng: np.random.Generator, centre: np.ndarray, basis: np.ndarray) -> np.ndarray:
     return centre + basis @ rng.normal(size=basis.shape[1]) + DEVIATION * rng.normal(size=D)
 
 
@@ -183,27 +188,27 @@ def settings(way: str) -> SOSC:
         bandwidth=50.0,
         transition=0.025,
         new_transition=0.025,
-        upkeep=UPKEEPS[way],
+        maintenance=UPKEEPS[way],
     )
 
 
-def untaught(way: str) -> OnlineModel:
+def empty_model(way: str) -> OnlineModel:
     return online_model(settings(way), position_layout(D, "1"), PERIOD)
 
 
 @cache
-def lessons(way: str, seed: int) -> tuple[Lesson, ...]:
-    model, made = untaught(way), []
+def stage_results(way: str, seed: int) -> tuple[StageResult, ...]:
+    model, made = empty_model(way), []
     for stage in stages(seed):
         begin = time.process_time()
         model, went = observe_stream(model, stage.x)
-        made.append(Lesson(stage, model, identities_now(went), time.process_time() - begin))
+        made.append(StageResult(stage, model, current_cluster_ids(went), time.process_time() - begin))
     return tuple(made)
 
 
-def growing(way: str, seed: int, step: int) -> list[OnlineModel]:
+def models_by_step(way: str, seed: int, step: int) -> list[OnlineModel]:
     """The model after every so many datapoints."""
-    model, models = untaught(way), []
+    model, models = empty_model(way), []
     for stage in stages(seed):
         for start in range(0, LENGTH, step):
             model, _ = observe_stream(model, stage.x[start : start + step])
@@ -211,21 +216,23 @@ def growing(way: str, seed: int, step: int) -> list[OnlineModel]:
     return models
 
 
-def nearest(lesson: Lesson) -> list[int]:
+def nearest_cluster(stage_result: StageResult) -> list[int]:
     """The place among the model's clusters of the one that is nearest to each true centre."""
-    apart = lesson.model.means[None, :, 0] - lesson.stage.centres[:, None]
+    apart = stage_result.model.means[None, :, 0] - stage_result.stage.centres[:, None]
     return [int(k) for k in np.linalg.norm(apart, axis=2).argmin(axis=1)]
 
 
-def judged(lesson: Lesson) -> dict[str, object]:
+def judged(stage_result: StageResult) -> dict[str, object]:
     """What the model has of the truth after a stage."""
-    true, places = lesson.stage.dimensions, nearest(lesson)
-    clusters = lesson.model.clusters
-    found = [int(lesson.model.dimensions[k, 0]) for k in places]
+    true, places = stage_result.stage.dimensions, nearest_cluster(stage_result)
+    clusters = stage_result.model.clusters
+    found = [int(stage_result.model.dimensions[k, 0]) for k in places]
     right = clusters == len(true) and len(set(places)) == len(true)
-    chain = read_out(lesson.model).dynamics
+    chain = to_skill(stage_result.model).dynamics
     assert isinstance(chain, SemiMarkovChain)
-    joined = runs(lesson.identities)[1][1:-1]  # the first and the last are cut off by the stage's ends
+    joined = state_segments(stage_result.cluster_ids)[1][
+        1:-1
+    ]  # the first and the last are cut off by the stage's ends
     off = chain.transitions[np.ix_(places, places)] - np.roll(np.eye(len(true)), 1, axis=1)
     return {
         "clusters": clusters,
@@ -233,7 +240,7 @@ def judged(lesson: Lesson) -> dict[str, object]:
         "true dimensions": true,
         "clusters right": right,
         "all right": right and found == true,
-        "information": normalised_mutual_information(lesson.identities, lesson.stage.labels),
+        "information": normalised_mutual_information(stage_result.cluster_ids, stage_result.stage.labels),
         "transition error": float(np.abs(off).sum(axis=1).mean() / 2),
         "transition error without the fourth": float(
             np.abs(np.delete(off, 3, axis=0)).sum(axis=1).mean() / 2
@@ -244,7 +251,7 @@ def judged(lesson: Lesson) -> dict[str, object]:
         ),
         "duration, joined [steps]": float(joined.mean()),
         "deviation of durations, joined [steps]": float(joined.std()),
-        "seconds": lesson.seconds,
+        "seconds": stage_result.seconds,
     }
 
 
@@ -252,7 +259,7 @@ def measured(way: str, seeds: int) -> list[dict[str, object]]:
     """A row for each stage: means over the seeds, and how the seeds that went wrong did."""
     rows: list[dict[str, object]] = []
     for n in range(len(CLUSTERS)):
-        found = [judged(lessons(way, seed)[n]) for seed in range(seeds)]
+        found = [judged(stage_results(way, seed)[n]) for seed in range(seeds)]
         row: dict[str, object] = {"way": way, "stage": n + 1, "true clusters": CLUSTERS[n]}
         for name, value in found[0].items():
             if isinstance(value, bool):
@@ -299,10 +306,10 @@ def print_table(rows: Sequence[dict[str, object]], seeds: int) -> None:
 
 
 def pictures(seed: int) -> dict[str, Figure]:
-    last = lessons("thesis", seed)[-1]
-    skill = read_out(last.model)
+    last = stage_results("thesis", seed)[-1]
+    skill = to_skill(last.model)
     here = pf.adapt(skill, [pf.Frame("world", np.eye(D), np.zeros(D))])
-    observed = log_likelihood_of_states(here, stages(seed)[0].x[:1])
+    observed = log_state_likelihoods(here, stages(seed)[0].x[:1])
     return {
         "figure-5.5-clusters": draw_stages(seed),
         "figure-5.6-growth": draw_growth(seed),
@@ -315,26 +322,30 @@ def pictures(seed: int) -> dict[str, Figure]:
 def draw_stages(seed: int) -> Figure:
     """Above the data as they were made, below the model after each stage."""
     figure = Figure(figsize=(11, 7.2), layout="constrained")
-    for n, lesson in enumerate(lessons("thesis", seed)):
+    for n, stage_result in enumerate(stage_results("thesis", seed)):
         above, below = (figure.add_subplot(2, 3, n + 1 + 3 * row, projection="3d") for row in range(2))
-        true = lesson.stage
+        true = stage_result.stage
         for k in range(len(true.bases)):
             own = true.x[true.labels == k]
             above.scatter(*own.T, s=3.5, color=plots.state_colour(k), alpha=0.5, linewidths=0)
         above.set_title(
-            f"stage {n + 1}, made: K = {len(true.bases)}, d = {listed(true.dimensions)}", fontsize=10, y=0.95
+            f"stage {n + 1}, made: K = {len(true.bases)}, d = {format_dimensions(true.dimensions)}",
+            fontsize=10,
+            y=0.95,
         )
-        places = nearest(lesson)
-        d = [int(lesson.model.dimensions[k, 0]) for k in places]
-        stands_for = matching(lesson.identities, true.labels)
-        for identity in np.unique(lesson.identities):
-            own = true.x[lesson.identities == identity]
-            colour = plots.state_colour(stands_for[identity]) if identity in stands_for else "0.5"
+        places = nearest_cluster(stage_result)
+        d = [int(stage_result.model.dimensions[k, 0]) for k in places]
+        stands_for = match_labels(stage_result.cluster_ids, true.labels)
+        for cluster_id in np.unique(stage_result.cluster_ids):
+            own = true.x[stage_result.cluster_ids == cluster_id]
+            colour = plots.state_colour(stands_for[cluster_id]) if cluster_id in stands_for else "0.5"
             below.scatter(*own[::2].T, s=3.5, color=colour, alpha=0.6, linewidths=0)
-        draw_model_in_space(below, lesson.model, lesson.stage.centres)
-        below.set_title(f"learned: K = {lesson.model.clusters}, d = {listed(d)}", fontsize=10, y=0.95)
+        draw_model_in_space(below, stage_result.model, stage_result.stage.centres)
+        below.set_title(
+            f"learned: K = {stage_result.model.clusters}, d = {format_dimensions(d)}", fontsize=10, y=0.95
+        )
         for axes in (above, below):
-            dress_space(axes)
+            style_axes(axes)
     return figure
 
 
@@ -342,7 +353,7 @@ def draw_model_in_space(axes, model: OnlineModel, centres: np.ndarray) -> None: 
     """The ellipsoid of every cluster at two deviation, in the colour of the true one that is nearest."""
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
     ball = np.stack([np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)], axis=-1)
-    skill = read_out(model)
+    skill = to_skill(model)
     for mean, covariance in zip(skill.means[0], skill.covariances[0].dense, strict=True):
         values, vectors = np.linalg.eigh(covariance)
         surface = mean + 2.0 * (ball * np.sqrt(values)) @ vectors.T
@@ -351,26 +362,28 @@ def draw_model_in_space(axes, model: OnlineModel, centres: np.ndarray) -> None: 
         axes.plot_surface(*np.moveaxis(surface, -1, 0), color=colour, alpha=0.3, linewidth=0)
 
 
-def dress_space(axes) -> None:  # type: ignore[no-untyped-def]
+def style_axes(axes) -> None:  # type: ignore[no-untyped-def]
     axes.set(xlim=(-7, 7), ylim=(-7, 7), zlim=(-7, 7), xlabel="x [1]", ylabel="y [1]", zlabel="z [1]")
     axes.set_box_aspect(None, zoom=0.78)  # leaves room for the label of z
     axes.tick_params(labelsize=8, pad=0)
 
 
-def listed(dimensions: Sequence[int]) -> str:
+def format_dimensions(dimensions: Sequence[int]) -> str:
     return "{" + ", ".join(map(str, dimensions)) + "}"
 
 
 def draw_growth(seed: int) -> Figure:
     """K and d as they grow, the truth dotted, with a line where a stage ends."""
-    figure = plots.growth(growing("thesis", seed, 10))
+    figure = plots.online_clusters(models_by_step("thesis", seed, 10))
     clusters = figure.axes[0]
     ends = LENGTH * np.arange(len(CLUSTERS) + 1)
     clusters.step(ends, [*CLUSTERS, CLUSTERS[-1]], where="post", color="0.4", linestyle=":", linewidth=1.4)
     for n, stage in enumerate(stages(seed)):
         middle = (ends[n] + ends[n + 1]) / 2
         clusters.text(middle, 1.3, f"stage {n + 1}: K = {CLUSTERS[n]}", ha="center", fontsize=9)
-        figure.axes[1].text(middle, 2.55, f"true d = {listed(stage.dimensions)}", ha="center", fontsize=9)
+        figure.axes[1].text(
+            middle, 2.55, f"true d = {format_dimensions(stage.dimensions)}", ha="center", fontsize=9
+        )
     for axes in figure.axes:
         for end in ends[1:-1]:
             axes.axvline(end, color="0.6", linestyle="--", linewidth=1.0)
@@ -379,11 +392,11 @@ def draw_growth(seed: int) -> Figure:
     return figure
 
 
-def draw_model(lesson: Lesson) -> Figure:
+def draw_model(stage_result: StageResult) -> Figure:
     """The transition matrix and the durations, in the order of the true clusters."""
-    chain = read_out(lesson.model).dynamics
+    chain = to_skill(stage_result.model).dynamics
     assert isinstance(chain, SemiMarkovChain)
-    places = nearest(lesson)
+    places = nearest_cluster(stage_result)
     transitions = chain.transitions[np.ix_(places, places)]
     figure = Figure(figsize=(10, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.5))
@@ -396,11 +409,13 @@ def draw_model(lesson: Lesson) -> Figure:
     left.set_yticks(range(len(places)))
     steps = np.arange(1, 151)
     for k, place in enumerate(places):
-        law = GaussianDurations(chain.durations.means[[place]], chain.durations.deviations[[place]])
-        density = np.exp(law.log_table(len(steps)))[:, 0]
-        label = f"state {k}: {law.means[0]:.0f} ± {law.deviations[0]:.0f}"
+        distribution = GaussianDurations(chain.durations.means[[place]], chain.durations.deviations[[place]])
+        density = np.exp(distribution.log_table(len(steps)))[:, 0]
+        label = f"state {k}: {distribution.means[0]:.0f} ± {distribution.deviations[0]:.0f}"
         right.plot(steps, density, color=plots.state_colour(k), linewidth=1.8, label=label)
-    uniform = np.where((steps >= SHORTEST) & (steps <= LONGEST), 1 / (LONGEST - SHORTEST + 1), 0.0)
+    uniform = np.where(
+        (steps >= MIN_DURATION) & (steps <= MAX_DURATION), 1 / (MAX_DURATION - MIN_DURATION + 1), 0.0
+    )
     right.step(steps, uniform, where="mid", color="0.4", linestyle=":", label="true, all states")
     right.set(
         xlabel="duration [steps]", ylabel="probability", title="durations", xlim=(0, 150), ylim=(0, None)
@@ -413,7 +428,7 @@ def draw_model(lesson: Lesson) -> Figure:
 def animate(seed: int, file: Path) -> None:
     """The last 200 datapoints and the model at every hundredth; below, how many clusters there are."""
     step, memory = 100, 200
-    models = growing("thesis", seed, step)
+    models = models_by_step("thesis", seed, step)
     x = np.vstack([stage.x for stage in stages(seed)])
     labels = np.concatenate([stage.labels for stage in stages(seed)])
     colours = np.array([plots.state_colour(k) for k in range(CLUSTERS[-1])])
@@ -425,9 +440,9 @@ def animate(seed: int, file: Path) -> None:
         seen = slice(max(0, (m + 1) * step - memory), (m + 1) * step)
         axes.scatter(*x[seen].T, s=5, color=colours[labels[seen]], linewidths=0)
         draw_model_in_space(axes, models[m], stages(seed)[-1].centres)
-        dress_space(axes)
+        style_axes(axes)
         n = min(m * step // LENGTH, len(CLUSTERS) - 1)
-        d = listed(models[m].dimensions[:, 0].tolist())
+        d = format_dimensions(models[m].dimensions[:, 0].tolist())
         axes.set_title(
             f"stage {n + 1}, {seen.stop} datapoints: K = {models[m].clusters}, d = {d}", fontsize=10
         )

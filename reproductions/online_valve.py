@@ -35,31 +35,36 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
+from protocol import SETTINGS, STATES, reproduce_published
 
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import Structure
-from pilotfish.models import runs, semi_markov_parameters, viterbi
+from pilotfish.gaussians import CovarianceStructure
+from pilotfish.models import semi_markov_parameter_count, state_segments, viterbi
 from pilotfish.models.online import (
     OnlineModel,
-    begin_from,
+    estimate_penalties,
+    estimate_scales,
+    from_batch_fit,
     observe_demonstration,
     online_model,
-    penalties_from,
-    read_out,
-    scaled,
-    scales_from,
-    unscaled,
+    scale_demonstration,
+    to_skill,
+    unscale_skill,
 )
-from pilotfish.station.evaluation import SETTINGS, STATES, mean_squared_error, replay, replay_from_mean
+from pilotfish.planning import mean_squared_error
 
-FIRST, TRAINED = 2, 4  # demonstrations of the batch fit that penalties come from; all that are learned
+FIRST, N_TRAINING = 2, 4  # demonstrations of the batch fit that penalties come from; all that are learned
 EXPLAINED = (0.8, 0.9, 0.95, 0.98, 0.99)
-STRUCTURES: tuple[Structure, ...] = (pf.Full(), pf.SemiTied(), pf.MFA(4))
+STRUCTURES: tuple[CovarianceStructure, ...] = (
+    pf.structures.Full(),
+    pf.structures.SemiTied(),
+    pf.structures.MFA(4),
+)
 ORDERS, TIMED = 10, 9
 Made = TypeVar("Made")
-DEFAULT, BEGINNINGS = 0.9, (2, 3, 4, 5)  # share explained where it is not chosen; how many to begin from
+DEFAULT, BATCH_SIZES = 0.9, (2, 3, 4, 5)  # share explained where it is not chosen; how many to begin from
 LINES = {
     "batch": "#004488",
     "begun after 2": "#882255",
@@ -91,10 +96,10 @@ def main() -> None:
         demonstrations = pf.datasets.valve()
     except pf.SkillError as error:
         parser.exit(1, f"{error}\n")
-    grid = chosen(demonstrations[:TRAINED])
+    grid = choose_explained(demonstrations[:N_TRAINING])
     best = {way: min(grid, key=lambda row: row[way])["explained"] for way in ("begun", "from nothing")}
     rows = table(demonstrations, best)
-    arrivals = arriving(demonstrations, arguments.orders)
+    arrivals = errors_by_arrival(demonstrations, arguments.orders)
     print_grid(grid)
     print_table(rows)
     print_arrivals(arrivals, arguments.orders)
@@ -104,7 +109,7 @@ def main() -> None:
         arguments.out.mkdir(parents=True, exist_ok=True)
         drawn = {
             "arrivals": draw_arrivals(arrivals, arguments.orders),
-            "segments": draw_segments(demonstrations[:TRAINED], best),
+            "segments": draw_segments(demonstrations[:N_TRAINING], best),
         }
         for name, figure in drawn.items():
             figure.savefig(arguments.out / f"{name}.png", dpi=110)
@@ -115,50 +120,66 @@ def main() -> None:
         arguments.json.write_text(json.dumps(numbers, indent=2) + "\n")
 
 
-def learned(demonstrations: Sequence[Demonstration], structure: Structure | None = None) -> pf.Skill:
-    structure = pf.Full() if structure is None else structure
+def learn_skill(
+    demonstrations: Sequence[Demonstration], structure: CovarianceStructure | None = None
+) -> pf.Skill:
+    structure = pf.structures.Full() if structure is None else structure
     rng = np.random.default_rng(0)
     fit = pf.learn(demonstrations, states=STATES, rng=rng, structure=structure, settings=SETTINGS)
     return fit.skill
 
 
-def nothing(skill: pf.Skill, demonstrations: Sequence[Demonstration], explained: float) -> OnlineModel:
+def empty_model(
+    skill: pf.Skill, demonstrations: Sequence[Demonstration], explained_variance: float
+) -> OnlineModel:
     """A model that knows its penalties and nothing else."""
-    settings = penalties_from(skill, demonstrations, explained=explained)
+    settings = estimate_penalties(skill, demonstrations, explained_variance=explained_variance)
     return online_model(settings, skill.layout, skill.period, skill.frame_names)
 
 
-def begun(skill: pf.Skill, demonstrations: Sequence[Demonstration], explained: float) -> OnlineModel:
-    return begin_from(skill, demonstrations, penalties_from(skill, demonstrations, explained=explained))
+def begin_from_batch(
+    skill: pf.Skill, demonstrations: Sequence[Demonstration], explained_variance: float
+) -> OnlineModel:
+    return from_batch_fit(
+        skill,
+        demonstrations,
+        estimate_penalties(skill, demonstrations, explained_variance=explained_variance),
+    )
 
 
-def streamed(model: OnlineModel, demonstrations: Sequence[Demonstration]) -> OnlineModel:
+def learn_stream(model: OnlineModel, demonstrations: Sequence[Demonstration]) -> OnlineModel:
     for demonstration in demonstrations:
         model, _ = observe_demonstration(model, demonstration)
     return model
 
 
 def error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_start: bool = False) -> float:
-    again = replay if own_start else replay_from_mean
-    return float(np.mean([mean_squared_error(again(skill, d).motion, d) for d in demonstrations]))
+    return float(
+        np.mean(
+            [
+                mean_squared_error(reproduce_published(skill, d, from_first_state=not own_start).motion, d)
+                for d in demonstrations
+            ]
+        )
+    )
 
 
-def chosen(train: Sequence[Demonstration]) -> list[dict[str, float]]:
+def choose_explained(train: Sequence[Demonstration]) -> list[dict[str, float]]:
     """Mean errors on the one left out of the four, the stream being the third, for each share explained."""
     cases = [
         (out, third, [d for n, d in enumerate(train) if n not in (out, third)])
         for out, third in permutations(range(len(train)), 2)
     ]
-    skills = [learned(pair) for _, _, pair in cases]
+    skills = [learn_skill(pair) for _, _, pair in cases]
     rows = []
-    for explained in EXPLAINED:
+    for explained_variance in EXPLAINED:
         found: dict[str, list[tuple[float, int]]] = {"begun": [], "from nothing": []}
         for (out, third, pair), skill in zip(cases, skills, strict=True):
-            first = streamed(begun(skill, pair, explained), [train[third]])
-            second = streamed(nothing(skill, pair, explained), [*pair, train[third]])
+            first = learn_stream(begin_from_batch(skill, pair, explained_variance), [train[third]])
+            second = learn_stream(empty_model(skill, pair, explained_variance), [*pair, train[third]])
             for way, model in zip(found, (first, second), strict=True):
-                found[way].append((error(read_out(model), [train[out]]), model.clusters))
-        row = {"explained": explained}
+                found[way].append((error(to_skill(model), [train[out]]), model.clusters))
+        row = {"explained": explained_variance}
         for way, pairs in found.items():
             row[way] = float(np.mean([e for e, _ in pairs]))
             row[f"{way}, clusters"] = float(np.mean([K for _, K in pairs]))
@@ -167,39 +188,41 @@ def chosen(train: Sequence[Demonstration]) -> list[dict[str, float]]:
 
 
 def table(demonstrations: Sequence[Demonstration], best: dict[str, float]) -> list[dict[str, object]]:
-    train, test = demonstrations[:TRAINED], demonstrations[TRAINED:]
+    train, test = demonstrations[:N_TRAINING], demonstrations[N_TRAINING:]
     rows = []
     for structure in STRUCTURES:
-        skill, seconds = timed(lambda structure=structure: learned(train, structure))  # type: ignore[misc]
-        parameters = semi_markov_parameters(structure, STATES, skill.width, len(skill.frame_names))
+        skill, seconds = time_call(lambda structure=structure: learn_skill(train, structure))  # type: ignore[misc]
+        parameters = semi_markov_parameter_count(structure, STATES, skill.width, len(skill.frame_names))
         rows.append(row(f"batch, {structure.label}", skill, parameters, seconds, (train, test)))
-    first = learned(train[:FIRST])
-    parameters = semi_markov_parameters(pf.Full(), STATES, first.width, len(first.frame_names))
+    first = learn_skill(train[:FIRST])
+    parameters = semi_markov_parameter_count(
+        pf.structures.Full(), STATES, first.width, len(first.frame_names)
+    )
     rows.append(row("batch of two, full", first, parameters, np.nan, (train, test)))
-    start = begun(first, train[:FIRST], best["begun"])
-    empty = nothing(first, train[:FIRST], best["from nothing"])
+    start = begin_from_batch(first, train[:FIRST], best["begun"])
+    empty = empty_model(first, train[:FIRST], best["from nothing"])
     for name, begin, rest in (
         (f"stream from nothing, {best['from nothing']:g}", empty, train),
         (f"stream begun, {best['begun']:g}", start, train[FIRST:]),
-        (f"of the four, {best['begun']:g}", begun(learned(train), train, best["begun"]), ()),
+        (f"of the four, {best['begun']:g}", begin_from_batch(learn_skill(train), train, best["begun"]), ()),
     ):
-        model, seconds = timed(lambda begin=begin, rest=rest: streamed(begin, rest))  # type: ignore[misc]
-        made = row(name, read_out(model), stream_parameters(model), seconds, (train, test))
+        model, seconds = time_call(lambda begin=begin, rest=rest: learn_stream(begin, rest))  # type: ignore[misc]
+        made = row(name, to_skill(model), stream_parameters(model), seconds, (train, test))
         made["dimensions"] = model.dimensions.T.tolist()
         rows.append(made)
-    rows.append(at_one_scale(first, train, test))
+    rows.append(learn_scaled(first, train, test))
     return rows
 
 
-def at_one_scale(
+def learn_scaled(
     first: pf.Skill, train: Sequence[Demonstration], test: Sequence[Demonstration]
 ) -> dict[str, object]:
     """The stream begun from two in columns of one scale, read out in their own units; nothing is chosen."""
-    scales = scales_from(first)
-    shown = [scaled(demonstration, scales) for demonstration in train]
-    start = begun(learned(shown[:FIRST]), shown[:FIRST], DEFAULT)
-    model, seconds = timed(lambda: streamed(start, shown[FIRST:]))
-    skill = unscaled(read_out(model), scales)
+    scales = estimate_scales(first)
+    shown = [scale_demonstration(demonstration, scales) for demonstration in train]
+    start = begin_from_batch(learn_skill(shown[:FIRST]), shown[:FIRST], DEFAULT)
+    model, seconds = time_call(lambda: learn_stream(start, shown[FIRST:]))
+    skill = unscale_skill(to_skill(model), scales)
     made = row(f"begun, one scale, {DEFAULT:g}", skill, stream_parameters(model), seconds, (train, test))
     return made | {"dimensions": model.dimensions.T.tolist()}
 
@@ -233,17 +256,17 @@ def parameters_of(K: int, P: int, D: int, dimensions: int) -> int:
     return P * K * D + D * dimensions + K**2 + 2 * K
 
 
-def timed(act: Callable[[], Made]) -> tuple[Made, float]:
+def time_call(function: Callable[[], Made]) -> tuple[Made, float]:
     """What comes of it, and the median of the seconds of CPU that it takes."""
     spent = []
     for _ in range(TIMED):
         begin = time.process_time()
-        made = act()
+        made = function()
         spent.append(time.process_time() - begin)
     return made, float(np.median(spent))
 
 
-def arriving(demonstrations: Sequence[Demonstration], orders: int) -> list[dict[str, float]]:
+def errors_by_arrival(demonstrations: Sequence[Demonstration], orders: int) -> list[dict[str, float]]:
     """After each demonstration the error on those that are still to come, a mean over orders of arrival."""
     count = len(demonstrations)
     errors: dict[str, list[list[float]]] = {way: [[] for _ in range(count)] for way in LINES}
@@ -251,13 +274,13 @@ def arriving(demonstrations: Sequence[Demonstration], orders: int) -> list[dict[
         came = [demonstrations[n] for n in np.random.default_rng(seed).permutation(count)]
         models: dict[str, OnlineModel] = {}
         for n in range(FIRST, count):
-            batch = learned(came[:n])
-            models = {way: streamed(model, [came[n - 1]]) for way, model in models.items()}
-            if n in BEGINNINGS:
-                models[f"begun after {n}"] = begun(batch, came[:n], DEFAULT)
+            batch = learn_skill(came[:n])
+            models = {way: learn_stream(model, [came[n - 1]]) for way, model in models.items()}
+            if n in BATCH_SIZES:
+                models[f"begun after {n}"] = begin_from_batch(batch, came[:n], DEFAULT)
             if n == FIRST:
-                models["from nothing"] = streamed(nothing(batch, came[:n], DEFAULT), came[:n])
-            skills = {"batch": batch} | {way: read_out(model) for way, model in models.items()}
+                models["from nothing"] = learn_stream(empty_model(batch, came[:n], DEFAULT), came[:n])
+            skills = {"batch": batch} | {way: to_skill(model) for way, model in models.items()}
             for way, skill in skills.items():
                 errors[way][n].append(error(skill, came[n:]))
     return [summary({way: errors[way][n] for way in LINES if errors[way][n]}, n) for n in range(FIRST, count)]
@@ -335,24 +358,24 @@ def draw_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> Figure:
 
 def draw_segments(train: Sequence[Demonstration], best: dict[str, float]) -> Figure:
     """Which state each training demonstration is in, by the batch model and by the streams."""
-    first = learned(train[:FIRST])
-    batch = learned(train)
+    first = learn_skill(train[:FIRST])
+    batch = learn_skill(train)
     paths = {"batch, all four": [viterbi(batch, d) for d in train]}
     fitted = [viterbi(first, d) for d in train[:FIRST]]
     for name, model, done in (
-        ("stream begun from the first two", begun(first, train[:FIRST], best["begun"]), fitted),
-        ("stream from nothing", nothing(first, train[:FIRST], best["from nothing"]), []),
+        ("stream begun from the first two", begin_from_batch(first, train[:FIRST], best["begun"]), fitted),
+        ("stream from nothing", empty_model(first, train[:FIRST], best["from nothing"]), []),
     ):
         path = list(done)
         for demonstration in train[len(done) :]:
             model, went = observe_demonstration(model, demonstration)
-            path.append(went.identities)
+            path.append(went.cluster_ids)
         paths[name] = path
     figure = Figure(figsize=(9, 5.4), layout="constrained")
     for axes, (name, path) in zip(figure.subplots(3, 1, sharex=True), paths.items(), strict=True):
         for y, states in enumerate(path):
             begin = 0
-            for state, steps in zip(*runs(states), strict=True):
+            for state, steps in zip(*state_segments(states), strict=True):
                 colour = plots.state_colour(int(state)) if state < 8 else "0.75"
                 axes.barh(y, steps * 0.1, left=begin * 0.1, height=0.8, color=colour, edgecolor="white")
                 if steps > 8:

@@ -35,34 +35,34 @@ from matplotlib.patheffects import withStroke
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.control import Motion
-from pilotfish.demonstrations import Demonstration, demonstration, with_derivatives
+from pilotfish.demonstrations import Demonstration, add_derivatives, demonstration
 from pilotfish.models import SemiMarkovChain, normalised_mutual_information
 from pilotfish.models.online import (
     DPGMM,
     DPMPPCA,
     SOSC,
+    Maintenance,
     OnlineModel,
     OnlineSettings,
-    Upkeep,
-    begin_from,
+    estimate_penalties,
+    from_batch_fit,
     observe_demonstration,
     observe_stream,
     online_model,
-    penalties_from,
-    read_out,
+    to_skill,
 )
 
-EFFORT, HORIZON, SHUFFLES = 1e-4, 300, 100
-APART = Upkeep(merge_distance=0.0)
-GMM = DPGMM(cluster=35.0, noise=100.0, upkeep=APART)
-MPPCA = DPMPPCA(cluster=14.0, dimension=2.0, noise=1.0, bandwidth=1e4, upkeep=APART)
+CONTROL_COST, HORIZON, SHUFFLES = 1e-4, 300, 100
+APART = Maintenance(merge_distance=0.0)
+GMM = DPGMM(cluster=35.0, noise=100.0, maintenance=APART)
+MPPCA = DPMPPCA(cluster=14.0, dimension=2.0, noise=1.0, bandwidth=1e4, maintenance=APART)
 ENCODINGS: dict[str, DPGMM | DPMPPCA] = {
     "DP-GMM, lambda = 35 a square": GMM,
     "DP-GMM, lambda = 35 a length": replace(GMM, cluster=35.0**2),
     "DP-MPPCA, lambda = 14 a square": MPPCA,
     "DP-MPPCA, lambda = 14 a length": replace(MPPCA, cluster=14.0**2),
 }
-LENGTH = replace(MPPCA, cluster=14.0**2, upkeep=Upkeep())
+LENGTH = replace(MPPCA, cluster=14.0**2, maintenance=Maintenance())
 NOTES = (
     "the thesis prints no number of these figures; subspaces fit better with fewer clusters, as it says",
     "with d = 2 of 3 nearly all the time the clusters of the second reading are planes, one or two a showing",
@@ -70,25 +70,25 @@ NOTES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Remedy:
+class OrderExperiment:
     """A way to learn from a stream whose order is chance."""
 
     settings: DPMPPCA
     passes: int = 1
-    begun: bool = False
+    initial_batch: bool = False
 
 
-REMEDIES = {
-    "lambda a square": Remedy(replace(MPPCA, upkeep=Upkeep())),
-    "lambda a length": Remedy(LENGTH),
-    "no merging": Remedy(replace(LENGTH, upkeep=APART)),
-    "merging below 28": Remedy(replace(LENGTH, upkeep=Upkeep(merge_distance=28.0))),
-    "batches of 50": Remedy(replace(LENGTH, upkeep=Upkeep(batch=50))),
-    "batches of 300": Remedy(replace(LENGTH, upkeep=Upkeep(batch=300))),
-    "two passes": Remedy(LENGTH, passes=2),
-    "five passes": Remedy(LENGTH, passes=5),
-    "begun from a batch fit": Remedy(LENGTH, begun=True),
-    "begun, two passes": Remedy(LENGTH, passes=2, begun=True),
+ORDER_EXPERIMENTS = {
+    "lambda a square": OrderExperiment(replace(MPPCA, maintenance=Maintenance())),
+    "lambda a length": OrderExperiment(LENGTH),
+    "no merging": OrderExperiment(replace(LENGTH, maintenance=APART)),
+    "merging below 28": OrderExperiment(replace(LENGTH, maintenance=Maintenance(merge_distance=28.0))),
+    "batches of 50": OrderExperiment(replace(LENGTH, maintenance=Maintenance(batch=50))),
+    "batches of 300": OrderExperiment(replace(LENGTH, maintenance=Maintenance(batch=300))),
+    "two passes": OrderExperiment(LENGTH, passes=2),
+    "five passes": OrderExperiment(LENGTH, passes=5),
+    "begun from a batch fit": OrderExperiment(LENGTH, initial_batch=True),
+    "begun, two passes": OrderExperiment(LENGTH, passes=2, initial_batch=True),
 }
 KINDS = ("demonstrations", "within each", "everything")
 
@@ -109,7 +109,9 @@ def main() -> None:
     rows = [encoding(name, model, shown) for name, model in encoded.items()]
     sequence, pictures = sosc(shown)
     orders = [
-        row for name, remedy in REMEDIES.items() for row in shuffled(name, remedy, shown, arguments.shuffles)
+        row
+        for name, experiment in ORDER_EXPERIMENTS.items()
+        for row in evaluate_shuffles(name, experiment, shown, arguments.shuffles)
     ]
     print_encodings(rows)
     print_sequence(sequence)
@@ -209,7 +211,7 @@ def draw_clusters(axes, model: OnlineModel, x: np.ndarray) -> None:  # type: ign
     axes.scatter(*x[:, :3].T, s=4.0, color=colours[labels], alpha=0.9, linewidths=0)
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
     ball = np.stack([np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)], axis=-1)
-    skill = read_out(model)
+    skill = to_skill(model)
     opacity = 0.28 if model.clusters < 30 else 0.06
     for k, (mean, covariance) in enumerate(
         zip(skill.means[0][:, :3], skill.covariances[0].dense[:, :3, :3], strict=True)
@@ -231,11 +233,11 @@ def draw_clusters(axes, model: OnlineModel, x: np.ndarray) -> None:  # type: ign
 
 def sosc(shown: Sequence[Demonstration]) -> tuple[dict[str, object], dict[str, Figure]]:
     """States, order and durations from the stream of positions and velocities, and a motion of these."""
-    moving = [with_derivatives(one) for one in shown]
+    moving = [add_derivatives(one) for one in shown]
     fit = pf.learn(moving[:1], states=3, rng=np.random.default_rng(0))
-    settings = penalties_from(fit.skill, moving[:1])
+    settings = estimate_penalties(fit.skill, moving[:1])
     model = streamed(settings, moving)
-    skill = read_out(model)
+    skill = to_skill(model)
     batch = pf.learn(moving, states=model.clusters, rng=np.random.default_rng(0)).skill
     printed = SOSC(cluster=14.0, dimension=2.0, noise=1.0, bandwidth=1e4)
     chain = skill.dynamics
@@ -268,14 +270,16 @@ def made(skill: pf.Skill, moving: Sequence[Demonstration]) -> Motion:
     """The motion from where the first demonstration began."""
     here, start = pf.adapt(skill, moving[0].frames), moving[0].x[0]
     reference = pf.plan(here, start, horizon=HORIZON)
-    return pf.track(pf.double_integrator(3, period=here.period), reference, effort=EFFORT).rollout(start)
+    return pf.track(
+        pf.control.double_integrator(3, period=here.period), reference, control_cost=CONTROL_COST
+    ).rollout(start)
 
 
 def draw_states(model: OnlineModel, moving: Sequence[Demonstration]) -> Figure:
     figure = Figure(figsize=(7, 6), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     draw_clusters(axes, model, np.vstack([one.x for one in moving]))
-    skill = read_out(model)
+    skill = to_skill(model)
     axes.plot(*made(skill, moving).x[:, :3].T, color="black", linewidth=2.0)
     for k, mean in enumerate(skill.means[0][:, :3]):
         style = [withStroke(linewidth=3, foreground="white")]
@@ -313,41 +317,45 @@ def shuffle(kind: str, lengths: Sequence[int], rng: np.random.Generator) -> np.n
     return rng.permutation(sum(lengths))
 
 
-def learned(remedy: Remedy, x: np.ndarray, like: Demonstration) -> OnlineModel:
+def learn_skill(experiment: OrderExperiment, x: np.ndarray, like: Demonstration) -> OnlineModel:
     """The model of a stream that comes in this order."""
-    model, seen = empty(remedy.settings, like), 0
-    if remedy.begun:
+    model, seen = empty(experiment.settings, like), 0
+    if experiment.initial_batch:
         seen = 2 * len(x) // 5  # as many datapoints as two demonstrations have
         first = demonstration(x[:seen], like.period, like.layout, like.frames, "the first datapoints")
-        fit = pf.learn_mixture([first], states=3, rng=np.random.default_rng(0), start=pf.KMeans())
-        model = begin_from(fit.skill, [first], remedy.settings)
+        fit = pf.models.learn_mixture(
+            [first], states=3, rng=np.random.default_rng(0), initialisation=pf.models.KMeans()
+        )
+        model = from_batch_fit(fit.skill, [first], experiment.settings)
     model, _ = observe_stream(model, x[seen:])
-    for _ in range(remedy.passes - 1):
+    for _ in range(experiment.passes - 1):
         model, _ = observe_stream(model, x)
     return model
 
 
-def judged(remedy: Remedy, model: OnlineModel, x: np.ndarray) -> tuple[np.ndarray, float]:
+def evaluate_model(
+    experiment: OrderExperiment, model: OnlineModel, x: np.ndarray
+) -> tuple[np.ndarray, float]:
     """The cluster of every datapoint, and the mean loss."""
-    s = remedy.settings
+    s = experiment.settings
     apart = squared_distances(model, x, s.bandwidth)
     penalty = s.cluster * model.clusters + s.dimension * int(model.dimensions.sum())
     return apart.argmin(axis=1), float(penalty / len(x) + apart.min(axis=1).mean())
 
 
-def shuffled(
-    name: str, remedy: Remedy, shown: Sequence[Demonstration], shuffles: int
+def evaluate_shuffles(
+    name: str, experiment: OrderExperiment, shown: Sequence[Demonstration], shuffles: int
 ) -> list[dict[str, object]]:
     x, lengths = np.vstack([one.x for one in shown]), [len(one.x) for one in shown]
-    own = learned(remedy, x, shown[0])
-    labels, loss = judged(remedy, own, x)
+    own = learn_skill(experiment, x, shown[0])
+    labels, loss = evaluate_model(experiment, own, x)
     rows: list[dict[str, object]] = []
     for kind in KINDS:
         models = [
-            learned(remedy, x[shuffle(kind, lengths, np.random.default_rng(seed))], shown[0])
+            learn_skill(experiment, x[shuffle(kind, lengths, np.random.default_rng(seed))], shown[0])
             for seed in range(shuffles)
         ]
-        found = [judged(remedy, model, x) for model in models]
+        found = [evaluate_model(experiment, model, x) for model in models]
         K = np.array([model.clusters for model in models])
         rows.append(
             {
@@ -402,16 +410,16 @@ def print_orders(rows: Sequence[dict[str, object]], shuffles: int) -> None:
 def draw_orders(shown: Sequence[Demonstration]) -> Figure:
     """The models of the demonstrations as they come, and of the order of everything that agrees least."""
     x, lengths = np.vstack([one.x for one in shown]), [len(one.x) for one in shown]
-    remedy = REMEDIES["lambda a length"]
-    models = [learned(remedy, x, shown[0])]
-    labels, _ = judged(remedy, models[0], x)
+    experiment = ORDER_EXPERIMENTS["lambda a length"]
+    models = [learn_skill(experiment, x, shown[0])]
+    labels, _ = evaluate_model(experiment, models[0], x)
     titles = ["demonstrations as they come"]
     for kind, title in ((KINDS[0], "demonstrations in another order"), (KINDS[2], "all datapoints shuffled")):
         others = [
-            learned(remedy, x[shuffle(kind, lengths, np.random.default_rng(seed))], shown[0])
+            learn_skill(experiment, x[shuffle(kind, lengths, np.random.default_rng(seed))], shown[0])
             for seed in range(20)
         ]
-        agree = [normalised_mutual_information(judged(remedy, m, x)[0], labels) for m in others]
+        agree = [normalised_mutual_information(evaluate_model(experiment, m, x)[0], labels) for m in others]
         models.append(others[int(np.argmin(agree))])
         titles.append(title)
     figure = Figure(figsize=(14, 4.8), layout="constrained")

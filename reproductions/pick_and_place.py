@@ -39,31 +39,39 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from recordings import recorded_once
+from protocol import reproduce_published
+from recordings import cached_recording
 from tqdm import tqdm
 
 import pilotfish as pf
-from pilotfish.demonstrations import Demonstration, Frame, Layout, resampled
-from pilotfish.environments import Marks
+from pilotfish.demonstrations import Demonstration, Frame, Layout, resample
+from pilotfish.environments import Overlay
 from pilotfish.environments.tasks.plate import (
     BAR,
     HALF,
     PLATE,
     TABLE,
     PlateSituation,
-    cross,
-    obstacle_at,
-    situation_at,
+    goal_pose,
+    obstacle_pose,
+    situation_for_level,
 )
 from pilotfish.errors import SkillError
-from pilotfish.gaussians import DenseCovariances, Structure
+from pilotfish.gaussians import CovarianceStructure, DenseCovariances
 from pilotfish.geometry import rotation_matrix
-from pilotfish.models import covariance_parameters, relevance
+from pilotfish.models import covariance_parameter_count, relevance
+from pilotfish.planning import mean_squared_error
 from pilotfish.plots.ellipses import draw_ellipses
-from pilotfish.station.evaluation import mean_squared_error, replay, replay_from_mean
-from pilotfish.station.execution import Execution, Pursuit, execute
-from pilotfish.station.films import Camera, strip
-from pilotfish.station.recorder import PERSON, SHOWN, TRIES, UNSEEN, record, simulated
+from pilotfish.simulation.execution import ExecutionResult, ExecutionSettings, execute
+from pilotfish.simulation.films import FilmRecorder, film_strip
+from pilotfish.simulation.recording import (
+    DEFAULT_HUMAN,
+    DEMONSTRATION_STREAM,
+    MAX_ATTEMPTS,
+    TEST_STREAM,
+    record,
+    simulated_leader,
+)
 from pilotfish.types import Array, Float
 
 PRINTED = ("train_mse", "test_mse", "covariance_parameters", "fit_seconds")
@@ -75,28 +83,31 @@ THESIS = {  # table 4.1: train and test mean squared error, covariance parameter
 STATES, HORIZON, PERIOD, POSE = 7, 200, 0.1, 7
 LEVELS = range(8)
 LOWEST, HIGHEST = 0, 6  # levels that train; others outside are extrapolated to
-NEW = (1, 3, 5, -1, 7, 8, 1, 3, 5, 7, 8, 1, 3, 5, -1, 9)  # levels of the situations that nobody showed
+NEW_LEVELS = (1, 3, 5, -1, 7, 8, 1, 3, 5, 7, 8, 1, 3, 5, -1, 9)  # levels of the situations that nobody showed
 TIMED_FITS = 9
-LEAST = 1e-6  # power of a frame that is not heard
-FIGURED, PLANE = 1.0, (1, 2)  # the structure that figure 4.7 shows; y and z
+MIN_VARIANCE = 1e-6  # power of a frame that is not heard
+FIGURE_ALPHA, PLANE = 1.0, (1, 2)  # the structure that figure 4.7 shows; y and z
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Method:
     """How a skill that is to be carried out is learned and followed; heard: frames by their relevance."""
 
     name: str
     states: int
     regularisation: float
-    slack: float
-    heard: bool
+    covariance_regularisation: float
+    weighted: bool
 
 
-WAYS = (Way("protocol", STATES, 1e-5, 1e-5, heard=False), Way("heard", 12, 1e-6, 1e-6, heard=True))
+METHODS = (
+    Method("protocol", STATES, 1e-5, 1e-5, weighted=False),
+    Method("heard", 12, 1e-6, 1e-6, weighted=True),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Showing:
+class SituationDemonstration:
     """What was shown where."""
 
     where: PlateSituation
@@ -107,14 +118,14 @@ class Showing:
 class Row:
     """A skill carried out in situations of one kind. error [m] is the median; push [N] the largest."""
 
-    way: str
+    method: str
     alpha: float
     situations: str
     levels: list[int]
     succeeded: int
     error: float
-    touched: int
-    push: float
+    contacts: int
+    max_force: float
     failures: list[str]
 
 
@@ -124,25 +135,32 @@ def main() -> None:
     )
     parser.add_argument("--json", type=Path, help="file for the numbers")
     parser.add_argument("--out", type=Path, help="folder for the pictures")
-    parser.add_argument("--situations", type=int, default=len(NEW), help="how many that nobody showed")
+    parser.add_argument("--situations", type=int, default=len(NEW_LEVELS), help="how many that nobody showed")
     parser.add_argument("--seed", type=int, default=1, help="seed of demonstrations and situations")
     asked = parser.parse_args()
     bar = tqdm(LEVELS, "showing", leave=False, disable=not sys.stderr.isatty())
     try:
-        showings = [showing(level, asked.seed) for level in bar]
+        demonstrations_by_situation = [record_demonstration(level, asked.seed) for level in bar]
     except SkillError as error:
         parser.exit(1, f"{error}\n")
-    poses = [pf.with_derivatives(without_grip(shown.demonstration)) for shown in showings]
-    fits = {alpha: learned(poses[::2], structure(alpha)) for alpha in THESIS}
+    poses = [pf.add_derivatives(drop_grip(shown.demonstration)) for shown in demonstrations_by_situation]
+    fits = {alpha: learn_skill(poses[::2], structure(alpha)) for alpha in THESIS}
     table = [table_row(alpha, fits[alpha], poses) for alpha in THESIS]
     print_table(table)
-    tried = groups(showings, asked.seed, asked.situations)
-    rows = [row for way in WAYS for alpha in THESIS for row in carried_out(way, alpha, showings, tried)]
+    tried = group_situations(demonstrations_by_situation, asked.seed, asked.situations)
+    rows = [
+        row
+        for method in METHODS
+        for alpha in THESIS
+        for row in execute_skill(method, alpha, demonstrations_by_situation, tried)
+    ]
     print_rows(rows)
     if asked.out:
         asked.out.mkdir(parents=True, exist_ok=True)
-        figure_4_7(fits[FIGURED].skill, showings, poses).savefig(asked.out / "figure-4.7.png", dpi=110)
-        filmed(showings, tried).savefig(asked.out / "execution.png", dpi=110)
+        figure_4_7(fits[FIGURE_ALPHA].skill, demonstrations_by_situation, poses).savefig(
+            asked.out / "figure-4.7.png", dpi=110
+        )
+        record_film(demonstrations_by_situation, tried).savefig(asked.out / "execution.png", dpi=110)
         print(f"pictures in {asked.out}")
     if asked.json:
         asked.json.parent.mkdir(parents=True, exist_ok=True)
@@ -150,56 +168,62 @@ def main() -> None:
         asked.json.write_text(json.dumps(numbers, indent=2) + "\n")
 
 
-def showing(level: int, seed: int) -> Showing:
+def record_demonstration(level: int, seed: int) -> SituationDemonstration:
     """The work shown with the obstacle at that level, again with another hand until it is done.
 
     Raises: SkillError, when it fails again and again.
     """
-    where = situation_at(level, np.random.default_rng([seed, SHOWN, level]))
+    where = situation_for_level(level, np.random.default_rng([seed, DEMONSTRATION_STREAM, level]))
 
     def make() -> list[Demonstration]:
-        for attempt in range(TRIES):
-            rng = np.random.default_rng([seed, SHOWN, level, attempt])
-            made = record(PLATE, where, simulated(PLATE, where, PERSON, rng), f"level {level}")
-            if made.verdict.success:
+        for attempt in range(MAX_ATTEMPTS):
+            rng = np.random.default_rng([seed, DEMONSTRATION_STREAM, level, attempt])
+            made = record(PLATE, where, simulated_leader(PLATE, where, DEFAULT_HUMAN, rng), f"level {level}")
+            if made.outcome.success:
                 return [made.demonstration]
-        raise SkillError(f"level {level} failed {TRIES} times, the last because {made.verdict.why}")
+        raise SkillError(f"level {level} failed {MAX_ATTEMPTS} times, the last because {made.outcome.reason}")
 
-    (demonstration,) = recorded_once(__file__, f"level {level}, seed {seed}", make)
-    return Showing(where, stretched(demonstration))
+    (demonstration,) = cached_recording(__file__, f"level {level}, seed {seed}", make)
+    return SituationDemonstration(where, resample_to_horizon(demonstration))
 
 
-def stretched(shown: Demonstration) -> Demonstration:
+def resample_to_horizon(shown: Demonstration) -> Demonstration:
     """The same way in 200 rows of 0.1 s: slower or faster than it was shown."""
-    rows = resampled(shown, HORIZON)
+    rows = resample(shown, HORIZON)
     return pf.demonstration(rows.x, PERIOD, rows.layout, rows.frames, rows.name)
 
 
-def without_grip(shown: Demonstration) -> Demonstration:
+def drop_grip(shown: Demonstration) -> Demonstration:
     """The pose alone, and frames of a pose."""
     layout = Layout(shown.layout.parts[:2])
     frames = [Frame(f.name, f.A[:POSE, :POSE], f.b[:POSE]) for f in shown.frames if isinstance(f, Frame)]
     return pf.demonstration(shown.x[:, :POSE], shown.period, layout, frames, shown.name)
 
 
-def structure(alpha: float) -> Structure:
-    return pf.SemiTied(alpha) if alpha else pf.Full()
+def structure(alpha: float) -> CovarianceStructure:
+    return pf.structures.SemiTied(alpha) if alpha else pf.structures.Full()
 
 
-def learned(
+def learn_skill(
     demonstrations: Sequence[Demonstration],
-    structure: Structure,
+    structure: CovarianceStructure,
     states: int = STATES,
     regularisation: float = 1e-5,
 ) -> pf.Fit:
-    settings = pf.EMSettings(regularisation=regularisation)
+    settings = pf.models.EMSettings(regularisation=regularisation)
     rng = np.random.default_rng(0)
     return pf.learn(demonstrations, states=states, rng=rng, structure=structure, settings=settings)
 
 
 def mean_error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_start: bool = False) -> float:
-    again = replay if own_start else replay_from_mean
-    return float(np.mean([mean_squared_error(again(skill, d).motion, d) for d in demonstrations]))
+    return float(
+        np.mean(
+            [
+                mean_squared_error(reproduce_published(skill, d, from_first_state=not own_start).motion, d)
+                for d in demonstrations
+            ]
+        )
+    )
 
 
 def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
@@ -207,7 +231,7 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
     spent = []
     for _ in range(TIMED_FITS):
         begin = time.process_time()
-        learned(train, structure(alpha))
+        learn_skill(train, structure(alpha))
         spent.append(time.process_time() - begin)
     return {
         "alpha": alpha,
@@ -215,10 +239,12 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
         "test_mse": mean_error(fit.skill, test),
         "train_mse_own_start": mean_error(fit.skill, train, own_start=True),
         "test_mse_own_start": mean_error(fit.skill, test, own_start=True),
-        "covariance_parameters": covariance_parameters(structure(alpha), STATES, fit.skill.width, frames=2),
+        "covariance_parameters": covariance_parameter_count(
+            structure(alpha), STATES, fit.skill.width, frames=2
+        ),
         "fit_seconds": float(np.median(spent)),
-        "iterations": fit.outcome.iterations,
-        "converged": fit.outcome.converged,
+        "iterations": fit.convergence.iterations,
+        "converged": fit.convergence.converged,
         "thesis": dict(zip(PRINTED, THESIS[alpha], strict=True)),
     }
 
@@ -240,64 +266,76 @@ def print_table(rows: Sequence[dict[str, object]]) -> None:
         print("  ".join(cells))
 
 
-def groups(showings: Sequence[Showing], seed: int, number: int) -> dict[str, list[PlateSituation]]:
+def group_situations(
+    demonstrations_by_situation: Sequence[SituationDemonstration], seed: int, number: int
+) -> dict[str, list[PlateSituation]]:
     """Where skills are carried out: where they were tested, and where nobody showed anything."""
     new = [
-        situation_at(level, np.random.default_rng([seed, UNSEEN, n])) for n, level in enumerate(NEW[:number])
+        situation_for_level(level, np.random.default_rng([seed, TEST_STREAM, n]))
+        for n, level in enumerate(NEW_LEVELS[:number])
     ]
     beyond = [where for where in new if not LOWEST <= where.level <= HIGHEST]
     return {
-        "tests": [shown.where for shown in showings[1::2]],
+        "tests": [shown.where for shown in demonstrations_by_situation[1::2]],
         "new, between": [where for where in new if LOWEST <= where.level <= HIGHEST],
         "new, beyond": beyond,
     }
 
 
-def to_carry_out(way: Way, alpha: float, showings: Sequence[Showing]) -> pf.Skill:
+def learn_for_execution(
+    method: Method, alpha: float, demonstrations_by_situation: Sequence[SituationDemonstration]
+) -> pf.Skill:
     """A skill with the grip, of the training demonstrations."""
-    train = [pf.with_derivatives(shown.demonstration) for shown in showings[::2]]
-    skill = learned(train, structure(alpha), way.states, way.regularisation).skill
-    return heard(skill, relevance(skill, train).values) if way.heard else skill
+    train = [pf.add_derivatives(shown.demonstration) for shown in demonstrations_by_situation[::2]]
+    skill = learn_skill(train, structure(alpha), method.states, method.regularisation).skill
+    return weighted(skill, relevance(skill, train).values) if method.weighted else skill
 
 
-def heard(skill: pf.Skill, powers: Float[Array, "P K"]) -> pf.Skill:
+def weighted(skill: pf.Skill, powers: Float[Array, "P K"]) -> pf.Skill:
     """The skill that adapts, without being told, as this one does with these powers of its frames."""
     covariances = [
-        DenseCovariances(c.dense / np.maximum(power, LEAST)[:, None, None])
+        DenseCovariances(c.dense / np.maximum(power, MIN_VARIANCE)[:, None, None])
         for c, power in zip(skill.covariances, powers, strict=True)
     ]
     return replace(skill, covariances=tuple(covariances))
 
 
-def carried_out(
-    way: Way, alpha: float, showings: Sequence[Showing], tried: dict[str, list[PlateSituation]]
+def execute_skill(
+    method: Method,
+    alpha: float,
+    demonstrations_by_situation: Sequence[SituationDemonstration],
+    tried: dict[str, list[PlateSituation]],
 ) -> Iterator[Row]:
-    skill = to_carry_out(way, alpha, showings)
+    skill = learn_for_execution(method, alpha, demonstrations_by_situation)
     for name, situations in tried.items():
-        label = f"{way.name}, alpha {alpha}: {name}"
+        label = f"{method.name}, alpha {alpha}: {name}"
         bar = tqdm(situations, label, leave=False, disable=not sys.stderr.isatty())
-        pursuit = Pursuit(slack=way.slack, horizon=HORIZON)
-        done = [execute(skill, PLATE, where, pursuit=pursuit) for where in bar]
+        settings = ExecutionSettings(
+            covariance_regularisation=method.covariance_regularisation, horizon=HORIZON
+        )
+        done = [execute(skill, PLATE, where, settings=settings) for where in bar]
         if done:
-            yield _row(way, alpha, (name, situations), done)
+            yield _row(method, alpha, (name, situations), done)
 
 
-def _row(way: Way, alpha: float, where: tuple[str, list[PlateSituation]], done: Sequence[Execution]) -> Row:
+def _row(
+    method: Method, alpha: float, where: tuple[str, list[PlateSituation]], done: Sequence[ExecutionResult]
+) -> Row:
     name, situations = where
-    pushes = [max(made.peaks.get(thing, 0.0) for thing in PLATE.fragile) for made in done]
+    pushes = [max(made.peak_forces.get(thing, 0.0) for thing in PLATE.contact_limits) for made in done]
     return Row(
-        way=way.name,
+        method=method.name,
         alpha=alpha,
         situations=name,
         levels=[w.level for w in situations],
-        succeeded=sum(made.verdict.success for made in done),
-        error=float(np.median([made.verdict.error for made in done])),
-        touched=sum(push > 0.0 for push in pushes),
-        push=max(pushes),
+        succeeded=sum(made.outcome.success for made in done),
+        error=float(np.median([made.outcome.error for made in done])),
+        contacts=sum(max_force > 0.0 for max_force in pushes),
+        max_force=max(pushes),
         failures=[
-            f"level {w.level}: {made.verdict.why}"
+            f"level {w.level}: {made.outcome.reason}"
             for w, made in zip(situations, done, strict=True)
-            if not made.verdict.success
+            if not made.outcome.success
         ],
     )
 
@@ -307,18 +345,22 @@ def print_rows(rows: Sequence[Row]) -> None:
     print("way       alpha  situations          done   median error  touched  largest push")
     for row in rows:
         done = f"{row.succeeded:>2} of {len(row.levels):<2}"
-        told = f"{row.error:>11.4f} m  {row.touched:>7}  {row.push:>9.1f} N"
-        print(f"{row.way:<9} {row.alpha:>5}  {row.situations:<16} {done:>8}  {told}")
+        told = f"{row.error:>11.4f} m  {row.contacts:>7}  {row.max_force:>9.1f} N"
+        print(f"{row.method:<9} {row.alpha:>5}  {row.situations:<16} {done:>8}  {told}")
         for failure in row.failures:
             print(f"    {failure}")
 
 
-def figure_4_7(skill: pf.Skill, showings: Sequence[Showing], poses: Sequence[Demonstration]) -> Figure:
+def figure_4_7(
+    skill: pf.Skill,
+    demonstrations_by_situation: Sequence[SituationDemonstration],
+    poses: Sequence[Demonstration],
+) -> Figure:
     """Reproductions from the side: of what was shown above, of what was held out below."""
     figure = Figure(figsize=(13.0, 5.2), layout="constrained")
-    panels = figure.subplots(2, len(showings) // 2, sharex=True, sharey=True)
+    panels = figure.subplots(2, len(demonstrations_by_situation) // 2, sharex=True, sharey=True)
     for row, kind in enumerate(("training", "test")):
-        chosen = zip(showings[row::2], poses[row::2], strict=True)
+        chosen = zip(demonstrations_by_situation[row::2], poses[row::2], strict=True)
         for axes, (shown, pose) in zip(panels[row], chosen, strict=True):
             draw(axes, skill, shown.where, pose)
             axes.set_title(f"{kind}, obstacle at level {shown.where.level}", fontsize=10)
@@ -333,33 +375,37 @@ def figure_4_7(skill: pf.Skill, showings: Sequence[Showing], poses: Sequence[Dem
 
 def draw(axes: Axes, skill: pf.Skill, where: PlateSituation, pose: Demonstration) -> None:
     """One situation: the bar's cross-section, the plate where it lay, the cross, and the way between."""
-    done = replay(skill, pose)
-    draw_ellipses(axes, done.skill.means, done.skill.covariances, PLANE, "adapted")
+    done = reproduce_published(skill, pose)
+    draw_ellipses(axes, done.adapted.means, done.adapted.covariances, PLANE, "adapted")
     axes.plot(*pose.x[:, PLANE].T, color="0.5", linestyle="--", linewidth=1.4, label="demonstration")
     axes.plot(*done.motion.x[:, PLANE].T, color="black", linewidth=1.6, label="reproduction")
-    _, y, z = obstacle_at(where.level).position
+    _, y, z = obstacle_pose(where.level).position
     corner, size = (y - BAR[1], z - BAR[2]), (2 * BAR[1], 2 * BAR[2])
     axes.add_patch(Rectangle(corner, *size, color="#DDAA33", label="obstacle"))
     half = float(np.abs(rotation_matrix(where.plate.quaternion)[1, :2]) @ HALF[:2])
     ends = where.plate.position[1] + np.array([-half, half])
     axes.plot(ends, [where.plate.position[2]] * 2, color="#44AACC", linewidth=4, label="plate")
-    axes.plot(*cross().position[1:], color="#117733", marker="x", markersize=9, linestyle="", label="cross")
+    axes.plot(
+        *goal_pose().position[1:], color="#117733", marker="x", markersize=9, linestyle="", label="cross"
+    )
     axes.axhline(TABLE, color="0.7", linewidth=0.8)
     axes.set_aspect("equal")
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def filmed(showings: Sequence[Showing], tried: dict[str, list[PlateSituation]]) -> Figure:
+def record_film(
+    demonstrations_by_situation: Sequence[SituationDemonstration], tried: dict[str, list[PlateSituation]]
+) -> Figure:
     """Six moments of the skill at work where the obstacle stands highest among the tests."""
-    way = WAYS[-1]
-    skill = to_carry_out(way, FIGURED, showings)
+    method = METHODS[-1]
+    skill = learn_for_execution(method, FIGURE_ALPHA, demonstrations_by_situation)
     where = max(tried["tests"], key=lambda w: w.level)
-    pursuit = Pursuit(slack=way.slack, horizon=HORIZON)
-    path = execute(skill, PLATE, where, pursuit=pursuit).asked[:, :3]
-    camera = Camera(PLATE.name, marks=Marks(path=path))
-    execute(skill, PLATE, where, pursuit=pursuit, watch=camera)
+    settings = ExecutionSettings(covariance_regularisation=method.covariance_regularisation, horizon=HORIZON)
+    path = execute(skill, PLATE, where, settings=settings).commanded[:, :3]
+    camera = FilmRecorder(PLATE.name, overlay=Overlay(path=path))
+    execute(skill, PLATE, where, settings=settings, on_period=camera)
     camera.close()
-    return strip(camera.frames, camera.times)
+    return film_strip(camera.frames, camera.times)
 
 
 if __name__ == "__main__":

@@ -25,13 +25,13 @@ from matplotlib.figure import Figure
 
 import pilotfish as pf
 from pilotfish import plots
-from pilotfish.demonstrations import frame_from_pose, resampled
+from pilotfish.demonstrations import frame_from_pose, resample
 from pilotfish.geometry import Pose, angle, normalise, rotation_matrix
 
 TASKS = ("openbox", "bottle2shelf", "platestandingtolying", "pouring")
 TREATMENTS = {"four numbers": False, "on S^3": True}
 AXES = ("#BB5566", "#117733", "#6699CC")
-STATES, STEPS, SLACK, EFFORT = 7, 200, 1e-4, 1e-2
+STATES, STEPS, COVARIANCE_REGULARISATION, CONTROL_COST = 7, 200, 1e-4, 1e-2
 NOTES = (
     "the recordings name no objects: the frames at the first and last pose of each showing are ours",
     "their time is nominal (the publishers resampled every showing to 1000 rows), so speeds are too",
@@ -40,7 +40,7 @@ NOTES = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Replayed:
+class Reproduction:
     """The poses of a replay, a row a step, and how far they are from the showing."""
 
     poses: np.ndarray
@@ -56,78 +56,80 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder for the pictures")
     arguments = parser.parse_args()
     try:
-        showings = {task: shown(task) for task in TASKS}
+        demonstrations = {task: load_demonstrations(task) for task in TASKS}
     except pf.SkillError as error:
         parser.exit(1, f"{error}\n")
-    rows = [table_row(task, name, showings[task]) for task in TASKS for name in TREATMENTS]
+    rows = [table_row(task, name, demonstrations[task]) for task in TASKS for name in TREATMENTS]
     print_table(rows)
     for note in NOTES:
         print(f"note: {note}")
     if arguments.out:
         arguments.out.mkdir(parents=True, exist_ok=True)
         for task in TASKS:
-            picture(task, showings[task]).savefig(arguments.out / f"{task}.png", dpi=110)
+            picture(task, demonstrations[task]).savefig(arguments.out / f"{task}.png", dpi=110)
         print(f"pictures in {arguments.out}")
     if arguments.json:
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
         arguments.json.write_text(json.dumps({"rows": rows, "notes": NOTES}, indent=2) + "\n")
 
 
-def shown(task: str) -> list[pf.Demonstration]:
+def load_demonstrations(task: str) -> list[pf.Demonstration]:
     """Every showing of the task, seen from its own first and its own last pose, with speeds."""
-    return [pf.with_derivatives(between_its_ends(resampled(d, STEPS))) for d in pf.datasets.robotasks(task)]
+    return [pf.add_derivatives(with_end_frames(resample(d, STEPS))) for d in pf.datasets.robotasks(task)]
 
 
-def between_its_ends(showing: pf.Demonstration) -> pf.Demonstration:
-    ends = (("first pose", showing.x[0]), ("last pose", showing.x[-1]))
-    frames = [frame_from_pose(name, showing.layout, Pose(x[:3], normalise(x[3:]))) for name, x in ends]
-    return replace(showing, frames=tuple(frames))
+def with_end_frames(demonstration: pf.Demonstration) -> pf.Demonstration:
+    ends = (("first pose", demonstration.x[0]), ("last pose", demonstration.x[-1]))
+    frames = [frame_from_pose(name, demonstration.layout, Pose(x[:3], normalise(x[3:]))) for name, x in ends]
+    return replace(demonstration, frames=tuple(frames))
 
 
-def treated(showings: Sequence[pf.Demonstration], sphere: bool) -> list[pf.Demonstration]:
-    return [pf.on_sphere(showing) for showing in showings] if sphere else list(showings)
+def to_representation(demonstrations: Sequence[pf.Demonstration], sphere: bool) -> list[pf.Demonstration]:
+    return (
+        [pf.to_sphere(demonstration) for demonstration in demonstrations] if sphere else list(demonstrations)
+    )
 
 
-def learned(showings: Sequence[pf.Demonstration]) -> pf.Fit:
-    return pf.learn(showings, states=STATES, rng=np.random.default_rng(0))
+def learn_skill(demonstrations: Sequence[pf.Demonstration]) -> pf.Fit:
+    return pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0))
 
 
-def replayed(skill: pf.Skill, showing: pf.Demonstration) -> Replayed:
+def reproduce(skill: pf.Skill, demonstration: pf.Demonstration) -> Reproduction:
     """The skill between the showing's own ends, from where it began."""
-    frames = [frame for frame in showing.frames if isinstance(frame, pf.Frame)]
-    here, start = pf.adapt(skill, frames), showing.x[0]
-    if here.layout.turns:
-        flat = pf.chart(here)
-        x = flat.outward(tracked(flat.skill, flat.inward(start)))
+    frames = [frame for frame in demonstration.frames if isinstance(frame, pf.Frame)]
+    here, start = pf.adapt(skill, frames), demonstration.x[0]
+    if here.layout.orientation_starts:
+        flat = pf.planning.tangent_chart(here)
+        x = flat.to_manifold(tracked(flat.skill, flat.to_tangent(start)))
     else:
         x = tracked(here, start)
     poses = np.hstack([x[:, :3], normalise(x[:, 3:7])])
-    metres = np.linalg.norm(poses[:, :3] - showing.x[:, :3], axis=1)
-    radians = angle(poses[:, 3:], showing.x[:, 3:7])
-    return Replayed(poses, root_mean_square(metres), float(np.degrees(root_mean_square(radians))))
+    metres = np.linalg.norm(poses[:, :3] - demonstration.x[:, :3], axis=1)
+    radians = angle(poses[:, 3:], demonstration.x[:, 3:7])
+    return Reproduction(poses, root_mean_square(metres), float(np.degrees(root_mean_square(radians))))
 
 
-def tracked(here: pf.AdaptedSkill, start: np.ndarray) -> np.ndarray:
-    system = pf.double_integrator(len(start) // 2, period=here.period)
-    reference = pf.plan(here, start, horizon=STEPS, slack=SLACK)
-    return pf.track(system, reference, effort=EFFORT).rollout(start).x
+def tracked(here: pf.models.AdaptedSkill, start: np.ndarray) -> np.ndarray:
+    system = pf.control.double_integrator(len(start) // 2, period=here.period)
+    reference = pf.plan(here, start, horizon=STEPS, covariance_regularisation=COVARIANCE_REGULARISATION)
+    return pf.track(system, reference, control_cost=CONTROL_COST).rollout(start).x
 
 
 def root_mean_square(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def table_row(task: str, treatment: str, showings: Sequence[pf.Demonstration]) -> dict[str, object]:
-    data = treated(showings, TREATMENTS[treatment])
+def table_row(task: str, treatment: str, demonstrations: Sequence[pf.Demonstration]) -> dict[str, object]:
+    data = to_representation(demonstrations, TREATMENTS[treatment])
     begin = time.process_time()
-    fit = learned(data[::2])
+    fit = learn_skill(data[::2])
     spent = time.process_time() - begin
-    train, test = ([replayed(fit.skill, d) for d in part] for part in (data[::2], data[1::2]))
+    train, test = ([reproduce(fit.skill, d) for d in part] for part in (data[::2], data[1::2]))
     row: dict[str, object] = {"task": task, "treatment": treatment}
     for name, part in (("train", train), ("test", test)):
         row[f"{name} [m]"] = float(np.mean([r.metres for r in part]))
         row[f"{name} [deg]"] = float(np.mean([r.degrees for r in part]))
-    return row | {"iterations": fit.outcome.iterations, "fit [CPU s]": spent}
+    return row | {"iterations": fit.convergence.iterations, "fit [CPU s]": spent}
 
 
 def print_table(rows: Sequence[dict[str, object]]) -> None:
@@ -139,21 +141,21 @@ def print_table(rows: Sequence[dict[str, object]]) -> None:
         print(f"{row['task']:<22}{row['treatment']:<14}{numbers}")
 
 
-def picture(task: str, showings: Sequence[pf.Demonstration]) -> Figure:
+def picture(task: str, demonstrations: Sequence[pf.Demonstration]) -> Figure:
     """Left the way of the tool and where its axes point, right how far it has turned, over time."""
     figure = Figure(figsize=(13, 5.6), layout="constrained")
     space, turns = figure.add_subplot(1, 2, 1, projection="3d"), figure.add_subplot(1, 2, 2)
-    test = len(showings) // 2 | 1
-    human = showings[test].x
-    for n, showing in enumerate(showings):
+    test = len(demonstrations) // 2 | 1
+    human = demonstrations[test].x
+    for n, demonstration in enumerate(demonstrations):
         label = "showings" if n == 0 else None
-        space.plot(*showing.x[:, :3].T, color="0.75", linewidth=0.8, label=label)
-    seconds = showings[test].period * np.arange(STEPS)
+        space.plot(*demonstration.x[:, :3].T, color="0.75", linewidth=0.8, label=label)
+    seconds = demonstrations[test].period * np.arange(STEPS)
     lines = {"a test showing": (human[:, :7], "0.2")}
     for k, (name, sphere) in enumerate(TREATMENTS.items()):
-        data = treated(showings, sphere)
+        data = to_representation(demonstrations, sphere)
         lines[f"replay, {name}"] = (
-            replayed(learned(data[::2]).skill, data[test]).poses,
+            reproduce(learn_skill(data[::2]).skill, data[test]).poses,
             plots.state_colour(k),
         )
     for name, (poses, colour) in lines.items():

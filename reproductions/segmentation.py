@@ -35,10 +35,10 @@ from pilotfish.models import (
     learn_semi_markov,
     log_emissions,
     log_likelihood,
+    match_labels,
     matched_accuracy,
-    matching,
     normalised_mutual_information,
-    runs,
+    state_segments,
     viterbi,
 )
 
@@ -87,9 +87,9 @@ def main() -> None:
     report: dict[str, object] = {}
     for name, features in FEATURES.items():
         seen = features(recorded)
-        choice = chosen_regularisation(seen)
+        choice = choose_regularisation(seen)
         regularisation = max(choice, key=lambda value: choice[value])
-        trials = [trial(seen, labels, seed, regularisation) for seed in range(arguments.seeds)]
+        trials = [run_trial(seen, labels, seed, regularisation) for seed in range(arguments.seeds)]
         rows = [summary(method, trials) for method in METHODS]
         print_table(name, choice, rows, labels)
         report[name] = {"regularisation": regularisation, "left_out": choice, "rows": rows}
@@ -106,7 +106,7 @@ def main() -> None:
         arguments.json.write_text(json.dumps(report, indent=2) + "\n")
 
 
-def standardised(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
+def standardise(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
     """Every column with zero mean and unit variance over all sequences together."""
     x = np.vstack([d.x for d in recorded])
     parts = tuple(Part(p.name, Quantity.SCALAR, p.size, "1") for p in recorded[0].layout.parts)
@@ -116,7 +116,7 @@ def standardised(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]
     )
 
 
-def around_each_step(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
+def window_features(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
     """Mean and deviation of every standardised column over the steps around each step, standardised again."""
     layout = Layout(
         tuple(
@@ -126,18 +126,18 @@ def around_each_step(recorded: Sequence[Demonstration]) -> tuple[Demonstration, 
         )
     )
     windows = []
-    for d in standardised(recorded):
+    for d in standardise(recorded):
         padded = np.pad(d.x, ((AROUND, AROUND), (0, 0)), mode="edge")
         window = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0)  # (T, D, W)
         x = np.hstack([window.mean(axis=2), window.std(axis=2)])
         windows.append(demonstration(x, d.period, layout, name=d.name))
-    return standardised(windows)
+    return standardise(windows)
 
 
-FEATURES: dict[str, Features] = {"joint angles": standardised, "around each step": around_each_step}
+FEATURES: dict[str, Features] = {"joint angles": standardise, "around each step": window_features}
 
 
-def chosen_regularisation(seen: Sequence[Demonstration]) -> dict[float, float]:
+def choose_regularisation(seen: Sequence[Demonstration]) -> dict[float, float]:
     """The log-likelihood a step of sequences left out, under Markov models of the others."""
     steps = sum(len(d.x) for d in seen)
     totals = dict.fromkeys(REGULARISATIONS, 0.0)
@@ -145,53 +145,55 @@ def chosen_regularisation(seen: Sequence[Demonstration]) -> dict[float, float]:
         for seed in range(CHOOSING_SEEDS):
             for left_out in range(len(seen)):
                 others = [d for m, d in enumerate(seen) if m != left_out]
-                skill = fitted(pf.learn_markov, others, seed, value).skill
+                skill = fit_skill(pf.models.learn_markov, others, seed, value).skill
                 totals[value] += float(log_likelihood(skill, [seen[left_out]]).sum())
     return {value: total / (steps * CHOOSING_SEEDS) for value, total in totals.items()}
 
 
-def fitted(
+def fit_skill(
     learn: Callable[..., pf.Fit], seen: Sequence[Demonstration], seed: int, regularisation: float
 ) -> pf.Fit:
-    settings = pf.EMSettings(regularisation=regularisation)
+    settings = pf.models.EMSettings(regularisation=regularisation)
     rng = np.random.default_rng(seed)
-    return learn(seen, states=STATES, rng=rng, start=pf.KMeans(), settings=settings)
+    return learn(seen, states=STATES, rng=rng, initialisation=pf.models.KMeans(), settings=settings)
 
 
-def trial(
+def run_trial(
     seen: Sequence[Demonstration], labels: Sequence[Labels], seed: int, regularisation: float
 ) -> dict[str, dict[str, object]]:
     """Every method from one beginning: its path, its scores, and the durations that it found."""
     begin = time.process_time()
-    mixture = fitted(pf.learn_mixture, seen, seed, regularisation)
+    mixture = fit_skill(pf.models.learn_mixture, seen, seed, regularisation)
     after_mixture = time.process_time()
-    counted = fitted(pf.learn, seen, seed, regularisation)
+    counted = fit_skill(pf.learn, seen, seed, regularisation)
     after_counted = time.process_time()
-    exact = fitted(learn_semi_markov, seen, seed, regularisation)
+    exact = fit_skill(learn_semi_markov, seen, seed, regularisation)
     after_exact = time.process_time()
     skills = {
         "mixture": (mixture.skill, after_mixture - begin),
-        "HMM": (counted.markov, after_counted - after_mixture),
+        "HMM": (counted.markov_skill, after_counted - after_mixture),
         "counted durations": (counted.skill, after_counted - after_mixture),
         "exact durations": (exact.skill, after_exact - after_counted),
     }
-    return {name: scored(skill, seen, labels) | {"seconds": s} for name, (skill, s) in skills.items()}
+    return {name: score_skill(skill, seen, labels) | {"seconds": s} for name, (skill, s) in skills.items()}
 
 
-def scored(skill: pf.Skill, seen: Sequence[Demonstration], labels: Sequence[Labels]) -> dict[str, object]:
+def score_skill(
+    skill: pf.Skill, seen: Sequence[Demonstration], labels: Sequence[Labels]
+) -> dict[str, object]:
     paths = [viterbi(skill, d) for d in seen]
     densities = np.sort(log_emissions(skill, views(seen)), axis=1)
     found, truth = np.concatenate(paths), np.concatenate(labels)
-    visits = np.concatenate([runs(path)[1] for path in paths])
+    segments = np.concatenate([state_segments(path)[1] for path in paths])
     return {
         "accuracy": matched_accuracy(found, truth),
         "information": normalised_mutual_information(found, truth),
         "log_likelihood": float(log_likelihood(skill, seen).sum()),
-        "steps_a_visit": float(visits.mean()),
+        "steps_a_visit": float(segments.mean()),
         "states": skill.states,
         "evidence": float(np.median(densities[:, -1] - densities[:, -2])),
         "paths": paths,
-        "stands_for": matching(found, truth),
+        "stands_for": match_labels(found, truth),
         "durations": skill.dynamics.durations if isinstance(skill.dynamics, SemiMarkovChain) else None,
     }
 
@@ -224,14 +226,14 @@ def print_table(
         )
         print(f"{row['method']:<19}{scores}", end="")
         print(f"{row['log_likelihood']:>19.0f}{row['steps_a_visit']:>15.1f}{row['seconds']:>7.2f}")
-    lengths = np.concatenate([runs(of)[1] for of in labels])
+    lengths = np.concatenate([state_segments(of)[1] for of in labels])
     by = {str(row["method"]): row for row in rows}
     gained = float(str(by["exact durations"]["log_likelihood_over_HMM"]))
-    visits = len(np.concatenate(labels)) / float(str(by["exact durations"]["steps_a_visit"]))
+    segments = len(np.concatenate(labels)) / float(str(by["exact durations"]["steps_a_visit"]))
     print(f"± deviation over {rows[0]['seeds']} seeds; over HMM: mean ± standard error, seed by seed.")
     print(f"A labelled exercise lasts {lengths.mean():.1f} steps, from {lengths.min()} to {lengths.max()}.")
     print(
-        f"Why durations say little: they gain {gained / visits:.2f} nats a visit over the HMM, while a single"
+        f"Why durations say little: they gain {gained / segments:.2f} nats a visit over the HMM, while a single"
     )
     print(f"step tells its best state from the second best by {by['HMM']['evidence']:.1f} nats (median).\n")
 
@@ -267,17 +269,17 @@ NOTHING = "0.8"
 
 def draw_bar(axes: Axes, height: float, path: Labels, colours: dict[int, str], seconds: float) -> None:
     """The visits of a path as blocks, in the colour of the exercise that their state stands for."""
-    states, lengths = runs(np.asarray(path, dtype=np.int64))
+    states, lengths = state_segments(np.asarray(path, dtype=np.int64))
     ends = np.cumsum(lengths)
     spans = [((end - length) * seconds, length * seconds) for end, length in zip(ends, lengths, strict=True)]
     faces = [colours.get(int(state), NOTHING) for state in states]
     axes.broken_barh(spans, (height - 0.36, 0.72), facecolors=faces, edgecolors="white", linewidth=0.3)
 
 
-def lasting(durations: object) -> tuple[np.ndarray, np.ndarray]:
+def duration_statistics(durations: object) -> tuple[np.ndarray, np.ndarray]:
     """Mean and deviation [s] of visits in whole steps; means of a cut Gaussian are not its own."""
     assert isinstance(durations, Durations)
-    table = np.exp(durations.log_table(durations.longest(1e-6)))  # (S, K)
+    table = np.exp(durations.log_table(durations.max_duration(1e-6)))  # (S, K)
     steps = np.arange(1, len(table) + 1)
     means = steps @ table
     deviations = np.sqrt(steps**2 @ table - means**2)
@@ -291,7 +293,7 @@ def draw_durations(labels: Sequence[Labels], best: dict[str, dict[str, object]])
     for axes, method in zip(panels, METHODS[2:], strict=False):
         durations, stands_for = best[method]["durations"], best[method]["stands_for"]
         assert isinstance(stands_for, dict)
-        means, deviations = lasting(durations)
+        means, deviations = duration_statistics(durations)
         order = np.argsort(means)
         faces = [COLOURS.get(stands_for.get(int(k), 0), NOTHING) for k in order]
         axes.bar(range(len(order)), means[order], color=faces)
@@ -307,8 +309,10 @@ def draw_durations(labels: Sequence[Labels], best: dict[str, dict[str, object]])
         axes.set_xticks(range(len(order)), [str(k) for k in order])
         axes.set_title(f"{method}: mean ± deviation", loc="left", fontsize=10, fontweight="bold")
         axes.set_xlabel("state")
-    visits = sorted((int(n), int(a)) for of in labels for a, n in zip(*runs(of), strict=True))
-    panels[2].bar(range(len(visits)), [n * SECONDS for n, _ in visits], color=[COLOURS[a] for _, a in visits])
+    segments = sorted((int(n), int(a)) for of in labels for a, n in zip(*state_segments(of), strict=True))
+    panels[2].bar(
+        range(len(segments)), [n * SECONDS for n, _ in segments], color=[COLOURS[a] for _, a in segments]
+    )
     panels[2].set_title("exercises as labelled", loc="left", fontsize=10, fontweight="bold")
     panels[2].set_xlabel("each time one is done")
     panels[0].set_ylabel("duration [s]")

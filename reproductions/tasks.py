@@ -25,15 +25,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from recordings import recorded_once
+from recordings import cached_recording
 from tqdm import tqdm
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
 from pilotfish.environments import TASKS, Task
-from pilotfish.gaussians import Structure
-from pilotfish.station.execution import Execution, Pursuit, execute
-from pilotfish.station.recorder import UNSEEN, shown, situation
+from pilotfish.gaussians import CovarianceStructure
+from pilotfish.simulation.execution import ExecutionResult, ExecutionSettings, execute
+from pilotfish.simulation.recording import TEST_STREAM, record_demonstrations, situation_from_seed
 
 STATES = {"valve": 7, "plate": 9, "stab": 6, "screwdriver": 6, "carabiner": 6}
 STRUCTURES = ("full", "semi-tied", "MFA(2)", "streaming")
@@ -84,74 +84,80 @@ def main() -> None:
 
 
 def rows_of(task: Task[Any], arguments: argparse.Namespace) -> list[Row]:
-    shown_all = recorded(task.name, max(arguments.shown), arguments.seed)
+    demonstrations = load_demonstrations(task.name, max(arguments.shown), arguments.seed)
     rows = []
     for number in arguments.shown:
         for structure in arguments.structures:
-            skill = learned(shown_all[:number], structure, STATES[task.name])
-            steps = round(float(np.mean([len(d.x) for d in shown_all[:number]])))
-            row = measured(task, (structure, number), (skill, steps), arguments)
+            skill = learn_skill(demonstrations[:number], structure, STATES[task.name])
+            steps = round(float(np.mean([len(d.x) for d in demonstrations[:number]])))
+            row = evaluate_skill(task, (structure, number), (skill, steps), arguments)
             rows.append(row)
     return rows
 
 
-def recorded(name: str, number: int, seed: int) -> tuple[Demonstration, ...]:
+def load_demonstrations(name: str, number: int, seed: int) -> tuple[Demonstration, ...]:
     """Return demonstrations of a task, with their speeds."""
 
     def make() -> list[Demonstration]:
-        made = shown(TASKS[name], number, seed)
+        made = record_demonstrations(TASKS[name], number, seed)
         bar = tqdm(made, f"{name}: showing", number, disable=not sys.stderr.isatty())
         return [recording.demonstration for recording, _ in bar]
 
-    demonstrations = recorded_once(__file__, f"{name}, {number} demonstrations, seed {seed}", make)
-    return tuple(map(pf.with_derivatives, demonstrations))
+    demonstrations = cached_recording(__file__, f"{name}, {number} demonstrations, seed {seed}", make)
+    return tuple(map(pf.add_derivatives, demonstrations))
 
 
-def learned(demonstrations: Sequence[Demonstration], structure: str, states: int) -> pf.Skill:
+def learn_skill(demonstrations: Sequence[Demonstration], structure: str, states: int) -> pf.Skill:
     rng = np.random.default_rng(0)
     if structure == "streaming":
-        return streamed(demonstrations, states, rng)
-    kinds: dict[str, Structure] = {"full": pf.Full(), "semi-tied": pf.SemiTied(), "MFA(2)": pf.MFA(2)}
+        return learn_from_stream(demonstrations, states, rng)
+    kinds: dict[str, CovarianceStructure] = {
+        "full": pf.structures.Full(),
+        "semi-tied": pf.structures.SemiTied(),
+        "MFA(2)": pf.structures.MFA(2),
+    }
     return pf.learn(demonstrations, states=states, rng=rng, structure=kinds[structure]).skill
 
 
-def streamed(demonstrations: Sequence[Demonstration], states: int, rng: np.random.Generator) -> pf.Skill:
+def learn_from_stream(
+    demonstrations: Sequence[Demonstration], states: int, rng: np.random.Generator
+) -> pf.Skill:
     """Half at once, the other half datapoint by datapoint, columns at one scale: a stream has one noise."""
     half = len(demonstrations) // 2
-    scales = pf.online.scales_from(pf.learn(demonstrations[:half], states=states, rng=rng).skill)
-    scaled = [pf.online.scaled(d, scales) for d in demonstrations]
+    scales = pf.online.estimate_scales(pf.learn(demonstrations[:half], states=states, rng=rng).skill)
+    scaled = [pf.online.scale_demonstration(d, scales) for d in demonstrations]
     first, later = scaled[:half], scaled[half:]
     batch = pf.learn(first, states=states, rng=rng).skill
-    penalties = pf.online.penalties_from(batch, first, explained=EXPLAINED)
-    model = pf.online.begin_from(batch, first, penalties)
+    penalties = pf.online.estimate_penalties(batch, first, explained_variance=EXPLAINED)
+    model = pf.online.from_batch_fit(batch, first, penalties)
     for demonstration in later:
         model, _ = pf.online.observe_demonstration(model, demonstration)
-    return pf.online.unscaled(pf.online.read_out(model), scales)
+    return pf.online.unscale_skill(pf.online.to_skill(model), scales)
 
 
-def measured(
-    task: Task[Any], what: tuple[str, int], learned: tuple[pf.Skill, int], arguments: argparse.Namespace
+def evaluate_skill(
+    task: Task[Any], what: tuple[str, int], learn_skill: tuple[pf.Skill, int], arguments: argparse.Namespace
 ) -> Row:
-    (structure, number), (skill, steps) = what, learned
+    (structure, number), (skill, steps) = what, learn_skill
     label = f"{task.name}: {structure}, {number} shown"
-    unseen = [situation(task, UNSEEN, arguments.seed, n) for n in range(arguments.situations)]
+    unseen = [situation_from_seed(task, TEST_STREAM, arguments.seed, n) for n in range(arguments.situations)]
     bar = tqdm(unseen, label, leave=False, disable=not sys.stderr.isatty())
-    done = [execute(skill, task, where, pursuit=Pursuit(horizon=steps)) for where in bar]
+    done = [execute(skill, task, where, settings=ExecutionSettings(horizon=steps)) for where in bar]
     return Row(
         task=task.name,
         structure=structure,
         demonstrations=number,
-        succeeded=sum(made.verdict.success for made in done),
+        succeeded=sum(made.outcome.success for made in done),
         situations=len(done),
-        error=median(done, lambda made: made.verdict.error),
+        error=median(done, lambda made: made.outcome.error),
         unit=task.unit,
-        force=median(done, lambda made: made.peaks["tool"]),
+        force=median(done, lambda made: made.peak_forces["tool"]),
         seconds=median(done, lambda made: made.seconds),
-        failures={n: made.verdict.why for n, made in enumerate(done) if not made.verdict.success},
+        failures={n: made.outcome.reason for n, made in enumerate(done) if not made.outcome.success},
     )
 
 
-def median(done: Sequence[Execution], of: Callable[[Execution], float]) -> float:
+def median(done: Sequence[ExecutionResult], of: Callable[[ExecutionResult], float]) -> float:
     return float(np.median([of(made) for made in done]))
 
 
@@ -164,8 +170,8 @@ def print_rows(rows: Sequence[Row]) -> None:
             f" {row.error:>8.2g} {row.unit:<3} {row.force:>6.1f} N {row.seconds:>5.1f} s"
         )
         if row.failures:
-            first, why = next(iter(row.failures.items()))
-            print(f"{'':<12} not done: {', '.join(map(str, row.failures))}; of {first}: {why}")
+            first, reason = next(iter(row.failures.items()))
+            print(f"{'':<12} not done: {', '.join(map(str, row.failures))}; of {first}: {reason}")
 
 
 def picture(rows: Sequence[Row]) -> Figure:

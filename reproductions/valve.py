@@ -19,13 +19,14 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from protocol import STATES, reproduce_published
 
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import Structure, component_correlation
-from pilotfish.models import covariance_parameters, log_likelihood_of_states, most_probable_states
-from pilotfish.station.evaluation import STATES, mean_squared_error, replay, replay_from_mean
+from pilotfish.gaussians import CovarianceStructure, component_correlation
+from pilotfish.models import covariance_parameter_count, log_state_likelihoods, most_probable_states
+from pilotfish.planning import mean_squared_error
 
 PRINTED = ("train_mse", "test_mse", "covariance_parameters", "fit_seconds")
 THESIS = {  # table 4.1: train and test mean squared error, covariance parameters, seconds of training
@@ -53,7 +54,7 @@ def main() -> None:
         demonstrations = pf.datasets.valve()
     except pf.SkillError as error:
         parser.exit(1, f"{error}\n")
-    fits = {alpha: learned(demonstrations[:4], structure(alpha)) for alpha in THESIS}
+    fits = {alpha: learn_skill(demonstrations[:4], structure(alpha)) for alpha in THESIS}
     rows = [table_row(alpha, fits[alpha], demonstrations) for alpha in THESIS]
     print_table(rows)
     print_sweeps(sweep_rows := sensitivity(demonstrations))
@@ -70,17 +71,23 @@ def main() -> None:
         arguments.json.write_text(json.dumps(numbers, indent=2) + "\n")
 
 
-def structure(alpha: float, sweeps: int = 2) -> Structure:
-    return pf.SemiTied(alpha, sweeps) if alpha else pf.Full()
+def structure(alpha: float, sweeps: int = 2) -> CovarianceStructure:
+    return pf.structures.SemiTied(alpha, sweeps) if alpha else pf.structures.Full()
 
 
-def learned(demonstrations: Sequence[Demonstration], structure: Structure) -> pf.Fit:
+def learn_skill(demonstrations: Sequence[Demonstration], structure: CovarianceStructure) -> pf.Fit:
     return pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure)
 
 
 def mean_error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_start: bool = False) -> float:
-    again = replay if own_start else replay_from_mean
-    return float(np.mean([mean_squared_error(again(skill, d).motion, d) for d in demonstrations]))
+    return float(
+        np.mean(
+            [
+                mean_squared_error(reproduce_published(skill, d, from_first_state=not own_start).motion, d)
+                for d in demonstrations
+            ]
+        )
+    )
 
 
 def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
@@ -88,7 +95,7 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
     spent = []
     for _ in range(TIMED_FITS):
         begin = time.process_time()
-        learned(train, structure(alpha))
+        learn_skill(train, structure(alpha))
         spent.append(time.process_time() - begin)
     return {
         "alpha": alpha,
@@ -96,11 +103,13 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
         "test_mse": mean_error(fit.skill, test),
         "train_mse_own_start": mean_error(fit.skill, train, own_start=True),
         "test_mse_own_start": mean_error(fit.skill, test, own_start=True),
-        "covariance_parameters": covariance_parameters(structure(alpha), STATES, fit.skill.width, frames=2),
+        "covariance_parameters": covariance_parameter_count(
+            structure(alpha), STATES, fit.skill.width, frames=2
+        ),
         "fit_seconds": float(np.median(spent)),
-        "iterations": fit.outcome.iterations,
-        "converged": fit.outcome.converged,
-        "log_likelihood": float(fit.trace[-1]),
+        "iterations": fit.convergence.iterations,
+        "converged": fit.convergence.converged,
+        "log_likelihood": float(fit.log_likelihoods[-1]),
         "mean_component_correlation": correlation(fit.skill),
         "thesis": dict(zip(PRINTED, THESIS[alpha], strict=True)),
     }
@@ -133,7 +142,7 @@ def sensitivity(demonstrations: Sequence[Demonstration]) -> list[dict[str, objec
     rows: list[dict[str, object]] = []
     for alpha in (0.5, 1.0):
         for sweeps in (1, 2, 3, 5, 10, 20, 50):
-            skill = learned(demonstrations[:4], structure(alpha, sweeps)).skill
+            skill = learn_skill(demonstrations[:4], structure(alpha, sweeps)).skill
             errors = [mean_error(skill, part) for part in (demonstrations[:4], demonstrations[4:])]
             rows.append({"alpha": alpha, "sweeps": sweeps, "train_mse": errors[0], "test_mse": errors[1]})
     return rows
@@ -151,9 +160,9 @@ def pictures(fits: dict[float, pf.Fit], demonstrations: Sequence[Demonstration])
     drawn = {
         "figure-3.6-graph": plots.state_graph(free),
         "figure-3.6-forward-variable": plots.forward_variable(free, horizon=HORIZON),
-        "figure-3.7-deviations": plots.deviations(free),
-        "figure-3.7-seen-from-frames": plots.demonstrations_seen(free, demonstrations[:4]),
-        "figure-4.5-correlation": plots.component_correlations([free, tied]),
+        "figure-3.7-deviations": plots.state_deviations(free),
+        "figure-3.7-seen-from-frames": plots.demonstrations_in_frames(free, demonstrations[:4]),
+        "figure-4.5-correlation": plots.covariance_correlations([free, tied]),
         "figure-4.5-basis": plots.basis_vectors(tied),
         "trace": plots.likelihood_trace(list(fits.values())),
     }
@@ -163,15 +172,15 @@ def pictures(fits: dict[float, pf.Fit], demonstrations: Sequence[Demonstration])
         ("figure-4.5-full", free, demonstrations[4]),
         ("figure-4.5-semi-tied", tied, demonstrations[4]),
     ):
-        done = replay(skill, demonstration)
+        done = reproduce_published(skill, demonstration)
         frames = [frame for frame in demonstration.frames if isinstance(frame, pf.Frame)]
-        drawn[name] = plots.reproduction(done.skill, done.motion, frames, human=demonstration)
-    observed = log_likelihood_of_states(done.skill, demonstration.x[:1])
-    states = most_probable_states(done.skill.dynamics, observed, HORIZON)
+        drawn[name] = plots.reproduction(done.adapted, done.motion, frames, demonstration=demonstration)
+    observed = log_state_likelihoods(done.adapted, demonstration.x[:1])
+    states = most_probable_states(done.adapted.dynamics, observed, HORIZON)
     drawn["figure-4.5-over-time"] = plots.tracked_coordinates(
-        done.skill, states, done.motion, human=demonstration
+        done.adapted, states, done.motion, demonstration=demonstration
     )
-    drawn["figure-4.5-gains"] = plots.gains(done.feedback, done.skill.layout)
+    drawn["figure-4.5-gains"] = plots.feedback_gains(done.feedback, done.adapted.layout)
     return drawn
 
 

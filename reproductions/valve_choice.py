@@ -25,21 +25,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from protocol import CONTROL_COST, COVARIANCE_REGULARISATION
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import HDDC, MFA, Structure
+from pilotfish.gaussians import HDDC, MFA, CovarianceStructure
 from pilotfish.models import relevance
-from pilotfish.planning import expected_plan
-from pilotfish.station.evaluation import EFFORT, SLACK
 from pilotfish.types import Array, Float
 
 THESIS = 0.0119
 STATES = range(4, 11)
-STRUCTURES: tuple[Structure, ...] = (pf.Full(), pf.Diagonal(), pf.SemiTied(), HDDC(4), MFA(2))
+STRUCTURES: tuple[CovarianceStructure, ...] = (
+    pf.structures.Full(),
+    pf.structures.Diagonal(),
+    pf.structures.SemiTied(),
+    HDDC(4),
+    MFA(2),
+)
 REGULARISATIONS = (1e-5, 1e-4)
-SLACKS = (2e-4, 2e-3, 2e-2)
-EFFORTS = (1.0, 9.0)
+COVARIANCE_REGULARISATIONS = (2e-4, 2e-3, 2e-2)
+CONTROL_COSTS = (1.0, 9.0)
 
 Powers = Float[Array, "P K"] | None
 
@@ -52,8 +57,8 @@ class Choice:
     structure: str
     regularisation: float
     weighted: bool
-    slack: float
-    effort: float
+    covariance_regularisation: float
+    control_cost: float
     own_start: bool
     held_out: float
     standard_error: float
@@ -71,7 +76,7 @@ def main() -> None:
         parser.exit(1, f"{error}\n")
     train, test = demonstrations[:4], demonstrations[4:]
     tried = list(search(train))
-    rows = {name: row(choice, train, test) for name, choice in compared(tried).items()}
+    rows = {name: row(choice, train, test) for name, choice in compare_choices(tried).items()}
     print_table(rows, len(tried))
     if arguments.json:
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
@@ -83,16 +88,25 @@ def search(train: Sequence[Demonstration]) -> Iterator[Choice]:
     for states, structure, regularisation in product(STATES, STRUCTURES, REGULARISATIONS):
         try:
             folds = [
-                (learned([*train[:m], *train[m + 1 :]], states, structure, regularisation), left)
+                (learn_skill([*train[:m], *train[m + 1 :]], states, structure, regularisation), left)
                 for m, left in enumerate(train)
             ]
         except pf.SkillError as error:
             print(f"not learned: {states} states, {structure.label}, {regularisation:g}: {error}")
             continue
-        for weighted, slack, effort, own_start in product((False, True), SLACKS, EFFORTS, (False, True)):
+        for weighted, covariance_regularisation, control_cost, own_start in product(
+            (False, True), COVARIANCE_REGULARISATIONS, CONTROL_COSTS, (False, True)
+        ):
             errors = np.array(
                 [
-                    squares(skill, powers if weighted else None, left, slack, effort, own_start).mean()
+                    squared_errors(
+                        skill,
+                        powers if weighted else None,
+                        left,
+                        covariance_regularisation,
+                        control_cost,
+                        own_start,
+                    ).mean()
                     for (skill, powers), left in folds
                 ]
             )
@@ -101,48 +115,61 @@ def search(train: Sequence[Demonstration]) -> Iterator[Choice]:
                 structure.label,
                 regularisation,
                 weighted,
-                slack,
-                effort,
+                covariance_regularisation,
+                control_cost,
                 own_start,
                 float(errors.mean()),
                 float(errors.std(ddof=1) / np.sqrt(len(errors))),
             )
 
 
-def learned(
-    shown: Sequence[Demonstration], states: int, structure: Structure, regularisation: float
+def learn_skill(
+    training: Sequence[Demonstration], states: int, structure: CovarianceStructure, regularisation: float
 ) -> tuple[pf.Skill, Powers]:
-    settings = pf.EMSettings(regularisation=regularisation)
+    settings = pf.models.EMSettings(regularisation=regularisation)
     rng = np.random.default_rng(0)
-    skill = pf.learn(shown, states=states, rng=rng, structure=structure, settings=settings).skill
-    return skill, relevance(skill, shown).values
+    skill = pf.learn(training, states=states, rng=rng, structure=structure, settings=settings).skill
+    return skill, relevance(skill, training).values
 
 
-def squares(
-    skill: pf.Skill, powers: Powers, shown: Demonstration, slack: float, effort: float, own_start: bool
+def squared_errors(
+    skill: pf.Skill,
+    powers: Powers,
+    training: Demonstration,
+    covariance_regularisation: float,
+    control_cost: float,
+    own_start: bool,
 ) -> Float[Array, " T"]:
     """Mean squared difference of the pose coordinates at each step; infinite where frames contradict."""
     try:
-        here = pf.adapt(skill, shown.frames, relevance=powers)
+        here = pf.adapt(skill, training.frames, relevance=powers)
     except pf.SkillError:
-        return np.full(len(shown.x), np.inf)
-    horizon, start = len(shown.x), shown.x[0]
+        return np.full(len(training.x), np.inf)
+    horizon, start = len(training.x), training.x[0]
     if own_start:
-        reference = pf.plan(here, start, horizon=horizon, slack=slack)
+        reference = pf.plan(here, start, horizon=horizon, covariance_regularisation=covariance_regularisation)
     else:
-        reference = expected_plan(here, horizon=horizon, slack=slack)
+        reference = pf.plan(here, horizon=horizon, covariance_regularisation=covariance_regularisation)
         start = reference.targets[0]
-    motion = pf.track(pf.double_integrator(7, period=shown.period), reference, effort).rollout(start)
-    return np.asarray(((motion.x[:, :7] - shown.x[:, :7]) ** 2).mean(axis=1))
+    motion = pf.track(
+        pf.control.double_integrator(7, period=training.period), reference, control_cost
+    ).rollout(start)
+    return np.asarray(((motion.x[:, :7] - training.x[:, :7]) ** 2).mean(axis=1))
 
 
-def compared(tried: Sequence[Choice]) -> dict[str, Choice]:
+def compare_choices(tried: Sequence[Choice]) -> dict[str, Choice]:
     def best(choices: Iterator[Choice]) -> Choice:
         return min(choices, key=lambda choice: choice.held_out)
 
     def as_printed(choice: Choice) -> bool:
-        given = (choice.states, choice.structure, choice.regularisation, choice.slack, choice.effort)
-        return given == (7, pf.SemiTied().label, 1e-5, SLACK, EFFORT)
+        given = (
+            choice.states,
+            choice.structure,
+            choice.regularisation,
+            choice.covariance_regularisation,
+            choice.control_cost,
+        )
+        return given == (7, pf.structures.SemiTied().label, 1e-5, COVARIANCE_REGULARISATION, CONTROL_COST)
 
     blind = [choice for choice in tried if not choice.own_start]
     return {
@@ -158,11 +185,14 @@ def compared(tried: Sequence[Choice]) -> dict[str, Choice]:
 def row(choice: Choice, train: Sequence[Demonstration], test: Sequence[Demonstration]) -> dict[str, Any]:
     """The choice learned anew from all training demonstrations, and its errors, begun in both ways."""
     structure = next(s for s in STRUCTURES if s.label == choice.structure)
-    skill, powers = learned(train, choice.states, structure, choice.regularisation)
+    skill, powers = learn_skill(train, choice.states, structure, choice.regularisation)
     heard = powers if choice.weighted else None
 
-    def errors(shown: Sequence[Demonstration], own_start: bool) -> Float[Array, "M T"]:
-        replays = [squares(skill, heard, d, choice.slack, choice.effort, own_start) for d in shown]
+    def errors(training: Sequence[Demonstration], own_start: bool) -> Float[Array, "M T"]:
+        replays = [
+            squared_errors(skill, heard, d, choice.covariance_regularisation, choice.control_cost, own_start)
+            for d in training
+        ]
         return np.stack(replays)
 
     told = None if powers is None else powers.round(3).tolist()
@@ -172,12 +202,12 @@ def row(choice: Choice, train: Sequence[Demonstration], test: Sequence[Demonstra
         "test": float(errors(test, own_start=False).mean()),
         "train_own_start": float(errors(train, own_start=True).mean()),
         "test_own_start": float(errors(test, own_start=True).mean()),
-        "test_by_fifths": fifths(errors(test, own_start=False)),
+        "test_by_fifths": errors_by_fifth(errors(test, own_start=False)),
         "relevance": told,
     }
 
 
-def fifths(errors: Float[Array, "M T"]) -> list[float]:
+def errors_by_fifth(errors: Float[Array, "M T"]) -> list[float]:
     """Mean errors of the first, second ... fifth part of the movement."""
     return [float(part.mean()) for part in np.array_split(errors, 5, axis=1)]
 

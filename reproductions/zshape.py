@@ -15,16 +15,16 @@ from matplotlib.figure import Figure
 
 import pilotfish as pf
 from pilotfish import plots
-from pilotfish.demonstrations import Demonstration, with_derivatives
-from pilotfish.gaussians import Mixture, SemiTiedCovariances, component_correlation
-from pilotfish.models import MarkovChain, SemiMarkovChain, Weights, most_probable_states, sample_states
+from pilotfish.demonstrations import Demonstration, add_derivatives
+from pilotfish.gaussians import GaussianMixture, SemiTiedCovariances, component_correlation
+from pilotfish.models import MarkovChain, MixtureWeights, SemiMarkovChain, most_probable_states, sample_states
 
 NOT_REPRODUCED = (
     "figure 3.3 needs frames, the recording has none: those at each demonstration's ends are ours",
     "figure 3.2 names no data: it is drawn for these movements",
     "the thesis names neither regularisation nor effort for these figures: 1e-5 and R = 1e-2 I are ours",
 )
-STATES, EFFORT = 3, 1e-2
+STATES, CONTROL_COST = 3, 1e-2
 TITLES = {
     "3.1": "a mixture of three Gaussians",
     "3.2": "seven states, with and without durations",
@@ -89,14 +89,16 @@ def reproduce(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
 def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Figure 3.1: three components find the strokes, narrow where the demonstrations agree."""
     rng = np.random.default_rng(0)
-    fit = pf.learn_mixture(demonstrations, states=STATES, rng=rng)
+    fit = pf.models.learn_mixture(demonstrations, states=STATES, rng=rng)
     figure = Figure(figsize=(11, 5.2), layout="constrained")
     left, right = (figure.add_subplot(1, 2, n, projection="3d") for n in (1, 2))
     for axes in (left, right):
         draw_paths(axes, demonstrations)
     dynamics = fit.skill.dynamics
-    assert isinstance(dynamics, Weights)
-    draw_ellipsoids(right, Mixture(dynamics.weights, fit.skill.means[0], fit.skill.covariances[0].dense))
+    assert isinstance(dynamics, MixtureWeights)
+    draw_ellipsoids(
+        right, GaussianMixture(dynamics.weights, fit.skill.means[0], fit.skill.covariances[0].dense)
+    )
     left.set_title("five demonstrations")
     right.set_title("a mixture of 3 Gaussians (1-sigma ellipsoids)")
     spreads = [np.sqrt(np.linalg.eigvalsh(c)) for c in fit.skill.covariances[0].dense]
@@ -109,9 +111,9 @@ def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, ob
     """Figure 3.2: seven components without order, with one-step transitions, and with durations."""
     rng = np.random.default_rng(0)
     fit = pf.learn(demonstrations, states=7, rng=rng)
-    weights = pf.learn_mixture(demonstrations, states=7, rng=rng).skill.dynamics
-    chain, semi = fit.markov.dynamics, fit.skill.dynamics
-    assert isinstance(weights, Weights)
+    weights = pf.models.learn_mixture(demonstrations, states=7, rng=rng).skill.dynamics
+    chain, semi = fit.markov_skill.dynamics, fit.skill.dynamics
+    assert isinstance(weights, MixtureWeights)
     assert isinstance(chain, MarkovChain)
     assert isinstance(semi, SemiMarkovChain)
     figure = Figure(figsize=(12, 4.6), layout="constrained")
@@ -135,7 +137,7 @@ def task_parameterised(
     demonstrations: tuple[Demonstration, ...],
 ) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Figure 3.3: two frames at the ends of the movement carry it to ends never shown."""
-    framed = [with_derivatives(between_its_ends(d)) for d in demonstrations]
+    framed = [add_derivatives(with_end_frames(d)) for d in demonstrations]
     fit = pf.learn(framed, states=7, rng=np.random.default_rng(0))
     first, last = framed[0].frames
     assert isinstance(first, pf.Frame)
@@ -146,15 +148,15 @@ def task_parameterised(
     ]
     here = pf.adapt(fit.skill, moved)
     start = np.concatenate([moved[0].b[:3], np.zeros(3)])
-    system = pf.double_integrator(3, period=here.period)
-    motion = pf.track(system, pf.expected_plan(here, horizon=300), effort=EFFORT).rollout(start)
-    shown = [float(np.mean((replayed(fit.skill, d)[:, :3] - d.x[:, :3]) ** 2)) for d in framed]
+    system = pf.control.double_integrator(3, period=here.period)
+    motion = pf.track(system, pf.plan(here, horizon=300), control_cost=CONTROL_COST).rollout(start)
+    shown = [float(np.mean((reproduce_demonstration(fit.skill, d)[:, :3] - d.x[:, :3]) ** 2)) for d in framed]
     row: dict[str, object] = {
         "figure": "3.3",
         "mean squared error to each demonstration": rounded(np.array(shown), 2),
     }
     return [row], {
-        "figure-3.3-seen-from-frames": plots.demonstrations_seen(fit.skill, framed),
+        "figure-3.3-seen-from-frames": plots.demonstrations_in_frames(fit.skill, framed),
         "figure-3.3-new-situation": plots.reproduction(here, motion, moved),
         "figure-3.3-graph": plots.state_graph(fit.skill),
     }
@@ -162,15 +164,15 @@ def task_parameterised(
 
 def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Figure 3.4: a step-wise sequence of states, followed smoothly by a linear quadratic tracker."""
-    moving = [with_derivatives(d) for d in demonstrations]
+    moving = [add_derivatives(d) for d in demonstrations]
     fit = pf.learn(moving, states=7, rng=np.random.default_rng(0))
     frames = [f for f in moving[0].frames if isinstance(f, pf.Frame)]
     here = pf.adapt(fit.skill, frames)
     nothing = np.empty((0, here.states))
     states = most_probable_states(here.dynamics, nothing, 300)
-    reference = pf.expected_plan(here, horizon=300)
-    system = pf.double_integrator(3, period=here.period)
-    motion = pf.track(system, reference, effort=EFFORT).rollout(moving[0].x[0])
+    reference = pf.plan(here, horizon=300)
+    system = pf.control.double_integrator(3, period=here.period)
+    motion = pf.track(system, reference, control_cost=CONTROL_COST).rollout(moving[0].x[0])
     errors = [float(np.mean((motion.x[:, :3] - d.x[:, :3]) ** 2)) for d in moving]
     drawn = [sample_states(here.dynamics, 300, np.random.default_rng(seed)) for seed in range(20)]
     row: dict[str, object] = {
@@ -179,8 +181,8 @@ def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
     }
     row["states visited by 20 random sequences"] = sorted({len(np.unique(s)) for s in drawn})
     return [row], {
-        "figure-3.4-over-time": plots.tracked_coordinates(here, states, motion, human=moving[0]),
-        "figure-3.4-in-space": plots.reproduction(here, motion, frames, human=moving[0]),
+        "figure-3.4-over-time": plots.tracked_coordinates(here, states, motion, demonstration=moving[0]),
+        "figure-3.4-in-space": plots.reproduction(here, motion, frames, demonstration=moving[0]),
         "figure-3.4-forward-variable": plots.forward_variable(fit.skill, horizon=300),
     }
 
@@ -188,8 +190,10 @@ def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
 def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Figure 4.2: one set of basis vectors for all three strokes; the first and third stroke correlate."""
     fits = [
-        pf.learn_mixture(demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure)
-        for structure in (pf.SemiTied(), pf.Full())
+        pf.models.learn_mixture(
+            demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure
+        )
+        for structure in (pf.structures.SemiTied(), pf.structures.Full())
     ]
     tied, full = (component_correlation(fit.skill.covariances[0].dense) for fit in fits)
     skill = fits[0].skill
@@ -197,7 +201,7 @@ def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
     figure = Figure(figsize=(7, 6), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     draw_paths(axes, demonstrations)
-    draw_ellipsoids(axes, Mixture(np.full(STATES, 1 / STATES), skill.means[0], basis.dense))
+    draw_ellipsoids(axes, GaussianMixture(np.full(STATES, 1 / STATES), skill.means[0], basis.dense))
     assert isinstance(basis, SemiTiedCovariances)
     directions = basis.basis / np.linalg.norm(basis.basis, axis=0)
     for n, direction in enumerate(directions.T):
@@ -212,19 +216,19 @@ def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
     return [row], {
         "figure-4.2-semi-tied": figure,
         "figure-4.2-basis": plots.basis_vectors(skill),
-        "figure-4.2-correlation": plots.component_correlations([fits[1].skill, skill]),
+        "figure-4.2-correlation": plots.covariance_correlations([fits[1].skill, skill]),
     }
 
 
-def replayed(skill: pf.Skill, demonstration: Demonstration) -> np.ndarray:
+def reproduce_demonstration(skill: pf.Skill, demonstration: Demonstration) -> np.ndarray:
     """The skill in the situation of a demonstration, from where it began."""
     here = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
-    reference = pf.expected_plan(here, horizon=len(demonstration.x))
-    system = pf.double_integrator(3, period=here.period)
-    return pf.track(system, reference, effort=EFFORT).rollout(demonstration.x[0]).x
+    reference = pf.plan(here, horizon=len(demonstration.x))
+    system = pf.control.double_integrator(3, period=here.period)
+    return pf.track(system, reference, control_cost=CONTROL_COST).rollout(demonstration.x[0]).x
 
 
-def between_its_ends(demonstration: Demonstration) -> Demonstration:
+def with_end_frames(demonstration: Demonstration) -> Demonstration:
     """The same movement, seen from its own first and its own last point."""
     ends = (("beginning", demonstration.x[0]), ("end", demonstration.x[-1]))
     return replace(demonstration, frames=tuple(pf.Frame(name, np.eye(3), point) for name, point in ends))
@@ -239,7 +243,7 @@ def draw_paths(axes, demonstrations) -> None:  # type: ignore[no-untyped-def]  #
     axes.set_box_aspect(None, zoom=0.85)  # leaves room for the label of z
 
 
-def draw_ellipsoids(axes, gaussians: Mixture) -> None:  # type: ignore[no-untyped-def]
+def draw_ellipsoids(axes, gaussians: GaussianMixture) -> None:  # type: ignore[no-untyped-def]
     """The 1-sigma ellipsoid of every component, as a mesh."""
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 33), np.linspace(0, np.pi, 17))
     ball = np.stack([np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)], axis=-1)

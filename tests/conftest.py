@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from annotations import annotations_checked
+from annotations import check_annotations
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -21,6 +21,8 @@ install_import_hook("pilotfish", "beartype.beartype")
 settings.register_profile("here", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
 settings.load_profile("ci" if os.environ.get("CI") else "here")
+
+pytest_plugins = ["command_fixtures"]  # of the commands and the simulation
 
 SLOW_AFTER = 10.0  # CPU seconds
 LIVE = Path(__file__).parent / "live"
@@ -97,14 +99,14 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 @pytest.fixture
 def unchecked() -> Iterator[None]:
     """Run a test without checks of annotations: in physics they cost five to eight times the physics."""
-    with annotations_checked(False):
+    with check_annotations(False):
         yield
 
 
 @pytest.fixture
 def checked() -> Iterator[None]:
     """Check annotations in a test whose module is unchecked."""
-    with annotations_checked(True):
+    with check_annotations(True):
         yield
 
 

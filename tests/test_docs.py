@@ -65,7 +65,7 @@ def test_every_page_is_found_from_the_index():
 
 def test_the_program_about_choosing_a_model_picks_one_and_hears_frames_as_they_matter(data_folder):
     names = program("choosing-a-model")
-    assert names["selection"].best.candidate.structure == pf.Diagonal()
+    assert names["selection"].best.candidate.structure == pf.structures.Diagonal()
     assert names["found"].distractors == ()
     assert names["found"].values.shape == (2, 7)
     assert all(len(d.frames) == 2 for d in names["fewer"])
@@ -77,7 +77,7 @@ def test_the_program_about_durations_is_as_much_likelier_as_the_page_says(data_f
     exact, counted = (pf.log_likelihood(s, shown).sum() for s in (names["fit"].skill, names["counted"]))
     assert 14.0 < exact - counted < 16.0
     durations = names["durations"]
-    assert np.exp(durations.log_table(durations.longest(1e-8))).sum(axis=0) == pytest.approx(1.0)
+    assert np.exp(durations.log_table(durations.max_duration(1e-8))).sum(axis=0) == pytest.approx(1.0)
 
 
 def test_the_program_about_orientations_gives_unit_quaternions_and_the_widths_that_it_tells(data_folder):

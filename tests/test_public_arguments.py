@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from annotations import annotations_checked
+from annotations import check_annotations
 
 import pilotfish as pf
 from pilotfish import control, demonstrations, gaussians, geometry, planning
@@ -56,8 +56,8 @@ def small_calls() -> list[Call]:
     g = gaussians.Gaussian(np.zeros(2), np.eye(2))
     continuous, column = control.continuous_double_integrator(2), np.array([0])
     rows, layout = np.zeros((3, 2)), demonstrations.position_layout(3)
-    turn = {"turns": (0,)}
-    springs = ("posture_stiffness", "joint_damping", "force_limit", "moment_limit", "singular_value")
+    turn = {"orientation_starts": (0,)}
+    springs = ("posture_stiffness", "joint_damping", "force_limit", "moment_limit", "min_singular_value")
     calls: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (control.discretise, {"system": continuous, "period": 0.1}),
         (control.double_integrator, {"axes": 2, "period": 0.1}),
@@ -68,53 +68,59 @@ def small_calls() -> list[Call]:
         (geometry.multiply, {"p": q, "q": q}),
         (geometry.conjugate, {"q": q}),
         (geometry.normalise, {"q": q}),
-        (geometry.left_matrix, {"q": q}),
+        (geometry.left_multiplication_matrix, {"q": q}),
         (geometry.rotation_matrix, {"q": q}),
-        (geometry.from_rotation_matrix, {"R": np.eye(3)}),
-        (geometry.exp, {"v": v}),
-        (geometry.log, {"q": q}),
+        (geometry.quaternion_from_rotation_matrix, {"R": np.eye(3)}),
+        (geometry.quaternion_exp, {"v": v}),
+        (geometry.quaternion_log, {"q": q}),
         (geometry.angle, {"p": q, "q": q}),
-        (geometry.continuous, {"q": q[None]}),
-        (geometry.cross_matrix, {"v": v}),
+        (geometry.unwrap_quaternions, {"q": q[None]}),
+        (geometry.skew_matrix, {"v": v}),
         (geometry.right_jacobian, {"v": v}),
         (geometry.inverse_right_jacobian, {"v": v}),
-        (geometry.inverse_right_jacobian_change, {"v": v, "w": v}),
-        (geometry.rotation_vector, {"p": q, "q": q}),
-        (geometry.log_at, {"base": q, "x": q, **turn}),
-        (geometry.exp_at, {"base": q, "v": v, **turn}),
-        (geometry.transport, {"d": v, **turn}),
-        (geometry.differential, {"v": v, **turn}),
-        (geometry.inverse_differential, {"v": v, **turn}),
+        (geometry.inverse_right_jacobian_derivative, {"v": v, "w": v}),
+        (geometry.relative_rotation_vector, {"p": q, "q": q}),
+        (geometry.log_map, {"base": q, "x": q, **turn}),
+        (geometry.exp_map, {"base": q, "v": v, **turn}),
+        (geometry.parallel_transport, {"d": v, **turn}),
+        (geometry.exp_map_jacobian, {"v": v, **turn}),
+        (geometry.log_map_jacobian, {"v": v, **turn}),
         (geometry.karcher_mean, {"x": q[None], "shares": np.ones(1), **turn}),
         (gaussians.cholesky, {"covariances": np.eye(2)[None]}),
-        (gaussians.whiteners, {"covariances": np.eye(2)[None]}),
+        (gaussians.precision_cholesky, {"covariances": np.eye(2)[None]}),
         (gaussians.log_density, {"g": g, "x": rows}),
-        (gaussians.transform, {"g": g, "A": np.eye(2), "b": np.zeros(2)}),
+        (gaussians.affine_transform, {"g": g, "A": np.eye(2), "b": np.zeros(2)}),
         (gaussians.product, {"gaussians": [g, g]}),
         (gaussians.marginal, {"g": g, "columns": column}),
         (gaussians.condition, {"g": g, "columns": column, "value": np.zeros(1)}),
         (gaussians.sample, {"g": g, "count": 3, "rng": np.random.default_rng(0)}),
         (gaussians.confidence_radius, {"width": 2, "probability": 0.9}),
-        (gaussians.inside, {"g": g, "x": rows, "probability": 0.9}),
+        (gaussians.in_confidence_region, {"g": g, "x": rows, "probability": 0.9}),
         (gaussians.ellipse, {"g": g, "radius": 1.0, "points": 9}),
         (gaussians.moments, {"x": rows, "shares": np.ones((3, 1))}),
         (gaussians.SemiTied, {"tying": 0.5, "sweeps": 2}),
-        (gaussians.MFA, {"factors": 2, "sweeps": 2, "least_noise": 1e-8}),
-        (gaussians.MPPCA, {"components": 2, "sweeps": 2, "least_noise": 1e-8}),
+        (gaussians.MFA, {"factors": 2, "sweeps": 2, "min_noise": 1e-8}),
+        (gaussians.MPPCA, {"components": 2, "sweeps": 2, "min_noise": 1e-8}),
         (gaussians.HDDC, {"dimensions": 2}),
-        (gaussians.HDDCShare, {"share": 0.9}),
+        (gaussians.HDDCExplainedVariance, {"share": 0.9}),
         (gaussians.EMLLT, {"vectors": 3, "sweeps": 2}),
         (gaussians.MLT, {"transforms": 2}),
-        (pf.EMSettings, {"regularisation": 1e-5, "tolerance": 1e-5, "max_iterations": 9, "restarts": 1}),
-        (pf.EMSettings, {"duration_floor": 1.0, "threads": 1}),
-        (pf.TimeBins, {"jitter": 0.5}),
-        (pf.KMeans, {"pseudocount": 1.0}),
-        (pf.Timing, {"longest": 10}),
-        (pf.Censoring, {"first": True, "last": False}),
+        (
+            pf.models.EMSettings,
+            {"regularisation": 1e-5, "tolerance": 1e-5, "max_iterations": 9, "restarts": 1},
+        ),
+        (pf.models.EMSettings, {"duration_regularisation": 1.0, "threads": 1}),
+        (pf.models.TimeBins, {"jitter": 0.5}),
+        (pf.models.KMeans, {"pseudocount": 1.0}),
+        (pf.models.DurationModel, {"longest": 10}),
+        (pf.models.Censoring, {"first": True, "last": False}),
         (pf.online.DPGMM, {"cluster": 1.0, "noise": 0.1}),
-        (pf.online.Trace, {"discount": 0.9, "forget_below": 0.0}),
-        (pf.online.Constant, {"weight": 1.0}),
-        (pf.online.Upkeep, {"merge_distance": 1.0, "spare": 1, "most_clusters": 5, "batch": 1}),
+        (pf.online.ExponentialDecay, {"discount": 0.9, "forget_below": 0.0}),
+        (pf.online.ConstantWeight, {"weight": 1.0}),
+        (
+            pf.online.Maintenance,
+            {"merge_distance": 1.0, "extra_directions": 1, "max_clusters": 5, "batch": 1},
+        ),
         (pf.online.online_model, {"settings": pf.online.DPGMM(1.0, 0.1), "layout": layout, "period": 0.1}),
         (pf.demonstration, {"x": np.zeros((3, 3)), "period": 0.1, "layout": layout}),
         (demonstrations.frame, {"name": "a", "A": np.eye(3), "b": v}),
@@ -130,31 +136,34 @@ def calls_with_a_skill() -> list[Call]:
     """Functions that need demonstrations, a skill or a plan of one."""
     rng = np.random.default_rng(0)
     shown = pf.store.synthetic_valve(rng)[:2]
-    skill = pf.learn(shown, states=2, rng=rng, settings=pf.EMSettings(max_iterations=2)).skill
+    skill = pf.learn(shown, states=2, rng=rng, settings=pf.models.EMSettings(max_iterations=2)).skill
     here, start = pf.adapt(skill, shown[0].frames), shown[0].x[0]
-    planned, system = pf.plan(here, start, horizon=5), pf.double_integrator(7, 0.1)
+    planned, system = pf.plan(here, start, horizon=5), pf.control.double_integrator(7, 0.1)
     learning = {"demonstrations": shown, "states": 2, "rng": rng}
-    states, following = np.zeros(3, dtype=np.int64), {"reference": planned, "effort": 1.0}
+    states, following = np.zeros(3, dtype=np.int64), {"reference": planned, "control_cost": 1.0}
     continuous = {"system": control.continuous_double_integrator(7), **following, "period": 0.1}
     plan = {"model": here, "start": start, "horizon": 5}
     calls: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (pf.learn, learning),
-        (pf.learn_markov, learning),
-        (pf.learn_mixture, learning),
-        (pf.learn_semi_markov, learning),
+        (pf.models.learn_markov, learning),
+        (pf.models.learn_mixture, learning),
+        (pf.models.learn_semi_markov, learning),
         (pf.adapt, {"skill": skill, "frames": shown[0].frames}),
-        (pf.plan, {**plan, "slack": 1e-3}),
+        (pf.plan, {**plan, "covariance_regularisation": 1e-3}),
         (planning.planned_states, plan),
-        (pf.expected_plan, {"model": here, "horizon": 5, "slack": 1e-3}),
-        (planning.reference, {"model": here, "states": states, "slack": 0.1}),
-        (planning.moving_reference, {"now": here, "later": here, "states": states, "slack": 0.1}),
-        (pf.plan_through, {**plan, "points": [], "slack": 1e-3}),
-        (pf.through, {"reference": planned, "points": [], "layout": skill.layout}),
+        (pf.plan, {"model": here, "horizon": 5, "covariance_regularisation": 1e-3}),
+        (planning.reference_from_states, {"model": here, "states": states, "covariance_regularisation": 0.1}),
+        (
+            planning.moving_frame_reference,
+            {"now": here, "later": here, "states": states, "covariance_regularisation": 0.1},
+        ),
+        (pf.PLAN_THROUGH, {**plan, "points": [], "covariance_regularisation": 1e-3}),
+        (pf.planning.condition_on, {"reference": planned, "points": [], "layout": skill.layout}),
         (pf.track, {"system": system, **following}),
-        (control.regulate, {"system": system, **following}),
+        (control.lqr, {"system": system, **following}),
         (control.solve_batch, {"system": system, **following, "start": start}),
         (control.track_continuous, continuous),
-        (control.regulate_continuous, continuous),
+        (control.lqr_continuous, continuous),
     ]
     return [Call(*call) for call in calls]
 
@@ -162,7 +171,7 @@ def calls_with_a_skill() -> list[Call]:
 @pytest.fixture(autouse=True)
 def as_a_user_runs_it() -> Iterator[None]:
     """Without the checker of annotations, and with every warning an error."""
-    with annotations_checked(False), warnings.catch_warnings():
+    with check_annotations(False), warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
 

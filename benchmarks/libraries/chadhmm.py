@@ -4,19 +4,19 @@ from pathlib import Path
 
 import torch  # type: ignore[import-not-found]
 from chadhmm.hsmm import GaussianHSMM  # type: ignore[import-not-found]
-from prepared import Answer, Prepared
-from problems import Visits
+from prepared import CommandResult, Prepared
+from problems import SegmentProblem
 from torch.distributions import Categorical, MultivariateNormal  # type: ignore[import-not-found]
 
 torch.set_num_threads(1)
 torch.set_default_dtype(torch.float64)
 
 
-def remark() -> str:
+def print_note() -> str:
     return f"torch {torch.__version__}"
 
 
-def model_of(problem: Visits) -> GaussianHSMM:
+def model_of(problem: SegmentProblem) -> GaussianHSMM:
     (S, K), D = problem.durations.shape, problem.means.shape[1]
     model = GaussianHSMM(K, D, S, min_covar=0.0, seed=0)
     tensor = torch.tensor
@@ -33,7 +33,7 @@ def model_of(problem: Visits) -> GaussianHSMM:
 
 def em_visits(folder: Path) -> Prepared:
     """Emissions, forward-backward and M-step, as its fit does them."""
-    problem = Visits.load(folder)
+    problem = SegmentProblem.load(folder)
     x, n = torch.tensor(problem.x), problem.iterations
     lengths = problem.lengths.tolist()
 
@@ -45,11 +45,11 @@ def em_visits(folder: Path) -> Prepared:
             seen.log_probs = [model.map_emission(one) for one in seen.sequence]
         return model, seen
 
-    def answer(result: tuple[GaussianHSMM, object]) -> Answer:
+    def answer(result: tuple[GaussianHSMM, object]) -> CommandResult:
         model, seen = result
         start = model_of(problem)
         begin = log_likelihood(start, start.to_observations(x, lengths))
-        return Answer(log_likelihood(model, seen), n, begin=begin)
+        return CommandResult(log_likelihood(model, seen), n, begin=begin)
 
     return Prepared(run, answer)
 

@@ -6,10 +6,10 @@ from typing import Any
 from pdc_dp_means import MiniBatchDPMeans  # type: ignore[import-not-found]
 from prepared import Prepared
 from problems import Stream
-from streaming import Peer, Setting, in_steps, prepared
+from streaming import Peer, Setting, learn_in_batches, prepared
 
 
-def remark() -> str:
+def print_note() -> str:
     return "an extension of scikit-learn 1.2"
 
 
@@ -25,7 +25,7 @@ def _prepared(folder: Path, step: int) -> Prepared:
     """delta, the squared distance for one more cluster, by a cluster's own about its centre."""
     problem = Stream.load(folder)
     grid = [{"delta": share * problem.radius**2} for share in (0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)]
-    peer = Peer(_make, in_steps(MiniBatchDPMeans.partial_fit, step), MiniBatchDPMeans.predict)
+    peer = Peer(_make, learn_in_batches(MiniBatchDPMeans.partial_fit, step), MiniBatchDPMeans.predict)
     return prepared(folder / f"dp_means_{step}.json", peer, problem.x, problem.labels, grid)
 
 

@@ -11,7 +11,7 @@ os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # before XLA counts the
 import jax  # type: ignore[import-not-found]  # noqa: E402
 import jax.numpy as jnp  # type: ignore[import-not-found]  # noqa: E402
 from dynamax.hidden_markov_model import GaussianHMM  # type: ignore[import-not-found]  # noqa: E402
-from prepared import Answer, Prepared  # noqa: E402
+from prepared import CommandResult, Prepared  # noqa: E402
 from problems import Sequences  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
@@ -23,7 +23,7 @@ WEAK = {  # none at all would be NaN, also where a transition is never seen
 }
 
 
-def remark() -> str:
+def print_note() -> str:
     return f"jax {jax.__version__}, x64, pinned to one core"
 
 
@@ -49,13 +49,13 @@ def em(folder: Path) -> Prepared:
         lambda parameters, x: jax.vmap(lambda one: model.marginal_log_prob(parameters, one))(x).sum()
     )
 
-    def answer(_: object) -> Answer:
+    def answer(_: object) -> CommandResult:
         begin, end = total(parameters, x), total(fit(parameters, x, n - 1), x)
-        return Answer(float(end), n, begin=float(begin))
+        return CommandResult(float(end), n, begin=float(begin))
 
-    known: list[Answer] = []  # the same whenever it is asked; its own compilation takes seconds
+    known: list[CommandResult] = []  # the same whenever it is asked; its own compilation takes seconds
 
-    def answer_once(result: object) -> Answer:
+    def answer_once(result: object) -> CommandResult:
         known.append(known[0] if known else answer(result))
         return known[-1]
 

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 from gmr import GMM  # type: ignore[import-not-found]
-from prepared import Answer, Prepared
-from problems import Floats, Framed
+from prepared import CommandResult, Prepared
+from problems import Floats, FrameProblem
 
 
-def remark() -> str:
+def print_note() -> str:
     return ""
 
 
 def fit_mixture(folder: Path) -> Prepared:
-    """gmr adds nothing to variances, and does not tell how many of the iterations it used."""
-    problem = Framed.load(folder)
+    """Gmr adds nothing to variances, and does not tell how many of the iterations it used."""
+    problem = FrameProblem.load(folder)
 
     def run() -> GMM:
         start = (
@@ -24,7 +24,7 @@ def fit_mixture(folder: Path) -> Prepared:
         )  # it writes into them
         return GMM(problem.states, *start).from_samples(problem.joint, n_iter=problem.iterations)
 
-    return Prepared(run, lambda mixture: Answer(log_likelihood(mixture, problem.joint)))
+    return Prepared(run, lambda mixture: CommandResult(log_likelihood(mixture, problem.joint)))
 
 
 def log_likelihood(mixture: GMM, x: Floats) -> float:

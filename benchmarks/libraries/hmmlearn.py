@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 from hmmlearn.hmm import GaussianHMM  # type: ignore[import-not-found]
-from prepared import Answer, Prepared
+from prepared import CommandResult, Prepared
 from problems import Sequences
 
 
-def remark() -> str:
+def print_note() -> str:
     return ""
 
 
@@ -44,9 +44,9 @@ def _em(folder: Path, implementation: str, **priors: float) -> Prepared:
     def run() -> GaussianHMM:
         return model_of(problem, implementation, **priors).fit(problem.x, problem.lengths)
 
-    def answer(model: GaussianHMM) -> Answer:
+    def answer(model: GaussianHMM) -> CommandResult:
         begin = model_of(problem, implementation, **priors).score(problem.x, problem.lengths)
-        return Answer(float(model.monitor_.history[-1]), n, begin=float(begin))
+        return CommandResult(float(model.monitor_.history[-1]), n, begin=float(begin))
 
     return Prepared(run, answer)
 
@@ -55,5 +55,5 @@ def decode(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
     model = model_of(problem, "log", covars_prior=0.0)
     return Prepared(
-        lambda: model.decode(problem.x, problem.lengths), lambda decoded: Answer(float(decoded[0]))
+        lambda: model.decode(problem.x, problem.lengths), lambda decoded: CommandResult(float(decoded[0]))
     )

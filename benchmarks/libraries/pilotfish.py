@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from libraries.pilotfish_streams import endless, from_array, one_by_one, worst_case  # noqa: F401 - for the worker
-from prepared import Answer, Prepared
-from problems import Floats, Framed, Poses, Sequences, Tracking, Visits
+from prepared import CommandResult, Prepared
+from problems import Floats, FrameProblem, Poses, SegmentProblem, Sequences, Tracking
 
 from pilotfish import kernels
-from pilotfish.control import Feedback, LinearSystem, Reference, regulate, track
+from pilotfish.control import Feedback, LinearSystem, Reference, lqr, track
 from pilotfish.demonstrations import (
     Demonstration,
     Frame,
@@ -18,14 +18,15 @@ from pilotfish.demonstrations import (
     demonstration,
     frame,
     frame_from_pose,
-    on_sphere,
     pose_layout,
     position_layout,
+    to_sphere,
     views,
 )
 from pilotfish.gaussians import DenseCovariances, Full
 from pilotfish.geometry import Pose
 from pilotfish.models import (
+    DurationModel,
     Dynamics,
     EMSettings,
     Fit,
@@ -33,19 +34,18 @@ from pilotfish.models import (
     Histogram,
     HistogramDurations,
     MarkovChain,
+    MixtureWeights,
     SemiMarkovChain,
     Statistics,
     TimeBins,
-    Timing,
-    Weights,
+    expected_statistics,
+    fit_markov_chain,
+    fit_mixture_weights,
+    fit_semi_markov_chain,
     learn,
     learn_mixture,
     log_emissions,
-    maximise,
-    most_likely_chain,
-    most_likely_semi_markov,
-    most_likely_weights,
-    statistics,
+    maximise_likelihood,
     viterbi,
 )
 
@@ -56,8 +56,8 @@ Chain = Callable[[Statistics, Dynamics | None], Dynamics]
 EStep = Callable[[HiddenModel, Views], Statistics]
 
 
-def remark() -> str:
-    return f"kernels: {kernels.ACTIVE}"
+def print_note() -> str:
+    return f"kernels: {kernels.BACKEND}"
 
 
 def em_steps(
@@ -65,59 +65,65 @@ def em_steps(
     data: Views,
     iterations: int,
     regularisation: float,
-    chain: Chain = most_likely_chain,
-    e_step: EStep = statistics,
+    chain: Chain = fit_markov_chain,
+    e_step: EStep = expected_statistics,
 ) -> tuple[float, float]:
     """E- and M-steps by turns; the log-likelihood in the first E-step and in the last."""
     trace = []
     for _ in range(iterations):
-        sums = e_step(model, data)
-        trace.append(sums.log_likelihood)
-        model = maximise(sums, model, Full(), regularisation, chain)
+        statistics = e_step(model, data)
+        trace.append(statistics.log_likelihood)
+        model = maximise_likelihood(statistics, model, Full(), regularisation, chain)
     return trace[0], trace[-1]
 
 
 def em(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
-    return _em(problem, model_of(problem), most_likely_chain)
+    return _em(problem, model_of(problem), fit_markov_chain)
 
 
 def em_mixture(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
     chain = model_of(problem)
-    mixture = HiddenModel(Weights(problem.initial), chain.means, chain.covariances)
-    return _em(problem, mixture, most_likely_weights)
+    mixture = HiddenModel(MixtureWeights(problem.initial), chain.means, chain.covariances)
+    return _em(problem, mixture, fit_mixture_weights)
 
 
 def em_all_cores(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
-    return _em(problem, model_of(problem), most_likely_chain, partial(statistics, threads=0))
+    return _em(problem, model_of(problem), fit_markov_chain, partial(expected_statistics, threads=0))
 
 
 def em_visits(folder: Path) -> Prepared:
-    problem = Visits.load(folder)
+    problem = SegmentProblem.load(folder)
     S, shown = len(problem.durations), model_of(problem)
     chain = SemiMarkovChain(problem.initial, problem.transitions, HistogramDurations(problem.durations))
     model = HiddenModel(chain, shown.means, shown.covariances)
-    m_step = partial(most_likely_semi_markov, timing=Timing(law=Histogram(), longest=S), floor=0.0)
-    return _em(problem, model, m_step, partial(statistics, longest=S))
+    m_step = partial(
+        fit_semi_markov_chain,
+        duration_model=DurationModel(distribution=Histogram(), max_duration=S),
+        min_variance=0.0,
+    )
+    return _em(problem, model, m_step, partial(expected_statistics, max_duration=S))
 
 
-def _em(problem: Sequences, model: HiddenModel, chain: Chain, e_step: EStep = statistics) -> Prepared:
+def _em(
+    problem: Sequences, model: HiddenModel, chain: Chain, e_step: EStep = expected_statistics
+) -> Prepared:
     """With more columns than steps to fill them, something has to be added to variances."""
     data, n, (K, D) = Views(problem.x[None], problem.lengths), problem.iterations, problem.means.shape
     added = 0.0 if len(problem.x) >= 4 * K * D else REGULARISATION
     run = partial(em_steps, model, data, n, added, chain, e_step)
-    return Prepared(run, lambda trace: Answer(trace[1], n, begin=trace[0]))
+    return Prepared(run, lambda trace: CommandResult(trace[1], n, begin=trace[0]))
 
 
 def em_frames(folder: Path) -> Prepared:
-    problem = Framed.load(folder)
+    problem = FrameProblem.load(folder)
     data, n = views(demonstrations_of(problem)), problem.iterations
-    guess = TimeBins().guess(data, problem.states, np.random.default_rng(0))
-    model = maximise(guess, None, Full(), REGULARISATION, most_likely_chain)
+    initial_statistics = TimeBins().initial_statistics(data, problem.states, np.random.default_rng(0))
+    model = maximise_likelihood(initial_statistics, None, Full(), REGULARISATION, fit_markov_chain)
     run = partial(em_steps, model, data, n, REGULARISATION)
-    return Prepared(run, lambda trace: Answer(trace[1], n, begin=trace[0]))
+    return Prepared(run, lambda trace: CommandResult(trace[1], n, begin=trace[0]))
 
 
 def fit_semi_markov(folder: Path) -> Prepared:
@@ -143,7 +149,7 @@ def fit_poses(folder: Path) -> Prepared:
     problem = Poses.load(folder)
     names = [f"object {p}" for p in range(problem.objects.shape[1])]
     shown = [
-        on_sphere(
+        to_sphere(
             demonstration(x, PERIOD, pose_layout(), [_stand(*told) for told in zip(names, seen, strict=True)])
         )
         for x, seen in zip(problem.x, problem.objects, strict=True)
@@ -157,15 +163,17 @@ def _stand(name: str, place: Floats) -> Frame:
 
 
 def _fit(folder: Path, learner: Callable[..., Fit]) -> Prepared:
-    problem = Framed.load(folder)
+    problem = FrameProblem.load(folder)
     settings = EMSettings(max_iterations=problem.iterations)
     shown, rng = demonstrations_of(problem), np.random.default_rng(0)
     run = partial(learner, shown, states=problem.states, rng=rng, settings=settings)
     return Prepared(run, _read_fit)
 
 
-def _read_fit(fit: Fit) -> Answer:
-    return Answer(float(fit.trace[-1]), remark=f"{fit.outcome.iterations} iterations")
+def _read_fit(fit: Fit) -> CommandResult:
+    return CommandResult(
+        float(fit.log_likelihoods[-1]), print_note=f"{fit.convergence.iterations} iterations"
+    )
 
 
 def decode(folder: Path) -> Prepared:
@@ -173,13 +181,13 @@ def decode(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
     model, shown = model_of(problem), sequences_of(problem)
 
-    def answer(paths: object) -> Answer:
+    def answer(paths: object) -> CommandResult:
         chain = problem.initial, problem.transitions
         own = [
             kernels.viterbi(log_emissions(model, Views(demo.x[None], np.array([len(demo.x)]))), *chain)
             for demo in shown
         ]
-        return Answer(sum(path.log_probability for path in own))
+        return CommandResult(sum(path.log_probability for path in own))
 
     return Prepared(lambda: [viterbi(model, demo) for demo in shown], answer)
 
@@ -189,20 +197,20 @@ def tracker(folder: Path) -> Prepared:
 
 
 def regulator(folder: Path) -> Prepared:
-    return _controller(folder, regulate)
+    return _controller(folder, lqr)
 
 
 def _controller(folder: Path, controller: Callable[..., Feedback]) -> Prepared:
     problem = Tracking.load(folder)
     reference = Reference(problem.targets, problem.weights)
     system = LinearSystem(problem.A, problem.B, PERIOD)
-    return Prepared(partial(controller, system, reference, problem.effort), _read_feedback)
+    return Prepared(partial(controller, system, reference, problem.control_cost), _read_feedback)
 
 
-def _read_feedback(feedback: Feedback) -> Answer:
+def _read_feedback(feedback: Feedback) -> CommandResult:
     targets = feedback.reference.targets[:-1, :, None]
     constant = feedback.feedforwards + (feedback.gains @ targets)[..., 0]  # u = constant - gain x
-    return Answer(float(np.sqrt((feedback.gains**2).sum() + (constant**2).sum())))
+    return CommandResult(float(np.sqrt((feedback.gains**2).sum() + (constant**2).sum())))
 
 
 def model_of(problem: Sequences) -> HiddenModel:
@@ -216,8 +224,8 @@ def sequences_of(problem: Sequences) -> list[Demonstration]:
     return [demonstration(piece, PERIOD, layout) for piece in pieces]
 
 
-def demonstrations_of(problem: Framed) -> list[Demonstration]:
-    layout = position_layout(problem.x.shape[-1] // 2, unit="1").differentiated()
+def demonstrations_of(problem: FrameProblem) -> list[Demonstration]:
+    layout = position_layout(problem.x.shape[-1] // 2, unit="1").differentiate()
     names = [f"frame {p}" for p in range(problem.A.shape[1])]
     return [
         demonstration(x, PERIOD, layout, map(frame, names, A, b), name=f"demonstration {m}")

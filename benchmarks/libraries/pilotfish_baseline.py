@@ -11,5 +11,5 @@ compiled._native = compiled._baseline
 __all__ = ["em", "em_visits", "from_array", "remark", "worst_case"]
 
 
-def remark() -> str:
-    return f"kernels: portable, not {pilotfish.remark().removeprefix('kernels: ')}"
+def print_note() -> str:
+    return f"kernels: portable, not {pilotfish.print_note().removeprefix('kernels: ')}"

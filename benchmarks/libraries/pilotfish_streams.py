@@ -6,7 +6,7 @@ from math import log
 from pathlib import Path
 
 import numpy as np
-from prepared import Answer, Prepared
+from prepared import CommandResult, Prepared
 from problems import Floats, Stream
 from streaming import normalised_mutual_information
 
@@ -17,7 +17,7 @@ PERIOD = 0.1  # s
 SETTLING = 10_000  # datapoints that go before the worst case
 CHUNK, CHUNKS = 100_000, 100  # 10^7 datapoints
 VISIT = 80  # steps, on average
-SURPRISE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
+NEW_CLUSTER_DISTANCE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
 
 Labelled = tuple[online.OnlineModel, online.Assignments]
 
@@ -32,15 +32,15 @@ def settings_of(problem: Stream) -> online.SOSC:
     """
     variance = problem.radius**2
     cluster = max(0.4 * variance, 0.25 * problem.apart**2)
-    trace = online.Trace(1.0 - 1.0 / (VISIT * problem.clusters), forget_below=0.3)
+    trace = online.ExponentialDecay(1.0 - 1.0 / (VISIT * problem.clusters), forget_below=0.3)
     return online.SOSC(
         cluster=cluster,
         dimension=problem.extent * problem.noise,
         noise=problem.noise**2,
         bandwidth=2.0 * variance / -log(0.9),
-        transition=SURPRISE * cluster,
-        new_transition=SURPRISE * cluster,
-        upkeep=online.Upkeep(trace, merge_distance=0.25 * problem.apart),
+        transition=NEW_CLUSTER_DISTANCE * cluster,
+        new_transition=NEW_CLUSTER_DISTANCE * cluster,
+        maintenance=online.Maintenance(trace, merge_distance=0.25 * problem.apart),
     )
 
 
@@ -58,22 +58,22 @@ def one_by_one(folder: Path) -> Prepared:
 
 
 def _one_by_one(model: online.OnlineModel, x: Floats) -> Labelled:
-    identities = np.empty(len(x), dtype=np.int64)
+    cluster_ids = np.empty(len(x), dtype=np.int64)
     for n, point in enumerate(x):
         model, went = online.observe(model, point)
-        identities[n] = went.identity
+        cluster_ids[n] = went.cluster_id
     nothing = np.zeros(len(x))
-    return model, online.Assignments(identities, nothing, nothing, np.empty((0, 3), dtype=np.int64))
+    return model, online.Assignments(cluster_ids, nothing, nothing, np.empty((0, 3), dtype=np.int64))
 
 
 def worst_case(folder: Path) -> Prepared:
     """From a settled model, with subspaces that do not fade: no cluster is too far to matter."""
     problem = Stream.load(folder)
     settled, _ = online.observe_stream(empty(problem), problem.x[:SETTLING])
-    return _from(problem, unfading(settled, problem), online.observe_stream)
+    return _from(problem, without_decay(settled, problem), online.observe_stream)
 
 
-def unfading(model: online.OnlineModel, problem: Stream) -> online.OnlineModel:
+def without_decay(model: online.OnlineModel, problem: Stream) -> online.OnlineModel:
     """The same with so large a bandwidth that every distance is to be worked out in full."""
     settings = replace(settings_of(problem), bandwidth=1e6 * problem.apart**2)
     start = online.online_model(settings, model.layout, model.period, model.frame_names)
@@ -90,10 +90,10 @@ def _from(
     start: online.OnlineModel,
     learn: Callable[[online.OnlineModel, Floats], Labelled],
 ) -> Prepared:
-    def answer(result: Labelled) -> Answer:
+    def answer(result: Labelled) -> CommandResult:
         model, went = result
-        nmi = normalised_mutual_information(online.identities_now(went), problem.labels)
-        return Answer(nmi, len(problem.x), _told(model))
+        nmi = normalised_mutual_information(online.current_cluster_ids(went), problem.labels)
+        return CommandResult(nmi, len(problem.x), _describe_clusters(model))
 
     return Prepared(lambda: learn(start, problem.x), answer)
 
@@ -109,10 +109,12 @@ def endless(folder: Path) -> Prepared:
             model, went = online.observe_stream(model, chunk)
         return model, went
 
-    def answer(result: Labelled) -> Answer:
+    def answer(result: Labelled) -> CommandResult:
         model, went = result
-        nmi = normalised_mutual_information(online.identities_now(went), problem.labels[:CHUNK])
-        return Answer(nmi, CHUNKS * len(x), f"{model.datapoints:,} datapoints; {_told(model)}")
+        nmi = normalised_mutual_information(online.current_cluster_ids(went), problem.labels[:CHUNK])
+        return CommandResult(
+            nmi, CHUNKS * len(x), f"{model.datapoints:,} datapoints; {_describe_clusters(model)}"
+        )
 
     return Prepared(run, answer)
 
@@ -122,7 +124,7 @@ def _over_and_over(x: Floats) -> Iterator[Floats]:
         yield x
 
 
-def _told(model: online.OnlineModel) -> str:
+def _describe_clusters(model: online.OnlineModel) -> str:
     """How many clusters there are, and of what dimensions."""
     d = model.dimensions[:, 0]
     return f"K = {model.clusters}, d = {d.min()} to {d.max()}"

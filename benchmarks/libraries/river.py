@@ -13,7 +13,7 @@ from streaming import Peer, Setting, prepared
 Point = dict[int, float]
 
 
-def remark() -> str:
+def print_note() -> str:
     return ""
 
 

@@ -5,23 +5,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from prepared import Answer, Prepared
-from problems import Framed, Sequences, Stream
+from prepared import CommandResult, Prepared
+from problems import FrameProblem, Sequences, Stream
 from sklearn.cluster import Birch, MiniBatchKMeans  # type: ignore[import-not-found]
 from sklearn.mixture import GaussianMixture  # type: ignore[import-not-found]
-from streaming import Peer, Setting, in_steps, prepared
+from streaming import Peer, Setting, learn_in_batches, prepared
 
 REGULARISATION = 1e-5  # as pilotfish
 
 KEPT = 0.1  # share of a stream that one who learns it may keep
 
 
-def remark() -> str:
+def print_note() -> str:
     return ""
 
 
 def fit_mixture(folder: Path) -> Prepared:
-    problem = Framed.load(folder)
+    problem = FrameProblem.load(folder)
     precisions = np.linalg.inv(problem.covariances)
     start = {"weights_init": problem.weights, "means_init": problem.means, "precisions_init": precisions}
     settings = {"max_iter": problem.iterations, "reg_covar": REGULARISATION}
@@ -29,9 +29,9 @@ def fit_mixture(folder: Path) -> Prepared:
     def run() -> GaussianMixture:
         return GaussianMixture(problem.states, **settings, **start).fit(problem.joint)
 
-    def answer(mixture: GaussianMixture) -> Answer:
+    def answer(mixture: GaussianMixture) -> CommandResult:
         log_likelihood = float(mixture.score(problem.joint)) * len(problem.joint)
-        return Answer(log_likelihood, remark=f"{mixture.n_iter_} iterations")
+        return CommandResult(log_likelihood, print_note=f"{mixture.n_iter_} iterations")
 
     return Prepared(run, answer)
 
@@ -47,7 +47,7 @@ def em_mixture(folder: Path) -> Prepared:
     def run() -> GaussianMixture:
         return GaussianMixture(K, **settings, **start).fit(problem.x)
 
-    return Prepared(run, lambda mixture: Answer(float(mixture.lower_bounds_[-1]) * N, n))
+    return Prepared(run, lambda mixture: CommandResult(float(mixture.lower_bounds_[-1]) * N, n))
 
 
 def k_means_one_by_one(folder: Path) -> Prepared:
@@ -74,7 +74,7 @@ def _k_means(folder: Path, step: int) -> Prepared:
         model = MiniBatchKMeans(problem.clusters, init=centres, reassignment_ratio=ratio, **fixed)
         return model.partial_fit(centres)
 
-    peer = Peer(make, in_steps(MiniBatchKMeans.partial_fit, step), MiniBatchKMeans.predict)
+    peer = Peer(make, learn_in_batches(MiniBatchKMeans.partial_fit, step), MiniBatchKMeans.predict)
     return prepared(folder / f"k_means_{step}.json", peer, problem.x, problem.labels, grid)
 
 
@@ -108,8 +108,8 @@ def _birch(folder: Path, step: int, most: float) -> Prepared:
         model.set_params(n_clusters=problem.clusters).partial_fit()
         model.set_params(n_clusters=None)
 
-    def told(model: Any) -> str:
+    def describe(model: Any) -> str:
         return f"keeps {len(model.subcluster_centers_)} subclusters"
 
-    peer = Peer(make, in_steps(Birch.partial_fit, step), Birch.predict, finish, told)
+    peer = Peer(make, learn_in_batches(Birch.partial_fit, step), Birch.predict, finish, describe)
     return prepared(folder / f"birch_{step}_{most}.json", peer, problem.x, problem.labels, grid)

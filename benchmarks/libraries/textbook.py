@@ -4,11 +4,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from prepared import Answer, Prepared
+from prepared import CommandResult, Prepared
 from problems import Floats, Tracking
 
 
-def remark() -> str:
+def print_note() -> str:
     return ""
 
 
@@ -29,5 +29,5 @@ def lqt(A: Floats, B: Floats, Q: Floats, z: Floats, R: Floats) -> tuple[Floats, 
 
 def tracker(folder: Path) -> Prepared:
     problem = Tracking.load(folder)
-    run = partial(lqt, problem.A, problem.B, problem.weights, problem.targets, problem.effort)
-    return Prepared(run, lambda law: Answer(float(np.sqrt((law[0] ** 2).sum() + (law[1] ** 2).sum()))))
+    run = partial(lqt, problem.A, problem.B, problem.weights, problem.targets, problem.control_cost)
+    return Prepared(run, lambda law: CommandResult(float(np.sqrt((law[0] ** 2).sum() + (law[1] ** 2).sum()))))

@@ -11,13 +11,14 @@ from functools import cache
 from pathlib import Path
 
 import pilotfish as pf
-from pilotfish.demonstrations import Demonstration, read_folder, write_folder
+from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
+from pilotfish.io.folders import read_demonstrations, write_demonstrations
 
 FOLDER = Path(__file__).parents[2] / "build" / "recordings"
 
 
-def recorded_once(
+def cached_recording(
     script: str, settings: str, make: Callable[[], Sequence[Demonstration]]
 ) -> tuple[Demonstration, ...]:
     """Return the demonstrations that `make` returns, without calling it when they are kept.
@@ -34,11 +35,11 @@ def recorded_once(
         demonstrations = make()
         FOLDER.mkdir(parents=True, exist_ok=True)
         try:
-            write_folder(demonstrations, place)
+            write_demonstrations(demonstrations, place)
         except InvalidInput:
             if not place.exists():
                 raise
-    return tuple(read_folder(place))
+    return tuple(read_demonstrations(place))
 
 
 @cache

@@ -25,22 +25,25 @@ __version__ = "0.1.0"
 # Where each public name is defined. A package is imported when one of its names is first used, so that
 # `import pilotfish` takes a few milliseconds. __init__.pyi says the same to static type checkers.
 _PACKAGES = {
-    "control": "double_integrator track",
-    "demonstrations": "load Demonstration Frame demonstration on_sphere with_derivatives",
-    "errors": "InvalidInput NotPositiveDefinite SkillError UnknownSkill",
-    "gaussians": "HDDC MFA Diagonal Full HDDCShare SemiTied Spherical",
-    "models": (
-        "AdaptedSkill Candidate Censoring EMSettings Fit Gamma Histogram KMeans LogNormal "
-        "NegativeBinomial Normal Poisson Skill TimeBins Timing adapt learn learn_markov learn_mixture "
-        "learn_semi_markov log_likelihood online relevance select select_frames"
-    ),
-    "planning": "chart expected_plan plan plan_through through via_point",
-    "store": "datasets open_skill open_stream save_skill save_stream",
+    "control": "track",
+    "demonstrations": "Demonstration Frame demonstration add_derivatives to_sphere",
+    "errors": "InvalidInput SkillError",
+    "io": "datasets load open_skill open_stream save_skill save_stream",
+    "models": "Fit Skill adapt learn log_likelihood online relevance select select_frames",
+    "planning": "plan reproduce via_point",
 }
 _PACKAGE_OF = {name: package for package, names in _PACKAGES.items() for name in names.split()}
 __all__ = sorted(_PACKAGE_OF)  # noqa: PLE0605 - a list, derived from the table
-_NAMES_THERE = {"load": "read_folder"}  # where the package calls it otherwise
-_SUBPACKAGES = {*_PACKAGES, "environments", "files", "geometry", "kernels", "plots"}
+_NAMES_THERE = {"load": "read_demonstrations"}  # where the package calls it otherwise
+_SUBPACKAGES = {
+    **{
+        package: package
+        for package in (*_PACKAGES, "environments", "gaussians", "geometry", "kernels", "plots")
+    },
+    "durations": "models.durations",
+    "simulation": "simulation",
+    "structures": "gaussians.structures",
+}
 
 
 def __getattr__(name: str) -> Any:
@@ -49,7 +52,7 @@ def __getattr__(name: str) -> Any:
         package = import_module(f"{__name__}.{_PACKAGE_OF[name]}")
         value = getattr(package, _NAMES_THERE.get(name, name))
     elif name in _SUBPACKAGES:
-        value = import_module(f"{__name__}.{name}")
+        value = import_module(f"{__name__}.{_SUBPACKAGES[name]}")
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = value

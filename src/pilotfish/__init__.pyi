@@ -1,94 +1,62 @@
-from pilotfish.control import double_integrator, track
-from pilotfish.demonstrations import Demonstration, Frame, demonstration, on_sphere, with_derivatives
-from pilotfish.demonstrations import read_folder as load
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, SkillError, UnknownSkill
-from pilotfish.gaussians import HDDC, MFA, Diagonal, Full, HDDCShare, SemiTied, Spherical
+from pilotfish import control as control
+from pilotfish import demonstrations as demonstrations
+from pilotfish import environments as environments
+from pilotfish import errors as errors
+from pilotfish import gaussians as gaussians
+from pilotfish import geometry as geometry
+from pilotfish import io as io
+from pilotfish import kernels as kernels
+from pilotfish import models as models
+from pilotfish import planning as planning
+from pilotfish import plots as plots
+from pilotfish import simulation as simulation
+from pilotfish.control import track
+from pilotfish.demonstrations import Demonstration, Frame, add_derivatives, demonstration, to_sphere
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.gaussians import structures as structures
+from pilotfish.io import datasets, open_skill, open_stream, save_skill, save_stream
+from pilotfish.io import read_demonstrations as load
 from pilotfish.models import (
-    AdaptedSkill,
-    Candidate,
-    Censoring,
-    EMSettings,
     Fit,
-    Gamma,
-    Histogram,
-    KMeans,
-    LogNormal,
-    NegativeBinomial,
-    Normal,
-    Poisson,
     Skill,
-    TimeBins,
-    Timing,
     adapt,
     learn,
-    learn_markov,
-    learn_mixture,
-    learn_semi_markov,
     log_likelihood,
     online,
     relevance,
     select,
     select_frames,
 )
-from pilotfish.planning import chart, expected_plan, plan, plan_through, through, via_point
-from pilotfish.store import datasets, open_skill, open_stream, save_skill, save_stream
+from pilotfish.models import durations as durations
+from pilotfish.planning import plan, reproduce, via_point
 
 __version__: str
 
 __all__ = [
-    "HDDC",
-    "MFA",
-    "AdaptedSkill",
-    "Candidate",
-    "Censoring",
     "Demonstration",
-    "Diagonal",
-    "EMSettings",
     "Fit",
     "Frame",
-    "Full",
-    "Gamma",
-    "HDDCShare",
-    "Histogram",
     "InvalidInput",
-    "KMeans",
-    "LogNormal",
-    "NegativeBinomial",
-    "Normal",
-    "NotPositiveDefinite",
-    "Poisson",
-    "SemiTied",
     "Skill",
     "SkillError",
-    "Spherical",
-    "TimeBins",
-    "Timing",
-    "UnknownSkill",
     "adapt",
-    "chart",
+    "add_derivatives",
     "datasets",
     "demonstration",
-    "double_integrator",
-    "expected_plan",
     "learn",
-    "learn_markov",
-    "learn_mixture",
-    "learn_semi_markov",
     "load",
     "log_likelihood",
-    "on_sphere",
     "online",
     "open_skill",
     "open_stream",
     "plan",
-    "plan_through",
     "relevance",
+    "reproduce",
     "save_skill",
     "save_stream",
     "select",
     "select_frames",
-    "through",
+    "to_sphere",
     "track",
     "via_point",
-    "with_derivatives",
 ]

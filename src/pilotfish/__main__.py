@@ -10,7 +10,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as it is for a job in the background
             signal.signal(number, _end)
-    from pilotfish.station import main as run
+    from pilotfish.cli import main as run
 
     run()
 

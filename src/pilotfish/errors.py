@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-LONGEST_MESSAGE = 500  # characters
+MAX_MESSAGE_LENGTH = 500  # characters
 
 
 class SkillError(Exception):
@@ -13,14 +13,14 @@ class SkillError(Exception):
     """
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(_one_line(message))
+        super().__init__(_format_line(message))
 
 
 class InvalidInput(SkillError, ValueError):
     """What was given cannot be used; the message says where, what was expected and the nearest fix."""
 
 
-class NameTaken(InvalidInput):
+class OutputExists(InvalidInput):
     """Another process made something under the name of an output; the result is kept at `path` instead."""
 
     def __init__(self, message: str, path: Path) -> None:
@@ -32,7 +32,7 @@ class NotPositiveDefinite(SkillError, ArithmeticError):
     """A covariance or weight has no Cholesky factor; more regularisation or more data mends it."""
 
 
-class UnknownSkill(SkillError):
+class UnreadableFile(SkillError):
     """A skill file that this version cannot read: damaged, of another kind, or written by a newer version."""
 
 
@@ -46,23 +46,25 @@ def escape(text: str) -> str:
     )
 
 
-def require_kind(what: str, value: object, kinds: type | tuple[type, ...], fix: str) -> None:
+def require_type(label: str, value: object, types: type | tuple[type, ...], fix: str) -> None:
     """Nothing, when value is of one of the kinds.
 
     Raises: InvalidInput otherwise, naming the kind given, those expected and the fix.
     """
-    listed = kinds if isinstance(kinds, tuple) else (kinds,)
-    truth = isinstance(value, bool) and bool not in listed and object not in listed  # an int, to Python alone
-    if isinstance(value, type) or truth or not isinstance(value, kinds):
+    listed = types if isinstance(types, tuple) else (types,)
+    unwanted_bool = (
+        isinstance(value, bool) and bool not in listed and object not in listed
+    )  # an int, to Python alone
+    if isinstance(value, type) or unwanted_bool or not isinstance(value, types):
         expected = " or ".join(kind.__name__ for kind in listed)
-        raise InvalidInput(f"{what} is of the kind {type(value).__name__}, expected {expected}; {fix}")
+        raise InvalidInput(f"{label} is of the kind {type(value).__name__}, expected {expected}; {fix}")
 
 
-def _one_line(message: str) -> str:
-    if len(message) > LONGEST_MESSAGE:  # before anything is done to each character
-        message = f"{message[: 2 * LONGEST_MESSAGE]} ... {message[-2 * LONGEST_MESSAGE :]}"
+def _format_line(message: str) -> str:
+    if len(message) > MAX_MESSAGE_LENGTH:  # before anything is done to each character
+        message = f"{message[: 2 * MAX_MESSAGE_LENGTH]} ... {message[-2 * MAX_MESSAGE_LENGTH :]}"
     line = escape(" ".join(message.split()))
-    if len(line) <= LONGEST_MESSAGE:
+    if len(line) <= MAX_MESSAGE_LENGTH:
         return line
-    end = LONGEST_MESSAGE // 3
-    return f"{line[: LONGEST_MESSAGE - end - 5]} ... {line[-end:]}"
+    end = MAX_MESSAGE_LENGTH // 3
+    return f"{line[: MAX_MESSAGE_LENGTH - end - 5]} ... {line[-end:]}"

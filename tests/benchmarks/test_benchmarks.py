@@ -20,11 +20,11 @@ def benchmark_module(monkeypatch: pytest.MonkeyPatch):
     return import_module
 
 
-def results(measure: ModuleType, kinds: ModuleType, taken: dict[str, tuple[float, float]]):
+def results(measure: ModuleType, kinds: ModuleType, case_results: dict[str, tuple[float, float]]):
     """An entry for each library: every sample its CPU seconds, and its answer."""
     return [
-        measure.Result(kinds.Entry(name, "", name), cpu=measure.spread([cpu] * 3), answer=answer)
-        for name, (cpu, answer) in taken.items()
+        measure.Result(kinds.Entry(name, "", name), cpu=measure.sample_statistics([cpu] * 3), answer=answer)
+        for name, (cpu, answer) in case_results.items()
     ]
 
 
@@ -51,13 +51,19 @@ def test_a_quick_run_of_pilotfish_alone_fills_table_and_json(tmp_path: Path):
 
 def test_a_spread_holds_half_of_the_samples(benchmark_module, rng: np.random.Generator):
     """Median and quartiles are NumPy's; one sample is its own spread."""
-    spread = benchmark_module("measure").spread
+    sample_statistics = benchmark_module("measure").sample_statistics
     samples = rng.exponential(size=15)
-    taken = spread(samples.tolist())
+    case_results = sample_statistics(samples.tolist())
     expected = np.percentile(samples, [25, 50, 75])
-    np.testing.assert_allclose([taken.lower, taken.median, taken.upper], expected, rtol=1e-12)
-    assert taken.minimum == samples.min()
-    assert (spread([2.0]).lower, spread([2.0]).median, spread([2.0]).upper) == (2.0, 2.0, 2.0)
+    np.testing.assert_allclose(
+        [case_results.lower, case_results.median, case_results.upper], expected, rtol=1e-12
+    )
+    assert case_results.minimum == samples.min()
+    assert (
+        sample_statistics([2.0]).lower,
+        sample_statistics([2.0]).median,
+        sample_statistics([2.0]).upper,
+    ) == (2.0, 2.0, 2.0)
 
 
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-3, "pass"), (2e-3, "pass"), (2.1e-3, "miss")])
@@ -65,8 +71,11 @@ def test_a_ceiling_is_kept_from_below(benchmark_module, cpu: float, verdict: str
     """At most two milliseconds means at most two milliseconds."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "lqt")
-    taken = [(case, results(measure, kinds, {"pilotfish": (cpu, 1.0)}))]
-    assert judging.judge(kinds.Ceiling("lqt", milliseconds=2.0), taken).verdict == verdict
+    case_results = [(case, results(measure, kinds, {"pilotfish": (cpu, 1.0)}))]
+    assert (
+        judging.evaluate_requirement(kinds.TimeLimit("lqt", milliseconds=2.0), case_results).verdict
+        == verdict
+    )
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(4.5, "pass"), (3.5, "miss")])
@@ -76,8 +85,13 @@ def test_a_lead_is_over_the_fastest_of_a_peers_entries(benchmark_module, slower:
     case = next(case for case in cases.CASES if case.name == "em_valve")
     own = results(measure, kinds, {"pilotfish": (1e-3, 1.0)})
     slow, fast = (results(measure, kinds, {"hmmlearn": (s * 1e-3, 1.0)}) for s in (9.0, slower))
-    taken = [(case, [*own, *slow, *fast])]
-    assert judging.judge(kinds.Lead("em_valve", over="hmmlearn", times=4.0), taken).verdict == verdict
+    case_results = [(case, [*own, *slow, *fast])]
+    assert (
+        judging.evaluate_requirement(
+            kinds.MinSpeedup("em_valve", over="hmmlearn", times=4.0), case_results
+        ).verdict
+        == verdict
+    )
 
 
 @pytest.mark.parametrize("answer", [1.1, np.nan])
@@ -85,8 +99,10 @@ def test_speed_counts_only_when_the_answers_agree(benchmark_module, answer: floa
     """However fast, another answer than the peer's earns no verdict."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
-    taken = results(measure, kinds, {"pilotfish": (1e-3, 1.0), "hmmlearn": (9e-3, answer)})
-    judged = judging.judge(kinds.Lead("em_valve", over="hmmlearn", times=4.0), [(case, taken)])
+    case_results = results(measure, kinds, {"pilotfish": (1e-3, 1.0), "hmmlearn": (9e-3, answer)})
+    judged = judging.evaluate_requirement(
+        kinds.MinSpeedup("em_valve", over="hmmlearn", times=4.0), [(case, case_results)]
+    )
     assert judged.verdict.startswith("not comparable")
 
 
@@ -96,8 +112,8 @@ def test_a_lead_over_all_is_over_the_fastest_that_is_not_ours(benchmark_module, 
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     seconds = {"pilotfish": 1.0, "pilotfish_baseline": 1.1, "hmmlearn": 9.0, "dynamax": slower}
-    taken = [(case, results(measure, kinds, {name: (s * 1e-3, 1.0) for name, s in seconds.items()}))]
-    judged = judging.judge(kinds.Lead("em_valve", times=3.0), taken)
+    case_results = [(case, results(measure, kinds, {name: (s * 1e-3, 1.0) for name, s in seconds.items()}))]
+    judged = judging.evaluate_requirement(kinds.MinSpeedup("em_valve", times=3.0), case_results)
     assert (judged.verdict, judged.measured) == (verdict, f"{slower:.1f} x (dynamax)")
 
 
@@ -106,9 +122,16 @@ def test_room_is_what_a_call_adds_to_the_memory(benchmark_module, grown: float, 
     """At most twice 67.2 MB, however much the process held before."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "fit_vast")
-    first = measure.First(cpu=1.0, wall=1.0, result=2.0, peak_mb=1e4, grown_mb=grown)
-    taken = measure.Result(kinds.Entry("pilotfish", "", ""), measure.spread([1.0]), first=first, answer=1.0)
-    assert judging.judge(kinds.Room("fit_vast", 67.2, 2.0), [(case, [taken])]).verdict == verdict
+    first = measure.FirstCall(cpu=1.0, wall=1.0, result=2.0, peak_mb=1e4, grown_mb=grown)
+    case_results = measure.Result(
+        kinds.Entry("pilotfish", "", ""), measure.sample_statistics([1.0]), first=first, answer=1.0
+    )
+    assert (
+        judging.evaluate_requirement(
+            kinds.MemoryLimit("fit_vast", 67.2, 2.0), [(case, [case_results])]
+        ).verdict
+        == verdict
+    )
 
 
 @pytest.mark.parametrize(("begin", "comparable"), [(2.0, True), (2.1, False), (np.nan, False)])
@@ -118,10 +141,12 @@ def test_a_peer_with_another_model_is_compared_where_it_begins(
     """Another prior leads elsewhere; from the same parameters the likelihood is the same at first."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
-    own = measure.Result(kinds.Entry("pilotfish", "", ""), measure.spread([1.0]), answer=5.0, begin=2.0)
+    own = measure.Result(
+        kinds.Entry("pilotfish", "", ""), measure.sample_statistics([1.0]), answer=5.0, begin=2.0
+    )
     other = kinds.Entry("dynamax", "", "", differs="its prior")
-    taken = [own, measure.Result(other, measure.spread([9.0]), answer=4.0, begin=begin)]
-    judged = judging.judge(kinds.Lead("em_valve", times=3.0), [(case, taken)])
+    case_results = [own, measure.Result(other, measure.sample_statistics([9.0]), answer=4.0, begin=begin)]
+    judged = judging.evaluate_requirement(kinds.MinSpeedup("em_valve", times=3.0), [(case, case_results)])
     assert judged.verdict == ("pass" if comparable else "not comparable: the answers differ")
 
 
@@ -132,7 +157,7 @@ def test_memory_that_was_given_back_is_not_counted(benchmark_module):
         pytest.skip("this kernel counts one peak for the whole of a process")
     held = np.ones(40_000_000)  # 320 MB
     del held
-    worker.forget_peak()
+    worker.reset_peak_memory()
     before = worker.peak_mb()
     held = np.ones(20_000_000)
     assert 150.0 < worker.peak_mb() - before < 250.0
@@ -161,7 +186,7 @@ def test_a_library_that_is_not_there_is_reported_by_its_worker(benchmark_module)
     """An import that fails in the worker comes back as words, not as a worker that hangs."""
     workers = benchmark_module("workers")
     with (
-        workers.Worker(Path(sys.executable), "no_such_library", workers.surroundings()) as worker,
+        workers.Worker(Path(sys.executable), "no_such_library", workers.timed_environment()) as worker,
         pytest.raises(workers.WorkerError, match="no_such_library"),
     ):
         worker.ask("introduce")

@@ -23,17 +23,17 @@ def physics(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_the_ticks_that_are_timed_are_those_of_the_workcell(physics):
-    """The parts of a tick leave the arm where Workcell.follow leaves it, to the last bit."""
-    from pilotfish.environments.steering import straight
+    """The parts of a tick leave the arm where Workcell.step_impedance leaves it, to the last bit."""
+    from pilotfish.environments.steering import linear_path
     from pilotfish.geometry import Pose
 
     timed, followed = physics.workcell("valve"), physics.workcell("valve")
     target = Pose(timed.target.position + np.array([0.0, 0.0, 0.01]), timed.target.quaternion)
-    path = straight(timed.target, target, physics.LOOK, physics.TICK)
-    for n in range(physics.LOOK):
+    path = linear_path(timed.target, target, physics.STEPS_PER_OBSERVATION, physics.TIMESTEP)
+    for n in range(physics.STEPS_PER_OBSERVATION):
         stamps = physics.tick(timed, path, n)
         assert list(stamps) == sorted(stamps)
-    followed.follow(target, 0.0, physics.LOOK)
+    followed.step_impedance(target, 0.0, physics.STEPS_PER_OBSERVATION)
     np.testing.assert_array_equal(timed.data.qpos, followed.data.qpos)
     np.testing.assert_array_equal(timed.data.qvel, followed.data.qvel)
 
@@ -44,7 +44,9 @@ def test_a_promise_that_is_not_kept_is_a_miss(physics, which):
     held, step, import_ = [(9.0, 20.0, 0.2), (4.9, 20.0, 0.2), (9.0, 61.0, 0.2), (9.0, 20.0, 0.31)][which]
     speeds = [physics.Speed("valve", held, 9.0, 1.0, 0.1, None, 0)]
     told = list(
-        physics.verdicts(speeds, [physics.Part("step of control", step, 99.0)], {"pilotfish": import_})
+        physics.requirement_results(
+            speeds, [physics.Part("step of control", step, 99.0)], {"pilotfish": import_}
+        )
     )
     assert [row.endswith("MISS |") for row in told[2:]] == [which == n for n in (1, 2, 3)]
 

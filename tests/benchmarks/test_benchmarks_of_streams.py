@@ -20,11 +20,11 @@ def benchmark_module(monkeypatch: pytest.MonkeyPatch):
     return import_module
 
 
-def taken_of(kinds, measure, taken: dict[str, tuple[float, float]]):
+def taken_of(kinds, measure, case_results: dict[str, tuple[float, float]]):
     """An entry for each library: every sample its CPU seconds, and its answer."""
     return [
-        measure.Result(kinds.Entry(name, "", name), cpu=measure.spread([cpu] * 3), answer=answer)
-        for name, (cpu, answer) in taken.items()
+        measure.Result(kinds.Entry(name, "", name), cpu=measure.sample_statistics([cpu] * 3), answer=answer)
+        for name, (cpu, answer) in case_results.items()
     ]
 
 
@@ -44,11 +44,11 @@ def test_a_stream_is_what_its_shape_says(benchmark_module, rng: np.random.Genera
     """Visits last 70 to 90 steps; a cluster extends along its subspace, and is noise beside it."""
     streams = benchmark_module("make_streams")
     shape, N = streams.SHAPES[name], 20_000
-    stream = streams.stream_of(rng, shape, N)
+    stream = streams.sample_stream(rng, shape, N)
     assert stream.x.shape == (N, shape.columns)
     assert set(stream.labels) == set(range(shape.clusters))
-    visits = np.diff(np.flatnonzero(np.diff(stream.labels)))
-    assert (visits.min() == 1) if shape.shuffled else (visits.min() >= 70 and visits.max() <= 90)
+    durations = np.diff(np.flatnonzero(np.diff(stream.labels)))
+    assert (durations.min() == 1) if shape.shuffled else (durations.min() >= 70 and durations.max() <= 90)
     groups = [stream.x[stream.labels == k] for k in range(shape.clusters)]
     for group in groups:
         deviations = np.sqrt(np.linalg.eigvalsh(np.cov(group.T))[::-1])
@@ -61,9 +61,9 @@ def test_a_stream_is_what_its_shape_says(benchmark_module, rng: np.random.Genera
 
 def test_centres_are_apart(benchmark_module, rng: np.random.Generator):
     """No two are nearer than asked for, many in few dimensions and one alone included."""
-    scattered = benchmark_module("make_streams").scattered
+    sample_separated_centres = benchmark_module("make_streams").sample_separated_centres
     for K, D in ((1, 3), (7, 14), (50, 3), (20, 75)):
-        points = scattered(rng, K, D, 2.0)
+        points = sample_separated_centres(rng, K, D, 2.0)
         apart = np.sqrt(((points[:, None] - points) ** 2).sum(axis=-1)) + 9.0 * np.eye(K)
         assert points.shape == (K, D)
         assert apart.min() >= 2.0
@@ -72,7 +72,11 @@ def test_centres_are_apart(benchmark_module, rng: np.random.Generator):
 def test_coordinates_wander_within_visits_and_not_between_them(benchmark_module, rng: np.random.Generator):
     """Of unit variance, correlated as asked for from step to step, and not where a visit begins."""
     begins = np.arange(0, 40_000, 4)
-    c = benchmark_module("make_streams").wandering(rng, (40_000, 3), 0.9, begins).reshape(-1, 4, 3)
+    c = (
+        benchmark_module("make_streams")
+        .sample_autocorrelated(rng, (40_000, 3), 0.9, begins)
+        .reshape(-1, 4, 3)
+    )
     assert np.mean(c**2) == pytest.approx(1.0, abs=0.03)  # 120,000 numbers, a few of them independent
     for t, expected in ((1, 0.9), (2, 0.81), (3, 0.729)):
         assert np.mean(c[:, 0] * c[:, t]) == pytest.approx(expected, abs=0.03)
@@ -99,9 +103,9 @@ def test_a_peer_is_tuned_to_its_best_setting_once(benchmark_module, tmp_path: Pa
     assert passes == [1, 2]
     assert first.answer(first.run()).value == again.answer(again.run()).value == pytest.approx(1.0)
     assert first.answer(2).units == 300
-    assert "modulus 2" in first.answer(2).remark
+    assert "modulus 2" in first.answer(2).print_note
     with pytest.raises(ValueError, match="no such modulus"):
-        streaming.tuned(peer, points, truth, [{"modulus": 0}])
+        streaming.tune(peer, points, truth, [{"modulus": 0}])
 
 
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-6, "pass"), (2e-6, "pass"), (2.1e-6, "miss")])
@@ -109,8 +113,8 @@ def test_a_rate_is_kept_from_above(benchmark_module, cpu: float, verdict: str):
     """At least 500,000 a second means at most two microseconds each."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "long_3")
-    taken = [(case, taken_of(kinds, measure, {"pilotfish": (cpu, 1.0)}))]
-    assert judging.judge(kinds.Rate("long_3", 500_000), taken).verdict == verdict
+    case_results = [(case, taken_of(kinds, measure, {"pilotfish": (cpu, 1.0)}))]
+    assert judging.evaluate_requirement(kinds.MinRate("long_3", 500_000), case_results).verdict == verdict
 
 
 @pytest.mark.parametrize(
@@ -121,22 +125,29 @@ def test_a_lead_in_answer_is_over_every_peer(benchmark_module, best: float, verd
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "stream_14")
     answers = {"pilotfish": 0.9, "pilotfish_baseline": 0.99, "river": best, "scikit_learn": 0.5}
-    taken = taken_of(kinds, measure, {name: (1e-6, answer) for name, answer in answers.items()})
-    judged = judging.judge(kinds.LeadInAnswer("stream_14"), [(case, taken)])
+    case_results = taken_of(kinds, measure, {name: (1e-6, answer) for name, answer in answers.items()})
+    judged = judging.evaluate_requirement(kinds.BestAnswer("stream_14"), [(case, case_results)])
     assert judged.verdict == verdict
-    assert judging.judge(kinds.LeadInAnswer("stream_14"), [(case, taken[:2])]).verdict == "not measured"
+    assert (
+        judging.evaluate_requirement(kinds.BestAnswer("stream_14"), [(case, case_results[:2])]).verdict
+        == "not measured"
+    )
 
 
 def test_a_ceiling_may_be_for_another_of_our_entries(benchmark_module):
     """One datapoint at a time is judged by its own time, not by that of arrays."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "stream_14")
-    taken = [
-        measure.Result(kinds.Entry("pilotfish", "", label), cpu=measure.spread([cpu] * 3), answer=1.0)
+    case_results = [
+        measure.Result(
+            kinds.Entry("pilotfish", "", label), cpu=measure.sample_statistics([cpu] * 3), answer=1.0
+        )
         for label, cpu in (("array", 1e-6), ("one by one", 9e-6))
     ]
     for milliseconds, verdict in ((0.01, "pass"), (0.005, "miss")):
-        judged = judging.judge(kinds.Ceiling("stream_14", milliseconds, entry="one by one"), [(case, taken)])
+        judged = judging.evaluate_requirement(
+            kinds.TimeLimit("stream_14", milliseconds, entry="one by one"), [(case, case_results)]
+        )
         assert judged.verdict == verdict
 
 
@@ -147,7 +158,7 @@ def test_every_promise_is_about_a_case_and_an_entry_that_there_are(benchmark_mod
     assert len(known) == len(cases.CASES)
     for target in cases.TARGETS:
         assert target.case in known
-        assert not isinstance(target, kinds.Ceiling) or target.entry in ("", *known[target.case])
+        assert not isinstance(target, kinds.TimeLimit) or target.entry in ("", *known[target.case])
     assert {entry.library for case in cases.CASES for entry in case.entries} == set(cases.LIBRARIES)
 
 
@@ -155,11 +166,11 @@ def test_streams_are_listed_by_rate_and_quick_runs_leave_the_endless_one_out(ben
     """What takes minutes is not for a quick look, unless it is asked for by name."""
     run = benchmark_module("run")
     monkeypatch.setattr(sys, "argv", ["run.py", "--quick"])
-    names = {case.name for case in run.chosen(run.arguments())}
+    names = {case.name for case in run.select_cases(run.arguments())}
     assert "stream_14" in names
     assert "endless_3" not in names
     monkeypatch.setattr(sys, "argv", ["run.py", "--quick", "--cases", "endless_3"])
-    assert [case.name for case in run.chosen(run.arguments())] == ["endless_3"]
+    assert [case.name for case in run.select_cases(run.arguments())] == ["endless_3"]
 
 
 @pytest.mark.slow  # times streams of many sizes

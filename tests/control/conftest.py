@@ -6,21 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pilotfish.control import LinearSystem, Reference, VaryingSystem
+from pilotfish.control import LinearSystem, Reference, TimeVaryingSystem
 
 
 @dataclass(frozen=True)
 class Problem:
     """All that a tracker is asked, and where the motion starts."""
 
-    system: LinearSystem | VaryingSystem
+    system: LinearSystem | TimeVaryingSystem
     reference: Reference
-    effort: np.ndarray
+    control_cost: np.ndarray
     start: np.ndarray
 
     def simulate(self, u: np.ndarray) -> np.ndarray:
         """The states that these inputs lead through, period by period."""
-        varies = isinstance(self.system, VaryingSystem)
+        varies = isinstance(self.system, TimeVaryingSystem)
         x = [self.start]
         for t, push in enumerate(u):
             A, B = (self.system.A[t], self.system.B[t]) if varies else (self.system.A, self.system.B)
@@ -31,7 +31,7 @@ class Problem:
         """Sum over steps of |x - target|^2 in weight, and over inputs of |u|^2 in effort."""
         errors = self.simulate(u) - self.reference.targets
         price = sum(e @ W @ e for e, W in zip(errors, self.reference.weights, strict=True))
-        return float(price + sum(push @ self.effort @ push for push in u))
+        return float(price + sum(push @ self.control_cost @ push for push in u))
 
 
 def definite(rng: np.random.Generator, *shape: int) -> np.ndarray:
@@ -55,7 +55,7 @@ def random_problem(rng: np.random.Generator) -> Callable[..., Problem]:
             np.linalg.eigvals(A)
         ).max()  # left alone it stays; powers that explode cost the oracle digits
         B = rng.normal(size=(*shape, n, m))
-        system = VaryingSystem(A, B, 0.1) if varying else LinearSystem(A, B, 0.1)
+        system = TimeVaryingSystem(A, B, 0.1) if varying else LinearSystem(A, B, 0.1)
         weights = definite(rng, T, n)
         weights[rng.integers(T)] = 0.0  # a step that is left free
         rank_one = rng.normal(size=n)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pilotfish.control import (
     ArmLimits,
-    ArmReading,
-    Impedance,
+    ArmState,
+    ImpedanceParameters,
     ToolTarget,
     arm_limits,
     impedance,
@@ -18,8 +18,8 @@ from pilotfish.control import (
     posture_torque,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import exp, multiply, rotation_matrix
-from pilotfish.kernels import twins
+from pilotfish.geometry import multiply, quaternion_exp, rotation_matrix
+from pilotfish.kernels import reference
 
 ARM = 7
 STRONG = arm_limits([-4.0] * ARM, [4.0] * ARM, [2.0] * ARM, [1e4] * ARM)
@@ -39,12 +39,12 @@ def reading_of(rng, *, still=False):
         J = rng.normal(size=(6, ARM))
     velocity = np.zeros(ARM) if still else rng.normal(size=ARM)
     bias = rng.uniform(-10.0, 10.0, ARM)
-    return ArmReading(rng.uniform(-3.0, 3.0, ARM), velocity, rng.normal(size=3), unit(rng), J, bias)
+    return ArmState(rng.uniform(-3.0, 3.0, ARM), velocity, rng.normal(size=3), unit(rng), J, bias)
 
 
 def target_near(rng, reading, distance=0.01):
     step = distance * rng.normal(size=6)
-    turned = multiply(exp(0.5 * step[3:]), reading.quaternion)
+    turned = multiply(quaternion_exp(0.5 * step[3:]), reading.quaternion)
     return ToolTarget(reading.position + step[:3], turned, np.zeros(6)), step
 
 
@@ -56,10 +56,10 @@ def test_at_rest_the_springs_balance_a_force_whatever_the_posture(rng):
     target, step = target_near(rng, reading)
     for posture_stiffness in (0.0, 10.0, 80.0):
         springs = impedance(rng.normal(size=ARM), posture_stiffness=posture_stiffness)
-        effort = impedance_torque(springs, STRONG, reading, target)
-        felt = np.linalg.pinv(reading.jacobian).T @ (effort.torque - reading.bias)
+        command = impedance_torque(springs, STRONG, reading, target)
+        felt = np.linalg.pinv(reading.jacobian).T @ (command.torque - reading.bias)
         np.testing.assert_allclose(felt, springs.stiffness * step, rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(effort.wrench, springs.stiffness * step, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(command.wrench, springs.stiffness * step, rtol=1e-8, atol=1e-9)
 
 
 def test_an_arm_that_is_where_and_how_it_should_be_carries_its_weight_alone(rng):
@@ -68,9 +68,9 @@ def test_an_arm_that_is_where_and_how_it_should_be_carries_its_weight_alone(rng)
     springs = impedance(reading.q, joint_damping=0.0)
     twist = reading.jacobian @ reading.velocity
     target = ToolTarget(reading.position, -reading.quaternion, twist)
-    effort = impedance_torque(springs, STRONG, reading, target)
-    np.testing.assert_allclose(effort.torque, reading.bias, atol=1e-9)
-    assert effort.share == 1.0
+    command = impedance_torque(springs, STRONG, reading, target)
+    np.testing.assert_allclose(command.torque, reading.bias, atol=1e-9)
+    assert command.torque_fraction == 1.0
 
 
 def test_dampers_take_energy_from_the_arm(rng):
@@ -81,8 +81,8 @@ def test_dampers_take_energy_from_the_arm(rng):
     for _ in range(20):
         reading = reading_of(rng)
         target, _ = target_near(rng, reading)
-        effort = impedance_torque(springs, STRONG, reading, target)
-        assert reading.velocity @ (effort.torque - reading.bias) < 0.0
+        command = impedance_torque(springs, STRONG, reading, target)
+        assert reading.velocity @ (command.torque - reading.bias) < 0.0
 
 
 def test_turning_the_world_leaves_the_torques(rng):
@@ -136,14 +136,14 @@ def test_each_joint_gives_what_its_own_limit_leaves(rng):
         reading = reading_of(rng)
         target, _ = target_near(rng, reading, 0.3)
         strong, weak = (impedance_torque(springs, limits, reading, target) for limits in (STRONG, WEAK))
-        assert strong.share == 1.0
+        assert strong.torque_fraction == 1.0
         np.testing.assert_allclose(weak.torque, np.clip(strong.torque, -WEAK.torque, WEAK.torque), atol=1e-9)
         given = [
             (torque - bias) / (whole - bias)
             for torque, whole, bias in zip(weak.torque, strong.torque, reading.bias, strict=True)
         ]
-        assert weak.share == pytest.approx(min(1.0, *given), abs=1e-9)
-        shares.append(weak.share)
+        assert weak.torque_fraction == pytest.approx(min(1.0, *given), abs=1e-9)
+        shares.append(weak.torque_fraction)
     assert 0.0 < min(shares) < 1.0
 
 
@@ -158,10 +158,10 @@ def test_a_joint_that_cannot_carry_its_weight_does_not_stop_the_others(rng):
         lambda limits, read: impedance_torque(impedance(np.zeros(ARM)), limits, read, target),
         lambda limits, read: posture_torque(50.0, 1.0, limits, read, np.zeros(ARM)),
     ):
-        effort = torque(WEAK, heavy)
-        assert effort.share == 0.0
-        assert effort.torque[1] == -WEAK.torque[1]
-        np.testing.assert_array_equal(effort.torque[others], torque(WEAK, reading).torque[others])
+        command = torque(WEAK, heavy)
+        assert command.torque_fraction == 0.0
+        assert command.torque[1] == -WEAK.torque[1]
+        np.testing.assert_array_equal(command.torque[others], torque(WEAK, reading).torque[others])
 
 
 ANY = st.floats(width=64) | st.floats(-5.0, 5.0)  # infinities and numbers that are none, among others
@@ -173,7 +173,7 @@ def arrays(*shape):
 
 
 @given(
-    st.builds(ArmReading, arrays(3), arrays(3), arrays(3), arrays(4), arrays(6, 3), arrays(3)),
+    st.builds(ArmState, arrays(3), arrays(3), arrays(3), arrays(4), arrays(6, 3), arrays(3)),
     st.builds(ToolTarget, arrays(3), arrays(4), arrays(6)),
 )
 def test_torques_are_finite_and_within_limits_whatever_is_read_and_asked(reading, target):
@@ -181,15 +181,15 @@ def test_torques_are_finite_and_within_limits_whatever_is_read_and_asked(reading
     twin of the kernel keeps this too.
     """
     limits = arm_limits([-3.0] * 3, [3.0] * 3, [1.0] * 3, [50.0, 20.0, 5.0])
-    for effort in (
+    for command in (
         impedance_torque(impedance([0.1, 0.2, 0.3]), limits, reading, target),
-        twins.impedance(impedance([0.1, 0.2, 0.3]), limits, reading, target),
+        reference.impedance(impedance([0.1, 0.2, 0.3]), limits, reading, target),
         posture_torque(100.0, 2.0, limits, reading, target.position),
     ):
-        assert (np.abs(effort.torque) <= limits.torque).all()
-        assert 0.0 <= effort.share <= 1.0
-        assert np.linalg.norm(effort.wrench[:3]) <= 60.0 * (1.0 + 1e-12)
-        assert np.linalg.norm(effort.wrench[3:]) <= 12.0 * (1.0 + 1e-12)
+        assert (np.abs(command.torque) <= limits.torque).all()
+        assert 0.0 <= command.torque_fraction <= 1.0
+        assert np.linalg.norm(command.wrench[:3]) <= 60.0 * (1.0 + 1e-12)
+        assert np.linalg.norm(command.wrench[3:]) <= 12.0 * (1.0 + 1e-12)
 
 
 @pytest.mark.parametrize("part", ["position", "quaternion", "twist"])
@@ -200,17 +200,17 @@ def test_a_target_that_means_nothing_brakes_the_arm_and_carries_it(rng, part, va
     target, _ = target_near(rng, reading)
     spoilt = getattr(target, part).copy()
     spoilt[2] = value
-    effort = impedance_torque(springs, STRONG, reading, dataclasses.replace(target, **{part: spoilt}))
-    np.testing.assert_allclose(effort.torque, reading.bias - 2.0 * reading.velocity, atol=1e-12)
-    np.testing.assert_array_equal(effort.wrench, 0.0)
+    command = impedance_torque(springs, STRONG, reading, dataclasses.replace(target, **{part: spoilt}))
+    np.testing.assert_allclose(command.torque, reading.bias - 2.0 * reading.velocity, atol=1e-12)
+    np.testing.assert_array_equal(command.wrench, 0.0)
 
 
 def test_an_orientation_of_no_length_is_no_target(rng):
     """The quaternion of four zeros turns nowhere: as with a target that is not finite."""
     reading = reading_of(rng, still=True)
     target = ToolTarget(reading.position + 0.1, np.zeros(4), np.zeros(6))
-    effort = impedance_torque(impedance(np.zeros(ARM)), STRONG, reading, target)
-    np.testing.assert_array_equal(effort.torque, reading.bias)
+    command = impedance_torque(impedance(np.zeros(ARM)), STRONG, reading, target)
+    np.testing.assert_array_equal(command.torque, reading.bias)
 
 
 def test_joints_near_their_limits_are_pushed_back(rng):
@@ -231,13 +231,13 @@ def test_joints_are_held_at_a_posture_within_their_limits(rng):
     """Springs and dampers at the joints; a posture outside the limits is one at them."""
     reading, posture = reading_of(rng), 3.0 * rng.normal(size=ARM)
     stiffness, damping = rng.uniform(10.0, 100.0, ARM), rng.uniform(1.0, 5.0, ARM)
-    effort = posture_torque(stiffness, damping, STRONG, reading, posture)
+    command = posture_torque(stiffness, damping, STRONG, reading, posture)
     pull = stiffness * (np.clip(posture, -4.0, 4.0) - reading.q) - damping * reading.velocity
-    np.testing.assert_allclose(effort.torque, reading.bias + pull, atol=1e-9)
-    np.testing.assert_array_equal(effort.wrench, 0.0)
+    np.testing.assert_allclose(command.torque, reading.bias + pull, atol=1e-9)
+    np.testing.assert_array_equal(command.wrench, 0.0)
     posture[3] = np.nan
     lost = posture_torque(stiffness, damping, STRONG, reading, posture).torque
-    np.testing.assert_allclose(np.delete(lost, 3), np.delete(effort.torque, 3), atol=1e-12)
+    np.testing.assert_allclose(np.delete(lost, 3), np.delete(command.torque, 3), atol=1e-12)
     np.testing.assert_allclose(lost[3], reading.bias[3] - damping[3] * reading.velocity[3], atol=1e-12)
 
 
@@ -248,7 +248,7 @@ def test_every_number_given_at_the_door_arrives_in_its_field():
         "joint_damping": 2.0,
         "force_limit": 3.0,
         "moment_limit": 4.0,
-        "singular_value": 5.0,
+        "min_singular_value": 5.0,
         "limit_margin": 6.0,
         "limit_stiffness": 7.0,
     }
@@ -260,7 +260,7 @@ def test_every_number_given_at_the_door_arrives_in_its_field():
     limits = arm_limits([-1, -2], [1, 2], [3, 4], [5, 6])
     fields = [getattr(limits, field.name).tolist() for field in dataclasses.fields(ArmLimits)]
     assert fields == [[-1, -2], [1, 2], [3, 4], [5, 6]]
-    assert isinstance(springs, Impedance)
+    assert isinstance(springs, ImpedanceParameters)
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,7 @@ def test_every_number_given_at_the_door_arrives_in_its_field():
         ({"damping": (np.inf, 1.0)}, "expected a finite"),
         ({"joint_damping": -1.0}, "joint_damping is -1"),
         ({"force_limit": 0.0}, "force_limit is 0, expected more than zero"),
-        ({"singular_value": 0.0}, "singular_value is 0"),
+        ({"min_singular_value": 0.0}, "singular_value is 0"),
         ({"limit_margin": np.nan}, "limit_margin is nan"),
     ],
 )

@@ -18,7 +18,7 @@ def test_covariances_are_the_inverse_hessian_of_half_the_cost(random_problem, n,
     hessian = 0.5 * (pairs - alone[:, None] - alone[None, :] + zero)
     reach = np.array([p.simulate(push) - p.simulate(np.zeros(shape)) for push in pushes])  # (U, T, n)
     expected = np.einsum("uti,uv,vtj->tij", reach, np.linalg.inv(hessian), reach)
-    found = solve_batch(p.system, p.reference, p.effort, p.start).covariances
+    found = solve_batch(p.system, p.reference, p.control_cost, p.start).covariances
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
     np.testing.assert_array_equal(found[0], 0)
 
@@ -32,14 +32,14 @@ def test_covariances_are_those_of_motions_tracked_to_noisy_targets(random_proble
     root = np.linalg.inv(np.linalg.cholesky(weights))  # root^T root is the covariance of a target
     motions = []
     for _ in range(draws):
-        wished = rng.normal(size=(4, 1)) / np.sqrt(p.effort)
+        wished = rng.normal(size=(4, 1)) / np.sqrt(p.control_cost)
         led = p.simulate(wished) - p.simulate(np.zeros((4, 1)))
         noisy = p.reference.targets + np.einsum("tji,tj->ti", root, rng.normal(size=(5, 2)))
-        tracked = track(p.system, Reference(noisy - led, weights), p.effort).rollout(p.start)
+        tracked = track(p.system, Reference(noisy - led, weights), p.control_cost).rollout(p.start)
         motions.append(
             led + tracked.x
         )  # inputs are the wished ones and a correction, which alone has a price
-    solution = solve_batch(p.system, precise, p.effort, p.start)
+    solution = solve_batch(p.system, precise, p.control_cost, p.start)
     error = np.array(motions) - solution.motion.x
     deviations = np.sqrt(np.einsum("tii->ti", solution.covariances))
     scale = deviations[:, :, None] * deviations[:, None, :]
@@ -51,11 +51,11 @@ def test_covariances_are_those_of_motions_tracked_to_noisy_targets(random_proble
 def test_a_dearer_effort_and_dearer_targets_narrow_the_spread(random_problem):
     """Every price is a precision: raising any of them leaves less freedom, in every direction."""
     p = random_problem(3, 2, 8)
-    wide = solve_batch(p.system, p.reference, p.effort, p.start).covariances
+    wide = solve_batch(p.system, p.reference, p.control_cost, p.start).covariances
     dearer = Reference(p.reference.targets, p.reference.weights + np.eye(3))
     for narrow in (
-        solve_batch(p.system, p.reference, 2 * p.effort, p.start).covariances,
-        solve_batch(p.system, dearer, p.effort, p.start).covariances,
+        solve_batch(p.system, p.reference, 2 * p.control_cost, p.start).covariances,
+        solve_batch(p.system, dearer, p.control_cost, p.start).covariances,
     ):
         assert np.linalg.eigvalsh(wide - narrow).min() > -1e-9 * np.abs(wide).max()
         assert np.trace(narrow[-1]) < np.trace(wide[-1])

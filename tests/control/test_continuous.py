@@ -9,11 +9,11 @@ from pilotfish.control import (
     Reference,
     continuous_double_integrator,
     discretise,
-    regulate_continuous,
+    lqr_continuous,
     track,
     track_continuous,
 )
-from pilotfish.control.flow import flow
+from pilotfish.control.flow import hamiltonian_flow
 from pilotfish.errors import InvalidInput
 
 PRECISE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
@@ -135,7 +135,7 @@ def test_moving_and_turning_the_world_moves_and_turns_the_motion(rng, stepwise):
     turn = np.kron(np.eye(2), np.linalg.qr(rng.normal(size=(3, 3)))[0])
     shift = np.array([1e3, -1e3, 1e3, 0, 0, 0])
     moved = Reference(reference.targets @ turn.T + shift, turn @ reference.weights @ turn.T)
-    for control in (track_continuous, regulate_continuous):
+    for control in (track_continuous, lqr_continuous):
         here = control(system, reference, 0.3, period=0.2).rollout(start)
         there = control(system, moved, 0.3, period=0.2).rollout(turn @ start + shift)
         np.testing.assert_allclose(there.x, here.x @ turn.T + shift, rtol=0, atol=1e-8)
@@ -171,7 +171,7 @@ def test_steady_gains_agree_with_the_eigenvectors_of_the_hamiltonian(rng, n, m):
     system, root = random_system(rng, n, m), rng.normal(size=(n, n))
     W, R = root @ root.T + np.eye(n), np.diag(rng.uniform(0.5, 2.0, size=m))
     reference = Reference(rng.normal(size=(3, n)), np.stack([W] * 3))
-    feedback = regulate_continuous(system, reference, R, period=0.1)
+    feedback = lqr_continuous(system, reference, R, period=0.1)
     expected = np.linalg.solve(R, system.B.T @ steady_price(system.A, system.B, W, R))
     np.testing.assert_allclose(feedback.gains, [expected] * 2, rtol=1e-7, atol=1e-7)
     np.testing.assert_array_equal(feedback.feedforwards, 0)
@@ -185,14 +185,14 @@ def test_far_from_its_end_the_finite_horizon_is_the_infinite_one(rng, period):
     T = 1 + int(np.ceil(50 / period))
     reference = Reference(np.zeros((T, 4)), np.stack([root @ root.T + np.eye(4)] * T))
     finite = track_continuous(system, reference, 0.7, period=period)
-    infinite = regulate_continuous(system, reference, 0.7, period=period)
+    infinite = lqr_continuous(system, reference, 0.7, period=period)
     np.testing.assert_allclose(finite.gains[0], infinite.gains[0], rtol=1e-8, atol=1e-8)
 
 
 def test_a_regulated_rollout_agrees_with_integrating_the_closed_loop(rng, stepwise):
     """Between two moments the state follows dx/dt = A x - B K (x - target)."""
     system, reference = random_system(rng, 3, 2), stepwise(3, 8)
-    feedback = regulate_continuous(system, reference, 0.5, period=0.3)
+    feedback = lqr_continuous(system, reference, 0.5, period=0.3)
     motion = feedback.rollout(rng.normal(size=3))
     for t in range(7):
         loop, mu = system.B @ feedback.gains[t], reference.targets[t]
@@ -207,7 +207,7 @@ def test_a_target_at_rest_is_reached_and_any_other_missed_by_the_stated_error(rn
     """The error that remains is (B K - A)^-1 A target, and nothing for a target that A leaves at rest."""
     system, weights = continuous_double_integrator(2), np.stack([np.eye(4)] * 200)
     for mu in (rng.normal(size=4), np.append(rng.normal(size=2), [0, 0])):
-        feedback = regulate_continuous(system, Reference(np.tile(mu, (200, 1)), weights), 0.5, period=0.2)
+        feedback = lqr_continuous(system, Reference(np.tile(mu, (200, 1)), weights), 0.5, period=0.2)
         expected = np.linalg.solve(system.B @ feedback.gains[0] - system.A, system.A @ mu)
         np.testing.assert_allclose(feedback.rollout(rng.normal(size=4)).x[-1] - mu, expected, atol=1e-9)
 
@@ -216,9 +216,7 @@ def test_a_weight_without_a_stabilising_gain_is_refused():
     """Velocities alone have a price: positions may drift for ever, and the message names the step."""
     weights = np.stack([np.eye(4), np.diag([0.0, 0.0, 1.0, 1.0]), np.eye(4)])
     with pytest.raises(InvalidInput, match=r"weights\[1\] has no stabilising gain"):
-        regulate_continuous(
-            continuous_double_integrator(2), Reference(np.zeros((3, 4)), weights), 1.0, period=0.1
-        )
+        lqr_continuous(continuous_double_integrator(2), Reference(np.zeros((3, 4)), weights), 1.0, period=0.1)
 
 
 @pytest.mark.parametrize("time", [1e-3, 1.0, 30.0])
@@ -227,7 +225,7 @@ def test_two_flows_make_one_of_twice_the_time(rng, time):
     n = 3
     A, roots = rng.normal(size=(n, n)), rng.normal(size=(2, n, n))
     G, Q = roots @ np.swapaxes(roots, 1, 2)
-    once, twice = flow(A, G, Q, time), flow(A, G, Q, 2 * time)
+    once, twice = hamiltonian_flow(A, G, Q, time), hamiltonian_flow(A, G, Q, 2 * time)
     x, after = rng.normal(size=(2, n))
     middle = np.linalg.solve(np.eye(n) + once.G @ once.Q, once.A @ x - once.G @ once.A.T @ after)
     price = once.Q @ middle + once.A.T @ after

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from annotations import annotations_checked
+from annotations import check_annotations
 from scipy.integrate import solve_ivp
 
 from pilotfish.control import (
@@ -79,7 +79,7 @@ def test_a_double_integrator_without_axes_is_refused():
 def test_period_whose_square_is_lost_is_refused(period):
     """Rather than squared to 0 or infinity."""
     for build in (double_integrator, lambda _, period: discretise(continuous_double_integrator(2), period)):
-        with annotations_checked(False), pytest.raises(InvalidInput, match=r"period is .* a positive time"):
+        with check_annotations(False), pytest.raises(InvalidInput, match=r"period is .* a positive time"):
             build(2, period)
 
 

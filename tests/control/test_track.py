@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pilotfish.control import Reference, VaryingSystem, double_integrator, solve_batch, track
+from pilotfish.control import Reference, TimeVaryingSystem, double_integrator, solve_batch, track
 
 SIZES = [(1, 1, 2), (2, 1, 2), (4, 2, 12), (3, 5, 7), (6, 3, 40)]
 
@@ -13,8 +13,8 @@ SIZES = [(1, 1, 2), (2, 1, 2), (4, 2, 12), (3, 5, 7), (6, 3, 40)]
 def test_the_recursion_agrees_with_one_big_least_squares_problem(random_problem, n, m, T, varying):
     """Riccati's recursion and the stacked normal equations give the same motion, to 1e-9 of its size."""
     p = random_problem(n, m, T, varying=varying)
-    recursive = track(p.system, p.reference, p.effort).rollout(p.start)
-    batch = solve_batch(p.system, p.reference, p.effort, p.start).motion
+    recursive = track(p.system, p.reference, p.control_cost).rollout(p.start)
+    batch = solve_batch(p.system, p.reference, p.control_cost, p.start).motion
     np.testing.assert_allclose(recursive.x, batch.x, rtol=0, atol=1e-9 * np.abs(batch.x).max())
     np.testing.assert_allclose(recursive.u, batch.u, rtol=0, atol=1e-9 * np.abs(batch.u).max())
     assert recursive.period == batch.period == p.system.period
@@ -25,7 +25,7 @@ def test_the_recursion_agrees_with_one_big_least_squares_problem(random_problem,
 def test_no_other_inputs_cost_less(rng, random_problem, n, m, T, varying):
     """The cost rises in every direction, and evenly both ways: its derivative there is zero."""
     p = random_problem(n, m, T, varying=varying)
-    motion = track(p.system, p.reference, p.effort).rollout(p.start)
+    motion = track(p.system, p.reference, p.control_cost).rollout(p.start)
     least = p.cost(motion.u)
     np.testing.assert_allclose(motion.x, p.simulate(motion.u), atol=1e-12 * np.abs(motion.x).max())
     for direction in rng.normal(size=(10, *motion.u.shape)):
@@ -39,18 +39,18 @@ def test_no_other_inputs_cost_less(rng, random_problem, n, m, T, varying):
 def test_the_rest_of_an_optimal_motion_is_optimal(random_problem, varying):
     """Bellman: started anew on the way, with the rest of the reference, the motion goes on as before."""
     p = random_problem(4, 2, 15, varying=varying)
-    motion = track(p.system, p.reference, p.effort).rollout(p.start)
+    motion = track(p.system, p.reference, p.control_cost).rollout(p.start)
     rest = Reference(p.reference.targets[6:], p.reference.weights[6:])
-    system = VaryingSystem(p.system.A[6:], p.system.B[6:], p.system.period) if varying else p.system
-    again = track(system, rest, p.effort).rollout(motion.x[6])
+    system = TimeVaryingSystem(p.system.A[6:], p.system.B[6:], p.system.period) if varying else p.system
+    again = track(system, rest, p.control_cost).rollout(motion.x[6])
     np.testing.assert_allclose(again.x, motion.x[6:], rtol=1e-9, atol=1e-9)
 
 
 def test_a_varying_system_that_does_not_vary_is_the_constant_one(random_problem):
     """Both kinds of system describe the same thing."""
     p = random_problem(4, 2, 9)
-    varying = VaryingSystem(np.stack([p.system.A] * 8), np.stack([p.system.B] * 8), p.system.period)
-    one, other = (track(system, p.reference, p.effort) for system in (p.system, varying))
+    varying = TimeVaryingSystem(np.stack([p.system.A] * 8), np.stack([p.system.B] * 8), p.system.period)
+    one, other = (track(system, p.reference, p.control_cost) for system in (p.system, varying))
     np.testing.assert_allclose(one.gains, other.gains, rtol=1e-12)
     np.testing.assert_allclose(one.rollout(p.start).x, other.rollout(p.start).x, rtol=1e-12)
 
@@ -127,7 +127,7 @@ def test_tracking_looks_ahead():
     targets[20:, 0] = 1.0
     reference = Reference(targets, np.stack([np.diag([100.0, 0.1])] * 40))
     position = [
-        track(double_integrator(1, 0.1), reference, effort).rollout(np.zeros(2)).x[19, 0]
-        for effort in (0.1, 1.0)
+        track(double_integrator(1, 0.1), reference, control_cost).rollout(np.zeros(2)).x[19, 0]
+        for control_cost in (0.1, 1.0)
     ]
     assert 0.05 < position[0] < position[1] < 0.5

@@ -15,7 +15,7 @@ from pilotfish.demonstrations import (
     moving_frame_from_poses,
     pose_layout,
 )
-from pilotfish.geometry import Pose, exp, multiply, normalise
+from pilotfish.geometry import Pose, multiply, normalise, quaternion_exp
 
 PERIOD = 0.05  # s
 TOML = """
@@ -63,7 +63,7 @@ class Maker:
     def quaternions(self, steps: int) -> np.ndarray:
         """A smooth turn from anywhere."""
         turns = np.linspace(0, 1, steps)[:, None] * self.rng.uniform(0.3, 0.8, size=3)
-        return multiply(normalise(self.rng.normal(size=4)), exp(turns))
+        return multiply(normalise(self.rng.normal(size=4)), quaternion_exp(turns))
 
     def x(self, layout: Layout, steps: int) -> np.ndarray:
         x = np.cumsum(self.rng.normal(scale=0.1, size=(steps, layout.width)), axis=0)

@@ -10,6 +10,7 @@ from pilotfish.demonstrations import (
     MovingFrame,
     Part,
     Quantity,
+    add_derivatives,
     demonstration,
     frame,
     frame_from_pose,
@@ -18,7 +19,6 @@ from pilotfish.demonstrations import (
     pose_layout,
     position_layout,
     views,
-    with_derivatives,
     world_frame,
 )
 from pilotfish.errors import InvalidInput
@@ -43,7 +43,7 @@ def by_definition(layout: Layout, pose: Pose, row: np.ndarray) -> np.ndarray:
 
 def test_a_frame_does_to_each_quantity_what_its_pose_does(make):
     """Positions turn and move, vectors and rates turn, quaternions are multiplied, scalars stay."""
-    layout, pose = make.mixed.differentiated(), make.pose()
+    layout, pose = make.mixed.differentiate(), make.pose()
     given, row = frame_from_pose("cup", layout, pose), make.rng.normal(size=layout.width)
     np.testing.assert_allclose(given.A @ row + given.b, by_definition(layout, pose, row), atol=1e-14)
 
@@ -119,7 +119,7 @@ def test_frames_with_an_oblique_matrix_are_looked_through_exactly(make):
 def test_frames_of_derivatives_turn_them_as_they_turn_the_parts(make):
     """Extending a frame and building it for the longer layout agree, for frames that stand still."""
     demo = make(layout=make.mixed)
-    longer = with_derivatives(demo)
+    longer = add_derivatives(demo)
     for given, extended in zip(demo.frames, longer.frames, strict=True):
         D = make.mixed.width
         np.testing.assert_array_equal(extended.A[..., :D, :D], given.A)
@@ -134,7 +134,7 @@ def test_views_of_derivatives_are_derivatives_of_views(make):
     """Through frames that stand still, differencing and viewing commute."""
     demo = make(steps=8)
     D = demo.layout.width
-    seen, before = views([with_derivatives(demo)]).x, views([demo]).x
+    seen, before = views([add_derivatives(demo)]).x, views([demo]).x
     np.testing.assert_allclose(seen[:, :-1, D:], np.diff(before, axis=1) / demo.period, atol=1e-11)
 
 

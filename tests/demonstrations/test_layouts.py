@@ -11,7 +11,7 @@ JOINTS = Part("joints", Quantity.SCALAR, 7, "rad")
 
 def test_columns_of_a_pose_with_derivatives():
     """Names, units and places of the fourteen columns of a pose and its rate."""
-    layout = pose_layout().differentiated()
+    layout = pose_layout().differentiate()
     assert layout.width == 14 == len(layout.names) == len(layout.units)
     assert layout.names[:5] == ("position x", "position y", "position z", "orientation w", "orientation x")
     assert layout.names[7:] == tuple(f"{name}'" for name in layout.names[:7])
@@ -32,7 +32,7 @@ def test_slices_cut_a_row_into_its_parts():
 def test_no_two_columns_share_a_name():
     """Every column of a layout with all quantities is told from the others by name."""
     force = Part("force", Quantity.VECTOR, 3, "N")
-    names = Layout((*pose_layout().parts, force, JOINTS)).differentiated().names
+    names = Layout((*pose_layout().parts, force, JOINTS)).differentiate().names
     assert len(set(names)) == len(names)
 
 
@@ -70,7 +70,7 @@ def test_layouts_that_cannot_be_are_refused():
     with pytest.raises(InvalidInput, match="no parts"):
         Layout(())
     with pytest.raises(InvalidInput, match="derivative of 'position' already"):
-        pose_layout().differentiated().differentiated()
+        pose_layout().differentiate().differentiate()
 
 
 def test_an_unknown_part_is_met_with_the_nearest():

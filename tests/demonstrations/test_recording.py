@@ -6,11 +6,11 @@ import pytest
 from pilotfish.demonstrations import (
     Frame,
     MovingFrame,
-    continuous_quaternions,
     demonstration,
     frame,
     pose_layout,
     position_layout,
+    unwrap_orientations,
     world_frame,
 )
 from pilotfish.errors import InvalidInput
@@ -97,7 +97,7 @@ def test_orientations_must_be_units(make):
 
 def test_orientations_must_not_flip_and_the_named_fix_works(make):
     """The row is named, and what the message proposes lets the recording in, derivatives included."""
-    layout = pose_layout().differentiated()
+    layout = pose_layout().differentiate()
     smooth = make.x(layout, 8)
     flipped = smooth.copy()
     flipped[3:6, 3:7] *= -1
@@ -106,14 +106,14 @@ def test_orientations_must_not_flip_and_the_named_fix_works(make):
         InvalidInput, match=r"flips sign at row 3 .*2 times.*continuous_quaternions\(x, layout\)"
     ):
         demonstration(flipped, 0.1, layout)
-    mended = demonstration(continuous_quaternions(flipped, layout), 0.1, layout)
+    mended = demonstration(unwrap_orientations(flipped, layout), 0.1, layout)
     np.testing.assert_array_equal(mended.x, smooth)
 
 
 def test_quaternions_of_another_width_have_no_signs_to_mend():
     """The array must fit the layout here too."""
     with pytest.raises(InvalidInput, match=r"shape \(4, 2\), expected \(T, 7\)"):
-        continuous_quaternions(LINE, pose_layout())
+        unwrap_orientations(LINE, pose_layout())
 
 
 BAD_SETS = [

@@ -7,26 +7,28 @@ import pytest
 
 from pilotfish.demonstrations import (
     MovingFrame,
+    add_derivatives,
     demonstration,
     frame_from_pose,
     moving_frame_from_poses,
     pose_layout,
     views,
-    with_derivatives,
 )
-from pilotfish.geometry import Pose, exp, multiply
+from pilotfish.geometry import Pose, multiply, quaternion_exp
 
 NEGATED = np.repeat([1.0, -1.0, 1.0, -1.0], [3, 4, 3, 4])
 
 
 def turning(rng, steps=30, flipped=False):
     """A tool that turns beside an object; the object's pose may be told by -q."""
-    object_ = Pose(rng.normal(size=3), exp(0.4 * rng.normal(size=3)))
+    object_ = Pose(rng.normal(size=3), quaternion_exp(0.4 * rng.normal(size=3)))
     axis = np.array([0.0, 0.0, 0.6]) + 0.05 * rng.normal(size=3)
-    q = multiply(exp(np.linspace(0.0, 1.0, steps)[:, None] * axis), np.tile(object_.quaternion, (steps, 1)))
+    q = multiply(
+        quaternion_exp(np.linspace(0.0, 1.0, steps)[:, None] * axis), np.tile(object_.quaternion, (steps, 1))
+    )
     x = np.hstack([object_.position + rng.normal(size=3) * np.linspace(0, 1, steps)[:, None], q])
     told = Pose(object_.position, -object_.quaternion) if flipped else object_
-    return with_derivatives(
+    return add_derivatives(
         demonstration(x, 0.1, pose_layout(), [frame_from_pose("object", pose_layout(), told)])
     )
 
@@ -51,15 +53,18 @@ def test_a_recording_of_minus_q_gives_the_same_view(rng):
 def test_what_a_moving_frame_sees_move_is_the_difference_of_what_it_sees(rng):
     """v[t] seen = (y[t+1] - y[t]) / period: a hand at rest on a turning belt is at rest there."""
     steps = 25
-    poses = [Pose(np.array([0.05 * t, 0.0, 0.3]), exp(np.array([0.0, 0.0, 0.02 * t]))) for t in range(steps)]
+    poses = [
+        Pose(np.array([0.05 * t, 0.0, 0.3]), quaternion_exp(np.array([0.0, 0.0, 0.02 * t])))
+        for t in range(steps)
+    ]
     belt = moving_frame_from_poses("belt", pose_layout(), poses)
-    still = np.concatenate([[0.1, 0.2, 0.0], exp(np.array([0.1, 0.0, 0.0]))])
+    still = np.concatenate([[0.1, 0.2, 0.0], quaternion_exp(np.array([0.1, 0.0, 0.0]))])
     x = np.einsum("tij,j->ti", belt.A, still) + belt.b
-    seen = views([with_derivatives(demonstration(x, 0.1, pose_layout(), [belt]))]).x[0]
+    seen = views([add_derivatives(demonstration(x, 0.1, pose_layout(), [belt]))]).x[0]
     np.testing.assert_allclose(seen[:, :7], np.tile(still, (steps, 1)), atol=1e-12)
     np.testing.assert_allclose(seen[:, 7:], 0.0, atol=1e-9)
     wandering = x + np.concatenate([0.1 * rng.normal(size=3), np.zeros(4)]) * np.arange(steps)[:, None]
-    seen = views([with_derivatives(demonstration(wandering, 0.1, pose_layout(), [belt]))]).x[0]
+    seen = views([add_derivatives(demonstration(wandering, 0.1, pose_layout(), [belt]))]).x[0]
     np.testing.assert_allclose(seen[:-1, 7:], np.diff(seen[:, :7], axis=0) / 0.1, atol=1e-9)
 
 
@@ -67,7 +72,7 @@ def test_what_a_moving_frame_sees_move_is_the_difference_of_what_it_sees(rng):
 def test_a_moving_frame_may_flip_its_sign_on_the_way(flip):
     """Trackers do; the frame stays one and the same pose, so its matrices stay continuous."""
     poses = [
-        Pose(np.zeros(3), (-1.0 if t >= flip else 1.0) * exp(np.array([0.0, 0.01 * t, 0.0])))
+        Pose(np.zeros(3), (-1.0 if t >= flip else 1.0) * quaternion_exp(np.array([0.0, 0.01 * t, 0.0])))
         for t in range(15)
     ]
     frame = moving_frame_from_poses("tracked", pose_layout(), poses)

@@ -6,7 +6,7 @@ The other tests of physics run unchecked, because checks cost five to eight time
 import numpy as np
 import pytest
 from jaxtyping import config
-from performing import perform_as_person
+from simulated_demonstration import simulate_human_demonstration
 
 from pilotfish.environments import RECORDED_VALVE, TASKS, Workcell
 
@@ -22,18 +22,18 @@ def annotations_are_checked(checked):
 def test_a_led_second_of_each_task_keeps_its_annotations(name, rng):
     """The person leads for a second, is judged, and has not finished."""
     task = EVERY_TASK[name]
-    cell = perform_as_person(task, task.draw(rng), rng, seconds=1.0)
+    cell = simulate_human_demonstration(task, task.sample_situation(rng), rng, seconds=1.0)
     assert cell.time == pytest.approx(1.0, abs=0.02)
-    assert not cell.verdict().success
+    assert not cell.outcome().success
 
 
 @pytest.mark.parametrize("name", sorted(EVERY_TASK))
 def test_a_followed_second_of_each_task_keeps_its_annotations(name, rng):
     """The arm goes to a pose 5 cm aside and is there, nearly, after a second."""
     task = EVERY_TASK[name]
-    cell = Workcell(task, task.draw(rng))
+    cell = Workcell(task, task.sample_situation(rng))
     goal = type(cell.target)(cell.target.position + np.array([0.0, 0.05, 0.0]), cell.target.quaternion)
     for _ in range(10):
-        cell.follow(goal, 0.0, 100)
+        cell.step_impedance(goal, 0.0, 100)
     assert np.linalg.norm(cell.arm.tool.position - goal.position) < 0.02
-    assert not cell.verdict().success
+    assert not cell.outcome().success

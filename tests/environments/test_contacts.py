@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 
 from pilotfish.environments import TASKS, Workcell, workcell
-from pilotfish.environments.baxter import ROBOT, THING
-from pilotfish.environments.contacts import contact_forces, larger
+from pilotfish.environments.baxter import OBJECT, ROBOT
+from pilotfish.environments.contacts import contact_forces, elementwise_max
 from pilotfish.geometry import Pose
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
 GRAVITY = 9.81
 KIND = {
-    "robot": f'contype="{ROBOT}" conaffinity="{THING}"',
-    "thing": f'contype="{THING}" conaffinity="{ROBOT | THING}"',
+    "robot": f'contype="{ROBOT}" conaffinity="{OBJECT}"',
+    "thing": f'contype="{OBJECT}" conaffinity="{ROBOT | OBJECT}"',
 }
 SETTLED = 1e-3  # of a force, after two seconds of rest
 
@@ -130,7 +130,7 @@ def test_nothing_that_touches_is_no_force():
 def test_of_two_measurements_the_larger_is_kept_thing_by_thing():
     """Each name has the larger of its two values, and the first keeps its own."""
     a, b = {"tool": 3.0, "cup": 0.0}, {"tool": 1.0, "cup": 2.0}
-    assert larger(a, b) == larger(b, a) == {"tool": 3.0, "cup": 2.0}
+    assert elementwise_max(a, b) == elementwise_max(b, a) == {"tool": 3.0, "cup": 2.0}
     assert a == {"tool": 3.0, "cup": 0.0}
 
 
@@ -145,12 +145,12 @@ def test_a_peak_is_the_largest_force_of_every_tick(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(workcell, "contact_forces", feel)
     task = TASKS["valve"]
-    where = task.draw(np.random.default_rng(0))
+    where = task.sample_situation(np.random.default_rng(0))
     cell = Workcell(task, where)
     panel = Pose(where.valve.position + np.array([0.12, 0.1, 0.0]), cell.arm.tool.quaternion)
     for _ in range(4):
-        cell.follow(panel, 0.0, 100)
+        cell.step_impedance(panel, 0.0, 100)
     assert len(felt) == 401
-    assert cell.peaks["tool"] == max(felt) > 5.0
-    assert cell.peaks["tool"] > 1.2 * max(felt[::100])
+    assert cell.peak_forces["tool"] == max(felt) > 5.0
+    assert cell.peak_forces["tool"] > 1.2 * max(felt[::100])
     assert cell.forces["tool"] == felt[-1]

@@ -6,9 +6,9 @@ import pytest
 from drawing import needs_renderer
 
 from pilotfish.environments import TASKS
-from pilotfish.environments.baxter import ROBOT, THING, add_arm, empty_world
-from pilotfish.environments.baxter.dress import PARTS, Surface, dress
-from pilotfish.environments.cameras import Photographer, View
+from pilotfish.environments.baxter import OBJECT, ROBOT, add_arm, empty_world
+from pilotfish.environments.baxter.dress import PARTS, VisualMesh, add_visual_meshes
+from pilotfish.environments.cameras import CameraView, SceneRenderer
 from pilotfish.errors import InvalidInput
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -16,33 +16,33 @@ pytestmark = pytest.mark.usefixtures("unchecked")
 GREEN = (0.0, 1.0, 0.0, 1.0)
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3]])
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-WHOLE = View((0.3, 0.0, 0.0), 3.0, 140.0, -15.0)
+WHOLE = CameraView((0.3, 0.0, 0.0), 3.0, 140.0, -15.0)
 
 
-def worn(part: str, rgba: tuple[float, float, float, float] = GREEN) -> Surface:
+def test_mesh(part: str, rgba: tuple[float, float, float, float] = GREEN) -> VisualMesh:
     """A tetrahedron on a part, larger than the part, so that it would touch things if it could."""
-    return Surface(part, CORNERS, SIDES, rgba)
+    return VisualMesh(part, CORNERS, SIDES, rgba)
 
 
-def at_work(surfaces: list[Surface]) -> mujoco.MjModel:
+def at_work(visual_meshes: list[VisualMesh]) -> mujoco.MjModel:
     """The robot with a gripper, a valve within reach, and a rain of balls; the left arm is still."""
     spec, task = empty_world(0.001), TASKS["valve"]
-    task.mount(spec, add_arm(spec, "right"), "right")
+    task.mount_tool(spec, add_arm(spec, "right"), "right")
     add_arm(spec, "left", posture=(-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0))
-    task.furnish(spec, task.draw(np.random.default_rng(0)))
+    task.add_objects(spec, task.sample_situation(np.random.default_rng(0)))
     for n in range(60):
         place = [0.25 + 0.1 * (n % 6), -0.8 + 0.1 * (n // 6), 0.6 + 0.05 * (n % 4)]
         ball = spec.worldbody.add_body(name=f"ball_{n}", pos=place)
         ball.add_freejoint()
         shape = ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.03, 0, 0], mass=0.1)
-        shape.contype, shape.conaffinity = THING, ROBOT | THING
-    dress(spec, surfaces)
+        shape.contype, shape.conaffinity = OBJECT, ROBOT | OBJECT
+    add_visual_meshes(spec, visual_meshes)
     return spec.compile()
 
 
 def test_dressing_changes_no_physics(rng: np.random.Generator):
     """An arm under random torques in a rain of balls moves the same bit for bit, and meets as many."""
-    plain, dressed = at_work([]), at_work([worn(part) for part in PARTS])
+    plain, dressed = at_work([]), at_work([test_mesh(part) for part in PARTS])
     assert dressed.ngeom == plain.ngeom + 1 + 7 * 2
     torques, met = rng.normal(scale=20.0, size=(600, plain.nu)), 0
     runs = [mujoco.MjData(model) for model in (plain, dressed)]
@@ -60,13 +60,13 @@ def test_dressing_changes_no_physics(rng: np.random.Generator):
 
 def test_nothing_worn_weighs_or_touches():
     """Masses and inertias are those of the plain robot, and no surface is of a kind that touches."""
-    plain, dressed = at_work([]), at_work([worn(part) for part in PARTS])
+    plain, dressed = at_work([]), at_work([test_mesh(part) for part in PARTS])
     np.testing.assert_array_equal(plain.body_mass, dressed.body_mass)
     np.testing.assert_array_equal(plain.body_inertia, dressed.body_inertia)
-    surfaces = dressed.geom_type == mujoco.mjtGeom.mjGEOM_MESH
-    assert surfaces.sum() == 15
-    assert not dressed.geom_contype[surfaces].any()
-    assert not dressed.geom_conaffinity[surfaces].any()
+    visual_meshes = dressed.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    assert visual_meshes.sum() == 15
+    assert not dressed.geom_contype[visual_meshes].any()
+    assert not dressed.geom_conaffinity[visual_meshes].any()
 
 
 @needs_renderer
@@ -74,12 +74,16 @@ def test_nothing_worn_weighs_or_touches():
 def test_what_is_worn_is_seen_instead_of_what_is_under_it(part: str):
     """A picture has the surface's colour only when it is worn, and what is under it is left out."""
     pictures = []
-    for surfaces in ([], [worn(part)], [worn(part, (0.0, 1.0, 0.0, 0.0))]):  # the last one is as clear as air
-        model = at_work(surfaces)
+    for visual_meshes in (
+        [],
+        [test_mesh(part)],
+        [test_mesh(part, (0.0, 1.0, 0.0, 0.0))],
+    ):  # the last one is as clear as air
+        model = at_work(visual_meshes)
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
-        with Photographer(model, WHOLE, width=320, height=240) as photographer:
-            pictures.append(photographer.photograph(data).astype(int))
+        with SceneRenderer(model, WHOLE, width=320, height=240) as renderer:
+            pictures.append(renderer.render(data).astype(int))
     green = [int((taken[..., 1] - taken[..., 0] > 60).sum()) for taken in pictures]
     assert green[0] == green[2] == 0
     assert green[1] > 50
@@ -88,7 +92,7 @@ def test_what_is_worn_is_seen_instead_of_what_is_under_it(part: str):
 
 def test_a_surface_lies_in_the_axes_of_its_part():
     """Corners of what is worn stand where the axes of the part put them, in either arm."""
-    model = at_work([worn("w0")])
+    model = at_work([test_mesh("w0")])
     data = mujoco.MjData(model)
     data.qpos[:7] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
     mujoco.mj_forward(model, data)
@@ -109,21 +113,21 @@ def test_an_arm_that_is_not_there_wears_nothing():
     """A robot with one arm is dressed as well."""
     spec = empty_world(0.001)
     add_arm(spec, "right")
-    dress(spec, [worn("s0")])
+    add_visual_meshes(spec, [test_mesh("s0")])
     assert spec.compile().nmesh == 1
 
 
 @pytest.mark.parametrize(
     ("surface", "words"),
     [
-        (Surface("elbow", CORNERS, SIDES, GREEN), "'elbow', expected one of torso, s0"),
-        (Surface("s0", CORNERS, SIDES[:0], GREEN), "some of its 4 vertices"),
-        (Surface("s0", CORNERS, SIDES + 1, GREEN), "some of its 4 vertices"),
-        (Surface("s0", CORNERS, SIDES - 1, GREEN), "some of its 4 vertices"),
-        (Surface("s0", CORNERS * np.nan, SIDES, GREEN), "not finite"),
+        (VisualMesh("elbow", CORNERS, SIDES, GREEN), "'elbow', expected one of torso, s0"),
+        (VisualMesh("s0", CORNERS, SIDES[:0], GREEN), "some of its 4 vertices"),
+        (VisualMesh("s0", CORNERS, SIDES + 1, GREEN), "some of its 4 vertices"),
+        (VisualMesh("s0", CORNERS, SIDES - 1, GREEN), "some of its 4 vertices"),
+        (VisualMesh("s0", CORNERS * np.nan, SIDES, GREEN), "not finite"),
     ],
 )
-def test_what_cannot_be_worn_is_refused(surface: Surface, words: str):
+def test_what_cannot_be_worn_is_refused(mesh: VisualMesh, words: str):
     """The refusal tells the part and what was expected."""
     with pytest.raises(InvalidInput, match=words):
-        dress(empty_world(0.001), [surface])
+        add_visual_meshes(empty_world(0.001), [mesh])

@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 
 from pilotfish.control import tool_poses
 from pilotfish.environments.baxter import arm_chain
-from pilotfish.geometry import Pose, exp, multiply, rotation_matrix, rotation_vector
+from pilotfish.geometry import Pose, multiply, quaternion_exp, relative_rotation_vector, rotation_matrix
 
 LEVER = 0.3  # m: what a radian is worth in the fit
 ROS = [2, 3, 0, 1, 4, 5, 6]  # where s0 s1 e0 e1 w0 w1 w2 stand when names are in alphabetical order
@@ -24,7 +24,7 @@ def logged(data_folder):
 
 def offsets_of(v):
     """The pose of six numbers: a place and a rotation vector."""
-    return Pose(v[:3], exp(0.5 * v[3:]))
+    return Pose(v[:3], quaternion_exp(0.5 * v[3:]))
 
 
 def corrected(poses, v):
@@ -41,13 +41,13 @@ def fit(poses, position, quaternion):
     def residuals(v):
         places, turns = corrected(poses, v)
         return np.concatenate(
-            [(places - position).ravel(), LEVER * rotation_vector(turns, quaternion).ravel()]
+            [(places - position).ravel(), LEVER * relative_rotation_vector(turns, quaternion).ravel()]
         )
 
     starts = ([*np.zeros(9), 0.0, 0.0, turn] for turn in (0.0, np.pi / 2, np.pi, -np.pi / 2))
     best = min((least_squares(residuals, start) for start in starts), key=lambda found: found.cost)
     places, turns = corrected(poses, best.x)
-    apart, angles = places - position, rotation_vector(turns, quaternion)
+    apart, angles = places - position, relative_rotation_vector(turns, quaternion)
     return best.x, *(float(np.sqrt((left**2).sum(axis=1).mean())) for left in (apart, angles))
 
 

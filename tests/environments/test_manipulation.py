@@ -7,10 +7,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from annotations import annotations_checked
+from annotations import check_annotations
 from gymnasium.utils.env_checker import check_env
 
-from pilotfish.environments import TASKS, TICK, Manipulation, RecordedValve, Workcell
+from pilotfish.environments import TASKS, TIMESTEP, Manipulation, RecordedValve, Workcell
 from pilotfish.environments.tasks.carabiner import CarabinerSituation
 from pilotfish.environments.tasks.plate import PlateSituation
 from pilotfish.environments.tasks.screwdriver import ScrewdriverSituation
@@ -21,7 +21,7 @@ from pilotfish.geometry import Pose
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
-Observation = dict[str, np.ndarray]
+ObservationArrays = dict[str, np.ndarray]
 GYMNASIUM_S_ADVICE = (  # that a learner may want other scales is for its own wrapper: units are SI here
     "ignore:.*we recommend using a symmetric and .* space:UserWarning",
     "ignore:.*observation space m.* value is -?infinity:UserWarning",
@@ -38,7 +38,7 @@ def held(
 
 def episode(
     task: str, seed: int, steps: int = 12
-) -> list[tuple[Observation, float, bool, bool, dict[str, Any]]]:
+) -> list[tuple[ObservationArrays, float, bool, bool, dict[str, Any]]]:
     """Some steps that ask for places around where the tool is."""
     env, rng = Manipulation(task), np.random.default_rng(5)
     observation, info = env.reset(seed=seed)
@@ -181,7 +181,7 @@ def test_an_action_that_means_nothing_is_refused_and_nothing_moves(name: str):
     env.reset(seed=0)
     env.step(held(env, (0.05, 0.0, 0.0)))
     before = env.cell.data.qpos.copy(), env.cell.data.qvel.copy(), env.cell.time
-    with annotations_checked(False), pytest.raises(InvalidInput, match="expected"):
+    with check_annotations(False), pytest.raises(InvalidInput, match="expected"):
         env.step(WRONG[name])
     assert np.array_equal(env.cell.data.qpos, before[0])
     assert np.array_equal(env.cell.data.qvel, before[1])
@@ -220,7 +220,7 @@ UNUSABLE_SITUATIONS: list[tuple[type, tuple[Any, ...], str]] = [
 @pytest.mark.parametrize(("kind", "values", "message"), UNUSABLE_SITUATIONS)
 def test_situation_with_unusable_values_is_refused(kind: type, values: tuple[Any, ...], message: str):
     """Before the physics is built, so that it never computes with what is not a number."""
-    with annotations_checked(False), pytest.raises(InvalidInput, match=message):
+    with check_annotations(False), pytest.raises(InvalidInput, match=message):
         kind(*values)
 
 
@@ -228,7 +228,7 @@ def test_situation_with_unusable_values_is_refused(kind: type, values: tuple[Any
 def test_situation_out_of_reach_or_under_the_floor_is_refused_by_reset(height: float):
     """The physics engine's own errors do not come through."""
     for task in sorted(TASKS):
-        drawn = TASKS[task].draw(np.random.default_rng(0))
+        drawn = TASKS[task].sample_situation(np.random.default_rng(0))
         thing = next(field.name for field in fields(drawn) if isinstance(getattr(drawn, field.name), Pose))
         at = getattr(drawn, thing)
         env = Manipulation(task)
@@ -242,7 +242,7 @@ def test_situation_out_of_reach_or_under_the_floor_is_refused_by_reset(height: f
 def test_unknown_task_is_refused(task: Any):
     """Whatever it is."""
     with (
-        annotations_checked(False),
+        check_annotations(False),
         pytest.raises(InvalidInput, match="carabiner, plate, screwdriver, stab, valve"),
     ):
         Manipulation(task)
@@ -254,7 +254,7 @@ def test_unknown_task_is_refused(task: Any):
 )
 def test_unusable_reset_is_refused(arguments: dict[str, Any]):
     """Seeds and options."""
-    with annotations_checked(False), pytest.raises(InvalidInput, match="expected"):
+    with check_annotations(False), pytest.raises(InvalidInput, match="expected"):
         Manipulation("valve").reset(**arguments)
 
 
@@ -272,7 +272,7 @@ def test_a_step_is_twenty_milliseconds():
     env = Manipulation("valve")
     env.reset(seed=0)
     env.step(held(env))
-    assert env.cell.time == pytest.approx(1.0 / env.metadata["render_fps"], abs=0.1 * TICK)
+    assert env.cell.time == pytest.approx(1.0 / env.metadata["render_fps"], abs=0.1 * TIMESTEP)
 
 
 def test_done_work_ends_the_episode_and_is_rewarded():
@@ -281,17 +281,17 @@ def test_done_work_ends_the_episode_and_is_rewarded():
     env.reset(seed=0)
     reward, done, _, info = env.step(held(env))[1:]
     assert (reward, done, info["success"]) == (0.0, False, False)
-    assert "degrees from where it was to be" in info["why"]
+    assert "degrees from where it was to be" in info["reason"]
     env.cell.data.joint("valve").qpos[:] = env.cell.situation.end
     reward, done, _, info = env.step(held(env))[1:]
-    assert (reward, done, info["success"], info["why"]) == (1.0, True, True, "")
+    assert (reward, done, info["success"], info["reason"]) == (1.0, True, True, "")
     assert info["error"] < 0.09
 
 
 def test_a_situation_that_is_known_can_be_set_up():
-    """options names it; the seed then is for what follows."""
+    """Options names it; the seed then is for what follows."""
     task = TASKS["valve"]
-    where = task.draw(np.random.default_rng(8))
+    where = task.sample_situation(np.random.default_rng(8))
     env = Manipulation("valve")
     observation = env.reset(seed=1, options={"situation": where})[0]
     assert env.cell.situation is where
@@ -302,7 +302,7 @@ def test_a_situation_that_is_known_can_be_set_up():
 def test_what_cannot_be_set_up_is_refused():
     """Another task's situation, an option that is none, and a name that is no task."""
     env = Manipulation("valve")
-    stab = TASKS["stab"].draw(np.random.default_rng(0))
+    stab = TASKS["stab"].sample_situation(np.random.default_rng(0))
     with pytest.raises(
         InvalidInput, match=r"StabSituation, expected ValveSituation; draw one: TASKS\['valve'\]"
     ):
@@ -348,7 +348,7 @@ def test_pictures_show_what_is_there():
 
 
 def test_without_a_render_mode_there_is_no_picture():
-    """render answers None, before and after reset, and needs no graphics."""
+    """Render answers None, before and after reset, and needs no graphics."""
     env = Manipulation("valve")
     assert env.render() is None
     env.reset(seed=0)

@@ -5,10 +5,10 @@ from math import pi, radians
 import mujoco
 import numpy as np
 import pytest
-from performing import perform_as_person
+from simulated_demonstration import simulate_human_demonstration
 
-from pilotfish.environments import Verdict, Workcell
-from pilotfish.environments.baxter import posture_for
+from pilotfish.environments import Outcome, Workcell
+from pilotfish.environments.baxter import solve_posture
 from pilotfish.environments.tasks import SCREWDRIVER
 from pilotfish.environments.tasks.screwdriver import (
     BORE,
@@ -17,48 +17,48 @@ from pilotfish.environments.tasks.screwdriver import (
     MOUTH,
     REACH,
     ScrewdriverSituation,
-    above,
-    screw_at,
+    screw_pose,
+    tool_above_recess,
 )
-from pilotfish.geometry import Pose, angle, exp
+from pilotfish.geometry import Pose, angle, quaternion_exp
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
 ARM_LAG = 0.25  # s, from the leading hand to the led tool: what a person who tracks has to reckon with
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
-TIMES = np.linspace(0.0, SCREWDRIVER.seconds, 301)
+TIMES = np.linspace(0.0, SCREWDRIVER.time_limit, 301)
 
 
 def drawn(seed: int) -> ScrewdriverSituation:
-    return SCREWDRIVER.draw(np.random.default_rng(seed))
+    return SCREWDRIVER.sample_situation(np.random.default_rng(seed))
 
 
-def stand(cell: Workcell, tool: Pose) -> Verdict:
+def stand(cell: Workcell, tool: Pose) -> Outcome:
     """The verdict on an arm that holds the tool there."""
-    cell.arm.q[:] = posture_for(tool, REACH)
+    cell.arm.q[:] = solve_posture(tool, REACH)
     mujoco.mj_forward(cell.model, cell.data)
-    return cell.verdict()
+    return cell.outcome()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_person_sets_the_screwdriver_in(seed):
     """Led by a person the tip ends at the bottom of the moving recess, and nothing is pushed by 60 N."""
-    cell = perform_as_person(SCREWDRIVER, drawn(seed), np.random.default_rng(seed), lag=ARM_LAG)
-    assert cell.verdict() == Verdict(True, cell.verdict().error)
-    assert cell.verdict().error < 0.003
-    assert 0.0 < cell.peaks["tool"] < 60.0
+    cell = simulate_human_demonstration(SCREWDRIVER, drawn(seed), np.random.default_rng(seed), lag=ARM_LAG)
+    assert cell.outcome() == Outcome(True, cell.outcome().error)
+    assert cell.outcome().error < 0.003
+    assert 0.0 < cell.peak_forces["tool"] < 60.0
 
 
 def test_nothing_is_done_by_waiting():
     """At the beginning and after two seconds of holding still the tip is far away, and the verdict tells."""
     cell = Workcell(SCREWDRIVER, drawn(0))
     for _ in range(2):
-        verdict = cell.verdict()
-        assert not verdict.success
-        assert "the tip is" in verdict.why
-        assert verdict.error > 0.05
-        cell.follow(cell.target, 0.0, 2000)
-    assert cell.peaks["tool"] == 0.0
+        outcome = cell.outcome()
+        assert not outcome.success
+        assert "the tip is" in outcome.reason
+        assert outcome.error > 0.05
+        cell.step_impedance(cell.target, 0.0, 2000)
+    assert cell.peak_forces["tool"] == 0.0
 
 
 def test_a_tip_beside_the_funnel_rests_on_the_plate():
@@ -67,10 +67,10 @@ def test_a_tip_beside_the_funnel_rests_on_the_plate():
     aside = Pose(np.array([0.0, 0.019, 0.0]), HERE)
     for height, ticks in ((0.06, 2000), (0.002, 1500), (0.002, 1000)):
         for _ in range(ticks // 100):
-            cell.follow(above(cell.frames(), height) @ aside, 0.0, 100)
+            cell.step_impedance(tool_above_recess(cell.frames(), height) @ aside, 0.0, 100)
     seen = cell.frames()["target"].inverse() @ cell.arm.tool
     assert HIGH - 0.001 < seen.position[2] < HIGH + 0.003
-    assert not cell.verdict().success
+    assert not cell.outcome().success
     assert cell.forces["tool"] > 5.0
 
 
@@ -80,42 +80,42 @@ def test_who_aims_at_where_the_screw_was_misses(seed):
     situation = drawn(seed)
     cell = Workcell(SCREWDRIVER, situation)
     was = max(
-        (screw_at(situation, t) for t in TIMES),
-        key=lambda screw: np.linalg.norm(screw.position - screw_at(situation, 4.0).position),
+        (screw_pose(situation, t) for t in TIMES),
+        key=lambda screw: np.linalg.norm(screw.position - screw_pose(situation, 4.0).position),
     )
     for height, ticks in ((0.05, 2000), (0.0, 2000)):
-        cell.follow(above({"target": was}, height), 0.0, ticks)
-    assert "the tip is" in cell.verdict().why
+        cell.step_impedance(tool_above_recess({"target": was}, height), 0.0, ticks)
+    assert "the tip is" in cell.outcome().reason
 
 
 def test_the_verdict_is_that_of_the_tool_in_the_recess():
     """In place is done; 4 mm off, 6 degrees aslant or 12 across the slot is not, each for its reason."""
     cell = Workcell(SCREWDRIVER, drawn(2))
-    goal = above(cell.frames(), 0.0)
+    goal = tool_above_recess(cell.frames(), 0.0)
 
-    def moved(x: float, lean: float, twist: float) -> Verdict:
-        turn = exp(0.5 * radians(1.0) * np.array([lean, 0.0, twist]))
+    def moved(x: float, lean: float, twist: float) -> Outcome:
+        turn = quaternion_exp(0.5 * radians(1.0) * np.array([lean, 0.0, twist]))
         return stand(cell, goal @ Pose(np.array([x, 0.0, 0.0]), turn))
 
     assert moved(0.0, 0.0, 0.0).success
     assert moved(0.002, 4.0, 0.0).success
     assert moved(0.0, 0.0, -9.0).success
     assert moved(0.002, 0.0, 0.0).error == pytest.approx(0.002, abs=1e-4)
-    assert "the tip is 4.0 mm" in moved(0.004, 0.0, 0.0).why
-    assert "leans by 6.0 degrees" in moved(0.0, 6.0, 0.0).why
-    assert "12.0 degrees across" in moved(0.0, 0.0, 12.0).why
+    assert "the tip is 4.0 mm" in moved(0.004, 0.0, 0.0).reason
+    assert "leans by 6.0 degrees" in moved(0.0, 6.0, 0.0).reason
+    assert "12.0 degrees across" in moved(0.0, 0.0, 12.0).reason
 
 
 def test_a_blade_has_no_front():
     """Turned by half a turn about its axis the screwdriver is as good."""
     cell = Workcell(SCREWDRIVER, drawn(2))
-    half = Pose(np.zeros(3), exp(0.5 * pi * np.array([0.0, 0.0, 1.0])))
-    tool = above(cell.frames(), 0.0) @ half
-    cell.arm.q[:] = posture_for(above(cell.frames(), 0.0), REACH)
+    half = Pose(np.zeros(3), quaternion_exp(0.5 * pi * np.array([0.0, 0.0, 1.0])))
+    tool = tool_above_recess(cell.frames(), 0.0) @ half
+    cell.arm.q[:] = solve_posture(tool_above_recess(cell.frames(), 0.0), REACH)
     cell.arm.q[6] += pi if cell.arm.q[6] < 0 else -pi
     mujoco.mj_forward(cell.model, cell.data)
     assert angle(cell.arm.tool.quaternion, tool.quaternion) < 1e-3
-    assert cell.verdict().success
+    assert cell.outcome().success
 
 
 @pytest.mark.parametrize(("height", "radius"), [(DEEP / 2, BORE), (HIGH - 1e-4, MOUTH)])
@@ -139,8 +139,8 @@ def test_the_frame_is_where_the_screw_is(seed):
     """For two seconds the frame seen is within 1.5 mm of the path that the screw is to take, turned alike."""
     cell = Workcell(SCREWDRIVER, drawn(seed))
     for _ in range(10):
-        cell.follow(cell.target, 0.0, 200)
-        seen, wanted = cell.frames()["target"], screw_at(cell.situation, cell.time)
+        cell.step_impedance(cell.target, 0.0, 200)
+        seen, wanted = cell.frames()["target"], screw_pose(cell.situation, cell.time)
         assert np.linalg.norm(seen.position - wanted.position) < 0.0015
         assert angle(seen.quaternion, wanted.quaternion) < 1e-6
 
@@ -149,7 +149,7 @@ def test_the_frame_is_where_the_screw_is(seed):
 def test_the_screw_moves_slowly_and_not_far(seed):
     """By finite differences its fastest is 5 to 20 mm/s; it keeps to 6 cm about its middle, at its height."""
     situation = drawn(seed)
-    path = np.array([screw_at(situation, t).position for t in TIMES])
+    path = np.array([screw_pose(situation, t).position for t in TIMES])
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / (TIMES[1] - TIMES[0])
     assert 0.0049 < speeds.max() < 0.0201
     assert np.linalg.norm(path - situation.middle.position, axis=1).max() < 0.06
@@ -164,7 +164,7 @@ def test_the_arm_reaches_the_screw_wherever_it_goes(seed):
         middle = situation.middle
         screw = Pose(middle.position + away * situation.direction, middle.quaternion)
         for height in (0.0, 0.07):
-            posture_for(above({"target": screw}, height), REACH)
+            solve_posture(tool_above_recess({"target": screw}, height), REACH)
 
 
 def test_one_seed_is_one_situation():

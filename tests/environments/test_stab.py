@@ -5,10 +5,10 @@ from math import radians
 import mujoco
 import numpy as np
 import pytest
-from performing import perform_as_person
+from simulated_demonstration import simulate_human_demonstration
 
-from pilotfish.environments import Verdict, Workcell
-from pilotfish.environments.baxter import posture_for
+from pilotfish.environments import Outcome, Workcell
+from pilotfish.environments.baxter import solve_posture
 from pilotfish.environments.tasks import STAB
 from pilotfish.environments.tasks.stab import (
     BORE,
@@ -18,9 +18,9 @@ from pilotfish.environments.tasks.stab import (
     RADIUS,
     SIDES,
     StabSituation,
-    tip_in,
+    insertion_depth,
 )
-from pilotfish.geometry import Pose, exp, rotation_matrix
+from pilotfish.geometry import Pose, quaternion_exp, rotation_matrix
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -28,47 +28,47 @@ HERE = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def drawn(seed: int) -> StabSituation:
-    return STAB.draw(np.random.default_rng(seed))
+    return STAB.sample_situation(np.random.default_rng(seed))
 
 
 def at(situation: StabSituation, aside: float, depth: float, lean: float = 0.0) -> Pose:
     """The tool so deep beyond the mouth and so far from the axis [m], leaning [degrees] away from it."""
-    turn = exp(0.5 * radians(lean) * np.array([0.0, 1.0, 0.0]))
+    turn = quaternion_exp(0.5 * radians(lean) * np.array([0.0, 1.0, 0.0]))
     return situation.receptacle @ Pose(np.array([aside, 0.0, depth]), turn)
 
 
 def pushed_in(cell: Workcell, aside: float, depth: float) -> None:
     """The workcell when the arm was drawn straight in, aside of the axis all the way."""
     for goal, ticks in ((-0.1, 1500), (-0.02, 600), (depth, 2000), (depth, 500)):
-        cell.follow(at(cell.situation, aside, goal), 0.0, ticks)
+        cell.step_impedance(at(cell.situation, aside, goal), 0.0, ticks)
 
 
-def stand(cell: Workcell, tool: Pose) -> Verdict:
+def stand(cell: Workcell, tool: Pose) -> Outcome:
     """The verdict on an arm that holds the tool there."""
-    cell.arm.q[:] = posture_for(tool, LENGTH)
+    cell.arm.q[:] = solve_posture(tool, LENGTH)
     mujoco.mj_forward(cell.model, cell.data)
-    return cell.verdict()
+    return cell.outcome()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_person_puts_the_stab_in(seed):
     """Led by a person the stab ends in the bore, and nothing is pushed by 60 N."""
-    cell = perform_as_person(STAB, drawn(seed), np.random.default_rng(seed))
-    assert cell.verdict() == Verdict(True, cell.verdict().error)
-    assert cell.verdict().error < 0.001
-    assert cell.peaks["tool"] < 60.0
+    cell = simulate_human_demonstration(STAB, drawn(seed), np.random.default_rng(seed))
+    assert cell.outcome() == Outcome(True, cell.outcome().error)
+    assert cell.outcome().error < 0.001
+    assert cell.peak_forces["tool"] < 60.0
 
 
 def test_nothing_is_done_by_waiting():
     """At the beginning and after two seconds of holding still the stab is outside, and the verdict tells."""
     cell = Workcell(STAB, drawn(0))
     for _ in range(2):
-        verdict = cell.verdict()
-        assert not verdict.success
-        assert "not in it" in verdict.why or "deep" in verdict.why
-        assert verdict.error > 0.1
-        cell.follow(cell.target, 0.0, 2000)
-    assert cell.peaks["tool"] == 0.0
+        outcome = cell.outcome()
+        assert not outcome.success
+        assert "not in it" in outcome.reason or "deep" in outcome.reason
+        assert outcome.error > 0.1
+        cell.step_impedance(cell.target, 0.0, 2000)
+    assert cell.peak_forces["tool"] == 0.0
 
 
 @pytest.mark.parametrize("aside", [0.0, 0.008])
@@ -76,11 +76,11 @@ def test_the_funnel_leads_a_stab_in_that_is_a_little_aside(aside):
     """Asked 8 mm beside the axis it goes in all the same, pressed by the bore's wall to within its play."""
     cell = Workcell(STAB, drawn(1))
     pushed_in(cell, aside, 0.07)
-    assert cell.verdict().success
-    depth, beside, _ = tip_in(cell.situation.receptacle, cell.arm.tool)
+    assert cell.outcome().success
+    depth, use_free_name, _ = insertion_depth(cell.situation.receptacle, cell.arm.tool)
     assert depth == pytest.approx(0.07, abs=0.003)
     # Corners between the walls are farther from the axis than their middles; contacts give a little.
-    assert beside < BORE / np.cos(np.pi / SIDES) - RADIUS + 5e-4
+    assert use_free_name < BORE / np.cos(np.pi / SIDES) - RADIUS + 5e-4
     assert (cell.forces["tool"] > 1.0) == (aside > 0.0)
 
 
@@ -88,16 +88,16 @@ def test_a_stab_beside_the_funnel_stays_outside():
     """Pushed 26 mm aside it meets the rim and does not go in."""
     cell = Workcell(STAB, drawn(0))
     pushed_in(cell, 0.026, 0.04)
-    assert not cell.verdict().success
-    assert tip_in(cell.situation.receptacle, cell.arm.tool)[0] < 0.01
-    assert cell.peaks["tool"] > 5.0
+    assert not cell.outcome().success
+    assert insertion_depth(cell.situation.receptacle, cell.arm.tool)[0] < 0.01
+    assert cell.peak_forces["tool"] > 5.0
 
 
 def test_the_bore_has_a_bottom():
     """Asked 20 mm beyond it the stab stops there, and pushes."""
     cell = Workcell(STAB, drawn(2))
     pushed_in(cell, 0.0, BOTTOM + 0.02)
-    assert tip_in(cell.situation.receptacle, cell.arm.tool)[0] == pytest.approx(BOTTOM, abs=0.002)
+    assert insertion_depth(cell.situation.receptacle, cell.arm.tool)[0] == pytest.approx(BOTTOM, abs=0.002)
     assert cell.forces["tool"] > 5.0
 
 
@@ -105,17 +105,17 @@ def test_the_verdict_is_that_of_the_stab_in_the_bore():
     """In place is done; 20 mm short, beside the bore, or 6 degrees aslant is not, each for its reason."""
     cell = Workcell(STAB, drawn(3))
     situation = cell.situation
-    assert stand(cell, at(situation, 0.0, 0.07)) == Verdict(True, 0.0)
+    assert stand(cell, at(situation, 0.0, 0.07)) == Outcome(True, 0.0)
     assert stand(cell, at(situation, 0.001, 0.065, 2.0)).success
     short = stand(cell, at(situation, 0.0, 0.04))
-    assert "40 mm deep" in short.why
+    assert "40 mm deep" in short.reason
     assert short.error == pytest.approx(0.02, abs=1e-4)
-    assert "not in it" in stand(cell, at(situation, 0.02, 0.07)).why
-    assert "leans 6.0 degrees" in stand(cell, at(situation, 0.0, 0.07, 6.0)).why
+    assert "not in it" in stand(cell, at(situation, 0.02, 0.07)).reason
+    assert "leans 6.0 degrees" in stand(cell, at(situation, 0.0, 0.07, 6.0)).reason
     assert stand(cell, at(situation, 0.0, 0.07)).success
     cell.arm.velocity[:] = 0.05
     mujoco.mj_forward(cell.model, cell.data)
-    assert "still moves" in cell.verdict().why
+    assert "still moves" in cell.outcome().reason
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -148,5 +148,8 @@ def test_every_goal_is_within_reach(seed):
     """The arm has a posture for every goal of the script, wherever the receptacle is."""
     situation = drawn(seed)
     frames = {"receptacle": situation.receptacle}
-    for goal in (STAB.home(situation), *(act.goal(frames) for act in STAB.script(situation))):
-        posture_for(goal, LENGTH)
+    for goal in (
+        STAB.start_pose(situation),
+        *(subtask.goal(frames) for subtask in STAB.demonstration_script(situation)),
+    ):
+        solve_posture(goal, LENGTH)

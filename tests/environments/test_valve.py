@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pilotfish.environments import TASKS, Workcell
-from pilotfish.environments.baxter import posture_for
-from pilotfish.environments.tasks.valve import CLEAR, TOLERANCE, handle_at
+from pilotfish.environments.baxter import solve_posture
+from pilotfish.environments.tasks.valve import CLEAR, TOLERANCE, handle_pose
 from pilotfish.geometry import Pose, angle
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -17,7 +17,7 @@ VALVE = TASKS["valve"]
 
 
 def cell(seed: int = 0) -> Workcell:
-    return Workcell(VALVE, VALVE.draw(np.random.default_rng(seed)))
+    return Workcell(VALVE, VALVE.sample_situation(np.random.default_rng(seed)))
 
 
 def turned_to(robot: Workcell, to: float) -> Workcell:
@@ -33,25 +33,25 @@ def test_it_is_judged_by_its_angle_to_the_tolerance(seed):
     how far; not done where it stood at the beginning.
     """
     robot = cell(seed)
-    assert not robot.verdict().success
+    assert not robot.outcome().success
     end = robot.situation.end
     for off in (-1.02, -0.98, 0.0, 0.98, 1.02):
-        verdict = turned_to(robot, end + off * TOLERANCE).verdict()
-        assert verdict.success == (abs(off) < 1.0)
-        assert verdict.error == pytest.approx(abs(off) * TOLERANCE, abs=1e-12)
-    assert "5.1 degrees" in turned_to(robot, end + 1.02 * TOLERANCE).verdict().why
+        outcome = turned_to(robot, end + off * TOLERANCE).outcome()
+        assert outcome.success == (abs(off) < 1.0)
+        assert outcome.error == pytest.approx(abs(off) * TOLERANCE, abs=1e-12)
+    assert "5.1 degrees" in turned_to(robot, end + 1.02 * TOLERANCE).outcome().reason
 
 
 def test_it_is_not_done_while_the_hand_is_at_the_handle():
     """At the mark, but held: not done, with the distance."""
     robot = turned_to(cell(), cell().situation.end)
-    place, home = robot.situation.valve.position, robot.arm.tool
+    place, start_pose = robot.situation.valve.position, robot.arm.tool
     near = place + 0.9 * CLEAR * np.array([-1.0, 0.0, 0.0])
-    robot.arm.q[:] = posture_for(Pose(near, home.quaternion), robot.fitted.length)
+    robot.arm.q[:] = solve_posture(Pose(near, start_pose.quaternion), robot.mounted_tool.length)
     mujoco.mj_forward(robot.model, robot.data)
-    verdict = robot.verdict()
-    assert not verdict.success
-    assert "from the handle" in verdict.why
+    outcome = robot.outcome()
+    assert not outcome.success
+    assert "from the handle" in outcome.reason
 
 
 def test_nothing_turns_it_but_a_push():
@@ -63,7 +63,7 @@ def test_nothing_turns_it_but_a_push():
         began = float(robot.data.qpos[address])
         robot.data.qfrc_applied[dof] = moment
         for _ in range(50):
-            robot.follow(robot.target, 0.0, 20)
+            robot.step_impedance(robot.target, 0.0, 20)
         assert (abs(float(robot.data.qpos[address]) - began) > radians(5.0)) == moves
 
 
@@ -86,9 +86,9 @@ def test_every_handle_can_be_reached_before_and_after():
     one.
     """
     for seed in range(50):
-        where, again = (VALVE.draw(np.random.default_rng(seed)) for _ in range(2))
+        where, again = (VALVE.sample_situation(np.random.default_rng(seed)) for _ in range(2))
         assert np.array_equal(where.valve.position, again.valve.position)
         assert (where.begin, where.end) == (again.begin, again.end)
-        seen = {"before": handle_at(where, where.begin), "after": handle_at(where, where.end)}
-        for act in VALVE.script(where):
-            posture_for(act.goal(seen), 0.15)
+        seen = {"before": handle_pose(where, where.begin), "after": handle_pose(where, where.end)}
+        for subtask in VALVE.demonstration_script(where):
+            solve_posture(subtask.goal(seen), 0.15)

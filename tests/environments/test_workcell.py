@@ -4,11 +4,19 @@ import mujoco
 import numpy as np
 import pytest
 
-from pilotfish.control import ArmReading, forward_kinematics, jacobian
+from pilotfish.control import ArmState, forward_kinematics, jacobian
 from pilotfish.environments import TASKS, Workcell
 from pilotfish.environments.baxter import JOINTS, add_arm, arm_chain, baxter_limits, empty_world, mount_handle
-from pilotfish.environments.steering import Clutch, straight, turn_between
-from pilotfish.geometry import Pose, angle, exp, multiply, normalise, rotation_vector
+from pilotfish.environments.steering import RelativeMapping, linear_path
+from pilotfish.geometry import (
+    Pose,
+    angle,
+    multiply,
+    normalise,
+    quaternion_exp,
+    relative_rotation_vector,
+    rotation_vector_in_world,
+)
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -17,7 +25,7 @@ SIDES = ("left", "right")
 
 
 def cell(seed: int = 0, *, lead: bool = False) -> Workcell:
-    return Workcell(VALVE, VALVE.draw(np.random.default_rng(seed)), lead=lead)
+    return Workcell(VALVE, VALVE.sample_situation(np.random.default_rng(seed)), lead=lead)
 
 
 def some_joints(rng: np.random.Generator) -> np.ndarray:
@@ -67,7 +75,9 @@ def test_the_physics_jacobian_is_what_small_turns_of_joints_do(rng, side):
     mujoco.mj_jacSite(model, data, J[:3], J[3:], site)
     for n, step in enumerate(h * np.eye(7)):
         back, ahead = tool(q - step), tool(q + step)
-        moved = np.append(ahead.position - back.position, turn_between(back.quaternion, ahead.quaternion))
+        moved = np.append(
+            ahead.position - back.position, rotation_vector_in_world(back.quaternion, ahead.quaternion)
+        )
         assert np.allclose(J[:, first + n], moved / (2 * h), atol=1e-7)
 
 
@@ -100,10 +110,10 @@ def test_a_pushed_arm_yields_as_its_springs_say(axis):
     push[axis] = 10.0 if axis < 3 else 1.0
     for _ in range(150):
         robot.arm.push[:] = robot.arm.jacobian().T @ push
-        robot.follow(robot.target, 0.0, 20)
+        robot.step_impedance(robot.target, 0.0, 20)
     away = np.append(
         robot.arm.tool.position - began.position,
-        turn_between(began.quaternion, robot.arm.tool.quaternion),
+        rotation_vector_in_world(began.quaternion, robot.arm.tool.quaternion),
     )
     expected = push / robot.impedance.stiffness
     assert away[axis] == pytest.approx(expected[axis], rel=0.01)
@@ -118,7 +128,7 @@ def test_the_posture_does_not_lean_on_the_tool():
     began, q = robot.arm.tool, robot.arm.q.copy()
     robot.impedance = replace(robot.impedance, posture=robot.impedance.posture + 0.3)
     for _ in range(250):
-        robot.follow(robot.target, 0.0, 20)
+        robot.step_impedance(robot.target, 0.0, 20)
     assert np.abs(robot.arm.q - q).max() > 0.02
     assert np.linalg.norm(robot.arm.tool.position - began.position) < 1e-4
 
@@ -128,7 +138,7 @@ def test_position_mode_holds_joints():
     robot = cell()
     wanted = robot.arm.q + np.array([0.1, -0.1, 0.1, 0.1, -0.2, 0.1, 0.2])
     for _ in range(150):
-        robot.hold(wanted, 0.0, 20)
+        robot.step_position(wanted, 0.0, 20)
     assert np.abs(robot.arm.q - wanted).max() < 2e-3
 
 
@@ -138,7 +148,7 @@ def test_motors_stay_within_their_limits_when_a_target_jumps_out_of_reach():
     far = Pose(np.array([3.0, -2.0, 2.0]), np.array([0.0, 1.0, 0.0, 0.0]))
     limits = baxter_limits()
     for _ in range(40):
-        robot.follow(far, 0.0, 20)
+        robot.step_impedance(far, 0.0, 20)
         assert (np.abs(robot.arm.motors) <= limits.torque + 1e-9).all()
     assert np.isfinite(robot.arm.q).all()
     assert (robot.arm.q > limits.lower - 0.02).all()
@@ -149,14 +159,14 @@ def test_the_led_arm_takes_the_other_along():
     """A hand that moves the knob of the left arm by some way moves the right tool by about the same."""
     robot = cell(lead=True)
     began = robot.arm.tool
-    wish = Pose(
+    target = Pose(
         began.position + np.array([0.03, -0.02, 0.04]),
-        multiply(exp(np.array([0.0, 0.0, 0.1])), began.quaternion),
+        multiply(quaternion_exp(np.array([0.0, 0.0, 0.1])), began.quaternion),
     )
     for _ in range(150):
-        robot.led(wish, 0.0, 20)
-    assert np.linalg.norm(robot.arm.tool.position - wish.position) < 2e-3
-    assert angle(robot.arm.tool.quaternion, wish.quaternion) < 0.02
+        robot.step_guidance(target, 0.0, 20)
+    assert np.linalg.norm(robot.arm.tool.position - target.position) < 2e-3
+    assert angle(robot.arm.tool.quaternion, target.quaternion) < 0.02
 
 
 def test_a_run_repeats_bit_for_bit():
@@ -166,7 +176,7 @@ def test_a_run_repeats_bit_for_bit():
         robot = cell(3, lead=True)
         for n in range(20):
             away = np.array([0.002 * n, 0.0, 0.001 * n])
-            robot.led(Pose(robot.target.position + away, robot.target.quaternion), 1.0, 20)
+            robot.step_guidance(Pose(robot.target.position + away, robot.target.quaternion), 1.0, 20)
         return robot.data.qpos.copy()
 
     assert np.array_equal(run(), run())
@@ -176,34 +186,34 @@ def test_a_straight_path_is_even_and_turns_the_shorter_way(rng):
     """Its last target is the end, its steps are equal, and its twist is what they are in a second."""
     a = Pose(rng.normal(size=3), normalise(rng.normal(size=4)))
     b = Pose(rng.normal(size=3), normalise(rng.normal(size=4)))
-    path = straight(a, b, 50, 0.001)
+    path = linear_path(a, b, 50, 0.001)
     assert np.allclose(path.positions[-1], b.position)
     assert angle(path.quaternions[-1], b.quaternion) < 1e-7
     steps = np.diff(np.vstack([a.position, path.positions]), axis=0)
     assert np.allclose(steps, path.twist[:3] * 0.001)
     assert np.allclose(np.linalg.norm(path.twist[3:]) * 0.05, angle(a.quaternion, b.quaternion))
-    assert np.linalg.norm(rotation_vector(a.quaternion, b.quaternion)) <= np.pi + 1e-9
+    assert np.linalg.norm(relative_rotation_vector(a.quaternion, b.quaternion)) <= np.pi + 1e-9
 
 
 def test_a_clutch_undoes_itself(rng):
     """Where the follower is led to be, the leader had to be; both move and turn by as much."""
     poses = [Pose(rng.normal(size=3), normalise(rng.normal(size=4))) for _ in range(3)]
-    clutch = Clutch(poses[0], poses[1])
-    there = clutch.follow(poses[2])
-    again = clutch.lead(there)
+    mapping = RelativeMapping(poses[0], poses[1])
+    there = mapping.follower_pose(poses[2])
+    again = mapping.leader_pose(there)
     assert np.allclose(again.position, poses[2].position)
     assert angle(again.quaternion, poses[2].quaternion) < 1e-7
     assert np.allclose(there.position - poses[1].position, poses[2].position - poses[0].position)
-    turn = turn_between(poses[0].quaternion, poses[2].quaternion)
-    assert np.allclose(turn_between(poses[1].quaternion, there.quaternion), turn)
+    turn = rotation_vector_in_world(poses[0].quaternion, poses[2].quaternion)
+    assert np.allclose(rotation_vector_in_world(poses[1].quaternion, there.quaternion), turn)
 
 
 def test_readings_are_of_now():
     """After every period the reading is what a fresh computation from the joints gives."""
     robot = cell()
     goal = Pose(robot.target.position + np.array([0.05, 0.02, -0.03]), robot.target.quaternion)
-    robot.follow(goal, 0.0, 100)
-    reading: ArmReading = robot.arm.reading()
+    robot.step_impedance(goal, 0.0, 100)
+    reading: ArmState = robot.arm.reading()
     fresh = mujoco.MjData(robot.model)
     fresh.qpos[:], fresh.qvel[:] = robot.data.qpos, robot.data.qvel
     mujoco.mj_forward(robot.model, fresh)

@@ -10,19 +10,19 @@ from typing import Any
 import click
 import numpy as np
 import pytest
-from annotations import annotations_checked
-from fuzzing.headed import headed_writer, taken_apart
+from annotations import check_annotations
+from fuzzing.containers import headed_writer, taken_apart
 from fuzzing.public_examples import Examples, examples, function_named
 from fuzzing.seeds import streams
 from fuzzing.soundness import require_sound_refusal
 from fuzzing.targets import TARGETS
 from scipy.io import savemat
 
-from pilotfish.demonstrations import read_zshape_mat
-from pilotfish.errors import InvalidInput, SkillError, UnknownSkill
+from pilotfish.errors import InvalidInput, SkillError, UnreadableFile
+from pilotfish.io.container_format import STREAM_FORMAT
+from pilotfish.io.published_matlab import read_zshape_mat
+from pilotfish.io.stream_file import decode_stream, encode_stream
 from pilotfish.models import GaussianDurations
-from pilotfish.store import decode_stream, encode_stream
-from pilotfish.store.headed_files import STREAM
 
 # A function, one of its arguments, and the value that it is to refuse.
 CALLS: list[tuple[str, str, Any]] = [
@@ -42,7 +42,7 @@ CALLS: list[tuple[str, str, Any]] = [
     ("models.learn", "settings", 0.5),
     ("models.learn_mixture", "settings", "few"),
     ("planning.via_point", "what", "posi\ud800tion"),
-    ("planning.chart", "at", np.zeros(13, "M8[s]")),
+    ("planning.tangent_chart", "at", np.zeros(13, "M8[s]")),
 ]
 
 
@@ -56,7 +56,7 @@ def test_argument_that_cannot_be_is_refused_in_one_line(name: str, argument: str
     """With annotations unchecked, as they are outside the tests."""
     given = _examples(name.rpartition(".")[0])[name]
     assert argument in given
-    with annotations_checked(False), pytest.raises(SkillError) as refusal:
+    with check_annotations(False), pytest.raises(SkillError) as refusal:
         function_named(name)(**{**given, argument: value})
     require_sound_refusal(refusal.value)
 
@@ -122,8 +122,8 @@ def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
 
 def test_stream_whose_numbers_are_no_table_is_refused() -> None:
     header, arrays, damage = taken_apart(encode_stream(streams()[0]))
-    data = headed_writer(STREAM)((header, {**arrays, "numbers": np.array(1.0)}, damage))
-    with pytest.raises(UnknownSkill, match="counts has shape"):
+    data = headed_writer(STREAM_FORMAT)((header, {**arrays, "numbers": np.array(1.0)}, damage))
+    with pytest.raises(UnreadableFile, match="counts has shape"):
         decode_stream(data)
 
 
@@ -134,5 +134,5 @@ def test_relevance_of_another_kind_or_near_zero_is_refused(relevance: Any) -> No
     """Dates and objects reached comparisons, and a variance divided by the tiny one overflowed."""
     given = dict(_examples("models")["models.adapt"])
     shape = (len(given["skill"].frame_names), given["skill"].states)
-    with annotations_checked(False), pytest.raises(InvalidInput, match="relevance"):
+    with check_annotations(False), pytest.raises(InvalidInput, match="relevance"):
         function_named("models.adapt")(**{**given, "relevance": np.resize(relevance, shape)})

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_arguments import DRAW, Mutant, mutant
+from kernel_arguments import DRAW_ARGUMENTS, Mutant, draw_mutant
 
 from pilotfish.errors import NotPositiveDefinite, SkillError
-from pilotfish.kernels import Emissions, SemiMarkovTables, StreamColumn, twins
+from pilotfish.kernels import ClusterColumn, Emissions, SemiMarkovTables, reference
 
-MUTANTS = int(os.environ.get("PILOTFISH_FUZZ", "4200")) // len(DRAW)
+MUTANTS = int(os.environ.get("PILOTFISH_FUZZ", "4200")) // len(DRAW_ARGUMENTS)
 ERRORS = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RuntimeError, MemoryError)
 EPS = np.finfo(float).eps
 # Here a hostile number makes the problem ill-conditioned: one factorisation succeeds and the other does not.
-ILL_CONDITIONED = {"riccati", "semi_tied_sweeps", "whiteners", "impedance", "observe", "observe_one"}
+ILL_CONDITIONED = {"riccati", "semi_tied_sweeps", "precision_cholesky", "impedance", "observe", "observe_one"}
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +65,18 @@ def rounding(arguments: list[Any]) -> float:
             if isinstance(value, Emissions):
                 x = np.asarray(arguments[0], dtype=float)
                 reach = np.abs(x).max() + np.abs(np.asarray(value.means, dtype=float)).max()
-                whiteners = np.asarray(value.whiteners, dtype=float)
-                largest += x.size * whiteners.shape[-1] ** 2 * (reach * np.abs(whiteners).max()) ** 2 + x.size
+                precision_cholesky = np.asarray(value.precision_cholesky, dtype=float)
+                largest += (
+                    x.size
+                    * precision_cholesky.shape[-1] ** 2
+                    * (reach * np.abs(precision_cholesky).max()) ** 2
+                    + x.size
+                )
             elif isinstance(value, SemiMarkovTables):
-                logarithms = [np.asarray(each, dtype=float) for each in (value.log_visits, value.log_beyond)]
+                logarithms = [
+                    np.asarray(each, dtype=float)
+                    for each in (value.log_segment_weights, value.log_tail_weights)
+                ]
                 largest += 40 * sum(np.abs(each[np.isfinite(each)]).max(initial=0.0) for each in logarithms)
             elif isinstance(value, np.ndarray) and value is arguments[0]:
                 array = np.asarray(value, dtype=float)
@@ -89,12 +97,12 @@ def difference(mutated: Mutant, kernel: str, one: Any, other: Any) -> str:
         return ""
     tolerance = min(rounding(mutated.arguments), 1e100)
     for (name, a), (_, b) in zip(numbers(one), numbers(other), strict=True):
-        if name in ("states", "room"):  # of paths that rounding makes equal, either is right
+        if name in ("states", "capacity"):  # of paths that rounding makes equal, either is right
             continue
         if tolerance > 0.01 and not name.startswith("log_"):  # posteriors that rounding decides
             continue
         if name == "clusters":  # directions beyond these columns are the same but for their signs
-            a, b = a[:, : len(StreamColumn)], b[:, : len(StreamColumn)]
+            a, b = a[:, : len(ClusterColumn)], b[:, : len(ClusterColumn)]
         if a.shape != b.shape:
             return f"{name} has shapes {a.shape} and {b.shape}"
         size = min(np.abs(a[np.isfinite(a)]).max(initial=1.0), 1e200)
@@ -104,14 +112,14 @@ def difference(mutated: Mutant, kernel: str, one: Any, other: Any) -> str:
 
 
 @pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("kernel", DRAW)
+@pytest.mark.parametrize("kernel", DRAW_ARGUMENTS)
 def test_spoiled_arguments_give_the_same_numbers_or_the_same_refusal(kernel, compiled):
     """Wrong shapes, types, layouts and numbers; nothing but SkillError is raised."""
     for number in range(MUTANTS):
-        mutated = mutant(kernel, 0, number)
+        mutated = draw_mutant(kernel, 0, number)
         where = f"mutant {number} of {kernel}, {mutated.kind}: {mutated.what}"
         try:
-            found = [outcome(kernels, kernel, mutated.arguments) for kernels in (compiled, twins)]
+            found = [outcome(kernels, kernel, mutated.arguments) for kernels in (compiled, reference)]
         except ERRORS as error:
             pytest.fail(f"{where}: {error!r}")
         assert not (wrong := difference(mutated, kernel, *found)), f"{where}: {wrong}"

@@ -7,16 +7,16 @@ from scipy.stats import multivariate_normal
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import (
     Gaussian,
+    affine_transform,
     condition,
     confidence_radius,
     ellipse,
-    inside,
+    in_confidence_region,
     log_density,
     marginal,
+    precision_cholesky,
     product,
     sample,
-    transform,
-    whiteners,
 )
 
 
@@ -34,7 +34,7 @@ def test_log_density_is_the_one_of_an_independent_library(rng, D):
 
 
 def test_log_density_has_no_floor_for_a_centimetre_wide_gaussian_in_14_dimensions():
-    """log N(mean) = D (-log sigma - log(2 pi) / 2), though the determinant is far below machine epsilon."""
+    """Log N(mean) = D (-log sigma - log(2 pi) / 2), though the determinant is far below machine epsilon."""
     g = Gaussian(np.zeros(14), 1e-4 * np.eye(14))
     expected = 14 * (-np.log(1e-2) - 0.5 * np.log(2 * np.pi))
     np.testing.assert_allclose(log_density(g, np.zeros((1, 14))), expected, rtol=1e-12)
@@ -79,7 +79,7 @@ def test_product_of_two_certainties_about_one_direction_is_refused():
 def test_transform_moves_the_density_with_the_points(rng):
     """p(x) = |det A| q(A x + b), so a precision turns by A^-T, never by A."""
     g, A, b, x = random_gaussian(rng, 3), rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=(5, 3))
-    moved = log_density(transform(g, A, b), x @ A.T + b) + np.linalg.slogdet(A)[1]
+    moved = log_density(affine_transform(g, A, b), x @ A.T + b) + np.linalg.slogdet(A)[1]
     np.testing.assert_allclose(moved, log_density(g, x))
 
 
@@ -107,7 +107,7 @@ def test_samples_of_a_singular_gaussian_stay_on_its_support(rng):
 @pytest.mark.parametrize("D", [1, 2, 3, 5])
 def test_a_90_per_cent_region_holds_90_per_cent_of_the_samples(rng, D):
     g = random_gaussian(rng, D)
-    share = inside(g, sample(g, 20_000, rng), 0.9).mean()
+    share = in_confidence_region(g, sample(g, 20_000, rng), 0.9).mean()
     assert abs(share - 0.9) < 5 * np.sqrt(0.9 * 0.1 / 20_000)
 
 
@@ -119,7 +119,7 @@ def test_one_sigma_of_one_dimension_holds_683_per_mille():
 
 def test_an_ellipse_is_the_contour_of_its_mahalanobis_radius(rng):
     g = random_gaussian(rng, 2)
-    W = whiteners(g.covariance[None])[0]
+    W = precision_cholesky(g.covariance[None])[0]
     np.testing.assert_allclose(np.linalg.norm((ellipse(g, 1.7) - g.mean) @ W.T, axis=1), 1.7)
     with pytest.raises(InvalidInput, match="take a marginal"):
         ellipse(random_gaussian(rng, 3), 1.0)
@@ -128,17 +128,17 @@ def test_an_ellipse_is_the_contour_of_its_mahalanobis_radius(rng):
 def test_a_singular_covariance_is_reported_with_its_number_and_the_remedy():
     covariances = np.stack([np.eye(2), np.array([[1.0, 1.0], [1.0, 1.0]])])
     with pytest.raises(NotPositiveDefinite, match=r"state 1 is not positive definite.*regularisation"):
-        whiteners(covariances, "state")
+        precision_cholesky(covariances, "state")
     with pytest.raises(NotPositiveDefinite, match="not finite"):
-        whiteners(np.full((1, 2, 2), np.nan))
+        precision_cholesky(np.full((1, 2, 2), np.nan))
 
 
 @pytest.mark.parametrize("D", [1, 16, 17, 33, 94])
-def test_whiteners_of_any_width_are_lower_triangular_and_whiten(rng, D: int):
+def test_precision_cholesky_of_any_width_are_lower_triangular_and_whiten(rng, D: int):
     """W C W^T = 1, also where W is put together of halves of unequal size."""
     roots = rng.normal(size=(3, D, D))
     covariances = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(D)
-    W = whiteners(covariances)
+    W = precision_cholesky(covariances)
     np.testing.assert_array_equal(W, np.tril(W))
     np.testing.assert_allclose(
         W @ covariances @ W.transpose(0, 2, 1), np.tile(np.eye(D), (3, 1, 1)), atol=1e-10

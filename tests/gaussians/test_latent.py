@@ -14,7 +14,7 @@ from pilotfish.gaussians import (
     MPPCA,
     Diagonal,
     Full,
-    HDDCShare,
+    HDDCExplainedVariance,
     LatentCovariances,
     Spherical,
     principal_components,
@@ -30,27 +30,27 @@ def latent(rng, K, D, L, size=1.0, noise=1.0):
     return LatentCovariances(size * rng.normal(size=(K, D, L)), noise * rng.uniform(0.3, 1.0, size=(K, D)))
 
 
-def auxiliary(mass, S, covariances):
+def auxiliary(counts, S, covariances):
     """Twice the expected log-likelihood that an M-step maximises (4.18), constants left out."""
     fit = np.trace(np.linalg.solve(covariances, S), axis1=1, axis2=2)
-    return -float(mass @ (np.linalg.slogdet(covariances)[1] + fit))
+    return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
 
 def white_error(one: LatentCovariances) -> float:
     """Largest entry of W Sigma W^T - I, in exact arithmetic on the numbers stored."""
     loadings, noise, W = (
         np.vectorize(Fraction, otypes=[object])(a)
-        for a in (one.loadings[0], one.noise[0], one.whiteners("the covariance of state")[0])
+        for a in (one.loadings[0], one.noise[0], one.precision_cholesky("the covariance of state")[0])
     )
     error = W @ (loadings @ loadings.T + np.diag(noise)) @ W.T - np.eye(len(W), dtype=int)
     return float(np.abs(error).max())
 
 
 @pytest.mark.parametrize(("K", "D", "L"), [(1, 1, 0), (1, 1, 1), (3, 5, 2), (2, 4, 0), (2, 4, 6)])
-def test_whiteners_are_the_inverse_cholesky_factor(rng, K, D, L):
+def test_precision_cholesky_are_the_inverse_cholesky_factor(rng, K, D, L):
     """W is lower triangular with a positive diagonal, and W^T W is the inverse of the covariance."""
     one = latent(rng, K, D, L)
-    W = one.whiteners("the covariance of state")
+    W = one.precision_cholesky("the covariance of state")
     np.testing.assert_array_equal(W, np.tril(W))
     assert np.diagonal(W, axis1=1, axis2=2).min() > 0.0
     np.testing.assert_allclose(W.transpose(0, 2, 1) @ W, np.linalg.inv(one.dense), rtol=1e-9, atol=1e-9)
@@ -59,7 +59,9 @@ def test_whiteners_are_the_inverse_cholesky_factor(rng, K, D, L):
 @pytest.mark.parametrize(
     ("size", "noise", "tolerance"), [(1.0, 1.0, 1e-14), (1e3, 1e-2, 1e-9), (1e3, 1e-10, 3e-6)]
 )
-def test_whiteners_keep_noise_that_the_covariance_written_out_would_lose(rng, size, noise, tolerance):
+def test_precision_cholesky_keep_noise_that_the_covariance_written_out_would_lose(
+    rng, size, noise, tolerance
+):
     """Rounding grows with the root of the condition number, here in rational arithmetic.
 
     At 1e16, where a Cholesky factor of the written covariance has no correct digit, six digits are left.
@@ -78,7 +80,7 @@ def test_a_latent_covariance_without_surprise_is_refused_by_name(rng):
     one = latent(rng, 2, 3, 1)
     flat = LatentCovariances(one.loadings * [[[1.0], [1.0], [0.0]]], one.noise * np.array([1.0, 1.0, 0.0]))
     with pytest.raises(NotPositiveDefinite, match=r"the covariance of state 0 .* column 2"):
-        flat.whiteners("the covariance of state")
+        flat.precision_cholesky("the covariance of state")
 
 
 def test_factors_are_counted_without_padding(rng):
@@ -88,32 +90,32 @@ def test_factors_are_counted_without_padding(rng):
 
 @pytest.mark.parametrize("structure", [MFA(0), MFA(2), MFA(5), MPPCA(1), MPPCA(4), HDDC(3)])
 def test_estimates_on_the_same_samples_never_lose_likelihood(rng, structure):
-    S, mass = samples(rng, 4, 6, points=9)
+    S, counts = samples(rng, 4, 6, points=9)
     values, before = [], None
     for _ in range(25):
-        before = structure.estimate(mass, S, before)
-        values.append(auxiliary(mass, S, before.dense))
+        before = structure.estimate(counts, S, before)
+        values.append(auxiliary(counts, S, before.dense))
     assert np.diff(values).min() >= -1e-11 * abs(values[-1])
-    assert values[-1] <= auxiliary(mass, S, Full().estimate(mass, S, None).dense) + 1e-9
+    assert values[-1] <= auxiliary(counts, S, Full().estimate(counts, S, None).dense) + 1e-9
 
 
-@pytest.mark.parametrize("structure", [MFA(2), MFA(3), MPPCA(2), HDDC(2), HDDCShare(0.8)])
+@pytest.mark.parametrize("structure", [MFA(2), MFA(3), MPPCA(2), HDDC(2), HDDCExplainedVariance(0.8)])
 def test_estimates_on_changing_samples_never_lose_likelihood(rng, structure):
     """As inside expectation-maximisation, where every M-step meets other samples and goes on from before."""
-    mass, before = rng.uniform(1.0, 50.0, size=4), None
+    counts, before = rng.uniform(1.0, 50.0, size=4), None
     for S in (samples(rng, 4, 6, points=n)[0] for n in (8, 7, 20, 5, 6)):
-        after = structure.estimate(mass, S, before)
+        after = structure.estimate(counts, S, before)
         if before is not None:
-            worse = auxiliary(mass, S, before.dense)
-            assert auxiliary(mass, S, after.dense) >= worse - 1e-11 * abs(worse)
+            worse = auxiliary(counts, S, before.dense)
+            assert auxiliary(counts, S, after.dense) >= worse - 1e-11 * abs(worse)
         before = after
 
 
 def test_a_sweep_of_factor_analysis_is_the_printed_one(rng):
     """Equations 4.9-4.13 with the D x D inverse they are written with."""
-    S, mass = samples(rng, 3, 6)
+    S, counts = samples(rng, 3, 6)
     old = latent(rng, 3, 6, 2)
-    new = MFA(2, sweeps=1).estimate(mass, S, old)
+    new = MFA(2, sweeps=1).estimate(counts, S, old)
     for k in range(3):
         Lam, Psi = old.loadings[k], np.diag(old.noise[k])
         B = Lam.T @ np.linalg.inv(Lam @ Lam.T + Psi)
@@ -124,9 +126,9 @@ def test_a_sweep_of_factor_analysis_is_the_printed_one(rng):
 
 def test_a_sweep_of_principal_components_is_the_corrected_one(rng):
     """Equations 4.14-4.15 with M = Lambda^T Lambda + sigma^2 I in place of Sigma."""
-    S, mass = samples(rng, 3, 6)
+    S, counts = samples(rng, 3, 6)
     old = LatentCovariances(rng.normal(size=(3, 6, 2)), np.tile(rng.uniform(0.2, 1.0, size=(3, 1)), (1, 6)))
-    new = MPPCA(2, sweeps=1).estimate(mass, S, old)
+    new = MPPCA(2, sweeps=1).estimate(counts, S, old)
     for k in range(3):
         Lam, s2 = old.loadings[k], old.noise[k, 0]
         M = Lam.T @ Lam + s2 * np.eye(2)
@@ -140,11 +142,13 @@ def test_a_sweep_of_principal_components_is_the_corrected_one(rng):
 def test_the_iteration_of_principal_components_reaches_the_closed_form(rng, components):
     """From random loadings, to the same likelihood and covariance: there is no other maximum (1999)."""
     Q = np.linalg.qr(rng.normal(size=(3, 5, 5)))[0]
-    S, mass = (Q * [6.0, 3.0, 1.5, 0.7, 0.3]) @ Q.transpose(0, 2, 1), np.ones(3)
+    S, counts = (Q * [6.0, 3.0, 1.5, 0.7, 0.3]) @ Q.transpose(0, 2, 1), np.ones(3)
     start = LatentCovariances(rng.normal(size=(3, 5, components)), np.ones((3, 5)))
-    reached = MPPCA(components, sweeps=400).estimate(mass, S, start)
+    reached = MPPCA(components, sweeps=400).estimate(counts, S, start)
     closed = principal_components(S, np.full(3, components))
-    np.testing.assert_allclose(auxiliary(mass, S, reached.dense), auxiliary(mass, S, closed.dense), rtol=1e-9)
+    np.testing.assert_allclose(
+        auxiliary(counts, S, reached.dense), auxiliary(counts, S, closed.dense), rtol=1e-9
+    )
     np.testing.assert_allclose(reached.dense, closed.dense, rtol=1e-4, atol=1e-4 * np.abs(S).max())
 
 
@@ -157,13 +161,13 @@ def test_principal_components_keep_leading_eigenvalues_and_average_the_others(rn
 
 def test_no_neighbour_of_the_principal_components_is_likelier(rng):
     """Loadings and noise moved at random by a little always lose."""
-    S, mass = samples(rng, 2, 5)
+    S, counts = samples(rng, 2, 5)
     best = principal_components(S, np.array([2, 2]))
-    top = auxiliary(mass, S, best.dense)
+    top = auxiliary(counts, S, best.dense)
     for _ in range(20):
         loadings = best.loadings * (1.0 + 0.05 * rng.normal(size=best.loadings.shape))
         noise = best.noise * (1.0 + 0.05 * rng.uniform(-1.0, 1.0, size=(2, 1)))
-        assert auxiliary(mass, S, LatentCovariances(loadings, noise).dense) < top
+        assert auxiliary(counts, S, LatentCovariances(loadings, noise).dense) < top
 
 
 def test_factor_analysis_finds_the_factors_that_made_the_samples(rng):
@@ -176,61 +180,61 @@ def test_factor_analysis_finds_the_factors_that_made_the_samples(rng):
 
 def test_factor_analysis_does_not_depend_on_units(rng):
     """Columns scaled to other units give the covariance in those units; this is what MPPCA lacks."""
-    S, mass = samples(rng, 3, 5)
+    S, counts = samples(rng, 3, 5)
     scale = 10.0 ** rng.uniform(-4.0, 4.0, size=5)
     scaled = S * scale * scale[:, None]
-    here, there = (MFA(2).estimate(mass, M, None).dense for M in (S, scaled))
+    here, there = (MFA(2).estimate(counts, M, None).dense for M in (S, scaled))
     np.testing.assert_allclose(there, here * scale * scale[:, None], rtol=1e-8)
 
 
 def test_no_factors_are_a_diagonal_or_a_spherical_covariance(rng):
-    S, mass = samples(rng, 3, 4)
+    S, counts = samples(rng, 3, 4)
     for latent_one, plain in ((MFA(0), Diagonal()), (MPPCA(0), Spherical()), (HDDC(0), Spherical())):
-        expected = plain.estimate(mass, S, None).dense
-        np.testing.assert_allclose(latent_one.estimate(mass, S, None).dense, expected, atol=1e-12)
+        expected = plain.estimate(counts, S, None).dense
+        np.testing.assert_allclose(latent_one.estimate(counts, S, None).dense, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("structure", [MPPCA(4), HDDC(4), HDDC((4, 4))])
 def test_all_but_one_components_are_a_full_covariance(rng, structure):
-    S, mass = samples(rng, 2, 5)
-    np.testing.assert_allclose(structure.estimate(mass, S, None).dense, S, atol=1e-9)
+    S, counts = samples(rng, 2, 5)
+    np.testing.assert_allclose(structure.estimate(counts, S, None).dense, S, atol=1e-9)
 
 
 def test_a_share_keeps_the_fewest_directions_that_hold_it(rng):
-    S, mass = samples(rng, 4, 6)
-    kept = HDDCShare(0.9).estimate(mass, S, None).factors
+    S, counts = samples(rng, 4, 6)
+    kept = HDDCExplainedVariance(0.9).estimate(counts, S, None).factors
     for values, d in zip(np.linalg.eigvalsh(S)[:, ::-1], kept, strict=True):
         assert d == 5 or values[:d].sum() >= 0.9 * values.sum()
         assert values[: d - 1].sum() < 0.9 * values.sum()
 
 
 def test_directions_are_gained_within_a_fit_and_never_lost(rng):
-    wide, mass = np.tile(np.eye(5), (2, 1, 1)), np.ones(2)
+    wide, counts = np.tile(np.eye(5), (2, 1, 1)), np.ones(2)
     narrow = np.tile(np.diag([1e3, 1.0, 1.0, 1.0, 1.0]), (2, 1, 1))
-    structure = HDDCShare(0.7)
-    first = structure.estimate(mass, narrow, None)
+    structure = HDDCExplainedVariance(0.7)
+    first = structure.estimate(counts, narrow, None)
     np.testing.assert_array_equal(first.factors, [1, 1])
-    spread = structure.estimate(mass, wide * np.arange(1.0, 6.0), first)
+    spread = structure.estimate(counts, wide * np.arange(1.0, 6.0), first)
     np.testing.assert_array_equal(spread.factors, [3, 3])
     np.testing.assert_array_equal(
-        structure.estimate(mass, narrow * np.arange(1.0, 6.0), spread).factors, [3, 3]
+        structure.estimate(counts, narrow * np.arange(1.0, 6.0), spread).factors, [3, 3]
     )
 
 
 def test_likelihood_grows_with_the_number_of_factors(rng):
-    S, mass = samples(rng, 3, 6)
+    S, counts = samples(rng, 3, 6)
     for structure in (MFA, HDDC):
-        values = [auxiliary(mass, S, structure(d).estimate(mass, S, None).dense) for d in range(6)]
+        values = [auxiliary(counts, S, structure(d).estimate(counts, S, None).dense) for d in range(6)]
         assert all(more > less for less, more in pairwise(values))
 
 
-@pytest.mark.parametrize("structure", [MFA(6), MPPCA(6), HDDC(6), HDDCShare(0.99)])
+@pytest.mark.parametrize("structure", [MFA(6), MPPCA(6), HDDC(6), HDDCExplainedVariance(0.99)])
 def test_fewer_points_than_factors_are_held_by_regularisation(rng, structure):
     """Three points in eight columns span two directions; with .01 added to every variance all is definite."""
     points = rng.normal(size=(3, 8))
     S = np.cov(points.T, bias=True)[None] + 0.01 * np.eye(8)
     found = structure.estimate(np.array([3.0]), S, None)
-    W = found.whiteners("the covariance of state")
+    W = found.precision_cholesky("the covariance of state")
     np.testing.assert_allclose(W @ found.dense @ W.transpose(0, 2, 1), np.eye(8)[None], atol=1e-9)
 
 
@@ -244,10 +248,10 @@ def test_samples_flat_outside_the_leading_directions_are_refused(rng, structure)
 
 @pytest.mark.parametrize("structure", [MFA(1), MPPCA(1)])
 def test_a_constant_column_is_refused_by_name(rng, structure):
-    S, mass = samples(rng, 2, 3)
+    S, counts = samples(rng, 2, 3)
     S[1, 2], S[1, :, 2] = 0.0, 0.0
     with pytest.raises(NotPositiveDefinite, match=r"state 1 .* column 2"):
-        structure.estimate(mass, S, None)
+        structure.estimate(counts, S, None)
 
 
 def test_noise_of_a_column_stops_at_its_least_share(rng):
@@ -255,12 +259,12 @@ def test_noise_of_a_column_stops_at_its_least_share(rng):
     x = rng.normal(size=(500, 4)) @ np.diag([1.0, 1.0, 0.1, 0.1])
     x[:, 2:] += x[:, :2]
     S = np.cov(np.hstack([x, x[:, :1]]).T, bias=True)[None]
-    found = MFA(2, sweeps=200, least_noise=1e-4).estimate(np.ones(1), S, None)
+    found = MFA(2, sweeps=200, min_noise=1e-4).estimate(np.ones(1), S, None)
     share = found.noise / np.diagonal(S, axis1=1, axis2=2)
     np.testing.assert_allclose(share.min(), 1e-4)
 
 
-@pytest.mark.parametrize("structure", [MFA(2, least_noise=0.2), MPPCA(2, least_noise=0.2)])
+@pytest.mark.parametrize("structure", [MFA(2, min_noise=0.2), MPPCA(2, min_noise=0.2)])
 def test_noise_that_was_less_than_its_least_share_is_not_raised(rng, structure):
     """Going on from covariances that are the samples themselves, nothing is better than to stay."""
     loadings = np.linalg.qr(rng.normal(size=(6, 2)))[0][None]
@@ -278,13 +282,13 @@ def test_factors_of_samples_that_had_none_grow_when_other_samples_have(rng, stru
     np.testing.assert_allclose(found.dense, S, atol=1e-3)
 
 
-@pytest.mark.parametrize("structure", [MFA(2), MPPCA(2), HDDCShare(0.8)])
+@pytest.mark.parametrize("structure", [MFA(2), MPPCA(2), HDDCExplainedVariance(0.8)])
 def test_a_fit_begins_anew_after_covariances_of_another_kind_or_size(rng, structure):
-    S, mass = samples(rng, 3, 5)
-    fresh = structure.estimate(mass, S, None).dense
-    for previous in (Full().estimate(mass, S, None), latent(rng, 2, 5, 2), latent(rng, 3, 5, 1)):
-        found = structure.estimate(mass, S, previous)
-        if not isinstance(structure, HDDCShare) or len(previous.dense) != 3:
+    S, counts = samples(rng, 3, 5)
+    fresh = structure.estimate(counts, S, None).dense
+    for previous in (Full().estimate(counts, S, None), latent(rng, 2, 5, 2), latent(rng, 3, 5, 1)):
+        found = structure.estimate(counts, S, previous)
+        if not isinstance(structure, HDDCExplainedVariance) or len(previous.dense) != 3:
             np.testing.assert_allclose(found.dense, fresh)
 
 
@@ -297,18 +301,18 @@ def test_a_number_of_factors_that_is_none_is_refused(make, factors):
 
 @pytest.mark.parametrize("structure", [MFA(5), MPPCA(5), HDDC((5, 1)), HDDC((1, 2, 3))])
 def test_factors_that_do_not_fit_the_data_are_refused(rng, structure):
-    S, mass = samples(rng, 2, 5)
+    S, counts = samples(rng, 2, 5)
     with pytest.raises(InvalidInput, match=r"fewer factors than columns|3 dimensions for 2 states"):
-        structure.estimate(mass, S, None)
+        structure.estimate(counts, S, None)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0, np.nan])
 def test_a_share_that_is_none_is_refused(share):
     with pytest.raises(InvalidInput, match="share"):
-        HDDCShare(share)
+        HDDCExplainedVariance(share)
 
 
-@pytest.mark.parametrize("setting", [{"sweeps": 0}, {"least_noise": 0.0}, {"least_noise": np.nan}])
+@pytest.mark.parametrize("setting", [{"sweeps": 0}, {"min_noise": 0.0}, {"min_noise": np.nan}])
 def test_settings_that_are_none_are_refused(setting):
     with pytest.raises(InvalidInput, match=next(iter(setting))):
         MFA(2, **setting)

@@ -12,7 +12,12 @@ from pilotfish.gaussians import (
     MultipleTransformCovariances,
     SemiTied,
 )
-from pilotfish.gaussians.emllt import extended, gaining_step, reweighted, turned
+from pilotfish.gaussians.structures.emllt import (
+    add_directions,
+    backtracking_step,
+    update_directions,
+    update_weights,
+)
 
 
 def samples(rng, K, D):
@@ -28,17 +33,17 @@ def expansion(rng, K, R, D):
     return ExpandedPrecisions(A, weights)
 
 
-def auxiliary(mass, S, covariances):
+def auxiliary(counts, S, covariances):
     """Twice the expected log-likelihood that an M-step maximises (4.18), constants left out."""
     fit = np.trace(np.linalg.solve(covariances, S), axis1=1, axis2=2)
-    return -float(mass @ (np.linalg.slogdet(covariances)[1] + fit))
+    return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
 
-def climb(structure, mass, S, steps):
+def run_estimates(structure, counts, S, steps):
     values, before = [], None
     for _ in range(steps):
-        before = structure.estimate(mass, S, before)
-        values.append(auxiliary(mass, S, before.dense))
+        before = structure.estimate(counts, S, before)
+        values.append(auxiliary(counts, S, before.dense))
     return values, before
 
 
@@ -49,9 +54,9 @@ def test_an_expansion_is_the_sum_over_its_directions(rng):
         np.testing.assert_allclose(np.linalg.inv(dense), precision, rtol=1e-8, atol=1e-10)
 
 
-def test_whiteners_of_an_expansion_are_lower_triangular_roots_of_its_precision(rng):
+def test_precision_cholesky_of_an_expansion_are_lower_triangular_roots_of_its_precision(rng):
     one = expansion(rng, 3, 6, 4)
-    W = one.whiteners("the covariance of state")
+    W = one.precision_cholesky("the covariance of state")
     np.testing.assert_array_equal(W, np.tril(W))
     np.testing.assert_allclose(W.transpose(0, 2, 1) @ W @ one.dense, np.tile(np.eye(4), (3, 1, 1)), atol=1e-9)
 
@@ -60,43 +65,43 @@ def test_an_expansion_that_is_not_definite_is_refused_by_name(rng):
     one = expansion(rng, 3, 6, 4)
     one.weights[1, 0] = -50.0
     with pytest.raises(NotPositiveDefinite, match="the covariance of state 1"):
-        one.whiteners("the covariance of state")
+        one.precision_cholesky("the covariance of state")
 
 
 def test_a_weight_after_its_update_leaves_no_slope(rng):
     """The last direction's weight is at its peak: a^T Sigma a = a^T S a, the derivative's zero."""
     S, _ = samples(rng, 3, 4)
-    after = reweighted(expansion(rng, 3, 7, 4), S)
+    after = update_weights(expansion(rng, 3, 7, 4), S)
     a = after.directions[-1]
     np.testing.assert_allclose(after.dense @ a @ a, S @ a @ a, rtol=1e-8)
 
 
 def test_every_pass_gains_likelihood(rng):
     """Weights alone, and directions alone, from a random expansion with negative weights."""
-    S, mass = samples(rng, 4, 5)
+    S, counts = samples(rng, 4, 5)
     one = expansion(rng, 4, 9, 5)
-    values = [auxiliary(mass, S, one.dense)]
+    values = [auxiliary(counts, S, one.dense)]
     for _ in range(6):
-        one = reweighted(one, S)
-        values.append(auxiliary(mass, S, one.dense))
-        one = turned(one, mass, S)
-        values.append(auxiliary(mass, S, one.dense))
+        one = update_weights(one, S)
+        values.append(auxiliary(counts, S, one.dense))
+        one = update_directions(one, counts, S)
+        values.append(auxiliary(counts, S, one.dense))
     assert np.diff(values).min() > 0.0
 
 
 def test_directions_move_along_the_slope_of_the_likelihood(rng):
     """The gradient's direction against finite differences: a tiny step along the pass gains what they say."""
-    S, mass = samples(rng, 3, 4)
-    one = reweighted(expansion(rng, 3, 6, 4), S)
-    moved = turned(one, mass, S).directions[0] - one.directions[0]
+    S, counts = samples(rng, 3, 4)
+    one = update_weights(expansion(rng, 3, 6, 4), S)
+    moved = update_directions(one, counts, S).directions[0] - one.directions[0]
     assert np.abs(moved).max() > 0.0
 
     def value(t):
         A = one.directions.copy()
         A[0] += t * moved
-        return auxiliary(mass, S, ExpandedPrecisions(A, one.weights).dense)
+        return auxiliary(counts, S, ExpandedPrecisions(A, one.weights).dense)
 
-    gradient = 2.0 * np.einsum("k,kij,j->i", mass * one.weights[:, 0], one.dense - S, one.directions[0])
+    gradient = 2.0 * np.einsum("k,kij,j->i", counts * one.weights[:, 0], one.dense - S, one.directions[0])
     np.testing.assert_allclose((value(1e-5) - value(-1e-5)) / 2e-5, gradient @ moved, rtol=1e-5)
     assert gradient @ moved > 0.0
 
@@ -104,7 +109,7 @@ def test_directions_move_along_the_slope_of_the_likelihood(rng):
 @pytest.mark.parametrize("length", [1.0, 30.0, 1e4])
 def test_a_step_is_halved_until_the_likelihood_itself_gains(rng, length):
     """Against likelihoods of whole models: the first of the halved steps that is possible and gains."""
-    S, mass = samples(rng, 3, 4)
+    S, counts = samples(rng, 3, 4)
     one = expansion(rng, 3, 6, 4)
 
     def value(step):
@@ -112,80 +117,82 @@ def test_a_step_is_halved_until_the_likelihood_itself_gains(rng, length):
         A[5] += step
         moved = ExpandedPrecisions(A, one.weights)
         possible = np.linalg.eigvalsh(moved.precisions).min() > 0.0
-        return auxiliary(mass, S, moved.dense) if possible else -np.inf
+        return auxiliary(counts, S, moved.dense) if possible else -np.inf
 
-    uphill = np.einsum("k,kij,j->i", mass * one.weights[:, 5], one.dense - S, one.directions[5])
+    uphill = np.einsum("k,kij,j->i", counts * one.weights[:, 5], one.dense - S, one.directions[5])
     for step in length * rng.normal(size=(15, 4)):  # most of them far from the steepest way
         step *= np.sign(uphill @ step)
         halved = (0.5**n * step for n in range(20))
         expected = next((h for h in halved if value(h) > value(0.0 * h)), 0.0 * step)
-        found = gaining_step(step, one.directions[5], one.weights[:, 5], mass, one.dense, S)
+        found = backtracking_step(step, one.directions[5], one.weights[:, 5], counts, one.dense, S)
         np.testing.assert_allclose(found, expected)
 
 
 def test_a_new_direction_is_the_best_that_any_state_has(rng):
     """No direction tried at random would raise the likelihood of a state on its own as much."""
-    S, mass = samples(rng, 4, 5)
-    tied = EMLLT(5).estimate(mass, S, None)
-    new = extended(tied, mass, S, 6).directions[-1:]
+    S, counts = samples(rng, 4, 5)
+    tied = EMLLT(5).estimate(counts, S, None)
+    new = add_directions(tied, counts, S, 6).directions[-1:]
     directions = np.concatenate([new, rng.normal(size=(3000, 5))])
     told, true = (np.einsum("ni,kij,nj->nk", directions, M, directions) for M in (tied.dense, S))
-    gains = mass * (true / told - 1.0 - np.log(true / told))
+    gains = counts * (true / told - 1.0 - np.log(true / told))
     assert gains.max(axis=1).argmax() == 0
 
 
 def test_as_many_vectors_as_columns_reach_semi_tied_covariances(rng):
-    S, mass = samples(rng, 5, 6)
-    tied, _ = climb(SemiTied(1.0, sweeps=100), mass, S, 4)
-    values, found = climb(EMLLT(6), mass, S, 100)
+    S, counts = samples(rng, 5, 6)
+    tied, _ = run_estimates(SemiTied(1.0, sweeps=100), counts, S, 4)
+    values, found = run_estimates(EMLLT(6), counts, S, 100)
     np.testing.assert_allclose(values[-1], tied[-1], rtol=1e-6)
     assert found.weights.min() > 0.0
 
 
 def test_enough_vectors_reach_full_covariances(rng):
     """D (D + 1) / 2 directions span all symmetric matrices."""
-    S, mass = samples(rng, 4, 3)
-    values, found = climb(EMLLT(6, sweeps=10), mass, S, 20)
-    np.testing.assert_allclose(values[-1], auxiliary(mass, S, S), rtol=1e-6)
+    S, counts = samples(rng, 4, 3)
+    values, found = run_estimates(EMLLT(6, sweeps=10), counts, S, 20)
+    np.testing.assert_allclose(values[-1], auxiliary(counts, S, S), rtol=1e-6)
     np.testing.assert_allclose(found.dense, S, atol=1e-3)
 
 
 @pytest.mark.parametrize("structure", [EMLLT(5), EMLLT(8), EMLLT(15), MLT(1), MLT(2), MLT(4)])
 def test_likelihood_never_falls_and_stays_between_semi_tied_and_full(rng, structure):
-    S, mass = samples(rng, 4, 5)
-    values, _ = climb(structure, mass, S, 30)
+    S, counts = samples(rng, 4, 5)
+    values, _ = run_estimates(structure, counts, S, 30)
     assert np.diff(values).min() >= -1e-11 * abs(values[-1])
-    assert values[-1] <= auxiliary(mass, S, Full().estimate(mass, S, None).dense) + 1e-8
-    assert values[-1] >= climb(SemiTied(), mass, S, 6)[0][-1]
+    assert values[-1] <= auxiliary(counts, S, Full().estimate(counts, S, None).dense) + 1e-8
+    assert values[-1] >= run_estimates(SemiTied(), counts, S, 6)[0][-1]
 
 
 @pytest.mark.parametrize("structure", [EMLLT(7), MLT(2)])
 def test_no_likelihood_is_lost_when_samples_change_between_estimates(rng, structure):
-    mass, before = rng.uniform(1.0, 50.0, size=5), None
+    counts, before = rng.uniform(1.0, 50.0, size=5), None
     for S in (samples(rng, 5, 5)[0] for _ in range(6)):
-        after = structure.estimate(mass, S, before)
+        after = structure.estimate(counts, S, before)
         if before is not None:
-            worse = auxiliary(mass, S, before.dense)
-            assert auxiliary(mass, S, after.dense) >= worse - 1e-11 * abs(worse)
+            worse = auxiliary(counts, S, before.dense)
+            assert auxiliary(counts, S, after.dense) >= worse - 1e-11 * abs(worse)
         before = after
 
 
 def test_more_vectors_are_likelier(rng):
-    S, mass = samples(rng, 5, 4)
-    values = [climb(EMLLT(vectors), mass, S, 20)[0][-1] for vectors in (4, 6, 8, 10)]
+    S, counts = samples(rng, 5, 4)
+    values = [run_estimates(EMLLT(vectors), counts, S, 20)[0][-1] for vectors in (4, 6, 8, 10)]
     assert np.diff(values).min() > 0.0
 
 
 def test_one_transform_is_semi_tied(rng):
-    S, mass = samples(rng, 5, 5)
+    S, counts = samples(rng, 5, 5)
     np.testing.assert_allclose(
-        climb(MLT(1), mass, S, 60)[0][-1], climb(SemiTied(1.0, sweeps=100), mass, S, 4)[0][-1], rtol=1e-7
+        run_estimates(MLT(1), counts, S, 60)[0][-1],
+        run_estimates(SemiTied(1.0, sweeps=100), counts, S, 4)[0][-1],
+        rtol=1e-7,
     )
 
 
 def test_a_transform_for_every_state_is_full(rng):
-    S, mass = samples(rng, 3, 4)
-    found = MLT(3).estimate(mass, S, None)
+    S, counts = samples(rng, 3, 4)
+    found = MLT(3).estimate(counts, S, None)
     np.testing.assert_allclose(found.dense, S, atol=1e-9)
     np.testing.assert_array_equal(found.membership.sum(axis=0), np.ones(3))
 
@@ -196,7 +203,7 @@ def test_states_find_the_basis_that_they_were_made_with(rng):
     origin = rng.permutation(np.repeat([0, 1], 5))
     roots = H[origin] * np.sqrt(variances)[:, None, :]
     S = roots @ roots.transpose(0, 2, 1)
-    _, found = climb(MLT(2, sweeps=50), np.ones(10), S, 30)
+    _, found = run_estimates(MLT(2, sweeps=50), np.ones(10), S, 30)
     choice = found.membership.argmax(axis=1)
     assert len(set(zip(choice, origin, strict=True))) == 2
     np.testing.assert_allclose(found.dense, S, rtol=1e-3, atol=1e-3 * np.abs(S).max())
@@ -204,23 +211,23 @@ def test_states_find_the_basis_that_they_were_made_with(rng):
 
 def test_a_basis_that_no_state_takes_begins_anew(rng):
     """Two copies of one transform: all states take the first, the second is given to the state told worst."""
-    S, mass = samples(rng, 4, 3)
-    tied = MLT(1).estimate(mass, S, None)
+    S, counts = samples(rng, 4, 3)
+    tied = MLT(1).estimate(counts, S, None)
     twice = MultipleTransformCovariances(
         np.repeat(tied.bases, 2, axis=0), tied.variances, np.eye(2)[[0, 0, 1, 1]]
     )
-    found = MLT(2).estimate(mass, S, twice)
+    found = MLT(2).estimate(counts, S, twice)
     assert found.membership.sum(axis=0).min() >= 1.0
-    assert auxiliary(mass, S, found.dense) > auxiliary(mass, S, tied.dense)
+    assert auxiliary(counts, S, found.dense) > auxiliary(counts, S, tied.dense)
 
 
 @pytest.mark.parametrize(
     ("structure", "match"), [(EMLLT(3), "from 4"), (EMLLT(11), "to 10"), (MLT(4), "states")]
 )
 def test_sizes_that_do_not_fit_the_data_are_refused(rng, structure, match):
-    S, mass = samples(rng, 3, 4)
+    S, counts = samples(rng, 3, 4)
     with pytest.raises(InvalidInput, match=match):
-        structure.estimate(mass, S, None)
+        structure.estimate(counts, S, None)
 
 
 @pytest.mark.parametrize("make", [EMLLT, MLT])
@@ -232,7 +239,7 @@ def test_numbers_that_are_none_are_refused(make, arguments):
 
 @pytest.mark.parametrize("structure", [EMLLT(6), MLT(2)])
 def test_a_flat_sample_is_refused(rng, structure):
-    S, mass = samples(rng, 3, 4)
+    S, counts = samples(rng, 3, 4)
     S[1] = np.diag([1.0, 1.0, 1.0, 0.0])
     with pytest.raises(NotPositiveDefinite, match="regularisation"):
-        structure.estimate(mass, S, None)
+        structure.estimate(counts, S, None)

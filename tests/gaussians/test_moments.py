@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from pilotfish.gaussians import Moments, moments, moments_about
+from pilotfish.gaussians import Moments, moments, moments_from_sums
 
 
 def same(a, b, scale):
-    for name in ("mass", "means", "scatters"):
+    for name in ("counts", "means", "scatter_matrices"):
         np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-7, atol=scale)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6])
 def test_moments_of_halves_add_up_to_moments_of_the_whole(rng, offset):
-    x, shares = offset + rng.normal(size=(40, 3)), rng.dirichlet(np.ones(4), size=40)
-    whole = moments(x, shares)
+    x, responsibilities = offset + rng.normal(size=(40, 3)), rng.dirichlet(np.ones(4), size=40)
+    whole = moments(x, responsibilities)
     for cut in (0, 1, int(rng.integers(2, 39)), 40):
-        same(moments(x[:cut], shares[:cut]) + moments(x[cut:], shares[cut:]), whole, 1e-6)
+        same(moments(x[:cut], responsibilities[:cut]) + moments(x[cut:], responsibilities[cut:]), whole, 1e-6)
 
 
 def test_adding_does_not_depend_on_the_order(rng):
@@ -32,9 +32,13 @@ def test_an_empty_component_adds_nothing_and_is_no_nan():
 
 
 def test_moments_about_any_origin_are_the_same(rng):
-    x, shares = rng.normal(size=(30, 3)), rng.dirichlet(np.ones(2), size=30)
+    x, responsibilities = rng.normal(size=(30, 3)), rng.dirichlet(np.ones(2), size=30)
     origins = rng.normal(size=(2, 3))
     error = x[:, None, :] - origins
-    offsets = np.einsum("nk,nkd->kd", shares, error)
-    scatters = np.einsum("nk,nki,nkj->kij", shares, error, error)
-    same(moments_about(origins, shares.sum(axis=0), offsets, scatters), moments(x, shares), 1e-12)
+    offsets = np.einsum("nk,nkd->kd", responsibilities, error)
+    scatter_matrices = np.einsum("nk,nki,nkj->kij", responsibilities, error, error)
+    same(
+        moments_from_sums(origins, responsibilities.sum(axis=0), offsets, scatter_matrices),
+        moments(x, responsibilities),
+        1e-12,
+    )

@@ -8,21 +8,21 @@ import pilotfish.gaussians.regression as regression
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import (
     Gaussian,
-    Mixture,
+    GaussianMixture,
     condition,
-    conditionals,
+    conditional_gaussians,
     log_density,
     log_input_densities,
     marginal,
     regress,
     regress_means,
-    regress_shared,
+    regress_with_responsibilities,
 )
 
 
 def random_mixture(rng, K, D):
     A = rng.normal(size=(K, D, D))
-    return Mixture(
+    return GaussianMixture(
         rng.dirichlet(np.ones(K)), 2 * rng.normal(size=(K, D)), A @ A.transpose(0, 2, 1) + 0.1 * np.eye(D)
     )
 
@@ -63,7 +63,7 @@ def test_one_component_regresses_to_its_conditional(rng):
 
 
 @pytest.mark.parametrize("distance", [1e4, 1e9, 1e100])
-def test_far_from_all_components_the_widest_speaks_alone(rng, distance):
+def test_far_from_all_components_the_widest_predicts_alone(rng, distance):
     """Shares are computed in logarithms: no distance makes them nothing over nothing."""
     mixture, inputs = random_mixture(rng, 3, 3), np.array([0])
     x = np.array([[distance], [-distance]])
@@ -81,7 +81,7 @@ def test_far_away_two_parallel_components_leave_their_slope(rng):
     """Components that differ in the outputs alone keep their shares everywhere: only the slope is left."""
     one = random_mixture(rng, 1, 3)
     means = np.stack([one.means[0], one.means[0] + [0.0, 1.0, -2.0]])
-    pair = Mixture(np.array([0.3, 0.7]), means, np.repeat(one.covariances, 2, axis=0))
+    pair = GaussianMixture(np.array([0.3, 0.7]), means, np.repeat(one.covariances, 2, axis=0))
     slope = one.covariances[0, 1:, :1] / one.covariances[0, 0, 0]
     told = regress(pair, np.array([0]), np.array([[1e9]]))
     np.testing.assert_allclose(told.jacobians[0], slope, rtol=1e-6)
@@ -90,12 +90,12 @@ def test_far_away_two_parallel_components_leave_their_slope(rng):
     np.testing.assert_allclose(told.covariances[0], within + between, rtol=1e-4, atol=1e-5)
 
 
-def test_a_component_of_no_weight_is_never_heard(rng):
+def test_a_component_of_no_weight_has_no_influence(rng):
     """Also where it alone would explain the input."""
     mixture = random_mixture(rng, 2, 3)
     mixture.means[1] += 1e3
-    silent = Mixture(np.array([1.0, 0.0]), mixture.means, mixture.covariances)
-    alone = Mixture(np.ones(1), mixture.means[:1], mixture.covariances[:1])
+    silent = GaussianMixture(np.array([1.0, 0.0]), mixture.means, mixture.covariances)
+    alone = GaussianMixture(np.ones(1), mixture.means[:1], mixture.covariances[:1])
     x, inputs = mixture.means[1:, :1], np.array([0])
     told, expected = regress(silent, inputs, x), regress(alone, inputs, x)
     np.testing.assert_allclose(told.means, expected.means)
@@ -104,7 +104,7 @@ def test_a_component_of_no_weight_is_never_heard(rng):
 
 def test_input_densities_are_those_of_the_marginals(rng):
     mixture, inputs, x = random_mixture(rng, 3, 5), np.array([3, 0]), rng.normal(size=(4, 2))
-    found = log_input_densities(conditionals(mixture.means, mixture.covariances, inputs), x)
+    found = log_input_densities(conditional_gaussians(mixture.means, mixture.covariances, inputs), x)
     for k in range(3):
         own = marginal(Gaussian(mixture.means[k], mixture.covariances[k]), inputs)
         np.testing.assert_allclose(found[:, k], log_density(own, x))
@@ -113,7 +113,7 @@ def test_input_densities_are_those_of_the_marginals(rng):
 def test_many_inputs_are_answered_one_by_one(rng, monkeypatch):
     """Rows are worked on in blocks; where these are cut changes nothing, and no row is an answer to none."""
     mixture, inputs, x = random_mixture(rng, 3, 4), np.array([1]), rng.normal(size=(7, 1))
-    monkeypatch.setattr(regression, "ROOM", 2 * 3 * 3)  # two rows a block
+    monkeypatch.setattr(regression, "MAX_ARRAY_SIZE", 2 * 3 * 3)  # two rows a block
     together = regress(mixture, inputs, x)
     for n in range(7):
         alone = regress(mixture, inputs, x[n : n + 1])
@@ -129,7 +129,9 @@ def test_units_and_the_order_of_inputs_do_not_matter(rng):
     """Columns in other units, inputs named in another order: the same answer in those units."""
     mixture, x = random_mixture(rng, 3, 4), rng.normal(size=(5, 2))
     units = 10.0 ** rng.uniform(-3, 3, size=4)
-    scaled = Mixture(mixture.weights, units * mixture.means, np.outer(units, units) * mixture.covariances)
+    scaled = GaussianMixture(
+        mixture.weights, units * mixture.means, np.outer(units, units) * mixture.covariances
+    )
     plain = regress(mixture, np.array([0, 2]), x)
     other = regress(scaled, np.array([2, 0]), (x * units[[0, 2]])[:, ::-1])
     out = units[[1, 3]]
@@ -139,16 +141,16 @@ def test_units_and_the_order_of_inputs_do_not_matter(rng):
     np.testing.assert_allclose(other.jacobians, jacobians, rtol=1e-6, atol=1e-12)
 
 
-def test_a_component_that_has_the_whole_share_is_heard_alone(rng):
+def test_a_component_that_has_the_whole_share_predicts_alone(rng):
     """Shares may come from elsewhere, say from a chain."""
     mixture, inputs, x = random_mixture(rng, 3, 4), np.array([1, 2]), rng.normal(size=(3, 2))
-    given = conditionals(mixture.means, mixture.covariances, inputs)
-    result = regress_shared(given, x, np.eye(3))
+    conditionals = conditional_gaussians(mixture.means, mixture.covariances, inputs)
+    result = regress_with_responsibilities(conditionals, x, np.eye(3))
     for k in range(3):
         alone = condition(Gaussian(mixture.means[k], mixture.covariances[k]), inputs, x[k])
         np.testing.assert_allclose(result.means[k], alone.mean)
         np.testing.assert_allclose(result.covariances[k], alone.covariance, rtol=1e-9)
-        np.testing.assert_allclose(result.jacobians[k], given.slopes[k])
+        np.testing.assert_allclose(result.jacobians[k], conditionals.slopes[k])
 
 
 def test_inputs_that_cannot_be_used_are_refused(rng):
@@ -173,6 +175,6 @@ def test_inputs_must_leave_something_to_predict(rng):
 
 
 def test_a_component_that_is_singular_in_the_inputs_is_named(rng):
-    singular = Mixture(np.ones(1), np.zeros((1, 3)), np.diag([0.0, 1.0, 1.0])[None])
+    singular = GaussianMixture(np.ones(1), np.zeros((1, 3)), np.diag([0.0, 1.0, 1.0])[None])
     with pytest.raises(NotPositiveDefinite, match="component 0"):
         regress(singular, np.array([0]), np.zeros((1, 1)))

@@ -12,17 +12,19 @@ from pilotfish.gaussians import (
     product,
     riemannian_log_density,
     riemannian_product,
-    seen_at,
+    tangent_gaussian,
 )
-from pilotfish.geometry import exp_at, log_at, multiply, normalise
+from pilotfish.geometry import exp_map, log_map, multiply, normalise
 
-TURNS = (3,)
+ORIENTATION_STARTS = (3,)
 
 
-def opinion(rng, base, apart=0.5, spread=0.3):
+def random_gaussian(rng, base, apart=0.5, spread=0.3):
     A = rng.normal(size=(6, 6))
     return RiemannianGaussian(
-        exp_at(base, apart * rng.normal(size=6), TURNS), spread**2 * (A @ A.T + 0.1 * np.eye(6)), TURNS
+        exp_map(base, apart * rng.normal(size=6), ORIENTATION_STARTS),
+        spread**2 * (A @ A.T + 0.1 * np.eye(6)),
+        ORIENTATION_STARTS,
     )
 
 
@@ -32,18 +34,22 @@ def base(rng):
 
 
 def test_near_its_mean_the_density_is_that_of_its_tangent_vector(rng, base):
-    g, v = opinion(rng, base), 0.5 * rng.normal(size=(5, 6))
+    g, v = random_gaussian(rng, base), 0.5 * rng.normal(size=(5, 6))
     expected = log_density(Gaussian(np.zeros(6), g.covariance), v)
-    np.testing.assert_allclose(riemannian_log_density(g, exp_at(g.mean, v, TURNS)), expected, atol=1e-9)
+    np.testing.assert_allclose(
+        riemannian_log_density(g, exp_map(g.mean, v, ORIENTATION_STARTS)), expected, atol=1e-9
+    )
 
 
 def test_seen_at_a_point_a_density_has_its_own_height_and_slope_there(rng, base):
     """The flat density in that tangent space touches the true one, but for a constant."""
-    g, step = opinion(rng, base), 1e-5
-    there = exp_at(base, 0.6 * rng.normal(size=6), TURNS)
-    seen, h = seen_at(g, there), step * rng.normal(size=(20, 6))
+    g, step = random_gaussian(rng, base), 1e-5
+    there = exp_map(base, 0.6 * rng.normal(size=6), ORIENTATION_STARTS)
+    seen, h = tangent_gaussian(g, there), step * rng.normal(size=(20, 6))
     flat = log_density(seen, h) - log_density(seen, np.zeros((1, 6)))
-    true = riemannian_log_density(g, exp_at(there, h, TURNS)) - riemannian_log_density(g, there[None])
+    true = riemannian_log_density(g, exp_map(there, h, ORIENTATION_STARTS)) - riemannian_log_density(
+        g, there[None]
+    )
     np.testing.assert_allclose(flat, true, atol=1e3 * step**2)
     assert np.abs(true).max() > 1e5 * step**2
 
@@ -51,11 +57,13 @@ def test_seen_at_a_point_a_density_has_its_own_height_and_slope_there(rng, base)
 @pytest.mark.parametrize("count", [2, 3])
 def test_the_product_peaks_where_the_densities_together_are_largest(rng, base, count):
     """No point that a general optimiser finds is likelier."""
-    said = [opinion(rng, base) for _ in range(count)]
+    said = [random_gaussian(rng, base) for _ in range(count)]
     fused = riemannian_product(said)
 
     def cost(v):
-        return -sum(riemannian_log_density(g, exp_at(fused.mean, v, TURNS)[None])[0] for g in said)
+        return -sum(
+            riemannian_log_density(g, exp_map(fused.mean, v, ORIENTATION_STARTS)[None])[0] for g in said
+        )
 
     found = minimize(cost, 1e-2 * rng.normal(size=6), method="BFGS", options={"gtol": 1e-8})
     assert found.fun >= cost(np.zeros(6)) - 1e-9
@@ -64,11 +72,13 @@ def test_the_product_peaks_where_the_densities_together_are_largest(rng, base, c
 
 def test_the_products_covariance_is_the_curvature_of_its_logarithm(rng, base):
     """Second differences; their share from the curvature of S^3 fades with the spread."""
-    said = [opinion(rng, base, apart=0.01, spread=0.01) for _ in range(2)]
+    said = [random_gaussian(rng, base, apart=0.01, spread=0.01) for _ in range(2)]
     fused, step = riemannian_product(said), 1e-4
 
     def cost(v):
-        return -sum(riemannian_log_density(g, exp_at(fused.mean, v, TURNS)[None])[0] for g in said)
+        return -sum(
+            riemannian_log_density(g, exp_map(fused.mean, v, ORIENTATION_STARTS)[None])[0] for g in said
+        )
 
     E = step * np.eye(6)
     hessian = np.array([[cost(a + b) - cost(a - b) - cost(b - a) + cost(-a - b) for a in E] for b in E]) / (
@@ -80,45 +90,45 @@ def test_the_products_covariance_is_the_curvature_of_its_logarithm(rng, base):
 def test_near_together_the_product_is_that_of_flat_space(rng, base):
     """Within a thousandth of a radian: means to second order, covariances to first."""
     size = 1e-3
-    said = [opinion(rng, base, apart=size, spread=size) for _ in range(3)]
-    flat = product([Gaussian(log_at(base, g.mean, TURNS), g.covariance) for g in said])
+    said = [random_gaussian(rng, base, apart=size, spread=size) for _ in range(3)]
+    flat = product([Gaussian(log_map(base, g.mean, ORIENTATION_STARTS), g.covariance) for g in said])
     fused = riemannian_product(said)
-    np.testing.assert_allclose(log_at(base, fused.mean, TURNS), flat.mean, atol=20 * size**2)
+    np.testing.assert_allclose(log_map(base, fused.mean, ORIENTATION_STARTS), flat.mean, atol=20 * size**2)
     np.testing.assert_allclose(fused.covariance, flat.covariance, atol=20 * size**3)
 
 
-def test_opinions_fuse_in_any_order_wherever_the_world_has_its_axes(rng, base):
-    said, world = [opinion(rng, base) for _ in range(3)], normalise(rng.normal(size=4))
+def test_gaussians_fuse_in_any_order_wherever_the_world_has_its_axes(rng, base):
+    said, world = [random_gaussian(rng, base) for _ in range(3)], normalise(rng.normal(size=4))
     fused = riemannian_product(said)
     turned = [
         RiemannianGaussian(
             np.concatenate([g.mean[:3], rng.choice([-1.0, 1.0]) * multiply(world, g.mean[3:])]),
             g.covariance,
-            TURNS,
+            ORIENTATION_STARTS,
         )
         for g in said
     ]
     there = riemannian_product(turned[::-1])
     back = np.concatenate([fused.mean[:3], multiply(world, fused.mean[3:])])
-    np.testing.assert_allclose(log_at(there.mean, back, TURNS), 0.0, atol=1e-8)
+    np.testing.assert_allclose(log_map(there.mean, back, ORIENTATION_STARTS), 0.0, atol=1e-8)
     np.testing.assert_allclose(there.covariance, fused.covariance, atol=1e-8)
 
 
-def test_two_like_opinions_are_one_twice_as_sure(rng, base):
-    g = opinion(rng, base)
+def test_two_like_gaussians_are_one_twice_as_sure(rng, base):
+    g = random_gaussian(rng, base)
     fused = riemannian_product([g, g])
-    np.testing.assert_allclose(log_at(g.mean, fused.mean, TURNS), 0.0, atol=1e-12)
+    np.testing.assert_allclose(log_map(g.mean, fused.mean, ORIENTATION_STARTS), 0.0, atol=1e-12)
     np.testing.assert_allclose(fused.covariance, 0.5 * g.covariance, atol=1e-12)
     assert riemannian_product([g]) is g
 
 
-def test_opinions_half_a_turn_apart_meet_half_way(rng):
+def test_gaussians_half_a_turn_apart_meet_half_way(rng):
     """A quarter turn to one side or the other, as sure as one of them at least; none is left out."""
     q = normalise(rng.normal(size=(1, 4)))[0]
     said = [RiemannianGaussian(m, 0.04 * np.eye(3), (0,)) for m in (q, multiply(q, np.array([0, 1.0, 0, 0])))]
     fused = riemannian_product(said)
     for g in said:
-        assert np.linalg.norm(log_at(g.mean, fused.mean, (0,))) == pytest.approx(np.pi / 2, abs=1e-6)
+        assert np.linalg.norm(log_map(g.mean, fused.mean, (0,))) == pytest.approx(np.pi / 2, abs=1e-6)
 
 
 def test_a_product_of_nothing_is_refused():

@@ -13,7 +13,7 @@ from pilotfish.gaussians import (
     Diagonal,
     ExpandedPrecisions,
     Full,
-    HDDCShare,
+    HDDCExplainedVariance,
     LatentCovariances,
     MultipleTransformCovariances,
     SemiTied,
@@ -27,37 +27,37 @@ def samples(rng, K, D):
     return A @ A.transpose(0, 2, 1) + 0.05 * np.eye(D), rng.uniform(1.0, 50.0, size=K)
 
 
-def auxiliary(mass, S, covariances):
+def auxiliary(counts, S, covariances):
     """Twice the expected log-likelihood that an M-step maximises (4.18), constants left out."""
     fit = np.trace(np.linalg.solve(covariances, S), axis1=1, axis2=2)
-    return -float(mass @ (np.linalg.slogdet(covariances)[1] + fit))
+    return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical(), SemiTied(), SemiTied(0.4)])
 def test_covariances_are_symmetric_and_positive_definite(rng, structure):
-    S, mass = samples(rng, 5, 6)
-    dense = structure.estimate(mass, S, None).dense
+    S, counts = samples(rng, 5, 6)
+    dense = structure.estimate(counts, S, None).dense
     np.testing.assert_allclose(dense, dense.transpose(0, 2, 1), atol=1e-12)
     assert np.linalg.eigvalsh(dense).min() > 0.0
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical()])
 def test_no_scaled_neighbour_of_the_estimate_is_likelier(rng, structure):
-    S, mass = samples(rng, 4, 5)
-    best = structure.estimate(mass, S, None).dense
+    S, counts = samples(rng, 4, 5)
+    best = structure.estimate(counts, S, None).dense
     for factor in (0.9, 0.99, 1.01, 1.1):
-        assert auxiliary(mass, S, factor * best) < auxiliary(mass, S, best)
+        assert auxiliary(counts, S, factor * best) < auxiliary(counts, S, best)
 
 
 @pytest.mark.parametrize("sweeps", [1, 5])
 def test_semi_tied_estimates_never_lose_likelihood_when_they_go_on(rng, sweeps):
-    S, mass = samples(rng, 5, 6)
+    S, counts = samples(rng, 5, 6)
     values, before = [], None
     for _ in range(12):
-        before = SemiTied(1.0, sweeps).estimate(mass, S, before)
-        values.append(auxiliary(mass, S, before.dense))
+        before = SemiTied(1.0, sweeps).estimate(counts, S, before)
+        values.append(auxiliary(counts, S, before.dense))
     assert np.diff(values).min() >= -1e-9 * abs(values[-1])
-    assert values[-1] > auxiliary(mass, S, Diagonal().estimate(mass, S, None).dense)
+    assert values[-1] > auxiliary(counts, S, Diagonal().estimate(counts, S, None).dense)
 
 
 def test_semi_tied_is_exact_when_the_states_do_share_their_basis(rng):
@@ -70,15 +70,15 @@ def test_semi_tied_is_exact_when_the_states_do_share_their_basis(rng):
 
 
 def test_one_semi_tied_state_is_a_full_covariance(rng):
-    S, mass = samples(rng, 1, 5)
-    np.testing.assert_allclose(SemiTied(1.0, sweeps=300).estimate(mass, S, None).dense, S, atol=1e-6)
+    S, counts = samples(rng, 1, 5)
+    np.testing.assert_allclose(SemiTied(1.0, sweeps=300).estimate(counts, S, None).dense, S, atol=1e-6)
 
 
 def test_tying_mixes_the_tied_and_the_free_covariance(rng):
-    S, mass = samples(rng, 4, 5)
-    tied = SemiTied(1.0).estimate(mass, S, None).dense
-    np.testing.assert_allclose(SemiTied(0.3).estimate(mass, S, None).dense, 0.3 * tied + 0.7 * S)
-    np.testing.assert_allclose(SemiTied(0.0).estimate(mass, S, None).dense, S)
+    S, counts = samples(rng, 4, 5)
+    tied = SemiTied(1.0).estimate(counts, S, None).dense
+    np.testing.assert_allclose(SemiTied(0.3).estimate(counts, S, None).dense, 0.3 * tied + 0.7 * S)
+    np.testing.assert_allclose(SemiTied(0.0).estimate(counts, S, None).dense, S)
 
 
 @pytest.mark.parametrize("tying", [-0.1, 1.1, np.nan])
@@ -171,11 +171,11 @@ def test_structures_without_redundant_numbers_count_the_same_twice(structure):
 
 
 def test_dimensions_that_data_decide_are_counted_after_the_fit(rng):
-    S, mass = samples(rng, 3, 5)
-    structure = HDDCShare(0.8)
-    fitted = structure.as_fitted(structure.estimate(mass, S, None))
+    S, counts = samples(rng, 3, 5)
+    structure = HDDCExplainedVariance(0.8)
+    fitted = structure.with_fitted_dimensions(structure.estimate(counts, S, None))
     np.testing.assert_allclose(
-        fitted.estimate(mass, S, None).dense, structure.estimate(mass, S, None).dense, atol=1e-12
+        fitted.estimate(counts, S, None).dense, structure.estimate(counts, S, None).dense, atol=1e-12
     )
     for count in (structure.parameter_count, structure.degrees_of_freedom):
         with pytest.raises(InvalidInput, match="fitted_parameters"):
@@ -192,9 +192,9 @@ def test_component_correlation_is_one_for_multiples_and_symmetric(rng):
 
 def test_semi_tied_goes_on_from_the_basis_before(rng):
     """Two sweeps at once are one sweep and one more."""
-    S, mass = samples(rng, 5, 6)
+    S, counts = samples(rng, 5, 6)
     one = SemiTied(1.0, sweeps=1)
-    twice = one.estimate(mass, S, one.estimate(mass, S, None)).dense
+    twice = one.estimate(counts, S, one.estimate(counts, S, None)).dense
     np.testing.assert_allclose(
-        twice, SemiTied(1.0, sweeps=2).estimate(mass, S, None).dense, rtol=1e-8, atol=1e-10
+        twice, SemiTied(1.0, sweeps=2).estimate(counts, S, None).dense, rtol=1e-8, atol=1e-10
     )

@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from pilotfish.kernels import Emissions, twins
+from pilotfish.kernels import Emissions, reference
 
 
 @dataclass(frozen=True)
@@ -20,11 +20,11 @@ class Case:
     initial: np.ndarray
     transitions: np.ndarray
     means: np.ndarray
-    whiteners: np.ndarray
+    precision_cholesky: np.ndarray
 
     @property
     def emissions(self) -> Emissions:
-        return Emissions(self.means, self.whiteners)
+        return Emissions(self.means, self.precision_cholesky)
 
     @property
     def arguments(self) -> tuple[object, ...]:
@@ -40,10 +40,10 @@ def compiled() -> ModuleType:
         pytest.skip(f"the compiled kernels are missing: {reason}")
 
 
-@pytest.fixture(params=["twin", "compiled"])
+@pytest.fixture(params=["reference", "compiled"])
 def kernels(request: pytest.FixtureRequest) -> ModuleType:
-    """Every kernel as a NumPy twin, then as compiled."""
-    return twins if request.param == "twin" else request.getfixturevalue("compiled")
+    """Every kernel as a NumPy reference, then as compiled."""
+    return reference if request.param == "reference" else request.getfixturevalue("compiled")
 
 
 @pytest.fixture
@@ -65,9 +65,11 @@ def case(rng: np.random.Generator) -> Callable[..., Case]:
 
     def draw(P: int, lengths: list[int], D: int, K: int) -> Case:
         means = rng.normal(size=(P, K, D))
-        whiteners = np.tril(0.2 * rng.normal(size=(P, K, D, D)), -1) + np.eye(D) * rng.uniform(0.5, 2.0, D)
+        precision_cholesky = np.tril(0.2 * rng.normal(size=(P, K, D, D)), -1) + np.eye(D) * rng.uniform(
+            0.5, 2.0, D
+        )
         x = means[:, rng.integers(K, size=sum(lengths))] + rng.normal(size=(P, sum(lengths), D))
         initial, transitions = rng.dirichlet(np.ones(K)), rng.dirichlet(np.ones(K), size=K)
-        return Case(x, np.array(lengths), initial, transitions, means, whiteners)
+        return Case(x, np.array(lengths), initial, transitions, means, precision_cholesky)
 
     return draw

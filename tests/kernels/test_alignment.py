@@ -7,10 +7,10 @@ import pytest
 from kernel_arguments import LAYOUTS, field, unaligned
 
 from pilotfish.errors import InvalidInput
-from pilotfish.kernels import Emissions, checks, twins
+from pilotfish.kernels import Emissions, checks, reference
 
 
-def placed(array, offset):
+def place_at_offset(array, offset):
     """Return a copy that begins so many bytes after a multiple of 64."""
     memory = np.empty(array.nbytes + 128, np.uint8)
     begin = -memory.ctypes.data % 64 + offset
@@ -26,12 +26,12 @@ def bits(results):
 @pytest.fixture(params=["_baseline", "_v3"])
 def native(request, compiled):
     """One compiled module, without what packs arrays for it."""
-    if request.param == "_v3" and compiled.LEVEL == "baseline":
+    if request.param == "_v3" and compiled.INSTRUCTION_SET == "baseline":
         pytest.skip("this processor has no x86-64-v3, or the compiler did not know it")
     return importlib.import_module(f"pilotfish.kernels.{request.param}")
 
 
-def spreads(rng, K, D):
+def random_covariances(rng, K, D):
     roots = rng.normal(size=(K, D, D))
     return roots @ roots.swapaxes(1, 2) + np.eye(D)
 
@@ -39,9 +39,9 @@ def spreads(rng, K, D):
 @pytest.mark.parametrize("K", [2, 5, 9, 30])
 def test_semi_tied_sweeps_give_the_same_bits_at_any_offset(native, rng, K):
     """The sum of the masses is taken in order, not from the first aligned mass."""
-    given = spreads(rng, K, 7), rng.uniform(1.0, 9.0, K), np.eye(7)
+    given = random_covariances(rng, K, 7), rng.uniform(1.0, 9.0, K), np.eye(7)
     seen = {
-        bits(native.semi_tied_sweeps(*(placed(each, offset) for each in given), 4))
+        bits(native.semi_tied_sweeps(*(place_at_offset(each, offset) for each in given), 4))
         for offset in (0, 8, 16, 24)
     }
     assert len(seen) == 1
@@ -50,11 +50,11 @@ def test_semi_tied_sweeps_give_the_same_bits_at_any_offset(native, rng, K):
 @pytest.mark.parametrize(("n", "m", "T"), [(1, 1, 4), (3, 2, 5), (5, 3, 9), (9, 4, 6)])
 def test_riccati_gives_the_same_bits_at_any_offset(native, rng, n, m, T):
     """Arguments lie at four offsets, results wherever malloc puts them."""
-    given = 0.3 * rng.normal(size=(1, n, n)), rng.normal(size=(1, n, m)), spreads(rng, T, n)
+    given = 0.3 * rng.normal(size=(1, n, n)), rng.normal(size=(1, n, m)), random_covariances(rng, T, n)
     given = *given, rng.normal(size=(T, n)), np.eye(m)
     kept, seen = [], set()
     for offset in (0, 8, 16, 24) * 8:
-        kept.append(native.riccati(*(placed(each, offset) for each in given)))
+        kept.append(native.riccati(*(place_at_offset(each, offset) for each in given)))
         kept.append(np.empty(rng.integers(1, 9)))  # the next results lie elsewhere
         seen.add(bits(kept[-2]))
     assert len(seen) == 1
@@ -64,16 +64,16 @@ def test_riccati_gives_the_same_bits_at_any_offset(native, rng, n, m, T):
 def test_compiled_modules_do_not_take_arrays_that_cannot_be_read_in_place(native, spoil):
     """Whoever calls them packs arrays first; nothing is read at odd addresses."""
     with pytest.raises(TypeError, match="incompatible function arguments"):
-        native.whiteners(spoil(np.tile(np.eye(2), (3, 1, 1))))
+        native.precision_cholesky(spoil(np.tile(np.eye(2), (3, 1, 1))))
 
 
 def test_arrays_are_packed_only_if_they_must_be():
     """An array that kernels can read is not copied; all others are, their values unchanged."""
     array = np.arange(12.0).reshape(3, 4)
-    assert checks.pack(array, "x") is array
+    assert checks.pack_array(array, "x") is array
     others = [lay_out(array) for lay_out in LAYOUTS.values() if lay_out is not LAYOUTS["read-only"]]
     for other in (*others, array.tolist()):
-        packed = checks.pack(other, "x")
+        packed = checks.pack_array(other, "x")
         assert packed.flags.aligned
         assert packed.flags.c_contiguous
         assert packed.dtype.isnative
@@ -82,27 +82,35 @@ def test_arrays_are_packed_only_if_they_must_be():
 
 ONE = np.ones((1, 1, 1))
 REFUSED = [
-    (checks.markov, (np.zeros((5, 3)), np.ones(4), np.eye(3)), "initial has shape (4,), expected (K) with K"),
     (
-        checks.markov,
+        checks.pack_markov,
+        (np.zeros((5, 3)), np.ones(4), np.eye(3)),
+        "initial has shape (4,), expected (K) with K",
+    ),
+    (
+        checks.pack_markov,
         (np.zeros((0, 3)), np.ones(3), np.eye(3)),
         "log_emissions has shape (0, 3), expected (T,",
     ),
-    (checks.markov, ([[np.nan]], [1.0], [[1.0]]), "log_emissions[0, 0] is nan, expected logarithms"),
-    (checks.markov, ([[0.0]], [-0.5], [[1.0]]), "initial[0] is -0.5, expected finite numbers of at least 0"),
+    (checks.pack_markov, ([[np.nan]], [1.0], [[1.0]]), "log_emissions[0, 0] is nan, expected logarithms"),
     (
-        checks.riccati,
+        checks.pack_markov,
+        ([[0.0]], [-0.5], [[1.0]]),
+        "initial[0] is -0.5, expected finite numbers of at least 0",
+    ),
+    (
+        checks.pack_riccati,
         (np.ones((3, 1, 1)),) * 3 + (np.ones((3, 1)), [[1.0]]),
         "hold 3 matrices, expected 1 or",
     ),
-    (checks.semi_tied, (ONE, [1e200], [[1.0]], 1), "mass[0] is 1e+200, expected finite numbers"),
-    (checks.semi_tied, (ONE, [1.0], [[1.0]], -1), "sweeps is -1, expected a whole number"),
-    (checks.covariances, (ONE.astype(complex),), "covariances has complex128 values"),
+    (checks.pack_semi_tied, (ONE, [1e200], [[1.0]], 1), "mass[0] is 1e+200, expected finite numbers"),
+    (checks.pack_semi_tied, (ONE, [1.0], [[1.0]], -1), "sweeps is -1, expected a whole number"),
+    (checks.pack_covariances, (ONE.astype(complex),), "covariances has complex128 values"),
 ]
 
 
 @pytest.mark.parametrize(("check", "arguments", "words"), REFUSED)
-def test_arguments_that_no_kernel_takes_are_refused_in_words(check, arguments, words):
+def test_arguments_that_no_kernel_takes_are_refused_with_a_message(check, arguments, words):
     """The message gives the argument, its shape or number, and what was expected."""
     with pytest.raises(InvalidInput) as refusal:
         check(*arguments)
@@ -110,10 +118,10 @@ def test_arguments_that_no_kernel_takes_are_refused_in_words(check, arguments, w
 
 
 @pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("beyond", [(4, 3), (2, 4), (2,)])
-def test_semi_markov_refuses_tables_of_other_shapes(kernels, beyond):
+@pytest.mark.parametrize("tail_counts", [(4, 3), (2, 4), (2,)])
+def test_semi_markov_refuses_tables_of_other_shapes(kernels, tail_counts):
     """NumPy references read no more of a table than the compiled kernels do."""
-    tables = checks.SemiMarkovTables(np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(beyond))
+    tables = checks.SemiMarkovTables(np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(tail_counts))
     with pytest.raises(InvalidInput, match=r"log_beyond has shape .*, expected \(2, K\) with K = 3"):
         kernels.semi_markov(np.zeros((6, 3)), tables)
 
@@ -128,5 +136,5 @@ def test_log_emissions_refuse_another_number_of_frames(kernels):
 
 def test_both_forms_are_checked(compiled):
     """Every name of the NumPy references is a checked one, as in the compiled kernels."""
-    assert set(compiled.KERNELS) == set(twins.__all__)
-    assert all(getattr(twins, name).__wrapped__ for name in twins.__all__)
+    assert set(compiled.KERNELS) == set(reference.__all__)
+    assert all(getattr(reference, name).__wrapped__ for name in reference.__all__)

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from pilotfish.kernels import twins
+from pilotfish.kernels import reference
 
 SHORT = [(1, 1), (1, 3), (2, 2), (5, 3), (4, 4), (7, 2)]
 
 
-def never_mind_zero():
+def ignore_log_of_zero():
     return np.errstate(divide="ignore")
 
 
-def paths(log_emissions, initial, transitions):
+def enumerate_paths(log_emissions, initial, transitions):
     """Every path (N, T), and log p(emissions, path) (N,)."""
     T, K = log_emissions.shape
     every = np.array(list(itertools.product(range(K), repeat=T)))
-    with never_mind_zero():
+    with ignore_log_of_zero():
         log_p = np.log(initial)[every[:, 0]] + log_emissions[np.arange(T), every].sum(axis=1)
         log_p += np.log(transitions)[every[:, :-1], every[:, 1:]].sum(axis=1)
     return every, log_p
@@ -35,18 +35,20 @@ def test_forward_backward_agrees_with_listing_every_path(kernels, chain, T, K, s
     transitions are impossible at the larger share of zeros.
     """
     problem = chain(T, K, spread, zeros)
-    every, log_p = paths(*problem)
+    every, log_p = enumerate_paths(*problem)
     result = kernels.forward_backward(*problem)
     log_likelihood = logsumexp(log_p) if np.isfinite(log_p).any() else -np.inf
     np.testing.assert_allclose(result.log_likelihood, log_likelihood, rtol=1e-12)
     share = np.exp(log_p - log_likelihood) if np.isfinite(log_likelihood) else np.zeros(len(log_p))
     for k in range(K):
-        np.testing.assert_allclose(result.posteriors[:, k], share @ (every == k), rtol=1e-8, atol=1e-11)
+        np.testing.assert_allclose(
+            result.smoothed_state_probs[:, k], share @ (every == k), rtol=1e-8, atol=1e-11
+        )
         for j in range(K):
             steps = ((every[:, :-1] == j) & (every[:, 1:] == k)).sum(axis=1)
             np.testing.assert_allclose(result.transitions[j, k], share @ steps, rtol=1e-8, atol=1e-11)
     for t in range(T):
-        heads, log_heads = paths(problem[0][: t + 1], *problem[1:])
+        heads, log_heads = enumerate_paths(problem[0][: t + 1], *problem[1:])
         for k in range(K):
             expected = np.logaddexp.reduce(log_heads[heads[:, -1] == k])
             np.testing.assert_allclose(result.log_forward[t, k], expected, rtol=1e-12, atol=1e-12)
@@ -58,7 +60,7 @@ def test_forward_backward_agrees_with_listing_every_path(kernels, chain, T, K, s
 def test_viterbi_agrees_with_listing_every_path(kernels, chain, T, K, spread, zeros):
     """The path found is the most probable of all, and log_probability is its own."""
     problem = chain(T, K, spread, zeros)
-    every, log_p = paths(*problem)
+    every, log_p = enumerate_paths(*problem)
     result = kernels.viterbi(*problem)
     np.testing.assert_allclose(result.log_probability, log_p.max(), rtol=1e-12)
     if np.isfinite(log_p.max()):
@@ -71,7 +73,7 @@ def test_viterbi_takes_the_lower_state_at_a_tie(kernels, rng):
     Whole numbers as emissions and certain transitions make ties exact.
     """
     log_emissions = rng.integers(0, 2, size=(6, 3)).astype(float)
-    every, log_p = paths(log_emissions, np.ones(3), np.ones((3, 3)))
+    every, log_p = enumerate_paths(log_emissions, np.ones(3), np.ones((3, 3)))
     best = min(every[log_p == log_p.max()].tolist(), key=lambda path: path[::-1])
     assert kernels.viterbi(log_emissions, np.ones(3), np.ones((3, 3))).states.tolist() == best
 
@@ -86,7 +88,7 @@ def test_what_no_path_explains_has_likelihood_zero(kernels):
     ]:
         result = kernels.forward_backward(log_emissions, initial, dead_end)
         assert result.log_likelihood == -np.inf
-        assert not result.posteriors.any()
+        assert not result.smoothed_state_probs.any()
         assert not result.transitions.any()
         assert not np.isnan(result.log_forward).any()
         assert kernels.viterbi(log_emissions, initial, dead_end).log_probability == -np.inf
@@ -96,7 +98,7 @@ def test_an_impossible_emission_only_forbids_its_state(kernels):
     """-inf at one state leaves the paths through the others."""
     log_emissions = np.array([[0.0, 0.0], [-np.inf, 0.0], [0.0, 0.0]])
     result = kernels.forward_backward(log_emissions, np.array([0.5, 0.5]), np.full((2, 2), 0.5))
-    np.testing.assert_allclose(result.posteriors, [[0.5, 0.5], [0.0, 1.0], [0.5, 0.5]])
+    np.testing.assert_allclose(result.smoothed_state_probs, [[0.5, 0.5], [0.0, 1.0], [0.5, 0.5]])
     np.testing.assert_allclose(result.log_likelihood, np.log(0.5))
 
 
@@ -124,29 +126,33 @@ def test_a_hundred_thousand_steps_lose_nothing(compiled, chain, spread):
     Log-probabilities reach 2e8 in the twin, where a rounding error is 1e-8 and made at every step.
     """
     problem = chain(100_000, 3, spread, zeros=0.2)
-    result, twin = compiled.forward_backward(*problem), twins.forward_backward(*problem)
+    result, reference_result = compiled.forward_backward(*problem), reference.forward_backward(*problem)
     assert np.isfinite(result.log_likelihood)
-    np.testing.assert_allclose(result.log_likelihood, twin.log_likelihood, rtol=1e-11)
-    np.testing.assert_allclose(result.posteriors.sum(axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-11)
+    np.testing.assert_allclose(result.smoothed_state_probs.sum(axis=1), 1.0, rtol=1e-12)
     np.testing.assert_allclose(result.transitions.sum(), 99_999, rtol=1e-12)
-    np.testing.assert_allclose(result.transitions.sum(axis=1), result.posteriors[:-1].sum(axis=0), rtol=1e-9)
-    np.testing.assert_allclose(result.posteriors, twin.posteriors, atol=1e-6)
-    np.testing.assert_allclose(result.log_forward, twin.log_forward, rtol=1e-11)
+    np.testing.assert_allclose(
+        result.transitions.sum(axis=1), result.smoothed_state_probs[:-1].sum(axis=0), rtol=1e-9
+    )
+    np.testing.assert_allclose(result.smoothed_state_probs, reference_result.smoothed_state_probs, atol=1e-6)
+    np.testing.assert_allclose(result.log_forward, reference_result.log_forward, rtol=1e-11)
     states = compiled.viterbi(*problem).states
-    np.testing.assert_array_equal(states, twins.viterbi(*problem).states)
+    np.testing.assert_array_equal(states, reference.viterbi(*problem).states)
 
 
 @pytest.mark.parametrize("zeros", [0.0, 0.6])
 @pytest.mark.parametrize("spread", [1.0, 700.0])
 @pytest.mark.parametrize("K", [1, 2, 7, 8, 9, 16, 17, 30])
-def test_compiled_chain_agrees_with_its_twin(compiled, chain, K, spread, zeros):
+def test_compiled_chain_agrees_with_the_reference(compiled, chain, K, spread, zeros):
     """Any number of states, also around the multiples of eight to which the kernel pads them."""
     problem = chain(50, K, spread, zeros)
-    result, twin = compiled.forward_backward(*problem), twins.forward_backward(*problem)
-    np.testing.assert_allclose(result.log_likelihood, twin.log_likelihood, rtol=1e-12)
-    np.testing.assert_allclose(result.log_forward, twin.log_forward, rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(result.posteriors, twin.posteriors, rtol=1e-7, atol=1e-30)
-    np.testing.assert_allclose(result.transitions, twin.transitions, rtol=1e-7, atol=1e-25)
-    found, expected = compiled.viterbi(*problem), twins.viterbi(*problem)
+    result, reference_result = compiled.forward_backward(*problem), reference.forward_backward(*problem)
+    np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-12)
+    np.testing.assert_allclose(result.log_forward, reference_result.log_forward, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(
+        result.smoothed_state_probs, reference_result.smoothed_state_probs, rtol=1e-7, atol=1e-30
+    )
+    np.testing.assert_allclose(result.transitions, reference_result.transitions, rtol=1e-7, atol=1e-25)
+    found, expected = compiled.viterbi(*problem), reference.viterbi(*problem)
     np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-13)
     np.testing.assert_array_equal(found.states, expected.states)

@@ -4,19 +4,26 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pilotfish.kernels import Emissions, twins
+from pilotfish.kernels import Emissions, reference
 
-SUMS = ("log_likelihoods", "mass", "first", "transitions", "offsets", "scatters")
+SUMS = (
+    "log_likelihoods",
+    "transition_counts",
+    "initial_counts",
+    "transitions",
+    "offsets",
+    "scatter_matrices",
+)
 
 
 @pytest.mark.parametrize(("P", "N", "D", "K"), [(1, 1, 1, 1), (2, 5, 3, 2), (3, 33, 6, 3)])
 def test_log_emissions_add_up_log_densities_over_frames(kernels, case, P, N, D, K):
-    """log b_k(x_n) is a sum over frames of the log density of N(mean, (W^T W)^-1)."""
+    """Log b_k(x_n) is a sum over frames of the log density of N(mean, (W^T W)^-1)."""
     given = case(P, [N], D, K)
     expected = np.zeros((N, K))
     for p in range(P):
         for k in range(K):
-            W = given.whiteners[p, k]
+            W = given.precision_cholesky[p, k]
             density = multivariate_normal(given.means[p, k], np.linalg.inv(W.T @ W))
             expected[:, k] += density.logpdf(given.x[p])
     result = kernels.log_emissions(given.x, given.emissions)
@@ -26,7 +33,7 @@ def test_log_emissions_add_up_log_densities_over_frames(kernels, case, P, N, D, 
 def test_nothing_is_read_above_a_whitener_s_diagonal(kernels, case):
     """A lower triangle is all there is of W."""
     given = case(2, [40], 5, 3)
-    stained = given.whiteners + np.triu(np.full((5, 5), 1e9), 1)
+    stained = given.precision_cholesky + np.triu(np.full((5, 5), 1e9), 1)
     np.testing.assert_array_equal(
         kernels.log_emissions(given.x, Emissions(given.means, stained)),
         kernels.log_emissions(given.x, given.emissions),
@@ -37,20 +44,20 @@ def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, 
     """Every sum is its definition, taken over posteriors of demonstrations one at a time."""
     given = case(2, [7, 1, 20], 4, 3)
     result = kernels.e_step(*given.arguments)
-    log_emissions = twins.log_emissions(given.x, given.emissions)
+    log_emissions = reference.log_emissions(given.x, given.emissions)
     chains = [
-        twins.forward_backward(part, given.initial, given.transitions)
+        reference.forward_backward(part, given.initial, given.transitions)
         for part in np.split(log_emissions, np.cumsum(given.lengths)[:-1])
     ]
-    gamma = np.concatenate([chain.posteriors for chain in chains])
+    gamma = np.concatenate([chain.smoothed_state_probs for chain in chains])
     error = given.x[:, :, None] - given.means[:, None]  # (P, N, K, D)
     expected = {
         "log_likelihoods": [chain.log_likelihood for chain in chains],
-        "mass": gamma.sum(axis=0),
-        "first": sum(chain.posteriors[0] for chain in chains),
+        "transition_counts": gamma.sum(axis=0),
+        "initial_counts": sum(chain.smoothed_state_probs[0] for chain in chains),
         "transitions": sum(chain.transitions for chain in chains),
         "offsets": np.einsum("nk,pnki->pki", gamma, error),
-        "scatters": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
+        "scatter_matrices": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
     }
     for name in SUMS:
         np.testing.assert_allclose(getattr(result, name), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
@@ -72,19 +79,23 @@ def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, 
         (1, [300], 94, 5),
     ],
 )
-def test_compiled_e_step_agrees_with_its_twin(compiled, case, P, lengths, D, K):
+def test_compiled_e_step_agrees_with_the_reference(compiled, case, P, lengths, D, K):
     """Any shape: one of everything, odd dimensions, lengths at and beside the edges of blocks and pages."""
     given = case(P, lengths, D, K)
-    result, twin = compiled.e_step(*given.arguments), twins.e_step(*given.arguments)
+    result, reference_result = compiled.e_step(*given.arguments), reference.e_step(*given.arguments)
     for name in SUMS:
-        scale = np.abs(getattr(twin, name)).max()
+        scale = np.abs(getattr(reference_result, name)).max()
         np.testing.assert_allclose(
-            getattr(result, name), getattr(twin, name), rtol=1e-9, atol=1e-12 * scale, err_msg=name
+            getattr(result, name),
+            getattr(reference_result, name),
+            rtol=1e-9,
+            atol=1e-12 * scale,
+            err_msg=name,
         )
-    np.testing.assert_array_equal(result.scatters, result.scatters.swapaxes(-1, -2))
+    np.testing.assert_array_equal(result.scatter_matrices, result.scatter_matrices.swapaxes(-1, -2))
     np.testing.assert_allclose(
         compiled.log_emissions(given.x, given.emissions),
-        twins.log_emissions(given.x, given.emissions),
+        reference.log_emissions(given.x, given.emissions),
         rtol=1e-11,
     )
 
@@ -92,26 +103,30 @@ def test_compiled_e_step_agrees_with_its_twin(compiled, case, P, lengths, D, K):
 def test_ninety_four_dimensions_and_certain_states_stay_finite(compiled, case):
     """Emissions thousands of nats apart, as after fitting a dance: nothing overflows and the twin agrees."""
     given = case(1, [500], 94, 6)
-    sharp = 30.0 * given.whiteners
+    sharp = 30.0 * given.precision_cholesky
     arguments = (*given.arguments[:-1], Emissions(given.means, sharp))
-    result, twin = compiled.e_step(*arguments), twins.e_step(*arguments)
-    log_emissions = twins.log_emissions(given.x, Emissions(given.means, sharp))
+    result, reference_result = compiled.e_step(*arguments), reference.e_step(*arguments)
+    log_emissions = reference.log_emissions(given.x, Emissions(given.means, sharp))
     assert np.ptp(log_emissions, axis=1).min() > 1000.0
     for name in SUMS:
         assert np.isfinite(getattr(result, name)).all()
-        scale = np.abs(getattr(twin, name)).max()
-        np.testing.assert_allclose(getattr(result, name), getattr(twin, name), rtol=1e-6, atol=1e-9 * scale)
+        scale = np.abs(getattr(reference_result, name)).max()
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(reference_result, name), rtol=1e-6, atol=1e-9 * scale
+        )
 
 
 @pytest.mark.parametrize("rng", [0], indirect=True)
 def test_a_hundred_thousand_steps_add_up(compiled, case):
     """One long demonstration: masses and transitions add up to its length, and the twin agrees."""
     given = case(1, [100_000], 2, 3)
-    result, twin = compiled.e_step(*given.arguments), twins.e_step(*given.arguments)
-    np.testing.assert_allclose(result.mass.sum(), 100_000, rtol=1e-12)
+    result, reference_result = compiled.e_step(*given.arguments), reference.e_step(*given.arguments)
+    np.testing.assert_allclose(result.counts.sum(), 100_000, rtol=1e-12)
     np.testing.assert_allclose(result.transitions.sum(), 99_999, rtol=1e-12)
     for name in SUMS:
-        np.testing.assert_allclose(getattr(result, name), getattr(twin, name), rtol=1e-7, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(result, name), getattr(reference_result, name), rtol=1e-7, err_msg=name
+        )
 
 
 def test_a_demonstration_that_no_path_explains_adds_nothing(kernels, case):
@@ -144,7 +159,7 @@ def test_arrays_may_be_laid_out_anyhow(kernels, case):
         np.asfortranarray(x),
         given.lengths,
         *(np.asfortranarray(a) for a in given.arguments[2:4]),
-        Emissions(np.asfortranarray(given.means), np.asfortranarray(given.whiteners)),
+        Emissions(np.asfortranarray(given.means), np.asfortranarray(given.precision_cholesky)),
     )
     plain = kernels.e_step(*given.arguments)
     for name in SUMS:
@@ -167,9 +182,16 @@ def test_groups_of_demonstrations_leave_none_out(compiled, case, rng):
     """As many demonstrations as make several groups, some of them of one step: the twin agrees."""
     lengths = [1, 2, *rng.integers(1, 400, size=60).tolist(), 3000, 1]
     given = case(2, lengths, 14, 6)
-    result, twin = compiled.e_step(*given.arguments, threads=2), twins.e_step(*given.arguments)
+    result, reference_result = (
+        compiled.e_step(*given.arguments, threads=2),
+        reference.e_step(*given.arguments),
+    )
     for name in SUMS:
-        scale = np.abs(getattr(twin, name)).max()
+        scale = np.abs(getattr(reference_result, name)).max()
         np.testing.assert_allclose(
-            getattr(result, name), getattr(twin, name), rtol=1e-9, atol=1e-12 * scale, err_msg=name
+            getattr(result, name),
+            getattr(reference_result, name),
+            rtol=1e-9,
+            atol=1e-12 * scale,
+            err_msg=name,
         )

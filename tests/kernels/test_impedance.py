@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pilotfish.kernels import ArmLimits, ArmReading, Impedance, ToolTarget, twins
+from pilotfish.kernels import ArmLimits, ArmState, ImpedanceParameters, ToolTarget, reference
 
 
 def unit(rng):
@@ -15,9 +15,9 @@ def unit(rng):
     return q / np.linalg.norm(q)
 
 
-def springs(rng, n, **changes):
+def parameters(rng, n, **changes):
     """Springs and dampers whose limits are out of reach, but for those named."""
-    given = Impedance(
+    given = ImpedanceParameters(
         stiffness=rng.uniform(10.0, 1000.0, 6),
         damping=rng.uniform(1.0, 60.0, 6),
         posture=rng.normal(size=n),
@@ -25,7 +25,7 @@ def springs(rng, n, **changes):
         joint_damping=1.0,
         force_limit=1e6,
         moment_limit=1e6,
-        singular_value=0.05,
+        min_singular_value=0.05,
         limit_margin=0.1,
         limit_stiffness=100.0,
     )
@@ -39,69 +39,74 @@ def limits_of(n, torque=1e6):
 def arm(rng, n, jacobian=None):
     """An arm anywhere, and where its tool is wanted."""
     J = rng.normal(size=(6, n)) if jacobian is None else jacobian
-    reading = ArmReading(
+    reading = ArmState(
         rng.uniform(-3.0, 3.0, n), rng.normal(size=n), rng.normal(size=3), unit(rng), J, rng.normal(size=n)
     )
     return reading, ToolTarget(rng.normal(size=3), unit(rng), rng.normal(size=6))
 
 
-def turn_between(p, q):
+def rotation_error_by_definition(p, q):
     """The rotation vector of q p^-1, by another library."""
     first, second = (Rotation.from_quat(np.roll(one, -1)) for one in (p, q))
     return (second * first.inv()).as_rotvec()
 
 
-def by_definition(springs, reading, target, singular_value):
+def by_definition(parameters, reading, target, min_singular_value):
     """F and what lies beyond the bias, with Chiaverini's damping written out for each singular direction."""
     J, q = reading.jacobian, reading.q
     error = np.concatenate(
-        [target.position - reading.position, turn_between(reading.quaternion, target.quaternion)]
+        [
+            target.position - reading.position,
+            rotation_error_by_definition(reading.quaternion, target.quaternion),
+        ]
     )
-    F = springs.stiffness * error - springs.damping * (J @ reading.velocity - target.twist)
+    F = parameters.stiffness * error - parameters.damping * (J @ reading.velocity - target.twist)
     U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    damping = np.where(s < singular_value, singular_value**2 * (1.0 - (s / singular_value) ** 2), 0.0)
+    damping = np.where(
+        s < min_singular_value, min_singular_value**2 * (1.0 - (s / min_singular_value) ** 2), 0.0
+    )
     pseudo = Vt.T @ np.diag(s / (s**2 + damping)) @ U.T
-    posture = springs.posture_stiffness * (springs.posture - q)
+    posture = parameters.posture_stiffness * (parameters.posture - q)
     null = np.eye(len(q)) - J.T @ pseudo.T
-    return F, J.T @ F + null @ posture - springs.joint_damping * reading.velocity
+    return F, J.T @ F + null @ posture - parameters.joint_damping * reading.velocity
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 7, 16])
 def test_torques_are_those_of_the_equation(kernels, rng, n):
     """Equation 6.11, its turn by SciPy and its pseudo-inverse by singular values: no limit within reach."""
-    given, (reading, target) = springs(rng, n), arm(rng, n)
+    given, (reading, target) = parameters(rng, n), arm(rng, n)
     s = np.linalg.svd(reading.jacobian, compute_uv=False)
     for threshold in (1e-3, float(s[len(s) // 2])):  # with the latter, half of all directions are damped
-        given = dataclasses.replace(given, singular_value=threshold)
-        effort = kernels.impedance(given, limits_of(n), reading, target)
+        given = dataclasses.replace(given, min_singular_value=threshold)
+        command = kernels.impedance(given, limits_of(n), reading, target)
         F, push = by_definition(given, reading, target, threshold)
         scale = np.abs(push).max() * (s[0] / max(threshold, s[-1])) ** 2  # J J^T squares the condition
-        assert effort.share == 1.0
-        np.testing.assert_allclose(effort.wrench, F, rtol=1e-12, atol=1e-11)
-        np.testing.assert_allclose(effort.torque, reading.bias + push, rtol=0, atol=1e-14 * scale + 1e-11)
+        assert command.torque_fraction == 1.0
+        np.testing.assert_allclose(command.wrench, F, rtol=1e-12, atol=1e-11)
+        np.testing.assert_allclose(command.torque, reading.bias + push, rtol=0, atol=1e-14 * scale + 1e-11)
 
 
 @pytest.mark.parametrize("n", range(1, 17))
-def test_compiled_torques_agree_with_their_twin(compiled, rng, n):
+def test_compiled_torques_agree_with_the_reference(compiled, rng, n):
     """Any number of joints, every limit in and out of reach, to 1e-12 of the largest torque."""
     for strength, force, edge in [(1e6, 1e6, 4.0), (50.0, 60.0, 4.0), (20.0, 5.0, 0.5), (0.1, 60.0, 4.0)]:
-        given = springs(rng, n, force_limit=force, moment_limit=0.2 * force, singular_value=0.3)
+        given = parameters(rng, n, force_limit=force, moment_limit=0.2 * force, min_singular_value=0.3)
         limits = dataclasses.replace(limits_of(n, strength), lower=np.full(n, -edge), upper=np.full(n, edge))
         reading, target = arm(rng, n)
-        one, other = (room.impedance(given, limits, reading, target) for room in (compiled, twins))
+        one, other = (room.impedance(given, limits, reading, target) for room in (compiled, reference))
         scale = max(float(np.abs(other.torque).max()), 1.0)
         np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=1e-12 * scale)
         np.testing.assert_allclose(one.wrench, other.wrench, rtol=1e-12, atol=1e-12)
-        assert abs(one.share - other.share) < 1e-12
+        assert abs(one.torque_fraction - other.torque_fraction) < 1e-12
 
 
 @pytest.mark.parametrize(
     "part", ["position", "quaternion", "jacobian", "q", "velocity", "bias", "target", "twist"]
 )
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e200, 1e308])
-def test_compiled_torques_agree_with_their_twin_on_what_no_arm_sends(compiled, rng, part, value):
+def test_compiled_torques_agree_with_the_reference_on_what_no_arm_sends(compiled, rng, part, value):
     """One number that is not finite, or overflows on the way: the same torques, finite and within limits."""
-    given, (reading, target) = springs(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
+    given, (reading, target) = parameters(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
     if part in ("target", "twist"):
         name = "position" if part == "target" else part
         spoilt = getattr(target, name).copy()
@@ -111,7 +116,9 @@ def test_compiled_torques_agree_with_their_twin_on_what_no_arm_sends(compiled, r
         spoilt = getattr(reading, part).copy()
         spoilt[..., -1] = value
         reading = dataclasses.replace(reading, **{part: spoilt})
-    one, other = (room.impedance(given, limits_of(7, 50.0), reading, target) for room in (compiled, twins))
+    one, other = (
+        room.impedance(given, limits_of(7, 50.0), reading, target) for room in (compiled, reference)
+    )
     np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=1e-10)
     np.testing.assert_allclose(one.wrench, other.wrench, rtol=0, atol=1e-10)
     assert (np.abs(one.torque) <= 50.0).all()
@@ -135,7 +142,7 @@ def test_nothing_jumps_where_the_arm_becomes_singular(kernels, rng):
         jacobian = singular_arm(rng, rng.uniform(0.5, 2.0, 6 - len(weak[0])))
         reading, target = arm(rng, n)
         reading = dataclasses.replace(reading, velocity=np.zeros(n))
-        given = springs(rng, n, stiffness=np.zeros(6), damping=np.zeros(6), singular_value=threshold)
+        given = parameters(rng, n, stiffness=np.zeros(6), damping=np.zeros(6), min_singular_value=threshold)
         pull = np.linalg.norm(10.0 * (given.posture - reading.q))
         torques = np.array(
             [
@@ -152,7 +159,7 @@ def test_nothing_jumps_where_the_arm_becomes_singular(kernels, rng):
 
 def test_posture_is_kept_in_the_null_space_alone(kernels, rng):
     """Away from singular postures J N = 0: were all joints of one inertia, the tool would stay."""
-    given, (reading, target) = springs(rng, 7, joint_damping=0.0, damping=np.zeros(6)), arm(rng, 7)
+    given, (reading, target) = parameters(rng, 7, joint_damping=0.0, damping=np.zeros(6)), arm(rng, 7)
     with_posture = kernels.impedance(given, limits_of(7), reading, target).torque
     without = kernels.impedance(
         dataclasses.replace(given, posture_stiffness=0.0), limits_of(7), reading, target
@@ -171,7 +178,7 @@ def test_the_turn_takes_the_short_way(kernels, rng, angle):
     reading, target = arm(rng, 7)
     turned = Rotation.from_rotvec(angle * axis) * Rotation.from_quat(np.roll(reading.quaternion, -1))
     wanted = np.roll(turned.as_quat(), 1)
-    given = springs(rng, 7, stiffness=np.ones(6), damping=np.zeros(6))
+    given = parameters(rng, 7, stiffness=np.ones(6), damping=np.zeros(6))
     for sign in (1.0, -1.0, 3.0, -0.2):
         aim = dataclasses.replace(target, quaternion=sign * wanted)
         wrench = kernels.impedance(given, limits_of(7), reading, aim).wrench
@@ -180,7 +187,7 @@ def test_the_turn_takes_the_short_way(kernels, rng, angle):
 
 def test_both_instruction_sets_give_the_same_torques(compiled, monkeypatch, rng):
     """An arm is held alike whatever the processor, to rounding."""
-    given, (reading, target) = springs(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
+    given, (reading, target) = parameters(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
     newest = compiled.impedance(given, limits_of(7, 50.0), reading, target)
     monkeypatch.setattr(compiled, "_native", importlib.import_module("pilotfish.kernels._baseline"))
     oldest = compiled.impedance(given, limits_of(7, 50.0), reading, target)

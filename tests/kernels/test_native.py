@@ -11,14 +11,22 @@ import numpy as np
 import pytest
 
 import pilotfish.kernels
-from pilotfish.kernels import ACTIVE, Emissions, SlowKernels, StreamRules, active, empty_stream, twins
+from pilotfish.kernels import (
+    BACKEND,
+    Emissions,
+    SlowKernelsWarning,
+    StreamParameters,
+    active,
+    empty_stream,
+    reference,
+)
 
 NATIVE = (
     "log_emissions",
     "e_step",
     "forward_backward",
     "viterbi",
-    "whiteners",
+    "precision_cholesky",
     "semi_markov",
     "semi_markov_viterbi",
     "semi_markov_forward",
@@ -38,12 +46,12 @@ def baseline(compiled):
 
 def test_the_compiled_kernels_run_wherever_they_exist(compiled):
     """ACTIVE names the instruction set, and the room's functions are the compiled ones."""
-    assert compiled.LEVEL == ACTIVE
-    assert ACTIVE in {"x86-64-v3", "baseline"}
+    assert compiled.INSTRUCTION_SET == BACKEND
+    assert BACKEND in {"x86-64-v3", "baseline"}
     assert all(getattr(pilotfish.kernels, name) is getattr(compiled, name) for name in NATIVE)
 
 
-def test_without_them_the_twins_run_after_one_warning(monkeypatch):
+def test_without_them_the_reference_runs_after_one_warning(monkeypatch):
     """The warning names what is missing and the remedy; the numbers are the twins'."""
     monkeypatch.setitem(sys.modules, "pilotfish.kernels.compiled", None)
     spec = importlib.util.spec_from_file_location("without_compiler", active.__file__)
@@ -51,10 +59,10 @@ def test_without_them_the_twins_run_after_one_warning(monkeypatch):
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         spec.loader.exec_module(without)
-    assert without.ACTIVE == "numpy"
-    assert all(getattr(without, name) is getattr(twins, name) for name in NATIVE)
+    assert without.BACKEND == "numpy"
+    assert all(getattr(without, name) is getattr(reference, name) for name in NATIVE)
     (warning,) = seen
-    assert warning.category.__name__ == SlowKernels.__name__
+    assert warning.category.__name__ == SlowKernelsWarning.__name__
     assert "install a C++17 compiler" in str(warning.message)
 
 
@@ -66,7 +74,7 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
     given = case(2, [70, 33], 9, 5)
     data, gaussians = (
         (given.x, given.lengths),
-        (given.means, given.whiteners[..., :8, :8].copy(), np.array([4]), 2),
+        (given.means, given.precision_cholesky[..., :8, :8].copy(), np.array([4]), 2),
     )
     logs = np.log(given.initial), np.log(given.transitions)
     markov = *data, logs[0], given.transitions, logs[1], *gaussians
@@ -76,14 +84,23 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
         for old, new in zip(one, other, strict=True):
             np.testing.assert_allclose(old, new, rtol=1e-10, atol=1e-10, err_msg=name)
     empty = empty_stream(2, 9)
-    rules = StreamRules(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 8, 50, 1)
-    stream = np.ascontiguousarray(given.x.transpose(1, 0, 2)), empty.head, empty.clusters, empty.counts, 0
-    old, new = (module.observe(*stream, rules.numbers) for module in (baseline, newer))
-    for name, place in [("identities", 5), ("costs", 6), ("changes", 7), ("gone", 8)]:
+    parameters = StreamParameters(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 8, 50, 1)
+    stream = (
+        np.ascontiguousarray(given.x.transpose(1, 0, 2)),
+        empty.head,
+        empty.clusters,
+        empty.transition_counts,
+        0,
+    )
+    old, new = (module.observe(*stream, parameters.numbers) for module in (baseline, newer))
+    for name, place in [("cluster_ids", 5), ("costs", 6), ("changes", 7), ("removed", 8)]:
         np.testing.assert_allclose(old[place], new[place], rtol=1e-9, atol=1e-9, err_msg=name)
-    covariances = given.whiteners[0] @ given.whiteners[0].transpose(0, 2, 1)
+    covariances = given.precision_cholesky[0] @ given.precision_cholesky[0].transpose(0, 2, 1)
     np.testing.assert_allclose(
-        baseline.whiteners(covariances)[1], newer.whiteners(covariances)[1], rtol=1e-10, atol=1e-10
+        baseline.precision_cholesky(covariances)[1],
+        newer.precision_cholesky(covariances)[1],
+        rtol=1e-10,
+        atol=1e-10,
     )
 
 
@@ -125,7 +142,7 @@ def test_other_threads_flush_them_as_well(compiled, rng):
     emissions = Emissions(means, np.tile(np.eye(14), (1, 2, 1, 1)))
     arguments = x, np.full(40, 1000), np.full(2, 0.5), np.full((2, 2), 0.5), emissions
     alone = compiled.e_step(*arguments, threads=1)
-    assert alone.mass[1] > 0.0
+    assert alone.counts[1] > 0.0
     assert not alone.offsets[0, 1, 1:].any()
     for _ in range(5):
         np.testing.assert_array_equal(compiled.e_step(*arguments, threads=4).offsets, alone.offsets)
@@ -136,7 +153,9 @@ def test_exponentials_are_right_to_the_last_digits(compiled):
     x = np.concatenate([np.linspace(-700.0, 0.0, 301), np.linspace(-3.0, 0.0, 300)])
     everywhere = np.ones(len(x))
     result = compiled.forward_backward(x[None], everywhere, np.diag(everywhere))
-    np.testing.assert_allclose(result.posteriors[0] / result.posteriors[0, -1], np.exp(x), rtol=4 * ULP)
+    np.testing.assert_allclose(
+        result.smoothed_state_probs[0] / result.smoothed_state_probs[0, -1], np.exp(x), rtol=4 * ULP
+    )
 
 
 def test_logarithms_are_right_to_the_last_digits(compiled):
@@ -150,20 +169,20 @@ def test_logarithms_are_right_to_the_last_digits(compiled):
 
 def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
     """No kernel reads beyond an array's end, whatever it is given."""
-    x, means, whiteners = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.full((1, 3, 2, 2), np.eye(2))
+    x, means, precision_cholesky = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.full((1, 3, 2, 2), np.eye(2))
     chain, no_turns = (np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))), np.array([], dtype=np.int64)
     for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
         with pytest.raises(ValueError, match="lengths"):
-            baseline.e_step(x, np.array(lengths), *chain, means, whiteners, no_turns, 1)
+            baseline.e_step(x, np.array(lengths), *chain, means, precision_cholesky, no_turns, 1)
     with pytest.raises(ValueError, match="whiteners has 2 entries along axis 1, expected 3"):
-        baseline.log_emissions(x, means, whiteners[:, :2], no_turns)
-    for turns in ([0], [-1], [2**40]):
+        baseline.log_emissions(x, means, precision_cholesky[:, :2], no_turns)
+    for orientation_starts in ([0], [-1], [2**40]):
         with pytest.raises(ValueError, match="turns are not columns"):
-            baseline.log_emissions(x, means, whiteners, np.array(turns))
+            baseline.log_emissions(x, means, precision_cholesky, np.array(orientation_starts))
     with pytest.raises(ValueError, match="turns are not columns"):  # they overlap
-        baseline.log_emissions(np.zeros((1, 5, 8)), np.zeros((1, 3, 8)), whiteners, np.array([0, 3]))
+        baseline.log_emissions(np.zeros((1, 5, 8)), np.zeros((1, 3, 8)), precision_cholesky, np.array([0, 3]))
     with pytest.raises(ValueError, match="threads is -1, expected"):
-        baseline.e_step(x, np.array([5]), *chain, means, whiteners, no_turns, -1)
+        baseline.e_step(x, np.array([5]), *chain, means, precision_cholesky, no_turns, -1)
     with pytest.raises(ValueError, match="log_visits has 5 entries along axis 0, expected 4"):
         baseline.semi_markov(np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="second axis of log_visits is empty"):
@@ -176,35 +195,41 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
         baseline.riccati(
             np.zeros((2, 2, 2)), np.zeros((2, 2, 1)), np.zeros((9, 2, 2)), np.zeros((9, 2)), np.eye(1)
         )
-    with pytest.raises(ValueError, match="mass has 4 entries"):
+    with pytest.raises(ValueError, match="counts has 4 entries"):
         baseline.semi_tied_sweeps(np.zeros((3, 2, 2)), np.zeros(4), np.eye(2), 1)
     with pytest.raises(ValueError, match="covariances has 4 entries along axis 2, expected 3"):
-        baseline.whiteners(np.zeros((2, 3, 4)))
+        baseline.precision_cholesky(np.zeros((2, 3, 4)))
 
 
 def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(baseline, rng):
     """Rows, counts, the current cluster, dimensions and rules: what says more than is there is told."""
-    rules = StreamRules(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 4, 50, 1)
+    parameters = StreamParameters(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 4, 50, 1)
     x = np.ascontiguousarray(rng.normal(size=(30, 1, 5)))
-    state = compiled_state(baseline, x, rules)
-    head, rows, counts, room = state
+    state = compiled_state(baseline, x, parameters)
+    head, rows, transition_counts, capacity = state
 
-    def observe(head=head, rows=rows, counts=counts, room=room, numbers=rules.numbers):
-        return baseline.observe(x, head, rows, counts, room, numbers)
+    def observe(
+        head=head,
+        rows=rows,
+        transition_counts=transition_counts,
+        capacity=capacity,
+        numbers=parameters.numbers,
+    ):
+        return baseline.observe(x, head, rows, transition_counts, capacity, numbers)
 
     observe()
     for wrong, words in [
         ({"rows": rows[:, :-1].copy()}, "clusters has"),
-        ({"counts": np.zeros((len(rows) + 1,) * 2)}, "counts has"),
+        ({"transition_counts": np.zeros((len(rows) + 1,) * 2)}, "counts has"),
         ({"head": np.array([float(len(rows)), 1, 9, 30, -1, 0])}, "head names a cluster"),
         ({"head": np.array([np.nan, 1, 9, 30, -1, 0])}, "head names a cluster"),
         ({"head": np.array([0.0, 1, 9, 30, len(rows), 1])}, "head names a cluster"),
         ({"head": np.zeros(3)}, "head has 3 entries"),
-        ({"room": 3}, "room is no multiple of 4"),
-        ({"room": -4}, "room is no multiple of 4"),
-        ({"room": 400}, "room is no multiple of 4"),
-        ({"numbers": rules.numbers[:-1].copy()}, "rules has 12 entries"),
-        ({"numbers": np.where(np.arange(13) == 12, 0.0, rules.numbers)}, "batch"),
+        ({"capacity": 3}, "room is no multiple of 4"),
+        ({"capacity": -4}, "room is no multiple of 4"),
+        ({"capacity": 400}, "room is no multiple of 4"),
+        ({"numbers": parameters.numbers[:-1].copy()}, "rules has 12 entries"),
+        ({"numbers": np.where(np.arange(13) == 12, 0.0, parameters.numbers)}, "batch"),
     ]:
         with pytest.raises(ValueError, match=words):
             observe(**wrong)
@@ -216,8 +241,8 @@ def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(base
             observe(rows=broken)
 
 
-def compiled_state(module, x, rules):
+def compiled_state(module, x, parameters):
     """Head, rows, counts and room after the datapoints."""
     empty = empty_stream(*x.shape[1:])
-    _, *state = module.observe(x, empty.head, empty.clusters, empty.counts, 0, rules.numbers)
+    _, *state = module.observe(x, empty.head, empty.clusters, empty.transition_counts, 0, parameters.numbers)
     return state[:4]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pilotfish.kernels import Emissions, twins
+from pilotfish.kernels import Emissions, reference
 
 
-def summed(kernels, log_emissions, initial, transitions, lengths=None):
+def expected_sums(kernels, log_emissions, initial, transitions, lengths=None):
     """The e_step of Gaussians whose log densities are log_emissions, but for a constant of each step.
 
     Means R along an axis each give state k at x the log density R x_k, and what is the same for all states.
@@ -19,13 +19,13 @@ def summed(kernels, log_emissions, initial, transitions, lengths=None):
 
 
 def assert_equal_sums(compiled, problem, atol=1e-12):
-    found, twin = summed(compiled, *problem), summed(twins, *problem)
-    np.testing.assert_allclose(found.log_likelihoods, twin.log_likelihoods, rtol=1e-12)
-    for name in ("mass", "first", "transitions"):
+    found, reference_result = expected_sums(compiled, *problem), expected_sums(reference, *problem)
+    np.testing.assert_allclose(found.log_likelihoods, reference_result.log_likelihoods, rtol=1e-12)
+    for name in ("transition_counts", "initial_counts", "transitions"):
         np.testing.assert_allclose(
-            getattr(found, name), getattr(twin, name), rtol=1e-7, atol=atol, err_msg=name
+            getattr(found, name), getattr(reference_result, name), rtol=1e-7, atol=atol, err_msg=name
         )
-    assert not found.first[np.asarray(problem[1]) == 0.0].any()
+    assert not found.initial_counts[np.asarray(problem[1]) == 0.0].any()
     assert not found.transitions[np.asarray(problem[2]) == 0.0].any()
 
 
@@ -77,18 +77,20 @@ def test_one_recording_in_logarithms_changes_no_other(compiled, chain):
     log_emissions, initial, transitions = chain(60, 3, 1.0)
     log_emissions[20:40] *= 4000.0
     lengths = np.array([20, 20, 20])
-    found = summed(compiled, log_emissions, initial, transitions, lengths)
-    twin = summed(twins, log_emissions, initial, transitions, lengths)
-    for name in ("log_likelihoods", "mass", "first", "transitions"):
-        np.testing.assert_allclose(getattr(found, name), getattr(twin, name), rtol=1e-8, err_msg=name)
+    found = expected_sums(compiled, log_emissions, initial, transitions, lengths)
+    reference_result = expected_sums(reference, log_emissions, initial, transitions, lengths)
+    for name in ("log_likelihoods", "transition_counts", "initial_counts", "transitions"):
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(reference_result, name), rtol=1e-8, err_msg=name
+        )
 
 
 def test_a_recording_that_no_path_explains_adds_nothing(compiled):
     """Its log-likelihood is -inf, and the next one counts as if it were alone."""
     dead_end = np.array([[0.0, 1.0], [0.0, 0.0]])
-    found = summed(compiled, np.zeros((5, 2)), np.array([1.0, 0.0]), dead_end, np.array([3, 2]))
+    found = expected_sums(compiled, np.zeros((5, 2)), np.array([1.0, 0.0]), dead_end, np.array([3, 2]))
     assert found.log_likelihoods[0] == -np.inf
-    np.testing.assert_allclose(found.mass, [1.0, 1.0])
+    np.testing.assert_allclose(found.counts, [1.0, 1.0])
     np.testing.assert_allclose(found.transitions, [[0.0, 1.0], [0.0, 0.0]])
 
 
@@ -100,12 +102,12 @@ def test_a_state_of_hardly_any_mass_keeps_its_moments(compiled, rng):
     means[0, 1, 0], means[0, 2, 1] = 40.0, 19.0
     emissions = Emissions(means, np.tile(np.eye(2), (1, 3, 1, 1)))
     arguments = x, np.array([300]), np.full(3, 1.0 / 3.0), np.full((3, 3), 1.0 / 3.0), emissions
-    found, twin = compiled.e_step(*arguments), twins.e_step(*arguments)
-    assert twin.mass[2] < 1e-45
+    found, reference_result = compiled.e_step(*arguments), reference.e_step(*arguments)
+    assert reference_result.counts[2] < 1e-45
     for k in range(3):
-        np.testing.assert_allclose(found.mass[k], twin.mass[k], rtol=1e-9)
+        np.testing.assert_allclose(found.counts[k], reference_result.counts[k], rtol=1e-9)
         for ours, theirs in [
-            (found.offsets[0, k], twin.offsets[0, k]),
-            (found.scatters[0, k], twin.scatters[0, k]),
+            (found.offsets[0, k], reference_result.offsets[0, k]),
+            (found.scatter_matrices[0, k], reference_result.scatter_matrices[0, k]),
         ]:
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-13 * np.abs(theirs).max())

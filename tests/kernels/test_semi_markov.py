@@ -6,11 +6,20 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from pilotfish.kernels import SemiMarkovTables, twins
+from pilotfish.kernels import SemiMarkovTables, reference
 
 SHORT = [(1, 1), (1, 3), (4, 1), (2, 2), (6, 2), (5, 3)]
-EXPECTED = ("posteriors", "transitions", "visits", "beyond")
-SUMS = ("log_likelihoods", "mass", "first", "transitions", "visits", "beyond", "offsets", "scatters")
+EXPECTED = ("smoothed_state_probs", "transitions", "segments", "tail_counts")
+SUMS = (
+    "log_likelihoods",
+    "transition_counts",
+    "initial_counts",
+    "transitions",
+    "segments",
+    "tail_counts",
+    "offsets",
+    "scatter_matrices",
+)
 
 
 def log_of(values):
@@ -38,45 +47,45 @@ def problem(rng):
     return draw
 
 
-def visits_of(path):
+def segments_of(path):
     """State, begin and end of every visit: a path's maximal runs."""
     cuts = [0, *(t for t in range(1, len(path)) if path[t] != path[t - 1]), len(path)]
     return [(path[b], b, e) for b, e in itertools.pairwise(cuts)]
 
 
-def weigh(log_emissions, tables, path, counts):
-    """log p(emissions, path) by its definition; counts are those of this path alone, to be filled."""
-    T, S = len(path), tables.log_visits.shape[1]
-    visits = visits_of(path)
+def path_log_weight(log_emissions, tables, path, counts):
+    """Log p(emissions, path) by its definition; counts are those of this path alone, to be filled."""
+    T, S = len(path), tables.log_segment_weights.shape[1]
+    segments = segments_of(path)
     log_p = log_of(tables.initial)[path[0]] + log_emissions[np.arange(T), path].sum()
-    for state, begin, end in visits:
+    for state, begin, end in segments:
         s = end - begin
         if end < T and s > S:
             return -np.inf
         kind = 2 * (end == T) + (begin == 0)
         where = (kind - 2, state) if s > S else (kind, s - 1, state)
-        log_p += (tables.log_beyond if s > S else tables.log_visits)[where]
-        counts["beyond" if s > S else "visits"][where] += 1.0
-        counts["posteriors"][begin:end, state] = 1.0
-    for (j, *_), (k, *_) in itertools.pairwise(visits):
+        log_p += (tables.log_tail_weights if s > S else tables.log_segment_weights)[where]
+        counts["tail_counts" if s > S else "segments"][where] += 1.0
+        counts["smoothed_state_probs"][begin:end, state] = 1.0
+    for (j, *_), (k, *_) in itertools.pairwise(segments):
         log_p += log_of(tables.transitions)[j, k]
         counts["transitions"][j, k] += 1.0
     return log_p
 
 
-def every_path(log_emissions, tables):
+def enumerate_paths(log_emissions, tables):
     """Every path, log p(emissions, path), and what each counts."""
     shapes = {
-        "posteriors": log_emissions.shape,
+        "smoothed_state_probs": log_emissions.shape,
         "transitions": tables.transitions.shape,
-        "visits": tables.log_visits.shape,
-        "beyond": tables.log_beyond.shape,
+        "segments": tables.log_segment_weights.shape,
+        "tail_counts": tables.log_tail_weights.shape,
     }
     T, K = log_emissions.shape
     paths, log_p, counts = [], [], []
     for path in itertools.product(range(K), repeat=T):
         counts.append({name: np.zeros(shape) for name, shape in shapes.items()})
-        log_p.append(weigh(log_emissions, tables, path, counts[-1]))
+        log_p.append(path_log_weight(log_emissions, tables, path, counts[-1]))
         paths.append(path)
     return paths, np.array(log_p), counts
 
@@ -92,7 +101,7 @@ def test_semi_markov_agrees_with_listing_every_path(kernels, problem, T, K, S, s
     longer than the tables. At the larger share of zeros a quarter of all there is cannot be.
     """
     given = problem(T, K, S, spread, zeros)
-    _, log_p, counts = every_path(*given)
+    _, log_p, counts = enumerate_paths(*given)
     result = kernels.semi_markov(*given)
     log_likelihood = logsumexp(log_p) if np.isfinite(log_p).any() else -np.inf
     np.testing.assert_allclose(result.log_likelihood, log_likelihood, rtol=1e-12, atol=1e-12)
@@ -113,12 +122,12 @@ def test_semi_markov_forward_agrees_with_recordings_that_end_earlier(
     there sum them too, weighed as if another visit followed.
     """
     log_emissions, tables = problem(T, K, S, spread, zeros)
-    inside = np.concatenate([tables.log_visits[:2]] * 2)  # nothing is known to be cut short
+    inside = np.concatenate([tables.log_segment_weights[:2]] * 2)  # nothing is known to be cut short
     followed = SemiMarkovTables(tables.initial, tables.transitions, inside, np.full((2, K), -np.inf))
     result = kernels.semi_markov_forward(log_emissions, tables)
     for t in range(T):
-        for chain, found in [(tables, result.log_occupancy), (followed, result.log_ends)]:
-            paths, log_p, _ = every_path(log_emissions[: t + 1], chain)
+        for chain, found in [(tables, result.log_forward), (followed, result.log_segment_ends)]:
+            paths, log_p, _ = enumerate_paths(log_emissions[: t + 1], chain)
             ends = np.array(paths)[:, -1]
             expected = [np.logaddexp.reduce(log_p[ends == k]) for k in range(K)]
             np.testing.assert_allclose(found[t], expected, rtol=1e-11, atol=1e-11)
@@ -131,7 +140,7 @@ def test_semi_markov_forward_agrees_with_recordings_that_end_earlier(
 def test_semi_markov_viterbi_agrees_with_listing_every_path(kernels, problem, T, K, S, spread, zeros):
     """The path found is the most probable of all, and log_probability is its own."""
     given = problem(T, K, S, spread, zeros)
-    paths, log_p, _ = every_path(*given)
+    paths, log_p, _ = enumerate_paths(*given)
     result = kernels.semi_markov_viterbi(*given)
     np.testing.assert_allclose(result.log_probability, log_p.max(), rtol=1e-12, atol=1e-12)
     if np.isfinite(log_p.max()):
@@ -153,7 +162,7 @@ def test_semi_markov_viterbi_takes_the_lower_state_at_a_tie(kernels, rng, S):
             np.zeros((2, K)),
         )
         log_emissions = rng.integers(0, 2, (T, K)).astype(float)
-        paths, log_p, _ = every_path(log_emissions, tables)
+        paths, log_p, _ = enumerate_paths(log_emissions, tables)
         ties = [path for path, p in zip(paths, log_p, strict=True) if p == log_p.max()]
         result = kernels.semi_markov_viterbi(log_emissions, tables)
         assert tuple(result.states) == min(ties, key=lambda path: path[::-1])
@@ -165,9 +174,9 @@ def geometric(initial, transitions, S):
     leave = transitions * (1.0 - np.eye(len(stay)))
     survival = np.arange(S)[:, None] * log_of(stay)  # log p(a visit lasts longer than s - 1), s = 1 ... S
     ended = survival + log_of(1.0 - stay)
-    visits = np.stack([ended, ended, survival, survival])
+    segments = np.stack([ended, ended, survival, survival])
     return SemiMarkovTables(
-        initial, leave / leave.sum(axis=1, keepdims=True), visits, np.full((2, len(stay)), -np.inf)
+        initial, leave / leave.sum(axis=1, keepdims=True), segments, np.full((2, len(stay)), -np.inf)
     )
 
 
@@ -177,15 +186,17 @@ def test_with_geometric_lengths_it_is_a_markov_chain(kernels, chain, T, K):
     log_emissions, initial, transitions = chain(T, K, spread=3.0)
     transitions = 0.5 * (transitions + np.eye(K))
     tables = geometric(initial, transitions / transitions.sum(axis=1, keepdims=True), T)
-    markov = twins.forward_backward(log_emissions, initial, transitions)
+    markov = reference.forward_backward(log_emissions, initial, transitions)
     result = kernels.semi_markov(log_emissions, tables)
     np.testing.assert_allclose(result.log_likelihood, markov.log_likelihood, rtol=1e-12)
-    np.testing.assert_allclose(result.posteriors, markov.posteriors, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(
+        result.smoothed_state_probs, markov.smoothed_state_probs, rtol=1e-8, atol=1e-12
+    )
     changes = markov.transitions * (1.0 - np.eye(K))
     np.testing.assert_allclose(result.transitions, changes, rtol=1e-8, atol=1e-12)
     best, expected = (
         kernels.semi_markov_viterbi(log_emissions, tables),
-        twins.viterbi(log_emissions, initial, transitions),
+        reference.viterbi(log_emissions, initial, transitions),
     )
     np.testing.assert_array_equal(best.states, expected.states)
     np.testing.assert_allclose(best.log_probability, expected.log_probability, rtol=1e-12)
@@ -199,16 +210,16 @@ def test_what_is_counted_adds_up(kernels, problem, T, S, spread):
     """
     log_emissions, tables = problem(T, 4, S, spread)
     result = kernels.semi_markov(log_emissions, tables)
-    np.testing.assert_allclose(result.posteriors.sum(axis=1), 1.0, rtol=1e-12)
-    inside = np.einsum("csk,s->k", result.visits, np.arange(1.0, S + 1.0))
+    np.testing.assert_allclose(result.smoothed_state_probs.sum(axis=1), 1.0, rtol=1e-12)
+    inside = np.einsum("csk,s->k", result.segments, np.arange(1.0, S + 1.0))
     np.testing.assert_allclose(
-        result.visits.sum() + result.beyond.sum(), 1.0 + result.transitions.sum(), rtol=1e-10
+        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transitions.sum(), rtol=1e-10
     )
-    np.testing.assert_allclose(result.visits[2:].sum() + result.beyond.sum(), 1.0, rtol=1e-10)
+    np.testing.assert_allclose(result.segments[2:].sum() + result.tail_counts.sum(), 1.0, rtol=1e-10)
     if S >= T:
-        np.testing.assert_allclose(inside, result.posteriors.sum(axis=0), rtol=1e-9, atol=1e-9)
-        assert not result.beyond.any()
-        assert not result.visits[:, T:].any()
+        np.testing.assert_allclose(inside, result.smoothed_state_probs.sum(axis=0), rtol=1e-9, atol=1e-9)
+        assert not result.tail_counts.any()
+        assert not result.segments[:, T:].any()
 
 
 def test_a_state_that_is_never_left_keeps_the_rest(kernels):
@@ -224,8 +235,8 @@ def test_a_state_that_is_never_left_keeps_the_rest(kernels):
         np.zeros((2, 2)),
     )
     result = kernels.semi_markov(log_emissions, tables)
-    np.testing.assert_allclose(result.posteriors[:, 1], np.arange(T) >= 3, atol=1e-12)
-    np.testing.assert_allclose(result.beyond, [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(result.smoothed_state_probs[:, 1], np.arange(T) >= 3, atol=1e-12)
+    np.testing.assert_allclose(result.tail_counts, [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(result.log_likelihood, np.log(0.25), atol=1e-12)
     assert kernels.semi_markov_viterbi(log_emissions, tables).states.tolist() == [0] * 3 + [1] * (T - 3)
 
@@ -250,7 +261,7 @@ def test_what_no_path_explains_has_likelihood_zero(kernels):
 
 
 @pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
-def test_a_visit_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
+def test_a_segment_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
     """State 1 looks 1e-4000 times less likely at every early step, and is the only one that ends well."""
     T, turn, S = 40, 25, 30
     log_emissions = np.zeros((T, 2))
@@ -264,15 +275,15 @@ def test_a_visit_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
     result = kernels.semi_markov(log_emissions, tables)
     np.testing.assert_allclose(result.log_likelihood, np.log(rare) - 1600.0, rtol=1e-12)  # change at the turn
     np.testing.assert_allclose(result.transitions[0, 1], 1.0, rtol=1e-9)
-    np.testing.assert_allclose(result.visits[1, turn - 1, 0], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(result.segments[1, turn - 1, 0], 1.0, rtol=1e-9)
     assert kernels.semi_markov_viterbi(log_emissions, tables).states.sum() == T - turn
 
 
 def tables_for(case, rng, S):
     K = len(case.initial)
     transitions = case.transitions * (1.0 - np.eye(K))
-    log_visits = rng.normal(size=(4, S, K)) - 0.1 * np.square(np.arange(S) - S / 3.0)[:, None]
-    return SemiMarkovTables(case.initial, transitions, log_visits, rng.normal(size=(2, K)))
+    log_segment_weights = rng.normal(size=(4, S, K)) - 0.1 * np.square(np.arange(S) - S / 3.0)[:, None]
+    return SemiMarkovTables(case.initial, transitions, log_segment_weights, rng.normal(size=(2, K)))
 
 
 def test_semi_markov_e_step_sums_what_is_found_in_each_demonstration(kernels, case, rng):
@@ -280,25 +291,25 @@ def test_semi_markov_e_step_sums_what_is_found_in_each_demonstration(kernels, ca
     given = case(2, [7, 1, 20], 4, 3)
     tables = tables_for(given, rng, 6)
     result = kernels.semi_markov_e_step(given.x, given.lengths, tables, given.emissions)
-    parts = np.split(twins.log_emissions(given.x, given.emissions), np.cumsum(given.lengths)[:-1])
-    chains = [twins.semi_markov(part, tables) for part in parts]
-    gamma = np.concatenate([chain.posteriors for chain in chains])
+    parts = np.split(reference.log_emissions(given.x, given.emissions), np.cumsum(given.lengths)[:-1])
+    chains = [reference.semi_markov(part, tables) for part in parts]
+    gamma = np.concatenate([chain.smoothed_state_probs for chain in chains])
     error = given.x[:, :, None] - given.means[:, None]  # (P, N, K, D)
     expected = {
         "log_likelihoods": [chain.log_likelihood for chain in chains],
-        "mass": gamma.sum(axis=0),
-        "first": sum(chain.posteriors[0] for chain in chains),
+        "transition_counts": gamma.sum(axis=0),
+        "initial_counts": sum(chain.smoothed_state_probs[0] for chain in chains),
         "transitions": sum(chain.transitions for chain in chains),
-        "visits": sum(chain.visits for chain in chains),
-        "beyond": sum(chain.beyond for chain in chains),
+        "segments": sum(chain.segments for chain in chains),
+        "tail_counts": sum(chain.tail_counts for chain in chains),
         "offsets": np.einsum("nk,pnki->pki", gamma, error),
-        "scatters": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
+        "scatter_matrices": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
     }
     for name in SUMS:
         np.testing.assert_allclose(getattr(result, name), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_a_demonstration_that_no_visits_explain_adds_nothing(kernels, case):
+def test_a_demonstration_that_no_segments_explain_adds_nothing(kernels, case):
     """Its log-likelihood is -inf; the sums are those of the others."""
     given = case(1, [8, 1], 2, 2)
     tables = SemiMarkovTables(given.initial, np.zeros((2, 2)), np.zeros((4, 3, 2)), np.full((2, 2), -np.inf))
@@ -314,19 +325,21 @@ def test_a_demonstration_that_no_visits_explain_adds_nothing(kernels, case):
 @pytest.mark.parametrize(
     ("T", "K", "S"), [(1, 1, 1), (50, 1, 7), (31, 2, 8), (120, 3, 1), (64, 8, 9), (97, 9, 17), (150, 17, 200)]
 )
-def test_compiled_semi_markov_chain_agrees_with_its_twin(compiled, problem, T, K, S, spread, zeros):
+def test_compiled_semi_markov_chain_agrees_with_the_reference(compiled, problem, T, K, S, spread, zeros):
     """Any number of states and steps, also around the multiples of eight that registers hold."""
     given = problem(T, K, S, spread, zeros)
-    result, twin = compiled.semi_markov(*given), twins.semi_markov(*given)
-    np.testing.assert_allclose(result.log_likelihood, twin.log_likelihood, rtol=1e-11, atol=1e-11)
+    result, reference_result = compiled.semi_markov(*given), reference.semi_markov(*given)
+    np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-11, atol=1e-11)
     for name in EXPECTED:
         np.testing.assert_allclose(
-            getattr(result, name), getattr(twin, name), rtol=1e-7, atol=1e-10, err_msg=name
+            getattr(result, name), getattr(reference_result, name), rtol=1e-7, atol=1e-10, err_msg=name
         )
-    forward, twin = compiled.semi_markov_forward(*given), twins.semi_markov_forward(*given)
-    np.testing.assert_allclose(forward.log_ends, twin.log_ends, rtol=1e-11, atol=1e-10)
-    np.testing.assert_allclose(forward.log_occupancy, twin.log_occupancy, rtol=1e-11, atol=1e-10)
-    found, expected = compiled.semi_markov_viterbi(*given), twins.semi_markov_viterbi(*given)
+    forward, reference_result = compiled.semi_markov_forward(*given), reference.semi_markov_forward(*given)
+    np.testing.assert_allclose(
+        forward.log_segment_ends, reference_result.log_segment_ends, rtol=1e-11, atol=1e-10
+    )
+    np.testing.assert_allclose(forward.log_forward, reference_result.log_forward, rtol=1e-11, atol=1e-10)
+    found, expected = compiled.semi_markov_viterbi(*given), reference.semi_markov_viterbi(*given)
     np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-11, atol=1e-11)
     if np.isfinite(expected.log_probability):
         np.testing.assert_array_equal(found.states, expected.states)
@@ -334,7 +347,7 @@ def test_compiled_semi_markov_chain_agrees_with_its_twin(compiled, problem, T, K
 
 @pytest.mark.parametrize("rng", [0], indirect=True)
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
-def test_a_hundred_thousand_steps_of_visits_lose_nothing(compiled, problem, spread):
+def test_a_hundred_thousand_steps_of_segments_lose_nothing(compiled, problem, spread):
     """Lengths of visits add up to the recording's, one visit follows each change, and posteriors sum to one.
 
     None of the numbers kept grows with time: in the twin, log probabilities reach 1e8.
@@ -342,27 +355,36 @@ def test_a_hundred_thousand_steps_of_visits_lose_nothing(compiled, problem, spre
     T, S = 100_000, 30
     result = compiled.semi_markov(*problem(T, 3, S, spread))
     assert np.isfinite(result.log_likelihood)
-    lasted = np.einsum("csk,s->", result.visits, np.arange(1.0, S + 1.0))
-    np.testing.assert_allclose(lasted + result.beyond.sum() * S, T, rtol=1e-9)
-    np.testing.assert_allclose(result.visits.sum() + result.beyond.sum(), 1.0 + result.transitions.sum())
-    np.testing.assert_allclose(result.visits[2:].sum() + result.beyond.sum(), 1.0, rtol=1e-8)
-    np.testing.assert_allclose(result.visits[1::2].sum() + result.beyond[1].sum(), 1.0, rtol=1e-8)
+    lasted = np.einsum("csk,s->", result.segments, np.arange(1.0, S + 1.0))
+    np.testing.assert_allclose(lasted + result.tail_counts.sum() * S, T, rtol=1e-9)
+    np.testing.assert_allclose(
+        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transitions.sum()
+    )
+    np.testing.assert_allclose(result.segments[2:].sum() + result.tail_counts.sum(), 1.0, rtol=1e-8)
+    np.testing.assert_allclose(result.segments[1::2].sum() + result.tail_counts[1].sum(), 1.0, rtol=1e-8)
 
 
 @pytest.mark.parametrize("S", [5, 60])
-def test_compiled_semi_markov_e_step_agrees_with_its_twin(compiled, case, rng, S):
+def test_compiled_semi_markov_e_step_agrees_with_the_reference(compiled, case, rng, S):
     """Demonstrations of unequal lengths, shorter and longer than the tables, on one thread and on several."""
     given = case(2, [1, 40, 33, 90, 2], 7, 5)
     arguments = given.x, given.lengths, tables_for(given, rng, S), given.emissions
-    result, twin = compiled.semi_markov_e_step(*arguments), twins.semi_markov_e_step(*arguments)
+    result, reference_result = (
+        compiled.semi_markov_e_step(*arguments),
+        reference.semi_markov_e_step(*arguments),
+    )
     for name in SUMS:
-        scale = np.abs(getattr(twin, name)).max()
+        scale = np.abs(getattr(reference_result, name)).max()
         np.testing.assert_allclose(
-            getattr(result, name), getattr(twin, name), rtol=1e-8, atol=1e-11 * scale, err_msg=name
+            getattr(result, name),
+            getattr(reference_result, name),
+            rtol=1e-8,
+            atol=1e-11 * scale,
+            err_msg=name,
         )
 
 
-def test_visits_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, case, rng):
+def test_segments_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, case, rng):
     """Work that is cut into several groups, and shared, adds up in the order of the demonstrations."""
     given = case(1, rng.integers(50, 400, size=23).tolist(), 6, 10)
     arguments = given.x, given.lengths, tables_for(given, rng, 100), given.emissions

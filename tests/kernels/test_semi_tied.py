@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.kernels import twins
+from pilotfish.kernels import reference
 
 
 def covariances(rng, K, D):
@@ -61,12 +61,15 @@ def test_one_sweep_diagonalises_covariances_that_share_their_axes(kernels, rng):
 
 
 @pytest.mark.parametrize(("K", "D", "sweeps"), [(1, 1, 1), (3, 2, 4), (7, 14, 20), (4, 15, 3), (2, 94, 2)])
-def test_compiled_sweeps_agree_with_their_twin(compiled, rng, K, D, sweeps):
+def test_compiled_sweeps_agree_with_the_reference(compiled, rng, K, D, sweeps):
     """Any shape and number of sweeps."""
     S, N = covariances(rng, K, D)
     start = np.eye(D) + 0.01 * rng.normal(size=(D, D))
-    result, twin = compiled.semi_tied_sweeps(S, N, start, sweeps), twins.semi_tied_sweeps(S, N, start, sweeps)
-    np.testing.assert_allclose(result, twin, rtol=1e-7, atol=1e-9)
+    result, reference_result = (
+        compiled.semi_tied_sweeps(S, N, start, sweeps),
+        reference.semi_tied_sweeps(S, N, start, sweeps),
+    )
+    np.testing.assert_allclose(result, reference_result, rtol=1e-7, atol=1e-9)
 
 
 def test_no_sweep_changes_nothing(kernels, rng):
@@ -86,7 +89,7 @@ def test_states_without_mass_are_left_out(kernels, rng):
     np.testing.assert_allclose(with_it, kernels.semi_tied_sweeps(S[::2], N[::2], np.eye(4), 3))
 
 
-def test_a_direction_without_variance_is_refused_in_words(kernels, rng):
+def test_a_direction_without_variance_is_refused_with_a_message(kernels, rng):
     """The error names the row and the remedy."""
     S, N = covariances(rng, 2, 3)
     S[:, 1, :], S[:, :, 1] = 0.0, 0.0

@@ -66,7 +66,7 @@ def sample_problem(rng, recording, durations, sharpness):
 
 def assert_most_probable(log_emissions, log_weight, expected, actual):
     """The path found is as probable as the exact one, which rounding of equals may have exchanged for it."""
-    np.testing.assert_allclose(actual.log_probability, expected.best, rtol=RTOL, atol=RTOL)
+    np.testing.assert_allclose(actual.log_probability, expected.best_log_probability, rtol=RTOL, atol=RTOL)
     if expected.path and list(actual.states) != expected.path:
         found, best = log_weight(actual.states), log_weight(np.array(expected.path))
         steps = np.arange(len(log_emissions))
@@ -89,8 +89,12 @@ def log_weight_of_semi_markov_path(tables):
         total = np.log(tables.initial[path[0]])
         for begin, end in itertools.pairwise(cuts):
             kind, s, k = 2 * (end == len(path)) + (begin == 0), end - begin, path[begin]
-            longest = tables.log_visits.shape[1]
-            total += tables.log_visits[kind, s - 1, k] if s <= longest else tables.log_beyond[kind - 2, k]
+            max_duration = tables.log_segment_weights.shape[1]
+            total += (
+                tables.log_segment_weights[kind, s - 1, k]
+                if s <= max_duration
+                else tables.log_tail_weights[kind - 2, k]
+            )
             total += np.log(tables.transitions[path[begin - 1], k]) if begin else 0.0
         return total
 
@@ -106,9 +110,9 @@ def test_semi_markov_sharp_states_equals_60_digits(kernels, rng, recording, dura
     expected = exact_chains.semi_markov(log_emissions, tables)
     actual = kernels.semi_markov(log_emissions, tables)
     np.testing.assert_allclose(actual.log_likelihood, expected.log_likelihood, rtol=RTOL, atol=RTOL)
-    np.testing.assert_allclose(actual.posteriors, expected.posteriors, atol=ATOL)
+    np.testing.assert_allclose(actual.smoothed_state_probs, expected.smoothed_state_probs, atol=ATOL)
     np.testing.assert_allclose(actual.transitions, expected.transitions, atol=ATOL)
-    forward = kernels.semi_markov_forward(log_emissions, tables).log_occupancy.max(axis=1)
+    forward = kernels.semi_markov_forward(log_emissions, tables).log_forward.max(axis=1)
     np.testing.assert_allclose(forward, expected.log_forward.max(axis=1), rtol=RTOL, atol=RTOL)
     best = kernels.semi_markov_viterbi(log_emissions, tables)
     assert_most_probable(log_emissions, log_weight_of_semi_markov_path(tables), expected, best)
@@ -127,7 +131,7 @@ def test_forward_backward_sharp_states_equals_60_digits(kernels, rng, recording,
         expected = exact_chains.markov(log_emissions, initial, transitions)
         actual = kernels.forward_backward(log_emissions, initial, transitions)
         np.testing.assert_allclose(actual.log_likelihood, expected.log_likelihood, rtol=RTOL, atol=RTOL)
-        np.testing.assert_allclose(actual.posteriors, expected.posteriors, atol=ATOL)
+        np.testing.assert_allclose(actual.smoothed_state_probs, expected.smoothed_state_probs, atol=ATOL)
         np.testing.assert_allclose(actual.transitions, expected.transitions, atol=ATOL)
         forward = actual.log_forward.max(axis=1)
         np.testing.assert_allclose(forward, expected.log_forward.max(axis=1), rtol=RTOL, atol=RTOL)
@@ -156,6 +160,6 @@ def test_e_step_step_far_from_all_states_mass_counts_every_step_once(kernels, ca
     given = case(1, [20, 13], 2, 4)
     given.x[0, 5] += np.sqrt(2.0 * distance)
     sums = kernels.e_step(*given.arguments)
-    np.testing.assert_allclose(sums.mass.sum(), 33.0, rtol=1e-12)
+    np.testing.assert_allclose(sums.counts.sum(), 33.0, rtol=1e-12)
     np.testing.assert_allclose(sums.transitions.sum(), 33.0 - 2.0, rtol=1e-12)
     np.testing.assert_allclose(sums.first.sum(), 2.0, rtol=1e-12)

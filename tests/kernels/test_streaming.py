@@ -7,17 +7,17 @@ import pytest
 
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels import (
-    StreamColumn,
-    StreamRules,
+    ClusterColumn,
+    StreamParameters,
     StreamState,
     Weighting,
     empty_stream,
-    in_fours,
-    stream_of,
-    twins,
+    reference,
+    round_up_to_four,
+    zero_stream,
 )
 
-RULES = StreamRules(
+PARAMETERS = StreamParameters(
     cluster=9.0,
     dimension=0.3,
     transition=0.05,
@@ -27,22 +27,24 @@ RULES = StreamRules(
     weighting=int(Weighting.COUNT),
     weight=0.0,
     forget_below=0.0,
-    spare=1,
-    directions=100,
+    extra_directions=1,
+    max_dimension=100,
     clusters=100,
     batch=1,
 )
 VARIANTS = {
-    "counting": RULES,
-    "spheres": replace(RULES, directions=0, spare=0),
-    "traces": replace(RULES, weighting=int(Weighting.TRACE), weight=0.98),
-    "forgetting": replace(RULES, weighting=int(Weighting.TRACE), weight=0.95, forget_below=0.3),
-    "constant": replace(RULES, weighting=int(Weighting.CONSTANT), weight=20.0),
-    "untruncated": replace(RULES, spare=100),
-    "no spare": replace(RULES, spare=0),
-    "few clusters": replace(RULES, clusters=3, cluster=2.0, merge_distance=0.0),
-    "batches": replace(RULES, batch=7),
-    "batches, few clusters": replace(RULES, batch=50, clusters=2, cluster=2.0, merge_distance=0.5),
+    "counting": PARAMETERS,
+    "spheres": replace(PARAMETERS, max_dimension=0, extra_directions=0),
+    "traces": replace(PARAMETERS, weighting=int(Weighting.EXPONENTIAL_DECAY), weight=0.98),
+    "forgetting": replace(
+        PARAMETERS, weighting=int(Weighting.EXPONENTIAL_DECAY), weight=0.95, forget_below=0.3
+    ),
+    "constant": replace(PARAMETERS, weighting=int(Weighting.CONSTANT), weight=20.0),
+    "untruncated": replace(PARAMETERS, extra_directions=100),
+    "no spare": replace(PARAMETERS, extra_directions=0),
+    "few clusters": replace(PARAMETERS, clusters=3, cluster=2.0, merge_distance=0.0),
+    "batches": replace(PARAMETERS, batch=7),
+    "batches, few clusters": replace(PARAMETERS, batch=50, clusters=2, cluster=2.0, merge_distance=0.5),
 }
 
 
@@ -64,21 +66,21 @@ def covariances(state: StreamState):
 
 def drift(state: StreamState):
     """How far the directions are from orthonormal."""
-    U, C = state.bases, state.room
+    U, C = state.bases, state.capacity
     there = np.arange(C) < state.ranks[..., None]
     return np.abs(np.einsum("kpdc,kpde->kpce", U, U) - there[..., None] * np.eye(C)).max(initial=0.0)
 
 
 def assert_same(one, other, atol=1e-9):
-    np.testing.assert_array_equal(one.identities, other.identities)
-    np.testing.assert_array_equal(one.gone, other.gone)
+    np.testing.assert_array_equal(one.cluster_ids, other.cluster_ids)
+    np.testing.assert_array_equal(one.removed, other.removed)
     np.testing.assert_allclose(one.costs, other.costs, rtol=1e-9, atol=atol)
-    np.testing.assert_allclose(one.changes, other.changes, rtol=1e-9, atol=atol)
+    np.testing.assert_allclose(one.loss_changes, other.loss_changes, rtol=1e-9, atol=atol)
     a, b = one.state, other.state
-    assert (a.frames, a.width, a.room) == (b.frames, b.width, b.room)
+    assert (a.frames, a.width, a.capacity) == (b.frames, b.width, b.capacity)
     np.testing.assert_allclose(a.head, b.head)
-    np.testing.assert_allclose(a.counts, b.counts)
-    columns = slice(0, len(StreamColumn))
+    np.testing.assert_allclose(a.transition_counts, b.transition_counts)
+    columns = slice(0, len(ClusterColumn))
     np.testing.assert_allclose(a.clusters[:, columns], b.clusters[:, columns], rtol=1e-10)
     np.testing.assert_array_equal(a.blocks()[..., :2], b.blocks()[..., :2])
     np.testing.assert_allclose(a.means, b.means, atol=atol)
@@ -91,32 +93,32 @@ def assert_same(one, other, atol=1e-9):
 def test_compiled_and_twin_agree(compiled, rng, variant, shape):
     """The same assignments, merges and models, for every policy, number of frames and width."""
     x = blobs(rng, 160, *shape)
-    rules, state = VARIANTS[variant], empty_stream(*shape)
-    assert_same(compiled.observe(x, state, rules), twins.observe(x, state, rules))
+    parameters, state = VARIANTS[variant], empty_stream(*shape)
+    assert_same(compiled.observe(x, state, parameters), reference.observe(x, state, parameters))
 
 
 def test_both_go_on_from_the_same_state(compiled, rng):
     """A state of one is read by the other."""
     x = blobs(rng, 200, 2, 5)
-    for first, second in [(compiled, twins), (twins, compiled)]:
-        state = first.observe(x[:120], empty_stream(2, 5), RULES).state
-        assert_same(first.observe(x[120:], state, RULES), second.observe(x[120:], state, RULES))
+    for first, second in [(compiled, reference), (reference, compiled)]:
+        state = first.observe(x[:120], empty_stream(2, 5), PARAMETERS).state
+        assert_same(first.observe(x[120:], state, PARAMETERS), second.observe(x[120:], state, PARAMETERS))
 
 
-@pytest.mark.parametrize("kernel", ["compiled", "twins"])
+@pytest.mark.parametrize("kernel", ["compiled", "reference"])
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
 def test_a_stream_may_be_cut_anywhere(request, rng, kernel, variant):
     """One by one, in pieces or whole: the same model to the last bit."""
-    observe = request.getfixturevalue("compiled").observe if kernel == "compiled" else twins.observe
-    x, rules = blobs(rng, 90, 2, 4), VARIANTS[variant]
-    whole = observe(x, empty_stream(2, 4), rules)
+    observe = request.getfixturevalue("compiled").observe if kernel == "compiled" else reference.observe
+    x, parameters = blobs(rng, 90, 2, 4), VARIANTS[variant]
+    whole = observe(x, empty_stream(2, 4), parameters)
     state = empty_stream(2, 4)
-    identities = []
+    cluster_ids = []
     for piece in [*np.split(x[:20], 20), *np.split(x[20:], np.sort(rng.integers(70, size=3)))]:
-        step = observe(piece, state, rules)
-        state, identities = step.state, [*identities, *step.identities.tolist()]
-    assert identities == whole.identities.tolist()
-    for name in ("head", "clusters", "counts"):
+        step = observe(piece, state, parameters)
+        state, cluster_ids = step.state, [*cluster_ids, *step.cluster_ids.tolist()]
+    assert cluster_ids == whole.cluster_ids.tolist()
+    for name in ("head", "clusters", "transition_counts"):
         assert getattr(state, name).tobytes() == getattr(whole.state, name).tobytes()
 
 
@@ -124,9 +126,9 @@ def test_a_stream_may_be_cut_anywhere(request, rng, kernel, variant):
 def test_without_truncation_a_cluster_has_the_moments_of_its_datapoints(compiled, rng, D):
     """Mean and covariance equal the batch's to 1e-10, far from the origin too."""
     x = 100.0 + rng.normal(size=(400, 1, D)) @ rng.normal(size=(D, D))
-    rules = replace(RULES, cluster=1e9, spare=D, merge_distance=0.0)
-    for kernel in (compiled, twins):
-        state = kernel.observe(x, empty_stream(1, D), rules).state
+    parameters = replace(PARAMETERS, cluster=1e9, extra_directions=D, merge_distance=0.0)
+    for kernel in (compiled, reference):
+        state = kernel.observe(x, empty_stream(1, D), parameters).state
         assert len(state.clusters) == 1
         np.testing.assert_allclose(state.means[0, 0], x[:, 0].mean(axis=0), rtol=0, atol=1e-10)
         expected = np.cov(x[:, 0].T, bias=True).reshape(D, D)
@@ -138,47 +140,51 @@ def test_merged_clusters_have_the_moments_of_all_their_datapoints(compiled, rng)
     x = rng.normal(size=(60, 1, 4)) * 0.2
     x[:30] -= 1.0
     x[30:] += 1.0
-    rules = replace(RULES, cluster=4.5, spare=4, merge_distance=0.0, transition=0.0, new_transition=0.0)
+    parameters = replace(
+        PARAMETERS, cluster=4.5, extra_directions=4, merge_distance=0.0, transition=0.0, new_transition=0.0
+    )
     bridge = np.zeros((1, 1, 4))
-    for kernel in (compiled, twins):
-        apart = kernel.observe(x, empty_stream(1, 4), rules).state
+    for kernel in (compiled, reference):
+        apart = kernel.observe(x, empty_stream(1, 4), parameters).state
         assert len(apart.clusters) == 2
-        step = kernel.observe(bridge, apart, replace(rules, merge_distance=100.0, cluster=1e9))
+        step = kernel.observe(bridge, apart, replace(parameters, merge_distance=100.0, cluster=1e9))
         every = np.concatenate([x, bridge])[:, 0]
         (row,) = step.state.clusters
-        assert row[StreamColumn.WEIGHT] == row[StreamColumn.POINTS] == 61
+        assert row[ClusterColumn.WEIGHT] == row[ClusterColumn.POINTS] == 61
         np.testing.assert_allclose(step.state.means[0, 0], every.mean(axis=0), atol=1e-10)
         np.testing.assert_allclose(covariances(step.state)[0, 0], np.cov(every.T, bias=True), atol=1e-10)
-        assert step.gone.shape == (1, 3)
+        assert step.removed.shape == (1, 3)
 
 
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
 def test_the_loss_at_a_datapoint_never_rises(compiled, rng, variant):
     """Assignment, update and dimension together never make the loss at the datapoint larger (5.35)."""
     x = blobs(rng, 2000, 2, 6)
-    changes = compiled.observe(x, empty_stream(2, 6), VARIANTS[variant]).changes
-    assert changes.max() <= 1e-12
-    assert changes.min() < -1e-3
+    loss_changes = compiled.observe(x, empty_stream(2, 6), VARIANTS[variant]).loss_changes
+    assert loss_changes.max() <= 1e-12
+    assert loss_changes.min() < -1e-3
 
 
 def test_directions_stay_orthonormal(compiled):
     """Below 1e-8 after 10^6 updates, of few directions and of all."""
     rng = np.random.default_rng(0)
     x = rng.normal(size=(1_000_000, 1, 6)) @ np.diag([3.0, 2.0, 1.0, 0.3, 1e-3, 1e-6])
-    for spare in (1, 6):
-        rules = replace(RULES, cluster=1e9, spare=spare, dimension=0.05, bandwidth=1e6)
-        assert drift(compiled.observe(x, empty_stream(1, 6), rules).state) < 1e-8
+    for extra_directions in (1, 6):
+        parameters = replace(
+            PARAMETERS, cluster=1e9, extra_directions=extra_directions, dimension=0.05, bandwidth=1e6
+        )
+        assert drift(compiled.observe(x, empty_stream(1, 6), parameters).state) < 1e-8
 
 
 def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
     """A state whose directions are bent by 1e-4 has straight ones within 256 datapoints."""
-    rules = replace(RULES, cluster=1e9)
-    state = twins.observe(blobs(rng, 300, 1, 5, K=1), empty_stream(1, 5), rules).state
+    parameters = replace(PARAMETERS, cluster=1e9)
+    state = reference.observe(blobs(rng, 300, 1, 5, K=1), empty_stream(1, 5), parameters).state
     bent = replace(state, clusters=state.clusters.copy())
     bent.bases[:] += 1e-4 * rng.normal(size=bent.bases.shape) * (bent.bases != 0.0)
     assert drift(bent) > 1e-5
-    for kernel in (compiled, twins):
-        assert drift(kernel.observe(blobs(rng, 300, 1, 5, K=1), bent, rules).state) < 1e-8
+    for kernel in (compiled, reference):
+        assert drift(kernel.observe(blobs(rng, 300, 1, 5, K=1), bent, parameters).state) < 1e-8
 
 
 @pytest.mark.parametrize(
@@ -196,66 +202,66 @@ def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
 )
 def test_degenerate_streams_leave_finite_models(compiled, x):
     """Constant, huge, tiny, repeated and single datapoints: finite numbers, and both kernels agree."""
-    for rules in VARIANTS.values():
+    for parameters in VARIANTS.values():
         state = empty_stream(*x.shape[1:])
-        step = compiled.observe(x, state, rules)
-        for values in (step.state.clusters, step.state.counts, step.costs, step.changes):
+        step = compiled.observe(x, state, parameters)
+        for values in (step.state.clusters, step.state.transition_counts, step.costs, step.loss_changes):
             assert np.isfinite(values).all()
-        np.testing.assert_array_equal(step.identities, twins.observe(x, state, rules).identities)
+        np.testing.assert_array_equal(step.cluster_ids, reference.observe(x, state, parameters).cluster_ids)
 
 
 def test_a_jump_of_1e12_is_a_cluster_of_its_own(compiled, rng):
     """The clusters that were there are as they were, and the stream goes on in them."""
     x = blobs(rng, 100, 1, 3, K=2)
-    before = compiled.observe(x, empty_stream(1, 3), RULES)
-    jump = compiled.observe(np.full((1, 1, 3), 1e12), before.state, RULES)
+    before = compiled.observe(x, empty_stream(1, 3), PARAMETERS)
+    jump = compiled.observe(np.full((1, 1, 3), 1e12), before.state, PARAMETERS)
     assert len(jump.state.clusters) == len(before.state.clusters) + 1
     np.testing.assert_array_equal(jump.state.means[:-1], before.state.means)
-    after = compiled.observe(x[-1:], jump.state, RULES)
-    assert after.identities[0] == before.identities[-1]
+    after = compiled.observe(x[-1:], jump.state, PARAMETERS)
+    assert after.cluster_ids[0] == before.cluster_ids[-1]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.1e100])
 def test_what_is_not_finite_is_refused_and_nothing_learned(compiled, rng, bad):
     """Both kernels name the place; arrays given are untouched."""
     x = blobs(rng, 20, 2, 3)
-    state = compiled.observe(x, empty_stream(2, 3), RULES).state
-    before = [array.tobytes() for array in (state.head, state.clusters, state.counts)]
+    state = compiled.observe(x, empty_stream(2, 3), PARAMETERS).state
+    before = [array.tobytes() for array in (state.head, state.clusters, state.transition_counts)]
     x[7, 1, 2] = bad
-    for kernel in (compiled, twins):
+    for kernel in (compiled, reference):
         with pytest.raises(InvalidInput, match="datapoint 7, frame 1, column 2"):
-            kernel.observe(x, state, RULES)
-    assert before == [array.tobytes() for array in (state.head, state.clusters, state.counts)]
+            kernel.observe(x, state, PARAMETERS)
+    assert before == [array.tobytes() for array in (state.head, state.clusters, state.transition_counts)]
 
 
 def test_no_datapoints_change_nothing(compiled):
     """An empty batch gives the model back."""
-    for kernel in (compiled, twins):
-        step = kernel.observe(np.empty((0, 1, 3)), empty_stream(1, 3), RULES)
-        assert len(step.identities) == len(step.state.clusters) == 0
+    for kernel in (compiled, reference):
+        step = kernel.observe(np.empty((0, 1, 3)), empty_stream(1, 3), PARAMETERS)
+        assert len(step.cluster_ids) == len(step.state.clusters) == 0
 
 
 def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(compiled):
     """A direction that explains too little on the whole stays while a datapoint lies far along it."""
-    rules = replace(RULES, cluster=1e6, bandwidth=1e6)
+    parameters = replace(PARAMETERS, cluster=1e6, bandwidth=1e6)
     x = np.zeros((40, 1, 3))
     x[::2, 0, 0], x[1::2, 0, 0] = 3.0, -3.0
-    state = twins.observe(x, empty_stream(1, 3), rules).state
+    state = reference.observe(x, empty_stream(1, 3), parameters).state
     state.dimensions[0, 0], state.ranks[0, 0] = 2, 2  # as if a second one had been worth it
     state.bases[0, 0, :, :2] = np.eye(3)[:, :2]
     state.variances[0, 0, :2] = [9.0, 0.01]
     state.distances[0, 0, :3] = [9.0, 0.01, 0.0]
     far, near = np.array([[[0.0, 2.0, 0.0]]]), np.array([[[0.0, 0.1, 0.0]]])
-    for kernel in (compiled, twins):
-        stays, goes = (kernel.observe(point, state, rules) for point in (far, near))
+    for kernel in (compiled, reference):
+        stays, goes = (kernel.observe(point, state, parameters) for point in (far, near))
         assert stays.state.dimensions[0, 0] == 2
         assert goes.state.dimensions[0, 0] == 1
-        assert stays.changes[0] <= 0.0
-        assert goes.changes[0] <= 0.0
+        assert stays.loss_changes[0] <= 0.0
+        assert goes.loss_changes[0] <= 0.0
 
 
 def test_one_update_is_the_definition_for_any_spectrum(compiled, rng):
-    """w / (w + 1) Sigma + w / (w + 1)^2 e e^T, to rounding, for variances that are equal, nearly equal, zero
+    """W / (w + 1) Sigma + w / (w + 1)^2 e e^T, to rounding, for variances that are equal, nearly equal, zero
     or 24 powers of ten apart, datapoints in the subspace, beside it and at the mean; directions orthonormal.
     """
     for _ in range(200):
@@ -269,15 +275,17 @@ def test_one_update_is_the_definition_for_any_spectrum(compiled, rng):
         U = np.linalg.qr(rng.normal(size=(D, D)))[0][:, :r]
         e = U @ (np.sqrt(v) * rng.normal(size=r) * rng.choice([1.0, 0.0, 1e-8], size=r))
         e = e + rng.choice([0.0, 1e-9, 1.0, 1e4]) * rng.normal(size=D)
-        state = stream_of(1, 1, D, in_fours(r))
+        state = zero_stream(1, 1, D, round_up_to_four(r))
         state.head[:] = 0, 1, 1, 5, -1, 0
-        state.clusters[0, [StreamColumn.WEIGHT, StreamColumn.POINTS, StreamColumn.BEGUN]] = w, 5, 1
-        state.counts[0, 0] = 4
+        state.clusters[
+            0, [ClusterColumn.WEIGHT, ClusterColumn.POINTS, ClusterColumn.DEMONSTRATION_STARTS]
+        ] = w, 5, 1
+        state.transition_counts[0, 0] = 4
         state.dimensions[0, 0], state.ranks[0, 0] = min(r, D - 1), r
         state.variances[0, 0, :r], state.bases[0, 0, :, :r] = v, U
-        rules = replace(RULES, cluster=1e300, spare=D, merge_distance=0.0)
+        parameters = replace(PARAMETERS, cluster=1e300, extra_directions=D, merge_distance=0.0)
         expected = w / (w + 1) * (U * v) @ U.T + w / (w + 1) ** 2 * np.outer(e, e)
-        after = compiled.observe(e.reshape(1, 1, D), state, rules).state
+        after = compiled.observe(e.reshape(1, 1, D), state, parameters).state
         close = 1e-13 * np.abs(expected).max()
         np.testing.assert_allclose(covariances(after)[0, 0], expected, rtol=0, atol=close)
         assert drift(after) < 1e-14

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from pilotfish.errors import NotPositiveDefinite
-from pilotfish.kernels import twins
+from pilotfish.kernels import reference
 
 PARTS = ("gains", "feedforwards", "values", "gradients")
 
@@ -15,20 +15,20 @@ def tracking(rng, T, n, m, varying):
     A = np.eye(n) + 0.1 * rng.normal(size=(S, n, n))
     roots = rng.normal(size=(T, n, n))
     weights = roots @ roots.swapaxes(1, 2) + 0.01 * np.eye(n)
-    effort = 0.1 * np.eye(m) + 0.02 * np.ones((m, m))
-    return A, rng.normal(size=(S, n, m)), weights, rng.normal(size=(T, n)), effort
+    control_cost = 0.1 * np.eye(m) + 0.02 * np.ones((m, m))
+    return A, rng.normal(size=(S, n, m)), weights, rng.normal(size=(T, n)), control_cost
 
 
 def rollout(problem, solution, start):
     """States, inputs and cost under the feedback."""
-    A, B, weights, targets, effort = problem
+    A, B, weights, targets, control_cost = problem
     x, u, T = [start], [], len(targets)
     for t in range(T - 1):
         u.append(solution.feedforwards[t] - solution.gains[t] @ (x[t] - targets[t]))
         now = t if len(A) > 1 else 0
         x.append(A[now] @ x[t] + B[now] @ u[t])
     error = np.stack(x) - targets
-    cost = np.einsum("ti,tij,tj", error, weights, error) + sum(ut @ effort @ ut for ut in u)
+    cost = np.einsum("ti,tij,tj", error, weights, error) + sum(ut @ control_cost @ ut for ut in u)
     return np.stack(x), np.stack(u), cost
 
 
@@ -37,7 +37,7 @@ def test_the_recursion_agrees_with_one_big_least_squares_problem(kernels, rng, v
     """Inputs along the feedback's own rollout are those that solve the stacked normal equations."""
     T, n, m = 9, 4, 2
     problem = tracking(rng, T, n, m, varying)
-    A, B, weights, targets, effort = problem
+    A, B, weights, targets, control_cost = problem
     A, B = np.broadcast_to(A, (T - 1, n, n)), np.broadcast_to(B, (T - 1, n, m))
     start = rng.normal(size=n)
     drift, push = [np.eye(n)], [np.zeros((n, (T - 1) * m))]
@@ -46,7 +46,7 @@ def test_the_recursion_agrees_with_one_big_least_squares_problem(kernels, rng, v
         push.append(A[t] @ push[t])
         push[t + 1][:, t * m : (t + 1) * m] = B[t]
     Sx, Su, Q = np.vstack(drift), np.vstack(push), block_diag(*weights)
-    R = block_diag(*[effort] * (T - 1))
+    R = block_diag(*[control_cost] * (T - 1))
     expected = np.linalg.solve(Su.T @ Q @ Su + R, Su.T @ Q @ (targets.ravel() - Sx @ start))
     _, u, _ = rollout(problem, kernels.riccati(*problem), start)
     np.testing.assert_allclose(u.ravel(), expected, rtol=1e-9, atol=1e-9)
@@ -69,22 +69,22 @@ def test_values_and_gradients_tell_the_cost_still_to_pay(kernels, rng):
 
 @pytest.mark.parametrize(("T", "n", "m"), [(1, 3, 2), (2, 1, 1), (50, 2, 3), (200, 14, 7), (30, 15, 1)])
 @pytest.mark.parametrize("varying", [False, True])
-def test_compiled_recursion_agrees_with_its_twin(compiled, rng, T, n, m, varying):
+def test_compiled_recursion_agrees_with_the_reference(compiled, rng, T, n, m, varying):
     """Any shape, with one system for all steps or one for each."""
     problem = tracking(rng, T, n, m, varying and T > 1)
-    result, twin = compiled.riccati(*problem), twins.riccati(*problem)
+    result, reference_result = compiled.riccati(*problem), reference.riccati(*problem)
     for name in PARTS:
-        expected = getattr(twin, name)
+        expected = getattr(reference_result, name)
         scale = np.abs(expected).max(initial=0.0)
         np.testing.assert_allclose(getattr(result, name), expected, rtol=1e-8, atol=1e-10 * scale)
     np.testing.assert_array_equal(result.values, result.values.swapaxes(1, 2))
 
 
-def test_pushing_that_costs_nothing_is_refused_in_words(kernels, rng):
+def test_pushing_that_costs_nothing_is_refused_with_a_message(kernels, rng):
     """The error names the step and what to change; no gain is returned."""
-    A, B, weights, targets, effort = tracking(rng, 5, 3, 2, varying=False)
+    A, B, weights, targets, control_cost = tracking(rng, 5, 3, 2, varying=False)
     weights[3] = -100.0 * np.eye(3)
-    with pytest.raises(NotPositiveDefinite, match=r"at step 2, .*make effort positive definite"):
-        kernels.riccati(A, B, weights, targets, effort)
+    with pytest.raises(NotPositiveDefinite, match=r"at step 2, .*make control_cost positive definite"):
+        kernels.riccati(A, B, weights, targets, control_cost)
     with pytest.raises(NotPositiveDefinite, match="at step 3"):
-        kernels.riccati(A, B, np.zeros_like(weights), targets, -effort)
+        kernels.riccati(A, B, np.zeros_like(weights), targets, -control_cost)

@@ -1,4 +1,4 @@
-"""An install never fails for want of a compiler: the NumPy twins run, after one warning with the remedy."""
+"""An install never fails for want of a compiler: the NumPy references run, after one warning with the remedy."""
 
 import os
 import re
@@ -64,7 +64,7 @@ def test_the_twins_answer_and_one_warning_names_the_remedy(python: Path):
     """The answers are right, and over two calls exactly one warning tells how to get compiled kernels."""
     program = (
         "import numpy as np, pilotfish as pf\n"
-        "system = pf.double_integrator(1, period=0.1)\n"
+        "system = pf.control.double_integrator(1, period=0.1)\n"
         "from pilotfish.kernels import viterbi\n"
         "half, stay = np.full(2, 0.5), np.full((2, 2), 0.5)\n"
         "seen = np.log(np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]]))\n"
@@ -78,5 +78,5 @@ def test_the_twins_answer_and_one_warning_names_the_remedy(python: Path):
     assert states == ["0 1 0", "0 1 0"]
     warned = re.findall(r"^\S+:\d+: \w+: .*", finished.stderr, re.MULTILINE)
     assert len(warned) == 1, finished.stderr
-    assert "SlowKernels" in warned[0]
+    assert "SlowKernelsWarning" in warned[0]
     assert "g++" in warned[0]

@@ -22,7 +22,7 @@ def told(code: str, **variables: str) -> str:
 
 REFUSED = """
 from pilotfish.errors import SkillError
-from pilotfish.station.rendering import {name}
+from pilotfish.simulation.rendering import {name}
 for again in range({times}):
     try:
         {name}()
@@ -34,7 +34,7 @@ for again in range({times}):
 @needs_renderer
 def test_without_a_screen_and_a_word_pictures_are_drawn():
     """Nothing but the library is needed."""
-    assert told("from pilotfish.station.rendering import require_renderer; require_renderer()") == ""
+    assert told("from pilotfish.simulation.rendering import require_renderer; require_renderer()") == ""
 
 
 @pytest.mark.parametrize("value", ["glfw", "off"])

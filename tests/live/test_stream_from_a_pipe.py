@@ -15,8 +15,8 @@ import pytest
 
 import pilotfish as pf
 from pilotfish.demonstrations import Layout, Part, Quantity
+from pilotfish.io.stream_file import encode_stream
 from pilotfish.models import online
-from pilotfish.store import encode_stream
 
 PATIENCE = 60.0  # s, for a process on a busy machine
 OPTIONS = ["--learner", "dp-gmm", "--cluster", "0.5", "--noise", "0.01", "--out", "now.stream"]

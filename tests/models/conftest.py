@@ -8,7 +8,7 @@ import pytest
 
 from pilotfish.demonstrations import Demonstration, Frame, Layout, Part, Quantity, demonstration, world_frame
 
-Scene = Callable[..., list[Demonstration]]
+MakeDemonstrations = Callable[..., list[Demonstration]]
 
 
 def layout(width: int) -> Layout:
@@ -21,15 +21,15 @@ def random_frame(rng: np.random.Generator, name: str, width: int) -> Frame:
 
 
 @pytest.fixture
-def scene(rng: np.random.Generator) -> Scene:
+def make_demonstrations(rng: np.random.Generator) -> MakeDemonstrations:
     """Noisy passages through a row of places, seen from random frames: a stand-in with known truth."""
 
     def make(lengths=(30, 42, 37), width=2, frames=2, stops=3, noise=0.1) -> list[Demonstration]:
         places = 3.0 * rng.normal(size=(stops, width))
         demos = []
         for m, length in enumerate(lengths):
-            visits = np.sort(rng.integers(0, stops, size=length))
-            x = places[visits] + noise * rng.normal(size=(length, width))
+            stop_indices = np.sort(rng.integers(0, stops, size=length))
+            x = places[stop_indices] + noise * rng.normal(size=(length, width))
             frames_here = [random_frame(rng, f"object {p}", width) for p in range(frames)]
             demos.append(demonstration(x, 0.1, layout(width), tuple(frames_here), f"passage {m}"))
         return demos
@@ -38,25 +38,31 @@ def scene(rng: np.random.Generator) -> Scene:
 
 
 @pytest.fixture
-def two_objects(rng: np.random.Generator) -> Scene:
+def make_two_object_demonstrations(rng: np.random.Generator) -> MakeDemonstrations:
     """From one object, over a place of the world, to another, objects elsewhere each time; and distractors.
 
     Frames are the two objects', the world's, and distractors'.
     """
 
     def make(count=5, distractors=0, noise=0.05) -> list[Demonstration]:
-        return [_passage(rng, f"passage {m}", distractors, noise) for m in range(count)]
+        return [_record_demonstration(rng, f"passage {m}", distractors, noise) for m in range(count)]
 
     return make
 
 
-def _passage(rng: np.random.Generator, name: str, distractors: int, noise: float) -> Demonstration:
+def _record_demonstration(
+    rng: np.random.Generator, name: str, distractors: int, noise: float
+) -> Demonstration:
     names = ["object 0", "object 1", *(f"distractor {n}" for n in range(distractors))]
-    one, other, *rest = (replace(f, b=2.0 * f.b) for f in (random_frame(rng, each, 2) for each in names))
-    stops = np.stack([one.A @ [0.3, 0.1] + one.b, [0.0, 5.0], other.A @ [0.0, 0.4] + other.b])
+    frame_one, frame_two, *rest = (
+        replace(f, b=2.0 * f.b) for f in (random_frame(rng, each, 2) for each in names)
+    )
+    stops = np.stack(
+        [frame_one.A @ [0.3, 0.1] + frame_one.b, [0.0, 5.0], frame_two.A @ [0.0, 0.4] + frame_two.b]
+    )
     stops += noise * rng.normal(
         size=(3, 2)
     )  # what differs between showings, beside noise from point to point
     x = np.repeat(stops, [18, 15, 20], axis=0)
     x = x + 0.3 * noise * rng.normal(size=x.shape)
-    return demonstration(x, 0.1, layout(2), (one, other, world_frame(2), *rest), name)
+    return demonstration(x, 0.1, layout(2), (frame_one, frame_two, world_frame(2), *rest), name)

@@ -13,9 +13,9 @@ from pilotfish.models import (
     NegativeBinomialDurations,
     PoissonDurations,
 )
-from pilotfish.models.visits import log_tails
+from pilotfish.models.segments import log_survival
 
-FAR = np.arange(1, 20_001)
+STEPS = np.arange(1, 20_001)
 
 
 def column(*values):
@@ -23,8 +23,8 @@ def column(*values):
 
 
 # Each law with the logarithm of its density at whole steps, up to a factor, state by state.
-LAWS = {
-    "normal": (
+DISTRIBUTIONS = {
+    "gaussian": (
         GaussianDurations(column(12.0, 1.0, -5.0, 300.0), column(3.0, 0.7, 2.0, 0.1)),
         lambda s, k: stats.norm.logpdf(s, (12.0, 1.0, -5.0, 300.0)[k], (3.0, 0.7, 2.0, 0.1)[k]),
     ),
@@ -47,55 +47,57 @@ LAWS = {
 }
 
 
-@pytest.fixture(params=LAWS)
-def law(request):
-    return LAWS[request.param]
+@pytest.fixture(params=DISTRIBUTIONS)
+def distribution(request):
+    return DISTRIBUTIONS[request.param]
 
 
 @pytest.mark.parametrize("longest", [1, 7, 300])
-def test_a_table_is_the_density_at_whole_steps_normalised_over_all_of_them(law, longest):
+def test_a_table_is_the_density_at_whole_steps_normalised_over_all_of_them(distribution, max_duration):
     """Far in the tails too, where probabilities are far below the smallest number."""
-    durations, log_density = law
-    table = durations.log_table(longest)
-    assert table.shape == (longest, 4)
+    durations, log_density = distribution
+    table = durations.log_table(max_duration)
+    assert table.shape == (max_duration, 4)
     for k in range(4):
-        log_p = log_density(FAR, k)
-        np.testing.assert_allclose(table[:, k], (log_p - logsumexp(log_p))[:longest], rtol=1e-9, atol=1e-9)
+        log_p = log_density(STEPS, k)
+        np.testing.assert_allclose(
+            table[:, k], (log_p - logsumexp(log_p))[:max_duration], rtol=1e-9, atol=1e-9
+        )
 
 
-def test_means_and_deviations_are_those_of_the_law_on_whole_steps(law):
+def test_means_and_deviations_are_those_of_the_law_on_whole_steps(distribution):
     """All but the normal law's, whose parameters they are."""
-    durations, log_density = law
+    durations, log_density = distribution
     if isinstance(durations, GaussianDurations):
         return
     for k in range(4):
-        log_p = log_density(FAR, k)
+        log_p = log_density(STEPS, k)
         p = np.exp(log_p - logsumexp(log_p))
-        np.testing.assert_allclose(durations.means[k], p @ FAR, rtol=1e-9)
-        np.testing.assert_allclose(durations.deviations[k] ** 2, p @ (FAR - p @ FAR) ** 2, rtol=1e-6)
+        np.testing.assert_allclose(durations.means[k], p @ STEPS, rtol=1e-9)
+        np.testing.assert_allclose(durations.deviations[k] ** 2, p @ (STEPS - p @ STEPS) ** 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("lost", [0.3, 1e-3, 1e-12])
-def test_the_longest_is_the_first_that_is_outlasted_so_seldom(law, lost):
-    durations, log_density = law
+def test_max_duration_is_smallest_with_given_tail_probability(distribution, tail_probability):
+    durations, log_density = distribution
     outlasted = []
     for k in range(4):
-        log_p = log_density(FAR, k)
+        log_p = log_density(STEPS, k)
         longer = np.append(np.cumsum(np.exp(log_p - logsumexp(log_p))[::-1])[::-1], 0.0)
-        outlasted.append(np.flatnonzero(longer[1:] <= lost)[0] + 1)
-    assert durations.longest(lost) == max(outlasted)
+        outlasted.append(np.flatnonzero(longer[1:] <= tail_probability)[0] + 1)
+    assert durations.max_duration(tail_probability) == max(outlasted)
 
 
 @pytest.mark.parametrize("longest", [1, 5, 120])
-def test_tails_are_sums_of_the_law_from_there_on(law, longest):
-    durations, log_density = law
-    log_longer, log_excess = log_tails(durations, longest)
+def test_tails_are_sums_of_the_law_from_there_on(distribution, max_duration):
+    durations, log_density = distribution
+    log_longer, log_tail_sum = log_survival(durations, max_duration)
     for k in range(4):
-        log_p = log_density(FAR, k)
+        log_p = log_density(STEPS, k)
         log_p = log_p - logsumexp(log_p)
-        for d in {1, (longest + 1) // 2, longest}:
-            expected = logsumexp(log_p[d - 1 :]), logsumexp(log_p[d - 1 :], b=FAR[d - 1 :] - d + 1.0)
-            found = log_longer[d - 1, k], log_excess[d - 1, k]
+        for d in {1, (max_duration + 1) // 2, max_duration}:
+            expected = logsumexp(log_p[d - 1 :]), logsumexp(log_p[d - 1 :], b=STEPS[d - 1 :] - d + 1.0)
+            found = log_longer[d - 1, k], log_tail_sum[d - 1, k]
             np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9)
 
 
@@ -105,7 +107,7 @@ def test_a_geometric_law_is_that_of_a_markov_chain():
     np.testing.assert_allclose(np.exp(table[:, 0]), 0.3 * 0.7 ** np.arange(50))
 
 
-def test_a_histogram_is_what_it_says(rng):
+def test_histogram_table_equals_its_probabilities(rng):
     p = rng.dirichlet(np.ones(6), size=2).T
     p[5, 0], p[:5, 0] = 0.0, p[:5, 0] / p[:5, 0].sum()
     durations = HistogramDurations(p)
@@ -113,5 +115,5 @@ def test_a_histogram_is_what_it_says(rng):
     np.testing.assert_allclose(np.exp(durations.log_table(4)), p[:4])
     np.testing.assert_allclose(durations.means, np.arange(1, 7) @ p)
     np.testing.assert_allclose(durations.deviations**2, np.arange(1, 7) ** 2 @ p - durations.means**2)
-    assert durations.longest(0.0) == 6
-    np.testing.assert_allclose(np.exp(log_tails(durations, 8)[1][0]), durations.means)
+    assert durations.max_duration(0.0) == 6
+    np.testing.assert_allclose(np.exp(log_survival(durations, 8)[1][0]), durations.means)

@@ -13,21 +13,21 @@ from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import DenseCovariances, Diagonal, Full, SemiTied, Spherical, moments
 from pilotfish.models import (
     EMSettings,
-    Given,
+    FromModel,
     HiddenModel,
     KMeans,
     MarkovChain,
+    MixtureWeights,
     TimeBins,
-    Weights,
-    improve,
+    expected_statistics,
+    fit_em,
+    fit_markov_chain,
+    fit_mixture_weights,
     labelled_statistics,
     learn,
     learn_markov,
     learn_mixture,
-    maximise,
-    most_likely_chain,
-    most_likely_weights,
-    statistics,
+    maximise_likelihood,
 )
 
 STRUCTURES = [Full(), Diagonal(), Spherical(), SemiTied(1.0), SemiTied(0.5)]
@@ -37,18 +37,18 @@ def random_model(rng, P, K, D, markov=True):
     A = rng.normal(size=(P, K, D, D))
     covariances = A @ A.transpose(0, 1, 3, 2) + 0.5 * np.eye(D)
     chain = MarkovChain(rng.dirichlet(np.ones(K)), rng.dirichlet(np.ones(K), size=K))
-    dynamics = chain if markov else Weights(rng.dirichlet(np.ones(K)))
+    dynamics = chain if markov else MixtureWeights(rng.dirichlet(np.ones(K)))
     return HiddenModel(dynamics, rng.normal(size=(P, K, D)), tuple(DenseCovariances(c) for c in covariances))
 
 
-def every_path(model, x):
+def enumerate_paths(model, x):
     """(states, log p(states, x)) for all K^T state sequences of one demonstration, by definition."""
     (P, T, _), K = x.shape, model.means.shape[1]
     log_b = np.zeros((T, K))
     for p, k in itertools.product(range(P), range(K)):
         log_b[:, k] += multivariate_normal(model.means[p, k], model.covariances[p].dense[k]).logpdf(x[p])
     for states in itertools.product(range(K), repeat=T):
-        if isinstance(model.dynamics, Weights):
+        if isinstance(model.dynamics, MixtureWeights):
             log_p = sum(np.log(model.dynamics.weights[k]) for k in states)
         else:
             log_p = np.log(model.dynamics.initial[states[0]])
@@ -58,73 +58,81 @@ def every_path(model, x):
 
 @pytest.mark.parametrize("markov", [True, False])
 @pytest.mark.parametrize(("P", "K", "D", "T"), [(1, 2, 1, 5), (2, 3, 2, 4), (3, 1, 2, 3)])
-def test_statistics_are_expectations_over_every_state_sequence(rng, markov, P, K, D, T):
+def test_statistics_equal_enumeration_of_state_sequences(rng, markov, P, K, D, T):
     """Likelihood, masses, first states, transitions and moments, by listing all sequences."""
     model, x = random_model(rng, P, K, D, markov), rng.normal(size=(P, T, D))
-    paths, log_p = zip(*every_path(model, x), strict=True)
+    paths, log_p = zip(*enumerate_paths(model, x), strict=True)
     posterior = np.exp(log_p - logsumexp(log_p))
     shares, pairs = np.zeros((T, K)), np.zeros((K, K))
     for states, p in zip(paths, posterior, strict=True):
         shares[np.arange(T), states] += p
         np.add.at(pairs, (states[:-1], states[1:]), p)
-    found = statistics(model, Views(x, np.array([T])))
+    found = expected_statistics(model, Views(x, np.array([T])))
     np.testing.assert_allclose(found.log_likelihood, logsumexp(log_p))
-    np.testing.assert_allclose(found.first, shares[0])
+    np.testing.assert_allclose(found.initial_counts, shares[0])
     np.testing.assert_allclose(found.transitions, pairs, atol=1e-12)
     for p in range(P):
         expected = moments(x[p], shares)
-        for name in ("mass", "means", "scatters"):
+        for name in ("counts", "means", "scatter_matrices"):
             np.testing.assert_allclose(getattr(found.moments[p], name), getattr(expected, name), atol=1e-10)
 
 
-def test_statistics_of_halves_add_up_to_the_whole(rng, scene):
+def test_statistics_of_parts_sum_to_statistics_of_all(rng, make_demonstrations):
     """Learning is a fold: demonstrations may be summed up in parts, in any order, on any machine."""
-    demos = scene(lengths=(20, 33, 27, 41))
+    demos = make_demonstrations(lengths=(20, 33, 27, 41))
     model = random_model(rng, 2, 3, 2)
-    whole = statistics(model, views(demos))
-    parts = statistics(model, views(demos[2:])) + statistics(model, views(demos[:2]))
+    whole = expected_statistics(model, views(demos))
+    parts = expected_statistics(model, views(demos[2:])) + expected_statistics(model, views(demos[:2]))
     np.testing.assert_allclose(parts.log_likelihood, whole.log_likelihood)
     np.testing.assert_allclose(parts.transitions, whole.transitions)
-    np.testing.assert_allclose(parts.first, whole.first)
+    np.testing.assert_allclose(parts.initial_counts, whole.initial_counts)
     for a, b in zip(parts.moments, whole.moments, strict=True):
         np.testing.assert_allclose(a.means, b.means)
-        np.testing.assert_allclose(a.scatters, b.scatters, atol=1e-9)
+        np.testing.assert_allclose(a.scatter_matrices, b.scatter_matrices, atol=1e-9)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
 @pytest.mark.parametrize("fit", [learn, learn_mixture])
-def test_a_trace_never_falls_and_a_step_that_would_is_told(rng, scene, structure, fit):
+def test_em_log_likelihood_is_monotone_and_reports_undone_step(rng, make_demonstrations, structure, fit):
     """Regularisation and partial tying can cost likelihood: the fit then ends before, and says why."""
     settings = EMSettings(regularisation=1e-2, tolerance=0.0, max_iterations=60)
-    outcome = fit(scene(width=3, stops=4), states=4, rng=rng, structure=structure, settings=settings)
-    assert np.diff(outcome.trace).min(initial=0.0) >= 0.0
-    if "lost" in outcome.outcome.reason:
-        assert outcome.outcome.iterations == len(outcome.trace) + 1
+    convergence = fit(
+        make_demonstrations(width=3, stops=4), states=4, rng=rng, structure=structure, settings=settings
+    )
+    assert np.diff(convergence.log_likelihoods).min(initial=0.0) >= 0.0
+    if "lost" in convergence.convergence.reason:
+        assert convergence.convergence.iterations == len(convergence.log_likelihoods) + 1
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical(), SemiTied(1.0)], ids=lambda s: s.label)
 @pytest.mark.parametrize("frames", [1, 2, 3])
-@pytest.mark.parametrize("chain", [most_likely_chain, most_likely_weights])
+@pytest.mark.parametrize("chain", [fit_markov_chain, fit_mixture_weights])
 @pytest.mark.parametrize("start", [TimeBins(1.0), KMeans()], ids=["bins", "k-means"])
-def test_the_likelihood_of_plain_expectation_maximisation_never_falls(
-    rng, scene, structure, frames, chain, start
+def test_em_without_regularisation_is_monotone(
+    rng, make_demonstrations, structure, frames, chain, initialisation
 ):
     """Without regularisation nothing is undone: every single step gains, to rounding."""
-    data = views(scene(frames=frames, width=2, stops=3, lengths=(50, 60, 31), noise=0.3))
-    model = maximise(start.guess(data, 3, rng), None, structure, 0.0, chain)
+    data = views(make_demonstrations(frames=frames, width=2, stops=3, lengths=(50, 60, 31), noise=0.3))
+    model = maximise_likelihood(initialisation.initial_statistics(data, 3, rng), None, structure, 0.0, chain)
     values = []
     for _ in range(15):
-        sums = statistics(model, data)
-        values.append(sums.log_likelihood)
-        model = maximise(sums, model, structure, 0.0, chain)
+        statistics = expected_statistics(model, data)
+        values.append(statistics.log_likelihood)
+        model = maximise_likelihood(statistics, model, structure, 0.0, chain)
     assert np.diff(values).min() > -1e-9 * abs(values[-1])
 
 
-def test_a_step_undone_by_much_is_no_convergence(rng, scene):
+def test_em_large_undone_step_is_not_converged(rng, make_demonstrations):
     """Half-tied and strongly regularised, the climb ends in a loss far above the tolerance."""
     settings = EMSettings(regularisation=0.3, tolerance=1e-12, max_iterations=300)
     ends = [
-        learn(scene(stops=4, width=3), states=4, rng=rng, structure=SemiTied(0.5), settings=settings).outcome
+        learn(
+            make_demonstrations(stops=4, width=3),
+            states=4,
+            rng=rng,
+            structure=SemiTied(0.5),
+            settings=settings,
+        ).convergence
         for _ in range(5)
     ]
     undone = [end for end in ends if "lost" in end.reason]
@@ -132,86 +140,93 @@ def test_a_step_undone_by_much_is_no_convergence(rng, scene):
     assert not any(end.converged for end in undone)
 
 
-def test_em_stops_where_it_can_gain_no_more(rng, scene):
+def test_em_converged_model_is_fixed_point(rng, make_demonstrations):
     """At the end, one more M-step changes neither means nor likelihood."""
-    data = views(scene())
-    guess = TimeBins().guess(data, 3, rng)
+    data = views(make_demonstrations())
+    initial_statistics = TimeBins().initial_statistics(data, 3, rng)
 
-    def m_step(sums, like):
-        return maximise(sums, like, Full(), 0.0, most_likely_chain)
+    def m_step(statistics, like):
+        return maximise_likelihood(statistics, like, Full(), 0.0, fit_markov_chain)
 
-    run = improve(guess, data, m_step, EMSettings(tolerance=1e-13, max_iterations=2000))
-    assert run.outcome.converged
-    again = m_step(run.sums, run.model)
+    run = fit_em(initial_statistics, data, m_step, EMSettings(tolerance=1e-13, max_iterations=2000))
+    assert run.convergence.converged
+    again = m_step(run.statistics, run.model)
     np.testing.assert_allclose(again.means, run.model.means, atol=1e-5)
-    np.testing.assert_allclose(statistics(again, data).log_likelihood, run.trace[-1], rtol=1e-9)
+    np.testing.assert_allclose(
+        expected_statistics(again, data).log_likelihood, run.log_likelihoods[-1], rtol=1e-9
+    )
 
 
-def test_a_mixture_is_the_markov_model_that_forgets(rng):
+def test_mixture_equals_markov_chain_with_equal_rows(rng):
     """Weights w and a chain whose rows are all w give the same statistics."""
     model, x = random_model(rng, 1, 3, 2, markov=False), rng.normal(size=(1, 12, 2))
     weights = model.dynamics.weights
     chain = replace(model, dynamics=MarkovChain(weights, np.tile(weights, (3, 1))))
-    a, b = (statistics(m, Views(x, np.array([12]))) for m in (model, chain))
+    a, b = (expected_statistics(m, Views(x, np.array([12]))) for m in (model, chain))
     np.testing.assert_allclose(a.log_likelihood, b.log_likelihood)
     np.testing.assert_allclose(a.moments[0].means, b.moments[0].means)
 
 
-def test_labels_count_no_step_from_one_demonstration_to_the_next():
+def test_labelled_statistics_count_no_transition_between_demonstrations():
     data = Views(np.zeros((1, 5, 1)), np.array([2, 3]))
-    sums = labelled_statistics(data, np.array([0, 1, 0, 0, 1]), 2)
-    np.testing.assert_array_equal(sums.transitions, [[1, 2], [0, 0]])
-    np.testing.assert_array_equal(sums.first, [2, 0])
+    statistics = labelled_statistics(data, np.array([0, 1, 0, 0, 1]), 2)
+    np.testing.assert_array_equal(statistics.transitions, [[1, 2], [0, 0]])
+    np.testing.assert_array_equal(statistics.initial_counts, [2, 0])
 
 
-def test_a_state_that_loses_its_data_is_dropped_and_named(rng, scene):
+def test_em_state_without_data_is_dropped_and_named(rng, make_demonstrations):
     """A start with a state far from everything ends with one state fewer and says so; nothing is NaN."""
-    demos = scene(stops=2)
+    demos = make_demonstrations(stops=2)
     fit = learn_markov(demos, states=2, rng=rng)
-    model = fit.markov
+    model = fit.markov_skill
     far = np.full_like(model.means[:, :1], 1e3)
-    start = HiddenModel(
+    initialisation = HiddenModel(
         MarkovChain(np.full(3, 1 / 3), np.full((3, 3), 1 / 3)),
         np.concatenate([model.means, far], axis=1),
         tuple(DenseCovariances(np.concatenate([c.dense, np.eye(2)[None]])) for c in model.covariances),
     )
-    lost = learn(demos, states=3, rng=rng, start=Given(start))
+    lost = learn(demos, states=3, rng=rng, initialisation=FromModel(initialisation))
     assert lost.skill.states == 2
-    assert lost.outcome.dropped == ("state 2 of 3, left with 0 datapoints",)
+    assert lost.convergence.dropped == ("state 2 of 3, left with 0 datapoints",)
     assert np.isfinite(lost.skill.means).all()
-    assert np.diff(lost.trace).min(initial=0.0) >= 0.0
+    assert np.diff(lost.log_likelihoods).min(initial=0.0) >= 0.0
 
 
-def test_restarts_keep_the_likeliest_and_a_seed_repeats_everything(scene):
-    demos = scene(stops=5, noise=0.5)
+def test_restarts_keep_most_likely_fit_and_are_reproducible(make_demonstrations):
+    demos = make_demonstrations(stops=5, noise=0.5)
 
     def fit(restarts):
         settings = EMSettings(restarts=restarts)
-        return learn(demos, states=4, rng=np.random.default_rng(7), start=KMeans(), settings=settings)
+        return learn(
+            demos, states=4, rng=np.random.default_rng(7), initialisation=KMeans(), settings=settings
+        )
 
-    assert fit(6).trace[-1] >= fit(1).trace[-1]
+    assert fit(6).log_likelihoods[-1] >= fit(1).log_likelihoods[-1]
     np.testing.assert_array_equal(fit(3).skill.means, fit(3).skill.means)
 
 
-def test_a_constant_column_needs_regularisation_and_the_error_says_so(rng, scene):
-    demos = scene(frames=1)
-    flat = [replace(d, x=d.x * np.array([1.0, 0.0]), frames=scene(frames=0)[0].frames) for d in demos]
+def test_constant_column_without_regularisation_raises(rng, make_demonstrations):
+    demos = make_demonstrations(frames=1)
+    flat = [
+        replace(d, x=d.x * np.array([1.0, 0.0]), frames=make_demonstrations(frames=0)[0].frames)
+        for d in demos
+    ]
     with pytest.raises(NotPositiveDefinite, match=r"state \d.*flattest along column 1 .*regularisation"):
         learn(flat, states=2, rng=rng, settings=EMSettings(regularisation=0.0))
-    assert np.isfinite(learn(flat, states=2, rng=rng).trace).all()
+    assert np.isfinite(learn(flat, states=2, rng=rng).log_likelihoods).all()
 
 
-def test_a_duplicate_demonstration_is_no_trouble(rng, scene):
-    one = scene(lengths=(40,))[0]
+def test_learn_accepts_duplicate_demonstration(rng, make_demonstrations):
+    one = make_demonstrations(lengths=(40,))[0]
     fit = learn([one, one], states=3, rng=rng)
     np.testing.assert_allclose(fit.skill.dynamics.initial.sum(), 1.0)
-    assert np.isfinite(fit.trace).all()
+    assert np.isfinite(fit.log_likelihoods).all()
 
 
 @pytest.mark.parametrize("start", [TimeBins(), KMeans()])
-def test_more_states_than_data_are_refused_with_the_number_there_is(rng, scene, start):
+def test_learn_more_states_than_data_raises(rng, make_demonstrations, initialisation):
     with pytest.raises(InvalidInput, match="5"):
-        learn(scene(lengths=(5,)), states=6, rng=rng, start=start)
+        learn(make_demonstrations(lengths=(5,)), states=6, rng=rng, initialisation=initialisation)
 
 
 @pytest.mark.parametrize(
@@ -221,59 +236,74 @@ def test_more_states_than_data_are_refused_with_the_number_there_is(rng, scene, 
         ({"tolerance": np.nan}, "tolerance"),
         ({"max_iterations": 0}, "max_iterations"),
         ({"restarts": 0}, "restarts"),
-        ({"duration_floor": 0.0}, "duration_floor"),
+        ({"duration_regularisation": 0.0}, "duration_regularisation"),
     ],
 )
-def test_settings_out_of_range_are_refused(change, match):
+def test_settings_out_of_range_raise(change, match):
     with pytest.raises(InvalidInput, match=match):
         EMSettings(**change)
 
 
-def test_no_state_and_no_demonstration_are_refused(rng, scene):
+def test_learn_without_states_or_demonstrations_raises(rng, make_demonstrations):
     with pytest.raises(InvalidInput, match="states is 0, expected a whole number from 1"):
-        learn(scene(), states=0, rng=rng)
+        learn(make_demonstrations(), states=0, rng=rng)
     with pytest.raises(InvalidInput, match="no demonstrations"):
         learn([], states=2, rng=rng)
 
 
-def test_restarts_that_would_repeat_themselves_are_refused(rng, scene):
+def test_restarts_with_deterministic_initialisation_raise(rng, make_demonstrations):
     with pytest.raises(InvalidInput, match="jitter"):
-        learn(scene(), states=2, rng=rng, start=TimeBins(), settings=EMSettings(restarts=3))
+        learn(
+            make_demonstrations(),
+            states=2,
+            rng=rng,
+            initialisation=TimeBins(),
+            settings=EMSettings(restarts=3),
+        )
 
 
-class EveryOther:
+class AlternatingInitialisation:
     """Time bins, but every other time a state of one single point, which no covariance can hold."""
 
     def __init__(self):
         self.calls = 0
 
-    def guess(self, views, states, rng):
+    def initial_statistics(self, views, states, rng):
         self.calls += 1
         labels = np.full(len(views.x[0]), 1)
         labels[0] = 0
         single = labelled_statistics(views, labels, 2)
-        return single if self.calls % 2 else TimeBins().guess(views, states, rng)
+        return single if self.calls % 2 else TimeBins().initial_statistics(views, states, rng)
 
 
-def test_a_restart_that_collapses_does_not_take_the_others_with_it(rng, scene):
+def test_collapsed_restart_does_not_fail_the_fit(rng, make_demonstrations):
     """One good end is enough, the collapsed ones are told; when all collapse the error is theirs."""
-    demos, plain = scene(lengths=(40,)), EMSettings(regularisation=0.0, restarts=4)
-    fit = learn_markov(demos, states=2, rng=rng, start=EveryOther(), settings=plain)
-    assert np.isfinite(fit.trace).all()
-    assert "2 of 4 restarts collapsed" in fit.outcome.reason
+    demos, plain = make_demonstrations(lengths=(40,)), EMSettings(regularisation=0.0, restarts=4)
+    fit = learn_markov(demos, states=2, rng=rng, initialisation=AlternatingInitialisation(), settings=plain)
+    assert np.isfinite(fit.log_likelihoods).all()
+    assert "2 of 4 restarts collapsed" in fit.convergence.reason
     with pytest.raises(NotPositiveDefinite):
-        learn_markov(demos, states=2, rng=rng, start=EveryOther(), settings=replace(plain, restarts=1))
+        learn_markov(
+            demos,
+            states=2,
+            rng=rng,
+            initialisation=AlternatingInitialisation(),
+            settings=replace(plain, restarts=1),
+        )
 
 
-def test_a_state_with_half_a_datapoint_is_dropped(rng, scene):
+def test_em_state_with_half_a_datapoint_is_dropped(rng, make_demonstrations):
     """Less than one point's worth is no state: it would shrink onto that point."""
-    data = views(scene(lengths=(40,), stops=1))
-    guess = TimeBins().guess(data, 2, rng)
-    thin = replace(guess, moments=tuple(replace(m, mass=np.array([39.5, 0.5])) for m in guess.moments))
+    data = views(make_demonstrations(lengths=(40,), stops=1))
+    initial_statistics = TimeBins().initial_statistics(data, 2, rng)
+    thin = replace(
+        initial_statistics,
+        moments=tuple(replace(m, counts=np.array([39.5, 0.5])) for m in initial_statistics.moments),
+    )
 
-    def m_step(sums, like):
-        return maximise(sums, like, Full(), 1e-6, most_likely_chain)
+    def m_step(statistics, like):
+        return maximise_likelihood(statistics, like, Full(), 1e-6, fit_markov_chain)
 
-    run = improve(thin, data, m_step, EMSettings())
+    run = fit_em(thin, data, m_step, EMSettings())
     assert run.model.means.shape[1] == 1
-    assert run.outcome.dropped == ("state 1 of 2, left with 0.5 datapoints",)
+    assert run.convergence.dropped == ("state 1 of 2, left with 0.5 datapoints",)

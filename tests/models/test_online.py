@@ -10,13 +10,19 @@ from hypothesis import strategies as st
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration, pose_layout, position_layout
 from pilotfish.errors import InvalidInput
-from pilotfish.models import SemiMarkovChain, Weights, normalised_mutual_information, online, runs
-from pilotfish.models.online import DPGMM, DPMPPCA, HDPHSMM, SOSC, Trace, Upkeep
-from pilotfish.store import synthetic_valve
+from pilotfish.io.synthetic import synthetic_valve
+from pilotfish.models import (
+    MixtureWeights,
+    SemiMarkovChain,
+    normalised_mutual_information,
+    online,
+    state_segments,
+)
+from pilotfish.models.online import DPGMM, DPMPPCA, HDPHSMM, SOSC, ExponentialDecay, Maintenance
 
 PLAIN = position_layout(3)
 SETTINGS = SOSC(cluster=25.0, dimension=0.3, noise=0.05, bandwidth=60.0, transition=0.05, new_transition=0.1)
-FOUR = [
+ALL_SETTINGS = [
     DPGMM(cluster=25.0, noise=0.05),
     DPMPPCA(cluster=25.0, dimension=0.3, noise=0.05, bandwidth=60.0),
     HDPHSMM(cluster=25.0, noise=0.05, transition=0.05, new_transition=0.1),
@@ -24,7 +30,7 @@ FOUR = [
 ]
 
 
-def blank(settings=SETTINGS, layout=PLAIN, frames=("world",)):
+def empty_model(settings=SETTINGS, layout=PLAIN, frames=("world",)):
     return online.online_model(settings, layout, 0.1, frames)
 
 
@@ -42,18 +48,18 @@ def cycle(rng, N=1200, K=4, D=3, first=0):
     return x, states
 
 
-def bytes_of(model):
+def model_bytes(model):
     state = model.state
     return [array.tobytes() for array in (state.head, state.clusters, state.counts)]
 
 
-@pytest.mark.parametrize("settings", FOUR, ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("settings", ALL_SETTINGS, ids=lambda s: type(s).__name__)
 def test_every_learner_finds_clusters_that_are_far_apart(rng, settings):
     """Four lines, four clusters; those with subspaces find that they are lines, spheres have none."""
     x, states = cycle(rng)
-    model, went = online.observe_stream(blank(settings), x)
+    model, went = online.observe_stream(empty_model(settings), x)
     assert model.clusters == 4
-    assert normalised_mutual_information(online.identities_now(went), states) > 0.99
+    assert normalised_mutual_information(online.current_cluster_ids(went), states) > 0.99
     line = isinstance(settings, DPMPPCA | SOSC)
     np.testing.assert_array_equal(model.dimensions, np.full((4, 1), int(line)))
     np.testing.assert_allclose(model.priors, np.bincount(states) / len(states), atol=0.02)
@@ -68,9 +74,9 @@ def test_each_learner_is_a_special_case_of_the_next(rng):
         (DPMPPCA(25.0, 0.3, 0.05, 60.0), SOSC(25.0, 0.3, 0.05, 60.0)),
         (HDPHSMM(25.0, 0.05, 0.05, 0.1), SOSC(25.0, costly, 0.05, 60.0, 0.05, 0.1)),
     ]:
-        one, went_one = online.observe_stream(blank(special), x)
-        other, went_other = online.observe_stream(blank(general), x)
-        np.testing.assert_array_equal(went_one.identities, went_other.identities)
+        one, went_one = online.observe_stream(empty_model(special), x)
+        other, went_other = online.observe_stream(empty_model(general), x)
+        np.testing.assert_array_equal(went_one.cluster_ids, went_other.cluster_ids)
         np.testing.assert_allclose(went_one.costs, went_other.costs, atol=1e-9)
         np.testing.assert_allclose(one.means, other.means, atol=1e-9)
 
@@ -78,36 +84,36 @@ def test_each_learner_is_a_special_case_of_the_next(rng):
 def test_observing_one_by_one_is_observing_all(rng):
     """Models and assignments are equal to the last bit, and the models given stay as they were."""
     x, _ = cycle(rng, N=150)
-    whole, went = online.observe_stream(blank(), x)
-    model, one_by_one = blank(), []
-    before = bytes_of(model)
+    whole, went = online.observe_stream(empty_model(), x)
+    model, one_by_one = empty_model(), []
+    before = model_bytes(model)
     for row in x:
         given = model
         model, assignment = online.observe(given, row)
         one_by_one.append(assignment)
-    assert bytes_of(model) == bytes_of(whole)
-    assert [a.identity for a in one_by_one] == went.identities.tolist()
+    assert model_bytes(model) == model_bytes(whole)
+    assert [a.cluster_id for a in one_by_one] == went.cluster_ids.tolist()
     assert [a.cost for a in one_by_one] == went.costs.tolist()
-    assert [a.change for a in one_by_one] == went.changes.tolist()
-    assert bytes_of(blank()) == before
+    assert [a.loss_change for a in one_by_one] == went.loss_changes.tolist()
+    assert model_bytes(empty_model()) == before
 
 
 def test_replaying_a_log_gives_the_model_bit_for_bit(rng):
     """The state is all that there is: from a copy of it, the same datapoints lead to the same bytes."""
     x, _ = cycle(rng, N=300)
-    half, _ = online.observe_stream(blank(), x[:140])
+    half, _ = online.observe_stream(empty_model(), x[:140])
     once, _ = online.observe_stream(half, x[140:])
     again, _ = online.observe_stream(half, x[140:])
-    assert bytes_of(once) == bytes_of(again)
+    assert model_bytes(once) == model_bytes(again)
 
 
 def test_the_cost_is_that_of_the_definition(rng):
     """Squared distance to the mean less what lies in the subspace, and the surprise of the transition."""
     x, _ = cycle(rng, N=500)
-    model, _ = online.observe_stream(blank(), x)
+    model, _ = online.observe_stream(empty_model(), x)
     point = x[0] + 0.1
     costs = []
-    counts = model.counts[model.current]
+    counts = model.counts[model.current_cluster]
     for k in range(model.clusters):
         e = point - model.means[k, 0]
         U = model.bases[k, 0][:, : model.dimensions[k, 0]]
@@ -121,30 +127,30 @@ def test_the_cost_is_that_of_the_definition(rng):
         costs.append(square + SETTINGS.transition * surprise)
     _, went = online.observe(model, point)
     np.testing.assert_allclose(went.cost, min(costs), rtol=1e-9)
-    assert went.identity == model.identities[np.argmin(costs)]
+    assert went.cluster_id == model.cluster_ids[np.argmin(costs)]
 
 
 def test_transitions_and_durations_are_those_of_the_assignments(rng):
     """Counted by brute force from the sequence; the visit that an end cuts off is no complete one."""
     parts = [cycle(rng, N=n, first=first)[0] for n, first in ((330, 0), (410, 1), (250, 2))]
-    model, sequences = blank(), []
+    model, sequences = empty_model(), []
     for part in parts:
         model, went = online.observe_stream(online.begin_demonstration(model), part)
-        sequences.append(went.identities)
-        assert not len(went.gone)
+        sequences.append(went.cluster_ids)
+        assert not len(went.removed)
     K = model.clusters
-    places = {identity: k for k, identity in enumerate(model.identities.tolist())}
+    places = {cluster_id: k for k, cluster_id in enumerate(model.cluster_ids.tolist())}
     counts, lengths, begun = np.zeros((K, K)), {k: [] for k in range(K)}, np.zeros(K)
     for sequence in sequences:
         states = np.array([places[i] for i in sequence.tolist()])
         begun[states[0]] += 1
         np.add.at(counts, (states[:-1], states[1:]), 1.0)
-        visited, steps = runs(states)
+        visited, steps = state_segments(states)
         for k, n in zip(visited[:-1], steps[:-1], strict=True):
             lengths[int(k)].append(int(n))
     np.testing.assert_array_equal(model.counts, counts)
     assert model.demonstrations == 3
-    chain = online.read_out(model).dynamics
+    chain = online.to_skill(model).dynamics
     assert isinstance(chain, SemiMarkovChain)
     np.testing.assert_allclose(chain.initial, begun / 3)
     np.testing.assert_allclose(chain.durations.means, [np.mean(lengths[k]) for k in range(K)])
@@ -156,46 +162,48 @@ def test_transitions_and_durations_are_those_of_the_assignments(rng):
 
 def test_a_cluster_that_merges_at_once_does_not_cut_the_visit_it_is_born_in(rng):
     """Durations are those of the labels with merges followed, and nothing leads from a state to itself."""
-    visits = rng.integers(20, 31, size=40)
-    states = np.repeat(np.arange(40) % 3, visits)
+    durations = rng.integers(20, 31, size=40)
+    states = np.repeat(np.arange(40) % 3, durations)
     x = 60.0 * np.eye(3)[states] + rng.normal(size=(len(states), 3))
-    settings = SOSC(4.0, 0.3, 0.05, 60.0, upkeep=Upkeep(merge_distance=15.0))
-    model, went = online.observe_stream(blank(settings), x)
+    settings = SOSC(4.0, 0.3, 0.05, 60.0, maintenance=Maintenance(merge_distance=15.0))
+    model, went = online.observe_stream(empty_model(settings), x)
     assert model.clusters == 3
-    assert len(went.gone) > 3
-    assert went.identities.max() > 5
-    visited, steps = runs(online.identities_now(went))
-    for k, identity in enumerate(model.identities):
-        lengths = steps[:-1][visited[:-1] == identity]
+    assert len(went.removed) > 3
+    assert went.cluster_ids.max() > 5
+    visited, steps = state_segments(online.current_cluster_ids(went))
+    for k, cluster_id in enumerate(model.cluster_ids):
+        lengths = steps[:-1][visited[:-1] == cluster_id]
         row = model.state.clusters[k]
         np.testing.assert_allclose(row[4:6], [len(lengths), lengths.mean()])
         np.testing.assert_allclose(row[6], len(lengths) * lengths.var(), atol=1e-8)
-    np.testing.assert_allclose(online.read_out(model).dynamics.transitions.max(axis=1), 1.0)
+    np.testing.assert_allclose(online.to_skill(model).dynamics.transitions.max(axis=1), 1.0)
 
 
 def test_a_new_demonstration_begins_without_a_transition(rng):
     """No count leads from the last state of one to the first of the next."""
     x, states = cycle(rng, N=25)
     assert len(np.unique(states[:20])) == 1
-    model, _ = online.observe_stream(blank(), x[:20])
+    model, _ = online.observe_stream(empty_model(), x[:20])
     model, _ = online.observe_stream(online.begin_demonstration(model), x[:20])
     assert model.counts.sum() == 2 * 19
-    assert bytes_of(online.begin_demonstration(blank())) == bytes_of(blank())
+    assert model_bytes(online.begin_demonstration(empty_model())) == model_bytes(empty_model())
 
 
-@pytest.mark.parametrize("settings", FOUR, ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("settings", ALL_SETTINGS, ids=lambda s: type(s).__name__)
 def test_the_read_out_is_a_skill_like_any_other(rng, settings):
     """Covariances are U diag U^T + sigma^2 I; what has an order adapts, plans and tracks."""
     x, _ = cycle(rng, N=600)
-    model, _ = online.observe_stream(blank(settings), x)
-    skill = online.read_out(model)
+    model, _ = online.observe_stream(empty_model(settings), x)
+    skill = online.to_skill(model)
     for k in range(model.clusters):
         d = model.dimensions[k, 0]
         U, v = model.bases[k, 0][:, :d], model.variances[k, 0][:d]
         np.testing.assert_allclose(
             skill.covariances[0].dense[k], U @ np.diag(v) @ U.T + 0.05 * np.eye(3), atol=1e-12
         )
-    assert isinstance(skill.dynamics, Weights if isinstance(settings, DPGMM | DPMPPCA) else SemiMarkovChain)
+    assert isinstance(
+        skill.dynamics, MixtureWeights if isinstance(settings, DPGMM | DPMPPCA) else SemiMarkovChain
+    )
     if isinstance(skill.dynamics, SemiMarkovChain):
         here = pf.adapt(skill, [pf.Frame("world", np.eye(3), np.zeros(3))])
         reference = pf.plan(here, x[0], horizon=60)
@@ -206,10 +214,10 @@ def test_frames_share_assignments_and_not_subspaces(rng):
     """The cost is the sum over frames; each frame has a mean and a dimension of its own."""
     x, states = cycle(rng, N=800)
     seen = np.stack([x, x[:, ::-1] * 0.0 + 0.05 * rng.normal(size=x.shape)], axis=1)
-    model, went = online.observe_stream(blank(frames=("object", "hand")), seen)
-    assert normalised_mutual_information(online.identities_now(went), states) > 0.99
+    model, went = online.observe_stream(empty_model(frames=("object", "hand")), seen)
+    assert normalised_mutual_information(online.current_cluster_ids(went), states) > 0.99
     np.testing.assert_array_equal(model.dimensions, [[1, 0]] * 4)
-    skill = online.read_out(model)
+    skill = online.to_skill(model)
     assert skill.means.shape == (2, 4, 3)
     frames = [pf.Frame(name, np.eye(3), np.zeros(3)) for name in ("object", "hand")]
     assert np.isfinite(pf.adapt(skill, frames).means).all()
@@ -218,10 +226,10 @@ def test_frames_share_assignments_and_not_subspaces(rng):
 def test_frames_of_one_kind_double_the_cost(rng):
     """Two equal views cost twice what one does, so twice the penalty assigns alike."""
     x, _ = cycle(rng, N=300)
-    single, one = online.observe_stream(blank(SOSC(25.0, 0.3, 0.05, 60.0)), x)
+    single, one = online.observe_stream(empty_model(SOSC(25.0, 0.3, 0.05, 60.0)), x)
     double = SOSC(50.0, 0.3, 0.05, 60.0)
-    _, two = online.observe_stream(blank(double, frames=("a", "b")), np.stack([x, x], axis=1))
-    np.testing.assert_array_equal(one.identities, two.identities)
+    _, two = online.observe_stream(empty_model(double, frames=("a", "b")), np.stack([x, x], axis=1))
+    np.testing.assert_array_equal(one.cluster_ids, two.cluster_ids)
     np.testing.assert_allclose(2.0 * one.costs, two.costs)
     assert single.clusters == 4
 
@@ -229,12 +237,12 @@ def test_frames_of_one_kind_double_the_cost(rng):
 def test_batches_do_not_depend_on_the_order_within(rng):
     """Of a batch, shuffled, the same datapoints go to the same clusters, which become the same."""
     x, _ = cycle(rng, N=400)
-    upkeep = Upkeep(batch=100, spare=3)
-    model, _ = online.observe_stream(blank(DPMPPCA(25.0, 0.3, 0.05, 60.0, upkeep)), x[:300])
+    maintenance = Maintenance(batch=100, extra_directions=3)
+    model, _ = online.observe_stream(empty_model(DPMPPCA(25.0, 0.3, 0.05, 60.0, maintenance)), x[:300])
     straight, went = online.observe_stream(model, x[300:])
     order = rng.permutation(100)
     shuffled, other = online.observe_stream(model, x[300:][order])
-    np.testing.assert_array_equal(went.identities[order], other.identities)
+    np.testing.assert_array_equal(went.cluster_ids[order], other.cluster_ids)
     np.testing.assert_allclose(straight.means, shuffled.means, atol=1e-9)
     np.testing.assert_allclose(straight.variances, shuffled.variances, atol=1e-9)
 
@@ -242,25 +250,27 @@ def test_batches_do_not_depend_on_the_order_within(rng):
 def test_clusters_never_outnumber_their_bound(rng):
     """The lightest makes room and is told of; the stream goes on."""
     x = rng.normal(scale=100.0, size=(200, 3))
-    model, went = online.observe_stream(blank(replace(SETTINGS, upkeep=Upkeep(most_clusters=5))), x)
+    model, went = online.observe_stream(
+        empty_model(replace(SETTINGS, maintenance=Maintenance(max_clusters=5))), x
+    )
     assert model.clusters == 5
-    assert (went.gone[:, 2] == -1).all()
-    assert len(np.unique(went.identities)) == 5 + len(went.gone)
+    assert (went.removed[:, 2] == -1).all()
+    assert len(np.unique(went.cluster_ids)) == 5 + len(went.removed)
 
 
 def test_a_trace_forgets_what_is_not_visited(rng):
     """A cluster that nothing visits again is gone once its weight is below the bound, and not before."""
     far = np.full((10, 3), 50.0) + 0.01 * rng.normal(size=(10, 3))
     near = 0.1 * rng.normal(size=(400, 3))
-    settings = replace(SETTINGS, upkeep=Upkeep(Trace(0.99, forget_below=0.3)))
-    model, _ = online.observe_stream(blank(settings), far)
+    settings = replace(SETTINGS, maintenance=Maintenance(ExponentialDecay(0.99, forget_below=0.3)))
+    model, _ = online.observe_stream(empty_model(settings), far)
     w = model.weights[0]
     left = int(np.ceil(np.log(0.3 / w) / np.log(0.99)))
     model, _ = online.observe_stream(model, near[: left - 1])
     assert model.clusters == 2
     model, went = online.observe_stream(model, near[left - 1 : left])
     assert model.clusters == 1
-    assert went.gone.tolist() == [[0, 0, -1]]
+    assert went.removed.tolist() == [[0, 0, -1]]
 
 
 def test_merged_clusters_keep_the_identity_of_the_heavier(rng):
@@ -268,11 +278,11 @@ def test_merged_clusters_keep_the_identity_of_the_heavier(rng):
     first, second = rng.normal(size=(2, 60, 3)) * 0.05
     second[:, 0] += 5.5
     bridge = np.stack([np.linspace(5.5, 0.0, 4000)[:, None] * [1.0, 0.0, 0.0]], axis=0)[0]
-    settings = DPGMM(25.0, 0.05, Upkeep(online.Constant(20.0), merge_distance=2.0))
-    model, went = online.observe_stream(blank(settings), np.concatenate([first, second, bridge]))
+    settings = DPGMM(25.0, 0.05, Maintenance(online.ConstantWeight(20.0), merge_distance=2.0))
+    model, went = online.observe_stream(empty_model(settings), np.concatenate([first, second, bridge]))
     assert model.clusters == 1
-    assert went.gone[:, 1:].tolist() in ([[1, 0]], [[0, 1]])
-    assert set(online.identities_now(went).tolist()) == set(model.identities.tolist())
+    assert went.removed[:, 1:].tolist() in ([[1, 0]], [[0, 1]])
+    assert set(online.current_cluster_ids(went).tolist()) == set(model.cluster_ids.tolist())
 
 
 def test_labels_follow_merges_of_merges():
@@ -280,21 +290,21 @@ def test_labels_follow_merges_of_merges():
     went = online.Assignments(
         np.array([0, 1, 2, 3]), np.zeros(4), np.zeros(4), np.array([[1, 2, 1], [2, 1, 0], [3, 3, -1]])
     )
-    assert online.identities_now(went).tolist() == [0, 0, 0, 3]
+    assert online.current_cluster_ids(went).tolist() == [0, 0, 0, 3]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e101])
 def test_a_refused_datapoint_leaves_the_model_as_it_was(rng, bad):
     """Byte by byte; and the words say which column of which frame."""
-    model, _ = online.observe_stream(blank(), cycle(rng, N=50)[0])
-    before = bytes_of(model)
+    model, _ = online.observe_stream(empty_model(), cycle(rng, N=50)[0])
+    before = model_bytes(model)
     row = np.zeros(3)
     row[1] = bad
     with pytest.raises(InvalidInput, match=r"datapoint 0 .* 'position y' as frame 'world'"):
         online.observe(model, row)
     with pytest.raises(InvalidInput, match=r"datapoint 2 .* 'position y'"):
         online.observe_stream(model, np.stack([np.zeros(3), np.zeros(3), row]))
-    assert bytes_of(model) == before
+    assert model_bytes(model) == before
 
 
 @pytest.mark.parametrize(
@@ -306,7 +316,7 @@ def test_a_refused_datapoint_leaves_the_model_as_it_was(rng, bad):
 )
 def test_what_is_no_datapoint_is_refused(x, words):
     with pytest.raises(InvalidInput, match=words):
-        online.observe(blank(), x)
+        online.observe(empty_model(), x)
 
 
 @pytest.mark.parametrize(
@@ -315,14 +325,14 @@ def test_what_is_no_datapoint_is_refused(x, words):
         (lambda: SOSC(0.0, 1.0, 1.0, 1.0), "cluster is 0.0, expected more than 0"),
         (lambda: SOSC(1.0, 1.0, np.nan, 1.0), "noise is nan"),
         (lambda: SOSC(1.0, 1.0, 1.0, 1.0, transition=-1.0), "transition is -1.0, expected 0 or more"),
-        (lambda: Trace(1.0), "discount is 1.0"),
-        (lambda: Trace(0.9, forget_below=1.0), "forget_below"),
-        (lambda: online.Constant(0.0), "weight is 0.0"),
-        (lambda: Upkeep(batch=0), "batch is 0, expected a whole number from 1 to 100000"),
-        (lambda: Upkeep(merge_distance=-1.0), "merge_distance is -1.0"),
+        (lambda: ExponentialDecay(1.0), "discount is 1.0"),
+        (lambda: ExponentialDecay(0.9, forget_below=1.0), "forget_below"),
+        (lambda: online.ConstantWeight(0.0), "weight is 0.0"),
+        (lambda: Maintenance(batch=0), "batch is 0, expected a whole number from 1 to 100000"),
+        (lambda: Maintenance(merge_distance=-1.0), "merge_distance is -1.0"),
         (lambda: online.online_model(SETTINGS, PLAIN, 0.0), "period is 0.0, expected"),
         (lambda: online.online_model(SETTINGS, PLAIN, 0.1, ("a", "a")), "different names"),
-        (lambda: online.read_out(blank()), "no datapoint"),
+        (lambda: online.to_skill(empty_model()), "no datapoint"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(make, words):
@@ -331,9 +341,9 @@ def test_settings_that_cannot_be_are_refused(make, words):
 
 
 def test_orientations_on_the_sphere_are_refused(rng):
-    layout = pf.on_sphere(synthetic_valve(rng)[0]).layout
+    layout = pf.to_sphere(synthetic_valve(rng)[0]).layout
     with pytest.raises(InvalidInput, match="without on_sphere"):
-        blank(layout=layout)
+        empty_model(layout=layout)
 
 
 def test_q_and_minus_q_are_the_same_orientation(rng):
@@ -366,11 +376,11 @@ def test_demonstrations_of_another_kind_are_refused(rng):
             online.observe_demonstration(model, other)
 
 
-@given(st.integers(0, 2**32 - 1), st.sampled_from(FOUR), st.floats(0.01, 100.0), st.integers(1, 6))
-def test_the_loss_never_rises_whatever_the_stream(seed, settings, scale, spare):
+@given(st.integers(0, 2**32 - 1), st.sampled_from(ALL_SETTINGS), st.floats(0.01, 100.0), st.integers(1, 6))
+def test_the_loss_never_rises_whatever_the_stream(seed, settings, scale, extra_directions):
     """Any stream, any learner: no update makes the loss at its datapoint larger, beyond rounding."""
     rng = np.random.default_rng(seed)
     x = scale * np.cumsum(rng.normal(size=(120, 3)) * rng.choice([0.0, 0.1, 3.0], size=(120, 1)), axis=0)
-    settings = replace(settings, upkeep=Upkeep(spare=spare))
-    _, went = online.observe_stream(blank(settings), x)
-    assert went.changes.max() <= 1e-9 * max(1.0, float(np.abs(x).max()) ** 2)
+    settings = replace(settings, maintenance=Maintenance(extra_directions=extra_directions))
+    _, went = online.observe_stream(empty_model(settings), x)
+    assert went.loss_changes.max() <= 1e-9 * max(1.0, float(np.abs(x).max()) ** 2)

@@ -8,16 +8,22 @@ import pytest
 import pilotfish as pf
 from pilotfish.demonstrations import Frame, MovingFrame, frame_from_pose
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Gaussian, log_density, product, transform
+from pilotfish.gaussians import Gaussian, affine_transform, log_density, product
 from pilotfish.geometry import normalise, pose
 from pilotfish.models import adapt, learn, learn_markov, learn_mixture, relevance, select_frames
-from pilotfish.models.pools import Held, best_powers, log_scores, opinions, slopes
+from pilotfish.models.opinion_pools import (
+    HeldOutSegment,
+    fit_pool_weights,
+    held_out_log_probs,
+    log_prob_gradient,
+    pool_opinions,
+)
 
 P, E, M = 3, 2, 4
 
 
 @pytest.fixture
-def told(rng):
+def pooled_segments(rng):
     """Three frames' opinions of four held-out visits, made up."""
     held, maps = [], []
     for _ in range(M):
@@ -25,49 +31,62 @@ def told(rng):
         root = rng.normal(size=(P, E, E))
         maps.append(np.stack([np.linalg.qr(rng.normal(size=(E, E)))[0] for _ in range(P)]))
         scatter = root[0] @ root[0].T  # one visit, seen from all frames
-        scatters = np.stack([B @ scatter @ B.T for B in maps[-1]])
-        held.append(Held(rng.normal(size=(P, E)), factors + 2.0 * np.eye(E), scatters))
-    return opinions(maps, held), maps, held
+        scatter_matrices = np.stack([B @ scatter @ B.T for B in maps[-1]])
+        held.append(HeldOutSegment(rng.normal(size=(P, E)), factors + 2.0 * np.eye(E), scatter_matrices))
+    return pool_opinions(maps, held), maps, held
 
 
-def test_scores_are_mean_log_densities_of_the_pooled_gaussian(rng, told):
+def test_held_out_log_probs_equal_pooled_gaussian_density(rng, pooled_segments):
     """Against the definition: the normalised product of the powered Gaussians, at sampled points."""
-    pooled, maps, held = told
-    powers = rng.uniform(0.2, 1.0, size=P)
-    for m, score in enumerate(log_scores(pooled, powers)):
+    pooled, maps, held = pooled_segments
+    pool_weights = rng.uniform(0.2, 1.0, size=P)
+    for m, score in enumerate(held_out_log_probs(pooled, pool_weights)):
         gaussians = []
         for p in range(P):
-            W, B = held[m].whiteners[p], maps[m][p]
-            seen = Gaussian(held[m].offsets[p], np.linalg.inv(W.T @ W) / powers[p])
-            gaussians.append(transform(seen, np.linalg.inv(B), np.zeros(E)))
-        root = np.linalg.cholesky(maps[m][0].T @ held[m].scatters[0] @ maps[m][0])
+            W, B = held[m].precision_cholesky[p], maps[m][p]
+            seen = Gaussian(held[m].offsets[p], np.linalg.inv(W.T @ W) / pool_weights[p])
+            gaussians.append(affine_transform(seen, np.linalg.inv(B), np.zeros(E)))
+        root = np.linalg.cholesky(maps[m][0].T @ held[m].scatter_matrices[0] @ maps[m][0])
         points = np.sqrt(E) * np.concatenate([root.T, -root.T])  # of mean zero and exactly this scatter
         expected = log_density(product(gaussians), points).mean() + 0.5 * E * np.log(2.0 * np.pi)
         np.testing.assert_allclose(score, expected, rtol=1e-9)
 
 
-def test_slopes_are_the_derivatives_of_the_scores(rng, told):
-    powers, step = rng.uniform(0.3, 1.0, size=P), 1e-6
+def test_log_prob_gradient_equals_finite_difference(rng, pooled_segments):
+    pool_weights, step = rng.uniform(0.3, 1.0, size=P), 1e-6
     differences = [
-        (log_scores(told[0], powers + step * e) - log_scores(told[0], powers - step * e)).mean() / (2 * step)
+        (
+            held_out_log_probs(pooled_segments[0], pool_weights + step * e)
+            - held_out_log_probs(pooled_segments[0], pool_weights - step * e)
+        ).mean()
+        / (2 * step)
         for e in np.eye(P)
     ]
-    np.testing.assert_allclose(slopes(told[0], powers), differences, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        log_prob_gradient(pooled_segments[0], pool_weights), differences, rtol=1e-6, atol=1e-7
+    )
 
 
-def test_no_other_powers_explain_the_held_out_better(rng, told):
+def test_pool_weights_maximise_held_out_log_probs(rng, pooled_segments):
     """A grid over all three powers finds nothing better than the concave search."""
-    best = best_powers(told[0], np.ones(P, dtype=bool))
-    top = log_scores(told[0], best).mean()
+    best = fit_pool_weights(pooled_segments[0], np.ones(P, dtype=bool))
+    top = held_out_log_probs(pooled_segments[0], best).mean()
     grid = np.concatenate([[1e-9], np.geomspace(1e-3, 10.0, 18)])
-    others = [log_scores(told[0], np.array([a, b, c])).mean() for a in grid for b in grid for c in grid]
+    others = [
+        held_out_log_probs(pooled_segments[0], np.array([a, b, c])).mean()
+        for a in grid
+        for b in grid
+        for c in grid
+    ]
     assert top >= max(others) - 1e-6
-    np.testing.assert_array_equal(best_powers(told[0], np.array([True, False, True]))[1], 0.0)
+    np.testing.assert_array_equal(fit_pool_weights(pooled_segments[0], np.array([True, False, True]))[1], 0.0)
 
 
-def test_a_distractor_is_irrelevant_at_every_state_and_true_frames_where_they_matter(two_objects, rng):
+def test_a_distractor_is_irrelevant_at_every_state_and_true_frames_where_they_matter(
+    make_two_object_demonstrations, rng
+):
     """The first object matters at the first stop, the world at the second, the other object at the last."""
-    demos = two_objects(count=6, distractors=1)
+    demos = make_two_object_demonstrations(count=6, distractors=1)
     fit = learn(demos, states=3, rng=rng)
     found = relevance(fit.skill, demos)
     assert found.distractors == ("distractor 0",)
@@ -76,38 +95,43 @@ def test_a_distractor_is_irrelevant_at_every_state_and_true_frames_where_they_ma
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_few_demonstrations_suffice_to_find_distractors(two_objects, rng, count):
-    demos = two_objects(count=count, distractors=2)
+def test_few_demonstrations_suffice_to_find_distractors(make_two_object_demonstrations, rng, count):
+    demos = make_two_object_demonstrations(count=count, distractors=2)
     found = relevance(learn(demos, states=3, rng=rng).skill, demos)
     assert found.distractors == ("distractor 0", "distractor 1")
     assert found.values[0, 0] == found.values[2, 1] == found.values[1, 2] == 1.0
 
 
-def test_frames_that_say_the_same_share_or_stand_for_each_other(two_objects, rng):
+def test_identical_frames_share_relevance(make_two_object_demonstrations, rng):
     """A copy of an object: the two together are heard where it matters, and are no distractors both."""
-    demos = [replace(d, frames=(*d.frames, replace(d.frames[0], name="copy"))) for d in two_objects(count=5)]
+    demos = [
+        replace(d, frames=(*d.frames, replace(d.frames[0], name="copy")))
+        for d in make_two_object_demonstrations(count=5)
+    ]
     found = relevance(learn(demos, states=3, rng=rng).skill, demos)
     assert found.values[[0, 3], 0].max() == 1.0
     assert found.values[1, 2] == 1.0
     assert np.abs(found.costs[[0, 3], 0]).max() < 0.1  # each alone can be done without
 
 
-def test_one_frame_alone_matters_everywhere(two_objects, rng):
-    demos = [replace(d, frames=d.frames[:1]) for d in two_objects(count=3)]
+def test_one_frame_alone_matters_everywhere(make_two_object_demonstrations, rng):
+    demos = [replace(d, frames=d.frames[:1]) for d in make_two_object_demonstrations(count=3)]
     found = relevance(learn(demos, states=3, rng=rng).skill, demos)
     np.testing.assert_array_equal(found.values, 1.0)
     assert np.isposinf(found.costs).all()
 
 
 @pytest.mark.parametrize("learner", [learn, learn_markov, learn_mixture])
-def test_every_dynamics_tells_the_same_frames(two_objects, rng, learner):
-    demos = two_objects(count=5, distractors=1)
+def test_every_dynamics_tells_the_same_frames(make_two_object_demonstrations, rng, learner):
+    demos = make_two_object_demonstrations(count=5, distractors=1)
     assert relevance(learner(demos, states=3, rng=rng).skill, demos).distractors == ("distractor 0",)
 
 
-def test_relevance_does_not_depend_on_the_world_nor_on_the_order_of_frames(two_objects, rng):
+def test_relevance_does_not_depend_on_the_world_nor_on_the_order_of_frames(
+    make_two_object_demonstrations, rng
+):
     """The world turned and moved, frames reversed: the same powers."""
-    demos = two_objects(count=4, distractors=1)
+    demos = make_two_object_demonstrations(count=4, distractors=1)
     turn, _ = np.linalg.qr(rng.normal(size=(2, 2)))
     there = [
         replace(
@@ -123,9 +147,9 @@ def test_relevance_does_not_depend_on_the_world_nor_on_the_order_of_frames(two_o
 
 
 def test_selected_demonstrations_have_no_distractors_and_are_learned_from_as_if_there_never_were_any(
-    two_objects, rng
+    make_two_object_demonstrations, rng
 ):
-    demos = two_objects(count=5, distractors=2)
+    demos = make_two_object_demonstrations(count=5, distractors=2)
     kept = select_frames(demos, relevance(learn(demos, states=3, rng=rng).skill, demos))
     assert [f.name for f in kept[0].frames] == ["object 0", "object 1", "world"]
     plain = [replace(d, frames=d.frames[:3]) for d in demos]
@@ -133,8 +157,8 @@ def test_selected_demonstrations_have_no_distractors_and_are_learned_from_as_if_
     np.testing.assert_array_equal(one.means, other.means)
 
 
-def test_what_cannot_tell_frames_apart_is_refused(two_objects, rng):
-    demos = two_objects(count=3)
+def test_relevance_with_insufficient_data_raises(make_two_object_demonstrations, rng):
+    demos = make_two_object_demonstrations(count=3)
     skill = learn(demos, states=3, rng=rng).skill
     with pytest.raises(InvalidInput, match="at least two"):
         relevance(skill, demos[:1])
@@ -161,10 +185,10 @@ def with_distractor(demos, rng):
     """The same with a frame that has nothing to do with the movement, placed at random each time."""
     everywhere = np.concatenate([d.x[:, :3] for d in demos])
     middle, spread = everywhere.mean(axis=0), everywhere.std(axis=0).max()
-    return [replace(d, frames=(*d.frames, _anywhere(d, middle, spread, rng))) for d in demos]
+    return [replace(d, frames=(*d.frames, _move_frame(d, middle, spread, rng))) for d in demos]
 
 
-def _anywhere(demo, middle, spread, rng):
+def _move_frame(demo, middle, spread, rng):
     placed = pose(middle + spread * rng.normal(size=3), normalise(rng.normal(size=4)))
     return frame_from_pose("distractor", demo.layout, placed)
 
@@ -176,26 +200,26 @@ def test_a_moved_distractor_changes_a_weighted_plan_by_less_than_one_percent(dat
     """
     demos = with_distractor(pf.datasets.valve()[:4], rng)
     skill = learn(demos, states=7, rng=rng).skill
-    powers = relevance(skill, demos).values
-    np.testing.assert_array_equal(powers[2], 0.0)
-    assert powers[0, 1] == 1.0  # the valve before it is turned, when it is grasped
-    np.testing.assert_array_equal(powers[1, 3:], 1.0)  # the valve after it, from when it is turned
+    pool_weights = relevance(skill, demos).values
+    np.testing.assert_array_equal(pool_weights[2], 0.0)
+    assert pool_weights[0, 1] == 1.0  # the valve before it is turned, when it is grasped
+    np.testing.assert_array_equal(pool_weights[1, 3:], 1.0)  # the valve after it, from when it is turned
     here = demos[0]
     elsewhere = with_distractor([replace(here, frames=here.frames[:2])], rng)[0]
-    weighted, plain = (_change(skill, here, elsewhere, r) for r in (powers, None))
+    weighted, plain = (_plan_change(skill, here, elsewhere, r) for r in (pool_weights, None))
     assert weighted < 0.01
     assert plain > 0.1
 
 
-def _change(skill, here, elsewhere, powers):
+def _plan_change(skill, here, elsewhere, pool_weights):
     """The largest change of target or motion position, as a share of the motion's extent."""
     moves = []
     for demo in (here, elsewhere):
-        adapted = adapt(skill, demo.frames, relevance=powers)
+        adapted = adapt(skill, demo.frames, relevance=pool_weights)
         reference = pf.plan(adapted, demo.x[0], horizon=len(demo.x))
-        motion = pf.track(pf.double_integrator(7, period=demo.period), reference, effort=9.0).rollout(
-            demo.x[0]
-        )
+        motion = pf.track(
+            pf.control.double_integrator(7, period=demo.period), reference, control_cost=9.0
+        ).rollout(demo.x[0])
         moves.append(np.hstack([reference.targets[:, :3], motion.x[:, :3]]))
     return np.abs(moves[0] - moves[1]).max() / np.ptp(moves[0][:, 3:], axis=0).max()
 
@@ -213,33 +237,40 @@ def test_the_sign_of_quaternions_does_not_change_relevance(data_folder, rng):
     np.testing.assert_allclose(same.costs, found.costs, atol=1e-2)
 
 
-def test_costs_are_those_of_holding_each_demonstration_out(two_objects, rng):
+def test_costs_are_those_of_holding_each_demonstration_out(make_two_object_demonstrations, rng):
     """One state, by definition: Gaussians of the others' points, pooled in the world, on all own points."""
-    demos = [replace(d, frames=d.frames[:2], x=d.x[:18]) for d in two_objects(count=4, noise=0.5)]
+    demos = [
+        replace(d, frames=d.frames[:2], x=d.x[:18])
+        for d in make_two_object_demonstrations(count=4, noise=0.5)
+    ]
     skill = learn_mixture(demos, states=1, rng=rng).skill
     found = relevance(skill, demos)
 
-    def told(m, p):
+    def pooled_segments(m, p):
         others = [
             np.linalg.solve(d.frames[p].A, (d.x - d.frames[p].b).T).T for d in demos if d is not demos[m]
         ]
         x = np.concatenate(others)
         sample = np.cov(x.T, bias=True)
-        drawn = 0.5 * sample + 0.5 * np.eye(2) * np.trace(sample) / 2.0  # E + 1 = 3 against 3 demonstrations
+        drawn = (
+            0.5 * sample + 0.5 * np.eye(2) * np.log_likelihoods(sample) / 2.0
+        )  # E + 1 = 3 against 3 demonstrations
         frame = demos[m].frames[p]
-        return transform(Gaussian(x.mean(axis=0), drawn + 1e-5 * np.eye(2)), frame.A, frame.b)
+        return affine_transform(Gaussian(x.mean(axis=0), drawn + 1e-5 * np.eye(2)), frame.A, frame.b)
 
-    opinions_of = [[told(m, p) for p in range(2)] for m in range(4)]
+    opinions_of = [[pooled_segments(m, p) for p in range(2)] for m in range(4)]
 
-    def score(m, powers):
-        precisions = [v * np.linalg.inv(g.covariance) for g, v in zip(opinions_of[m], powers, strict=True)]
+    def score(m, pool_weights):
+        precisions = [
+            v * np.linalg.inv(g.covariance) for g, v in zip(opinions_of[m], pool_weights, strict=True)
+        ]
         weighed = [L @ g.mean for L, g in zip(precisions, opinions_of[m], strict=True)]
         error = demos[m].x - np.linalg.solve(sum(precisions), sum(weighed))
         distance = np.einsum("ti,ij,tj->t", error, sum(precisions), error).mean()
         return 0.5 * np.linalg.slogdet(sum(precisions))[1] - 0.5 * distance
 
     def best(choices):
-        return max(sum(score(m, powers) for m in range(4)) for powers in choices)
+        return max(sum(score(m, pool_weights) for m in range(4)) for pool_weights in choices)
 
     grid = np.geomspace(1e-4, 3.0, 40)
     both = best([(a, b) for a in grid for b in grid])

@@ -7,39 +7,41 @@ import pytest
 
 import pilotfish as pf
 from pilotfish.demonstrations import Layout, Quantity, demonstration, frame_from_pose, pose_layout
-from pilotfish.geometry import Pose, angle, exp, normalise
+from pilotfish.geometry import Pose, angle, normalise, quaternion_exp
 from pilotfish.models import adapt, learn, relevance, select_frames
 
 POSE = pose_layout()
 SPHERE = Layout((POSE.parts[0], replace(POSE.parts[1], quantity=Quantity.ORIENTATION)))
 NAMES = ("cup", "tray", "distractor")
-STOPS = np.array([[0.3, 0.1, 0.2, 0.5, 0.0, 0.0], [0.0, 0.4, 0.1, 0.0, 0.3, 0.2]])  # places, rotation vectors
+KEYPOINTS = np.array(
+    [[0.3, 0.1, 0.2, 0.5, 0.0, 0.0], [0.0, 0.4, 0.1, 0.0, 0.3, 0.2]]
+)  # places, rotation vectors
 
 
-def some_pose(rng, spread=1.0):
+def random_pose(rng, spread=1.0):
     return Pose(spread * rng.normal(size=3), normalise(rng.normal(size=4)))
 
 
-def passage(rng, name):
+def record_demonstration(rng, name):
     """A tool rests by the cup and turned like it, then by the tray: what either sees differs a little."""
-    frames = [frame_from_pose(each, SPHERE, some_pose(rng)) for each in NAMES]
-    stops = np.repeat(STOPS + 0.03 * rng.normal(size=(2, 6)), [18, 15], axis=0)
+    frames = [frame_from_pose(each, SPHERE, random_pose(rng)) for each in NAMES]
+    stops = np.repeat(KEYPOINTS + 0.03 * rng.normal(size=(2, 6)), [18, 15], axis=0)
     stops += 0.01 * rng.normal(size=stops.shape)
-    seen = np.hstack([stops[:, :3], exp(0.5 * stops[:, 3:])])
+    seen = np.hstack([stops[:, :3], quaternion_exp(0.5 * stops[:, 3:])])
     there = [seen[:18] @ frames[0].A.T + frames[0].b, seen[18:] @ frames[1].A.T + frames[1].b]
     return demonstration(np.concatenate(there), 0.1, SPHERE, frames, name)
 
 
 @pytest.fixture
 def demos(rng):
-    return [passage(rng, f"passage {m}") for m in range(5)]
+    return [record_demonstration(rng, f"passage {m}") for m in range(5)]
 
 
-def told(demos, states=2):
+def learn_relevance(demos, states=2):
     return relevance(learn(demos, states=states, rng=np.random.default_rng(0)).skill, demos)
 
 
-def negated(demo, rng):
+def negate_quaternions(demo, rng):
     """Rows and frames at random told by -q."""
     x, frames = demo.x.copy(), []
     x[:, 3:7] *= np.where(rng.uniform(size=(len(x), 1)) < 0.5, -1.0, 1.0)
@@ -50,7 +52,7 @@ def negated(demo, rng):
     return demonstration(x, demo.period, demo.layout, frames, demo.name)
 
 
-def seen_elsewhere(demo, world):
+def move_world(demo, world):
     """The same showing, told by an observer who stands and is turned elsewhere."""
     to = frame_from_pose("there", demo.layout, world)
     frames = [replace(f, A=to.A @ f.A, b=to.A @ f.b + to.b) for f in demo.frames]
@@ -58,7 +60,7 @@ def seen_elsewhere(demo, world):
 
 
 def test_a_distractor_matters_at_no_state_and_each_object_where_the_tool_rests_by_it(demos):
-    found = told(demos)
+    found = learn_relevance(demos)
     np.testing.assert_allclose(found.values, [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], atol=0.05)
     assert found.distractors == ("distractor",)
     kept = select_frames(demos, found)
@@ -71,7 +73,7 @@ def test_orientation_alone_tells_frames_apart(rng):
     Eight showings: of five, a frame turned at random explains by chance what the object's leaves open, about
     once in forty tries.
     """
-    demos = [passage(rng, f"passage {m}") for m in range(8)]
+    demos = [record_demonstration(rng, f"passage {m}") for m in range(8)]
     turning = Layout((SPHERE.parts[1],))
     only = [
         demonstration(
@@ -79,44 +81,44 @@ def test_orientation_alone_tells_frames_apart(rng):
         )
         for d in demos
     ]
-    found = told(only)
+    found = learn_relevance(only)
     assert found.distractors == ("distractor",)
     assert found.values[0, 0] == found.values[1, 1] == 1.0
 
 
 def test_signs_of_quaternions_do_not_change_relevance_on_the_sphere(demos, rng):
     """Any rows, any frames told by -q."""
-    one, other = told(demos), told([negated(d, rng) for d in demos])
+    one, other = learn_relevance(demos), learn_relevance([negate_quaternions(d, rng) for d in demos])
     np.testing.assert_allclose(other.values, one.values, atol=1e-6)
     np.testing.assert_allclose(other.costs, one.costs, atol=1e-4)
 
 
 def test_relevance_on_the_sphere_does_not_depend_on_where_the_world_has_its_axes(demos, rng):
-    world = some_pose(rng, 3.0)
-    one, other = told(demos), told([seen_elsewhere(d, world) for d in demos])
+    world = random_pose(rng, 3.0)
+    one, other = learn_relevance(demos), learn_relevance([move_world(d, world) for d in demos])
     np.testing.assert_allclose(other.values, one.values, atol=1e-3)
     np.testing.assert_allclose(other.costs, one.costs, atol=1e-3)
 
 
-def crowded(demos, rng):
+def add_distractors(demos, rng):
     """Recordings with a frame beside theirs that stands and is turned at random each time."""
     return [replace(d, frames=(*d.frames, distractor(d.layout, rng))) for d in demos]
 
 
 def distractor(layout, rng):
-    return frame_from_pose("distractor", layout, some_pose(rng))
+    return frame_from_pose("distractor", layout, random_pose(rng))
 
 
 def test_the_valve_on_the_sphere_tells_its_frames_whatever_signs_and_axes(data_folder, rng):
     """Recorded openings with speeds: grasped by the frame before, turned and left by the frame after."""
-    demos = [pf.on_sphere(d) for d in crowded(pf.datasets.valve()[:4], rng)]
-    found = told(demos, states=7)
+    demos = [pf.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
+    found = learn_relevance(demos, states=7)
     assert found.distractors == ("distractor",)
     assert found.values[0, 1] == 1.0
     np.testing.assert_array_equal(found.values[1, 3:], 1.0)
-    world = some_pose(rng)
-    for others in ([negated(d, rng) for d in demos], [seen_elsewhere(d, world) for d in demos]):
-        again = told(others, states=7)
+    world = random_pose(rng)
+    for others in ([negate_quaternions(d, rng) for d in demos], [move_world(d, world) for d in demos]):
+        again = learn_relevance(others, states=7)
         np.testing.assert_allclose(again.values, found.values, atol=0.01)
         np.testing.assert_allclose(again.costs, found.costs, atol=0.01)
 
@@ -126,28 +128,30 @@ def test_a_distractor_moved_changes_no_weighted_plan_on_the_sphere(data_folder, 
 
     Unweighted, the same frame moved bends places and turns by more than a twentieth.
     """
-    demos = [pf.on_sphere(d) for d in crowded(pf.datasets.valve()[:4], rng)]
+    demos = [pf.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
     skill = learn(demos, states=7, rng=rng).skill
-    powers = relevance(skill, demos).values
+    pool_weights = relevance(skill, demos).values
     here = demos[0]
     elsewhere = replace(here, frames=(*here.frames[:2], distractor(here.layout, rng)))
-    assert max(changes(skill, here, elsewhere, powers)) < 0.01
-    assert min(changes(skill, here, elsewhere, None)) > 0.05
+    assert max(plan_changes(skill, here, elsewhere, pool_weights)) < 0.01
+    assert min(plan_changes(skill, here, elsewhere, None)) > 0.05
 
 
-def changes(skill, here, elsewhere, powers):
+def plan_changes(skill, here, elsewhere, pool_weights):
     """The largest change of place and of turn, in targets or motion, as shares of the motion's extents."""
-    one, other = (followed(skill, demo.frames, here, powers) for demo in (here, elsewhere))
+    one, other = (plan_in_tangent_chart(skill, demo.frames, here, pool_weights) for demo in (here, elsewhere))
     motion = one[len(one) // 2 :]
     place = np.abs(one - other)[:, :3].max() / np.ptp(motion[:, :3], axis=0).max()
     turn = angle(one[:, 3:7], other[:, 3:7]).max() / angle(motion[:, 3:7], motion[:1, 3:7]).max()
     return place, turn
 
 
-def followed(skill, frames, here, powers):
+def plan_in_tangent_chart(skill, frames, here, pool_weights):
     """Targets, then the tracked motion, as poses of the world; the map is the same for all."""
-    flat = pf.chart(adapt(skill, frames, relevance=powers), at=here.x[0])
-    start, steps = flat.inward(here.x[0]), len(here.x)
+    flat = pf.planning.tangent_chart(adapt(skill, frames, relevance=pool_weights), base_pose=here.x[0])
+    start, steps = flat.to_tangent(here.x[0]), len(here.x)
     reference = pf.plan(flat.skill, start, horizon=steps)
-    motion = pf.track(pf.double_integrator(6, period=here.period), reference, effort=9.0).rollout(start)
-    return np.vstack([flat.outward(reference.targets), flat.outward(motion.x[:steps])])
+    motion = pf.track(
+        pf.control.double_integrator(6, period=here.period), reference, control_cost=9.0
+    ).rollout(start)
+    return np.vstack([flat.to_manifold(reference.targets), flat.to_manifold(motion.x[:steps])])

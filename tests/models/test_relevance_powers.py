@@ -8,58 +8,64 @@ import pytest
 
 from pilotfish.demonstrations import frame_from_pose, pose_layout
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances, Gaussian, log_density, transform
-from pilotfish.geometry import Pose, exp
+from pilotfish.gaussians import DenseCovariances, Gaussian, affine_transform, log_density
+from pilotfish.geometry import Pose, quaternion_exp
 from pilotfish.models import adapt, learn_markov
 
 
 @pytest.fixture
-def skill(scene, rng):
-    return learn_markov(scene(frames=3), states=3, rng=rng).skill
+def skill(make_demonstrations, rng):
+    return learn_markov(make_demonstrations(frames=3), states=3, rng=rng).skill
 
 
-def test_relevance_one_changes_nothing(skill, scene):
-    frames = scene(frames=3)[0].frames
-    heard, plain = adapt(skill, frames, relevance=np.ones((3, 3))), adapt(skill, frames)
-    np.testing.assert_array_equal(heard.means, plain.means)
-    np.testing.assert_array_equal(heard.covariances, plain.covariances)
+def test_relevance_one_changes_nothing(skill, make_demonstrations):
+    frames = make_demonstrations(frames=3)[0].frames
+    weighted, plain = adapt(skill, frames, relevance=np.ones((3, 3))), adapt(skill, frames)
+    np.testing.assert_array_equal(weighted.means, plain.means)
+    np.testing.assert_array_equal(weighted.covariances, plain.covariances)
 
 
-def test_the_adapted_density_is_the_product_of_the_frames_densities_to_their_powers(skill, scene, rng):
-    """log p(x) - sum_j r_j log p_j(x) is one constant, wherever x is."""
-    frames, powers = scene(frames=3)[0].frames, rng.uniform(0.05, 1.0, size=(3, 3))
-    powers[1, 2] = 0.0
-    here, x = adapt(skill, frames, relevance=powers), rng.normal(size=(9, 2))
+def test_the_adapted_density_is_the_product_of_the_frames_densities_to_their_powers(
+    skill, make_demonstrations, rng
+):
+    """Log p(x) - sum_j r_j log p_j(x) is one constant, wherever x is."""
+    frames, pool_weights = make_demonstrations(frames=3)[0].frames, rng.uniform(0.05, 1.0, size=(3, 3))
+    pool_weights[1, 2] = 0.0
+    here, x = adapt(skill, frames, relevance=pool_weights), rng.normal(size=(9, 2))
     for k in range(3):
         said = [
-            transform(Gaussian(skill.means[p, k], skill.covariances[p].dense[k]), f.A, f.b)
+            affine_transform(Gaussian(skill.means[p, k], skill.covariances[p].dense[k]), f.A, f.b)
             for p, f in enumerate(frames)
         ]
-        weighed = sum(r * log_density(g, x) for r, g in zip(powers[:, k], said, strict=True))
+        weighed = sum(r * log_density(g, x) for r, g in zip(pool_weights[:, k], said, strict=True))
         difference = log_density(Gaussian(here.means[k], here.covariances[k]), x) - weighed
         np.testing.assert_allclose(difference, difference[0], atol=1e-8)
 
 
-def test_a_frame_of_no_relevance_may_stand_anywhere(skill, scene, rng):
-    frames = list(scene(frames=3)[0].frames)
-    powers = np.array([[0.0] * 3, [1.0] * 3, [0.7] * 3])
+def test_frame_with_zero_relevance_does_not_affect_adaptation(skill, make_demonstrations, rng):
+    frames = list(make_demonstrations(frames=3)[0].frames)
+    pool_weights = np.array([[0.0] * 3, [1.0] * 3, [0.7] * 3])
     moved = [replace(frames[0], b=frames[0].b + 100.0 * rng.normal(size=2)), *frames[1:]]
-    here, there = (adapt(skill, given, relevance=powers) for given in (frames, moved))
+    here, there = (adapt(skill, given, relevance=pool_weights) for given in (frames, moved))
     np.testing.assert_array_equal(there.means, here.means)
     np.testing.assert_array_equal(there.covariances, here.covariances)
 
 
-def test_rows_of_relevance_follow_the_order_of_the_skills_frames(skill, scene, rng):
+def test_rows_of_relevance_follow_the_order_of_the_skills_frames(skill, make_demonstrations, rng):
     """However the frames themselves are listed."""
-    frames, powers = scene(frames=3)[0].frames, rng.uniform(0.1, 1.0, size=(3, 3))
-    one, other = (adapt(skill, given, relevance=powers) for given in (frames, frames[::-1]))
+    frames, pool_weights = make_demonstrations(frames=3)[0].frames, rng.uniform(0.1, 1.0, size=(3, 3))
+    one, other = (adapt(skill, given, relevance=pool_weights) for given in (frames, frames[::-1]))
     np.testing.assert_array_equal(other.means, one.means)
 
 
-def test_a_frame_that_is_not_heard_has_no_say_in_signs(skill):
+def test_frame_with_zero_relevance_does_not_affect_signs(skill):
     """Frames told by q or -q agree with those that are heard, though one not heard lies between them."""
     layout = pose_layout()
-    turned = np.array([1.0, 0.0, 0.0, 0.0]), exp(np.array([1.2, 0.0, 0.0])), exp(np.array([2.3, 0.0, 0.0]))
+    turned = (
+        np.array([1.0, 0.0, 0.0, 0.0]),
+        quaternion_exp(np.array([1.2, 0.0, 0.0])),
+        quaternion_exp(np.array([2.3, 0.0, 0.0])),
+    )
     means = np.zeros((3, 1, 7))
     means[..., 3] = 1.0
     spreads = tuple(DenseCovariances(s * np.eye(7)[None]) for s in (1e-6, 1e-2, 1e-2))
@@ -70,18 +76,18 @@ def test_a_frame_that_is_not_heard_has_no_say_in_signs(skill):
         covariances=spreads,
         layout=layout,
     )
-    powers = np.array([[0.0], [1.0], [1.0]])
+    pool_weights = np.array([[0.0], [1.0], [1.0]])
     for signs in product((1.0, -1.0), repeat=3):
         frames = [
             frame_from_pose(f"object {p}", layout, Pose(np.zeros(3), sign * q))
             for p, (sign, q) in enumerate(zip(signs, turned, strict=True))
         ]
-        fused = adapt(known, frames, relevance=powers).means[0, 3:]
-        assert abs(fused @ exp(np.array([1.75, 0.0, 0.0]))) == pytest.approx(1.0, abs=1e-12)
+        fused = adapt(known, frames, relevance=pool_weights).means[0, 3:]
+        assert abs(fused @ quaternion_exp(np.array([1.75, 0.0, 0.0]))) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_unusable_relevance_is_refused(skill, scene):
-    frames, good = scene(frames=3)[0].frames, np.ones((3, 3))
+def test_unusable_relevance_is_refused(skill, make_demonstrations):
+    frames, good = make_demonstrations(frames=3)[0].frames, np.ones((3, 3))
     deaf = good.copy()
     deaf[:, 1] = 0.0
     cases = [

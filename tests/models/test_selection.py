@@ -12,86 +12,86 @@ from pilotfish.gaussians import Diagonal, Full, SemiTied
 from pilotfish.models import (
     Candidate,
     EMSettings,
-    Failure,
+    FailedCandidate,
     Gamma,
+    Gaussian,
     HistogramDurations,
     KMeans,
     LogNormal,
     MarkovChain,
+    MixtureWeights,
     NegativeBinomial,
-    Normal,
     Poisson,
     Score,
     Selection,
     SemiMarkovChain,
-    Weights,
     bic,
-    free_dynamics,
-    free_parameters,
+    degrees_of_freedom,
+    dynamics_degrees_of_freedom,
     learn,
     learn_markov,
     learn_mixture,
     log_likelihood,
     select,
 )
-from pilotfish.models.visits import whole_visits
+from pilotfish.models.segments import uncensored_segments
 
-WAYS = {"counted": learn, "markov": learn_markov, "mixture": learn_mixture}
+LEARNERS = {"counted": learn, "markov": learn_markov, "mixture": learn_mixture}
 
 
 def candidate(states=3, structure=None, durations="counted", learner=None):
-    return Candidate(states, structure or Full(), durations, learner or WAYS[durations])
+    return Candidate(states, structure or Full(), durations, learner or LEARNERS[durations])
 
 
-def in_the_world(demos):
+def use_world_frame(demos):
     return [replace(d, frames=(world_frame(d.layout.width),)) for d in demos]
 
 
 @pytest.mark.parametrize(("durations", "dynamics"), [("counted", 6), ("markov", 3), ("mixture", 3)])
-def test_parameters_are_counted_by_hand(rng, scene, durations, dynamics):
+def test_parameters_are_counted_by_hand(rng, make_demonstrations, durations, dynamics):
     """Four states, two frames, two columns: 16 means, 24 covariances, and the dynamics.
 
     Left-right: three states may stay or go on (3), the last stays and the first begins. Counted: three
     durations of a mean and a deviation. A mixture: four weights that sum to one.
     """
-    skill = WAYS[durations](scene(stops=4, noise=0.02), states=4, rng=rng).skill
-    assert free_parameters(skill, Full()) == 16 + 24 + dynamics
+    skill = LEARNERS[durations](make_demonstrations(stops=4, noise=0.02), states=4, rng=rng).skill
+    assert degrees_of_freedom(skill, Full()) == 16 + 24 + dynamics
 
 
-def test_tied_directions_are_counted_once(rng, scene):
+def test_tied_directions_are_counted_once(rng, make_demonstrations):
     """D^2 entries of a basis whose D lengths mean nothing, and K D variances, in each frame."""
-    skill = learn_mixture(scene(width=3), states=3, rng=rng, structure=SemiTied()).skill
-    assert free_parameters(skill, SemiTied()) == 2 * (3 * 3 + (9 - 3) + 3 * 3) + 2
+    skill = learn_mixture(make_demonstrations(width=3), states=3, rng=rng, structure=SemiTied()).skill
+    assert degrees_of_freedom(skill, SemiTied()) == 2 * (3 * 3 + (9 - 3) + 3 * 3) + 2
 
 
 def test_probabilities_that_are_zero_were_not_free():
-    start, rows = np.array([0.5, 0.5, 0.0]), np.array([[0, 0.3, 0.7], [1.0, 0, 0], [0, 0, 0]])
+    initialisation, rows = np.array([0.5, 0.5, 0.0]), np.array([[0, 0.3, 0.7], [1.0, 0, 0], [0, 0, 0]])
     durations = HistogramDurations(np.array([[0.2, 0.0, 1.0], [0.3, 1.0, 0.0], [0.5, 0.0, 0.0]]))
-    assert free_dynamics(Weights(start)) == 1
-    assert free_dynamics(MarkovChain(start, np.full((3, 3), 1.0 / 3.0))) == 1 + 6
-    assert free_dynamics(SemiMarkovChain(start, rows, durations)) == 1 + 1 + 2
+    assert dynamics_degrees_of_freedom(MixtureWeights(initialisation)) == 1
+    assert dynamics_degrees_of_freedom(MarkovChain(initialisation, np.full((3, 3), 1.0 / 3.0))) == 1 + 6
+    assert dynamics_degrees_of_freedom(SemiMarkovChain(initialisation, rows, durations)) == 1 + 1 + 2
 
 
 @pytest.mark.parametrize(
     ("law", "each"),
-    [(Normal(), 2), (LogNormal(), 2), (Gamma(), 2), (Poisson(), 1), (NegativeBinomial(), 2)],
+    [(Gaussian(), 2), (LogNormal(), 2), (Gamma(), 2), (Poisson(), 1), (NegativeBinomial(), 2)],
     ids=lambda value: getattr(value, "label", None),
 )
-def test_a_law_has_so_many_free_numbers_a_state(law, each):
+def test_a_law_has_so_many_free_numbers_a_state(distribution, each):
     """Of the states that are left; named or not. A shape that was given is not free."""
     counts = np.zeros((12, 3))
     counts[3:9] = 1.0
     rows = np.array([[0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]])
-    chain = SemiMarkovChain(np.eye(3)[0], rows, law.estimate(whole_visits(counts), None, 1.0))
-    assert free_dynamics(chain) == free_dynamics(chain, law) == 2 * each
+    chain = SemiMarkovChain(np.eye(3)[0], rows, distribution.estimate(uncensored_segments(counts), None, 1.0))
+    assert dynamics_degrees_of_freedom(chain) == dynamics_degrees_of_freedom(chain, distribution) == 2 * each
     geometric = NegativeBinomial(1.0)
-    chain = SemiMarkovChain(np.eye(3)[0], rows, geometric.estimate(whole_visits(counts), None, 1.0))
-    assert free_dynamics(chain, geometric) == 2
+    chain = SemiMarkovChain(np.eye(3)[0], rows, geometric.estimate(uncensored_segments(counts), None, 1.0))
+    assert dynamics_degrees_of_freedom(chain, geometric) == 2
 
 
-def test_bic_is_that_of_one_gaussian_in_closed_form(rng, scene):
+def test_bic_is_that_of_one_gaussian_in_closed_form(rng, make_demonstrations):
     """One state, one frame: N/2 (log |2 pi e S|) nats and D + D (D + 1) / 2 parameters."""
-    demos = [replace(d, frames=d.frames[:1]) for d in scene(width=2)]
+    demos = [replace(d, frames=d.frames[:1]) for d in make_demonstrations(width=2)]
     settings = EMSettings(regularisation=0.0)
     one = candidate(states=1, durations="mixture")
     score = select(demos, [one], rng=rng, settings=settings).scores[0]
@@ -103,51 +103,53 @@ def test_bic_is_that_of_one_gaussian_in_closed_form(rng, scene):
     assert bic(-10.0, 3, 100) == 20.0 + 3 * np.log(100)
 
 
-@pytest.mark.parametrize("durations", list(WAYS))
-def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, scene, durations):
-    demos = scene(lengths=(30, 42, 37))
+@pytest.mark.parametrize("durations", list(LEARNERS))
+def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, make_demonstrations, durations):
+    demos = make_demonstrations(lengths=(30, 42, 37))
     score = select(demos, [candidate(durations=durations)], rng=rng).scores[0]
     for m, nats in enumerate(score.held_out):
         others = [d for n, d in enumerate(demos) if n != m]
-        skill = WAYS[durations](others, states=3, rng=rng).skill
+        skill = LEARNERS[durations](others, states=3, rng=rng).skill
         np.testing.assert_allclose(nats, log_likelihood(skill, [demos[m]])[0] / len(demos[m].x))
     np.testing.assert_allclose(score.mean, score.held_out.mean())
     np.testing.assert_allclose(score.standard_error, score.held_out.std(ddof=1) / np.sqrt(3))
 
 
-def test_the_number_of_places_is_found(rng, scene):
+def test_the_number_of_places_is_found(rng, make_demonstrations):
     """Points that scatter about three places ask for three states, neither fewer nor more."""
-    demos = in_the_world(scene(lengths=(40,) * 8, stops=3, noise=0.3))
-    sizes = [candidate(states=K, learner=partial(learn, start=KMeans())) for K in (1, 2, 3, 4, 5)]
+    demos = use_world_frame(make_demonstrations(lengths=(40,) * 8, stops=3, noise=0.3))
+    sizes = [candidate(states=K, learner=partial(learn, initialisation=KMeans())) for K in (1, 2, 3, 4, 5)]
     found = select(demos, sizes, rng=rng)
     assert found.best.states == 3
 
 
-def test_uncorrelated_columns_ask_for_no_more_than_variances(rng, scene):
-    demos = in_the_world(scene(lengths=(25,) * 4, width=4))
+def test_uncorrelated_columns_ask_for_no_more_than_variances(rng, make_demonstrations):
+    demos = use_world_frame(make_demonstrations(lengths=(25,) * 4, width=4))
     found = select(demos, [candidate(), candidate(structure=Diagonal())], rng=rng)
     assert found.best.candidate.structure == Diagonal()
     assert found.lowest_bic.candidate.structure == Diagonal()
 
 
-def test_what_cannot_be_learned_is_a_row_and_is_told_as_it_happens(rng, scene):
+def test_failed_candidate_is_reported(rng, make_demonstrations):
     """Too many states for the shortest demonstration, and covariances that collapse."""
     heard = []
     tried = [candidate(), candidate(states=35), candidate(states=12)]
     rough = EMSettings(regularisation=0.0)
-    found = select(scene(lengths=(30, 42, 37)), tried, rng=rng, settings=rough, watch=heard.append)
+    found = select(
+        make_demonstrations(lengths=(30, 42, 37)), tried, rng=rng, settings=rough, callback=heard.append
+    )
     assert [f.candidate.states for f in found.failures] == [35, 12]
     assert "35 states" in found.failures[0].reason
     assert "positive definite" in found.failures[1].reason
     assert [r.candidate for r in heard] == tried
-    assert isinstance(heard[1], Failure)
+    assert isinstance(heard[1], FailedCandidate)
     with pytest.raises(InvalidInput, match=r"no candidate.*35 states"):
         _ = Selection((), found.failures).best
 
 
-def test_a_score_depends_on_the_seed_and_not_on_the_other_candidates(scene):
-    with_chance = partial(learn, start=KMeans())
-    demos = scene(noise=1.0)
+def test_a_score_depends_on_the_seed_and_not_on_the_other_candidates(make_demonstrations):
+    with_chance = partial(learn, initialisation=KMeans())
+    demos = make_demonstrations(noise=1.0)
     one, other = candidate(states=4, learner=with_chance), candidate(states=5, learner=with_chance)
 
     def score(candidates, seed):
@@ -158,24 +160,24 @@ def test_a_score_depends_on_the_seed_and_not_on_the_other_candidates(scene):
     assert any(not np.array_equal(score([one], 7), score([one], seed)) for seed in range(5))
 
 
-def made_up(parameters, *held_out):
+def make_selection(parameters, *held_out):
     return Score(candidate(), 3, parameters, 0.0, 0.0, np.array(held_out))
 
 
 def test_the_best_is_the_smallest_that_loses_no_more_than_a_standard_error():
     """Losses are compared demonstration by demonstration; what some demonstrations rule out is not near."""
-    top = made_up(50, 3.0, 4.0, 8.0)
-    near = made_up(20, 2.9, 4.1, 7.9)  # loses .03, standard error .07
-    steady = made_up(10, 2.9, 3.9, 7.9)  # loses .1 each time
-    never = made_up(5, 9.0, 9.0, -np.inf)
+    top = make_selection(50, 3.0, 4.0, 8.0)
+    near = make_selection(20, 2.9, 4.1, 7.9)  # loses .03, standard error .07
+    steady = make_selection(10, 2.9, 3.9, 7.9)  # loses .1 each time
+    never = make_selection(5, 9.0, 9.0, -np.inf)
     assert Selection((top, near, steady, never), ()).best is near
-    assert Selection((top, near, steady, never), ()).likeliest is top
+    assert Selection((top, near, steady, never), ()).highest_held_out is top
     assert Selection((top, steady, never), ()).best is top
     assert np.isnan(never.standard_error)
 
 
-def test_too_little_to_select_from_is_refused(rng, scene):
+def test_select_with_too_little_data_raises(rng, make_demonstrations):
     with pytest.raises(InvalidInput, match="at least two"):
-        select(scene()[:1], [candidate()], rng=rng)
+        select(make_demonstrations()[:1], [candidate()], rng=rng)
     with pytest.raises(InvalidInput, match="no candidates"):
-        select(scene(), [], rng=rng)
+        select(make_demonstrations(), [], rng=rng)

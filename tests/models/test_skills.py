@@ -20,47 +20,47 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density, regress
 from pilotfish.models import (
+    DurationModel,
     HiddenModel,
     KMeans,
     MarkovChain,
     SemiMarkovChain,
-    Timing,
     adapt,
     as_mixture,
-    covariance_parameters,
+    count_durations,
+    covariance_parameter_count,
     learn,
     learn_markov,
     learn_mixture,
     log_emissions,
     log_likelihood,
-    log_likelihood_of_states,
-    runs,
-    semi_markov_parameters,
+    log_state_likelihoods,
+    semi_markov_parameter_count,
+    state_segments,
     viterbi,
-    with_durations,
 )
 
 
-def test_runs_put_back_together_are_the_sequence(rng):
+def test_state_segments_repeat_to_the_sequence(rng):
     states = rng.integers(0, 3, size=40)
-    visited, lengths = runs(states)
+    visited, lengths = state_segments(states)
     np.testing.assert_array_equal(np.repeat(visited, lengths), states)
     assert (np.diff(visited) != 0).all()
 
 
-def test_durations_are_counted_within_each_demonstration(rng, scene):
+def test_durations_are_counted_within_each_demonstration(rng, make_demonstrations):
     """A visit that ends one demonstration is not joined to the first of the next (a fault of peers)."""
-    demos = scene(lengths=(40, 50, 45), stops=3)
+    demos = make_demonstrations(lengths=(40, 50, 45), stops=3)
     fit = learn(demos, states=3, rng=rng)
-    paths = [viterbi(fit.markov, d) for d in demos]
+    paths = [viterbi(fit.markov_skill, d) for d in demos]
     for k in range(3):
-        lengths = np.concatenate([runs(p)[1][runs(p)[0] == k] for p in paths])
+        lengths = np.concatenate([state_segments(p)[1][state_segments(p)[0] == k] for p in paths])
         np.testing.assert_allclose(fit.skill.dynamics.durations.means[k], lengths.mean())
         np.testing.assert_allclose(fit.skill.dynamics.durations.deviations[k], np.sqrt(lengths.var() + 1.0))
 
 
-def test_a_left_right_skill_ends_in_a_final_state_and_its_rows_sum_to_one(rng, scene):
-    chain = learn(scene(stops=4), states=4, rng=rng).skill.dynamics
+def test_a_left_right_skill_ends_in_a_final_state_and_its_rows_sum_to_one(rng, make_demonstrations):
+    chain = learn(make_demonstrations(stops=4), states=4, rng=rng).skill.dynamics
     np.testing.assert_allclose(chain.transitions.sum(axis=1), [1, 1, 1, 0])
     np.testing.assert_array_equal(np.diag(chain.transitions), 0.0)
 
@@ -75,16 +75,16 @@ def test_a_known_chain_is_recovered_from_its_own_samples(rng):
         (),
         "to and fro",
     )
-    fit = learn_markov([demo], states=2, rng=rng, start=KMeans())
-    chain = with_durations(fit.markov, views([demo]), 1e-6)
-    order = np.argsort(fit.markov.means[0, :, 0])
+    fit = learn_markov([demo], states=2, rng=rng, initialisation=KMeans())
+    chain = count_durations(fit.markov_skill, views([demo]), 1e-6)
+    order = np.argsort(fit.markov_skill.means[0, :, 0])
     np.testing.assert_allclose(chain.durations.means[order], [8.0, 20.0])
     np.testing.assert_allclose(chain.transitions, [[0, 1], [1, 0]], atol=1e-12)
 
 
-def test_a_skill_seen_from_a_moved_world_is_the_same_skill(rng, scene):
+def test_learn_is_invariant_to_world_origin(rng, make_demonstrations):
     """Learning is blind to where the world's origin lies; the adapted skill moves with the frames."""
-    demos = scene(width=3)
+    demos = make_demonstrations(width=3)
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     shift = rng.normal(size=3)
 
@@ -99,26 +99,26 @@ def test_a_skill_seen_from_a_moved_world_is_the_same_skill(rng, scene):
     np.testing.assert_allclose(elsewhere.covariances, turn @ here.covariances @ turn.T, atol=1e-9)
 
 
-def test_adapted_gaussians_are_the_product_of_what_the_frames_say(rng, scene):
-    """log N(x | adapted k) = sum over frames of log N(x | frame, k), up to a constant in x."""
-    demos = scene()
+def test_adapted_gaussians_equal_product_of_frame_gaussians(rng, make_demonstrations):
+    """Log N(x | adapted k) = sum over frames of log N(x | frame, k), up to a constant in x."""
+    demos = make_demonstrations()
     skill = learn(demos, states=3, rng=rng).skill
     here, x = adapt(skill, demos[1].frames), rng.normal(size=(7, 2))
     seen = np.stack([np.linalg.solve(f.A, (x - f.b).T).T for f in demos[1].frames])
-    gap = log_emissions(skill, Views(seen, np.array([7]))) - log_likelihood_of_states(here, x)
+    gap = log_emissions(skill, Views(seen, np.array([7]))) - log_state_likelihoods(here, x)
     np.testing.assert_allclose(gap, np.broadcast_to(gap[0], gap.shape), atol=1e-8)
 
 
-def test_one_frame_in_the_world_adapts_to_itself(rng, scene):
-    demos = [replace(d, frames=(Frame("world", np.eye(2), np.zeros(2)),)) for d in scene()]
+def test_one_frame_in_the_world_adapts_to_itself(rng, make_demonstrations):
+    demos = [replace(d, frames=(Frame("world", np.eye(2), np.zeros(2)),)) for d in make_demonstrations()]
     skill = learn(demos, states=3, rng=rng).skill
     here = adapt(skill, demos[0].frames)
     np.testing.assert_allclose(here.means, skill.means[0])
     np.testing.assert_allclose(here.covariances, skill.covariances[0].dense)
 
 
-def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, scene):
-    demos = scene()
+def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, make_demonstrations):
+    demos = make_demonstrations()
     skill, (a, b) = learn(demos, states=2, rng=rng).skill, demos[0].frames
     np.testing.assert_array_equal(adapt(skill, [b, a]).means, adapt(skill, [a, b]).means)
     for wrong in ([a], [a, a], [a, b, b], [a, replace(b, name="cup")]):
@@ -134,8 +134,8 @@ def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, scene):
         adapt(skill, [a, Frame(b.name, np.eye(3), np.zeros(3))])
 
 
-def test_emissions_multiply_the_frames(rng, scene):
-    demos = scene()
+def test_emissions_multiply_the_frames(rng, make_demonstrations):
+    demos = make_demonstrations()
     skill = learn_mixture(demos, states=2, rng=rng).skill
     data = views(demos[:1])
     for k in range(2):
@@ -146,14 +146,14 @@ def test_emissions_multiply_the_frames(rng, scene):
         np.testing.assert_allclose(log_emissions(skill, data)[:, k], expected)
 
 
-def test_counting_durations_needs_a_markov_skill(rng, scene):
+def test_counting_durations_needs_a_markov_skill(rng, make_demonstrations):
     """A semi-Markov skill has no steps from a state to itself; its Markov form is named."""
-    demos = scene()
+    demos = make_demonstrations()
     fit = learn(demos, states=2, rng=rng)
     assert isinstance(fit.skill.dynamics, SemiMarkovChain)
-    assert isinstance(fit.markov.dynamics, MarkovChain)
+    assert isinstance(fit.markov_skill.dynamics, MarkovChain)
     with pytest.raises(InvalidInput, match=r"fit\.markov"):
-        with_durations(fit.skill, views(demos), 1.0)
+        count_durations(fit.skill, views(demos), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -162,16 +162,16 @@ def test_counting_durations_needs_a_markov_skill(rng, scene):
 )
 def test_whole_models_have_the_sizes_of_table_5_1(structure, states, count):
     """Tanwani 2018, table 5.1: D = 14, means + covariances + K^2 + 2 K."""
-    assert semi_markov_parameters(structure, states, 14) == count
+    assert semi_markov_parameter_count(structure, states, 14) == count
 
 
 @pytest.mark.parametrize(("tying", "count"), [(0.0, 1470), (0.5, 1470), (1.0, 588)])
 def test_valve_covariances_have_the_sizes_of_table_4_1(tying, count):
-    assert covariance_parameters(SemiTied(tying), 7, 14, frames=2) == count
+    assert covariance_parameter_count(SemiTied(tying), 7, 14, frames=2) == count
 
 
-def test_provenance_says_what_was_learned_from(rng, scene):
-    demos = scene()
+def test_provenance_says_what_was_learned_from(rng, make_demonstrations):
+    demos = make_demonstrations()
     one, other = (learn(ds, states=2, rng=rng).skill.provenance for ds in (demos, demos[:2]))
     assert one.demonstrations == ("passage 0", "passage 1", "passage 2")
     assert one.datapoints == sum(len(d.x) for d in demos)
@@ -179,9 +179,9 @@ def test_provenance_says_what_was_learned_from(rng, scene):
     assert one.structure == "full"
 
 
-def test_dense_and_structured_covariances_adapt_alike(rng, scene):
+def test_dense_and_structured_covariances_adapt_alike(rng, make_demonstrations):
     """Only .dense counts when a skill is adapted."""
-    demos = scene()
+    demos = make_demonstrations()
     skill = learn(demos, states=3, rng=rng, structure=SemiTied()).skill
     dense = replace(skill, covariances=tuple(DenseCovariances(c.dense) for c in skill.covariances))
     np.testing.assert_array_equal(adapt(dense, demos[0].frames).means, adapt(skill, demos[0].frames).means)
@@ -193,30 +193,30 @@ def test_a_mixture_skill_regresses_time_to_place(rng):
     x = np.stack([t, 3.0 * t + 0.01 * rng.normal(size=200)], axis=1)
     demo = demonstration(x, 0.02, Layout((Part("ramp", Quantity.SCALAR, 2, "1"),)))
     fit = learn_mixture([demo], states=4, rng=rng)
-    told = regress(as_mixture(adapt(fit.skill, demo.frames)), np.array([0]), np.array([[1.0], [2.5]]))
-    np.testing.assert_allclose(told.means[:, 0], [3.0, 7.5], atol=0.05)
-    np.testing.assert_allclose(told.jacobians[:, 0, 0], 3.0, atol=0.2)
+    regression = regress(as_mixture(adapt(fit.skill, demo.frames)), np.array([0]), np.array([[1.0], [2.5]]))
+    np.testing.assert_allclose(regression.means[:, 0], [3.0, 7.5], atol=0.05)
+    np.testing.assert_allclose(regression.jacobians[:, 0, 0], 3.0, atol=0.2)
     with pytest.raises(InvalidInput, match="learn_mixture"):
         as_mixture(adapt(learn([demo], states=2, rng=rng).skill, demo.frames))
 
 
-def test_a_state_that_is_never_visited_lasts_as_long_as_it_would_stay(rng, scene):
+def test_a_state_that_is_never_visited_lasts_as_long_as_it_would_stay(rng, make_demonstrations):
     """Viterbi may pass a state by; its duration is then that of its self-transition, 1 / (1 - a)."""
-    demos = scene(stops=2)
-    model = learn_markov(demos, states=2, rng=rng).markov
+    demos = make_demonstrations(stops=2)
+    model = learn_markov(demos, states=2, rng=rng).markov_skill
     third = HiddenModel(
         MarkovChain(np.array([0.5, 0.5, 0.0]), np.array([[0.9, 0.1, 0], [0.1, 0.9, 0], [0.1, 0.1, 0.8]])),
         np.concatenate([model.means, model.means[:, :1] + 1e3], axis=1),
         tuple(DenseCovariances(np.concatenate([c.dense, np.eye(2)[None]])) for c in model.covariances),
     )
-    durations = with_durations(third, views(demos), 1.0).durations
+    durations = count_durations(third, views(demos), 1.0).durations
     np.testing.assert_allclose(durations.means[2], 5.0)
     np.testing.assert_allclose(durations.deviations[2], np.sqrt(5.0**2 + 1.0))
 
 
-def test_the_fingerprint_is_that_of_values_frames_and_period(rng, scene):
+def test_the_fingerprint_is_that_of_values_frames_and_period(rng, make_demonstrations):
     """Anything that changes what is learned changes it; names do not."""
-    demos = scene()
+    demos = make_demonstrations()
     frame = demos[0].frames[0]
 
     def data(first):
@@ -230,9 +230,9 @@ def test_the_fingerprint_is_that_of_values_frames_and_period(rng, scene):
     assert data(replace(demos[0], x=demos[0].x + 1e-12)) != data(demos[0])
 
 
-def test_likelihood_and_paths_refuse_what_is_not_the_models(rng, scene):
+def test_likelihood_and_paths_refuse_what_is_not_the_models(rng, make_demonstrations):
     """Another width, a fit instead of its skill, and lengths that are none are told, not met inside."""
-    demos = scene()
+    demos = make_demonstrations()
     fit = learn(demos, states=2, rng=rng)
     other = demonstration(rng.normal(size=(9, 3)), period=0.1, layout=position_layout())
     with pytest.raises(InvalidInput, match="1 frames of 3 columns, the model knows 2 of 2"):
@@ -240,18 +240,18 @@ def test_likelihood_and_paths_refuse_what_is_not_the_models(rng, scene):
     with pytest.raises(InvalidInput, match="the model knows 2 of 2"):
         viterbi(fit.skill, other)
     with pytest.raises(InvalidInput, match="longest is 0, expected"):
-        log_likelihood(fit.skill, demos, longest=0)
+        log_likelihood(fit.skill, demos, max_duration=0)
     with pytest.raises(InvalidInput, match="longest is -1, expected"):
-        Timing(longest=-1)
+        DurationModel(max_duration=-1)
 
 
 @pytest.mark.parametrize(
     ("A", "b"),
     [(1.0, 1e308), (1.0, 1e51), (1e308, 0.0), (1e21, 0.0), (1e-21, 0.0), (1e-200, 0.0), (np.nan, 0.0)],
 )
-def test_frame_whose_squares_overflow_is_refused_by_its_name(rng, scene, A, b):
+def test_frame_whose_squares_overflow_is_refused_by_its_name(rng, make_demonstrations, A, b):
     """Where it is made, and where a skill is adapted to one that was made without check."""
-    demos = scene()
+    demos = make_demonstrations()
     skill, (one, other) = learn(demos, states=2, rng=rng).skill, demos[0].frames
     huge = Frame(other.name, A * np.eye(2), np.full(2, b))
     with pytest.raises(InvalidInput, match=r"^frame 'object 1': [Ab]"):
@@ -261,9 +261,9 @@ def test_frame_whose_squares_overflow_is_refused_by_its_name(rng, scene, A, b):
 
 
 @pytest.mark.parametrize(("A", "b"), [(1e20, 1e49), (1e-19, 1e49), (1e10, 0.0)])
-def test_skill_is_finite_in_the_largest_and_smallest_frames(rng, scene, A, b):
+def test_skill_is_finite_in_the_largest_and_smallest_frames(rng, make_demonstrations, A, b):
     """Products of covariances over frames of very different size too."""
-    demos = scene()
+    demos = make_demonstrations()
     skill, (one, other) = learn(demos, states=2, rng=rng).skill, demos[0].frames
     adapted = adapt(skill, [one, frame(other.name, A * np.eye(2), np.full(2, b))])
     assert np.isfinite(adapted.means).all()

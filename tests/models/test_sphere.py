@@ -9,33 +9,33 @@ from pilotfish.demonstrations import (
     Demonstration,
     Layout,
     Quantity,
+    add_derivatives,
     demonstration,
     frame_from_pose,
-    on_sphere,
     pose_layout,
     tangent_map,
+    to_sphere,
     views,
-    with_derivatives,
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Full, RiemannianGaussian, SemiTied, Spherical, riemannian_log_density
-from pilotfish.geometry import Pose, angle, exp, exp_at, karcher_mean, log_at, multiply
+from pilotfish.geometry import Pose, angle, exp_map, karcher_mean, log_map, multiply, quaternion_exp
 from pilotfish.models import (
     EMSettings,
     KMeans,
     TimeBins,
     adapt,
     as_mixture,
+    expected_statistics,
     filtered_regression,
+    fit_mixture_weights,
     labelled_statistics,
     learn,
     learn_markov,
     learn_mixture,
     learn_semi_markov,
-    log_likelihood_of_states,
-    maximise,
-    most_likely_weights,
-    statistics,
+    log_state_likelihoods,
+    maximise_likelihood,
 )
 
 POSE = pose_layout()
@@ -43,15 +43,17 @@ SPHERE = Layout((POSE.parts[0], replace(POSE.parts[1], quantity=Quantity.ORIENTA
 PLAIN = EMSettings(regularisation=0.0, tolerance=1e-5, max_iterations=100)
 
 
-def some_pose(rng, turn=1.0):
-    return Pose(rng.normal(size=3), exp(turn * rng.normal(size=3)))
+def random_pose(rng, turn=1.0):
+    return Pose(rng.normal(size=3), quaternion_exp(turn * rng.normal(size=3)))
 
 
-def shown(rng, a, b, steps, noise=0.03):
+def demonstrate_reach(rng, a, b, steps, noise=0.03):
     """A tool that moves and turns from object a to object b."""
     s = np.linspace(0.0, 1.0, steps)[:, None]
-    way = 0.5 * log_at(a.quaternion, b.quaternion, (0,))
-    q = multiply(multiply(a.quaternion, exp(s * way)), exp(noise * rng.normal(size=(steps, 3))))
+    way = 0.5 * log_map(a.quaternion, b.quaternion, (0,))
+    q = multiply(
+        multiply(a.quaternion, quaternion_exp(s * way)), quaternion_exp(noise * rng.normal(size=(steps, 3)))
+    )
     p = (1 - s) * a.position + s * b.position + noise * rng.normal(size=(steps, 3))
     frames = [frame_from_pose(name, SPHERE, pose) for name, pose in (("a", a), ("b", b))]
     return demonstration(np.hstack([p, q]), 0.1, SPHERE, frames)
@@ -60,20 +62,21 @@ def shown(rng, a, b, steps, noise=0.03):
 @pytest.fixture
 def situations(rng):
     """Where two objects stand, four times; apart by up to a right angle or so."""
-    homes = [some_pose(rng) for _ in range(4)]
+    homes = [random_pose(rng) for _ in range(4)]
     return [
-        (a, Pose(rng.normal(size=3), multiply(exp(0.4 * rng.normal(size=3)), a.quaternion))) for a in homes
+        (a, Pose(rng.normal(size=3), multiply(quaternion_exp(0.4 * rng.normal(size=3)), a.quaternion)))
+        for a in homes
     ]
 
 
 @pytest.fixture
 def demos(rng, situations):
-    return [shown(rng, a, b, 30 + 3 * m) for m, (a, b) in enumerate(situations)]
+    return [demonstrate_reach(rng, a, b, 30 + 3 * m) for m, (a, b) in enumerate(situations)]
 
 
-def negated(rng, demos, every_frame=False):
+def negate_quaternions(rng, demos, every_frame=False):
     """Rows at random told by -q, and so some frames."""
-    told = []
+    negated_demos = []
     for demo in demos:
         signs = np.ones(demo.x.shape)
         signs[:, 3:7] = np.where(rng.uniform(size=(len(signs), 1)) < 0.5, -1.0, 1.0)
@@ -82,11 +85,11 @@ def negated(rng, demos, every_frame=False):
             A = frame.A.copy()
             A[3:7, 3:7] *= -1.0 if every_frame or rng.uniform() < 0.5 else 1.0
             frames.append(replace(frame, A=A))
-        told.append(demonstration(signs * demo.x, demo.period, demo.layout, frames))
-    return told
+        negated_demos.append(demonstration(signs * demo.x, demo.period, demo.layout, frames))
+    return negated_demos
 
 
-def turned(demos: list[Demonstration], world: Pose) -> list[Demonstration]:
+def rotate_world(demos: list[Demonstration], world: Pose) -> list[Demonstration]:
     """The same recordings by an observer elsewhere."""
     A = frame_from_pose("world", demos[0].layout, world)
     return [
@@ -101,7 +104,7 @@ def turned(demos: list[Demonstration], world: Pose) -> list[Demonstration]:
 
 
 def assert_same_skill(one, other, tolerance=1e-9):
-    apart = log_at(one.means, other.means, one.layout.turns)
+    apart = log_map(one.means, other.means, one.layout.orientation_starts)
     np.testing.assert_allclose(apart, 0.0, atol=tolerance)
     for a, b in zip(one.covariances, other.covariances, strict=True):
         np.testing.assert_allclose(a.dense, b.dense, atol=tolerance)
@@ -109,25 +112,25 @@ def assert_same_skill(one, other, tolerance=1e-9):
 
 @pytest.mark.parametrize("start", [TimeBins(), KMeans()], ids=lambda s: type(s).__name__)
 @pytest.mark.parametrize("speeds", [False, True])
-def test_signs_of_quaternions_mean_nothing(rng, demos, start, speeds):
+def test_learn_is_invariant_to_quaternion_signs(rng, demos, initialisation, speeds):
     """Any rows, any frames: the same trace and the same Gaussians."""
-    demos = [with_derivatives(d) for d in demos] if speeds else demos
+    demos = [add_derivatives(d) for d in demos] if speeds else demos
     one, other = (
-        learn_markov(told, states=3, rng=np.random.default_rng(0), start=start)
-        for told in (demos, negated(rng, demos))
+        learn_markov(negated_demos, states=3, rng=np.random.default_rng(0), initialisation=initialisation)
+        for negated_demos in (demos, negate_quaternions(rng, demos))
     )
-    np.testing.assert_allclose(other.trace, one.trace, rtol=1e-10)
+    np.testing.assert_allclose(other.log_likelihoods, one.log_likelihoods, rtol=1e-10)
     assert_same_skill(one.skill, other.skill)
 
 
 @pytest.mark.parametrize("speeds", [False, True])
-def test_where_the_world_has_its_axes_means_nothing(rng, demos, speeds):
-    demos = [with_derivatives(d) for d in demos] if speeds else demos
+def test_learn_is_invariant_to_world_rotation(rng, demos, speeds):
+    demos = [add_derivatives(d) for d in demos] if speeds else demos
     one, other = (
-        learn_markov(told, states=3, rng=np.random.default_rng(0))
-        for told in (demos, turned(demos, some_pose(rng)))
+        learn_markov(negated_demos, states=3, rng=np.random.default_rng(0))
+        for negated_demos in (demos, rotate_world(demos, random_pose(rng)))
     )
-    np.testing.assert_allclose(other.trace, one.trace, rtol=1e-8)
+    np.testing.assert_allclose(other.log_likelihoods, one.log_likelihoods, rtol=1e-8)
     assert_same_skill(one.skill, other.skill, 1e-7)
 
 
@@ -135,40 +138,42 @@ def test_where_the_world_has_its_axes_means_nothing(rng, demos, speeds):
 def test_the_likelihood_never_falls(rng, demos, structure):
     """The M-step is exact on S^3 to first order only, yet no step loses what would count as a gain."""
     fit = learn_markov(demos, states=3, rng=rng, structure=structure, settings=PLAIN)
-    assert np.all(np.diff(fit.trace) >= 0.0)
-    assert fit.trace[-1] > fit.trace[0]
-    assert fit.outcome.converged or fit.outcome.iterations == PLAIN.max_iterations
+    assert np.all(np.diff(fit.log_likelihoods) >= 0.0)
+    assert fit.log_likelihoods[-1] > fit.log_likelihoods[0]
+    assert fit.convergence.converged or fit.convergence.iterations == PLAIN.max_iterations
 
 
 def test_at_the_end_tangent_vectors_to_every_mean_cancel(rng):
     """The fixed point of E- and M-step is the exact Karcher mean, weighed by responsibilities."""
-    layout, homes = Layout((SPHERE.parts[1],)), exp(np.array([[0.0, 0.0, 0.0], [1.2, 0.0, 0.0]]))
-    q = multiply(homes[np.arange(60) // 30], exp(0.35 * rng.normal(size=(60, 3))))
+    layout, homes = Layout((SPHERE.parts[1],)), quaternion_exp(np.array([[0.0, 0.0, 0.0], [1.2, 0.0, 0.0]]))
+    q = multiply(homes[np.arange(60) // 30], quaternion_exp(0.35 * rng.normal(size=(60, 3))))
     data = views([demonstration(q, 0.1, layout)])
-    sums = labelled_statistics(data, np.arange(60) // 25 % 2, 2)
+    statistics = labelled_statistics(data, np.arange(60) // 25 % 2, 2)
     for _ in range(200):
-        model = maximise(sums, None, Full(), 0.0, most_likely_weights)
-        sums = statistics(model, data)
-    (m,) = sums.moments
-    np.testing.assert_allclose(m.offsets / m.mass[:, None], 0.0, atol=1e-9)
-    np.testing.assert_allclose(m.squares / m.mass[:, None, None], model.covariances[0].dense, atol=1e-9)
+        model = maximise_likelihood(statistics, None, Full(), 0.0, fit_mixture_weights)
+        statistics = expected_statistics(model, data)
+    (m,) = statistics.moments
+    np.testing.assert_allclose(m.offsets / m.counts[:, None], 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        m.outer_products / m.counts[:, None, None], model.covariances[0].dense, atol=1e-9
+    )
 
 
 def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
     """Within a thousandth of a radian S^3 is flat: the fit of rotation vectors, to the same relative size."""
-    size, home = 1e-3, exp(rng.normal(size=3))
+    size, home = 1e-3, quaternion_exp(rng.normal(size=3))
     parts = Layout((replace(SPHERE.tangent.parts[1], name="turn"),))
     stops = rng.normal(size=(3, 3))
     vectors = [size * (stops[np.arange(40) * 3 // 40] + 0.2 * rng.normal(size=(40, 3))) for _ in range(3)]
     flat = [demonstration(v, 0.1, parts) for v in vectors]
     layout = Layout((SPHERE.parts[1],))
-    sphere = [demonstration(multiply(home, exp(0.5 * v)), 0.1, layout) for v in vectors]
+    sphere = [demonstration(multiply(home, quaternion_exp(0.5 * v)), 0.1, layout) for v in vectors]
     fits = [
         learn_markov(d, states=3, rng=rng, settings=EMSettings(regularisation=0.0)) for d in (flat, sphere)
     ]
     for n in (0, -1):
-        np.testing.assert_allclose(fits[1].trace[n], fits[0].trace[n], rtol=size**2)
-    seen = log_at(home, fits[1].skill.means[0], (0,))
+        np.testing.assert_allclose(fits[1].log_likelihoods[n], fits[0].log_likelihoods[n], rtol=size**2)
+    seen = log_map(home, fits[1].skill.means[0], (0,))
     np.testing.assert_allclose(seen, fits[0].skill.means[0], atol=10 * size**2)
     dense = [fit.skill.covariances[0].dense for fit in fits]
     np.testing.assert_allclose(dense[1], dense[0], atol=10 * size**3)
@@ -186,52 +191,54 @@ def test_quaternions_and_orientations_are_not_learned_together(rng, demos):
     flat = demonstration(demos[0].x, 0.1, POSE, demos[0].frames)
     with pytest.raises(InvalidInput, match="layout"):
         learn_markov([*demos, flat], states=2, rng=rng)
-    assert on_sphere(flat).layout == demos[0].layout
+    assert to_sphere(flat).layout == demos[0].layout
 
 
 @pytest.mark.parametrize("speeds", [False, True])
 def test_the_adapted_skill_turns_along_with_the_world(rng, demos, speeds):
     """Places and orientations of the means move as the objects do; deviations of turns stay."""
-    demos = [with_derivatives(d) for d in demos] if speeds else demos
-    skill, world = learn_markov(demos, states=3, rng=rng).skill, some_pose(rng)
-    told = negated(rng, turned(demos, world))[0].frames
-    here, there = adapt(skill, demos[0].frames), adapt(skill, told)
+    demos = [add_derivatives(d) for d in demos] if speeds else demos
+    skill, world = learn_markov(demos, states=3, rng=rng).skill, random_pose(rng)
+    negated_demos = negate_quaternions(rng, rotate_world(demos, world))[0].frames
+    here, there = adapt(skill, demos[0].frames), adapt(skill, negated_demos)
     A = frame_from_pose("world", skill.layout, world)
     np.testing.assert_allclose(
-        log_at(there.means, here.means @ A.A.T + A.b, skill.layout.turns), 0.0, atol=1e-7
+        log_map(there.means, here.means @ A.A.T + A.b, skill.layout.orientation_starts), 0.0, atol=1e-7
     )
-    carry = tangent_map(A.A, skill.layout.turns)
+    carry = tangent_map(A.A, skill.layout.orientation_starts)
     np.testing.assert_allclose(there.covariances, carry @ here.covariances @ carry.T, atol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(there.means[:, 3:7], axis=1), 1.0)
 
 
 def test_signs_of_demonstrations_and_frames_do_not_reach_the_adapted_skill(rng, demos):
     adapted = [
-        adapt(learn(told, states=3, rng=np.random.default_rng(0)).skill, told[0].frames)
-        for told in (demos, negated(rng, demos))
+        adapt(learn(negated_demos, states=3, rng=np.random.default_rng(0)).skill, negated_demos[0].frames)
+        for negated_demos in (demos, negate_quaternions(rng, demos))
     ]
-    apart = log_at(adapted[0].means, adapted[1].means, adapted[0].layout.turns)
+    apart = log_map(adapted[0].means, adapted[1].means, adapted[0].layout.orientation_starts)
     np.testing.assert_allclose(apart, 0.0, atol=1e-8)
     np.testing.assert_allclose(adapted[1].covariances, adapted[0].covariances, atol=1e-8)
 
 
 def test_the_adapted_density_peaks_where_the_frames_densities_together_do(rng, demos):
     """To their powers: at each state's mean, no step raises sum_j r_j log p_j."""
-    skill, powers = learn_markov(demos, states=3, rng=rng).skill, rng.uniform(0.1, 1.0, size=(2, 3))
-    powers[1, 0] = 0.0
+    skill, pool_weights = learn_markov(demos, states=3, rng=rng).skill, rng.uniform(0.1, 1.0, size=(2, 3))
+    pool_weights[1, 0] = 0.0
     frames = demos[1].frames
-    here, h = adapt(skill, frames, relevance=powers), 1e-4 * rng.normal(size=(50, 6))
+    here, h = adapt(skill, frames, relevance=pool_weights), 1e-4 * rng.normal(size=(50, 6))
     for k in range(3):
-        points = exp_at(here.means[k], np.vstack([np.zeros(6), h]), skill.layout.turns)
+        points = exp_map(here.means[k], np.vstack([np.zeros(6), h]), skill.layout.orientation_starts)
         heights = np.zeros(51)
         for p, f in enumerate(frames):
-            own = RiemannianGaussian(skill.means[p, k], skill.covariances[p].dense[k], skill.layout.turns)
-            heights += powers[p, k] * riemannian_log_density(own, (points - f.b) @ np.linalg.inv(f.A).T)
+            own = RiemannianGaussian(
+                skill.means[p, k], skill.covariances[p].dense[k], skill.layout.orientation_starts
+            )
+            heights += pool_weights[p, k] * riemannian_log_density(own, (points - f.b) @ np.linalg.inv(f.A).T)
         assert heights.argmax() == 0
     np.testing.assert_allclose(
         here.covariances[0],
         tangent_map(frames[0].A, (3,))
-        @ (skill.covariances[0].dense[0] / powers[0, 0])
+        @ (skill.covariances[0].dense[0] / pool_weights[0, 0])
         @ tangent_map(frames[0].A, (3,)).T,
         rtol=1e-9,
         atol=1e-12,
@@ -242,7 +249,7 @@ def test_an_adapted_skill_recognises_its_states(rng, demos, situations):
     """Told by q or -q, the beginning is in the first state and the end in the last."""
     here = adapt(learn(demos, states=3, rng=rng).skill, demos[0].frames)
     for x in (demos[0].x, demos[0].x * np.repeat([1.0, -1.0], [3, 4])):
-        states = log_likelihood_of_states(here, x).argmax(axis=1)
+        states = log_state_likelihoods(here, x).argmax(axis=1)
         assert (states[0], states[-1]) == (0, 2)
 
 
@@ -253,7 +260,7 @@ def test_frames_that_leave_the_sphere_are_refused(rng, demos):
 
 
 @pytest.mark.parametrize("way", [learn_mixture, learn_markov, learn])
-def test_where_the_tool_is_tells_how_it_is_turned(rng, demos, way):
+def test_regression_predicts_orientation_from_position(rng, demos, way):
     """Regression on the sphere, in every dynamics: nearer than any one orientation, and whole."""
     here = adapt(way(demos, states=3, rng=rng).skill, demos[0].frames)
     x, q = demos[0].x[:, :3], demos[0].x[:, 3:]

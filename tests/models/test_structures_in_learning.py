@@ -15,65 +15,81 @@ from pilotfish.gaussians import (
     MPPCA,
     DenseCovariances,
     Full,
-    HDDCShare,
+    HDDCExplainedVariance,
     LatentCovariances,
     SemiTied,
 )
+from pilotfish.io import datasets
 from pilotfish.models import (
     EMSettings,
     KMeans,
     TimeBins,
     adapt,
-    covariance_freedom,
-    covariance_parameters,
-    fitted_parameters,
+    covariance_degrees_of_freedom,
+    covariance_parameter_count,
+    expected_statistics,
+    fit_markov_chain,
+    fit_mixture_weights,
+    fitted_covariance_parameter_count,
     learn,
     learn_markov,
     learn_mixture,
-    maximise,
-    most_likely_chain,
-    most_likely_weights,
-    semi_markov_parameters,
-    statistics,
+    maximise_likelihood,
+    semi_markov_parameter_count,
 )
-from pilotfish.store import datasets
 
-STRUCTURES = [MFA(1), MFA(2), MPPCA(1), HDDC(2), HDDC((2, 1, 1)), HDDCShare(0.8), EMLLT(5), MLT(2)]
+STRUCTURES = [
+    MFA(1),
+    MFA(2),
+    MPPCA(1),
+    HDDC(2),
+    HDDC((2, 1, 1)),
+    HDDCExplainedVariance(0.8),
+    EMLLT(5),
+    MLT(2),
+]
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
 @pytest.mark.parametrize("frames", [1, 2])
-@pytest.mark.parametrize("chain", [most_likely_chain, most_likely_weights])
+@pytest.mark.parametrize("chain", [fit_markov_chain, fit_mixture_weights])
 @pytest.mark.parametrize("start", [TimeBins(1.0), KMeans()], ids=["bins", "k-means"])
-def test_the_likelihood_of_plain_expectation_maximisation_never_falls(
-    rng, scene, structure, frames, chain, start
+def test_em_without_regularisation_is_monotone(
+    rng, make_demonstrations, structure, frames, chain, initialisation
 ):
     """Without regularisation nothing is undone: every single step gains, to rounding."""
-    data = views(scene(frames=frames, width=3, stops=3, lengths=(50, 60, 31), noise=0.3))
-    model = maximise(start.guess(data, 3, rng), None, structure, 0.0, chain)
+    data = views(make_demonstrations(frames=frames, width=3, stops=3, lengths=(50, 60, 31), noise=0.3))
+    model = maximise_likelihood(initialisation.initial_statistics(data, 3, rng), None, structure, 0.0, chain)
     values = []
     for _ in range(12):
-        sums = statistics(model, data)
-        values.append(sums.log_likelihood)
-        model = maximise(sums, model, structure, 0.0, chain)
+        statistics = expected_statistics(model, data)
+        values.append(statistics.log_likelihood)
+        model = maximise_likelihood(statistics, model, structure, 0.0, chain)
     assert np.diff(values).min() > -1e-9 * abs(values[-1])
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
-def test_a_structured_skill_is_no_likelier_than_a_full_one_that_goes_on_from_it(rng, scene, structure):
+def test_a_structured_skill_is_no_likelier_than_a_full_one_that_goes_on_from_it(
+    rng, make_demonstrations, structure
+):
     """Full covariances can be whatever any structure is."""
-    demos, settings = scene(width=3, stops=3, noise=0.3), EMSettings(regularisation=0.0, max_iterations=20)
+    demos, settings = (
+        make_demonstrations(width=3, stops=3, noise=0.3),
+        EMSettings(regularisation=0.0, max_iterations=20),
+    )
     model = learn_markov(demos, states=3, rng=rng, structure=structure, settings=settings).skill
-    sums = statistics(model, views(demos))
-    free = maximise(sums, None, Full(), 0.0, most_likely_chain)
-    rounding = 1e-9 * abs(sums.log_likelihood)
-    assert statistics(free, views(demos)).log_likelihood >= sums.log_likelihood - rounding
+    statistics = expected_statistics(model, views(demos))
+    free = maximise_likelihood(statistics, None, Full(), 0.0, fit_markov_chain)
+    rounding = 1e-9 * abs(statistics.log_likelihood)
+    assert expected_statistics(free, views(demos)).log_likelihood >= statistics.log_likelihood - rounding
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
 @pytest.mark.parametrize("fit", [learn, learn_mixture])
-def test_only_the_covariances_written_out_count_when_a_skill_is_adapted(rng, scene, structure, fit):
-    demos = scene(width=3, noise=0.3)
+def test_only_the_covariances_written_out_count_when_a_skill_is_adapted(
+    rng, make_demonstrations, structure, fit
+):
+    demos = make_demonstrations(width=3, noise=0.3)
     skill = fit(demos, states=3, rng=rng, structure=structure).skill
     assert skill.provenance.structure == structure.label
     dense = replace(skill, covariances=tuple(DenseCovariances(c.dense) for c in skill.covariances))
@@ -83,18 +99,20 @@ def test_only_the_covariances_written_out_count_when_a_skill_is_adapted(rng, sce
 
 
 @pytest.mark.parametrize(
-    "structure", [MFA(4), MPPCA(4), HDDCShare(0.9), EMLLT(24), MLT(2)], ids=lambda s: s.label
+    "structure", [MFA(4), MPPCA(4), HDDCExplainedVariance(0.9), EMLLT(24), MLT(2)], ids=lambda s: s.label
 )
 def test_the_likelihood_of_a_real_skill_never_falls(rng, data_folder, monkeypatch, structure):
     """Valve opening, 14 columns in two frames, with nothing added to its variances but what holds them."""
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
     data = views(datasets.valve()[:4])
-    model = maximise(TimeBins(0.5).guess(data, 5, rng), None, structure, 1e-6, most_likely_chain)
+    model = maximise_likelihood(
+        TimeBins(0.5).initial_statistics(data, 5, rng), None, structure, 1e-6, fit_markov_chain
+    )
     values = []
     for _ in range(8):
-        sums = statistics(model, data)
-        values.append(sums.log_likelihood)
-        model = maximise(sums, model, structure, 1e-6, most_likely_chain)
+        statistics = expected_statistics(model, data)
+        values.append(statistics.log_likelihood)
+        model = maximise_likelihood(statistics, model, structure, 1e-6, fit_markov_chain)
     assert np.diff(values).min() > 0.0
 
 
@@ -104,22 +122,24 @@ def test_the_likelihood_of_a_real_skill_never_falls(rng, data_folder, monkeypatc
 )
 def test_whole_latent_models_have_the_sizes_of_table_5_1(structure, states, count):
     """Tanwani 2018, table 5.1: D = 14; the noise of subspaces, one number a state, is not counted there."""
-    assert semi_markov_parameters(structure, states, 14) == count
+    assert semi_markov_parameter_count(structure, states, 14) == count
 
 
-def test_sizes_of_a_fit_are_those_of_its_frames(rng, scene):
+def test_sizes_of_a_fit_are_those_of_its_frames(rng, make_demonstrations):
     """What is known beforehand is the same after the fit; shares of variance are known only then."""
-    demos = scene(width=4, noise=0.3)
+    demos = make_demonstrations(width=4, noise=0.3)
     for structure in (MFA(2), SemiTied(), Full()):
         skill = learn(demos, states=3, rng=rng, structure=structure).skill
-        known = covariance_parameters(structure, 3, 4, frames=2)
-        assert fitted_parameters(structure, skill.covariances) == known
-        assert covariance_freedom(structure, skill.covariances) == 2 * structure.degrees_of_freedom(3, 4)
-    skill = learn(demos, states=3, rng=rng, structure=HDDCShare(0.8)).skill
+        known = covariance_parameter_count(structure, 3, 4, frames=2)
+        assert fitted_covariance_parameter_count(structure, skill.covariances) == known
+        assert covariance_degrees_of_freedom(
+            structure, skill.covariances
+        ) == 2 * structure.degrees_of_freedom(3, 4)
+    skill = learn(demos, states=3, rng=rng, structure=HDDCExplainedVariance(0.8)).skill
     expected = 0
     for c in skill.covariances:
         assert isinstance(c, LatentCovariances)
         expected += int((4 * c.factors + 1).sum())
-    assert fitted_parameters(HDDCShare(0.8), skill.covariances) == expected
+    assert fitted_covariance_parameter_count(HDDCExplainedVariance(0.8), skill.covariances) == expected
     with pytest.raises(InvalidInput, match="fitted_parameters"):
-        covariance_parameters(HDDCShare(0.8), 3, 4)
+        covariance_parameter_count(HDDCExplainedVariance(0.8), 3, 4)

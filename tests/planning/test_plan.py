@@ -6,7 +6,7 @@ import pytest
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.models import AdaptedSkill, GaussianDurations, SemiMarkovChain
-from pilotfish.planning import expected_plan, plan, planned_states, reference
+from pilotfish.planning import expected_plan, plan, planned_states, reference_from_states
 
 
 @pytest.fixture
@@ -28,16 +28,16 @@ def test_targets_are_the_means_of_the_states_in_their_order(model):
 
 
 def test_weights_are_the_inverse_of_the_softened_covariance(model):
-    plan_ = reference(model, np.array([1]), slack=2e-3)
+    plan_ = reference_from_states(model, np.array([1]), covariance_regularisation=2e-3)
     np.testing.assert_allclose(
         plan_.weights[0] @ (model.covariances[1] + 2e-3 * np.eye(2)), np.eye(2), atol=1e-9
     )
 
 
-@pytest.mark.parametrize("slack", [1e-4, 2e-3, 1.0])
-def test_no_direction_is_followed_with_more_than_one_over_the_slack(model, slack):
-    weights = reference(model, np.arange(3), slack).weights
-    assert np.linalg.eigvalsh(weights).max() <= 1.0 / slack
+@pytest.mark.parametrize("covariance_regularisation", [1e-4, 2e-3, 1.0])
+def test_no_direction_is_followed_with_more_than_one_over_the_slack(model, covariance_regularisation):
+    weights = reference_from_states(model, np.arange(3), covariance_regularisation).weights
+    assert np.linalg.eigvalsh(weights).max() <= 1.0 / covariance_regularisation
     assert np.linalg.eigvalsh(weights).min() > 0.0
 
 
@@ -57,14 +57,14 @@ def test_unusable_starts_horizons_and_slacks_are_refused(model):
         plan(model, np.array([np.nan, 0.0]), horizon=10)
     with pytest.raises(InvalidInput, match="horizon"):
         plan(model, np.zeros(2), horizon=0)
-    with pytest.raises(InvalidInput, match="slack"):
-        plan(model, np.zeros(2), horizon=10, slack=-1.0)
+    with pytest.raises(InvalidInput, match="covariance_regularisation"):
+        plan(model, np.zeros(2), horizon=10, covariance_regularisation=-1.0)
 
 
 def test_a_certain_state_without_slack_is_reported(model):
     certain = AdaptedSkill(model.dynamics, model.means, np.zeros((3, 2, 2)), model.layout, 0.1)
     with pytest.raises(NotPositiveDefinite, match="state 0"):
-        expected_plan(certain, horizon=5, slack=0.0)
+        expected_plan(certain, horizon=5, covariance_regularisation=0.0)
 
 
 def test_planned_states_are_those_of_the_plan(model):
@@ -82,6 +82,6 @@ def test_a_plan_knows_the_time_between_its_targets(model):
 def test_weights_that_would_not_fit_in_memory_are_refused(model):
     """They are counted before they are made."""
     with pytest.raises(InvalidInput, match="weights of 16777217 steps have 67108868 numbers"):
-        reference(model, np.zeros(2**24 + 1, dtype=np.int64), 1e-3)
+        reference_from_states(model, np.zeros(2**24 + 1, dtype=np.int64), 1e-3)
     with pytest.raises(InvalidInput, match="horizon is 1000000000, expected a whole number from"):
         expected_plan(model, horizon=10**9)

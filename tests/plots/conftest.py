@@ -22,11 +22,11 @@ from pilotfish.geometry import Pose
 from pilotfish.models import (
     AdaptedSkill,
     Candidate,
-    Failure,
+    Convergence,
+    FailedCandidate,
     Fit,
     FrameRelevance,
     GaussianDurations,
-    Outcome,
     Provenance,
     Score,
     Selection,
@@ -35,21 +35,28 @@ from pilotfish.models import (
     learn,
     learn_markov,
 )
-from pilotfish.models.online import SOSC, OnlineModel, Trace, Upkeep, observe_stream, online_model
-from pilotfish.planning import reference
+from pilotfish.models.online import (
+    SOSC,
+    ExponentialDecay,
+    Maintenance,
+    OnlineModel,
+    observe_stream,
+    online_model,
+)
+from pilotfish.planning import reference_from_states
 
 PERIOD = 0.1  # s
-LAYOUT = pose_layout().differentiated()
+LAYOUT = pose_layout().differentiate()
 FRAMES = ("cup before", "cup after")
 
 
-def definite(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
+def random_covariances(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
     """Symmetric positive definite matrices whose deviations are about a tenth."""
     root = rng.normal(scale=0.1 / np.sqrt(width), size=(count, width, width))
     return root @ root.transpose(0, 2, 1) + 1e-4 * np.eye(width)
 
 
-def left_right(rng: np.random.Generator, states: int) -> SemiMarkovChain:
+def left_right_chain(rng: np.random.Generator, states: int) -> SemiMarkovChain:
     """One state after the other; the last is final."""
     durations = GaussianDurations(rng.uniform(3.0, 9.0, states), rng.uniform(0.5, 3.0, states))
     return SemiMarkovChain(np.eye(states)[0], np.eye(states, k=1), durations)
@@ -66,18 +73,20 @@ def make_skill(
     frames: tuple[str, ...] = FRAMES,
     layout: Layout = LAYOUT,
     *,
-    tied: bool = False,
+    semi_tied_skill: bool = False,
 ) -> Skill:
     """A skill of so many states, seen from these frames, its covariances full or semi-tied."""
     width = layout.width
     covariances = [
-        semi_tied(rng, states, width) if tied else DenseCovariances(definite(rng, states, width))
+        semi_tied(rng, states, width)
+        if semi_tied_skill
+        else DenseCovariances(random_covariances(rng, states, width))
         for _ in frames
     ]
     means = np.cumsum(rng.normal(scale=0.2, size=(len(frames), states, width)), axis=1)
-    label = "semi-tied(1)" if tied else "full"
+    label = "semi-tied(1)" if semi_tied_skill else "full"
     provenance = Provenance(("a",), 9, "", label, 0.0, 1.0, 3, True, "pilotfish")
-    chain = left_right(rng, states)
+    chain = left_right_chain(rng, states)
     return Skill(chain, means, tuple(covariances), layout, PERIOD, frames, provenance)
 
 
@@ -111,7 +120,7 @@ def make_selection(rng: np.random.Generator) -> Selection:
         Score(c, c.states, 100 * c.states + n, 5e3, -1e4 + n, rng.normal(20.0 - (c.states - 5) ** 2, 3.0, 4))
         for n, c in enumerate(tried)
     ]
-    return Selection(tuple(scores), (Failure(tried[0], "it collapsed"),))
+    return Selection(tuple(scores), (FailedCandidate(tried[0], "it collapsed"),))
 
 
 def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
@@ -121,10 +130,12 @@ def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
     return FrameRelevance(values, rng.gamma(0.5, 40.0, (3, states)), (*FRAMES, "distractor"))
 
 
-def make_growing(rng: np.random.Generator) -> list[OnlineModel]:
+def make_online_models(rng: np.random.Generator) -> list[OnlineModel]:
     """Two frames, five places on lines and planes; one is left early and forgotten."""
-    upkeep = Upkeep(Trace(0.98, forget_below=0.3))
-    model = online_model(SOSC(2.0, 0.1, 0.01, 50.0, upkeep=upkeep), position_layout(3), PERIOD, FRAMES)
+    maintenance = Maintenance(ExponentialDecay(0.98, forget_below=0.3))
+    model = online_model(
+        SOSC(2.0, 0.1, 0.01, 50.0, maintenance=maintenance), position_layout(3), PERIOD, FRAMES
+    )
     models = []
     for n in range(30):
         k = 4 if n == 1 else n % 4
@@ -136,11 +147,11 @@ def make_growing(rng: np.random.Generator) -> list[OnlineModel]:
 
 
 @dataclass(frozen=True)
-class Things:
+class PlotInputs:
     """All that the pictures of the room show."""
 
     skill: Skill
-    tied: Skill
+    semi_tied_skill: Skill
     frames: tuple[Frame, ...]
     demonstrations: tuple[Demonstration, ...]
     adapted: AdaptedSkill  # the skill as its first frame sees it
@@ -149,44 +160,55 @@ class Things:
     motion: Motion
     fit: Fit
     selection: Selection
-    relevant: FrameRelevance
-    growing: list[OnlineModel]
+    frame_relevance: FrameRelevance
+    online_models: list[OnlineModel]
 
 
-def make_things(rng: np.random.Generator) -> Things:
+def make_plot_inputs(rng: np.random.Generator) -> PlotInputs:
     skill, frames = make_skill(rng), make_frames(rng)
     shown = make_demonstrations(rng, frames)
     adapted = AdaptedSkill(skill.dynamics, skill.means[0], skill.covariances[0].dense, LAYOUT, PERIOD)
     states = np.repeat(np.arange(skill.states), 6)
-    feedback = track(double_integrator(7, PERIOD), reference(adapted, states, 2e-3), 9.0)
-    fit = Fit(skill, skill, np.sort(rng.normal(size=8)), Outcome(True, 8, "it was enough", ()))
+    feedback = track(double_integrator(7, PERIOD), reference_from_states(adapted, states, 2e-3), 9.0)
+    fit = Fit(skill, skill, np.sort(rng.normal(size=8)), Convergence(True, 8, "it was enough", ()))
     motion = feedback.rollout(shown[0].x[0])
-    tied, chosen = make_skill(rng, tied=True), make_selection(rng)
-    relevant = make_relevance(rng)
-    growing = make_growing(rng)
-    return Things(
-        skill, tied, frames, shown, adapted, states, feedback, motion, fit, chosen, relevant, growing
+    semi_tied_skill, chosen = make_skill(rng, semi_tied_skill=True), make_selection(rng)
+    frame_relevance = make_relevance(rng)
+    online_models = make_online_models(rng)
+    return PlotInputs(
+        skill,
+        semi_tied_skill,
+        frames,
+        shown,
+        adapted,
+        states,
+        feedback,
+        motion,
+        fit,
+        chosen,
+        frame_relevance,
+        online_models,
     )
 
 
 @pytest.fixture
-def things(rng: np.random.Generator) -> Things:
-    return make_things(rng)
+def inputs(rng: np.random.Generator) -> PlotInputs:
+    return make_plot_inputs(rng)
 
 
 @pytest.fixture(scope="module")
-def same_things() -> Things:
+def fixed_inputs() -> PlotInputs:
     """Drawn once for many laws: pictures take time."""
-    return make_things(np.random.default_rng(0))
+    return make_plot_inputs(np.random.default_rng(0))
 
 
 @pytest.fixture
-def skills(rng: np.random.Generator) -> Callable[..., Skill]:
+def make_skill_of_size(rng: np.random.Generator) -> Callable[..., Skill]:
     """Makes skills of other sizes."""
     return partial(make_skill, rng)
 
 
 @pytest.fixture(scope="module")
-def same_skills() -> Callable[..., Skill]:
+def make_fixed_skill() -> Callable[..., Skill]:
     """Makes the same skills of other sizes for every law."""
     return partial(make_skill, np.random.default_rng(0))

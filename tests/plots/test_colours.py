@@ -10,7 +10,7 @@ from pilotfish.plots.style import AXIS_COLOURS, STATE_COLOURS, state_dash
 
 # What linear RGB becomes for the eye of a protanope, deuteranope and tritanope: Machado, Oliveira &
 # Fernandes 2009, IEEE TVCG 15(6), table 1, severity 1.
-EYES = {
+COLOUR_VISION = {
     "all": np.eye(3),
     "no red": np.array(
         [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
@@ -25,24 +25,24 @@ EYES = {
 XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 
 
-def lab(colour: str, eye: np.ndarray) -> np.ndarray:
+def lab(colour: str, vision: np.ndarray) -> np.ndarray:
     """CIELAB of a hex colour as that eye sees it: distances are about what can just be seen."""
     rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    xyz = XYZ @ np.clip(eye @ linear, 0.0, 1.0) / XYZ.sum(axis=1)
+    xyz = XYZ @ np.clip(vision @ linear, 0.0, 1.0) / XYZ.sum(axis=1)
     f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize("eye", COLOUR_VISION)
 @pytest.mark.parametrize("colours", [STATE_COLOURS, tuple(AXIS_COLOURS.values())], ids=["states", "axes"])
-def test_colours_stay_apart(eye: str, colours: tuple[str, ...]):
+def test_colours_stay_apart(vision: str, colours: tuple[str, ...]):
     """Any two colours differ by 15 or more in CIELAB, six times what is just seen, for every eye."""
-    seen = [lab(colour, EYES[eye]) for colour in colours]
+    seen = [lab(colour, COLOUR_VISION[vision]) for colour in colours]
     assert min(float(np.linalg.norm(a - b)) for a, b in combinations(seen, 2)) >= 15.0
 
 
 def test_every_state_looks_different():
     """Colour and dash together differ for all states that are allowed."""
-    looks = {(plots.state_colour(k), state_dash(k)) for k in range(plots.MOST_STATES)}
-    assert len(looks) == plots.MOST_STATES
+    looks = {(plots.state_colour(k), state_dash(k)) for k in range(plots.MAX_STATES)}
+    assert len(looks) == plots.MAX_STATES

@@ -10,18 +10,18 @@ import pytest
 from PIL import Image, ImageChops
 
 import pilotfish as pf
-from pilotfish.models import covariance_parameters
+from pilotfish.models import covariance_parameter_count
 
 
 @pytest.fixture(scope="module")
 def dance(data_folder, chicken_dance):
-    return chicken_dance.timed(pf.demonstrations.resampled(pf.datasets.chicken_dance()[0], 500))
+    return chicken_dance.add_time_column(pf.demonstrations.resample(pf.datasets.chicken_dance()[0], 500))
 
 
 def test_parameters_of_the_dance_are_those_printed():
     """75 components in 94 dimensions: 334,875 numbers when free, 15,886 when tied."""
-    assert covariance_parameters(pf.Full(), states=75, width=94) == 334_875
-    assert covariance_parameters(pf.SemiTied(1.0), states=75, width=94) == 15_886
+    assert covariance_parameter_count(pf.structures.Full(), states=75, width=94) == 334_875
+    assert covariance_parameter_count(pf.structures.SemiTied(1.0), states=75, width=94) == 15_886
 
 
 def test_bones_keep_their_length_through_the_dance(data_folder, chicken_dance):
@@ -43,21 +43,21 @@ def test_bones_keep_their_length_through_the_dance(data_folder, chicken_dance):
 
 def test_what_is_given_comes_back_untouched_and_left_is_left(dance, chicken_dance):
     """Time and the left side: 34 columns, none of the right; those given are not regenerated."""
-    columns = chicken_dance.given("half", dance.layout)
+    columns = chicken_dance.input_columns("half", dance.layout)
     names = [dance.layout.names[c] for c in columns]
     assert names[0] == "time"
     assert len(names) == 34
     assert not [name for name in names if name.startswith(("Right", "R"))]
-    skill = chicken_dance.learned(dance, "full", 3).skill
-    made = chicken_dance.regenerated(skill, dance.x, columns)
+    skill = chicken_dance.learn_skill(dance, "full", 3).skill
+    made = chicken_dance.regenerate(skill, dance.x, columns)
     np.testing.assert_array_equal(made[:, columns], dance.x[:, columns])
     assert np.abs(made - dance.x).max() > 1e-3
 
 
 def test_one_component_regenerates_by_least_squares(dance, chicken_dance):
     """With K = 1 the body expected at a time is the ridge regression line through the recording."""
-    skill = chicken_dance.learned(dance, "full", 1).skill
-    made = chicken_dance.regenerated(skill, dance.x, np.array([0]))
+    skill = chicken_dance.learn_skill(dance, "full", 1).skill
+    made = chicken_dance.regenerate(skill, dance.x, np.array([0]))
     seconds, body = dance.x[:, 0] - dance.x[:, 0].mean(), dance.x[:, 1:] - dance.x[:, 1:].mean(axis=0)
     slope = seconds @ body / (seconds @ seconds + len(seconds) * 1e-4)
     np.testing.assert_allclose(made[:, 1:], dance.x[:, 1:].mean(axis=0) + np.outer(seconds, slope), atol=1e-9)

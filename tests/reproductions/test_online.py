@@ -25,20 +25,20 @@ def run(name: str, *options: object) -> None:
 @pytest.mark.parametrize("way", ["thesis", "forgetting"])
 def test_a_stream_that_changes_twice_is_followed(online_stages: ModuleType, way: str, seed: int):
     """K and every d are the true ones after each stage, labels agree with the truth, so do transitions."""
-    for lesson in online_stages.lessons(way, seed):
-        judged = online_stages.judged(lesson)
-        assert judged["all right"], judged
-        assert judged["information"] > 0.97
-        assert judged["transition error without the fourth"] < 0.02
+    for stage_result in online_stages.stage_results(way, seed):
+        evaluate_model = online_stages.evaluate_model(stage_result)
+        assert evaluate_model["all right"], evaluate_model
+        assert evaluate_model["information"] > 0.97
+        assert evaluate_model["transition error without the fourth"] < 0.02
     assert [len(stage.bases) for stage in online_stages.stages(seed)] == [4, 4, 6]
 
 
 def test_with_the_printed_penalties_joined_visits_last_as_long_as_the_true_ones(online_stages: ModuleType):
     """Visits that merged clusters had cut: 80 steps in the mean, deviation 6; as counted they are shorter."""
-    judged = online_stages.judged(online_stages.lessons("thesis", 0)[0])
-    assert judged["duration, joined [steps]"] == pytest.approx(80.0, abs=2.5)
-    assert judged["deviation of durations, joined [steps]"] < 8.0
-    assert judged["duration [steps]"] < judged["duration, joined [steps]"]
+    evaluate_model = online_stages.evaluate_model(online_stages.stage_results("thesis", 0)[0])
+    assert evaluate_model["duration, joined [steps]"] == pytest.approx(80.0, abs=2.5)
+    assert evaluate_model["deviation of durations, joined [steps]"] < 8.0
+    assert evaluate_model["duration [steps]"] < evaluate_model["duration, joined [steps]"]
 
 
 def test_the_stream_is_made_as_told(online_stages: ModuleType):
@@ -62,15 +62,15 @@ def test_the_stream_is_made_as_told(online_stages: ModuleType):
 
 def test_growing_by_pieces_is_the_same_model(online_stages: ModuleType):
     """The pictures' models, learned piece by piece, end where the table's do."""
-    whole = online_stages.lessons("thesis", 0)[-1].model
-    pieces = online_stages.growing("thesis", 0, 500)[-1]
+    whole = online_stages.stage_results("thesis", 0)[-1].model
+    pieces = online_stages.models_by_step("thesis", 0, 500)[-1]
     np.testing.assert_array_equal(pieces.state.clusters, whole.state.clusters)
 
 
 def test_the_clusters_of_the_z(data_folder, online_zshape: ModuleType):
     """Printed penalties: dozens of clusters when compared with squares, a handful when lambda is a length."""
     shown = pf.datasets.zshape()
-    models = [online_zshape.streamed(settings, shown) for settings in online_zshape.ENCODINGS.values()]
+    models = [online_zshape.learn_stream(settings, shown) for settings in online_zshape.ENCODINGS.values()]
     assert [model.clusters for model in models] == [94, 6, 21, 7]
     distances = [
         online_zshape.encoding(name, model, shown)["mean squared distance"]
@@ -104,12 +104,12 @@ def test_distances_to_subspaces_are_those_of_the_definition(online_zshape: Modul
 def test_what_makes_the_model_of_the_z_depend_less_on_order(data_folder, online_zshape: ModuleType):
     """Shuffled datapoints: begun from a batch fit models agree; in order, batches fit far better."""
     shown = pf.datasets.zshape()
-    plain, begun, batches = (
-        online_zshape.shuffled(name, online_zshape.REMEDIES[name], shown, 8)[2]
+    plain, begin_from_batch, batches = (
+        online_zshape.evaluate_shuffles(name, online_zshape.ORDER_EXPERIMENTS[name], shown, 8)[2]
         for name in ("lambda a length", "begun from a batch fit", "batches of 50")
     )
-    assert begun["information with each other"] > plain["information with each other"] + 0.1
-    assert begun["deviation of clusters"] < plain["deviation of clusters"]
+    assert begin_from_batch["information with each other"] > plain["information with each other"] + 0.1
+    assert begin_from_batch["deviation of clusters"] < plain["deviation of clusters"]
     assert batches["in order, loss"] < 0.2 * plain["in order, loss"]
 
 
@@ -131,12 +131,14 @@ def test_silhouettes_are_those_of_the_definition(online_dimensions: ModuleType, 
 def test_ten_and_seventy_five_dimensions_are_told_apart(online_dimensions: ModuleType):
     """Clusters, labels and, where there are datapoints enough, dimensions are right (figure 5.8)."""
     for D in (10, 75):
-        judged = online_dimensions.judged(online_dimensions.stream(D, 1000, 0), online_dimensions.settings(D))
-        assert judged["clusters"] == 4
-        assert judged["information"] > 0.95
-        assert judged["silhouette"] > 0.7
-        assert judged["distance of means"] < 1.5 * judged["expected distance"]
-        assert judged["dimensions right"] == 1.0 or D == 75
+        evaluate_model = online_dimensions.evaluate_model(
+            online_dimensions.stream(D, 1000, 0), online_dimensions.settings(D)
+        )
+        assert evaluate_model["clusters"] == 4
+        assert evaluate_model["information"] > 0.95
+        assert evaluate_model["silhouette"] > 0.7
+        assert evaluate_model["distance of means"] < 1.5 * evaluate_model["expected distance"]
+        assert evaluate_model["dimensions right"] == 1.0 or D == 75
 
 
 def test_parameters_of_streams_are_counted_as_printed(online_valve: ModuleType):
@@ -149,13 +151,15 @@ def test_the_form_of_a_stream_serves_the_valve_and_its_order_does_not(data_folde
     """A batch fit brought into it reproduces what is unseen as well; a stream from nothing does not."""
     shown = pf.datasets.valve()
     train, test = shown[:4], shown[4:]
-    batch, first = online_valve.learned(train), online_valve.learned(train[:2])
+    batch, first = online_valve.learn_skill(train), online_valve.learn_skill(train[:2])
     errors = [
         online_valve.error(skill, test)
         for skill in (
             batch,
-            pf.online.read_out(online_valve.begun(batch, train, 0.9)),
-            pf.online.read_out(online_valve.streamed(online_valve.nothing(first, train[:2], 0.9), train)),
+            pf.online.to_skill(online_valve.begin_from_batch(batch, train, 0.9)),
+            pf.online.to_skill(
+                online_valve.learn_stream(online_valve.empty_model(first, train[:2], 0.9), train)
+            ),
         )
     ]
     assert errors[1] < errors[0]

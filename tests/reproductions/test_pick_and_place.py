@@ -14,7 +14,7 @@ pytest.importorskip("mujoco")
 
 import pilotfish as pf
 from pilotfish.demonstrations import Layout, Part, Quantity, frame_from_pose, pose_layout, views
-from pilotfish.environments.tasks.plate import obstacle_at, situation_at
+from pilotfish.environments.tasks.plate import obstacle_pose, situation_for_level
 from pilotfish.models import adapt
 
 FOLDER = Path(__file__).parents[2] / "reproductions"
@@ -34,8 +34,8 @@ def script() -> ModuleType:
 
 def movement(level: int, rng: np.random.Generator, rows: int) -> pf.Demonstration:
     """From above the plate over the obstacle, turning a little, the grip shut on the way."""
-    where = situation_at(level, rng)
-    obstacle = obstacle_at(level)
+    where = situation_for_level(level, rng)
+    obstacle = obstacle_pose(level)
     points = np.stack(
         [where.plate.position, obstacle.position + np.array([0.0, 0.0, 0.1]), [0.66, -0.1, -0.1]]
     )
@@ -56,7 +56,7 @@ def test_a_stretched_showing_begins_and_ends_where_it_did(script, rng):
     """200 rows of 0.1 s, whatever the length; first and last row are those of the showing."""
     for rows in (120, 200, 231):
         shown = movement(3, rng, rows)
-        rowed = script.stretched(shown)
+        rowed = script.resample_to_horizon(shown)
         assert rowed.x.shape == (200, 8)
         assert rowed.period == 0.1
         np.testing.assert_allclose(rowed.x[[0, -1]], shown.x[[0, -1]], atol=1e-12)
@@ -65,38 +65,48 @@ def test_a_stretched_showing_begins_and_ends_where_it_did(script, rng):
 def test_without_the_grip_frames_see_the_same_pose(script, rng):
     """What plate and obstacle see of the pose does not depend on whether the grip is a column."""
     shown = movement(2, rng, 50)
-    pose = script.without_grip(shown)
+    pose = script.drop_grip(shown)
     np.testing.assert_allclose(views([pose]).x, views([shown]).x[..., :7], atol=1e-12)
-    assert pf.with_derivatives(pose).layout.width == 14
+    assert pf.add_derivatives(pose).layout.width == 14
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1.0])
 def test_a_skill_that_hears_by_powers_adapts_as_one_that_is_told_them(script, rng, alpha):
     """Covariances divided by the powers and no relevance, or relevance: means agree, those unheard too."""
-    shown = [pf.with_derivatives(script.stretched(movement(level, rng, 150))) for level in (0, 2, 4, 6)]
-    skill = script.learned(shown, script.structure(alpha), 5).skill
+    shown = [
+        pf.add_derivatives(script.resample_to_horizon(movement(level, rng, 150))) for level in (0, 2, 4, 6)
+    ]
+    skill = script.learn_skill(shown, script.structure(alpha), 5).skill
     powers = rng.uniform(0.1, 1.0, (2, 5))
     powers[0, 1] = powers[1, 3] = 0.0
-    there = pf.with_derivatives(movement(5, rng, 60)).frames
+    there = pf.add_derivatives(movement(5, rng, 60)).frames
     told = adapt(skill, there, relevance=powers)
-    hearing = adapt(script.heard(skill, powers), there)
+    hearing = adapt(script.weighted(skill, powers), there)
     np.testing.assert_allclose(hearing.means, told.means, atol=2e-3)
-    heard = powers.min(axis=0) > 0.0
-    np.testing.assert_allclose(hearing.means[heard], told.means[heard], atol=1e-9)
-    np.testing.assert_allclose(hearing.covariances[heard], told.covariances[heard], rtol=1e-6, atol=1e-12)
+    weighted = powers.min(axis=0) > 0.0
+    np.testing.assert_allclose(hearing.means[weighted], told.means[weighted], atol=1e-9)
+    np.testing.assert_allclose(
+        hearing.covariances[weighted], told.covariances[weighted], rtol=1e-6, atol=1e-12
+    )
 
 
 def test_new_situations_were_never_shown(script):
     """Every plate differs from those of demonstrations and from each other; no new level trains."""
-    where = [situation_at(level, np.random.default_rng([1, script.SHOWN, level])) for level in range(8)]
-    showings = [script.Showing(situation, movement(0, np.random.default_rng(0), 20)) for situation in where]
-    groups = script.groups(showings, 1, len(script.NEW))
-    assert [w.level for w in groups["tests"]] == [1, 3, 5, 7]
-    new = [*groups["new, between"], *groups["new, beyond"]]
+    where = [
+        situation_for_level(level, np.random.default_rng([1, script.DEMONSTRATION_STREAM, level]))
+        for level in range(8)
+    ]
+    demonstrations_by_situation = [
+        script.SituationDemonstration(situation_from_seed, movement(0, np.random.default_rng(0), 20))
+        for situation_from_seed in where
+    ]
+    group_situations = script.group_situations(demonstrations_by_situation, 1, len(script.NEW_LEVELS))
+    assert [w.level for w in group_situations["tests"]] == [1, 3, 5, 7]
+    new = [*group_situations["new, between"], *group_situations["new, beyond"]]
     assert len(new) == 16
     assert not {w.level for w in new} & {0, 2, 4, 6}
-    assert all(0 < w.level < 6 for w in groups["new, between"])
-    assert all(not 0 <= w.level <= 6 for w in groups["new, beyond"])
+    assert all(0 < w.level < 6 for w in group_situations["new, between"])
+    assert all(not 0 <= w.level <= 6 for w in group_situations["new, beyond"])
     places = np.array([w.plate.position[:2] for w in (*where, *new)])
     apart = np.linalg.norm(places[:, None] - places, axis=2) + np.eye(len(places))
     assert apart.min() > 1e-6

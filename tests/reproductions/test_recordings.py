@@ -6,7 +6,7 @@ from threading import Barrier
 import numpy as np
 import pytest
 import recordings
-from recordings import code_hash, recorded_once
+from recordings import cached_recording, code_hash
 
 import pilotfish as pf
 from pilotfish.demonstrations import position_layout
@@ -29,7 +29,7 @@ def ask(made, tmp_path, rng):
         made.append(settings)
         return [pf.demonstration(rng.normal(size=(5, 3)), 0.1, position_layout(3), name=settings)]
 
-    return lambda settings, file=script: recorded_once(str(file), settings, lambda: make(settings))[0]
+    return lambda settings, file=script: cached_recording(str(file), settings, lambda: make(settings))[0]
 
 
 def test_the_same_code_and_settings_are_recorded_once(ask, made):
@@ -77,7 +77,7 @@ def test_processes_that_record_at_once_get_the_same(tmp_path, monkeypatch, rng):
         return [pf.demonstration(paths.pop(), 0.1, position_layout(3))]
 
     with ThreadPoolExecutor(2) as pool:
-        one, other = pool.map(lambda _: recorded_once(str(script), "", make)[0], range(2))
+        one, other = pool.map(lambda _: cached_recording(str(script), "", make)[0], range(2))
     assert paths == []
     np.testing.assert_array_equal(one.x, other.x)
 

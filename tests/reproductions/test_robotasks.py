@@ -16,22 +16,22 @@ FOLDER = Path(__file__).parents[2] / "reproductions"
 @pytest.mark.parametrize("sphere", [False, True])
 def test_a_test_showing_is_replayed_between_its_own_ends(data_folder, robotasks, sphere):
     """It ends at the pose that its frame tells, and is nearer to the showing than its start or its end is."""
-    data = robotasks.treated(robotasks.shown("openbox"), sphere)
-    skill, showing = robotasks.learned(data[::2]).skill, data[1]
-    done = robotasks.replayed(skill, showing)
-    assert np.linalg.norm(done.poses[-1, :3] - showing.x[-1, :3]) < 0.03
-    assert np.degrees(angle(done.poses[-1, 3:], showing.x[-1, 3:7])) < 3.0
+    data = robotasks.to_representation(robotasks.load_demonstrations("openbox"), sphere)
+    skill, demonstration = robotasks.learn_skill(data[::2]).skill, data[1]
+    done = robotasks.reproduce(skill, demonstration)
+    assert np.linalg.norm(done.poses[-1, :3] - demonstration.x[-1, :3]) < 0.03
+    assert np.degrees(angle(done.poses[-1, 3:], demonstration.x[-1, 3:7])) < 3.0
     for still in (0, -1):
-        assert done.metres < np.sqrt(np.mean((showing.x[:, :3] - showing.x[still, :3]) ** 2) * 3)
-        turned = robotasks.root_mean_square(angle(showing.x[:, 3:7], showing.x[still, 3:7]))
+        assert done.metres < np.sqrt(np.mean((demonstration.x[:, :3] - demonstration.x[still, :3]) ** 2) * 3)
+        turned = robotasks.root_mean_square(angle(demonstration.x[:, 3:7], demonstration.x[still, 3:7]))
         assert done.degrees < np.degrees(turned)
 
 
 def test_every_showing_begins_and_ends_at_rest_of_its_own_frames(data_folder, robotasks):
     """Seen from the first pose, the first row is at the origin and unturned; so is the last from the last."""
-    for showing in robotasks.shown("pouring"):
-        for frame, row in zip(showing.frames, (0, -1), strict=True):
-            seen = np.linalg.solve(frame.A, showing.x[row] - frame.b)
+    for demonstration in robotasks.load_demonstrations("pouring"):
+        for frame, row in zip(demonstration.frames, (0, -1), strict=True):
+            seen = np.linalg.solve(frame.A, demonstration.x[row] - frame.b)
             np.testing.assert_allclose(seen[:7], [0, 0, 0, 1, 0, 0, 0], atol=1e-9)
 
 

@@ -28,10 +28,10 @@ def test_features_are_of_one_scale_and_keep_their_steps(recorded, segmentation):
 
 def test_the_columns_around_a_step_are_those_of_its_window(recorded, segmentation):
     """Up to the scale of the column: mean and deviation of the eleven steps about the hundredth."""
-    window = segmentation.standardised(recorded[0])[2].x[95:106]
-    seen = segmentation.around_each_step(recorded[0])
+    window = segmentation.standardise(recorded[0])[2].x[95:106]
+    seen = segmentation.window_features(recorded[0])
     every = np.vstack([d.x for d in seen])
-    raw = [segmentation.standardised(recorded[0])[m].x for m in range(4)]
+    raw = [segmentation.standardise(recorded[0])[m].x for m in range(4)]
     padded = [np.pad(x, ((5, 5), (0, 0)), mode="edge") for x in raw]
     means = np.vstack([[p[t : t + 11].mean(axis=0) for t in range(len(p) - 10)] for p in padded])
     deviations = np.vstack([[p[t : t + 11].std(axis=0) for t in range(len(p) - 10)] for p in padded])
@@ -48,8 +48,8 @@ def test_the_columns_around_a_step_are_those_of_its_window(recorded, segmentatio
 
 def test_exact_durations_are_likelier_and_states_agree_with_labels(recorded, segmentation):
     """The model that weighs all durations explains the angles best; every method beats chance by far."""
-    seen = segmentation.standardised(recorded[0])
-    trials = [segmentation.trial(seen, recorded[1], seed, 0.1) for seed in range(2)]
+    seen = segmentation.standardise(recorded[0])
+    trials = [segmentation.run_trial(seen, recorded[1], seed, 0.1) for seed in range(2)]
     for tried in trials:
         likelihoods = {method: tried[method]["log_likelihood"] for method in segmentation.METHODS}
         assert max(likelihoods, key=likelihoods.__getitem__) == "exact durations"
@@ -68,8 +68,8 @@ def test_exact_durations_are_likelier_and_states_agree_with_labels(recorded, seg
 
 def test_mean_and_deviation_of_a_cut_gaussian_are_those_of_its_whole_steps(segmentation):
     """Far from the cut they are the Gaussian's own, in seconds; at the cut the mean is longer."""
-    law = pf.models.GaussianDurations(np.array([60.0, 1.0]), np.array([5.0, 20.0]))
-    means, deviations = segmentation.lasting(law)
+    distribution = pf.models.GaussianDurations(np.array([60.0, 1.0]), np.array([5.0, 20.0]))
+    means, deviations = segmentation.duration_statistics(distribution)
     np.testing.assert_allclose(means[0], 6.0, rtol=1e-6)
     np.testing.assert_allclose(deviations[0], 0.5, rtol=1e-4)
     assert 1.4 < means[1] < 1.8  # a half normal of deviation 2 s has the mean 1.6 s

@@ -30,16 +30,16 @@ def test_the_valve_rows_of_table_4_1_are_no_worse_than_printed(data_folder, alph
     """Train and test error within 5 %, covariance parameters exactly."""
     valve, demonstrations = script("valve"), pf.datasets.valve()
     train, test, parameters, _ = valve.THESIS[alpha]
-    skill = valve.learned(demonstrations[:4], valve.structure(alpha)).skill
+    skill = valve.learn_skill(demonstrations[:4], valve.structure(alpha)).skill
     assert valve.mean_error(skill, demonstrations[:4]) <= SLACK * train
     assert valve.mean_error(skill, demonstrations[4:]) <= SLACK * test
-    assert pf.models.covariance_parameters(valve.structure(alpha), 7, 14, frames=2) == parameters
+    assert pf.models.covariance_parameter_count(valve.structure(alpha), 7, 14, frames=2) == parameters
 
 
 def test_frames_of_the_valve_are_precise_when_it_is_grasped_and_when_it_is_left(data_folder):
     """Figure 3.7: the third state is the most precise in the frame before, the fifth in the one after."""
     valve = script("valve")
-    skill = valve.learned(pf.datasets.valve()[:4], pf.Full()).skill
+    skill = valve.learn_skill(pf.datasets.valve()[:4], pf.structures.Full()).skill
     for frame, state in ((0, 2), (1, 4)):
         log_volumes = np.linalg.slogdet(skill.covariances[frame].dense[:, :7, :7])[1]
         assert log_volumes.argmin() == state
@@ -81,8 +81,8 @@ def test_the_choice_of_the_valve_follows_the_protocol_of_its_table(data_folder):
     """Unweighted, the configuration of table 4.1 has the error that valve.py prints, begun either way."""
     choice, valve, demonstrations = script("valve_choice"), script("valve"), pf.datasets.valve()
     train, test = demonstrations[:4], demonstrations[4:]
-    skill, powers = choice.learned(train, 7, pf.SemiTied(), 1e-5)
+    skill, powers = choice.learn_skill(train, 7, pf.structures.SemiTied(), 1e-5)
     assert powers.shape == (2, 7)
     for own_start in (False, True):
-        errors = [choice.squares(skill, None, d, 2e-3, 9.0, own_start).mean() for d in test]
+        errors = [choice.squared_errors(skill, None, d, 2e-3, 9.0, own_start).mean() for d in test]
         np.testing.assert_allclose(np.mean(errors), valve.mean_error(skill, test, own_start=own_start))

@@ -7,10 +7,10 @@ from jaxtyping import config
 
 
 @contextmanager
-def annotations_checked(wanted: bool) -> Iterator[None]:
+def check_annotations(enabled: bool) -> Iterator[None]:
     """Run what is inside with or without checks of annotations."""
     before = config.jaxtyping_disable
-    config.update("jaxtyping_disable", not wanted)
+    config.update("jaxtyping_disable", not enabled)
     try:
         yield
     finally:

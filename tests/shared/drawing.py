@@ -2,6 +2,6 @@
 
 import pytest
 
-from pilotfish.environments.cameras import why_nothing_draws
+from pilotfish.environments.cameras import rendering_error
 
-needs_renderer = pytest.mark.skipif(bool(why_nothing_draws()), reason=why_nothing_draws())
+needs_renderer = pytest.mark.skipif(bool(rendering_error()), reason=rendering_error())

@@ -16,87 +16,92 @@ DIGITS = 60
 
 
 @dataclass
-class Exact:
+class ExactInference:
     """What a recursion gives, rounded to float64 at the very end."""
 
     log_likelihood: float
-    posteriors: np.ndarray  # (T, K)
+    smoothed_state_probs: np.ndarray  # (T, K)
     transitions: np.ndarray  # (K, K)
     log_forward: np.ndarray  # (T, K), log p(steps 0 to t, state k at t)
-    best: float  # log-probability of the most probable path
+    best_log_probability: float  # log-probability of the most probable path
     path: list[int]
 
 
-def exponentials(logarithms):
-    """exp of every entry, as an object array of mpf."""
-    values = np.asarray(logarithms, dtype=float)
+def mpf_exponentials(log_floats):
+    """Exp of every entry, as an object array of mpf."""
+    values = np.asarray(log_floats, dtype=float)
     flat = [mpf(0) if value == -np.inf else mpmath.exp(mpf(float(value))) for value in values.ravel()]
     return np.array([*flat, None], dtype=object)[:-1].reshape(values.shape)
 
 
-def exact(values):
+def to_mpf(values):
     """The same numbers as mpf."""
     return np.array([*(mpf(float(value)) for value in np.ravel(values)), None], dtype=object)[:-1].reshape(
         np.shape(values)
     )
 
 
-def logarithm(value) -> float:
+def log_float(value) -> float:
     return float(mpmath.log(value)) if value > 0 else -np.inf
 
 
-def logarithms(values) -> np.ndarray:
-    return np.array([logarithm(value) for value in values.ravel()]).reshape(values.shape)
+def log_floats(values) -> np.ndarray:
+    return np.array([log_float(value) for value in values.ravel()]).reshape(values.shape)
 
 
-def floats(values) -> np.ndarray:
+def to_floats(values) -> np.ndarray:
     return np.array([float(value) for value in np.ravel(values)]).reshape(np.shape(values))
 
 
-def markov(log_emissions, initial, transitions) -> Exact:
+def markov(log_emissions, initial, transitions) -> ExactInference:
     """Posteriors, expected transitions, likelihood and best path of a Markov chain."""
     with mpmath.workdps(DIGITS):
-        emissions, a = exponentials(log_emissions), exact(transitions)
-        (T, K), first = emissions.shape, exact(initial)
-        forward, best = [first * emissions[0]], [first * emissions[0]]
+        emissions, a = mpf_exponentials(log_emissions), to_mpf(transitions)
+        (T, K), first = emissions.shape, to_mpf(initial)
+        forward, best_log_probability = [first * emissions[0]], [first * emissions[0]]
         origins = []
         for t in range(1, T):
             forward.append((forward[-1] @ a) * emissions[t])
-            scores = best[-1][:, None] * a
+            scores = best_log_probability[-1][:, None] * a
             origins.append([max(range(K), key=lambda j, k=k: scores[j, k]) for k in range(K)])
-            best.append(np.array([scores[j, k] for k, j in enumerate(origins[-1])]) * emissions[t])
+            best_log_probability.append(
+                np.array([scores[j, k] for k, j in enumerate(origins[-1])]) * emissions[t]
+            )
         backward = [np.array([mpf(1)] * K)]
         for t in range(T - 1, 0, -1):
             backward.insert(0, a @ (emissions[t] * backward[0]))
         evidence = sum(forward[-1])
-        posteriors = np.array(forward) * np.array(backward) / evidence
-        counts = sum(
+        smoothed_state_probs = np.array(forward) * np.array(backward) / evidence
+        transition_counts = sum(
             (np.outer(forward[t - 1], emissions[t] * backward[t]) * a / evidence for t in range(1, T)),
             np.zeros((K, K)),
         )
-        path = [max(range(K), key=lambda k: best[-1][k])]
+        path = [max(range(K), key=lambda k: best_log_probability[-1][k])]
         for origin in reversed(origins):
             path.insert(0, origin[path[0]])
-        return Exact(
-            logarithm(evidence),
-            floats(posteriors),
-            floats(counts),
-            logarithms(np.array(forward)),
-            logarithm(max(best[-1])),
+        return ExactInference(
+            log_float(evidence),
+            to_floats(smoothed_state_probs),
+            to_floats(transition_counts),
+            log_floats(np.array(forward)),
+            log_float(max(best_log_probability[-1])),
             path,
         )
 
 
-def semi_markov(log_emissions, tables: SemiMarkovTables) -> Exact:
+def semi_markov(log_emissions, tables: SemiMarkovTables) -> ExactInference:
     """The same of a semi-Markov chain; a visit after b steps of s steps has the weights of the tables."""
     with mpmath.workdps(DIGITS):
-        emissions, a = exponentials(log_emissions), exact(tables.transitions)
-        weights, beyond = exponentials(tables.log_visits), exponentials(tables.log_beyond)
+        emissions, a = mpf_exponentials(log_emissions), to_mpf(tables.transitions)
+        weights, tail_weights = (
+            mpf_exponentials(tables.log_segment_weights),
+            mpf_exponentials(tables.log_tail_weights),
+        )
         (T, K), S = emissions.shape, weights.shape[1]
         nothing = np.array([mpf(0)] * K)
-        starts, ends = [exact(tables.initial)], [nothing] * (T + 1)
+        starts, ends = [to_mpf(tables.initial)], [nothing] * (T + 1)
         best_ends: list = [[(mpf(0), None)] * K for _ in range(T + 1)]  # probability, begin
-        best_starts, origins = [exact(tables.initial)], [None]
+        best_starts, origins = [to_mpf(tables.initial)], [None]
         filtered = [nothing] * T
         last, best_last = [], []  # of visits that begin after b and are the last
         for b in range(T):
@@ -108,7 +113,7 @@ def semi_markov(log_emissions, tables: SemiMarkovTables) -> Exact:
             kind, visit = int(b == 0), np.array([mpf(1)] * K)
             for s in range(1, T - b + 1):
                 visit = visit * emissions[b + s - 1]
-                final = weights[2 + kind, s - 1] if s <= S else beyond[kind]
+                final = weights[2 + kind, s - 1] if s <= S else tail_weights[kind]
                 filtered[b + s - 1] = filtered[b + s - 1] + starts[b] * visit * final
                 if s <= S and b + s < T:
                     lasted = visit * weights[kind, s - 1]
@@ -121,47 +126,49 @@ def semi_markov(log_emissions, tables: SemiMarkovTables) -> Exact:
             best_last.append(best_starts[b] * visit * final)
         evidence = sum(sum(row) for row in last)
         if evidence == 0:
-            return Exact(
-                -np.inf, np.zeros((T, K)), np.zeros((K, K)), logarithms(np.array(filtered)), -np.inf, []
+            return ExactInference(
+                -np.inf, np.zeros((T, K)), np.zeros((K, K)), log_floats(np.array(filtered)), -np.inf, []
             )
-        posteriors, counts = _posteriors(emissions, a, weights, starts, ends, last, evidence)
+        smoothed_state_probs, transition_counts = _smoothed_state_probs(
+            emissions, a, weights, starts, ends, last, evidence
+        )
         most, b, k = max(((p, b, k) for b, row in enumerate(best_last) for k, p in enumerate(row)))
         path = [k] * (T - b)
         while b > 0:
             k = origins[b][k]
             begin = best_ends[b][k][1]
             path, b = [k] * (b - begin) + path, begin
-        return Exact(
-            logarithm(evidence),
-            floats(posteriors),
-            floats(counts),
-            logarithms(np.array(filtered)),
-            logarithm(most),
+        return ExactInference(
+            log_float(evidence),
+            to_floats(smoothed_state_probs),
+            to_floats(transition_counts),
+            log_floats(np.array(filtered)),
+            log_float(most),
             path,
         )
 
 
-def _posteriors(emissions, a, weights, starts, ends, last, evidence):
+def _smoothed_state_probs(emissions, a, weights, starts, ends, last, evidence):
     """p(state k at t) and expected changes of state, every visit counted at each of its steps."""
     (T, K), S = emissions.shape, weights.shape[1]
     after_ends = [np.array([mpf(0)] * K)] * (T + 1)  # p(later steps | a visit ends after t, another follows)
-    posteriors, counts = np.zeros((T, K), dtype=object), np.zeros((K, K), dtype=object)
+    smoothed_state_probs, transition_counts = np.zeros((T, K), dtype=object), np.zeros((K, K), dtype=object)
     for b in range(T - 1, -1, -1):
         begun = last[b] / evidence
-        posteriors[b:] = posteriors[b:] + begun
-        after_starts = last[b] / starts_or_one(starts[b])
+        smoothed_state_probs[b:] = smoothed_state_probs[b:] + begun
+        after_starts = last[b] / nonzero_starts(starts[b])
         visit = np.array([mpf(1)] * K)
         for s in range(1, min(S, T - b - 1) + 1):
             visit = visit * emissions[b + s - 1]
             ahead = visit * weights[int(b == 0), s - 1] * after_ends[b + s]
-            posteriors[b : b + s] = posteriors[b : b + s] + starts[b] * ahead / evidence
+            smoothed_state_probs[b : b + s] = smoothed_state_probs[b : b + s] + starts[b] * ahead / evidence
             after_starts = after_starts + ahead
         if b > 0:
             after_ends[b] = a @ after_starts
-            counts = counts + np.outer(ends[b], after_starts) * a / evidence
-    return posteriors, counts
+            transition_counts = transition_counts + np.outer(ends[b], after_starts) * a / evidence
+    return smoothed_state_probs, transition_counts
 
 
-def starts_or_one(starts):
+def nonzero_starts(starts):
     """Divisors: where no visit starts, what follows is asked of none."""
     return np.array([value if value > 0 else mpf(1) for value in starts])

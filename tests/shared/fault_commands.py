@@ -34,15 +34,18 @@ def commands(inputs: Path) -> list[Command]:
     """Every command that writes, with its outputs missing before, and with others there and --force."""
     recordings, skill, rows = (str(inputs / name) for name in ("recordings", "a.skill", "rows"))
     stream = ["stream", rows, "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
-    select = ["select", recordings, "--states", "2", "--structures", "full", "--iterations", "2"]
-    via = ["--via", "position=0.5,0.5@1s+-0.01", "--via-picture", "via.png"]
+    select = ["select", recordings, "--states", "2", "--structures", "full", "--max-iterations", "2"]
+    via = ["--via-point", "position=0.5,0.5@1s+-0.01", "--via-plot", "via.png"]
     lines = {
         "learn": (["learn", recordings, "--states", "2", "--out", "new.skill"], ["new.skill"]),
         "stream": ([*stream, "--out", "a.stream", "--skill", "b.skill"], ["a.stream", "b.skill"]),
         "select": ([*select, "--out", "sizes.png"], ["sizes.png"]),
-        "replay": (["replay", skill, "--out", "m.csv", "--gains", "g.npz"], ["m.csv", "g.npz"]),
-        "replay pictures": (["replay", skill, "--picture", "p.png", *via], ["p.png", "via.png"]),
-        "show": (["show", skill, "--pictures", "."], ["deviations.png", "occupancy.png", "states.png"]),
+        "reproduce": (["reproduce", skill, "--out", "m.csv", "--gains", "g.npz"], ["m.csv", "g.npz"]),
+        "reproduce plots": (["reproduce", skill, "--plot", "p.png", *via], ["p.png", "via.png"]),
+        "show": (
+            ["show", skill, "--plots", "."],
+            ["deviations.png", "filtered_state_probs.png", "states.png"],
+        ),
         "data export": (["data", "export", "synthetic valve", "set"], ["set"]),
         "record": (["record", "valve", "--demonstrations", "2", "--out", "set"], ["set"]),
         "perform": (
@@ -67,17 +70,17 @@ def commands(inputs: Path) -> list[Command]:
     ]
 
 
-def in_place(inputs: Path) -> Command:
+def overwrite_command(inputs: Path) -> Command:
     """A command that opens its output to write, as none of pilotfish does: replay, its precautions off."""
-    from pilotfish.station import commands_replay
+    from pilotfish.cli.commands import reproduce as commands_replay
 
     @contextlib.contextmanager
     def careless(path: Path, **_: Any) -> Iterator[Path]:
         yield path
 
-    commands_replay.whole_file = careless
+    commands_replay.atomic_file = careless
     return Command(
-        "in place", ["replay", str(inputs / "a.skill"), "--out", "m.csv", "--force"], ["m.csv"], True
+        "in place", ["reproduce", str(inputs / "a.skill"), "--out", "m.csv", "--force"], ["m.csv"], True
     )
 
 
@@ -88,33 +91,35 @@ def make_old(command: Command, path: Path) -> None:
         return
     import numpy as np
 
-    from pilotfish.demonstrations import demonstration, position_layout, write_folder
+    from pilotfish.demonstrations import demonstration, position_layout
+    from pilotfish.io.folders import write_demonstrations
 
     x = np.random.default_rng(1).normal(size=(5, 2))
-    write_folder([demonstration(x, 0.1, position_layout(2), (), "old")], path)
+    write_demonstrations([demonstration(x, 0.1, position_layout(2), (), "old")], path)
 
 
 def make_inputs(inputs: Path) -> None:
     """Two short recordings, a skill of two states, rows of numbers."""
     import numpy as np
 
-    from pilotfish.demonstrations import demonstration, position_layout, with_derivatives, write_folder
+    from pilotfish.demonstrations import add_derivatives, demonstration, position_layout
+    from pilotfish.io.folders import write_demonstrations
+    from pilotfish.io.skill_file import save_skill
     from pilotfish.models import learn
-    from pilotfish.store import save_skill
 
     inputs.mkdir()
     rng, time = np.random.default_rng(0), np.linspace(0.0, 1.0, 30)
     arcs = [np.column_stack([time, np.sin(3.0 * time)]) + rng.normal(0.0, 0.01, (30, 2)) for _ in range(3)]
     demos = [demonstration(x, 0.1, position_layout(2), (), f"arc {m}") for m, x in enumerate(arcs)]
-    write_folder(demos, inputs / "recordings")
-    save_skill(learn([with_derivatives(d) for d in demos], states=2, rng=rng).skill, inputs / "a.skill")
+    write_demonstrations(demos, inputs / "recordings")
+    save_skill(learn([add_derivatives(d) for d in demos], states=2, rng=rng).skill, inputs / "a.skill")
     np.savetxt(inputs / "rows", np.vstack(arcs))
 
 
-KEPT: "list[Kept]" = []
+CACHED_CALLS: "list[Kept]" = []
 
 
-class Kept:
+class CachedCall:
     """A function whose results are computed once, and then given again in the order of the calls.
 
     It stands for what takes long, physics and learning; writing is never kept.
@@ -122,7 +127,7 @@ class Kept:
 
     def __init__(self, module: Any, name: str) -> None:
         self.real, self.results, self.calls = getattr(module, name), [], 0
-        KEPT.append(self)
+        CACHED_CALLS.append(self)
         setattr(module, name, self)
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
@@ -138,14 +143,14 @@ class Kept:
         return result
 
 
-class KeptRecordings(Kept):
+class CachedRecordings(CachedCall):
     """recorder.shown, a generator."""
 
     def result(self, *arguments: Any, **options: Any) -> Any:
         return list(self.real(*arguments, **options))
 
 
-class KeptExecution(Kept):
+class CachedExecution(CachedCall):
     """execution.execute, which a camera films."""
 
     def result(self, *arguments: Any, **options: Any) -> Any:
@@ -158,49 +163,50 @@ class KeptExecution(Kept):
         return made
 
 
-def compute_once(chosen: list[Command], inputs: Path) -> None:
+def run_once(chosen: list[Command], inputs: Path) -> None:
     """Run each command once, here, so that every child has its imports and what takes long."""
-    from pilotfish.station import pictures
+    from pilotfish.cli.output import pictures
 
     pictures.DOTS_PER_INCH = 20  # small pictures, drawn quickly
     lines = {command.name: command.line for command in chosen if not command.old}
     if {"record", "perform"} & set(lines):
-        from pilotfish.station import recorder
+        from pilotfish.simulation import recording as recorder
 
-        KeptRecordings(recorder, "shown")
+        CachedRecordings(recorder, "record_demonstrations")
         record = ["record", "valve", "--demonstrations", "2", "--out", str(inputs / "valve")]
         run_here(record)
         run_here(["learn", str(inputs / "valve"), "--states", "4", "--out", str(inputs / "valve.skill")])
     for name, line in lines.items():
-        keep_long_parts(name)
+        cache_slow_calls(name)
         run_here(line)
 
 
-def keep_long_parts(name: str) -> None:
+def cache_slow_calls(name: str) -> None:
     """Keep what a command computes for long."""
     if name == "select":
-        from pilotfish.station import commands_select
+        from pilotfish.cli.commands import select as commands_select
 
-        Kept(commands_select, "_scored")
+        CachedCall(commands_select, "_scored")
     if name == "perform":
-        from pilotfish.station import execution
+        from pilotfish.simulation import execution
 
-        KeptExecution(execution, "execute")
+        CachedExecution(execution, "execute")
     if name == "demo":
-        from pilotfish.station import demo, report
+        from pilotfish.cli.demo import demo
+        from pilotfish.cli.output import report
 
-        Kept(demo, "_lesson")
-        Kept(demo, "_in_physics")
-        Kept(report, "page")
+        CachedCall(demo, "_lesson")
+        CachedCall(demo, "_in_physics")
+        CachedCall(report, "page")
 
 
 def run_here(line: list[str]) -> None:
     """Run a command line in this process, in a folder that is removed afterwards."""
     from click.testing import CliRunner
 
-    from pilotfish.station.command_line import cli
+    from pilotfish.cli.main import cli
 
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
-    for function in KEPT:
+    for function in CACHED_CALLS:
         function.calls = 0

@@ -24,9 +24,9 @@ from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from pathlib import Path
 
-from fault_commands import FAULTS, Command, commands, compute_once, in_place, make_inputs, make_old
+from fault_commands import FAULTS, Command, commands, make_inputs, make_old, overwrite_command, run_once
 
-CLEAN = "none"
+NO_FAULT = "none"
 HERE = Path(__file__).parent
 
 
@@ -41,7 +41,7 @@ class Outcome:
     call: str
     code: int
     outputs: dict[str, str]  # missing, old, new, or what else
-    beside: list[str]  # other names in the folder
+    extra_files: list[str]  # other names in the folder
     traceback: bool
     again: int = 0  # exit code of the same command afterwards, without a fault
 
@@ -51,9 +51,9 @@ class Outcome:
         fine = {"old", "new"} if self.replaces else {"missing", "new"}
         if bad := {name: was for name, was in self.outputs.items() if was not in fine}:
             return f"{bad}"
-        hidden = all(name.startswith(".pilotfish-") for name in self.beside)
-        if self.beside and not (self.fault == "killed" and hidden):
-            return f"left behind: {self.beside}"
+        hidden = all(name.startswith(".pilotfish-") for name in self.extra_files)
+        if self.extra_files and not (self.fault == "killed" and hidden):
+            return f"left behind: {self.extra_files}"
         if self.traceback:
             return "a traceback"
         if self.again:
@@ -65,7 +65,7 @@ class Outcome:
         return ""
 
 
-def built(folder: Path) -> Path | None:
+def build_fault_library(folder: Path) -> Path | None:
     """The preloaded library, compiled; None where there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
@@ -81,7 +81,7 @@ def sweep(chosen: list[str], faults: Sequence[str], folder: Path, *, brief: bool
 
     Brief is for outputs that replace others, at calls that differ, without the run afterwards.
     """
-    if (library := built(folder)) is None:
+    if (library := build_fault_library(folder)) is None:
         raise RuntimeError("no C compiler was found; install gcc")
     environment = {**os.environ, "LD_PRELOAD": str(library), "OPENBLAS_NUM_THREADS": "1"}
     if find_library("OSMesa"):  # it draws without a screen
@@ -97,7 +97,7 @@ def sweep(chosen: list[str], faults: Sequence[str], folder: Path, *, brief: bool
 # ------------------------------------------------------------------------------- in the preloaded process
 
 
-class Inside:
+class SweepWorker:
     """The process that the library is preloaded in: inputs, and a run for each moment."""
 
     def __init__(self, work: Path, brief: bool) -> None:
@@ -110,7 +110,7 @@ class Inside:
         before, after = self.contents(command)
         calls = before.calls
         for fault in faults:
-            for number in moments(calls, self.brief):
+            for number in select_calls(calls, self.brief):
                 yield self.outcome(command, before, after, (fault, number, calls[number - 1]))
 
     def contents(self, command: Command) -> "tuple[Contents, Contents]":
@@ -119,11 +119,11 @@ class Inside:
         if command.old:
             for name in command.outputs:
                 make_old(command, self.target / name)
-        before = Contents(copied(self.target, self.work / "before"))
-        code, printed = self.run(command, 0, CLEAN, before)
+        before = Contents(copy_folder(self.target, self.work / "before"))
+        code, printed = self.run(command, 0, NO_FAULT, before)
         assert code == 0, f"{command.line}: {code}, {printed}"
         before.calls = (self.work / "calls").read_text().splitlines()
-        return before, Contents(copied(self.target, self.work / "after"))
+        return before, Contents(copy_folder(self.target, self.work / "after"))
 
     def outcome(
         self, command: Command, before: "Contents", after: "Contents", moment: tuple[str, int, str]
@@ -131,8 +131,8 @@ class Inside:
         fault, number, call = moment
         code, printed = self.run(command, number, fault, before)
         outputs = {name: state(name, self.target, before, after) for name in command.outputs}
-        beside = names(self.target) - names(before.folder) - set(command.outputs)
-        beside = {name for name in beside if name not in printed}  # as the message says
+        extra_files = names(self.target) - names(before.folder) - set(command.outputs)
+        extra_files = {name for name in extra_files if name not in printed}  # as the message says
         again = self.again(command, after) if fault == "killed" and not self.brief else 0
         return Outcome(
             command.name,
@@ -142,7 +142,7 @@ class Inside:
             call,
             code,
             outputs,
-            sorted(beside),
+            sorted(extra_files),
             "Traceback" in printed,
             again,
         )
@@ -150,7 +150,7 @@ class Inside:
     def again(self, command: Command, after: "Contents") -> int:
         """The same command once more, in the folder as it is, with --force: its exit code, 1 if not new."""
         line = command.line if command.name == "demo" else [*command.line, "--force"]
-        code, _ = self.child(line, 0, CLEAN)
+        code, _ = self.child(line, 0, NO_FAULT)
         states = {state(name, self.target, after, after) for name in command.outputs}
         return code or int(states != {"old"})
 
@@ -174,7 +174,7 @@ class Inside:
         return os.waitstatus_to_exitcode(status), printed.read_text(errors="replace")
 
     def in_child(self, line: list[str], number: int, fault: str, printed: Path) -> None:
-        from pilotfish.station import main
+        from pilotfish.cli import main
 
         descriptor = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
@@ -189,7 +189,7 @@ class Inside:
         except SystemExit as end:
             code = int(end.code or 0)
         finally:
-            if fault == CLEAN:
+            if fault == NO_FAULT:
                 calls = re.sub(rb"\.pilotfish-[0-9a-f]+", b".pilotfish-*", self.library.fault_calls())
                 (self.work / "calls").write_bytes(calls)
             os._exit(code)
@@ -203,7 +203,7 @@ class Contents:
     calls: list[str] = field(default_factory=list)
 
 
-def moments(calls: list[str], brief: bool) -> list[int]:
+def select_calls(calls: list[str], brief: bool) -> list[int]:
     """The number of each call, from 1, but of a run of equal calls only the first two and the last.
 
     Brief takes the first two and the last of all calls that are alike but for the name of a recording.
@@ -218,7 +218,7 @@ def moments(calls: list[str], brief: bool) -> list[int]:
     ]
 
 
-def copied(folder: Path, place: Path) -> Path:
+def copy_folder(folder: Path, place: Path) -> Path:
     shutil.rmtree(place, ignore_errors=True)
     shutil.copytree(folder, place, symlinks=True)
     return place
@@ -262,7 +262,7 @@ def markdown(outcomes: list[Outcome]) -> str:
 
 def cells(outcome: Outcome) -> tuple[str, ...]:
     """What a row says, but for the calls."""
-    hidden = ", ".join(sorted({re.sub(r"[0-9a-f]{16}", "*", name) for name in outcome.beside}))
+    hidden = ", ".join(sorted({re.sub(r"[0-9a-f]{16}", "*", name) for name in outcome.extra_files}))
     states = "; ".join(f"{name} {was}" for name, was in outcome.outputs.items())
     return (
         outcome.command,
@@ -298,7 +298,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*")
     asked = parser.parse_args()
     if asked.inside:
-        json.dump([asdict(outcome) for outcome in swept(asked)], sys.stdout)
+        json.dump([asdict(outcome) for outcome in run_sweep(asked)], sys.stdout)
         return
     with tempfile.TemporaryDirectory() as folder:
         outcomes = sweep(asked.names, asked.faults, Path(folder), brief=asked.brief)
@@ -311,16 +311,16 @@ def main() -> None:
     sys.exit(bool(faulty))
 
 
-def swept(asked: argparse.Namespace) -> Iterator[Outcome]:
+def run_sweep(asked: argparse.Namespace) -> Iterator[Outcome]:
     """All outcomes of the commands of those names, of all commands when there are none."""
     work, wanted = asked.inside, asked.names
     make_inputs(work / "inputs")
     there = commands(work / "inputs")
     chosen = [command for command in there if not wanted or command.name in wanted]
-    compute_once(chosen, work / "inputs")
+    run_once(chosen, work / "inputs")
     if "in place" in wanted:
-        chosen.append(in_place(work / "inputs"))
-    inside = Inside(work, asked.brief)
+        chosen.append(overwrite_command(work / "inputs"))
+    inside = SweepWorker(work, asked.brief)
     for command in chosen:
         if command.old or not asked.brief:
             yield from inside.sweep(command, asked.faults)

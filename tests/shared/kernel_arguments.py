@@ -8,15 +8,15 @@ import numpy as np
 
 from pilotfish.kernels import (
     ArmLimits,
-    ArmReading,
+    ArmState,
     Emissions,
-    Impedance,
+    ImpedanceParameters,
     SemiMarkovTables,
-    StreamRules,
+    StreamParameters,
     StreamState,
     ToolTarget,
     empty_stream,
-    twins,
+    reference,
 )
 
 Generator = np.random.Generator
@@ -51,7 +51,7 @@ def tables(rng: Generator, K: int) -> SemiMarkovTables:
     )
 
 
-def visits(rng: Generator) -> Arguments:
+def semi_markov(rng: Generator) -> Arguments:
     """Return arguments of the semi-Markov kernels."""
     T, K = int(rng.choice([1, 2, 7, 33])), int(rng.choice([1, 2, 5, 9]))
     return [logarithms(rng, T, K), tables(rng, K)]
@@ -61,14 +61,16 @@ def gaussians(rng: Generator, N: int | None = None) -> Arguments:
     """Return arguments of log_emissions."""
     P, K, D = int(rng.integers(1, 3)), int(rng.choice([1, 2, 5])), int(rng.choice([1, 2, 5, 9]))
     N = int(rng.choice([1, 3, 40])) if N is None else N
-    turns = (int(rng.integers(D - 3)),) if D > 4 and rng.random() < 0.5 else ()
-    E = D - len(turns)
+    orientation_starts = (int(rng.integers(D - 3)),) if D > 4 and rng.random() < 0.5 else ()
+    E = D - len(orientation_starts)
     means, x = rng.normal(size=(P, K, D)), rng.normal(size=(P, N, D))
-    for turn in turns:
+    for turn in orientation_starts:
         for points in (means, x):
             points[..., turn : turn + 4] /= np.linalg.norm(points[..., turn : turn + 4], axis=-1)[..., None]
-    whiteners = np.tril(0.2 * rng.normal(size=(P, K, E, E)), -1) + np.eye(E) * rng.uniform(0.5, 2.0, E)
-    return [x, Emissions(means, whiteners, turns)]
+    precision_cholesky = np.tril(0.2 * rng.normal(size=(P, K, E, E)), -1) + np.eye(E) * rng.uniform(
+        0.5, 2.0, E
+    )
+    return [x, Emissions(means, precision_cholesky, orientation_starts)]
 
 
 def e_step(rng: Generator) -> Arguments:
@@ -85,22 +87,22 @@ def semi_markov_e_step(rng: Generator) -> Arguments:
     return [x, lengths, tables(rng, len(initial)), emissions, threads]
 
 
-def spreads(rng: Generator, K: int, D: int) -> np.ndarray:
+def random_covariances(rng: Generator, K: int, D: int) -> np.ndarray:
     """Return K covariances, now and then one of them zero."""
     roots = rng.normal(size=(K, D, D))
     return (roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(D)) * (rng.random((K, 1, 1)) < 0.95)
 
 
-def whiteners(rng: Generator) -> Arguments:
+def precision_cholesky(rng: Generator) -> Arguments:
     """Return the argument of whiteners."""
-    return [spreads(rng, int(rng.integers(1, 5)), int(rng.choice([1, 2, 7, 19])))]
+    return [random_covariances(rng, int(rng.integers(1, 5)), int(rng.choice([1, 2, 7, 19])))]
 
 
 def semi_tied(rng: Generator) -> Arguments:
     """Return arguments of semi_tied_sweeps."""
     K, D = int(rng.integers(1, 9)), int(rng.choice([1, 2, 3, 7]))
-    mass = rng.uniform(1.0, 9.0, K) * (rng.random(K) < 0.8)
-    return [spreads(rng, K, D), mass, np.eye(D), int(rng.integers(4))]
+    counts = rng.uniform(1.0, 9.0, K) * (rng.random(K) < 0.8)
+    return [random_covariances(rng, K, D), counts, np.eye(D), int(rng.integers(4))]
 
 
 def riccati(rng: Generator) -> Arguments:
@@ -108,16 +110,16 @@ def riccati(rng: Generator) -> Arguments:
     T, n, m = int(rng.choice([1, 2, 6])), int(rng.integers(1, 6)), int(rng.integers(1, 4))
     S = 1 if rng.random() < 0.5 else max(T - 1, 1)
     A = np.eye(n) + 0.1 * rng.normal(size=(S, n, n))
-    return [A, rng.normal(size=(S, n, m)), spreads(rng, T, n), rng.normal(size=(T, n)), np.eye(m)]
+    return [A, rng.normal(size=(S, n, m)), random_covariances(rng, T, n), rng.normal(size=(T, n)), np.eye(m)]
 
 
 def arm(rng: Generator) -> Arguments:
     """Return arguments of impedance."""
     n = int(rng.choice([1, 6, 7, 16]))
     numbers = rng.uniform(0.1, 5.0, 7).tolist()
-    spring = Impedance(rng.uniform(1, 9, 6), rng.uniform(1, 9, 6), rng.normal(size=n), *numbers)
+    spring = ImpedanceParameters(rng.uniform(1, 9, 6), rng.uniform(1, 9, 6), rng.normal(size=n), *numbers)
     limits = ArmLimits(np.full(n, -2.0), np.full(n, 2.0), np.full(n, 3.0), rng.uniform(1.0, 50.0, n))
-    reading = ArmReading(
+    reading = ArmState(
         rng.normal(size=n),
         rng.normal(size=n),
         rng.normal(size=3),
@@ -137,18 +139,20 @@ def stream(rng: Generator) -> Arguments:
     weighting = int(rng.integers(3))
     weight = (0.0, 0.99, 5.0)[weighting]
     batch, most = int(rng.choice([1, 4])), int(rng.choice([2, 50]))
-    rules = StreamRules(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, weighting, weight, 0.0, 2, max(D - 1, 0), most, batch)
-    state: StreamState = twins.observe(x[:12], empty_stream(P, D), rules).state
-    return [x[12:], state, rules]
+    parameters = StreamParameters(
+        40.0, 0.5, 0.1, 0.1, 90.0, 2.0, weighting, weight, 0.0, 2, max(D - 1, 0), most, batch
+    )
+    state: StreamState = reference.observe(x[:12], empty_stream(P, D), parameters).state
+    return [x[12:], state, parameters]
 
 
 def stream_of_one(rng: Generator) -> Arguments:
     """Return arguments of observe_one."""
-    x, state, rules = stream(rng)
-    return [x[0], state, rules]
+    x, state, parameters = stream(rng)
+    return [x[0], state, parameters]
 
 
-DRAW: dict[str, Callable[[Generator], Arguments]] = {
+DRAW_ARGUMENTS: dict[str, Callable[[Generator], Arguments]] = {
     "e_step": e_step,
     "forward_backward": chain,
     "impedance": arm,
@@ -156,13 +160,13 @@ DRAW: dict[str, Callable[[Generator], Arguments]] = {
     "observe": stream,
     "observe_one": stream_of_one,
     "riccati": riccati,
-    "semi_markov": visits,
+    "semi_markov": semi_markov,
     "semi_markov_e_step": semi_markov_e_step,
-    "semi_markov_forward": visits,
-    "semi_markov_viterbi": visits,
+    "semi_markov_forward": semi_markov,
+    "semi_markov_viterbi": semi_markov,
     "semi_tied_sweeps": semi_tied,
     "viterbi": chain,
-    "whiteners": whiteners,
+    "precision_cholesky": precision_cholesky,
 }
 
 # ---------------------------------------------------------------------------- the same numbers, laid out anew
@@ -198,7 +202,7 @@ LAYOUTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 # ----------------------------------------------------------------------------------------- other numbers
 
 
-def resized(rng: Generator, array: np.ndarray) -> Any:
+def change_shape(rng: Generator, array: np.ndarray) -> Any:
     """Return an array of another shape."""
     ways: list[Callable[[], Any]] = [
         lambda: array[None],
@@ -215,7 +219,7 @@ def resized(rng: Generator, array: np.ndarray) -> Any:
     return ways[rng.integers(len(ways))]()
 
 
-def retyped(rng: Generator, array: np.ndarray) -> Any:
+def change_type(rng: Generator, array: np.ndarray) -> Any:
     """Return an array of another type."""
     types = [np.float32, np.float16, np.int64, np.int8, np.bool_, np.complex128, object, "U9", np.longdouble]
     with np.errstate(all="ignore"):
@@ -228,7 +232,7 @@ NUMBERS = (
 )
 
 
-def renumbered(rng: Generator, array: np.ndarray) -> Any:
+def change_number(rng: Generator, array: np.ndarray) -> Any:
     """Return an array with one number, or all of them, replaced."""
     numbers = np.array(array, copy=True)
     number = NUMBERS[rng.integers(len(NUMBERS))]
@@ -245,7 +249,7 @@ def renumbered(rng: Generator, array: np.ndarray) -> Any:
     return numbers
 
 
-WHOLE = (0, -1, 1, 2, 3, 2**40, 0.5, np.nan, np.inf, 1e155, np.int16(2))
+WHOLE_NUMBERS = (0, -1, 1, 2, 3, 2**40, 0.5, np.nan, np.inf, 1e155, np.int16(2))
 SCALARS = (
     0,
     -1,
@@ -275,40 +279,48 @@ class Mutant:
     original: Arguments
 
 
-def mutant(kernel: str, seed: int, number: int) -> Mutant:
+def draw_mutant(kernel: str, seed: int, number: int) -> Mutant:
     """Return one mutant of a kernel's arguments; the same for the same seed and number."""
     rng = np.random.default_rng([seed, number, len(kernel)])
-    arguments = DRAW[kernel](rng)
+    arguments = DRAW_ARGUMENTS[kernel](rng)
     kind = str(rng.choice(["plain", "layout", "shape", "type", "number", "scalar"]))
     if kind == "plain":
         return Mutant(arguments, kind, "as drawn", arguments)
     places = [
-        place for place, value in leaves(arguments) if isinstance(value, np.ndarray) == (kind != "scalar")
+        place
+        for place, value in argument_values(arguments)
+        if isinstance(value, np.ndarray) == (kind != "scalar")
     ]
     if not places:
         return Mutant(arguments, "plain", "as drawn", arguments)
     place = places[rng.integers(len(places))]
-    value = dict(leaves(arguments))[place]
+    value = dict(argument_values(arguments))[place]
     match kind:
         case "number" if place[1] == "clusters":  # of a row only what sizes the rest is checked
-            spoiled = value.copy()
+            changed_value = value.copy()
             if len(value):
-                spoiled[rng.integers(len(value)), rng.choice([9, 10])] = NUMBERS[rng.integers(len(NUMBERS))]
+                changed_value[rng.integers(len(value)), rng.choice([9, 10])] = NUMBERS[
+                    rng.integers(len(NUMBERS))
+                ]
             how = "with other sizes"
         case "layout":
             kind_of = str(rng.choice(list(LAYOUTS)))
-            spoiled, how = LAYOUTS[kind_of](value), kind_of
+            changed_value, how = LAYOUTS[kind_of](value), kind_of
         case "scalar":
-            numbers = WHOLE if isinstance(arguments[place[0]], StreamRules) else SCALARS
-            spoiled = numbers[rng.integers(len(numbers))]
-            how = repr(spoiled)[:40]
+            numbers = WHOLE_NUMBERS if isinstance(arguments[place[0]], StreamParameters) else SCALARS
+            changed_value = numbers[rng.integers(len(numbers))]
+            how = repr(changed_value)[:40]
         case _:
-            spoiled = {"shape": resized, "type": retyped, "number": renumbered}[kind](rng, value)
-            how = f"{spoiled.dtype} {spoiled.shape}"
-    return Mutant(put(arguments, place, spoiled), kind, f"argument {place} as {how}", arguments)
+            changed_value = {"shape": change_shape, "type": change_type, "number": change_number}[kind](
+                rng, value
+            )
+            how = f"{changed_value.dtype} {changed_value.shape}"
+    return Mutant(
+        replace_argument(arguments, place, changed_value), kind, f"argument {place} as {how}", arguments
+    )
 
 
-def leaves(arguments: Arguments) -> list[tuple[tuple[int, str], Any]]:
+def argument_values(arguments: Arguments) -> list[tuple[tuple[int, str], Any]]:
     """Return every array and number of the arguments, with its place."""
     found: list[tuple[tuple[int, str], Any]] = []
     for index, value in enumerate(arguments):
@@ -316,19 +328,28 @@ def leaves(arguments: Arguments) -> list[tuple[tuple[int, str], Any]]:
             found.append(((index, ""), value))
             continue
         for each in fields(value):
-            if each.init and each.name not in UNTOUCHED:
+            if each.init and each.name not in NOT_MUTATED:
                 found.append(((index, each.name), getattr(value, each.name)))
     return found
 
 
 # what is no array, or a number that no kernel checks
-UNTOUCHED = {
-    *("turns", "frames", "width", "cluster", "dimension", "transition", "new_transition", "bandwidth"),
+NOT_MUTATED = {
+    *(
+        "orientation_starts",
+        "frames",
+        "width",
+        "cluster",
+        "dimension",
+        "transition",
+        "new_transition",
+        "bandwidth",
+    ),
     *("merge_distance", "weight", "forget_below"),
 }
 
 
-def put(arguments: Arguments, place: tuple[int, str], value: Any) -> Arguments:
+def replace_argument(arguments: Arguments, place: tuple[int, str], value: Any) -> Arguments:
     """Return the arguments with one value replaced."""
     index, name = place
     changed = list(arguments)

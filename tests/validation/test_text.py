@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pilotfish.errors import LONGEST_MESSAGE, InvalidInput, SkillError
+from pilotfish.errors import MAX_MESSAGE_LENGTH, InvalidInput, SkillError
 from pilotfish.validation import (
-    LONGEST_NAME,
+    MAX_NAME_LENGTH,
     escape,
-    first_repeated,
+    first_duplicate,
     require_printable,
     short_list,
     short_repr,
@@ -87,7 +87,7 @@ def test_short_repr_of_a_million_entries_is_quick(value: object) -> None:
 def test_message_is_one_printable_line_of_bounded_length(one: str, other: str) -> None:
     message = str(SkillError(f"{one}: {other}"))
     assert message.isprintable()
-    assert len(message) <= LONGEST_MESSAGE
+    assert len(message) <= MAX_MESSAGE_LENGTH
 
 
 def test_message_with_a_million_lines_is_quick_and_keeps_its_remedy() -> None:
@@ -95,12 +95,12 @@ def test_message_with_a_million_lines_is_quick_and_keeps_its_remedy() -> None:
     message = str(InvalidInput("\n".join(["\x1b[2J"] * 10**6) + "; use a shorter text"))
     assert process_time() - begin < QUICK
     assert message.endswith("; use a shorter text")
-    assert len(message) <= LONGEST_MESSAGE
+    assert len(message) <= MAX_MESSAGE_LENGTH
 
 
 @given(ANY_TEXT)
 def test_require_printable_accepts_printable_text_of_bounded_length_alone(text: str) -> None:
-    if text.isprintable() and len(text) <= LONGEST_NAME:
+    if text.isprintable() and len(text) <= MAX_NAME_LENGTH:
         assert require_printable(text, "the name") == text
         return
     with pytest.raises(InvalidInput, match=r"^the name "):
@@ -116,16 +116,16 @@ def test_require_printable_refuses_other_kinds(value: object) -> None:
 def test_short_list_of_many_names_gives_the_first_and_their_number() -> None:
     assert short_list(["a", "b", "c"]) == "a, b, c"
     assert short_list([f"n{n}" for n in range(100_000)], 2) == "n0, n1, ... 100000 in all"
-    assert len(short_list(["x" * 10**6] * 1000)) < 9 * (LONGEST_NAME + 2) + 20
+    assert len(short_list(["x" * 10**6] * 1000)) < 9 * (MAX_NAME_LENGTH + 2) + 20
 
 
 @given(st.lists(st.integers(0, 20)))
 def test_first_repeated_is_the_first_item_met_before(items: list[int]) -> None:
     expected = next((item for n, item in enumerate(items) if item in items[:n]), None)
-    assert first_repeated(items) == expected
+    assert first_duplicate(items) == expected
 
 
 def test_first_repeated_of_a_million_items_is_quick() -> None:
     begin = process_time()
-    assert first_repeated(map(str, range(10**6))) is None
+    assert first_duplicate(map(str, range(10**6))) is None
     assert process_time() - begin < QUICK

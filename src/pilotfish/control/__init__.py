@@ -4,43 +4,43 @@ the same in continuous time; `solve_batch` is one least-squares problem that als
 `impedance_torque` holds an arm's tool by springs and dampers, `SerialChain` is the arm without its masses.
 """
 
-from pilotfish.control.arm_doors import arm_limits, impedance
+from pilotfish.control.arm_validation import arm_limits, impedance
 from pilotfish.control.arms import impedance_torque, posture_torque
 from pilotfish.control.batch import BatchSolution, solve_batch
 from pilotfish.control.chains import SerialChain, forward_kinematics, jacobian, tool_poses
-from pilotfish.control.continuous import regulate_continuous, track_continuous
-from pilotfish.control.discrete import regulate, track
+from pilotfish.control.continuous import lqr_continuous, track_continuous
+from pilotfish.control.discrete import lqr, track
 from pilotfish.control.feedback import ContinuousFeedback, Feedback, Motion
-from pilotfish.control.reach import Reach, inverse_kinematics
+from pilotfish.control.reach import InverseKinematicsResult, inverse_kinematics
 from pilotfish.control.reference import Reference
 from pilotfish.control.systems import (
     ContinuousSystem,
     DiscreteSystem,
     LinearSystem,
-    VaryingSystem,
+    TimeVaryingSystem,
     continuous_double_integrator,
     discretise,
     double_integrator,
 )
-from pilotfish.kernels import ArmEffort, ArmLimits, ArmReading, Impedance, ToolTarget
+from pilotfish.kernels import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
 
 __all__ = [
-    "ArmEffort",
+    "ArmCommand",
     "ArmLimits",
-    "ArmReading",
+    "ArmState",
     "BatchSolution",
     "ContinuousFeedback",
     "ContinuousSystem",
     "DiscreteSystem",
     "Feedback",
-    "Impedance",
+    "ImpedanceParameters",
+    "InverseKinematicsResult",
     "LinearSystem",
     "Motion",
-    "Reach",
     "Reference",
     "SerialChain",
+    "TimeVaryingSystem",
     "ToolTarget",
-    "VaryingSystem",
     "arm_limits",
     "continuous_double_integrator",
     "discretise",
@@ -50,9 +50,9 @@ __all__ = [
     "impedance_torque",
     "inverse_kinematics",
     "jacobian",
+    "lqr",
+    "lqr_continuous",
     "posture_torque",
-    "regulate",
-    "regulate_continuous",
     "solve_batch",
     "tool_poses",
     "track",

@@ -3,13 +3,13 @@
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.kernels import ArmEffort, ArmLimits, ArmReading, Impedance, ToolTarget
+from pilotfish.kernels import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
 from pilotfish.types import Array, Float
 
 
 def impedance_torque(
-    impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget
-) -> ArmEffort:
+    impedance: ImpedanceParameters, limits: ArmLimits, reading: ArmState, target: ToolTarget
+) -> ArmCommand:
     """The torques that hold the tool at its target as if by springs and dampers, the arm in its posture.
 
     tau = bias + J^T F + (I - J^T J^+T) k_q (q_neutral - q) - k_v q' + limit_stiffness depth, where
@@ -29,17 +29,21 @@ def posture_torque(
     stiffness: float | Float[Array, " n"],
     damping: float | Float[Array, " n"],
     limits: ArmLimits,
-    reading: ArmReading,
+    reading: ArmState,
     posture: Float[Array, " n"],
-) -> ArmEffort:
+) -> ArmCommand:
     """The torques that hold joints at a posture [rad], cut to their limits, by springs and dampers.
 
     tau = bias + stiffness [N m/rad] (posture - q) - damping [N m s/rad] q'; wrench is zero. As in
     impedance_torque nothing raises, and terms that are not finite push nothing.
     """
     with np.errstate(all="ignore"):
-        wanted = np.minimum(np.maximum(posture, limits.lower), limits.upper)
-        spring = kernels.finite_or_zero(stiffness * (wanted - reading.q))
-        push = kernels.finite_or_zero(spring - kernels.finite_or_zero(damping * reading.velocity))
-        torque, share = kernels.within_limits(limits.torque, kernels.finite_or_zero(reading.bias), push)
-    return ArmEffort(torque, np.zeros(6), share)
+        clipped_posture = np.minimum(np.maximum(posture, limits.lower), limits.upper)
+        spring = kernels.zero_non_finite(stiffness * (clipped_posture - reading.q))
+        feedback_torque = kernels.zero_non_finite(
+            spring - kernels.zero_non_finite(damping * reading.velocity)
+        )
+        torque, torque_fraction = kernels.clip_torque(
+            limits.torque, kernels.zero_non_finite(reading.bias), feedback_torque
+        )
+    return ArmCommand(torque, np.zeros(6), torque_fraction)

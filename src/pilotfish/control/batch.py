@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.control.discrete import enter
-from pilotfish.control.doors import require_start
+from pilotfish.control.discrete import validate_problem
 from pilotfish.control.feedback import Motion
 from pilotfish.control.reference import Reference
-from pilotfish.control.systems import DiscreteSystem, spread
+from pilotfish.control.systems import DiscreteSystem, broadcast_system
+from pilotfish.control.validation import require_start
 from pilotfish.types import Array, Float
 
 
@@ -27,32 +27,32 @@ class BatchSolution:
 def solve_batch(
     system: DiscreteSystem,
     reference: Reference,
-    effort: float | Float[Array, "m m"],
+    control_cost: float | Float[Array, "m m"],
     start: Float[Array, " n"],
 ) -> BatchSolution:
-    """The motion of `track(system, reference, effort).rollout(start)`, found at once, and its covariance.
+    """The motion of `track(system, reference, control_cost).rollout(start)`, found at once, and its covariance.
 
     Costs O((T m)^3) time and O(T^2 n m) memory: 200 steps of a 14-dimensional state take about a second.
     Raises: InvalidInput and NotPositiveDefinite, as `track` does, also when start is not a finite state.
     Source: Calinon 2016, A tutorial on task-parameterized movement learning and retrieval, on batch LQT.
     """
-    R = enter(system, reference, effort)
+    R = validate_problem(system, reference, control_cost)
     require_start(start, system.B.shape[-2])
     from scipy.linalg import cho_solve, solve_triangular  # slow to import
 
     T, n = reference.targets.shape
-    free, forced = _responses(spread(system, T - 1))
+    free, forced = _free_and_forced_responses(broadcast_system(system, T - 1))
     weighted = np.einsum("tij,tjc->tic", reference.weights, forced)
     hessian = np.tensordot(forced, weighted, ((0, 1), (0, 1))) + np.kron(np.eye(T - 1), R)
     L = np.linalg.cholesky(hessian)
     error = reference.targets - free @ start
     u = cho_solve((L, True), np.einsum("tic,ti->c", weighted, error))
-    spreads = solve_triangular(L, forced.reshape(T * n, -1).T, lower=True).reshape(-1, T, n)
+    scaled_responses = solve_triangular(L, forced.reshape(T * n, -1).T, lower=True).reshape(-1, T, n)
     motion = Motion(free @ start + forced @ u, u.reshape(T - 1, -1), system.period)
-    return BatchSolution(motion, np.einsum("cti,ctj->tij", spreads, spreads))
+    return BatchSolution(motion, np.einsum("cti,ctj->tij", scaled_responses, scaled_responses))
 
 
-def _responses(
+def _free_and_forced_responses(
     system: DiscreteSystem,
 ) -> tuple[Float[Array, "T n n"], Float[Array, "T n U"]]:
     """Every state as free[t] start + forced[t] (all inputs, one after the other)."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.geometry import Pose, from_rotation_matrix, rotation_matrix
+from pilotfish.geometry import Pose, quaternion_from_rotation_matrix, rotation_matrix
 from pilotfish.types import Array, Float
 
 
@@ -36,21 +36,21 @@ class ChainFrames:
     @property
     def jacobian(self) -> Float[Array, "*B 6 n"]:
         """Velocities of the joints to the twist of the tool's point: linear rows, then angular."""
-        arms = self.tool[..., None, :] - self.joints
-        rows = np.concatenate([np.cross(self.axes, arms), self.axes], axis=-1)
+        lever_arms = self.tool[..., None, :] - self.joints
+        rows = np.concatenate([np.cross(self.axes, lever_arms), self.axes], axis=-1)
         return np.swapaxes(rows, -1, -2)
 
 
 def forward_kinematics(chain: SerialChain, q: Float[Array, " n"]) -> Pose:
     """world_from_tool with the joints at q [rad]."""
     frames = chain_frames(chain, q)
-    return Pose(frames.tool, from_rotation_matrix(frames.rotation))
+    return Pose(frames.tool, quaternion_from_rotation_matrix(frames.rotation))
 
 
 def tool_poses(chain: SerialChain, q: Float[Array, "*B n"]) -> Float[Array, "*B 7"]:
     """world_from_tool of each q [rad], as recordings have it: position [m], then quaternion w x y z."""
     frames = chain_frames(chain, q)
-    return np.concatenate([frames.tool, from_rotation_matrix(frames.rotation)], axis=-1)
+    return np.concatenate([frames.tool, quaternion_from_rotation_matrix(frames.rotation)], axis=-1)
 
 
 def jacobian(chain: SerialChain, q: Float[Array, " n"]) -> Float[Array, "6 n"]:
@@ -64,19 +64,21 @@ def chain_frames(chain: SerialChain, q: Float[Array, "*B n"]) -> ChainFrames:
     Source: Siciliano et al. 2009, Robotics: Modelling, Planning and Control, sections 2.8 and 3.1.
     """
     fixed = rotation_matrix(chain.quaternions)
-    steps = fixed @ _turns(chain.axes, q)  # (*B, n, 3, 3), before_from_after of each joint
+    before_from_after = fixed @ _joint_rotations(
+        chain.axes, q
+    )  # (*B, n, 3, 3), before_from_after of each joint
     R = np.broadcast_to(rotation_matrix(chain.world_from_base.quaternion), (*q.shape[:-1], 3, 3))
-    place = np.broadcast_to(chain.world_from_base.position, (*q.shape[:-1], 3))
+    origin = np.broadcast_to(chain.world_from_base.position, (*q.shape[:-1], 3))
     joints, axes = np.empty((*q.shape, 3)), np.empty((*q.shape, 3))
     for i in range(q.shape[-1]):
-        place = place + R @ chain.positions[i]
-        R = R @ steps[..., i, :, :]
-        joints[..., i, :], axes[..., i, :] = place, R @ chain.axes[i]
+        origin = origin + R @ chain.positions[i]
+        R = R @ before_from_after[..., i, :, :]
+        joints[..., i, :], axes[..., i, :] = origin, R @ chain.axes[i]
     tool = chain.last_from_tool
-    return ChainFrames(joints, axes, place + R @ tool.position, R @ rotation_matrix(tool.quaternion))
+    return ChainFrames(joints, axes, origin + R @ tool.position, R @ rotation_matrix(tool.quaternion))
 
 
-def _turns(axes: Float[Array, "n 3"], q: Float[Array, "*B n"]) -> Float[Array, "*B n 3 3"]:
+def _joint_rotations(axes: Float[Array, "n 3"], q: Float[Array, "*B n"]) -> Float[Array, "*B n 3 3"]:
     """Rotations by q about the axes, by Rodrigues' formula."""
     cosine, sine = np.cos(q)[..., None, None], np.sin(q)[..., None, None]
     along = axes[:, :, None] * axes[:, None, :]

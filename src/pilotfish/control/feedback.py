@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.control.doors import require_halves, require_start
 from pilotfish.control.reference import Reference
-from pilotfish.control.systems import ContinuousSystem, DiscreteSystem, spread
+from pilotfish.control.systems import ContinuousSystem, DiscreteSystem, broadcast_system
+from pilotfish.control.validation import position_count, require_start
 from pilotfish.types import Array, Float
 
 
@@ -34,7 +34,7 @@ class Feedback:
 
         Raises: InvalidInput, when the state has no halves.
         """
-        return self.gains[:, :, : require_halves(self.gains)]
+        return self.gains[:, :, : position_count(self.gains)]
 
     @property
     def damping(self) -> Float[Array, "S m half"]:
@@ -42,7 +42,7 @@ class Feedback:
 
         Raises: InvalidInput, when the state has no halves.
         """
-        return self.gains[:, :, require_halves(self.gains) :]
+        return self.gains[:, :, position_count(self.gains) :]
 
     def command(self, t: int, x: Float[Array, " n"]) -> Float[Array, " m"]:
         """The input to hold during the t-th period, from the state at its beginning."""
@@ -56,7 +56,7 @@ class Feedback:
         """
         S, m, n = self.gains.shape
         require_start(start, n)
-        system = spread(self.system, S)
+        system = broadcast_system(self.system, S)
         x, u = np.empty((S + 1, n)), np.empty((S, m))
         x[0] = start
         for t in range(S):
@@ -87,7 +87,7 @@ class ContinuousFeedback:
 
         Raises: InvalidInput, when the state has no halves.
         """
-        return self.gains[:, :, : require_halves(self.gains)]
+        return self.gains[:, :, : position_count(self.gains)]
 
     @property
     def damping(self) -> Float[Array, "S m half"]:
@@ -95,7 +95,7 @@ class ContinuousFeedback:
 
         Raises: InvalidInput, when the state has no halves.
         """
-        return self.gains[:, :, require_halves(self.gains) :]
+        return self.gains[:, :, position_count(self.gains) :]
 
     def command(self, t: int, x: Float[Array, " n"]) -> Float[Array, " m"]:
         """The input at the moment the t-th period begins, from the state there."""

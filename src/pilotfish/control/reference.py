@@ -21,15 +21,15 @@ class Reference:
     period: float | None = None
 
 
-def distinct(arrays: Float[Array, "T ..."]) -> tuple[list[int], Int[Array, " T"]]:
+def unique_weights(arrays: Float[Array, "T ..."]) -> tuple[list[int], Int[Array, " T"]]:
     """Where each value is met first, and which of these every array equals: few in a step-wise reference."""
-    places: dict[bytes, int] = {}
-    firsts: list[int] = []
-    which: list[int] = []
+    positions_by_value: dict[bytes, int] = {}
+    first_indices: list[int] = []
+    inverse: list[int] = []
     for t, array in enumerate(arrays):
         key = array.tobytes()
-        if key not in places:
-            places[key] = len(firsts)
-            firsts.append(t)
-        which.append(places[key])
-    return firsts, np.array(which)
+        if key not in positions_by_value:
+            positions_by_value[key] = len(first_indices)
+            first_indices.append(t)
+        inverse.append(positions_by_value[key])
+    return first_indices, np.array(inverse)

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.control.doors import require_axes, require_period, require_system
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.control.validation import require_axes, require_period, require_system
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.types import Array, Float
 
-LONGEST_WAY = 1e15  # beyond, float64 leaves no right digit of a matrix exponential
+MAX_GENERATOR_NORM = 1e15  # beyond, float64 leaves no right digit of a matrix exponential
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +21,7 @@ class LinearSystem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class VaryingSystem:
+class TimeVaryingSystem:
     """The t-th period [s] takes x to A[t] x + B[t] u: S periods lie between S + 1 states."""
 
     A: Float[Array, "S n n"]
@@ -37,7 +37,7 @@ class ContinuousSystem:
     B: Float[Array, "n m"]
 
 
-DiscreteSystem = LinearSystem | VaryingSystem
+DiscreteSystem = LinearSystem | TimeVaryingSystem
 
 
 def continuous_double_integrator(axes: int) -> ContinuousSystem:
@@ -70,7 +70,7 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     Raises: InvalidInput, when the system is not one or the period is not a positive time.
     Source: Van Loan 1978, Computing integrals involving the matrix exponential.
     """
-    require_kind("system", system, ContinuousSystem, "see control.continuous_double_integrator")
+    require_type("system", system, ContinuousSystem, "see control.continuous_double_integrator")
     require_system(system.A, system.B, rank=2)
     require_period(period)
     from scipy.linalg import expm  # slow to import
@@ -78,10 +78,10 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     n, m = system.B.shape
     generator = np.zeros((n + m, n + m))
     generator[:n] = np.hstack([system.A, system.B])
-    if (way := float(np.abs(period * generator).sum(axis=0).max())) > LONGEST_WAY:
+    if (norm := float(np.abs(period * generator).sum(axis=0).max())) > MAX_GENERATOR_NORM:
         raise InvalidInput(
-            f"within a period of {period} s the system moves its state by {way:.3g} times itself, expected "
-            f"at most {LONGEST_WAY:g}; choose a shorter period"
+            f"within a period of {period} s the system moves its state by {norm:.3g} times itself, expected "
+            f"at most {MAX_GENERATOR_NORM:g}; choose a shorter period"
         )
     with np.errstate(all="ignore"):
         flow = expm(period * generator)
@@ -92,10 +92,10 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     return LinearSystem(flow[:n, :n].copy(), flow[:n, n:].copy(), float(period))
 
 
-def spread(system: DiscreteSystem, steps: int) -> VaryingSystem:
+def broadcast_system(system: DiscreteSystem, steps: int) -> TimeVaryingSystem:
     """The system written out period by period; views of A and B where it does not vary."""
-    if isinstance(system, VaryingSystem):
+    if isinstance(system, TimeVaryingSystem):
         return system
     A = np.broadcast_to(system.A, (steps, *system.A.shape))
     B = np.broadcast_to(system.B, (steps, *system.B.shape))
-    return VaryingSystem(A, B, system.period)
+    return TimeVaryingSystem(A, B, system.period)

@@ -2,18 +2,17 @@
 (`demonstration`), its readers for folders and published files, and the views that skills are learned from.
 """
 
-from pilotfish.demonstrations.derivatives import with_derivatives
-from pilotfish.demonstrations.findings import Finding, Severity, check
-from pilotfish.demonstrations.folders import read_folder, require_replaceable, write_folder
-from pilotfish.demonstrations.frame_doors import frame, moving_frame
-from pilotfish.demonstrations.frame_views import Views, views
+from pilotfish.demonstrations.derivatives import add_derivatives
+from pilotfish.demonstrations.diagnostics import Diagnostic, Severity, diagnose
+from pilotfish.demonstrations.distances import distance_unit, distances, is_orientation
+from pilotfish.demonstrations.frame_validation import frame, moving_frame
 from pilotfish.demonstrations.frames import (
     Frame,
     MovingFrame,
     frame_from_pose,
     moving_frame_from_poses,
+    require_left_multiplication,
     require_magnitudes,
-    require_turns,
     tangent_map,
     world_frame,
 )
@@ -25,22 +24,15 @@ from pilotfish.demonstrations.layouts import (
     position_layout,
     require_name,
 )
-from pilotfish.demonstrations.published import read_valve_mat, read_zshape_mat
-from pilotfish.demonstrations.published_arrays import read_helloworld_npy, read_robotasks_npy
-from pilotfish.demonstrations.published_extracts import (
-    read_chicken_dance_npz,
-    read_letters_npz,
-    read_mocap6_labels_npz,
-    read_mocap6_npz,
-)
 from pilotfish.demonstrations.recording import Demonstration, demonstration, require_period
-from pilotfish.demonstrations.resampling import resampled
-from pilotfish.demonstrations.signs import continuous_quaternions
-from pilotfish.demonstrations.sphere import on_sphere
+from pilotfish.demonstrations.resampling import resample
+from pilotfish.demonstrations.signs import unwrap_orientations
+from pilotfish.demonstrations.sphere import to_sphere
+from pilotfish.demonstrations.views import Views, views
 
 __all__ = [
     "Demonstration",
-    "Finding",
+    "Diagnostic",
     "Frame",
     "Layout",
     "MovingFrame",
@@ -48,34 +40,26 @@ __all__ = [
     "Quantity",
     "Severity",
     "Views",
-    "check",
-    "continuous_quaternions",
+    "add_derivatives",
     "demonstration",
+    "diagnose",
+    "distance_unit",
+    "distances",
     "frame",
     "frame_from_pose",
+    "is_orientation",
     "moving_frame",
     "moving_frame_from_poses",
-    "on_sphere",
     "pose_layout",
     "position_layout",
-    "read_chicken_dance_npz",
-    "read_folder",
-    "read_helloworld_npy",
-    "read_letters_npz",
-    "read_mocap6_labels_npz",
-    "read_mocap6_npz",
-    "read_robotasks_npy",
-    "read_valve_mat",
-    "read_zshape_mat",
+    "require_left_multiplication",
     "require_magnitudes",
     "require_name",
     "require_period",
-    "require_replaceable",
-    "require_turns",
-    "resampled",
+    "resample",
     "tangent_map",
+    "to_sphere",
+    "unwrap_orientations",
     "views",
-    "with_derivatives",
     "world_frame",
-    "write_folder",
 ]

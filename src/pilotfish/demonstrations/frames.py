@@ -7,14 +7,20 @@ import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, continuous, left_matrix, rotation_matrix, tangent_slices
+from pilotfish.geometry import (
+    Pose,
+    left_multiplication_matrix,
+    rotation_matrix,
+    tangent_slices,
+    unwrap_quaternions,
+)
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import float_array, require_count
 
 WORLD = "world"
-MOST_COLUMNS = 10_000
-SPACE = 3  # axes of the space that poses live in
-SMALLEST_SCALE, LARGEST_SCALE, LARGEST_OFFSET = 1e-20, 1e20, 1e50  # of A and of b; covariances take squares
+MAX_COLUMNS = 10_000
+SPATIAL_AXES = 3  # axes of the space that poses live in
+MIN_SCALE, MAX_SCALE, MAX_OFFSET = 1e-20, 1e20, 1e50  # of A and of b; covariances take squares
 ROTATION_TOLERANCE = 1e-4  # a published rotation matrix carries about six digits
 
 
@@ -39,27 +45,27 @@ class MovingFrame:
         return Frame(self.name, self.A[t], self.b[t])
 
 
-def require_magnitudes(place: str, A: Float[Array, "*B D D"], b: Float[Array, "*B D"]) -> None:
+def require_magnitudes(label: str, A: Float[Array, "*B D D"], b: Float[Array, "*B D"]) -> None:
     """Check that a frame can carry means and covariances without overflow.
 
     Raises:
         InvalidInput: If A or b is not finite, an entry of A exceeds 1e20 or one of b 1e50, or all entries of
             A are below 1e-20.
     """
-    float_array(A, f"{place}: A", largest=LARGEST_SCALE)
-    float_array(b, f"{place}: b", largest=LARGEST_OFFSET)
+    float_array(A, f"{label}: A", maximum=MAX_SCALE)
+    float_array(b, f"{label}: b", maximum=MAX_OFFSET)
     sizes = np.abs(A).max(axis=(-2, -1), initial=0.0)
-    smallest = float(sizes.min(initial=LARGEST_SCALE))
-    if 0.0 < smallest < SMALLEST_SCALE:  # 0 is refused as singular
+    smallest = float(sizes.min(initial=MAX_SCALE))
+    if 0.0 < smallest < MIN_SCALE:  # 0 is refused as singular
         raise InvalidInput(
-            f"{place}: A has no entry beyond {smallest:g}, expected at least {SMALLEST_SCALE:g}; choose "
+            f"{label}: A has no entry beyond {smallest:g}, expected at least {MIN_SCALE:g}; choose "
             "another unit for what the frame sees"
         )
 
 
 def world_frame(width: int) -> Frame:
     """The frame from which everything looks as it was recorded."""
-    columns = require_count(width, "width", MOST_COLUMNS, lowest=1)
+    columns = require_count(width, "width", MAX_COLUMNS, minimum=1)
     return Frame(WORLD, np.eye(columns), np.zeros(columns))
 
 
@@ -82,10 +88,12 @@ def frame_from_pose(name: str, layout: Layout, pose: Pose) -> Frame:
 
 def moving_frame_from_poses(name: str, layout: Layout, poses: Sequence[Pose]) -> MovingFrame:
     """As frame_from_pose, one pose for each step; quaternions may flip sign, being poses."""
-    _refuse_other_than_three_axes(name, layout)
-    place = f"frame {name!r}: position"
-    positions = np.stack([float_array(pose.position, place, SPACE, LARGEST_OFFSET) for pose in poses])
-    quaternions = continuous(np.stack([float_array(pose.quaternion, "quaternion", 4, 2.0) for pose in poses]))
+    _require_three_axes(name, layout)
+    label = f"frame {name!r}: position"
+    positions = np.stack([float_array(pose.position, label, SPATIAL_AXES, MAX_OFFSET) for pose in poses])
+    quaternions = unwrap_quaternions(
+        np.stack([float_array(pose.quaternion, "quaternion", 4, 2.0) for pose in poses])
+    )
     A = np.zeros((len(poses), layout.width, layout.width))
     b = np.zeros((len(poses), layout.width))
     for part, columns in zip(layout.parts, layout.slices, strict=True):
@@ -100,53 +108,58 @@ def _block(part: Part, quaternions: Float[Array, "T 4"]) -> Float[Array, "T d d"
         case Quantity.POSITION | Quantity.VECTOR:
             return rotation_matrix(quaternions)
         case Quantity.QUATERNION | Quantity.ORIENTATION:
-            return left_matrix(quaternions)
+            return left_multiplication_matrix(quaternions)
         case Quantity.SCALAR:
             return np.broadcast_to(np.eye(part.size), (len(quaternions), part.size, part.size))
 
 
-def _refuse_other_than_three_axes(name: str, layout: Layout) -> None:
+def _require_three_axes(name: str, layout: Layout) -> None:
     spatial = (Quantity.POSITION, Quantity.VECTOR)
     for part in layout.parts:
-        if part.quantity in spatial and part.size != SPACE:
+        if part.quantity in spatial and part.size != SPATIAL_AXES:
             raise InvalidInput(
                 f"frame {name!r}: part {part.name!r} has {part.size} axes, expected 3 to turn it by a pose; "
                 "give A and b of the frame instead: frame(name, A, b)"
             )
 
 
-def tangent_map(A: Float[Array, "*B D D"], turns: tuple[int, ...]) -> Float[Array, "*B E E"]:
+def tangent_map(A: Float[Array, "*B D D"], orientation_starts: tuple[int, ...]) -> Float[Array, "*B E E"]:
     """How frames with these matrices carry deviations: as they carry differences, but for orientations.
 
     Those stay: a frame multiplies an orientation from the left, and body axes turn with the body.
     """
-    flat, tangents, E = *flat_columns(A.shape[-1], turns), A.shape[-1] - len(turns)
+    flat, tangents, E = (
+        *euclidean_columns(A.shape[-1], orientation_starts),
+        A.shape[-1] - len(orientation_starts),
+    )
     carried = np.zeros((*A.shape[:-2], E, E)) + np.eye(E)
     carried[..., tangents[:, None], tangents] = A[..., flat[:, None], flat]
     return carried
 
 
-def flat_columns(width: int, turns: tuple[int, ...]) -> tuple[Int[Array, " F"], Int[Array, " F"]]:
+def euclidean_columns(
+    width: int, orientation_starts: tuple[int, ...]
+) -> tuple[Int[Array, " F"], Int[Array, " F"]]:
     """The columns that belong to no orientation, among those of points and among those of deviations."""
-    flat = [(here, there) for here, there, turn in tangent_slices(width, turns) if not turn]
+    flat = [(here, there) for here, there, turn in tangent_slices(width, orientation_starts) if not turn]
     points = [column for here, _ in flat for column in range(here.start, here.stop)]
     tangents = [column for _, there in flat for column in range(there.start, there.stop)]
     return np.array(points, dtype=np.int64), np.array(tangents, dtype=np.int64)
 
 
-def require_turns(
-    place: str, A: Float[Array, "*B D D"], b: Float[Array, "*B D"], turns: tuple[int, ...]
+def require_left_multiplication(
+    label: str, A: Float[Array, "*B D D"], b: Float[Array, "*B D"], orientation_starts: tuple[int, ...]
 ) -> None:
     """Nothing, when each orientation on S^3 is multiplied from the left by a unit quaternion and no more.
 
     Raises: InvalidInput otherwise: whatever else a frame did to it would not stay on S^3.
     """
-    for start in turns:
+    for start in orientation_starts:
         columns = np.arange(start, start + 4)
         block = A[..., columns[:, None], columns]
         others = np.delete(np.arange(A.shape[-1]), columns)
         worst = max(
-            np.abs(block - left_matrix(block[..., 0])).max(),
+            np.abs(block - left_multiplication_matrix(block[..., 0])).max(),
             np.abs(np.linalg.norm(block[..., 0], axis=-1) - 1.0).max(),
             np.abs(b[..., columns]).max(),
             np.abs(A[..., columns[:, None], others]).max(initial=0.0),
@@ -154,7 +167,7 @@ def require_turns(
         )
         if worst > ROTATION_TOLERANCE:
             raise InvalidInput(
-                f"{place}: columns {start} to {start + 3} are an orientation on S^3, and A and b differ by "
+                f"{label}: columns {start} to {start + 3} are an orientation on S^3, and A and b differ by "
                 f"{worst:.3g} from multiplying it by a unit quaternion from the left, expected at most "
                 f"{ROTATION_TOLERANCE:g}; see frame_from_pose"
             )

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import accumulate
 
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.validation import first_repeated, nearest_name, require_count, require_printable, short_list
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.validation import first_duplicate, nearest_name, require_count, require_printable, short_list
 
 QUATERNION_SIZE, ROTATION_VECTOR_SIZE = 4, 3
-MOST_COLUMNS = 10_000
-HIGHEST_DERIVATIVE = 9
+MAX_COLUMNS = 10_000
+MAX_DERIVATIVE = 9
 
 
 class Quantity(Enum):
@@ -37,9 +37,9 @@ class Part:
 
     def __post_init__(self) -> None:
         require_name(self.name, "a part")
-        require_kind("quantity", self.quantity, Quantity, "say Quantity.SCALAR")
-        require_count(self.size, f"the size of part {self.name!r}", MOST_COLUMNS, 1)
-        require_count(self.derivative, f"the derivative of part {self.name!r}", HIGHEST_DERIVATIVE)
+        require_type("quantity", self.quantity, Quantity, "say Quantity.SCALAR")
+        require_count(self.size, f"the size of part {self.name!r}", MAX_COLUMNS, 1)
+        require_count(self.derivative, f"the derivative of part {self.name!r}", MAX_DERIVATIVE)
         require_printable(self.unit, f"the unit of part {self.name!r}")
         if self.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION) and self.size != QUATERNION_SIZE:
             raise InvalidInput(
@@ -61,9 +61,9 @@ class Layout:
     def __post_init__(self) -> None:
         if not self.parts:
             raise InvalidInput("the layout has no parts, expected at least one")
-        if twice := first_repeated((part.name, part.derivative) for part in self.parts):
-            raise InvalidInput(f"the layout has {twice} (name, derivative) more than once; rename one")
-        require_count(self.width, "the number of columns of the layout", MOST_COLUMNS)
+        if duplicate := first_duplicate((part.name, part.derivative) for part in self.parts):
+            raise InvalidInput(f"the layout has {duplicate} (name, derivative) more than once; rename one")
+        require_count(self.width, "the number of columns of the layout", MAX_COLUMNS)
 
     @property
     def width(self) -> int:
@@ -95,7 +95,7 @@ class Layout:
         )
 
     @property
-    def turns(self) -> tuple[int, ...]:
+    def orientation_starts(self) -> tuple[int, ...]:
         """The first column of each part that lives on S^3; its four columns have three tangents."""
         return tuple(
             columns.start
@@ -115,7 +115,7 @@ class Layout:
             f"no part {name!r} with derivative {derivative}; there is {short_list(known)}{hint}"
         )
 
-    def differentiated(self) -> "Layout":
+    def differentiate(self) -> "Layout":
         """The same parts, then their first derivatives [unit/s].
 
         That of an orientation on S^3 is an angular velocity [rad/s] in the axes of the turning body, which
@@ -139,9 +139,9 @@ def require_name(name: object, what: str) -> str:
     Raises:
         InvalidInput: If it is not; the message begins with what is named.
     """
-    place = f"the name of {what}"
-    if not (text := require_printable(name, place)) or text != text.strip():
-        raise InvalidInput(f"{place} is {text!r}, expected text on one line, without blank ends")
+    label = f"the name of {what}"
+    if not (text := require_printable(name, label)) or text != text.strip():
+        raise InvalidInput(f"{label} is {text!r}, expected text on one line, without blank ends")
     return text
 
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.demonstrations.frame_doors import frame, moving_frame
-from pilotfish.demonstrations.frames import Frame, MovingFrame, require_turns, world_frame
+from pilotfish.demonstrations.frame_validation import frame, moving_frame
+from pilotfish.demonstrations.frames import Frame, MovingFrame, require_left_multiplication, world_frame
 from pilotfish.demonstrations.layouts import Layout
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
-    LARGEST_MAGNITUDE,
-    first_repeated,
+    MAX_MAGNITUDE,
+    first_duplicate,
     numeric_array,
     require_number,
     require_printable,
@@ -20,7 +20,7 @@ from pilotfish.validation import (
     short_repr,
 )
 
-SHORTEST_PERIOD, LONGEST_PERIOD = 1e-9, 1e9  # s; squares of both, and what they divide, do not overflow
+MIN_PERIOD, MAX_PERIOD = 1e-9, 1e9  # s; squares of both, and what they divide, do not overflow
 NORM_TOLERANCE = 1e-3  # recordings are rounded; what is within is left as it is
 
 
@@ -53,103 +53,105 @@ def demonstration(
     positive, frames that are singular, of another width or length, or that take an orientation off S^3.
     """
     require_printable(name, "the name of a demonstration")
-    require_kind("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
-    require_kind("frames", frames, Iterable, "give a list of frames; see frame_from_pose")
-    place = f"demonstration {name!r}" if name else "demonstration"
-    points = numeric_array(x, place)
-    _refuse_shape(place, points, layout)
-    _refuse_not_finite(place, points, layout)
-    _refuse_huge(place, points, layout)
-    for start in sorted([*layout.turns, *(columns.start for columns in layout.quaternions)]):
-        q, named = points[:, start : start + 4], f"{place}, {layout.names[start][:-2]}"
-        _refuse_lengths(named, q)
-        if start not in layout.turns:
-            _refuse_flips(named, q)
-    seconds = require_period(period, f"{place}: period")
-    checked = _checked_frames(place, frames, points.shape)
+    require_type("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
+    require_type("frames", frames, Iterable, "give a list of frames; see frame_from_pose")
+    label = f"demonstration {name!r}" if name else "demonstration"
+    points = numeric_array(x, label)
+    _require_shape(label, points, layout)
+    _require_finite(label, points, layout)
+    _require_bounded(label, points, layout)
+    for start in sorted([*layout.orientation_starts, *(columns.start for columns in layout.quaternions)]):
+        q, named = points[:, start : start + 4], f"{label}, {layout.names[start][:-2]}"
+        _require_unit_norms(named, q)
+        if start not in layout.orientation_starts:
+            _require_continuous_signs(named, q)
+    seconds = require_period(period, f"{label}: period")
+    checked = _validate_frames(label, frames, points.shape)
     for given in checked:
-        require_turns(f"{place}, frame {given.name!r}", given.A, given.b, layout.turns)
+        require_left_multiplication(
+            f"{label}, frame {given.name!r}", given.A, given.b, layout.orientation_starts
+        )
     return Demonstration(points, seconds, layout, checked, name)
 
 
-def require_period(value: object, place: str) -> float:
+def require_period(value: object, label: str) -> float:
     """Return the time between two rows as a float.
 
     Raises:
         InvalidInput: If it is not a number of seconds from SHORTEST_PERIOD to LONGEST_PERIOD.
     """
-    return require_number(value, place, SHORTEST_PERIOD, LONGEST_PERIOD)
+    return require_number(value, label, MIN_PERIOD, MAX_PERIOD)
 
 
-def _refuse_shape(place: str, x: Float[Array, "..."], layout: Layout) -> None:
+def _require_shape(label: str, x: Float[Array, "..."], layout: Layout) -> None:
     if x.ndim != 2 or len(x) < 2:
-        raise InvalidInput(f"{place} has shape {x.shape}, expected (T, {layout.width}) with T of 2 or more")
+        raise InvalidInput(f"{label} has shape {x.shape}, expected (T, {layout.width}) with T of 2 or more")
     if x.shape[1] != layout.width:
         raise InvalidInput(
-            f"{place} has {x.shape[1]} columns, but its layout has {layout.width}: {short_list(layout.names)}"
+            f"{label} has {x.shape[1]} columns, but its layout has {layout.width}: {short_list(layout.names)}"
         )
 
 
-def _refuse_not_finite(place: str, x: Float[Array, "T D"], layout: Layout) -> None:
+def _require_finite(label: str, x: Float[Array, "T D"], layout: Layout) -> None:
     if (bad := np.argwhere(~np.isfinite(x))).size:
         row, column = bad[0].tolist()
         more = f" and {len(bad) - 1} more are not finite" if len(bad) > 1 else ""
         raise InvalidInput(
-            f"{place}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]}{more}, "
+            f"{label}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]}{more}, "
             "expected finite numbers; cut those rows or fill the gap"
         )
 
 
-def _refuse_huge(place: str, x: Float[Array, "T D"], layout: Layout) -> None:
-    if (bad := np.argwhere(np.abs(x) > LARGEST_MAGNITUDE)).size:
+def _require_bounded(label: str, x: Float[Array, "T D"], layout: Layout) -> None:
+    if (bad := np.argwhere(np.abs(x) > MAX_MAGNITUDE)).size:
         row, column = bad[0].tolist()
         raise InvalidInput(
-            f"{place}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]:g}, "
-            f"expected at most {LARGEST_MAGNITUDE:g}; check the recording, or choose a larger unit"
+            f"{label}: row {row} (first is 0), column {layout.names[column]!r} is {x[row, column]:g}, "
+            f"expected at most {MAX_MAGNITUDE:g}; check the recording, or choose a larger unit"
         )
 
 
-def _refuse_lengths(place: str, q: Float[Array, "T 4"]) -> None:
+def _require_unit_norms(label: str, q: Float[Array, "T 4"]) -> None:
     with np.errstate(over="ignore"):  # a norm too large for float64 is refused like any other
         norms = np.linalg.norm(q, axis=1)
     if (bad := np.flatnonzero(~(np.abs(norms - 1) <= NORM_TOLERANCE))).size:
         raise InvalidInput(
-            f"{place}: row {bad[0]} (first is 0) has norm {norms[bad[0]]:.6g}, expected 1 within "
+            f"{label}: row {bad[0]} (first is 0) has norm {norms[bad[0]]:.6g}, expected 1 within "
             f"{NORM_TOLERANCE:g} ({bad.size} such rows); geometry.normalise mends lengths"
         )
 
 
-def _refuse_flips(place: str, q: Float[Array, "T 4"]) -> None:
+def _require_continuous_signs(label: str, q: Float[Array, "T 4"]) -> None:
     dots = np.einsum("td,td->t", q[1:], q[:-1])
     if (bad := np.flatnonzero(dots < 0)).size:
         raise InvalidInput(
-            f"{place}: the quaternion flips sign at row {bad[0] + 1} (first is 0), {bad.size} times in all; "
+            f"{label}: the quaternion flips sign at row {bad[0] + 1} (first is 0), {bad.size} times in all; "
             "q and -q are the same rotation: pass continuous_quaternions(x, layout)"
         )
 
 
-def _checked_frames(
-    place: str, frames: Iterable[Frame | MovingFrame], shape: tuple[int, ...]
+def _validate_frames(
+    label: str, frames: Iterable[Frame | MovingFrame], shape: tuple[int, ...]
 ) -> tuple[Frame | MovingFrame, ...]:
     steps, width = shape
-    checked = tuple(_checked(place, given, steps, width) for given in frames)
-    if twice := first_repeated(given.name for given in checked):
-        raise InvalidInput(f"{place} has two frames named {twice!r}, expected different names")
+    checked = tuple(_validate_frame(label, given, steps, width) for given in frames)
+    if duplicate := first_duplicate(given.name for given in checked):
+        raise InvalidInput(f"{label} has two frames named {duplicate!r}, expected different names")
     return checked or (world_frame(width),)
 
 
-def _checked(place: str, given: Frame | MovingFrame, steps: int, width: int) -> Frame | MovingFrame:
+def _validate_frame(label: str, given: Frame | MovingFrame, steps: int, width: int) -> Frame | MovingFrame:
     if not isinstance(given, Frame | MovingFrame):
-        raise InvalidInput(f"{place}: a frame is {short_repr(given)}, expected a Frame; see frame_from_pose")
+        raise InvalidInput(f"{label}: a frame is {short_repr(given)}, expected a Frame; see frame_from_pose")
     try:
-        door = moving_frame if isinstance(given, MovingFrame) else frame
-        checked = door(given.name, given.A, given.b)
+        build = moving_frame if isinstance(given, MovingFrame) else frame
+        checked = build(given.name, given.A, given.b)
     except InvalidInput as error:
-        raise InvalidInput(f"{place}: {error}") from error
+        raise InvalidInput(f"{label}: {error}") from error
     if checked.b.shape[-1] != width:
-        raise InvalidInput(f"{place}: frame {given.name!r} is {checked.b.shape[-1]} wide, expected {width}")
+        raise InvalidInput(f"{label}: frame {given.name!r} is {checked.b.shape[-1]} wide, expected {width}")
     if isinstance(checked, MovingFrame) and len(checked.b) != steps:
         raise InvalidInput(
-            f"{place}: moving frame {given.name!r} has {len(checked.b)} steps, expected {steps}"
+            f"{label}: moving frame {given.name!r} has {len(checked.b)} steps, expected {steps}"
         )
     return checked

@@ -3,18 +3,18 @@
 import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Quantity
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.geometry import continuous
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.geometry import unwrap_quaternions
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, short_list
 
 
-def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:
+def unwrap_orientations(x: object, layout: Layout) -> Float[Array, "T D"]:
     """The same recording with no sign flip of an orientation from one row to the next.
 
     Derivatives of an orientation change sign with it. For the door `demonstration`, which refuses flips.
     """
-    require_kind("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
+    require_type("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
     points = np.array(finite_array(x, "x"))
     if points.ndim != 2 or points.shape[1] != layout.width:
         raise InvalidInput(
@@ -22,21 +22,23 @@ def continuous_quaternions(x: object, layout: Layout) -> Float[Array, "T D"]:
         )
     for columns in layout.quaternions:
         q = points[:, columns]
-        signs = np.where(np.einsum("td,td->t", q, continuous(q)) < 0, -1.0, 1.0)
-        for same in _with_derivatives(layout, columns):
+        signs = np.where(np.einsum("td,td->t", q, unwrap_quaternions(q)) < 0, -1.0, 1.0)
+        for same in _orientation_columns(layout, columns):
             points[:, same] *= signs[:, None]
     return points
 
 
-def without_flips(x: Float[Array, "T D"], turns: tuple[int, ...]) -> Float[Array, "T D"]:
+def unwrap_orientation_starts(
+    x: Float[Array, "T D"], orientation_starts: tuple[int, ...]
+) -> Float[Array, "T D"]:
     """The same recording, each orientation on S^3 told by the quaternion that is nearer to the one before."""
     x = x.copy()
-    for start in turns:
-        x[:, start : start + 4] = continuous(x[:, start : start + 4])
+    for start in orientation_starts:
+        x[:, start : start + 4] = unwrap_quaternions(x[:, start : start + 4])
     return x
 
 
-def _with_derivatives(layout: Layout, columns: slice) -> list[slice]:
+def _orientation_columns(layout: Layout, columns: slice) -> list[slice]:
     """The columns of an orientation and of its derivatives."""
     parts = list(zip(layout.parts, layout.slices, strict=True))
     name = next(part.name for part, here in parts if here == columns)

@@ -2,31 +2,36 @@
 simulated people who show them and steer, and the same tasks as Gymnasium environments.
 """
 
-from pilotfish.environments import people
-from pilotfish.environments.baxter import Surface
-from pilotfish.environments.cameras import NO_MARKS, VIEWS, Marks, Photographer, View, view_of
+from pilotfish.environments import human
+from pilotfish.environments.baxter import VisualMesh
+from pilotfish.environments.cameras import (
+    CAMERA_VIEWS,
+    EMPTY_OVERLAY,
+    CameraView,
+    Overlay,
+    SceneRenderer,
+    camera_view,
+)
 from pilotfish.environments.manipulation import Manipulation
-from pilotfish.environments.steering import turn_between
-from pilotfish.environments.tasks import RECORDED_VALVE, TASKS, RecordedValve, Scene, Task, Verdict
-from pilotfish.environments.workcell import TICK, Workcell
+from pilotfish.environments.tasks import RECORDED_VALVE, TASKS, Outcome, RecordedValve, Scene, Task
+from pilotfish.environments.workcell import TIMESTEP, Workcell
 
 __all__ = [
-    "NO_MARKS",
+    "CAMERA_VIEWS",
+    "EMPTY_OVERLAY",
     "RECORDED_VALVE",
     "TASKS",
-    "TICK",
-    "VIEWS",
+    "TIMESTEP",
+    "CameraView",
     "Manipulation",
-    "Marks",
-    "Photographer",
+    "Outcome",
+    "Overlay",
     "RecordedValve",
     "Scene",
-    "Surface",
+    "SceneRenderer",
     "Task",
-    "Verdict",
-    "View",
+    "VisualMesh",
     "Workcell",
-    "people",
-    "turn_between",
-    "view_of",
+    "camera_view",
+    "human",
 ]

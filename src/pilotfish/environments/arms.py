@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from pilotfish.control import ArmReading
+from pilotfish.control import ArmState
 from pilotfish.environments.baxter import arm_names
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
@@ -25,7 +25,7 @@ class SimulatedArm:
         self.q: Float[Array, " n"] = data.qpos[q : q + JOINTS]
         self.velocity: Float[Array, " n"] = data.qvel[self._dofs]
         self.motors: Float[Array, " n"] = data.ctrl[motor : motor + JOINTS]
-        self.push: Float[Array, " n"] = data.qfrc_applied[self._dofs]
+        self.external_torques: Float[Array, " n"] = data.qfrc_applied[self._dofs]
         self._inertial = data.qfrc_bias[self._dofs]
         self._spring = data.qfrc_spring[self._dofs]
         self._position = data.site_xpos[self._site]
@@ -53,6 +53,6 @@ class SimulatedArm:
         mujoco.mj_jacSite(self._model, self._data, linear, angular, self._site)
         return self._jacobian.reshape(6, -1)[:, self._dofs].copy()
 
-    def reading(self) -> ArmReading:
+    def reading(self) -> ArmState:
         """Joints, tool point, Jacobian and what it takes to carry the arm, of the last positions computed."""
-        return ArmReading(self.q, self.velocity, self._position, self._quaternion, self.jacobian(), self.bias)
+        return ArmState(self.q, self.velocity, self._position, self._quaternion, self.jacobian(), self.bias)

@@ -8,16 +8,18 @@ import numpy as np
 from pilotfish.environments.baxter import ROBOT
 from pilotfish.types import Array, Float
 
-TOOL = "tool"  # the sum of what pushes the robot, beside the names of fragile things
+TOOL_FORCE = "tool"  # the sum of what pushes the robot, beside the names of fragile things
 
 
-def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, fragile: tuple[str, ...]) -> dict[str, float]:
+def contact_forces(
+    model: mujoco.MjModel, data: mujoco.MjData, contact_limits: tuple[str, ...]
+) -> dict[str, float]:
     """The force [N] of all contacts of the robot together, under "tool", and on each fragile shape.
 
     On a fragile shape the sizes of its contacts' forces are added: pressing it from both sides counts twice.
     """
-    total, on = np.zeros(3), dict.fromkeys(fragile, 0.0)
-    named = {int(model.geom(name).id): name for name in fragile}
+    total, on = np.zeros(3), dict.fromkeys(contact_limits, 0.0)
+    named = {int(model.geom(name).id): name for name in contact_limits}
     for n, pair in enumerate(data.contact.geom.tolist()):
         robot = [model.geom_contype[geom] == ROBOT for geom in pair]
         touched = [named[geom] for geom in pair if geom in named]
@@ -28,10 +30,10 @@ def contact_forces(model: mujoco.MjModel, data: mujoco.MjData, fragile: tuple[st
             total += force if robot[1] else -force
         for name in touched:
             on[name] += float(np.linalg.norm(force))
-    return {TOOL: float(np.linalg.norm(total)), **on}
+    return {TOOL_FORCE: float(np.linalg.norm(total)), **on}
 
 
-def larger(a: Mapping[str, float], b: Mapping[str, float]) -> dict[str, float]:
+def elementwise_max(a: Mapping[str, float], b: Mapping[str, float]) -> dict[str, float]:
     """Of two measurements of the same things, the larger of each."""
     return {name: max(value, b[name]) for name, value in a.items()}
 

@@ -8,23 +8,23 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from pilotfish.environments.cameras import Photographer, view_of
+from pilotfish.environments.cameras import SceneRenderer, camera_view
 from pilotfish.environments.tasks import TASKS, Task
-from pilotfish.environments.workcell import TICK, Workcell
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.environments.workcell import TIMESTEP, Workcell
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.geometry import Pose, normalise
 from pilotfish.types import Array, Float
-from pilotfish.validation import LARGEST_FLOAT, finite_array, refuse_huge, require_count, short_repr
+from pilotfish.validation import MAX_FLOAT, finite_array, require_bounded, require_count, short_repr
 
 PERIOD = 0.02  # s between actions
 REACH = 1.6  # m: nothing that the arm can do is further away
-SHORTEST = 1e-3  # of a quaternion: a shorter one is no direction
+MIN_NORM = 1e-3  # of a quaternion: a shorter one is no direction
 POSE = 7
-LARGEST_SEED = 2**64 - 1
+MAX_SEED = 2**64 - 1
 EXPECTED = "eight finite numbers: position [m], quaternion w x y z, grip"
-Observation = dict[str, Array]
+ObservationArrays = dict[str, Array]
 # Of each thing observed: the least and the most that it can be, and how many numbers it is.
-SEEN: dict[str, tuple[float, float, int]] = {
+OBSERVATION_BOUNDS: dict[str, tuple[float, float, int]] = {
     "joints": (-inf, inf, 7),
     "velocities": (-inf, inf, 7),
     "tool": (-inf, inf, POSE),
@@ -34,7 +34,7 @@ SEEN: dict[str, tuple[float, float, int]] = {
 }
 
 
-class Manipulation(gymnasium.Env[Observation, Array]):
+class Manipulation(gymnasium.Env[ObservationArrays, Array]):
     """A manipulation task in situations drawn from a seed, an action every 20 ms; see TASKS for the names.
 
     action        position [m] and quaternion w x y z, of any length, asked of the tool in the axes of the
@@ -43,7 +43,7 @@ class Manipulation(gymnasium.Env[Observation, Array]):
     observation   joints [rad], their velocities [rad/s], the tool's pose and twist [m/s, rad/s], the grip,
                   the force on the tool [N], and the pose of each frame of the task, in the order of its names
     reward        1 once the work is done, 0 before; an episode ends then, or is cut after the task's time
-    info          "success", "error" in the task's unit, "why" it is not done, and "peaks", the largest forces
+    info          "success", "error" in the task's unit, "reason" it is not done, and "peak_forces", the largest forces
                   [N] so far
     reset takes options={"situation": one of the task's own} to set up one that is known; a grip beyond 0 or 1
     is taken for the nearer.
@@ -54,19 +54,19 @@ class Manipulation(gymnasium.Env[Observation, Array]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, task: str, *, render_mode: str | None = None) -> None:
-        require_kind("task", task, str, f"name one of {', '.join(sorted(TASKS))}")
+        require_type("task", task, str, f"name one of {', '.join(sorted(TASKS))}")
         if task not in TASKS:
             raise InvalidInput(f"task is {short_repr(task)}, expected one of {', '.join(sorted(TASKS))}")
-        require_kind("render_mode", render_mode, (str, NoneType), "give 'rgb_array' or None")
+        require_type("render_mode", render_mode, (str, NoneType), "give 'rgb_array' or None")
         if render_mode not in (None, "rgb_array"):
             raise InvalidInput(f"render_mode is {short_repr(render_mode)}, expected None or 'rgb_array'")
         self.task: Task[Any] = TASKS[task]
         self.render_mode = render_mode
         low = np.array([-REACH] * 3 + [-1.0] * 4 + [0.0])
         self.action_space = spaces.Box(low, np.array([REACH] * 3 + [1.0] * 5), dtype=np.float64)
-        self.observation_space = spaces.Dict(_boxes(len(self.task.frames)))  # type: ignore[assignment] # of whatever values
+        self.observation_space = spaces.Dict(_observation_spaces(len(self.task.frames)))  # type: ignore[assignment] # of whatever values
         self._cell: Workcell[Any] | None = None
-        self._photographer: Photographer | None = None
+        self._renderer: SceneRenderer | None = None
 
     @property
     def cell(self) -> Workcell[Any]:
@@ -77,46 +77,46 @@ class Manipulation(gymnasium.Env[Observation, Array]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[ObservationArrays, dict[str, Any]]:
         """A new situation: of the seed, of the chance that went on before, or the one given in options."""
         if seed is not None:
-            require_count(seed, "seed", LARGEST_SEED)
-        _refuse_other_options({} if options is None else options, self.task)
+            require_count(seed, "seed", MAX_SEED)
+        _validate_options({} if options is None else options, self.task)
         super().reset(seed=seed)
-        where = options["situation"] if options else self.task.draw(self.np_random)
-        self._forget_pictures()
-        self._cell = Workcell(self.task, where)
+        situation = options["situation"] if options else self.task.sample_situation(self.np_random)
+        self._close_camera()
+        self._cell = Workcell(self.task, situation)
         return self._observation(), self._info()
 
-    def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Array) -> tuple[ObservationArrays, float, bool, bool, dict[str, Any]]:
         """What came of 20 ms under the action."""
-        pose, grip = _asked(action)
-        self.cell.follow(pose, grip, round(PERIOD / TICK))
+        pose, grip = _parse_action(action)
+        self.cell.step_impedance(pose, grip, round(PERIOD / TIMESTEP))
         info = self._info()
         done = bool(info["success"])
-        return self._observation(), float(done), done, self.cell.time >= self.task.seconds - TICK, info
+        return self._observation(), float(done), done, self.cell.time >= self.task.time_limit - TIMESTEP, info
 
     def render(self) -> Array | None:
         """A picture of the scene, (480, 640, 3); None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._photographer is None:
-            self._photographer = Photographer(self.cell.model, view_of(self.task.name))
-        return self._photographer.photograph(self.cell.data)
+        if self._renderer is None:
+            self._renderer = SceneRenderer(self.cell.model, camera_view(self.task.name))
+        return self._renderer.render(self.cell.data)
 
     def close(self) -> None:
         """The physics and the renderer are let go."""
-        self._forget_pictures()
+        self._close_camera()
         self._cell = None
 
-    def _forget_pictures(self) -> None:
-        if self._photographer is not None:
-            self._photographer.close()
-            self._photographer = None
+    def _close_camera(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
-    def _observation(self) -> Observation:
+    def _observation(self) -> ObservationArrays:
         cell = self.cell
-        seen = cell.frames()
+        poses = cell.frames()
         return {
             "joints": cell.arm.q.copy(),
             "velocities": cell.arm.velocity.copy(),
@@ -124,23 +124,24 @@ class Manipulation(gymnasium.Env[Observation, Array]):
             "twist": cell.arm.twist,
             "grip": np.array([cell.grip]),
             "force": np.array([cell.forces["tool"]]),
-            "frames": np.stack([_row(seen[name]) for name in self.task.frames]),
+            "frames": np.stack([_row(poses[name]) for name in self.task.frames]),
         }
 
     def _info(self) -> dict[str, Any]:
-        verdict = self.cell.verdict()
+        outcome = self.cell.outcome()
         return {
-            "success": verdict.success,
-            "error": verdict.error,
-            "why": verdict.why,
-            "peaks": dict(self.cell.peaks),
+            "success": outcome.success,
+            "error": outcome.error,
+            "reason": outcome.reason,
+            "peak_forces": dict(self.cell.peak_forces),
         }
 
 
-def _boxes(frames: int) -> dict[str, spaces.Space[Any]]:
+def _observation_spaces(frames: int) -> dict[str, spaces.Space[Any]]:
     """What can be observed, where the task has so many frames."""
     boxes: dict[str, spaces.Space[Any]] = {
-        name: spaces.Box(low, high, (size,), np.float64) for name, (low, high, size) in SEEN.items()
+        name: spaces.Box(low, high, (size,), np.float64)
+        for name, (low, high, size) in OBSERVATION_BOUNDS.items()
     }
     return boxes | {"frames": spaces.Box(-inf, inf, (frames, POSE), np.float64)}
 
@@ -149,24 +150,24 @@ def _row(pose: Pose) -> Float[Array, " 7"]:
     return np.append(pose.position, pose.quaternion)
 
 
-def _refuse_other_options(options: dict[str, Any], task: Task[Any]) -> None:
-    require_kind("options", options, dict, 'give {"situation": ...} or none')
+def _validate_options(options: dict[str, Any], task: Task[Any]) -> None:
+    require_type("options", options, dict, 'give {"situation": ...} or none')
     if unknown := [key for key in options if key != "situation"]:
         raise InvalidInput(f"reset has no option {short_repr(unknown[0])}, expected 'situation' or none")
     if options:
-        kind = type(task.draw(np.random.default_rng(0)))
-        require_kind("the situation", options["situation"], kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
+        kind = type(task.sample_situation(np.random.default_rng(0)))
+        require_type("the situation", options["situation"], kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
 
 
-def _asked(action: Array) -> tuple[Pose, float]:
+def _parse_action(action: Array) -> tuple[Pose, float]:
     try:
-        numbers = finite_array(action, "the action", (POSE + 1,), largest=LARGEST_FLOAT)
-        refuse_huge(numbers[:3], "the action's position")
+        numbers = finite_array(action, "the action", (POSE + 1,), maximum=MAX_FLOAT)
+        require_bounded(numbers[:3], "the action's position")
     except InvalidInput as error:
         raise InvalidInput(f"{error}; expected {EXPECTED}") from error
-    if (norm := hypot(*numbers[3:POSE])) < SHORTEST:
+    if (norm := hypot(*numbers[3:POSE])) < MIN_NORM:
         raise InvalidInput(
             f"the action's quaternion {numbers[3:POSE].tolist()} has length {norm:.4g}, expected at least "
-            f"{SHORTEST:g}; 1, 0, 0, 0 asks for no turn"
+            f"{MIN_NORM:g}; 1, 0, 0, 0 asks for no turn"
         )
     return Pose(numbers[:3], normalise(numbers[3:POSE])), float(np.clip(numbers[POSE], 0.0, 1.0))

@@ -9,32 +9,32 @@ import numpy as np
 from pilotfish.control import ToolTarget, impedance, impedance_torque, posture_torque
 from pilotfish.environments.arms import JOINTS, SimulatedArm
 from pilotfish.environments.baxter import (
-    Surface,
     Tool,
+    VisualMesh,
     add_arm,
+    add_visual_meshes,
     baxter_limits,
-    dress,
     empty_world,
-    mirrored,
+    mirror_posture,
     mount_handle,
-    posture_for,
+    solve_posture,
 )
-from pilotfish.environments.contacts import contact_forces, larger
-from pilotfish.environments.steering import Clutch, hand_wrench, straight
-from pilotfish.environments.tasks.task import Scene, Task, Verdict
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.environments.contacts import contact_forces, elementwise_max
+from pilotfish.environments.steering import RelativeMapping, guidance_wrench, linear_path
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, float_array, require_count, require_number
 
 S = TypeVar("S")
-TICK = 0.001  # s, of physics and of control
-MOST_TICKS = 10**6  # of one call: quarter of an hour
-LED_DAMPING = 0.5  # N m s/rad, of the joints of an arm that a person leads
+TIMESTEP = 0.001  # s, of physics and of control
+MAX_STEPS = 10**6  # of one call: quarter of an hour
+GUIDANCE_DAMPING = 0.5  # N m s/rad, of the joints of an arm that a person leads
 # Position mode, N m/rad and N m s/rad: about 4 Hz, well damped.
-HOLDING = np.array([400.0, 400.0, 200.0, 200.0, 60.0, 60.0, 40.0])
-HOLDING_DAMPING = np.array([40.0, 40.0, 20.0, 20.0, 4.0, 4.0, 2.0])
-RESTING = (-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0)  # rad, of a left arm that nobody needs: out of the way
+POSITION_STIFFNESS = np.array([400.0, 400.0, 200.0, 200.0, 60.0, 60.0, 40.0])
+POSITION_DAMPING = np.array([40.0, 40.0, 20.0, 20.0, 4.0, 4.0, 2.0])
+IDLE_POSTURE = (-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0)  # rad, of a left arm that nobody needs: out of the way
 
 
 class Workcell(Generic[S]):
@@ -46,32 +46,32 @@ class Workcell(Generic[S]):
     """
 
     def __init__(
-        self, task: Task[S], situation: S, *, lead: bool = False, surfaces: Sequence[Surface] = ()
+        self, task: Task[S], situation: S, *, lead: bool = False, visual_meshes: Sequence[VisualMesh] = ()
     ) -> None:
-        require_kind("task", task, Task, "TASKS holds them by name")
-        require_kind("surfaces", surfaces, Sequence, "give a list of them")
+        require_type("task", task, Task, "TASKS holds them by name")
+        require_type("visual_meshes", visual_meshes, Sequence, "give a list of them")
         self.task, self.situation, self.limits = task, situation, baxter_limits()
-        self.model, self.fitted = _built(task, situation, lead, surfaces)
+        self.model, self.mounted_tool = _compile_model(task, situation, lead, visual_meshes)
         self.data = mujoco.MjData(self.model)
-        self.arm = SimulatedArm(self.model, self.data, "right", self.fitted.point)
-        posture = posture_for(task.home(situation), self.fitted.length)
+        self.arm = SimulatedArm(self.model, self.data, "right", self.mounted_tool.point)
+        posture = solve_posture(task.start_pose(situation), self.mounted_tool.length)
         self.impedance = impedance(posture)
         self.arm.q[:] = posture
-        self.input = SimulatedArm(self.model, self.data, "left", "left_tool") if lead else None
-        if self.input:
-            self.input.q[:] = mirrored(posture)
-        self._settle()
+        self.leader_arm = SimulatedArm(self.model, self.data, "left", "left_tool") if lead else None
+        if self.leader_arm:
+            self.leader_arm.q[:] = mirror_posture(posture)
+        self._initialise()
 
-    def _settle(self) -> None:
-        self._stir()
+    def _initialise(self) -> None:
+        self._actuate_scene()
         mujoco.mj_forward(self.model, self.data)
         self.target, self.grip = self.arm.tool, 0.0
-        self._grasp(self.grip)
-        if self.input:
-            self._clutch = Clutch(self.input.tool, self.target)
-            self._hand = self.input.tool
-        self.forces = contact_forces(self.model, self.data, self.task.fragile)
-        self.peaks = self.forces
+        self._command_grip(self.grip)
+        if self.leader_arm:
+            self._mapping = RelativeMapping(self.leader_arm.tool, self.target)
+            self._hand = self.leader_arm.tool
+        self.forces = contact_forces(self.model, self.data, self.task.contact_limits)
+        self.peak_forces = self.forces
 
     @property
     def time(self) -> float:
@@ -80,104 +80,110 @@ class Workcell(Generic[S]):
 
     def frames(self) -> dict[str, Pose]:
         """Where the objects stand now."""
-        return self.task.see(self.model, self.data, self.situation)
+        return self.task.observe_frames(self.model, self.data, self.situation)
 
-    def verdict(self) -> Verdict:
+    def outcome(self) -> Outcome:
         """Whether the work is done."""
-        scene = Scene(self.model, self.data, self.arm.tool, self.grip, self.peaks)
-        return self.task.judge(scene, self.situation)
+        scene = Scene(self.model, self.data, self.arm.tool, self.grip, self.peak_forces)
+        return self.task.check_success(scene, self.situation)
 
-    def follow(self, target: Pose, grip: float, ticks: int) -> None:
+    def step_impedance(self, target: Pose, grip: float, n_steps: int) -> None:
         """So many ticks later: the arm was drawn towards a target that moved evenly to this one."""
-        path = straight(self.target, _checked(target), _ticks(ticks), TICK)
-        self._grasp(grip)
-        for n in range(ticks):
-            self._tick(self._drawn(path.at(n)))
+        path = linear_path(self.target, _validate_target(target), _validate_n_steps(n_steps), TIMESTEP)
+        self._command_grip(grip)
+        for n in range(n_steps):
+            self._step(self._impedance_torque(path.at(n)))
         self.target = target
 
-    def hold(self, posture: Float[Array, " 7"], grip: float, ticks: int) -> None:
+    def step_position(self, posture: Float[Array, " 7"], grip: float, n_steps: int) -> None:
         """So many ticks later: position mode, the joints were drawn to a posture [rad]."""
         posture = finite_array(posture, "posture", (JOINTS,))
-        self._grasp(grip)
-        for _ in range(_ticks(ticks)):
-            effort = posture_torque(HOLDING, HOLDING_DAMPING, self.limits, self.arm.reading(), posture)
-            self._tick(effort.torque)
+        self._command_grip(grip)
+        for _ in range(_validate_n_steps(n_steps)):
+            arm_command = posture_torque(
+                POSITION_STIFFNESS, POSITION_DAMPING, self.limits, self.arm.reading(), posture
+            )
+            self._step(arm_command.torque)
         self.target = self.arm.tool
 
-    def led(self, wish: Pose, grip: float, ticks: int) -> None:
+    def step_guidance(self, target: Pose, grip: float, n_steps: int) -> None:
         """So many ticks later: a person moved their hand so that the arm would be led to the wish.
 
         The hand pulls the input arm by a spring; where that arm's tool goes, the other's follows.
         """
-        if self.input is None:
+        if self.leader_arm is None:
             raise InvalidInput("the cell has no arm to lead; make it with lead=True")
-        hand = self._clutch.lead(_checked(wish))
-        path = straight(self._hand, hand, _ticks(ticks), TICK)
-        self._grasp(grip)
-        for n in range(ticks):
-            self._pull(path.at(n))
-            self.target = self._clutch.follow(self.input.tool)
-            wanted = ToolTarget(self.target.position, self.target.quaternion, self.input.twist)
-            self._tick(self._drawn(wanted))
+        hand = self._mapping.leader_pose(_validate_target(target))
+        path = linear_path(self._hand, hand, _validate_n_steps(n_steps), TIMESTEP)
+        self._command_grip(grip)
+        for n in range(n_steps):
+            self._apply_guidance(path.at(n))
+            self.target = self._mapping.follower_pose(self.leader_arm.tool)
+            tool_target = ToolTarget(self.target.position, self.target.quaternion, self.leader_arm.twist)
+            self._step(self._impedance_torque(tool_target))
         self._hand = hand
 
-    def _pull(self, wanted: ToolTarget) -> None:
-        assert self.input
-        J = self.input.jacobian()
-        hand = Pose(wanted.position, wanted.quaternion)
-        self.input.push[:] = J.T @ hand_wrench(hand, self.input.tool, J @ self.input.velocity)
-        self.input.motors[:] = self.input.bias - LED_DAMPING * self.input.velocity
+    def _apply_guidance(self, tool_target: ToolTarget) -> None:
+        assert self.leader_arm
+        J = self.leader_arm.jacobian()
+        hand = Pose(tool_target.position, tool_target.quaternion)
+        self.leader_arm.external_torques[:] = J.T @ guidance_wrench(
+            hand, self.leader_arm.tool, J @ self.leader_arm.velocity
+        )
+        self.leader_arm.motors[:] = self.leader_arm.bias - GUIDANCE_DAMPING * self.leader_arm.velocity
 
-    def _drawn(self, wanted: ToolTarget) -> Float[Array, " 7"]:
-        return impedance_torque(self.impedance, self.limits, self.arm.reading(), wanted).torque
+    def _impedance_torque(self, tool_target: ToolTarget) -> Float[Array, " 7"]:
+        return impedance_torque(self.impedance, self.limits, self.arm.reading(), tool_target).torque
 
-    def _tick(self, torque: Float[Array, " 7"]) -> None:
-        self._stir()
+    def _step(self, torque: Float[Array, " 7"]) -> None:
+        self._actuate_scene()
         self.arm.motors[:] = torque
         mujoco.mj_step2(self.model, self.data)
-        self._feel()  # before contacts are found anew, which have no forces yet
+        self._measure_forces()  # before contacts are found anew, which have no forces yet
         mujoco.mj_step1(self.model, self.data)  # positions and all that hangs on them are those of now
 
-    def _stir(self) -> None:
-        if self.task.stir:
-            self.task.stir(self.model, self.data, self.situation, self.time)
+    def _actuate_scene(self) -> None:
+        if self.task.actuate_scene:
+            self.task.actuate_scene(self.model, self.data, self.situation, self.time)
 
-    def _grasp(self, grip: float) -> None:
+    def _command_grip(self, grip: float) -> None:
         self.grip = require_number(grip, "grip")
-        if self.fitted.motor:
+        if self.mounted_tool.motor:
             share = min(max(grip, 0.0), 1.0)
-            command = self.fitted.open + share * (self.fitted.shut - self.fitted.open)
-            self.data.ctrl[self.model.actuator(self.fitted.motor).id] = command
+            command = self.mounted_tool.open + share * (self.mounted_tool.shut - self.mounted_tool.open)
+            self.data.ctrl[self.model.actuator(self.mounted_tool.motor).id] = command
 
-    def _feel(self) -> None:
-        self.forces = contact_forces(self.model, self.data, self.task.fragile)
-        self.peaks = larger(self.peaks, self.forces)
+    def _measure_forces(self) -> None:
+        self.forces = contact_forces(self.model, self.data, self.task.contact_limits)
+        self.peak_forces = elementwise_max(self.peak_forces, self.forces)
 
 
-def _built(
-    task: Task[S], situation: S, lead: bool, surfaces: Sequence[Surface]
+def _compile_model(
+    task: Task[S], situation: S, lead: bool, visual_meshes: Sequence[VisualMesh]
 ) -> tuple[mujoco.MjModel, Tool]:
-    spec = empty_world(TICK)
-    tool = task.mount(spec, add_arm(spec, "right"), "right")
+    spec = empty_world(TIMESTEP)
+    tool = task.mount_tool(spec, add_arm(spec, "right"), "right")
     if lead:
         mount_handle(spec, add_arm(spec, "left"), "left")
     else:
-        add_arm(spec, "left", posture=RESTING)
-    if surfaces:
-        dress(spec, surfaces)
-    task.furnish(spec, situation)
+        add_arm(spec, "left", posture=IDLE_POSTURE)
+    if visual_meshes:
+        add_visual_meshes(spec, visual_meshes)
+    task.add_objects(spec, situation)
     try:
         return spec.compile(), tool
     except ValueError as error:
-        raise InvalidInput(f"{situation} cannot be set up: {error}; draw one: task.draw(rng)") from error
+        raise InvalidInput(
+            f"{situation} cannot be set up: {error}; draw one: task.sample_situation(rng)"
+        ) from error
 
 
-def _checked(target: Pose) -> Pose:
-    require_kind("the pose asked for", target, Pose, "geometry.pose(position, quaternion) makes one")
+def _validate_target(target: Pose) -> Pose:
+    require_type("the pose asked for", target, Pose, "geometry.pose(position, quaternion) makes one")
     float_array(target.position, "the position asked for", 3)
     float_array(target.quaternion, "the quaternion asked for", 4)
     return target
 
 
-def _ticks(ticks: int) -> int:
-    return require_count(ticks, "ticks", MOST_TICKS, lowest=1)
+def _validate_n_steps(n_steps: int) -> int:
+    return require_count(n_steps, "n_steps", MAX_STEPS, minimum=1)

@@ -2,59 +2,59 @@
 covariance structures, and regression with mixtures.
 """
 
-from pilotfish.gaussians.emllt import EMLLT, ExpandedPrecisions
-from pilotfish.gaussians.factor_analysers import MFA, MPPCA
 from pilotfish.gaussians.gaussian import (
     Gaussian,
+    affine_transform,
     cholesky,
     condition,
     confidence_radius,
     ellipse,
-    inside,
+    in_confidence_region,
     log_density,
     marginal,
+    precision_cholesky,
     product,
     sample,
-    transform,
-    whiteners,
 )
-from pilotfish.gaussians.hddc import HDDC, HDDCShare
-from pilotfish.gaussians.latent import LatentCovariances, principal_components
-from pilotfish.gaussians.mixture import Mixture
-from pilotfish.gaussians.mlt import MLT, MultipleTransformCovariances
-from pilotfish.gaussians.moments import Moments, moments, moments_about
+from pilotfish.gaussians.mixture import GaussianMixture
+from pilotfish.gaussians.moments import Moments, moments, moments_from_sums
 from pilotfish.gaussians.regression import (
-    Conditionals,
-    Regression,
-    conditionals,
+    ConditionalGaussians,
+    GaussianRegression,
+    conditional_gaussians,
     log_input_densities,
     regress,
     regress_means,
-    regress_shared,
+    regress_with_responsibilities,
 )
 from pilotfish.gaussians.riemannian import (
     RiemannianGaussian,
     riemannian_log_density,
     riemannian_product,
-    seen_at,
+    tangent_gaussian,
 )
 from pilotfish.gaussians.riemannian_regression import (
-    RiemannianConditionals,
+    RiemannianConditionalGaussians,
     RiemannianRegression,
-    riemannian_conditionals,
+    riemannian_conditional_gaussians,
     riemannian_log_input_densities,
-    riemannian_regress_shared,
+    riemannian_regress_with_responsibilities,
 )
-from pilotfish.gaussians.semi_tied import SemiTied, SemiTiedCovariances
-from pilotfish.gaussians.structures import (
+from pilotfish.gaussians.structures.dense import (
     Covariances,
+    CovarianceStructure,
     DenseCovariances,
     Diagonal,
     Full,
     Spherical,
-    Structure,
     component_correlation,
 )
+from pilotfish.gaussians.structures.emllt import EMLLT, ExpandedPrecisions
+from pilotfish.gaussians.structures.factor_analysers import MFA, MPPCA
+from pilotfish.gaussians.structures.hddc import HDDC, HDDCExplainedVariance
+from pilotfish.gaussians.structures.latent import LatentCovariances, principal_components
+from pilotfish.gaussians.structures.mlt import MLT, MultipleTransformCovariances
+from pilotfish.gaussians.structures.semi_tied import SemiTied, SemiTiedCovariances
 from pilotfish.gaussians.tangent_moments import TangentMoments, tangent_moments
 
 __all__ = [
@@ -63,52 +63,52 @@ __all__ = [
     "MFA",
     "MLT",
     "MPPCA",
-    "Conditionals",
+    "ConditionalGaussians",
+    "CovarianceStructure",
     "Covariances",
     "DenseCovariances",
     "Diagonal",
     "ExpandedPrecisions",
     "Full",
     "Gaussian",
-    "HDDCShare",
+    "GaussianMixture",
+    "GaussianRegression",
+    "HDDCExplainedVariance",
     "LatentCovariances",
-    "Mixture",
     "Moments",
     "MultipleTransformCovariances",
-    "Regression",
-    "RiemannianConditionals",
+    "RiemannianConditionalGaussians",
     "RiemannianGaussian",
     "RiemannianRegression",
     "SemiTied",
     "SemiTiedCovariances",
     "Spherical",
-    "Structure",
     "TangentMoments",
+    "affine_transform",
     "cholesky",
     "component_correlation",
     "condition",
-    "conditionals",
+    "conditional_gaussians",
     "confidence_radius",
     "ellipse",
-    "inside",
+    "in_confidence_region",
     "log_density",
     "log_input_densities",
     "marginal",
     "moments",
-    "moments_about",
+    "moments_from_sums",
+    "precision_cholesky",
     "principal_components",
     "product",
     "regress",
     "regress_means",
-    "regress_shared",
-    "riemannian_conditionals",
+    "regress_with_responsibilities",
+    "riemannian_conditional_gaussians",
     "riemannian_log_density",
     "riemannian_log_input_densities",
     "riemannian_product",
-    "riemannian_regress_shared",
+    "riemannian_regress_with_responsibilities",
     "sample",
-    "seen_at",
+    "tangent_gaussian",
     "tangent_moments",
-    "transform",
-    "whiteners",
 ]

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_type
 from pilotfish.types import Array, Bool, Float, Int
 from pilotfish.validation import float_array, numeric_array, require_count, require_number, short_repr
 
-MOST_DRAWS, LARGEST_RADIUS = 10**8, 1e50
+MAX_SAMPLES, MAX_RADIUS = 10**8, 1e50
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
@@ -22,68 +22,68 @@ class Gaussian:
     covariance: Float[Array, "D D"]
 
 
-def cholesky(covariances: Float[Array, "K D D"], what: str = "covariance") -> Float[Array, "K D D"]:
+def cholesky(covariances: Float[Array, "K D D"], name: str = "covariance") -> Float[Array, "K D D"]:
     """Lower factors L with L L^T = covariance.
 
     Raises: NotPositiveDefinite, naming the first that has none and its smallest eigenvalue.
     """
-    covariances = _covariances(covariances)
+    covariances = _validate_covariances(covariances)
     try:
         factors = np.linalg.cholesky(covariances)
     except np.linalg.LinAlgError:
-        raise _first_failure(covariances, what) from None
+        raise _not_positive_definite_error(covariances, name) from None
     if not np.isfinite(factors).all():
-        raise _first_failure(covariances, what)
+        raise _not_positive_definite_error(covariances, name)
     return factors
 
 
-def _first_failure(covariances: Float[Array, "K D D"], what: str) -> NotPositiveDefinite:
+def _not_positive_definite_error(covariances: Float[Array, "K D D"], name: str) -> NotPositiveDefinite:
     for k, covariance in enumerate(covariances):
         if not np.isfinite(covariance).all():
-            return NotPositiveDefinite(f"{what} {k} holds values that are not finite")
+            return NotPositiveDefinite(f"{name} {k} holds values that are not finite")
         values, vectors = np.linalg.eigh(covariance)
         if values[0] <= 1e-15 * abs(values[-1]):
-            flattest = int(np.abs(vectors[:, 0]).argmax())
+            column = int(np.abs(vectors[:, 0]).argmax())
             return NotPositiveDefinite(
-                f"{what} {k} is not positive definite: eigenvalues go from {values[0]:.3g} to "
-                f"{values[-1]:.3g}, it is flattest along column {flattest} (first is 0); "
+                f"{name} {k} is not positive definite: eigenvalues go from {values[0]:.3g} to "
+                f"{values[-1]:.3g}, it is flattest along column {column} (first is 0); "
                 "raise the regularisation, drop constant or repeated columns, or give more data"
             )
     return NotPositiveDefinite(
-        f"one {what} of {len(covariances)} has no Cholesky factor; raise the regularisation"
+        f"one {name} of {len(covariances)} has no Cholesky factor; raise the regularisation"
     )
 
 
-def whiteners(covariances: Float[Array, "K D D"], what: str = "covariance") -> Float[Array, "K D D"]:
+def precision_cholesky(covariances: Float[Array, "K D D"], name: str = "covariance") -> Float[Array, "K D D"]:
     """Lower triangular W with W^T W = covariance^-1, so that |W (x - mean)| is the Mahalanobis distance.
 
     Raises: NotPositiveDefinite, as cholesky does.
     """
-    covariances = _covariances(covariances)
+    covariances = _validate_covariances(covariances)
     try:
-        return kernels.whiteners(covariances)
+        return kernels.precision_cholesky(covariances)
     except NotPositiveDefinite:
-        raise _first_failure(covariances, what) from None
+        raise _not_positive_definite_error(covariances, name) from None
 
 
 def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
-    """log N(x_n | mean, covariance) for every row of x: no floor, whatever the scale.
+    """Log N(x_n | mean, covariance) for every row of x: no floor, whatever the scale.
 
     Raises: NotPositiveDefinite, when the covariance is singular.
     """
-    x = _rows(_gaussian(g), x)
-    W = whiteners(g.covariance[None])[0]
+    x = _validate_rows(_validate_gaussian(g), x)
+    W = precision_cholesky(g.covariance[None])[0]
     distances = np.sum(((x - g.mean) @ W.T) ** 2, axis=1)
     return np.asarray(-0.5 * distances + np.log(np.diag(W)).sum() - 0.5 * g.mean.size * LOG_2_PI)
 
 
-def transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"]) -> Gaussian:
+def affine_transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"]) -> Gaussian:
     """The density of A x + b when x has density g."""
-    _gaussian(g)
+    _validate_gaussian(g)
     A, b = float_array(A, "A", g.mean.size), float_array(b, "b")
     if A.ndim != 2 or b.shape != A.shape[:1]:
         raise InvalidInput(f"A has shape {A.shape} and b {b.shape}, expected (E, {g.mean.size}) and (E,)")
-    return Gaussian(A @ g.mean + b, _symmetric(A @ g.covariance @ A.T))
+    return Gaussian(A @ g.mean + b, _symmetrise(A @ g.covariance @ A.T))
 
 
 def product(gaussians: Sequence[Gaussian]) -> Gaussian:
@@ -94,27 +94,27 @@ def product(gaussians: Sequence[Gaussian]) -> Gaussian:
     Raises: NotPositiveDefinite, when two opinions are certain about the same direction.
     Source: Tanwani 2018, equations 3.34-3.35, with the inverse that (3.34) leaves out.
     """
-    require_kind("gaussians", gaussians, (list, tuple), "give a list of them")
+    require_type("gaussians", gaussians, (list, tuple), "give a list of them")
     if not gaussians:
         raise InvalidInput("a product of no Gaussians was asked for; give at least one")
-    if len({_gaussian(g).mean.size for g in gaussians}) > 1:
+    if len({_validate_gaussian(g).mean.size for g in gaussians}) > 1:
         raise InvalidInput("the Gaussians have different numbers of columns, expected the same")
-    fused = gaussians[0]
+    result = gaussians[0]
     for other in gaussians[1:]:
-        fused = _pair_product(fused, other)
-    return fused
+        result = _pair_product(result, other)
+    return result
 
 
 def _pair_product(p: Gaussian, q: Gaussian) -> Gaussian:
-    total = p.covariance + q.covariance
-    cholesky(total[None], "the sum of two fused covariances, number")
-    gain = np.linalg.solve(total, p.covariance).T  # Sp (Sp + Sq)^-1, (D, D)
-    return Gaussian(p.mean + gain @ (q.mean - p.mean), _symmetric(gain @ q.covariance))
+    covariance_sum = p.covariance + q.covariance
+    cholesky(covariance_sum[None], "the sum of two fused covariances, number")
+    gain = np.linalg.solve(covariance_sum, p.covariance).T  # Sp (Sp + Sq)^-1, (D, D)
+    return Gaussian(p.mean + gain @ (q.mean - p.mean), _symmetrise(gain @ q.covariance))
 
 
 def marginal(g: Gaussian, columns: Int[Array, " E"]) -> Gaussian:
     """The density of the chosen columns of x, in the order given."""
-    _gaussian(g)
+    _validate_gaussian(g)
     columns = split_columns(columns, g.mean.size)[0]
     return Gaussian(g.mean[columns], g.covariance[np.ix_(columns, columns)])
 
@@ -125,16 +125,16 @@ def condition(g: Gaussian, columns: Int[Array, " E"], value: Float[Array, " E"])
     Raises: NotPositiveDefinite, when the chosen columns have a singular covariance.
     Source: Bishop 2006, equations 2.81-2.82.
     """
-    _gaussian(g)
+    _validate_gaussian(g)
     columns, rest = split_columns(columns, g.mean.size)
     value = float_array(value, "value", len(columns))
     if value.ndim != 1:
         raise InvalidInput(f"value has shape {value.shape}, expected ({len(columns)},)")
-    known, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, rest)]
-    cholesky(known[None], "the covariance of the given columns, number")
-    slope = np.linalg.solve(known, cross).T  # S_rk S_kk^-1, (D - E, E)
+    given_covariance, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, rest)]
+    cholesky(given_covariance[None], "the covariance of the given columns, number")
+    slope = np.linalg.solve(given_covariance, cross).T  # S_rk S_kk^-1, (D - E, E)
     covariance = g.covariance[np.ix_(rest, rest)] - slope @ cross
-    return Gaussian(g.mean[rest] + slope @ (value - g.mean[columns]), _symmetric(covariance))
+    return Gaussian(g.mean[rest] + slope @ (value - g.mean[columns]), _symmetrise(covariance))
 
 
 def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E"], Int[Array, " R"]]:
@@ -142,7 +142,7 @@ def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E
 
     Raises: InvalidInput, when one is out of range or given twice.
     """
-    require_kind("columns", columns, np.ndarray, "give np.array([...]) of column numbers")
+    require_type("columns", columns, np.ndarray, "give np.array([...]) of column numbers")
     if columns.ndim != 1 or columns.dtype.kind not in "iu" or np.ma.is_masked(columns):
         raise InvalidInput(f"columns is {short_repr(columns)}, expected an array of whole numbers")
     from_front = np.where(columns < 0, columns + width, columns)
@@ -154,10 +154,10 @@ def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E
 
 
 def sample(g: Gaussian, count: int, rng: np.random.Generator) -> Float[Array, "N D"]:
-    """count independent draws. A singular covariance is allowed: draws then stay on its support."""
-    _gaussian(g)
-    require_count(count, "count", MOST_DRAWS)
-    require_kind("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
+    """Count independent draws. A singular covariance is allowed: draws then stay on its support."""
+    _validate_gaussian(g)
+    require_count(count, "count", MAX_SAMPLES)
+    require_type("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
     values, vectors = np.linalg.eigh(g.covariance)
     spread = vectors * np.sqrt(np.maximum(values, 0.0))  # (D, D), spread spread^T = covariance
     return np.asarray(g.mean + rng.standard_normal((count, g.mean.size)) @ spread.T)
@@ -168,8 +168,8 @@ def confidence_radius(width: int, probability: float) -> float:
 
     One dimension and .683 give 1; the same ellipsoid holds less in more dimensions.
     """
-    require_count(width, "width", MOST_DRAWS, lowest=1)
-    require_kind("probability", probability, (float, int), "give a number between 0 and 1")
+    require_count(width, "width", MAX_SAMPLES, minimum=1)
+    require_type("probability", probability, (float, int), "give a number between 0 and 1")
     if not 0.0 < probability < 1.0:
         raise InvalidInput(f"probability is {probability}, expected a number between 0 and 1, say .95")
     from scipy.special import gammaincinv  # here, because scipy doubles the time of importing pilotfish
@@ -177,19 +177,19 @@ def confidence_radius(width: int, probability: float) -> float:
     return float(np.sqrt(2.0 * gammaincinv(0.5 * width, probability)))
 
 
-def inside(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
+def in_confidence_region(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
     """Which rows of x lie in the smallest region that holds a draw of g with this probability."""
-    x = _rows(_gaussian(g), x)
-    W = whiteners(g.covariance[None])[0]
+    x = _validate_rows(_validate_gaussian(g), x)
+    W = precision_cholesky(g.covariance[None])[0]
     radius = confidence_radius(g.mean.size, probability)
     return np.asarray(np.sum(((x - g.mean) @ W.T) ** 2, axis=1) <= radius**2)
 
 
 def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]:
     """The closed contour of a planar Gaussian at a Mahalanobis radius (1 is the 1-sigma ellipse)."""
-    _gaussian(g)
-    require_number(radius, "radius", 0.0, LARGEST_RADIUS)
-    require_count(points, "points", MOST_DRAWS, lowest=1)
+    _validate_gaussian(g)
+    require_number(radius, "radius", 0.0, MAX_RADIUS)
+    require_count(points, "points", MAX_SAMPLES, minimum=1)
     if g.mean.size != 2:
         raise InvalidInput(
             f"an ellipse needs 2 dimensions, this Gaussian has {g.mean.size}; take a marginal first"
@@ -200,7 +200,7 @@ def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]
     return np.asarray(g.mean + radius * (circle * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 
 
-def _covariances(covariances: object) -> Float[Array, "K D D"]:
+def _validate_covariances(covariances: object) -> Float[Array, "K D D"]:
     """An array of square matrices, whose numbers may still be not finite: cholesky names the first."""
     same = type(covariances) is np.ndarray and covariances.dtype == np.float64
     array = np.asarray(covariances) if same else numeric_array(covariances, "covariances")
@@ -209,9 +209,9 @@ def _covariances(covariances: object) -> Float[Array, "K D D"]:
     return array
 
 
-def _gaussian(g: object) -> Gaussian:
+def _validate_gaussian(g: object) -> Gaussian:
     """A Gaussian of finite numbers, or InvalidInput."""
-    require_kind("g", g, Gaussian, "Gaussian(mean, covariance) makes one")
+    require_type("g", g, Gaussian, "Gaussian(mean, covariance) makes one")
     assert isinstance(g, Gaussian)
     mean, covariance = float_array(g.mean, "the mean"), float_array(g.covariance, "the covariance")
     if mean.ndim != 1 or covariance.shape != (len(mean), len(mean)):
@@ -221,12 +221,12 @@ def _gaussian(g: object) -> Gaussian:
     return g
 
 
-def _rows(g: Gaussian, x: object) -> Float[Array, "N D"]:
+def _validate_rows(g: Gaussian, x: object) -> Float[Array, "N D"]:
     rows = float_array(x, "x", g.mean.size)
     if rows.ndim != 2:
         raise InvalidInput(f"x has shape {rows.shape}, expected (N, {g.mean.size})")
     return rows
 
 
-def _symmetric(covariance: Float[Array, "D D"]) -> Float[Array, "D D"]:
+def _symmetrise(covariance: Float[Array, "D D"]) -> Float[Array, "D D"]:
     return np.asarray(0.5 * (covariance + covariance.T))

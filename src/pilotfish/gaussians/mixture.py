@@ -6,7 +6,7 @@ from pilotfish.types import Array, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mixture:
+class GaussianMixture:
     """K Gaussians and how often each speaks; the weights sum to one."""
 
     weights: Float[Array, " K"]

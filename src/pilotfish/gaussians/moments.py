@@ -18,46 +18,48 @@ class Moments:
     scatters[k] sums r (x - means[k]) (x - means[k])^T over the points, r their share of k.
     """
 
-    mass: Float[Array, " K"]
+    counts: Float[Array, " K"]
     means: Float[Array, "K D"]
-    scatters: Float[Array, "K D D"]
+    scatter_matrices: Float[Array, "K D D"]
 
     def __add__(self, other: "Moments") -> "Moments":
-        mass = self.mass + other.mass
-        share = other.mass / np.maximum(mass, TINY)  # (K,), in [0, 1]
+        counts = self.counts + other.counts
+        responsibility_fraction = other.counts / np.maximum(counts, TINY)  # (K,), in [0, 1]
         shift = other.means - self.means
-        between = np.einsum("k,ki,kj->kij", self.mass * share, shift, shift)
-        means = self.means + share[:, None] * shift
-        return Moments(mass, means, self.scatters + other.scatters + between)
+        between = np.einsum("k,ki,kj->kij", self.counts * responsibility_fraction, shift, shift)
+        means = self.means + responsibility_fraction[:, None] * shift
+        return Moments(counts, means, self.scatter_matrices + other.scatter_matrices + between)
 
-    def __getitem__(self, kept: Bool[Array, " K"]) -> "Moments":
-        return Moments(self.mass[kept], self.means[kept], self.scatters[kept])
+    def __getitem__(self, mask: Bool[Array, " K"]) -> "Moments":
+        return Moments(self.counts[mask], self.means[mask], self.scatter_matrices[mask])
 
 
-def moments(x: Float[Array, "N D"], shares: Float[Array, "N K"]) -> Moments:
+def moments(x: Float[Array, "N D"], responsibilities: Float[Array, "N K"]) -> Moments:
     """Sum points up, each shared among K components as its row of shares says."""
-    x, shares = float_array(x, "x"), float_array(shares, "shares")
-    if x.ndim != 2 or shares.ndim != 2 or len(x) != len(shares):
-        raise InvalidInput(f"x has shape {x.shape} and shares {shares.shape}, expected (N, D) and (N, K)")
-    mass = shares.sum(axis=0)
-    means = shares.T @ x / np.maximum(mass, TINY)[:, None]
-    scatters = []
+    x, responsibilities = float_array(x, "x"), float_array(responsibilities, "shares")
+    if x.ndim != 2 or responsibilities.ndim != 2 or len(x) != len(responsibilities):
+        raise InvalidInput(
+            f"x has shape {x.shape} and shares {responsibilities.shape}, expected (N, D) and (N, K)"
+        )
+    counts = responsibilities.sum(axis=0)
+    means = responsibilities.T @ x / np.maximum(counts, TINY)[:, None]
+    scatter_matrices = []
     for k, mean in enumerate(means):
         error = x - mean  # (N, D)
-        scatters.append((shares[:, k, None] * error).T @ error)
-    return Moments(mass, means, np.stack(scatters))
+        scatter_matrices.append((responsibilities[:, k, None] * error).T @ error)
+    return Moments(counts, means, np.stack(scatter_matrices))
 
 
-def moments_about(
+def moments_from_sums(
     origins: Float[Array, "K D"],
-    mass: Float[Array, " K"],
+    counts: Float[Array, " K"],
     offsets: Float[Array, "K D"],
-    scatters: Float[Array, "K D D"],
+    scatter_matrices: Float[Array, "K D D"],
 ) -> Moments:
     """Moments from sums of r (x - origin) and r (x - origin)(x - origin)^T about any origins.
 
     A component of no mass keeps its origin as mean.
     """
-    shift = offsets / np.maximum(mass, TINY)[:, None]
-    between = (mass[:, None] * shift)[:, :, None] * shift[:, None, :]
-    return Moments(mass, origins + shift, np.subtract(scatters, between, out=between))
+    shift = offsets / np.maximum(counts, TINY)[:, None]
+    between = (counts[:, None] * shift)[:, :, None] * shift[:, None, :]
+    return Moments(counts, origins + shift, np.subtract(scatter_matrices, between, out=between))

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians.gaussian import Gaussian, log_density, product, whiteners
-from pilotfish.geometry import differential, exp_at, log_at
+from pilotfish.gaussians.gaussian import Gaussian, log_density, precision_cholesky, product
+from pilotfish.geometry import exp_map, exp_map_jacobian, log_map
 from pilotfish.types import Array, Float
 
-STEPS, ARRIVED = 100, 1e-10
-HALVES = 0.5 ** np.arange(20)
+MAX_ITERATIONS, TOLERANCE = 100, 1e-10
+STEP_SIZES = 0.5 ** np.arange(20)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,32 +24,32 @@ class RiemannianGaussian:
 
     mean: Float[Array, " D"]
     covariance: Float[Array, "E E"]
-    turns: tuple[int, ...]
+    orientation_starts: tuple[int, ...]
 
 
 def riemannian_log_density(g: RiemannianGaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
-    """log of the density at every row of x.
+    """Log of the density at every row of x.
 
     Raises: NotPositiveDefinite, when the covariance is singular.
     """
     centred = Gaussian(np.zeros(len(g.covariance)), g.covariance)
-    return log_density(centred, log_at(g.mean, x, g.turns))
+    return log_density(centred, log_map(g.mean, x, g.orientation_starts))
 
 
-def seen_at(g: RiemannianGaussian, point: Float[Array, " D"]) -> Gaussian:
+def tangent_gaussian(g: RiemannianGaussian, point: Float[Array, " D"]) -> Gaussian:
     """The same density in the tangent space at another point: right in height and slope there.
 
     Covariances go by the exact differential of the exponential, from which parallel transport differs in
     second order of the distance.
     """
-    return _carried(log_at(g.mean[None], point, g.turns), [g])[0]
+    return _tangent_gaussians(log_map(g.mean[None], point, g.orientation_starts), [g])[0]
 
 
-def _carried(v: Float[Array, "P E"], said: Sequence[RiemannianGaussian]) -> list[Gaussian]:
+def _tangent_gaussians(v: Float[Array, "P E"], gaussians: Sequence[RiemannianGaussian]) -> list[Gaussian]:
     """Several seen at one point, v being what leads to it from their means."""
-    J = differential(v, said[0].turns)
-    carried = J @ np.stack([g.covariance for g in said]) @ J.transpose(0, 2, 1)
-    return [Gaussian(-back, C) for back, C in zip(v, carried, strict=True)]  # J v = v: straight back
+    J = exp_map_jacobian(v, gaussians[0].orientation_starts)
+    covariances = J @ np.stack([g.covariance for g in gaussians]) @ J.transpose(0, 2, 1)
+    return [Gaussian(-back, C) for back, C in zip(v, covariances, strict=True)]  # J v = v: straight back
 
 
 def riemannian_product(gaussians: Sequence[RiemannianGaussian]) -> RiemannianGaussian:
@@ -66,23 +66,27 @@ def riemannian_product(gaussians: Sequence[RiemannianGaussian]) -> RiemannianGau
         return gaussians[0]
     if not gaussians:
         raise InvalidInput("a product of no Gaussians was asked for; give at least one")
-    turns = gaussians[0].turns
+    orientation_starts = gaussians[0].orientation_starts
 
-    W = whiteners(np.stack([g.covariance for g in gaussians]), "the covariance of opinion")
+    W = precision_cholesky(np.stack([g.covariance for g in gaussians]), "the covariance of Gaussian")
     means = np.stack([g.mean for g in gaussians])
 
     def cost(v: Float[Array, "P E"]) -> float:
         return float(np.sum(np.einsum("pij,pj->pi", W, v) ** 2))
 
-    x = min(means, key=lambda mean: cost(log_at(means, mean, turns)))
-    v = log_at(means, x, turns)
-    for _ in range(STEPS):
-        step = product(_carried(v, gaussians))
-        tried = (
-            (point := exp_at(x, size * step.mean, turns), log_at(means, point, turns)) for size in HALVES
+    x = min(means, key=lambda mean: cost(log_map(means, mean, orientation_starts)))
+    v = log_map(means, x, orientation_starts)
+    for _ in range(MAX_ITERATIONS):
+        step = product(_tangent_gaussians(v, gaussians))
+        candidates = (
+            (
+                point := exp_map(x, size * step.mean, orientation_starts),
+                log_map(means, point, orientation_starts),
+            )
+            for size in STEP_SIZES
         )
-        lower = next((found for found in tried if cost(found[1]) < cost(v)), None)
-        if lower is None or np.abs(step.mean).max() <= ARRIVED:
+        lower = next((candidate for candidate in candidates if cost(candidate[1]) < cost(v)), None)
+        if lower is None or np.abs(step.mean).max() <= TOLERANCE:
             break
         x, v = lower
-    return RiemannianGaussian(exp_at(x, step.mean, turns), step.covariance, turns)
+    return RiemannianGaussian(exp_map(x, step.mean, orientation_starts), step.covariance, orientation_starts)

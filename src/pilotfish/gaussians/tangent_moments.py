@@ -6,7 +6,7 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.moments import TINY
-from pilotfish.geometry import exp_at, karcher_mean, log_at, transport
+from pilotfish.geometry import exp_map, karcher_mean, log_map, parallel_transport
 from pilotfish.types import Array, Bool, Float
 
 
@@ -20,57 +20,65 @@ class TangentMoments:
     about the stepped mean, carried there by parallel transport. Off the orientations both are always exact.
     """
 
-    mass: Float[Array, " K"]
+    counts: Float[Array, " K"]
     origins: Float[Array, "K D"]
     offsets: Float[Array, "K E"]
-    squares: Float[Array, "K E E"]
-    turns: tuple[int, ...]
+    outer_products: Float[Array, "K E E"]
+    orientation_starts: tuple[int, ...]
 
     @property
     def means(self) -> Float[Array, "K D"]:
-        return np.asarray(exp_at(self.origins, self._steps, self.turns))
+        return np.asarray(exp_map(self.origins, self._mean_steps, self.orientation_starts))
 
     @property
-    def scatters(self) -> Float[Array, "K E E"]:
+    def scatter_matrices(self) -> Float[Array, "K E E"]:
         """Sums of r u u^T, u the tangent vectors at means."""
-        steps = self._steps
-        about = self.squares - np.einsum("k,ki,kj->kij", self.mass, steps, steps)
-        carry = transport(steps, self.turns)
-        return np.asarray(carry @ about @ carry.transpose(0, 2, 1))
+        steps = self._mean_steps
+        about = self.outer_products - np.einsum("k,ki,kj->kij", self.counts, steps, steps)
+        rotation = parallel_transport(steps, self.orientation_starts)
+        return np.asarray(rotation @ about @ rotation.transpose(0, 2, 1))
 
     @property
-    def _steps(self) -> Float[Array, "K E"]:
-        return np.asarray(self.offsets / np.maximum(self.mass, TINY)[:, None])
+    def _mean_steps(self) -> Float[Array, "K E"]:
+        return np.asarray(self.offsets / np.maximum(self.counts, TINY)[:, None])
 
     def __add__(self, other: "TangentMoments") -> "TangentMoments":
-        if self.turns != other.turns or not np.array_equal(self.origins, other.origins):
+        if self.orientation_starts != other.orientation_starts or not np.array_equal(
+            self.origins, other.origins
+        ):
             raise InvalidInput(
                 "two sums of tangent vectors have different origins, expected the same; take both from the "
                 "same model"
             )
         return TangentMoments(
-            self.mass + other.mass,
+            self.counts + other.counts,
             self.origins,
             self.offsets + other.offsets,
-            self.squares + other.squares,
-            self.turns,
+            self.outer_products + other.outer_products,
+            self.orientation_starts,
         )
 
-    def __getitem__(self, kept: Bool[Array, " K"]) -> "TangentMoments":
+    def __getitem__(self, mask: Bool[Array, " K"]) -> "TangentMoments":
         return TangentMoments(
-            self.mass[kept], self.origins[kept], self.offsets[kept], self.squares[kept], self.turns
+            self.counts[mask],
+            self.origins[mask],
+            self.offsets[mask],
+            self.outer_products[mask],
+            self.orientation_starts,
         )
 
 
 def tangent_moments(
-    x: Float[Array, "N D"], shares: Float[Array, "N K"], turns: tuple[int, ...]
+    x: Float[Array, "N D"], responsibilities: Float[Array, "N K"], orientation_starts: tuple[int, ...]
 ) -> TangentMoments:
     """Sums of points, each shared among K components as its row of shares says, about the Karcher means."""
-    origins = np.stack([karcher_mean(x, share, turns) for share in shares.T])
-    offsets, squares = [], []
-    for origin, share in zip(origins, shares.T, strict=True):
-        v = log_at(origin, x[share > 0.0], turns)  # (n, E)
-        weighted = share[share > 0.0, None] * v
+    origins = np.stack([karcher_mean(x, weights, orientation_starts) for weights in responsibilities.T])
+    offsets, outer_products = [], []
+    for origin, weights in zip(origins, responsibilities.T, strict=True):
+        v = log_map(origin, x[weights > 0.0], orientation_starts)  # (n, E)
+        weighted = weights[weights > 0.0, None] * v
         offsets.append(weighted.sum(axis=0))
-        squares.append(weighted.T @ v)
-    return TangentMoments(shares.sum(axis=0), origins, np.stack(offsets), np.stack(squares), turns)
+        outer_products.append(weighted.T @ v)
+    return TangentMoments(
+        responsibilities.sum(axis=0), origins, np.stack(offsets), np.stack(outer_products), orientation_starts
+    )

@@ -28,8 +28,8 @@ class Pose:
 
     def inverse(self) -> "Pose":
         """a_from_world, given world_from_a."""
-        back = conjugate(self.quaternion)
-        return Pose(-rotation_matrix(back) @ self.position, back)
+        inverse_quaternion = conjugate(self.quaternion)
+        return Pose(-rotation_matrix(inverse_quaternion) @ self.position, inverse_quaternion)
 
 
 def pose(position: object, quaternion: object) -> Pose:
@@ -37,11 +37,14 @@ def pose(position: object, quaternion: object) -> Pose:
 
     A norm within 1e-4 of one is rounding and is divided out; further away it is refused.
     """
-    place, turn = finite_array(position, "position", (3,)), finite_array(quaternion, "quaternion", (4,))
-    norm = float(np.linalg.norm(turn))
+    position_array, quaternion_array = (
+        finite_array(position, "position", (3,)),
+        finite_array(quaternion, "quaternion", (4,)),
+    )
+    norm = float(np.linalg.norm(quaternion_array))
     if abs(norm - 1) > NORM_TOLERANCE:
         raise InvalidInput(
-            f"quaternion {turn.tolist()} has norm {norm:.6g}, expected 1 within {NORM_TOLERANCE:g}; "
+            f"quaternion {quaternion_array.tolist()} has norm {norm:.6g}, expected 1 within {NORM_TOLERANCE:g}; "
             "if only its length is wrong, pass geometry.normalise(quaternion)"
         )
-    return Pose(place, turn / norm)
+    return Pose(position_array, quaternion_array / norm)

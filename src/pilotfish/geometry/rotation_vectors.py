@@ -5,26 +5,39 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry.quaternions import LARGEST_TURN, between_directions
+from pilotfish.geometry.quaternions import MAX_ANGLE, conjugate, multiply, quaternion_log, relative_quaternion
 from pilotfish.types import Array, Float
 from pilotfish.validation import float_array, require_shapes_agree
 
-SMALL = 0.3  # rad; below, quotients cancel and their series, to the terms given, are exact to rounding
+SERIES_MAX_ANGLE = (
+    0.3  # rad; below, quotients cancel and their series, to the terms given, are exact to rounding
+)
 
 
-def rotation_vector(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 3"]:
+def relative_rotation_vector(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 3"]:
     """The turn from p to q in the axes of the body that p turned: 2 log(p* q), of q or -q the nearer one.
 
     At most pi long. Lengths of p and q do not matter.
     """
-    between = between_directions(p, q)
-    between = np.where(between[..., :1] < 0.0, -between, between)
-    sine = np.linalg.norm(between[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, between[..., :1])
-    return np.asarray(between[..., 1:] * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0))
+    relative = relative_quaternion(p, q)
+    relative = np.where(relative[..., :1] < 0.0, -relative, relative)
+    sine = np.linalg.norm(relative[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, relative[..., :1])
+    return np.asarray(relative[..., 1:] * np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0))
 
 
-def cross_matrix(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
+def rotation_vector_in_world(p: Float[Array, " 4"], q: Float[Array, " 4"]) -> Float[Array, " 3"]:
+    """Return the shorter rotation vector [rad] from p to q in world axes, 2 log(q p*).
+
+    Args:
+        p: Unit quaternion w x y z.
+        q: Unit quaternion w x y z.
+    """
+    relative = multiply(q, conjugate(p))
+    return 2.0 * quaternion_log(relative if relative[0] >= 0.0 else -relative)
+
+
+def skew_matrix(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
     """[v] with [v] w = v x w."""
     x, y, z = np.moveaxis(float_array(v, "v", 3), -1, 0)
     o = np.zeros_like(x)
@@ -38,41 +51,45 @@ def right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
     Singular where |v| = 2 pi.
     Source: Chirikjian 2012, Stochastic Models, Information Theory, and Lie Groups 2, section 10.6.
     """
-    v = float_array(v, "v", 3, largest=LARGEST_TURN)
-    V, angle = cross_matrix(v), _angles(v)
+    v = float_array(v, "v", 3, maximum=MAX_ANGLE)
+    V, angle = skew_matrix(v), _angles(v)
     one_minus_cosine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2  # (1 - cos a) / a^2
-    rest = _with_series(angle, lambda a: (a - np.sin(a)) / a**3, [1 / 6, -1 / 120, 1 / 5040, -1 / 362880])
-    return np.asarray(np.eye(3) - one_minus_cosine * V + rest * (V @ V))
+    second_order = _evaluate_with_series(
+        angle, lambda a: (a - np.sin(a)) / a**3, [1 / 6, -1 / 120, 1 / 5040, -1 / 362880]
+    )
+    return np.asarray(np.eye(3) - one_minus_cosine * V + second_order * (V @ V))
 
 
 def inverse_right_jacobian(v: Float[Array, "*B 3"]) -> Float[Array, "*B 3 3"]:
     """The inverse of right_jacobian: v' = J^-1 times the body's angular velocity. |v| < 2 pi."""
-    v = _within_a_turn(v)
-    V = cross_matrix(v)
-    return np.asarray(np.eye(3) + 0.5 * V + _cotangent_rest(_angles(v)) * (V @ V))
+    v = _validate_invertible(v)
+    V = skew_matrix(v)
+    return np.asarray(np.eye(3) + 0.5 * V + _second_order_coefficient(_angles(v)) * (V @ V))
 
 
-def inverse_right_jacobian_change(
+def inverse_right_jacobian_derivative(
     v: Float[Array, "*#B 3"], w: Float[Array, "*#B 3"]
 ) -> Float[Array, "*B 3 3"]:
     """The derivative of inverse_right_jacobian(v) @ w with respect to v, w held."""
-    v, w = _within_a_turn(v), float_array(w, "w", 3)
+    v, w = _validate_invertible(v), float_array(w, "w", 3)
     require_shapes_agree(v=v, w=w)
-    V, W, angle = cross_matrix(v), cross_matrix(w), _angles(v)
-    twice = np.cross(v, np.cross(v, w))  # V V w
-    towards = twice[..., :, None] * v[..., None, :]
-    inner = cross_matrix(np.cross(v, w)) + V @ W
-    return np.asarray(-0.5 * W - _cotangent_rest(angle) * inner + _cotangent_slope(angle) * towards)
+    V, W, angle = skew_matrix(v), skew_matrix(w), _angles(v)
+    double_cross = np.cross(v, np.cross(v, w))  # V V w
+    outer = double_cross[..., :, None] * v[..., None, :]
+    inner = skew_matrix(np.cross(v, w)) + V @ W
+    return np.asarray(
+        -0.5 * W - _second_order_coefficient(angle) * inner + _second_order_coefficient_slope(angle) * outer
+    )
 
 
-def _within_a_turn(v: object) -> Float[Array, "*B 3"]:
+def _validate_invertible(v: object) -> Float[Array, "*B 3"]:
     """Rotation vectors at which right_jacobian has an inverse.    Raises: InvalidInput, for any other."""
-    vectors = float_array(v, "v", 3, largest=LARGEST_TURN)
+    vectors = float_array(v, "v", 3, maximum=MAX_ANGLE)
     lengths = np.linalg.norm(vectors, axis=-1)
     if lengths.max(initial=0.0) >= 2.0 * np.pi:
-        place = tuple(np.argwhere(lengths >= 2.0 * np.pi)[0].tolist())
+        index = tuple(np.argwhere(lengths >= 2.0 * np.pi)[0].tolist())
         raise InvalidInput(
-            f"v: rotation vector {place} is {lengths[place]:.6g} rad long, expected less than 2 pi; take the "
+            f"v: rotation vector {index} is {lengths[index]:.6g} rad long, expected less than 2 pi; take the "
             "shorter way round"
         )
     return vectors
@@ -82,13 +99,13 @@ def _angles(v: Float[Array, "*B 3"]) -> Float[Array, "*B 1 1"]:
     return np.asarray(np.linalg.norm(v, axis=-1)[..., None, None])
 
 
-def _cotangent_rest(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
+def _second_order_coefficient(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
     """(1 - (a / 2) cot(a / 2)) / a^2."""
     series = [1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160]
-    return _with_series(angle, lambda a: (1.0 - 0.5 * a / np.tan(0.5 * a)) / a**2, series)
+    return _evaluate_with_series(angle, lambda a: (1.0 - 0.5 * a / np.tan(0.5 * a)) / a**2, series)
 
 
-def _cotangent_slope(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
+def _second_order_coefficient_slope(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
     """The derivative of _cotangent_rest by a, divided by a."""
 
     def quotient(a: Float[Array, "*B"]) -> Float[Array, "*B"]:
@@ -96,15 +113,15 @@ def _cotangent_slope(angle: Float[Array, "*B"]) -> Float[Array, "*B"]:
         change = 0.25 * a / np.sin(half) ** 2 - 0.5 / np.tan(half)
         return np.asarray((change - 2.0 * (1.0 - half / np.tan(half)) / a) / a**3)
 
-    return _with_series(angle, quotient, [1 / 360, 1 / 7560, 1 / 201600, 1 / 5987520])
+    return _evaluate_with_series(angle, quotient, [1 / 360, 1 / 7560, 1 / 201600, 1 / 5987520])
 
 
-def _with_series(
+def _evaluate_with_series(
     angle: Float[Array, "*B"],
     quotient: Callable[[Float[Array, "*B"]], Float[Array, "*B"]],
     series: Sequence[float],
 ) -> Float[Array, "*B"]:
     """quotient(angle), and its even power series where the angle is small."""
-    small = angle < SMALL
+    small = angle < SERIES_MAX_ANGLE
     power = np.polynomial.polynomial.polyval(np.where(small, angle, 0.0) ** 2, series)
     return np.asarray(np.where(small, power, quotient(np.where(small, 1.0, angle))))

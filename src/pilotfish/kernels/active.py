@@ -1,14 +1,14 @@
-"""The compiled kernels where they exist, their NumPy twins elsewhere."""
+"""The compiled kernels where they exist, their NumPy references elsewhere."""
 
 import warnings
 
 
-class SlowKernels(UserWarning):
+class SlowKernelsWarning(UserWarning):
     """The compiled kernels are missing: the same numbers, an order of magnitude later."""
 
 
 try:
-    from pilotfish.kernels.compiled import LEVEL as ACTIVE
+    from pilotfish.kernels.compiled import INSTRUCTION_SET as BACKEND
     from pilotfish.kernels.compiled import (
         e_step,
         forward_backward,
@@ -16,6 +16,7 @@ try:
         log_emissions,
         observe,
         observe_one,
+        precision_cholesky,
         riccati,
         semi_markov,
         semi_markov_e_step,
@@ -23,16 +24,16 @@ try:
         semi_markov_viterbi,
         semi_tied_sweeps,
         viterbi,
-        whiteners,
     )
 except ImportError as reason:
-    from pilotfish.kernels.twins import (
+    from pilotfish.kernels.reference import (
         e_step,
         forward_backward,
         impedance,
         log_emissions,
         observe,
         observe_one,
+        precision_cholesky,
         riccati,
         semi_markov,
         semi_markov_e_step,
@@ -40,27 +41,27 @@ except ImportError as reason:
         semi_markov_viterbi,
         semi_tied_sweeps,
         viterbi,
-        whiteners,
     )
 
-    ACTIVE = "numpy"
+    BACKEND = "numpy"
     warnings.warn(
         f"pilotfish runs on NumPy, without its compiled kernels ({reason}): same results, but learning "
         "and planning take many times as long; install a C++17 compiler (Debian: g++, python3-dev), "
         "then install pilotfish again",
-        SlowKernels,
+        SlowKernelsWarning,
         stacklevel=2,
     )
 
 __all__ = [
-    "ACTIVE",
-    "SlowKernels",
+    "BACKEND",
+    "SlowKernelsWarning",
     "e_step",
     "forward_backward",
     "impedance",
     "log_emissions",
     "observe",
     "observe_one",
+    "precision_cholesky",
     "riccati",
     "semi_markov",
     "semi_markov_e_step",
@@ -68,5 +69,4 @@ __all__ = [
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
-    "whiteners",
 ]

@@ -15,8 +15,8 @@ class Emissions:
     """
 
     means: Float[Array, "P K D"]
-    whiteners: Float[Array, "P K E E"]
-    turns: tuple[int, ...] = ()
+    precision_cholesky: Float[Array, "P K E E"]
+    orientation_starts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,5 +32,5 @@ class SemiMarkovTables:
 
     initial: Float[Array, " K"]
     transitions: Float[Array, "K K"]
-    log_visits: Float[Array, "4 S K"]
-    log_beyond: Float[Array, "2 K"]
+    log_segment_weights: Float[Array, "4 S K"]
+    log_tail_weights: Float[Array, "2 K"]

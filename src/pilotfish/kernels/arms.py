@@ -18,7 +18,7 @@ class ArmLimits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Impedance:
+class ImpedanceParameters:
     """Springs and dampers that hold a tool, along and about the world's axes, and its arm in shape.
 
     force_limit       of springs and of springs with dampers: longer forces are shortened [N]
@@ -34,13 +34,13 @@ class Impedance:
     joint_damping: float  # N m s/rad: k_v
     force_limit: float
     moment_limit: float
-    singular_value: float
+    min_singular_value: float
     limit_margin: float
     limit_stiffness: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmReading:
+class ArmState:
     """An arm now: joints, its tool in the world, and what both have to do with each other."""
 
     q: Float[Array, " n"]  # rad
@@ -61,7 +61,7 @@ class ToolTarget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArmEffort:
+class ArmCommand:
     """Torques [N m] within their limits, and how they came about.
 
     wrench is what spring and damper ask for, within its own limits [N, N m]; share, 0 to 1, is the least part
@@ -70,22 +70,24 @@ class ArmEffort:
 
     torque: Float[Array, " n"]
     wrench: Float[Array, " 6"]
-    share: float
+    torque_fraction: float
 
 
-def within_limits(
-    limit: Float[Array, " n"], bias: Float[Array, " n"], push: Float[Array, " n"]
+def clip_torque(
+    limit: Float[Array, " n"], bias: Float[Array, " n"], joint_torque: Float[Array, " n"]
 ) -> tuple[Float[Array, " n"], float]:
-    """bias + push, each cut to its limit, and the least share of its push that any joint could give.
+    """Bias + push, each cut to its limit, and the least share of its push that any joint could give.
 
     Every joint for itself: one that hardly carries its own weight must not stop the others.
     """
-    torque, carried = np.clip(bias + push, -limit, limit), np.clip(bias, -limit, limit)
-    cut = torque != bias + push
-    shares = (torque[cut] - carried[cut]) / np.where(push[cut] == 0.0, np.inf, push[cut])
+    torque, clipped_bias = np.clip(bias + joint_torque, -limit, limit), np.clip(bias, -limit, limit)
+    saturated = torque != bias + joint_torque
+    shares = (torque[saturated] - clipped_bias[saturated]) / np.where(
+        joint_torque[saturated] == 0.0, np.inf, joint_torque[saturated]
+    )
     return torque, float(shares.min(initial=1.0))
 
 
-def finite_or_zero(values: Float[Array, " n"]) -> Float[Array, " n"]:
+def zero_non_finite(values: Float[Array, " n"]) -> Float[Array, " n"]:
     """The same, but zero where it is no finite number: what is not known pushes nothing."""
     return np.where(np.isfinite(values), values, 0.0)

@@ -15,21 +15,23 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.arms import ArmLimits, ArmReading, Impedance, ToolTarget
-from pilotfish.kernels.streams import StreamHead, StreamRules, StreamState, stream_row_length
+from pilotfish.kernels.arms import ArmLimits, ArmState, ImpedanceParameters, ToolTarget
+from pilotfish.kernels.streams import StreamCounter, StreamParameters, StreamState, stream_row_length
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import numeric_array, require_count, require_number, short_repr
 
-LARGEST_NUMBER = 1e150  # sums of squares do not overflow
-LARGEST_COUNT = 2**53  # up to here float64 counts one by one
-LARGEST_INT = 2**31 - 1
-MOST_JOINTS = 16
-SMALLEST = float(np.finfo(np.float64).tiny)  # compiled kernels take smaller numbers for 0
+MAX_NUMBER = 1e150  # sums of squares do not overflow
+MAX_COUNT = 2**53  # up to here float64 counts one by one
+MAX_INT = 2**31 - 1
+MAX_JOINTS = 16
+MIN_DIAGONAL = float(np.finfo(np.float64).tiny)  # compiled kernels take smaller numbers for 0
 
-Frozen = TypeVar("Frozen", SemiMarkovTables, Emissions, ArmLimits, ArmReading, Impedance, ToolTarget)
+Dataclass = TypeVar(
+    "Dataclass", SemiMarkovTables, Emissions, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
+)
 
 
-class Argument(NamedTuple):
+class ArgumentSpec(NamedTuple):
     """An array argument of a kernel.
 
     axes holds a letter for each axis, equal letters for equal sizes, or a digit for a fixed size.
@@ -39,42 +41,60 @@ class Argument(NamedTuple):
 
     name: str
     axes: str
-    kind: str = "finite"
+    domain: str = "finite"
 
 
 CHAIN = (
-    Argument("log_emissions", "TK", "logarithm"),
-    Argument("initial", "K", "probability"),
-    Argument("transitions", "KK", "probability"),
+    ArgumentSpec("log_emissions", "TK", "logarithm"),
+    ArgumentSpec("initial", "K", "probability"),
+    ArgumentSpec("transitions", "KK", "probability"),
 )
-TABLES = (*CHAIN[1:], Argument("log_visits", "4SK", "logarithm"), Argument("log_beyond", "2K", "logarithm"))
-DATA = (Argument("x", "PND"), Argument("means", "PKD"), Argument("whiteners", "PKEE"))
+TABLES = (
+    *CHAIN[1:],
+    ArgumentSpec("log_segments", "4SK", "logarithm"),
+    ArgumentSpec("log_tail_weights", "2K", "logarithm"),
+)
+POINTS = (ArgumentSpec("x", "PND"), ArgumentSpec("means", "PKD"), ArgumentSpec("precision_cholesky", "PKEE"))
 TRACKING = (
-    Argument("A", "Snn"),
-    Argument("B", "Snm"),
-    Argument("weights", "Tnn"),
-    Argument("targets", "Tn"),
-    Argument("effort", "mm"),
+    ArgumentSpec("A", "Snn"),
+    ArgumentSpec("B", "Snm"),
+    ArgumentSpec("weights", "Tnn"),
+    ArgumentSpec("targets", "Tn"),
+    ArgumentSpec("control_cost", "mm"),
 )
-SEMI_TIED = (Argument("scatters", "KDD"), Argument("mass", "K"), Argument("transform", "DD"))
-COVARIANCES = (Argument("covariances", "KDD", "any"),)
+SEMI_TIED = (
+    ArgumentSpec("scatter_matrices", "KDD"),
+    ArgumentSpec("transition_counts", "K"),
+    ArgumentSpec("transform", "DD"),
+)
+COVARIANCES = (ArgumentSpec("covariances", "KDD", "any"),)
 ARM = (
-    (Argument("stiffness", "6", "any"), Argument("damping", "6", "any"), Argument("posture", "n", "any")),
-    tuple(Argument(name, "n", "any") for name in ("lower", "upper", "torque")),
     (
-        *(Argument(name, "n", "any") for name in ("q", "velocity")),
-        Argument("position", "3", "any"),
-        Argument("quaternion", "4", "any"),
-        Argument("jacobian", "6n", "any"),
-        Argument("bias", "n", "any"),
+        ArgumentSpec("stiffness", "6", "any"),
+        ArgumentSpec("damping", "6", "any"),
+        ArgumentSpec("posture", "n", "any"),
     ),
-    (Argument("position", "3", "any"), Argument("quaternion", "4", "any"), Argument("twist", "6", "any")),
+    tuple(ArgumentSpec(name, "n", "any") for name in ("lower", "upper", "torque")),
+    (
+        *(ArgumentSpec(name, "n", "any") for name in ("q", "velocity")),
+        ArgumentSpec("position", "3", "any"),
+        ArgumentSpec("quaternion", "4", "any"),
+        ArgumentSpec("jacobian", "6n", "any"),
+        ArgumentSpec("bias", "n", "any"),
+    ),
+    (
+        ArgumentSpec("position", "3", "any"),
+        ArgumentSpec("quaternion", "4", "any"),
+        ArgumentSpec("twist", "6", "any"),
+    ),
 )
-ARM_NUMBERS = tuple(field.name for field in fields(Impedance) if field.type in (float, "float"))
-MAY_BE_EMPTY = "N"  # axes
+ARM_NUMBERS = tuple(field.name for field in fields(ImpedanceParameters) if field.type in (float, "float"))
+EMPTY_AXES = "N"  # axes
 
 
-def fit(arguments: tuple[Argument, ...], values: tuple[object, ...], sizes: dict[str, int]) -> list[Array]:
+def pack_arguments(
+    arguments: tuple[ArgumentSpec, ...], values: tuple[object, ...], sizes: dict[str, int]
+) -> list[Array]:
     """Return the values packed for the compiled kernels.
 
     Args:
@@ -87,16 +107,16 @@ def fit(arguments: tuple[Argument, ...], values: tuple[object, ...], sizes: dict
     """
     arrays = []
     for argument, value in zip(arguments, values, strict=True):
-        array = pack(value, argument.name)
-        if not _fits(argument.axes, array.shape, sizes):
-            raise _wrong_shape(argument, array, sizes)
-        if argument.kind != "any" and array.size and not _defined(argument.kind, array):
-            raise _undefined(argument, array)
+        array = pack_array(value, argument.name)
+        if not _shape_matches(argument.axes, array.shape, sizes):
+            raise _shape_error(argument, array, sizes)
+        if argument.domain != "any" and array.size and not _in_domain(argument.domain, array):
+            raise _domain_error(argument, array)
         arrays.append(array)
     return arrays
 
 
-def pack(value: object, name: str) -> Float[Array, "..."]:
+def pack_array(value: object, name: str) -> Float[Array, "..."]:
     """Return value itself if the compiled kernels can read it where it is, a packed copy otherwise."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         flags = value.flags
@@ -105,97 +125,107 @@ def pack(value: object, name: str) -> Float[Array, "..."]:
     return numeric_array(value, name)
 
 
-def _fits(axes: str, shape: tuple[int, ...], sizes: dict[str, int]) -> bool:
+def _shape_matches(axes: str, shape: tuple[int, ...], sizes: dict[str, int]) -> bool:
     if len(axes) != len(shape):
         return False
     for axis, size in zip(axes, shape, strict=True):
-        wanted = int(axis) if axis.isdigit() else sizes.setdefault(axis, size)
-        if size != wanted or (size == 0 and axis not in MAY_BE_EMPTY):
+        expected_size = int(axis) if axis.isdigit() else sizes.setdefault(axis, size)
+        if size != expected_size or (size == 0 and axis not in EMPTY_AXES):
             return False
     return True
 
 
-def _wrong_shape(argument: Argument, array: Array, sizes: dict[str, int]) -> InvalidInput:
+def _shape_error(argument: ArgumentSpec, array: Array, sizes: dict[str, int]) -> InvalidInput:
     known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items() if axis in argument.axes and size)
     expected = f"({', '.join(argument.axes)})" + (f" with {known}" if known else "")
     return InvalidInput(f"{argument.name} has shape {array.shape}, expected {expected}")
 
 
-def _defined(kind: str, array: Array) -> bool:
-    match kind:
+def _in_domain(domain: str, array: Array) -> bool:
+    match domain:
         case "finite":
-            return bool(np.abs(array).max() <= LARGEST_NUMBER)
+            return bool(np.abs(array).max() <= MAX_NUMBER)
         case "probability":
             return bool(array.min() >= 0.0 and array.max() < inf)
         case _:
             return bool(array.max() < inf)  # false for NaN too
 
 
-def _undefined(argument: Argument, array: Array) -> InvalidInput:
+def _domain_error(argument: ArgumentSpec, array: Array) -> InvalidInput:
     good, expected = {
-        "finite": (np.abs(array) <= LARGEST_NUMBER, f"finite numbers of at most {LARGEST_NUMBER:g}"),
+        "finite": (np.abs(array) <= MAX_NUMBER, f"finite numbers of at most {MAX_NUMBER:g}"),
         "probability": ((array >= 0.0) & (array < inf), "finite numbers of at least 0"),
         "logarithm": (array < inf, "logarithms: finite numbers or -inf"),
-    }[argument.kind]
+    }[argument.domain]
     index = np.argwhere(~good)[0].tolist()
     return InvalidInput(f"{argument.name}{index} is {array[tuple(index)]}, expected {expected}")
 
 
-def markov(log_emissions: object, initial: object, transitions: object) -> list[Array]:
+def pack_markov(log_emissions: object, initial: object, transitions: object) -> list[Array]:
     """Return the arguments of forward_backward and viterbi, packed.    Raises: InvalidInput."""
-    return fit(CHAIN, (log_emissions, initial, transitions), {})
+    return pack_arguments(CHAIN, (log_emissions, initial, transitions), {})
 
 
-def semi_markov(log_emissions: object, tables: SemiMarkovTables) -> tuple[Array, SemiMarkovTables]:
+def pack_semi_markov(log_emissions: object, tables: SemiMarkovTables) -> tuple[Array, SemiMarkovTables]:
     """Return the arguments of the semi-Markov kernels, packed.    Raises: InvalidInput."""
     sizes: dict[str, int] = {}
-    (packed,) = fit(CHAIN[:1], (log_emissions,), sizes)
-    return packed, _packed(tables, TABLES, sizes)
+    (packed,) = pack_arguments(CHAIN[:1], (log_emissions,), sizes)
+    return packed, _pack_fields(tables, TABLES, sizes)
 
 
-def gaussians(x: object, emissions: Emissions, sizes: dict[str, int]) -> tuple[Array, Emissions]:
+def pack_gaussians(x: object, emissions: Emissions, sizes: dict[str, int]) -> tuple[Array, Emissions]:
     """Return datapoints and Gaussians, packed; sizes gains P, N, K, D and E.    Raises: InvalidInput."""
-    (points,) = fit(DATA[:1], (x,), sizes)
-    turns = _turns(emissions.turns, sizes["D"])
-    sizes["E"] = sizes["D"] - len(turns)
-    means, whiteners = fit(DATA[1:], (emissions.means, emissions.whiteners), sizes)
-    if not (least := np.einsum("pkii->pki", whiteners).min()) >= SMALLEST:
-        raise InvalidInput(f"whiteners have {least} on a diagonal, expected at least {SMALLEST:g}")
-    return points, Emissions(means, whiteners, turns)
+    (points,) = pack_arguments(POINTS[:1], (x,), sizes)
+    orientation_starts = _validate_orientation_starts(emissions.orientation_starts, sizes["D"])
+    sizes["E"] = sizes["D"] - len(orientation_starts)
+    means, precision_cholesky = pack_arguments(
+        POINTS[1:], (emissions.means, emissions.precision_cholesky), sizes
+    )
+    if not (least := np.einsum("pkii->pki", precision_cholesky).min()) >= MIN_DIAGONAL:
+        raise InvalidInput(
+            f"precision_cholesky has {least} on a diagonal, expected at least {MIN_DIAGONAL:g}"
+        )
+    return points, Emissions(means, precision_cholesky, orientation_starts)
 
 
-def _turns(turns: tuple[int, ...], D: int) -> tuple[int, ...]:
-    columns = sorted(require_count(turn, "turns", LARGEST_INT) for turn in turns)
+def _validate_orientation_starts(orientation_starts: tuple[int, ...], D: int) -> tuple[int, ...]:
+    columns = sorted(require_count(turn, "orientation_starts", MAX_INT) for turn in orientation_starts)
     free = 0
     for turn in columns:
         if not free <= turn <= D - 4:
             raise InvalidInput(
-                f"turns are {short_repr(turns)}, expected first columns of four each, apart, of {D} in all"
+                f"orientation_starts is {short_repr(orientation_starts)}, expected first columns of four each, apart, of {D} in all"
             )
         free = turn + 4
     return tuple(columns)
 
 
-def e_step(
+def pack_e_step(
     x: object, lengths: object, initial: object, transitions: object, emissions: Emissions, threads: int = 1
 ) -> tuple[Array, Array, Array, Array, Emissions, int]:
     """Return the arguments of e_step, packed.    Raises: InvalidInput."""
     sizes: dict[str, int] = {}
-    points, packed = gaussians(x, emissions, sizes)
-    first, onward = fit(CHAIN[1:], (initial, transitions), sizes)
-    return points, _lengths(lengths, sizes["N"]), first, onward, packed, _threads(threads)
+    points, packed = pack_gaussians(x, emissions, sizes)
+    first, onward = pack_arguments(CHAIN[1:], (initial, transitions), sizes)
+    return points, _validate_lengths(lengths, sizes["N"]), first, onward, packed, _validate_threads(threads)
 
 
-def semi_markov_e_step(
+def pack_semi_markov_e_step(
     x: object, lengths: object, tables: SemiMarkovTables, emissions: Emissions, threads: int = 1
 ) -> tuple[Array, Array, SemiMarkovTables, Emissions, int]:
     """Return the arguments of semi_markov_e_step, packed.    Raises: InvalidInput."""
     sizes: dict[str, int] = {}
-    points, packed = gaussians(x, emissions, sizes)
-    return points, _lengths(lengths, sizes["N"]), _packed(tables, TABLES, sizes), packed, _threads(threads)
+    points, packed = pack_gaussians(x, emissions, sizes)
+    return (
+        points,
+        _validate_lengths(lengths, sizes["N"]),
+        _pack_fields(tables, TABLES, sizes),
+        packed,
+        _validate_threads(threads),
+    )
 
 
-def _lengths(lengths: object, N: int) -> Int[Array, " M"]:
+def _validate_lengths(lengths: object, N: int) -> Int[Array, " M"]:
     array = np.asarray(lengths)
     if array.dtype.kind not in "iu" or array.ndim != 1 or not array.size:
         raise InvalidInput(
@@ -206,73 +236,75 @@ def _lengths(lengths: object, N: int) -> Int[Array, " M"]:
     return counted
 
 
-def _threads(threads: object) -> int:
-    return require_count(threads, "threads", LARGEST_INT)
+def _validate_threads(threads: object) -> int:
+    return require_count(threads, "threads", MAX_INT)
 
 
-def riccati(A: object, B: object, weights: object, targets: object, effort: object) -> list[Array]:
+def pack_riccati(A: object, B: object, weights: object, targets: object, control_cost: object) -> list[Array]:
     """Return the arguments of riccati, packed.    Raises: InvalidInput."""
     sizes: dict[str, int] = {}
-    arrays = fit(TRACKING, (A, B, weights, targets, effort), sizes)
+    arrays = pack_arguments(TRACKING, (A, B, weights, targets, control_cost), sizes)
     S, T = sizes["S"], sizes["T"]
     if S not in (1, T - 1):
         raise InvalidInput(f"A and B hold {S} matrices, expected 1 or, for {T} targets, {T - 1}")
     return arrays
 
 
-def semi_tied(
-    scatters: object, mass: object, transform: object, sweeps: int
+def pack_semi_tied(
+    scatter_matrices: object, counts: object, transform: object, sweeps: int
 ) -> tuple[Array, Array, Array, int]:
     """Return the arguments of semi_tied_sweeps, packed.    Raises: InvalidInput."""
-    S, N, B = fit(SEMI_TIED, (scatters, mass, transform), {})
-    return S, N, B, require_count(sweeps, "sweeps", LARGEST_INT)
+    S, N, B = pack_arguments(SEMI_TIED, (scatter_matrices, counts, transform), {})
+    return S, N, B, require_count(sweeps, "sweeps", MAX_INT)
 
 
-def covariances(values: object) -> list[Array]:
+def pack_covariances(values: object) -> list[Array]:
     """Return the argument of whiteners, packed.    Raises: InvalidInput."""
-    return fit(COVARIANCES, (values,), {})
+    return pack_arguments(COVARIANCES, (values,), {})
 
 
-def arm(
-    impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget
-) -> tuple[Impedance, ArmLimits, ArmReading, ToolTarget]:
+def pack_arm(
+    impedance: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
+) -> tuple[ImpedanceParameters, ArmLimits, ArmState, ToolTarget]:
     """Return the arguments of impedance, packed.    Raises: InvalidInput.
 
     Numbers that are not finite are allowed: the torque is defined for them.
     """
     sizes: dict[str, int] = {}
-    (q,) = fit(ARM[2][:1], (reading.q,), sizes)
-    if len(q) > MOST_JOINTS:
+    (q,) = pack_arguments(ARM[2][:1], (state.q,), sizes)
+    if len(q) > MAX_JOINTS:
         raise InvalidInput(
-            f"q has {len(q)} entries, expected as many as an arm has joints: 1 to {MOST_JOINTS}"
+            f"q has {len(q)} entries, expected as many as an arm has joints: 1 to {MAX_JOINTS}"
         )
-    numbers: dict[str, Any] = {name: _real(getattr(impedance, name), name) for name in ARM_NUMBERS}
+    numbers: dict[str, Any] = {name: _validate_real(getattr(impedance, name), name) for name in ARM_NUMBERS}
     return (
-        replace(_packed(impedance, ARM[0], sizes), **numbers),
-        _packed(limits, ARM[1], sizes),
-        _packed(reading, ARM[2], sizes),
-        _packed(target, ARM[3], sizes),
+        replace(_pack_fields(impedance, ARM[0], sizes), **numbers),
+        _pack_fields(limits, ARM[1], sizes),
+        _pack_fields(state, ARM[2], sizes),
+        _pack_fields(target, ARM[3], sizes),
     )
 
 
-def _real(value: object, name: str) -> float:
+def _validate_real(value: object, name: str) -> float:
     if isinstance(value, int | float | np.integer | np.floating):
         with suppress(OverflowError):
             return float(value)
     raise InvalidInput(f"{name} is {short_repr(value)}, expected a number that float64 holds")
 
 
-def _packed(value: Frozen, arguments: tuple[Argument, ...], sizes: dict[str, int]) -> Frozen:
+def _pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: dict[str, int]) -> Dataclass:
     names = [argument.name for argument in arguments]
     given = [getattr(value, name) for name in names]
-    arrays = fit(arguments, tuple(given), sizes)
+    arrays = pack_arguments(arguments, tuple(given), sizes)
     if all(array is one for array, one in zip(arrays, given, strict=True)):
         return value
     packed: dict[str, Any] = dict(zip(names, arrays, strict=True))
     return replace(value, **packed)
 
 
-def stream(x: object, axes: str, state: StreamState, rules: StreamRules) -> tuple[Array, StreamState]:
+def pack_stream(
+    x: object, axes: str, state: StreamState, parameters: StreamParameters
+) -> tuple[Array, StreamState]:
     """Return datapoints and a stream's state, packed, if the state and the rules are consistent.
 
     Args:
@@ -284,50 +316,50 @@ def stream(x: object, axes: str, state: StreamState, rules: StreamRules) -> tupl
     Raises:
         InvalidInput: If shapes do not fit or a number that counts something does not.
     """
-    _require_rules(rules)
+    _validate_parameters(parameters)
     sizes: dict[str, int] = {}
-    (points,) = fit((Argument("x", axes, "any"),), (x,), sizes)
+    (points,) = pack_arguments((ArgumentSpec("x", axes, "any"),), (x,), sizes)
     P, D = sizes["P"], sizes["D"]
     if (state.frames, state.width) != (P, D):
         raise InvalidInput(f"x has {P} frames of {D} columns, expected {state.frames} of {state.width}")
-    room = require_count(state.room, "room", (D + 3) // 4 * 4)
-    if room % 4:
-        raise InvalidInput(f"room is {room}, expected a multiple of 4")
-    head, clusters, counts = (pack(getattr(state, name), name) for name in ("head", "clusters", "counts"))
+    capacity = require_count(state.capacity, "capacity", (D + 3) // 4 * 4)
+    if capacity % 4:
+        raise InvalidInput(f"room is {capacity}, expected a multiple of 4")
+    head, clusters, transition_counts = (
+        pack_array(getattr(state, name), name) for name in ("head", "clusters", "transition_counts")
+    )
     K = len(clusters) if clusters.ndim else 0
-    expected = {"head": (6,), "clusters": (K, stream_row_length(P, D, room)), "counts": (K, K)}
-    for name, array in (("head", head), ("clusters", clusters), ("counts", counts)):
+    expected = {"head": (6,), "clusters": (K, stream_row_length(P, D, capacity)), "transition_counts": (K, K)}
+    for name, array in (("head", head), ("clusters", clusters), ("transition_counts", transition_counts)):
         if array.shape != expected[name]:
             raise InvalidInput(f"{name} has shape {array.shape}, expected {expected[name]}")
-    _require_head(head, K)
-    now = replace(state, head=head, clusters=clusters, counts=counts)
-    _require_ranks(now, min(room, D))
+    _validate_head(head, K)
+    now = replace(state, head=head, clusters=clusters, transition_counts=transition_counts)
+    _validate_ranks(now, min(capacity, D))
     return points, now
 
 
-def _require_rules(rules: StreamRules) -> None:
+def _validate_parameters(parameters: StreamParameters) -> None:
     for name, lowest, largest in (
         ("weighting", 0, 2),
-        ("spare", 0, LARGEST_INT),
-        ("directions", 0, LARGEST_INT),
-        ("clusters", 1, LARGEST_COUNT),
-        ("batch", 1, LARGEST_COUNT),
+        ("extra_directions", 0, MAX_INT),
+        ("directions", 0, MAX_INT),
+        ("clusters", 1, MAX_COUNT),
+        ("batch", 1, MAX_COUNT),
     ):
-        require_count(getattr(rules, name), name, largest, lowest)
+        require_count(getattr(parameters, name), name, largest, lowest)
 
 
-def _require_head(head: Float[Array, " 6"], K: int) -> None:
-    for place in StreamHead:
+def _validate_head(head: Float[Array, " 6"], K: int) -> None:
+    for place in StreamCounter:
         name, number = place.name.lower(), float(head[place])
-        row = place in (StreamHead.CURRENT, StreamHead.BEFORE)
-        require_number(
-            number, f"head's {name}", -1.0 if row else 0.0, K - 1.0 if row else float(LARGEST_COUNT)
-        )
+        row = place in (StreamCounter.CURRENT, StreamCounter.PREVIOUS)
+        require_number(number, f"head's {name}", -1.0 if row else 0.0, K - 1.0 if row else float(MAX_COUNT))
         if number != np.floor(number):
             raise InvalidInput(f"head's {name} is {number}, expected a whole number")
 
 
-def _require_ranks(state: StreamState, most: int) -> None:
+def _validate_ranks(state: StreamState, most: int) -> None:
     d, r = state.dimensions, state.ranks
     good = (d >= 0.0) & (d <= r) & (r <= most) & (d == np.floor(d)) & (r == np.floor(r))
     if not good.all():

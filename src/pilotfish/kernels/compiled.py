@@ -12,24 +12,30 @@ import numpy as np
 
 from pilotfish.kernels import checks
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.arms import ArmEffort, ArmLimits, ArmReading, Impedance, ToolTarget
-from pilotfish.kernels.refusals import flat_row, free_push, no_factor, not_observable, singular_transform
+from pilotfish.kernels.arms import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
+from pilotfish.kernels.reference.chain import log_probability_array
+from pilotfish.kernels.refusals import (
+    control_cost_error,
+    covariance_error,
+    datapoint_error,
+    singular_transform_error,
+    transform_row_error,
+)
 from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
-    Riccati,
-    SemiMarkov,
+    RiccatiSolution,
     SemiMarkovEStep,
     SemiMarkovForward,
-    Viterbi,
+    SemiMarkovForwardBackward,
+    ViterbiPath,
 )
-from pilotfish.kernels.streams import StreamRules, StreamState, StreamStep
-from pilotfish.kernels.twins.chain import log_or_never
+from pilotfish.kernels.streams import StreamParameters, StreamState, StreamStep
 from pilotfish.types import Array, Float, Int
 
 _baseline: Any = import_module("pilotfish.kernels._baseline")
-LEVEL: str = "x86-64-v3" if _baseline.supports_v3() else "baseline"
-_native: Any = import_module("pilotfish.kernels._v3") if LEVEL == "x86-64-v3" else _baseline
+INSTRUCTION_SET: str = "x86-64-v3" if _baseline.supports_v3() else "baseline"
+_native: Any = import_module("pilotfish.kernels._v3") if INSTRUCTION_SET == "x86-64-v3" else _baseline
 
 KERNELS = (
     "e_step",
@@ -45,17 +51,17 @@ KERNELS = (
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "viterbi",
-    "whiteners",
+    "precision_cholesky",
 )
-if missing := sorted(set(KERNELS) - set(dir(_native))):
-    raise ImportError(f"they were built from older sources and lack {', '.join(missing)}")
+if missing_kernels := sorted(set(KERNELS) - set(dir(_native))):
+    raise ImportError(f"they were built from older sources and lack {', '.join(missing_kernels)}")
 
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-def _checked(
+def _validate_on_failure(
     check: Callable[..., Iterable[Any]],
 ) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
     """Return a decorator that runs a kernel again, with the arguments that check returns, where it refuses.
@@ -66,11 +72,11 @@ def _checked(
 
     def decorate(kernel: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         @wraps(kernel)
-        def run(*arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        def run(*arguments: Arguments.args, **keywords: Arguments.kwargs) -> Result:
             try:
-                return kernel(*arguments, **named)
+                return kernel(*arguments, **keywords)
             except (TypeError, ValueError, OverflowError, IndexError):
-                checked = check(*arguments, **named)
+                checked = check(*arguments, **keywords)
             return kernel(*checked)  # type: ignore[call-arg]  # check returns them all
 
         return run
@@ -78,26 +84,33 @@ def _checked(
     return decorate
 
 
-def _gaussians(
+def _emission_arrays(
     emissions: Emissions,
-) -> tuple[Float[Array, "P K D"], Float[Array, "P K E E"], Int[Array, " turns"]]:
-    return emissions.means, emissions.whiteners, np.array(emissions.turns, dtype=np.int64)
+) -> tuple[Float[Array, "P K D"], Float[Array, "P K E E"], Int[Array, " Q"]]:
+    return (
+        emissions.means,
+        emissions.precision_cholesky,
+        np.array(emissions.orientation_starts, dtype=np.int64),
+    )
 
 
-def _chain(
+def _table_arrays(
     tables: SemiMarkovTables,
 ) -> tuple[Float[Array, " K"], Float[Array, "K K"], Float[Array, "4 S K"], Float[Array, "2 K"]]:
-    log_initial, log_transitions = log_or_never(tables.initial), log_or_never(tables.transitions)
-    return log_initial, log_transitions, tables.log_visits, tables.log_beyond
+    log_initial, log_transitions = (
+        log_probability_array(tables.initial),
+        log_probability_array(tables.transitions),
+    )
+    return log_initial, log_transitions, tables.log_segment_weights, tables.log_tail_weights
 
 
-@_checked(lambda x, emissions: checks.gaussians(x, emissions, {}))
+@_validate_on_failure(lambda x, emissions: checks.pack_gaussians(x, emissions, {}))
 def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
-    log_densities: Float[Array, "N K"] = _native.log_emissions(x, *_gaussians(emissions))
+    log_densities: Float[Array, "N K"] = _native.log_emissions(x, *_emission_arrays(emissions))
     return log_densities
 
 
-@_checked(checks.e_step)
+@_validate_on_failure(checks.pack_e_step)
 def e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -106,11 +119,11 @@ def e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> EStep:
-    logarithms = log_or_never(initial), transitions, log_or_never(transitions)
-    return EStep(*_native.e_step(x, lengths, *logarithms, *_gaussians(emissions), threads))
+    logarithms = log_probability_array(initial), transitions, log_probability_array(transitions)
+    return EStep(*_native.e_step(x, lengths, *logarithms, *_emission_arrays(emissions), threads))
 
 
-@_checked(checks.semi_markov_e_step)
+@_validate_on_failure(checks.pack_semi_markov_e_step)
 def semi_markov_e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -118,31 +131,37 @@ def semi_markov_e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> SemiMarkovEStep:
-    sums = _native.semi_markov_e_step(x, lengths, *_chain(tables), *_gaussians(emissions), threads)
+    sums = _native.semi_markov_e_step(
+        x, lengths, *_table_arrays(tables), *_emission_arrays(emissions), threads
+    )
     return SemiMarkovEStep(*sums)
 
 
-@_checked(checks.markov)
+@_validate_on_failure(checks.pack_markov)
 def forward_backward(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ForwardBackward:
-    logarithms = log_or_never(initial), transitions, log_or_never(transitions)
+    logarithms = log_probability_array(initial), transitions, log_probability_array(transitions)
     return ForwardBackward(*_native.forward_backward(log_emissions, *logarithms))
 
 
-def impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget) -> ArmEffort:
+def impedance(
+    impedance: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
+) -> ArmCommand:
     try:
-        effort = _impedance(impedance, limits, reading, target)
+        control_cost = _call_native(impedance, limits, state, target)
     except (
         TypeError,
         ValueError,
     ):  # checked and packed only here: a control loop calls this each millisecond
-        effort = _impedance(*checks.arm(impedance, limits, reading, target))
-    return effort
+        control_cost = _call_native(*checks.pack_arm(impedance, limits, state, target))
+    return control_cost
 
 
-def _impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, target: ToolTarget) -> ArmEffort:
-    torque, wrench, share = _native.impedance(
+def _call_native(
+    impedance: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
+) -> ArmCommand:
+    torque, wrench, torque_fraction = _native.impedance(
         impedance.stiffness,
         impedance.damping,
         impedance.posture,
@@ -150,108 +169,134 @@ def _impedance(impedance: Impedance, limits: ArmLimits, reading: ArmReading, tar
         impedance.joint_damping,
         impedance.force_limit,
         impedance.moment_limit,
-        impedance.singular_value,
+        impedance.min_singular_value,
         impedance.limit_margin,
         impedance.limit_stiffness,
         limits.lower,
         limits.upper,
         limits.torque,
-        reading.q,
-        reading.velocity,
-        reading.position,
-        reading.quaternion,
-        reading.jacobian,
-        reading.bias,
+        state.q,
+        state.velocity,
+        state.position,
+        state.quaternion,
+        state.jacobian,
+        state.bias,
         target.position,
         target.quaternion,
         target.twist,
     )
-    return ArmEffort(torque, wrench, share)
+    return ArmCommand(torque, wrench, torque_fraction)
 
 
-@_checked(checks.markov)
+@_validate_on_failure(checks.pack_markov)
 def viterbi(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
-) -> Viterbi:
-    states, log_probability = _native.viterbi(log_emissions, log_or_never(initial), log_or_never(transitions))
-    return Viterbi(states.view(np.int64), log_probability)  # the same bits, by the name that NumPy knows them
+) -> ViterbiPath:
+    states, log_probability = _native.viterbi(
+        log_emissions, log_probability_array(initial), log_probability_array(transitions)
+    )
+    return ViterbiPath(
+        states.view(np.int64), log_probability
+    )  # the same bits, by the name that NumPy knows them
 
 
-@_checked(checks.semi_markov)
-def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkov:
-    return SemiMarkov(*_native.semi_markov(log_emissions, *_chain(tables)))
+@_validate_on_failure(checks.pack_semi_markov)
+def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForwardBackward:
+    return SemiMarkovForwardBackward(*_native.semi_markov(log_emissions, *_table_arrays(tables)))
 
 
-@_checked(checks.semi_markov)
+@_validate_on_failure(checks.pack_semi_markov)
 def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
-    return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_chain(tables)))
+    return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_table_arrays(tables)))
 
 
-@_checked(checks.semi_markov)
-def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> Viterbi:
-    states, log_probability = _native.semi_markov_viterbi(log_emissions, *_chain(tables))
-    return Viterbi(states.view(np.int64), log_probability)
+@_validate_on_failure(checks.pack_semi_markov)
+def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> ViterbiPath:
+    states, log_probability = _native.semi_markov_viterbi(log_emissions, *_table_arrays(tables))
+    return ViterbiPath(states.view(np.int64), log_probability)
 
 
-def observe(x: Float[Array, "N P D"], state: StreamState, rules: StreamRules) -> StreamStep:
+def observe(x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters) -> StreamStep:
     try:
-        found = _native.observe(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
+        found = _native.observe(
+            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+        )
     except (TypeError, ValueError):  # checked and packed only here: a datapoint takes a few microseconds
-        x, state = checks.stream(x, "NPD", state, rules)
-        found = _native.observe(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
-    refused, head, clusters, counts, room, identities, costs, changes, gone = found
-    if refused >= 0:
-        raise not_observable(x, refused)
-    now = StreamState(head, clusters, counts, state.frames, state.width, room)
-    return StreamStep(now, identities.view(np.int64), costs, changes, gone.view(np.int64))
+        x, state = checks.pack_stream(x, "NPD", state, parameters)
+        found = _native.observe(
+            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+        )
+    failed_index, head, clusters, transition_counts, capacity, cluster_ids, costs, loss_changes, removed = (
+        found
+    )
+    if failed_index >= 0:
+        raise datapoint_error(x, failed_index)
+    now = StreamState(head, clusters, transition_counts, state.frames, state.width, capacity)
+    return StreamStep(now, cluster_ids.view(np.int64), costs, loss_changes, removed.view(np.int64))
 
 
 def observe_one(
-    x: Float[Array, "P D"], state: StreamState, rules: StreamRules
+    x: Float[Array, "P D"], state: StreamState, parameters: StreamParameters
 ) -> tuple[StreamState, int, float, float]:
     try:
-        found = _native.observe_one(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
+        found = _native.observe_one(
+            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+        )
     except (TypeError, ValueError):
-        x, state = checks.stream(x, "PD", state, rules)
-        found = _native.observe_one(x, state.head, state.clusters, state.counts, state.room, rules.numbers)
-    refused, head, clusters, counts, room, identity, cost, change = found
-    if refused >= 0:
-        raise not_observable(x[None], refused)
-    return StreamState(head, clusters, counts, state.frames, state.width, room), identity, cost, change
+        x, state = checks.pack_stream(x, "PD", state, parameters)
+        found = _native.observe_one(
+            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+        )
+    failed_index, head, clusters, transition_counts, capacity, cluster_id, cost, loss_change = found
+    if failed_index >= 0:
+        raise datapoint_error(x[None], failed_index)
+    return (
+        StreamState(head, clusters, transition_counts, state.frames, state.width, capacity),
+        cluster_id,
+        cost,
+        loss_change,
+    )
 
 
-@_checked(checks.riccati)
+@_validate_on_failure(checks.pack_riccati)
 def riccati(
     A: Float[Array, "S n n"],
     B: Float[Array, "S n m"],
     weights: Float[Array, "T n n"],
     targets: Float[Array, "T n"],
-    effort: Float[Array, "m m"],
-) -> Riccati:
-    refused, *solution = _native.riccati(A, B, weights, targets, effort)
-    if refused >= 0:
-        raise free_push(refused)
-    return Riccati(*solution)
+    control_cost: Float[Array, "m m"],
+) -> RiccatiSolution:
+    failed_index, *solution = _native.riccati(A, B, weights, targets, control_cost)
+    if failed_index >= 0:
+        raise control_cost_error(failed_index)
+    return RiccatiSolution(*solution)
 
 
 def semi_tied_sweeps(
-    scatters: Float[Array, "K D D"], mass: Float[Array, " K"], transform: Float[Array, "D D"], sweeps: int
+    scatter_matrices: Float[Array, "K D D"],
+    counts: Float[Array, " K"],
+    transform: Float[Array, "D D"],
+    sweeps: int,
 ) -> Float[Array, "D D"]:
-    scatters, mass, transform, sweeps = checks.semi_tied(scatters, mass, transform, sweeps)
-    present = mass > 0.0
-    improved: Float[Array, "D D"]
-    refused, improved = _native.semi_tied_sweeps(scatters[present], mass[present], transform, sweeps)
-    if refused == len(transform):
-        raise singular_transform()
-    if refused >= 0:
-        raise flat_row(refused)
-    return improved
+    scatter_matrices, counts, transform, sweeps = checks.pack_semi_tied(
+        scatter_matrices, counts, transform, sweeps
+    )
+    present = counts > 0.0
+    result: Float[Array, "D D"]
+    failed_index, result = _native.semi_tied_sweeps(
+        scatter_matrices[present], counts[present], transform, sweeps
+    )
+    if failed_index == len(transform):
+        raise singular_transform_error()
+    if failed_index >= 0:
+        raise transform_row_error(failed_index)
+    return result
 
 
-@_checked(checks.covariances)
-def whiteners(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
+@_validate_on_failure(checks.pack_covariances)
+def precision_cholesky(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     inverses: Float[Array, "K D D"]
-    refused, inverses = _native.whiteners(covariances)
-    if refused >= 0:
-        raise no_factor(refused)
+    failed_index, inverses = _native.precision_cholesky(covariances)
+    if failed_index >= 0:
+        raise covariance_error(failed_index)
     return inverses

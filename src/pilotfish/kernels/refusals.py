@@ -6,14 +6,14 @@ from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.types import Array, Float
 
 
-def free_push(t: int) -> NotPositiveDefinite:
+def control_cost_error(t: int) -> NotPositiveDefinite:
     return NotPositiveDefinite(
-        f"the cost of pushing at step {t}, effort + B^T P B, has no Cholesky factor, expected it positive "
-        "definite; make effort positive definite and every weight positive semidefinite"
+        f"the control Hessian at step {t}, control_cost + B^T P B, has no Cholesky factor, expected it positive "
+        "definite; make control_cost positive definite and every weight positive semidefinite"
     )
 
 
-def flat_row(d: int) -> NotPositiveDefinite:
+def transform_row_error(d: int) -> NotPositiveDefinite:
     return NotPositiveDefinite(
         f"row {d} of the semi-tied transform has no update: the covariances' weighted sum G_{d} has no "
         "Cholesky factor, expected it positive definite; add regularisation * I to every covariance, "
@@ -21,17 +21,17 @@ def flat_row(d: int) -> NotPositiveDefinite:
     )
 
 
-def singular_transform() -> InvalidInput:
+def singular_transform_error() -> InvalidInput:
     return InvalidInput("the semi-tied transform has no inverse, expected one; start from the identity")
 
 
-def no_factor(k: int) -> NotPositiveDefinite:
+def covariance_error(k: int) -> NotPositiveDefinite:
     return NotPositiveDefinite(
         f"covariance {k} has no Cholesky factor, expected it positive definite; raise the regularisation"
     )
 
 
-def not_observable(x: Float[Array, "N P D"], place: int) -> InvalidInput:
+def datapoint_error(x: Float[Array, "N P D"], place: int) -> InvalidInput:
     n, p, d = (int(index) for index in np.unravel_index(place, x.shape))
     return InvalidInput(
         f"datapoint {n}, frame {p}, column {d} (first is 0) is {x[n, p, d]}, expected a number of at most "

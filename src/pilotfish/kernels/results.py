@@ -14,11 +14,11 @@ class EStep:
     """
 
     log_likelihoods: Float[Array, " M"]
-    mass: Float[Array, " K"]  # sum of gamma
-    first: Float[Array, " K"]  # sum over demonstrations of gamma at their first step
+    counts: Float[Array, " K"]  # sum of gamma
+    initial_counts: Float[Array, " K"]  # sum over demonstrations of gamma at their first step
     transitions: Float[Array, "K K"]  # sum of zeta
     offsets: Float[Array, "P K E"]  # sum of gamma e, e the deviation from the mean given
-    scatters: Float[Array, "P K E E"]  # sum of gamma e e^T
+    scatter_matrices: Float[Array, "P K E E"]  # sum of gamma e e^T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,13 +30,13 @@ class ForwardBackward:
     """
 
     log_likelihood: float
-    posteriors: Float[Array, "T K"]
+    smoothed_state_probs: Float[Array, "T K"]
     transitions: Float[Array, "K K"]
     log_forward: Float[Array, "T K"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SemiMarkov:
+class SemiMarkovForwardBackward:
     """Where a semi-Markov chain was, given everything that it emitted.
 
     posteriors[t, k] = p(state k at t | all steps), transitions[j, k] = expected number of visits to k right
@@ -46,10 +46,10 @@ class SemiMarkov:
     """
 
     log_likelihood: float
-    posteriors: Float[Array, "T K"]
+    smoothed_state_probs: Float[Array, "T K"]
     transitions: Float[Array, "K K"]
-    visits: Float[Array, "4 S K"]
-    beyond: Float[Array, "2 K"]
+    segments: Float[Array, "4 S K"]
+    tail_counts: Float[Array, "2 K"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,8 +60,8 @@ class SemiMarkovForward:
     log_occupancy[t, k] = log p(steps 0 to t, state k at t).
     """
 
-    log_ends: Float[Array, "T K"]
-    log_occupancy: Float[Array, "T K"]
+    log_segment_ends: Float[Array, "T K"]
+    log_forward: Float[Array, "T K"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,17 +71,17 @@ class SemiMarkovEStep:
     """
 
     log_likelihoods: Float[Array, " M"]
-    mass: Float[Array, " K"]
-    first: Float[Array, " K"]
+    counts: Float[Array, " K"]
+    initial_counts: Float[Array, " K"]
     transitions: Float[Array, "K K"]
-    visits: Float[Array, "4 S K"]
-    beyond: Float[Array, "2 K"]
+    segments: Float[Array, "4 S K"]
+    tail_counts: Float[Array, "2 K"]
     offsets: Float[Array, "P K E"]
-    scatters: Float[Array, "P K E E"]
+    scatter_matrices: Float[Array, "P K E E"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Viterbi:
+class ViterbiPath:
     """A most probable path; of equally probable ones, that whose last differing state has the lower index.
 
     log_probability = log p(all steps, this path). At -inf no path explains the steps: states mean nothing.
@@ -92,7 +92,7 @@ class Viterbi:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Riccati:
+class RiccatiSolution:
     """The tracker of least cost: u_t = feedforwards[t] - gains[t] (x_t - targets[t]), for S = T - 1 steps.
 
     The cost still to pay at step t is e^T values[t] e + 2 gradients[t]^T e + constant, e = x_t - targets[t].

@@ -7,19 +7,19 @@ import numpy as np
 
 from pilotfish.types import Array, Float, Int
 
-LARGEST = 1e100  # of a number that is observed: its square must not overflow
+MAX_VALUE = 1e100  # of a number that is observed: its square must not overflow
 
 
 class Weighting(IntEnum):
     """What a cluster's weight becomes with every datapoint (5.15, 5.16, and a constant step)."""
 
     COUNT = 0
-    TRACE = 1
+    EXPONENTIAL_DECAY = 1
     CONSTANT = 2
 
 
 @dataclass(frozen=True, slots=True)
-class StreamRules:
+class StreamParameters:
     """What decides where a datapoint goes and what it changes; letters are the thesis'.
 
     forget_below  a cluster whose weight falls below it is forgotten; 0 forgets none
@@ -38,8 +38,8 @@ class StreamRules:
     weighting: int
     weight: float  # the discount zeta of a trace, or the constant weight
     forget_below: float
-    spare: int
-    directions: int
+    extra_directions: int
+    max_dimension: int
     clusters: int
     batch: int
     numbers: Float[Array, " 13"] = field(init=False, repr=False, compare=False)  # all of the above, in order
@@ -49,29 +49,29 @@ class StreamRules:
         object.__setattr__(self, "numbers", np.array(values, dtype=np.float64))
 
 
-class StreamColumn(IntEnum):
+class ClusterColumn(IntEnum):
     """What stands in the first columns of a cluster's row; a block for each frame follows."""
 
-    IDENTITY = 0  # in order of birth, never used again
+    CLUSTER_ID = 0  # in order of birth, never used again
     WEIGHT = 1
     POINTS = 2
-    BEGUN = 3  # demonstrations that began in it
-    VISITS = 4  # complete ones
-    DURATION = 5  # their mean length, in steps
-    SQUARES = 6  # sum of their squared deviations from it
-    CUT = 7  # visits cut off by the end of a demonstration
-    CUT_DURATION = 8  # their mean length
+    DEMONSTRATION_STARTS = 3  # demonstrations that began in it
+    SEGMENTS = 4  # complete ones
+    MEAN_DURATION = 5  # their mean length, in steps
+    SQUARED_DEVIATIONS = 6  # sum of their squared deviations from it
+    CENSORED = 7  # visits cut off by the end of a demonstration
+    MEAN_CENSORED_DURATION = 8  # their mean length
 
 
-class StreamHead(IntEnum):
+class StreamCounter(IntEnum):
     """What is known of the stream as a whole."""
 
     CURRENT = 0  # row of the last datapoint's cluster, or -1 where a demonstration begins
     STEPS = 1  # how long it has stayed there
-    NEXT = 2  # identity of the next cluster
+    NEXT_CLUSTER_ID = 2  # identity of the next cluster
     POINTS = 3
-    BEFORE = 4  # row of the cluster whose visit came right before this one; -1 where none did
-    BEFORE_STEPS = 5  # how long that visit was
+    PREVIOUS = 4  # row of the cluster whose visit came right before this one; -1 where none did
+    PREVIOUS_STEPS = 5  # how long that visit was
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,15 +87,15 @@ class StreamState:
 
     head: Float[Array, " 6"]
     clusters: Float[Array, "K R"]
-    counts: Float[Array, "K K"]
+    transition_counts: Float[Array, "K K"]
     frames: int
     width: int
-    room: int
+    capacity: int
 
     def blocks(self) -> Float[Array, "K P S"]:
         """The frames' part of the rows. This and all below are views."""
-        length = block_length(self.width, self.room)
-        return self.clusters[:, len(StreamColumn) :].reshape(len(self.clusters), self.frames, length)
+        length = block_length(self.width, self.capacity)
+        return self.clusters[:, len(ClusterColumn) :].reshape(len(self.clusters), self.frames, length)
 
     @property
     def dimensions(self) -> Float[Array, "K P"]:
@@ -111,47 +111,47 @@ class StreamState:
 
     @property
     def variances(self) -> Float[Array, "K P C"]:
-        begin = 2 + in_fours(self.width)
-        return self.blocks()[:, :, begin : begin + self.room]
+        begin = 2 + round_up_to_four(self.width)
+        return self.blocks()[:, :, begin : begin + self.capacity]
 
     @property
     def distances(self) -> Float[Array, "K P _"]:
-        begin = 2 + in_fours(self.width) + self.room
-        return self.blocks()[:, :, begin : begin + self.room + 1]
+        begin = 2 + round_up_to_four(self.width) + self.capacity
+        return self.blocks()[:, :, begin : begin + self.capacity + 1]
 
     @property
     def bases(self) -> Float[Array, "K P D C"]:
-        flat = self.blocks()[:, :, block_length(self.width, self.room) - self.width * self.room :]
-        return flat.reshape(*flat.shape[:2], self.width, self.room)
+        flat = self.blocks()[:, :, block_length(self.width, self.capacity) - self.width * self.capacity :]
+        return flat.reshape(*flat.shape[:2], self.width, self.capacity)
 
 
 def empty_stream(frames: int, width: int) -> StreamState:
     """Before the first datapoint."""
-    return stream_of(0, frames, width, 0)
+    return zero_stream(0, frames, width, 0)
 
 
-def stream_of(clusters: int, frames: int, width: int, room: int) -> StreamState:
+def zero_stream(clusters: int, frames: int, width: int, capacity: int) -> StreamState:
     """A state of so many clusters, all zeros, where a demonstration begins."""
-    rows = np.zeros((clusters, stream_row_length(frames, width, room)))
-    counts = np.zeros((clusters, clusters))
-    return StreamState(empty_head(), rows, counts, frames, width, room)
+    rows = np.zeros((clusters, stream_row_length(frames, width, capacity)))
+    transition_counts = np.zeros((clusters, clusters))
+    return StreamState(empty_counters(), rows, transition_counts, frames, width, capacity)
 
 
-def empty_head() -> Float[Array, " 6"]:
+def empty_counters() -> Float[Array, " 6"]:
     return np.array([-1.0, 0.0, 0.0, 0.0, -1.0, 0.0])
 
 
-def in_fours(size: int) -> int:
+def round_up_to_four(size: int) -> int:
     """The least multiple of four that is not less."""
     return (size + 3) // 4 * 4
 
 
-def stream_row_length(frames: int, width: int, room: int) -> int:
-    return len(StreamColumn) + frames * block_length(width, room)
+def stream_row_length(frames: int, width: int, capacity: int) -> int:
+    return len(ClusterColumn) + frames * block_length(width, capacity)
 
 
-def block_length(width: int, room: int) -> int:
-    return 2 + in_fours(width) + room + (room + 4) + width * room
+def block_length(width: int, capacity: int) -> int:
+    return 2 + round_up_to_four(width) + capacity + (capacity + 4) + width * capacity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,7 +166,7 @@ class StreamStep:
     """
 
     state: StreamState
-    identities: Int[Array, " N"]
+    cluster_ids: Int[Array, " N"]
     costs: Float[Array, " N"]
-    changes: Float[Array, " N"]
-    gone: Int[Array, "M 3"]
+    loss_changes: Float[Array, " N"]
+    removed: Int[Array, "M 3"]

@@ -4,10 +4,18 @@ learned by a fold of statistics, adapted to where objects stand, and unrolled in
 
 from pilotfish.models import online
 from pilotfish.models.adapt import adapt
-from pilotfish.models.agreement import matched_accuracy, matching, normalised_mutual_information
-from pilotfish.models.duration_laws import DurationLaw, Gamma, Histogram, LogNormal, Normal, Poisson
-from pilotfish.models.duration_negative_binomial import NegativeBinomial
-from pilotfish.models.durations import (
+from pilotfish.models.agreement import match_labels, matched_accuracy, normalised_mutual_information
+from pilotfish.models.durations.counted import count_durations, state_segments
+from pilotfish.models.durations.distributions import (
+    DurationDistribution,
+    Gamma,
+    Gaussian,
+    Histogram,
+    LogNormal,
+    Poisson,
+)
+from pilotfish.models.durations.negative_binomial import NegativeBinomial
+from pilotfish.models.durations.values import (
     Durations,
     GammaDurations,
     GaussianDurations,
@@ -16,116 +24,127 @@ from pilotfish.models.durations import (
     NegativeBinomialDurations,
     PoissonDurations,
 )
-from pilotfish.models.durations_counted import runs, with_durations
 from pilotfish.models.dynamics import (
     Censoring,
     Dynamics,
     MarkovChain,
+    MixtureWeights,
     SemiMarkovChain,
-    Weights,
 )
-from pilotfish.models.em import MOST_ITERATIONS, MOST_RESTARTS, EMSettings, Outcome, Run, improve
-from pilotfish.models.forward import LONGEST_PLAN, Forward, markov_forward, occupancy, semi_markov_forward
-from pilotfish.models.freedom import free_dynamics, free_parameters
+from pilotfish.models.em import MAX_ITERATIONS, MAX_RESTARTS, Convergence, EMRun, EMSettings, fit_em
+from pilotfish.models.forward import (
+    MAX_HORIZON,
+    ForwardVariables,
+    filtered_state_probs,
+    markov_forward,
+    semi_markov_forward,
+)
+from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
+from pilotfish.models.freedom import degrees_of_freedom, dynamics_degrees_of_freedom
 from pilotfish.models.learn import Fit, learn, learn_markov, learn_mixture
-from pilotfish.models.learn_semi_markov import Timing, learn_semi_markov, most_likely_semi_markov
-from pilotfish.models.posteriors import posteriors
+from pilotfish.models.learn_semi_markov import DurationModel, fit_semi_markov_chain, learn_semi_markov
+from pilotfish.models.posteriors import smoothed_state_probs
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
-from pilotfish.models.relevance import FrameRelevance, relevance, select_frames
-from pilotfish.models.selection import Candidate, Failure, Learner, Score, Selection, bic, select
+from pilotfish.models.segments import Segments
+from pilotfish.models.selection import Candidate, FailedCandidate, Learner, Score, Selection, bic, select
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood,
-    log_likelihood_of_states,
+    log_state_likelihoods,
     most_probable_states,
     sample_states,
     viterbi,
 )
-from pilotfish.models.signs import on_the_half_of
+from pilotfish.models.signs import align_quaternion_signs
 from pilotfish.models.size import (
-    covariance_freedom,
-    covariance_parameters,
-    fitted_parameters,
-    semi_markov_parameters,
+    covariance_degrees_of_freedom,
+    covariance_parameter_count,
+    fitted_covariance_parameter_count,
+    semi_markov_parameter_count,
 )
 from pilotfish.models.skill import (
-    MOST_SKILL_NUMBERS,
-    MOST_STATES,
+    MAX_SKILL_NUMBERS,
+    MAX_STATES,
     AdaptedSkill,
     HiddenModel,
     Provenance,
     Skill,
 )
-from pilotfish.models.starts import Given, KMeans, Start, TimeBins
+from pilotfish.models.starts import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.statistics import (
     Statistics,
-    further_statistics,
+    expected_statistics,
+    fit_markov_chain,
+    fit_mixture_weights,
     labelled_statistics,
-    maximise,
-    most_likely_chain,
-    most_likely_weights,
-    statistics,
+    maximise_likelihood,
+    monotone_statistics,
 )
-from pilotfish.models.visits import Visits
 
 __all__ = [
-    "LONGEST_PLAN",
-    "MOST_ITERATIONS",
-    "MOST_RESTARTS",
-    "MOST_SKILL_NUMBERS",
-    "MOST_STATES",
+    "MAX_HORIZON",
+    "MAX_ITERATIONS",
+    "MAX_RESTARTS",
+    "MAX_SKILL_NUMBERS",
+    "MAX_STATES",
     "AdaptedSkill",
     "Candidate",
     "Censoring",
-    "DurationLaw",
+    "Convergence",
+    "DurationDistribution",
+    "DurationModel",
     "Durations",
     "Dynamics",
+    "EMRun",
     "EMSettings",
-    "Failure",
+    "FailedCandidate",
     "Fit",
-    "Forward",
+    "ForwardVariables",
     "FrameRelevance",
+    "FromModel",
     "Gamma",
     "GammaDurations",
+    "Gaussian",
     "GaussianDurations",
-    "Given",
     "HiddenModel",
     "Histogram",
     "HistogramDurations",
+    "Initialisation",
     "KMeans",
     "Learner",
     "LogNormal",
     "LogNormalDurations",
     "MarkovChain",
+    "MixtureWeights",
     "NegativeBinomial",
     "NegativeBinomialDurations",
-    "Normal",
-    "Outcome",
     "Poisson",
     "PoissonDurations",
     "Provenance",
-    "Run",
     "Score",
+    "Segments",
     "Selection",
     "SemiMarkovChain",
     "Skill",
-    "Start",
     "Statistics",
     "TimeBins",
-    "Timing",
-    "Visits",
-    "Weights",
     "adapt",
+    "align_quaternion_signs",
     "as_mixture",
     "bic",
-    "covariance_freedom",
-    "covariance_parameters",
+    "count_durations",
+    "covariance_degrees_of_freedom",
+    "covariance_parameter_count",
+    "degrees_of_freedom",
+    "dynamics_degrees_of_freedom",
+    "expected_statistics",
     "filtered_regression",
-    "fitted_parameters",
-    "free_dynamics",
-    "free_parameters",
-    "further_statistics",
-    "improve",
+    "filtered_state_probs",
+    "fit_em",
+    "fit_markov_chain",
+    "fit_mixture_weights",
+    "fit_semi_markov_chain",
+    "fitted_covariance_parameter_count",
     "labelled_statistics",
     "learn",
     "learn_markov",
@@ -133,29 +152,23 @@ __all__ = [
     "learn_semi_markov",
     "log_emissions",
     "log_likelihood",
-    "log_likelihood_of_states",
+    "log_state_likelihoods",
     "markov_forward",
+    "match_labels",
     "matched_accuracy",
-    "matching",
-    "maximise",
-    "most_likely_chain",
-    "most_likely_semi_markov",
-    "most_likely_weights",
+    "maximise_likelihood",
+    "monotone_statistics",
     "most_probable_states",
     "normalised_mutual_information",
-    "occupancy",
-    "on_the_half_of",
     "online",
-    "posteriors",
     "relevance",
-    "runs",
     "sample_states",
     "select",
     "select_frames",
     "semi_markov_forward",
-    "semi_markov_parameters",
+    "semi_markov_parameter_count",
     "smoothed_regression",
-    "statistics",
+    "smoothed_state_probs",
+    "state_segments",
     "viterbi",
-    "with_durations",
 ]

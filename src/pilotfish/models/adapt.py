@@ -9,26 +9,26 @@ from pilotfish.demonstrations import (
     Frame,
     Layout,
     MovingFrame,
+    require_left_multiplication,
     require_magnitudes,
-    require_turns,
     tangent_map,
 )
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.gaussians import (
     DenseCovariances,
     Gaussian,
     RiemannianGaussian,
+    affine_transform,
     product,
     riemannian_product,
-    transform,
 )
 from pilotfish.geometry import normalise
-from pilotfish.models.signs import agreeing
+from pilotfish.models.signs import align_frame_signs
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import numeric_array
 
-LEAST_RELEVANCE = 1e-50  # covariances are divided by it
+MIN_RELEVANCE = 1e-50  # covariances are divided by it
 
 
 def adapt(
@@ -45,23 +45,23 @@ def adapt(
     state is left without any frame.
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
-    require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
-    written = tuple(DenseCovariances(c.dense) for c in skill.covariances)  # once, not for every state
-    skill = replace(skill, covariances=written)
-    matched = _matched(skill, frames)
-    powers = _powers(relevance, skill)
-    ordered = agreeing(matched, skill, powers)
-    fused = _fused_on_sphere if skill.layout.turns else _fused
+    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    dense = tuple(DenseCovariances(c.dense) for c in skill.covariances)  # once, not for every state
+    skill = replace(skill, covariances=dense)
+    frames_in_order = _match_frames(skill, frames)
+    pool_weights = _validate_relevance(relevance, skill)
+    aligned = align_frame_signs(frames_in_order, skill, pool_weights)
+    frame_product = _riemannian_frame_product if skill.layout.orientation_starts else _frame_product
     with np.errstate(over="ignore", invalid="ignore"):
-        states = [fused(skill, ordered, powers, k) for k in range(skill.states)]
-    _refuse_overflow(states, ordered)
-    means = _unit_quaternions(np.stack([g.mean for g in states]), skill.layout)
+        states = [frame_product(skill, aligned, pool_weights, k) for k in range(skill.states)]
+    _validate_finite(states, aligned)
+    means = _normalise_quaternions(np.stack([g.mean for g in states]), skill.layout)
     return AdaptedSkill(
         skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period
     )
 
 
-def _refuse_overflow(states: Sequence[Gaussian | RiemannianGaussian], frames: Sequence[Frame]) -> None:
+def _validate_finite(states: Sequence[Gaussian | RiemannianGaussian], frames: Sequence[Frame]) -> None:
     """Raises: InvalidInput, naming the frame of the largest numbers, when a product of its is not finite."""
     for k, state in enumerate(states):
         if not (np.isfinite(state.mean).all() and np.isfinite(state.covariance).all()):
@@ -72,77 +72,85 @@ def _refuse_overflow(states: Sequence[Gaussian | RiemannianGaussian], frames: Se
             )
 
 
-def _fused(skill: Skill, frames: Sequence[Frame], powers: Float[Array, "P K"], k: int) -> Gaussian:
+def _frame_product(
+    skill: Skill, frames: Sequence[Frame], pool_weights: Float[Array, "P K"], k: int
+) -> Gaussian:
     """State k in the world: the product of what its frames say, each to its power."""
     return product(
         [
-            transform(
-                Gaussian(skill.means[p, k], skill.covariances[p].dense[k] / powers[p, k]), frame.A, frame.b
+            affine_transform(
+                Gaussian(skill.means[p, k], skill.covariances[p].dense[k] / pool_weights[p, k]),
+                frame.A,
+                frame.b,
             )
             for p, frame in enumerate(frames)
-            if powers[p, k] > 0.0
+            if pool_weights[p, k] > 0.0
         ]
     )
 
 
-def _fused_on_sphere(
-    skill: Skill, frames: Sequence[Frame], powers: Float[Array, "P K"], k: int
+def _riemannian_frame_product(
+    skill: Skill, frames: Sequence[Frame], pool_weights: Float[Array, "P K"], k: int
 ) -> RiemannianGaussian:
     """The same where the skill has orientations on S^3."""
-    turns, said = skill.layout.turns, []
+    orientation_starts, frame_gaussians = skill.layout.orientation_starts, []
     for p, frame in enumerate(frames):
-        if powers[p, k] > 0.0:
-            carry = tangent_map(frame.A, turns)
-            covariance = carry @ (skill.covariances[p].dense[k] / powers[p, k]) @ carry.T
-            said.append(RiemannianGaussian(frame.A @ skill.means[p, k] + frame.b, covariance, turns))
-    return riemannian_product(said)
+        if pool_weights[p, k] > 0.0:
+            tangent_rotation = tangent_map(frame.A, orientation_starts)
+            covariance = (
+                tangent_rotation @ (skill.covariances[p].dense[k] / pool_weights[p, k]) @ tangent_rotation.T
+            )
+            frame_gaussians.append(
+                RiemannianGaussian(frame.A @ skill.means[p, k] + frame.b, covariance, orientation_starts)
+            )
+    return riemannian_product(frame_gaussians)
 
 
-def _powers(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array, "P K"]:
+def _validate_relevance(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array, "P K"]:
     """The relevance, checked; ones when there is none."""
     P, K = len(skill.frame_names), skill.states
     if relevance is None:
         return np.ones((P, K))
-    require_kind("relevance", relevance, np.ndarray, "give an array with a row for each frame")
+    require_type("relevance", relevance, np.ndarray, "give an array with a row for each frame")
     relevance = numeric_array(relevance, "relevance")
     if relevance.shape != (P, K):
         raise InvalidInput(
             f"relevance has shape {relevance.shape}, expected ({P}, {K}): frames {list(skill.frame_names)} "
             "in this order, and a column for each state"
         )
-    good = (relevance == 0.0) | ((relevance >= LEAST_RELEVANCE) & (relevance <= 1.0))
-    if (bad := np.argwhere(~good)).size:
+    valid = (relevance == 0.0) | ((relevance >= MIN_RELEVANCE) & (relevance <= 1.0))
+    if (bad := np.argwhere(~valid)).size:
         p, k = bad[0].tolist()
         raise InvalidInput(
             f"relevance of frame {skill.frame_names[p]!r} to state {k} is {relevance[p, k]}, expected 0 to 1"
-            f"{f', and 0 in place of less than {LEAST_RELEVANCE:g}' if 0.0 < relevance[p, k] < 1.0 else ''}"
+            f"{f', and 0 in place of less than {MIN_RELEVANCE:g}' if 0.0 < relevance[p, k] < 1.0 else ''}"
         )
-    if (deaf := np.flatnonzero(~relevance.any(axis=0))).size:
+    if (without_frame := np.flatnonzero(~relevance.any(axis=0))).size:
         raise InvalidInput(
-            f"state {deaf[0]} (first is 0) has relevance 0 in every frame, {len(deaf)} states in all; "
+            f"state {without_frame[0]} (first is 0) has relevance 0 in every frame, {len(without_frame)} states in all; "
             "leave it at least one frame, or drop the state"
         )
     return relevance
 
 
-def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:
+def _match_frames(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:
     """The frames in the skill's order, checked."""
     fix = "give a list of frames, say a demonstration's .frames"
-    require_kind("frames", frames, Sequence, fix)
+    require_type("frames", frames, Sequence, fix)
     for frame in frames:
-        require_kind("a frame", frame, (Frame, MovingFrame), fix)
+        require_type("a frame", frame, (Frame, MovingFrame), fix)
     if moving := [frame.name for frame in frames if isinstance(frame, MovingFrame)]:
         raise InvalidInput(f"frame {moving[0]!r} moves; adapt to where it stands at a step, frame.at(t)")
-    standing = [frame for frame in frames if isinstance(frame, Frame)]
-    named = {frame.name: frame for frame in standing}
-    if sorted(named) != sorted(skill.frame_names) or len(frames) != len(skill.frame_names):
+    fixed = [frame for frame in frames if isinstance(frame, Frame)]
+    by_name = {frame.name: frame for frame in fixed}
+    if sorted(by_name) != sorted(skill.frame_names) or len(frames) != len(skill.frame_names):
         raise InvalidInput(
             f"frames {[f.name for f in frames]} were given, the skill knows {list(skill.frame_names)}; "
             "give each of these once"
         )
-    for frame in standing:
+    for frame in fixed:
         for array in (frame.A, frame.b):
-            require_kind(f"an array of frame {frame.name!r}", array, np.ndarray, "see demonstrations.frame")
+            require_type(f"an array of frame {frame.name!r}", array, np.ndarray, "see demonstrations.frame")
         if frame.b.shape != (skill.width,) or frame.A.shape != (skill.width, skill.width):
             columns = frame.b.shape[0] if frame.b.ndim else 0
             raise InvalidInput(
@@ -154,13 +162,15 @@ def _matched(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]
             raise InvalidInput(
                 f"frame {frame.name!r} is singular: the condition number of A is {condition:.3g}"
             )
-        require_turns(f"frame {frame.name!r}", frame.A, frame.b, skill.layout.turns)
-    return [named[name] for name in skill.frame_names]
+        require_left_multiplication(
+            f"frame {frame.name!r}", frame.A, frame.b, skill.layout.orientation_starts
+        )
+    return [by_name[name] for name in skill.frame_names]
 
 
-def _unit_quaternions(means: Float[Array, "K D"], layout: Layout) -> Float[Array, "K D"]:
+def _normalise_quaternions(means: Float[Array, "K D"], layout: Layout) -> Float[Array, "K D"]:
     means = means.copy()
-    for start in layout.turns:
+    for start in layout.orientation_starts:
         means[:, start : start + 4] = normalise(means[:, start : start + 4])
     for columns in layout.quaternions:
         norms = np.linalg.norm(means[:, columns], axis=1, keepdims=True)

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.errors import require_kind
-from pilotfish.models.durations import Durations
+from pilotfish.errors import require_type
+from pilotfish.models.durations.values import Durations
 from pilotfish.types import Array, Bool, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Weights:
+class MixtureWeights:
     """No dynamics: every datapoint draws its state anew with these probabilities (a mixture)."""
 
     weights: Float[Array, " K"]
@@ -32,15 +32,15 @@ class Censoring:
     last   a recording may end inside a visit, of which only the beginning was seen; else it ends with one
     """
 
-    first: bool = False
-    last: bool = True
+    left: bool = False
+    right: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("first", "last"):
-            require_kind(name, getattr(self, name), (bool, np.bool_), "give True or False")
+        for name in ("left", "right"):
+            require_type(name, getattr(self, name), (bool, np.bool_), "give True or False")
 
 
-CUT_SHORT = Censoring()
+RIGHT_CENSORED = Censoring()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,10 +54,10 @@ class SemiMarkovChain:
     initial: Float[Array, " K"]
     transitions: Float[Array, "K K"]
     durations: Durations
-    censoring: Censoring = CUT_SHORT
+    censoring: Censoring = RIGHT_CENSORED
 
 
-Dynamics = Weights | MarkovChain | SemiMarkovChain
+Dynamics = MixtureWeights | MarkovChain | SemiMarkovChain
 
 
 def final_states(chain: SemiMarkovChain) -> Bool[Array, " K"]:

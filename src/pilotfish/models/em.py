@@ -7,17 +7,17 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Views
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.models.segments import select_states
 from pilotfish.models.skill import HiddenModel
-from pilotfish.models.statistics import Statistics, further_statistics
-from pilotfish.models.visits import of_states
+from pilotfish.models.statistics import Statistics, monotone_statistics
 from pilotfish.types import Array, Bool, Float
-from pilotfish.validation import LARGEST_MAGNITUDE, require_count
+from pilotfish.validation import MAX_MAGNITUDE, require_count
 
-MOST_ITERATIONS, MOST_RESTARTS, MOST_THREADS = 1_000_000, 1000, 1024
+MAX_ITERATIONS, MAX_RESTARTS, MAX_THREADS = 1_000_000, 1000, 1024
 
 NUMBER = (int, float, np.integer, np.floating)
-SMALLEST_FLOOR = 1e-100  # steps squared
+MIN_DURATION_VARIANCE = 1e-100  # steps squared
 MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
 EStep = Callable[[HiddenModel, Views, Statistics], Statistics]
 
@@ -39,27 +39,27 @@ class EMSettings:
     tolerance: float = 1e-5
     max_iterations: int = 200
     restarts: int = 1
-    duration_floor: float = 1.0
+    duration_regularisation: float = 1.0
     threads: int = 1
-    watch: Callable[[int, float], None] | None = None
+    callback: Callable[[int, float], None] | None = None
 
     def __post_init__(self) -> None:
         for name in ("regularisation", "tolerance"):
-            require_kind(name, value := getattr(self, name), NUMBER, "give a number")
-            if not 0.0 <= value <= LARGEST_MAGNITUDE:
+            require_type(name, value := getattr(self, name), NUMBER, "give a number")
+            if not 0.0 <= value <= MAX_MAGNITUDE:
                 raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
-        require_kind("duration_floor", self.duration_floor, NUMBER, "give a number")
-        if not SMALLEST_FLOOR <= self.duration_floor <= LARGEST_MAGNITUDE:
+        require_type("duration_regularisation", self.duration_regularisation, NUMBER, "give a number")
+        if not MIN_DURATION_VARIANCE <= self.duration_regularisation <= MAX_MAGNITUDE:
             raise InvalidInput(
-                f"duration_floor is {self.duration_floor}, expected a positive variance [steps^2]"
+                f"duration_regularisation is {self.duration_regularisation}, expected a positive variance [steps^2]"
             )
-        require_count(self.threads, "threads", MOST_THREADS)
-        require_count(self.max_iterations, "max_iterations", MOST_ITERATIONS, 1)
-        require_count(self.restarts, "restarts", MOST_RESTARTS, 1)
+        require_count(self.threads, "threads", MAX_THREADS)
+        require_count(self.max_iterations, "max_iterations", MAX_ITERATIONS, 1)
+        require_count(self.restarts, "restarts", MAX_RESTARTS, 1)
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Convergence:
     """How a fit ended. reason is a sentence; dropped names the states that lost their data, and when."""
 
     converged: bool
@@ -69,22 +69,22 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class EMRun:
     """The best model met, its statistics, and the log-likelihood before every M-step."""
 
     model: HiddenModel
-    sums: Statistics
-    trace: Float[Array, " I"]
-    outcome: Outcome
+    statistics: Statistics
+    log_likelihoods: Float[Array, " I"]
+    convergence: Convergence
 
 
-def improve(
-    guess: Statistics,
+def fit_em(
+    initial_statistics: Statistics,
     data: Views,
     m_step: MStep,
     settings: EMSettings,
     e_step: EStep | None = None,
-) -> Run:
+) -> EMRun:
     """Alternate E- and M-steps from a first guess until the likelihood stops rising.
 
     The log-likelihood never falls along the trace: a step that lowers it - regularisation or partial tying
@@ -94,77 +94,100 @@ def improve(
     Raises: NotPositiveDefinite, when a covariance collapses and regularisation is too small to hold it.
     Source: Tanwani 2018, sections 3.1.1, 3.2.1 and 4.2.1.
     """
-    e_step = e_step or partial(further_statistics, threads=settings.threads)
-    if (empty := _empty(guess)).any():
-        rest = improve(without(guess, empty), data, m_step, settings, e_step)
-        mass = guess.moments[0].mass
-        lost = tuple(
-            f"state {k} of {len(mass)}, left with {mass[k]:.2g} datapoints" for k in np.flatnonzero(empty)
+    e_step = e_step or partial(monotone_statistics, threads=settings.threads)
+    if (dropped_states := _has_no_data(initial_statistics)).any():
+        rest_run = fit_em(drop_states(initial_statistics, dropped_states), data, m_step, settings, e_step)
+        counts = initial_statistics.moments[0].counts
+        messages = tuple(
+            f"state {k} of {len(counts)}, left with {counts[k]:.2g} datapoints"
+            for k in np.flatnonzero(dropped_states)
         )
-        return replace(rest, outcome=replace(rest.outcome, dropped=lost + rest.outcome.dropped))
-    run = _climb(guess, data, m_step, settings, e_step)
-    left = settings.max_iterations - run.outcome.iterations
-    if not left or not _empty(run.sums).any():
+        return replace(
+            rest_run,
+            convergence=replace(rest_run.convergence, dropped=messages + rest_run.convergence.dropped),
+        )
+    run = _iterate_em(initial_statistics, data, m_step, settings, e_step)
+    remaining = settings.max_iterations - run.convergence.iterations
+    if not remaining or not _has_no_data(run.statistics).any():
         return run
-    rest = improve(run.sums, data, m_step, replace(settings, max_iterations=left), e_step)
-    iterations = run.outcome.iterations + rest.outcome.iterations
-    return replace(rest, outcome=replace(rest.outcome, iterations=iterations))
+    rest_run = fit_em(run.statistics, data, m_step, replace(settings, max_iterations=remaining), e_step)
+    iterations = run.convergence.iterations + rest_run.convergence.iterations
+    return replace(rest_run, convergence=replace(rest_run.convergence, iterations=iterations))
 
 
-def _climb(guess: Statistics, data: Views, m_step: MStep, settings: EMSettings, e_step: EStep) -> Run:
+def _iterate_em(
+    initial_statistics: Statistics, data: Views, m_step: MStep, settings: EMSettings, e_step: EStep
+) -> EMRun:
     model: HiddenModel | None = None
-    sums = guess
-    best: Run | None = None
-    trace: list[float] = []
+    statistics = initial_statistics
+    best: EMRun | None = None
+    log_likelihoods: list[float] = []
     for iteration in range(1, settings.max_iterations + 1):
-        model = m_step(sums, model)
-        sums = e_step(model, data, sums)
-        _refuse_impossible(sums, iteration)
-        gain = sums.log_likelihood - trace[-1] if trace else np.inf
-        small = settings.tolerance * abs(sums.log_likelihood)
+        model = m_step(statistics, model)
+        statistics = e_step(model, data, statistics)
+        _validate_log_likelihood(statistics, iteration)
+        gain = statistics.log_likelihood - log_likelihoods[-1] if log_likelihoods else np.inf
+        threshold = settings.tolerance * abs(statistics.log_likelihood)
         if best and gain < 0.0:
             reason = f"the next step would have lost {-gain:.3g} nats, as regularisation or partial tying may"
-            return replace(best, outcome=Outcome(-gain <= small, iteration, reason, ()))
-        trace.append(sums.log_likelihood)
-        if settings.watch:
-            settings.watch(iteration, sums.log_likelihood)
-        gained = f"gained {gain:.3g} nats" if best else "had none before it to compare with"
-        reason = f"the last of {iteration} iterations {gained}"
-        best = Run(model, sums, np.array(trace), Outcome(gain <= small, iteration, reason, ()))
-        if gain <= small or _empty(sums).any():
+            return replace(best, convergence=Convergence(-gain <= threshold, iteration, reason, ()))
+        log_likelihoods.append(statistics.log_likelihood)
+        if settings.callback:
+            settings.callback(iteration, statistics.log_likelihood)
+        gain_text = f"gained {gain:.3g} nats" if best else "had none before it to compare with"
+        reason = f"the last of {iteration} iterations {gain_text}"
+        best = EMRun(
+            model,
+            statistics,
+            np.array(log_likelihoods),
+            Convergence(gain <= threshold, iteration, reason, ()),
+        )
+        if gain <= threshold or _has_no_data(statistics).any():
             break
     assert best is not None  # settings allow at least one iteration
     return best
 
 
-def _empty(sums: Statistics) -> Bool[Array, " K"]:
+def _has_no_data(statistics: Statistics) -> Bool[Array, " K"]:
     """States with less than one datapoint."""
-    return np.asarray(sums.moments[0].mass < 1.0 - 1e-9)
+    return np.asarray(statistics.moments[0].counts < 1.0 - 1e-9)
 
 
-def without(sums: Statistics, gone: Bool[Array, " K"]) -> Statistics:
+def drop_states(statistics: Statistics, removed: Bool[Array, " K"]) -> Statistics:
     """The statistics of the other states; steps through a state that is gone lead to where it led."""
-    transitions = sums.transitions.copy()
-    for k in np.flatnonzero(gone):
-        onward = np.delete(transitions[k], k)
-        if onward.sum() > 0.0:
+    transitions = statistics.transitions.copy()
+    for k in np.flatnonzero(removed):
+        next_probs = np.delete(transitions[k], k)
+        if next_probs.sum() > 0.0:
             others = np.delete(np.arange(len(transitions)), k)
-            transitions[np.ix_(others, others)] += np.outer(transitions[others, k], onward / onward.sum())
+            transitions[np.ix_(others, others)] += np.outer(
+                transitions[others, k], next_probs / next_probs.sum()
+            )
         transitions[k], transitions[:, k] = 0.0, 0.0
-    kept = ~gone
-    frames = tuple(m[kept] for m in sums.moments)
-    visits = of_states(sums.visits, kept) if sums.visits else None
-    if visits:
+    kept = ~removed
+    frames = tuple(m[kept] for m in statistics.moments)
+    segments = select_states(statistics.segments, kept) if statistics.segments else None
+    if segments:
         np.fill_diagonal(transitions, 0.0)  # a visit that was interrupted by a state that is gone
-    return Statistics(frames, sums.first[kept], transitions[np.ix_(kept, kept)], sums.log_likelihood, visits)
+    return Statistics(
+        frames,
+        statistics.initial_counts[kept],
+        transitions[np.ix_(kept, kept)],
+        statistics.log_likelihood,
+        segments,
+    )
 
 
-def _refuse_impossible(sums: Statistics, iteration: int) -> None:
-    if not np.isfinite(sums.log_likelihood):
-        shorter = f", followed for {len(sums.visits.whole)} steps a visit," if sums.visits else ""
-        longer = ", raise longest" if sums.visits else ""
+def _validate_log_likelihood(statistics: Statistics, iteration: int) -> None:
+    if not np.isfinite(statistics.log_likelihood):
+        duration_text = (
+            f", followed for {len(statistics.segments.uncensored)} steps a visit,"
+            if statistics.segments
+            else ""
+        )
+        advice = ", raise max_duration" if statistics.segments else ""
         raise InvalidInput(
-            f"the log-likelihood is {sums.log_likelihood} in iteration {iteration}: the demonstrations"
-            f"{shorter} are impossible under the model; begin from another start (pf.KMeans()){longer} or "
+            f"the log-likelihood is {statistics.log_likelihood} in iteration {iteration}: the demonstrations"
+            f"{duration_text} are impossible under the model; begin from another start (pf.models.KMeans()){advice} or "
             "raise the regularisation"
         )

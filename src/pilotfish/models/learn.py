@@ -9,22 +9,22 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_kind
-from pilotfish.gaussians import Full, Structure
-from pilotfish.models.durations_counted import with_durations
+from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_type
+from pilotfish.gaussians import CovarianceStructure, Full
+from pilotfish.models.durations.counted import count_durations
 from pilotfish.models.dynamics import Dynamics
-from pilotfish.models.em import EMSettings, MStep, Outcome, Run, improve
-from pilotfish.models.skill import MOST_STATES, Provenance, Skill
-from pilotfish.models.starts import Given, KMeans, Start, TimeBins
-from pilotfish.models.statistics import Statistics, maximise, most_likely_chain, most_likely_weights
+from pilotfish.models.em import Convergence, EMRun, EMSettings, MStep, fit_em
+from pilotfish.models.skill import MAX_STATES, Provenance, Skill
+from pilotfish.models.starts import FromModel, Initialisation, KMeans, TimeBins
+from pilotfish.models.statistics import Statistics, fit_markov_chain, fit_mixture_weights, maximise_likelihood
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count
 
-FULL = Full()
-TIME_BINS = TimeBins()
-DEFAULTS = EMSettings()
+DEFAULT_STRUCTURE = Full()
+DEFAULT_INITIALISATION = TimeBins()
+DEFAULT_SETTINGS = EMSettings()
 
-Chain = Callable[[Statistics, Dynamics | None], Dynamics]
+DynamicsStep = Callable[[Statistics, Dynamics | None], Dynamics]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +36,9 @@ class Fit:
     """
 
     skill: Skill
-    markov: Skill
-    trace: Float[Array, " I"]
-    outcome: Outcome
+    markov_skill: Skill
+    log_likelihoods: Float[Array, " I"]
+    convergence: Convergence
 
 
 def learn(
@@ -46,9 +46,9 @@ def learn(
     *,
     states: int,
     rng: np.random.Generator,
-    structure: Structure = FULL,
-    start: Start = TIME_BINS,
-    settings: EMSettings = DEFAULTS,
+    structure: CovarianceStructure = DEFAULT_STRUCTURE,
+    initialisation: Initialisation = DEFAULT_INITIALISATION,
+    settings: EMSettings = DEFAULT_SETTINGS,
 ) -> Fit:
     """A task-parameterised hidden semi-Markov skill: a Markov model is fitted, then durations are counted.
 
@@ -57,9 +57,14 @@ def learn(
     Source: Tanwani 2018, chapters 3 and 4.
     """
     fit = learn_markov(
-        demonstrations, states=states, rng=rng, structure=structure, start=start, settings=settings
+        demonstrations,
+        states=states,
+        rng=rng,
+        structure=structure,
+        initialisation=initialisation,
+        settings=settings,
     )
-    chain = with_durations(fit.markov, views(demonstrations), settings.duration_floor)
+    chain = count_durations(fit.markov_skill, views(demonstrations), settings.duration_regularisation)
     return replace(fit, skill=replace(fit.skill, dynamics=chain))
 
 
@@ -68,18 +73,22 @@ def learn_markov(
     *,
     states: int,
     rng: np.random.Generator,
-    structure: Structure = FULL,
-    start: Start = TIME_BINS,
-    settings: EMSettings = DEFAULTS,
+    structure: CovarianceStructure = DEFAULT_STRUCTURE,
+    initialisation: Initialisation = DEFAULT_INITIALISATION,
+    settings: EMSettings = DEFAULT_SETTINGS,
 ) -> Fit:
     """A task-parameterised hidden Markov skill.
 
     Raises: as learn does.
     """
-    require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
-    guess = _guess(start, states, rng, settings.restarts)
-    return _learn(
-        demonstrations, guess, m_step_of(structure, settings, most_likely_chain), structure.label, settings
+    require_type("settings", settings, EMSettings, "pf.models.EMSettings(...) makes them")
+    initialise = _validate_start(initialisation, states, rng, settings.restarts)
+    return _fit(
+        demonstrations,
+        initialise,
+        make_m_step(structure, settings, fit_markov_chain),
+        structure.label,
+        settings,
     )
 
 
@@ -88,91 +97,119 @@ def learn_mixture(
     *,
     states: int,
     rng: np.random.Generator,
-    structure: Structure = FULL,
-    start: Start = TIME_BINS,
-    settings: EMSettings = DEFAULTS,
+    structure: CovarianceStructure = DEFAULT_STRUCTURE,
+    initialisation: Initialisation = DEFAULT_INITIALISATION,
+    settings: EMSettings = DEFAULT_SETTINGS,
 ) -> Fit:
     """A task-parameterised Gaussian mixture: states without an order in time.
 
     Raises: as learn does.
     """
-    require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
-    guess = _guess(start, states, rng, settings.restarts)
-    return _learn(
-        demonstrations, guess, m_step_of(structure, settings, most_likely_weights), structure.label, settings
+    require_type("settings", settings, EMSettings, "pf.models.EMSettings(...) makes them")
+    initialise = _validate_start(initialisation, states, rng, settings.restarts)
+    return _fit(
+        demonstrations,
+        initialise,
+        make_m_step(structure, settings, fit_mixture_weights),
+        structure.label,
+        settings,
     )
 
 
-def _guess(
-    start: Start, states: int, rng: np.random.Generator, restarts: int
+def _validate_start(
+    initialisation: Initialisation, states: int, rng: np.random.Generator, restarts: int
 ) -> Callable[[Views], Statistics]:
-    require_kind("start", start, (TimeBins, KMeans, Given, Start), "give an instance, say pf.KMeans()")
-    require_count(states, "states", MOST_STATES, 1)
-    require_kind("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
-    if restarts > 1 and (start == TIME_BINS or isinstance(start, Given)):
+    require_type(
+        "initialisation",
+        initialisation,
+        (TimeBins, KMeans, FromModel, Initialisation),
+        "give an instance, say pf.models.KMeans()",
+    )
+    require_count(states, "states", MAX_STATES, 1)
+    require_type("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
+    if restarts > 1 and (initialisation == DEFAULT_INITIALISATION or isinstance(initialisation, FromModel)):
         raise InvalidInput(
             f"{restarts} restarts from the same beginning would all end alike; "
             "use TimeBins(jitter=0.5) or KMeans()"
         )
-    return partial(start.guess, states=states, rng=rng)
+    return partial(initialisation.initial_statistics, states=states, rng=rng)
 
 
-def m_step_of(structure: Structure, settings: EMSettings, chain: Chain) -> MStep:
-    require_kind("structure", structure, Structure, "give an instance, say pf.Full() or pf.SemiTied()")
-    require_kind("settings", settings, EMSettings, "pf.EMSettings(...) makes them")
-    return partial(maximise, structure=structure, regularisation=settings.regularisation, chain=chain)
+def make_m_step(structure: CovarianceStructure, settings: EMSettings, chain: DynamicsStep) -> MStep:
+    require_type(
+        "structure",
+        structure,
+        CovarianceStructure,
+        "give an instance, say pf.structures.Full() or pf.structures.SemiTied()",
+    )
+    require_type("settings", settings, EMSettings, "pf.models.EMSettings(...) makes them")
+    return partial(
+        maximise_likelihood, structure=structure, regularisation=settings.regularisation, chain=chain
+    )
 
 
-def _learn(
+def _fit(
     demonstrations: Sequence[Demonstration],
-    guess: Callable[[Views], Statistics],
+    initialise: Callable[[Views], Statistics],
     m_step: MStep,
     label: str,
     settings: EMSettings,
 ) -> Fit:
     data = views(demonstrations)
-    run = _likeliest([guess(data) for _ in range(settings.restarts)], data, m_step, settings)
-    skill = learned(demonstrations, run, label, settings)
-    return Fit(skill, skill, run.trace, run.outcome)
+    run = _fit_restarts([initialise(data) for _ in range(settings.restarts)], data, m_step, settings)
+    skill = make_skill(demonstrations, run, label, settings)
+    return Fit(skill, skill, run.log_likelihoods, run.convergence)
 
 
-def learned(demonstrations: Sequence[Demonstration], run: Run, label: str, settings: EMSettings) -> Skill:
+def make_skill(
+    demonstrations: Sequence[Demonstration], run: EMRun, label: str, settings: EMSettings
+) -> Skill:
     """What a run has found, with the layout, period and frames of the demonstrations, and its provenance."""
-    one = demonstrations[0]
+    first_demonstration = demonstrations[0]
     provenance = Provenance(
         demonstrations=tuple(d.name for d in demonstrations),
         datapoints=sum(len(d.x) for d in demonstrations),
-        data=_fingerprint(demonstrations),
+        data=_hash_demonstrations(demonstrations),
         structure=label,
         regularisation=settings.regularisation,
-        log_likelihood=float(run.trace[-1]),
-        iterations=run.outcome.iterations,
-        converged=run.outcome.converged,
+        log_likelihood=float(run.log_likelihoods[-1]),
+        iterations=run.convergence.iterations,
+        converged=run.convergence.converged,
         library=library_version(),
     )
-    model, names = run.model, tuple(f.name for f in one.frames)
-    return Skill(model.dynamics, model.means, model.covariances, one.layout, one.period, names, provenance)
+    model, names = run.model, tuple(f.name for f in first_demonstration.frames)
+    return Skill(
+        model.dynamics,
+        model.means,
+        model.covariances,
+        first_demonstration.layout,
+        first_demonstration.period,
+        names,
+        provenance,
+    )
 
 
-def _likeliest(guesses: Sequence[Statistics], data: Views, m_step: MStep, settings: EMSettings) -> Run:
+def _fit_restarts(
+    initial_candidates: Sequence[Statistics], data: Views, m_step: MStep, settings: EMSettings
+) -> EMRun:
     """The best of the fits from all guesses; a fit that collapses counts only when all do."""
-    runs: list[Run] = []
+    runs: list[EMRun] = []
     failed: list[NotPositiveDefinite] = []
-    for guess in guesses:
+    for initialise in initial_candidates:
         try:
-            runs.append(improve(guess, data, m_step, settings))
+            runs.append(fit_em(initialise, data, m_step, settings))
         except NotPositiveDefinite as error:
             failed.append(error)
     if not runs:
         raise failed[0]
-    best = max(runs, key=lambda run: run.trace[-1])
+    best = max(runs, key=lambda run: run.log_likelihoods[-1])
     if not failed:
         return best
-    reason = f"{best.outcome.reason}; {len(failed)} of {len(guesses)} restarts collapsed: {failed[0]}"
-    return replace(best, outcome=replace(best.outcome, reason=reason))
+    reason = f"{best.convergence.reason}; {len(failed)} of {len(initial_candidates)} restarts collapsed: {failed[0]}"
+    return replace(best, convergence=replace(best.convergence, reason=reason))
 
 
-def _fingerprint(demonstrations: Sequence[Demonstration]) -> str:
+def _hash_demonstrations(demonstrations: Sequence[Demonstration]) -> str:
     """SHA-256 of all that is learned from: values, shapes, period and frames of every demonstration."""
     digest = hashlib.sha256()
     for demonstration in demonstrations:

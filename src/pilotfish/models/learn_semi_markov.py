@@ -7,31 +7,46 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.gaussians import Structure
-from pilotfish.models.duration_laws import DurationLaw, Normal
-from pilotfish.models.durations import GaussianDurations
-from pilotfish.models.durations_counted import with_durations
-from pilotfish.models.dynamics import CUT_SHORT, Censoring, Dynamics, SemiMarkovChain, final_states
-from pilotfish.models.em import EMSettings, EStep, improve
-from pilotfish.models.learn import DEFAULTS, FULL, TIME_BINS, Fit, learn_markov, learned, m_step_of
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.gaussians import CovarianceStructure
+from pilotfish.models.durations.counted import count_durations
+from pilotfish.models.durations.distributions import DurationDistribution, Gaussian
+from pilotfish.models.durations.values import GaussianDurations
+from pilotfish.models.dynamics import RIGHT_CENSORED, Censoring, Dynamics, SemiMarkovChain, final_states
+from pilotfish.models.em import EMSettings, EStep, fit_em
+from pilotfish.models.learn import (
+    DEFAULT_INITIALISATION,
+    DEFAULT_SETTINGS,
+    DEFAULT_STRUCTURE,
+    Fit,
+    learn_markov,
+    make_m_step,
+    make_skill,
+)
+from pilotfish.models.segments import (
+    TAIL_PROBABILITY,
+    log_survival,
+    uncensored_segments,
+    validate_max_duration,
+)
 from pilotfish.models.skill import Skill
-from pilotfish.models.starts import Given, Start
+from pilotfish.models.starts import FromModel, Initialisation
 from pilotfish.models.statistics import (
     Statistics,
-    further_statistics,
-    most_likely_chain,
-    statistics,
+    expected_statistics,
+    fit_markov_chain,
+    monotone_statistics,
 )
-from pilotfish.models.visits import LOST, log_tails, require_longest, whole_visits
 from pilotfish.types import Array, Bool
 
-NORMAL = Normal()
-BREADTH = 0.5  # the least deviation of the durations that a fit begins with, as a share of their mean
+GAUSSIAN = Gaussian()
+MIN_RELATIVE_DEVIATION = (
+    0.5  # the least deviation of the durations that a fit begins with, as a share of their mean
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
+class DurationModel:
     """What is learned about how long visits last, and from what.
 
     law        the family of their durations
@@ -40,28 +55,33 @@ class Timing:
                probability of at most 1e-8, and never less far than in the iteration before
     """
 
-    law: DurationLaw = NORMAL
-    censoring: Censoring = CUT_SHORT
-    longest: int | None = None
+    distribution: DurationDistribution = GAUSSIAN
+    censoring: Censoring = RIGHT_CENSORED
+    max_duration: int | None = None
 
     def __post_init__(self) -> None:
-        require_kind("law", self.law, DurationLaw, "give an instance, say pf.LogNormal()")
-        require_kind("censoring", self.censoring, Censoring, "pf.Censoring(first=True) makes one")
-        require_longest(self.longest)
+        require_type(
+            "distribution",
+            self.distribution,
+            DurationDistribution,
+            "give an instance, say pf.durations.LogNormal()",
+        )
+        require_type("censoring", self.censoring, Censoring, "pf.models.Censoring(left=True) makes one")
+        validate_max_duration(self.max_duration)
 
 
-TIMING = Timing()
+DEFAULT_DURATION_MODEL = DurationModel()
 
 
-def learn_semi_markov(  # noqa: PLR0913 - one argument for each choice, as learn has, and one for durations
+def learn_semi_markov(
     demonstrations: Sequence[Demonstration],
     *,
     states: int,
     rng: np.random.Generator,
-    timing: Timing = TIMING,
-    structure: Structure = FULL,
-    start: Start = TIME_BINS,
-    settings: EMSettings = DEFAULTS,
+    duration_model: DurationModel = DEFAULT_DURATION_MODEL,
+    structure: CovarianceStructure = DEFAULT_STRUCTURE,
+    initialisation: Initialisation = DEFAULT_INITIALISATION,
+    settings: EMSettings = DEFAULT_SETTINGS,
 ) -> Fit:
     """A task-parameterised hidden semi-Markov skill of maximum likelihood, durations included.
 
@@ -73,79 +93,127 @@ def learn_semi_markov(  # noqa: PLR0913 - one argument for each choice, as learn
     Raises: as learn does; InvalidInput also, when visits longer than timing.longest are needed.
     Source: Yu 2010, the explicit duration model; Guedon 2003 for a last visit that is cut short.
     """
-    require_kind("timing", timing, Timing, "pf.Timing(law=pf.LogNormal()) makes one")
+    require_type(
+        "duration_model",
+        duration_model,
+        DurationModel,
+        "pf.models.Timing(law=pf.durations.LogNormal()) makes one",
+    )
     data = views(demonstrations)
-    if isinstance(start, Given) and isinstance(start.model.dynamics, SemiMarkovChain):
-        guess = start.guess(data, states, rng)
-        markov = _as_markov(demonstrations, guess, structure, settings)
+    if isinstance(initialisation, FromModel) and isinstance(initialisation.model.dynamics, SemiMarkovChain):
+        initial_statistics = initialisation.initial_statistics(data, states, rng)
+        markov_skill = _fit_markov(demonstrations, initial_statistics, structure, settings)
         dropped: tuple[str, ...] = ()
     else:
         fit = learn_markov(
-            demonstrations, states=states, rng=rng, structure=structure, start=start, settings=settings
+            demonstrations,
+            states=states,
+            rng=rng,
+            structure=structure,
+            initialisation=initialisation,
+            settings=settings,
         )
-        markov, dropped = fit.markov, fit.outcome.dropped
-        guess = _with_broad_visits(markov, data, timing, settings.duration_floor)
-    chain = partial(most_likely_semi_markov, timing=timing, floor=settings.duration_floor)
-    run = improve(guess, data, m_step_of(structure, settings, chain), settings, _e_step(timing, settings))
-    outcome = replace(run.outcome, dropped=dropped + run.outcome.dropped)
-    return Fit(learned(demonstrations, run, structure.label, settings), markov, run.trace, outcome)
+        markov_skill, dropped = fit.markov_skill, fit.convergence.dropped
+        initial_statistics = _widen_durations(
+            markov_skill, data, duration_model, settings.duration_regularisation
+        )
+    chain = partial(
+        fit_semi_markov_chain, duration_model=duration_model, min_variance=settings.duration_regularisation
+    )
+    run = fit_em(
+        initial_statistics,
+        data,
+        make_m_step(structure, settings, chain),
+        settings,
+        _make_e_step(duration_model, settings),
+    )
+    convergence = replace(run.convergence, dropped=dropped + run.convergence.dropped)
+    return Fit(
+        make_skill(demonstrations, run, structure.label, settings),
+        markov_skill,
+        run.log_likelihoods,
+        convergence,
+    )
 
 
-def most_likely_semi_markov(
-    sums: Statistics, previous: Dynamics | None, timing: Timing, floor: float
+def fit_semi_markov_chain(
+    statistics: Statistics, previous: Dynamics | None, duration_model: DurationModel, min_variance: float
 ) -> SemiMarkovChain:
     """Shares of the first states and of the visits that follow each, and the likeliest durations."""
-    if sums.visits is None:
+    if statistics.segments is None:
         raise InvalidInput(
             "these statistics are of a model without durations; give those of a semi-Markov one"
         )
     before = previous if isinstance(previous, SemiMarkovChain) else None
-    durations = timing.law.estimate(sums.visits, before.durations if before else None, floor)
-    leaving = sums.transitions * (1.0 - np.eye(len(sums.first)))
-    departures = np.where(_final(sums, before), 0.0, leaving.sum(axis=1))[:, None]
-    onward = np.divide(leaving, departures, out=np.zeros_like(leaving), where=departures > 0.0)
-    return SemiMarkovChain(sums.first / sums.first.sum(), onward, durations, timing.censoring)
+    durations = duration_model.distribution.estimate(
+        statistics.segments, before.durations if before else None, min_variance
+    )
+    exits = statistics.transitions * (1.0 - np.eye(len(statistics.initial_counts)))
+    departures = np.where(_select_final_states(statistics, before), 0.0, exits.sum(axis=1))[:, None]
+    next_probs = np.divide(exits, departures, out=np.zeros_like(exits), where=departures > 0.0)
+    return SemiMarkovChain(
+        statistics.initial_counts / statistics.initial_counts.sum(),
+        next_probs,
+        durations,
+        duration_model.censoring,
+    )
 
 
-def _final(sums: Statistics, before: SemiMarkovChain | None) -> Bool[Array, " K"]:
+def _select_final_states(statistics: Statistics, before: SemiMarkovChain | None) -> Bool[Array, " K"]:
     """States left less than half a time, where to stay for ever is no less likely than to leave sometimes.
 
     A path that never leaves has at least the share 1 - departures of the likelihood, and gains what its last
     visits, cut off by the end, are more probable once they cannot end.
     """
-    departures = sums.transitions.sum(axis=1)
-    seldom = departures < 0.5
-    if before is None or sums.visits is None:
-        return np.asarray(seldom)
-    log_longer, _ = log_tails(before.durations, len(sums.visits.goes_on))
-    seen = sums.visits.goes_on > 0.0
-    gains = -(sums.visits.goes_on * np.where(seen, log_longer, 0.0)).sum(axis=0)
-    losses = -np.log1p(-np.where(seldom, departures, 0.0))
-    return np.asarray(final_states(before) | (seldom & (losses <= gains)))
+    departures = statistics.transitions.sum(axis=1)
+    rarely_left = departures < 0.5
+    if before is None or statistics.segments is None:
+        return np.asarray(rarely_left)
+    log_tail, _ = log_survival(before.durations, len(statistics.segments.right_censored))
+    observed = statistics.segments.right_censored > 0.0
+    gains = -(statistics.segments.right_censored * np.where(observed, log_tail, 0.0)).sum(axis=0)
+    losses = -np.log1p(-np.where(rarely_left, departures, 0.0))
+    return np.asarray(final_states(before) | (rarely_left & (losses <= gains)))
 
 
-def _e_step(timing: Timing, settings: EMSettings) -> EStep:
-    if (longest := timing.longest) is None:
-        return partial(further_statistics, threads=settings.threads)
-    return lambda model, data, before: statistics(model, data, longest=longest, threads=settings.threads)
+def _make_e_step(duration_model: DurationModel, settings: EMSettings) -> EStep:
+    if (max_duration := duration_model.max_duration) is None:
+        return partial(monotone_statistics, threads=settings.threads)
+    return lambda model, data, before: expected_statistics(
+        model, data, max_duration=max_duration, threads=settings.threads
+    )
 
 
-def _with_broad_visits(markov: Skill, data: Views, timing: Timing, floor: float) -> Statistics:
+def _widen_durations(
+    markov_skill: Skill, data: Views, duration_model: DurationModel, min_variance: float
+) -> Statistics:
     """What the Markov skill believes, its visits as many as it makes but spread over many lengths."""
-    sums, counted = statistics(markov, data), with_durations(markov, data, floor).durations
-    broad = GaussianDurations(counted.means, np.maximum(counted.deviations, BREADTH * counted.means))
-    longest = min(timing.longest or broad.longest(LOST), int(data.lengths.max()))
-    between = sums.transitions * (1.0 - np.eye(len(sums.first)))
-    table = np.exp(broad.log_table(longest))
-    visits = whole_visits(table / table.sum(axis=0) * (sums.first + between.sum(axis=0)))
-    return replace(sums, transitions=between, visits=visits)
+    statistics, counted = (
+        expected_statistics(markov_skill, data),
+        count_durations(markov_skill, data, min_variance).durations,
+    )
+    widened = GaussianDurations(
+        counted.means, np.maximum(counted.deviations, MIN_RELATIVE_DEVIATION * counted.means)
+    )
+    max_duration = min(
+        duration_model.max_duration or widened.max_duration(TAIL_PROBABILITY), int(data.lengths.max())
+    )
+    transition_counts = statistics.transitions * (1.0 - np.eye(len(statistics.initial_counts)))
+    table = np.exp(widened.log_table(max_duration))
+    segments = uncensored_segments(
+        table / table.sum(axis=0) * (statistics.initial_counts + transition_counts.sum(axis=0))
+    )
+    return replace(statistics, transitions=transition_counts, segments=segments)
 
 
-def _as_markov(
-    demonstrations: Sequence[Demonstration], sums: Statistics, structure: Structure, settings: EMSettings
+def _fit_markov(
+    demonstrations: Sequence[Demonstration],
+    statistics: Statistics,
+    structure: CovarianceStructure,
+    settings: EMSettings,
 ) -> Skill:
     """The Markov skill that these statistics of a semi-Markov one make likeliest."""
     data = views(demonstrations)
-    once = replace(settings, max_iterations=1, watch=None)
-    run = improve(sums, data, m_step_of(structure, settings, most_likely_chain), once)
-    return learned(demonstrations, run, structure.label, settings)
+    one_iteration = replace(settings, max_iterations=1, callback=None)
+    run = fit_em(statistics, data, make_m_step(structure, settings, fit_markov_chain), one_iteration)
+    return make_skill(demonstrations, run, structure.label, settings)

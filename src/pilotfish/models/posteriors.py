@@ -6,12 +6,12 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
-from pilotfish.models.dynamics import Dynamics, MarkovChain, Weights
-from pilotfish.models.visits import followed_far_enough, visit_tables
+from pilotfish.models.dynamics import Dynamics, MarkovChain, MixtureWeights
+from pilotfish.models.segments import extend_max_duration, segment_tables
 from pilotfish.types import Array, Float
 
 
-def posteriors(dynamics: Dynamics, log_observed: Float[Array, "T K"]) -> Float[Array, "T K"]:
+def smoothed_state_probs(dynamics: Dynamics, log_observed: Float[Array, "T K"]) -> Float[Array, "T K"]:
     """p(state i at step t | all T observations); rows sum to one.
 
     log_observed[t, i] = log p(x_t | state i); a row of zeros is a step that was not observed. What follows
@@ -28,15 +28,15 @@ def posteriors(dynamics: Dynamics, log_observed: Float[Array, "T K"]) -> Float[A
             "that it is finite and in the units of the demonstrations"
         )
     relative = np.ascontiguousarray(log_observed - log_observed.max(axis=1, keepdims=True))
-    if isinstance(dynamics, Weights):
-        joint = dynamics.weights * np.exp(relative)
-        return np.asarray(joint / joint.sum(axis=1, keepdims=True))
+    if isinstance(dynamics, MixtureWeights):
+        weighted = dynamics.weights * np.exp(relative)
+        return np.asarray(weighted / weighted.sum(axis=1, keepdims=True))
     if isinstance(dynamics, MarkovChain):
-        return kernels.forward_backward(relative, dynamics.initial, dynamics.transitions).posteriors
-    unfinished = replace(dynamics, censoring=replace(dynamics.censoring, last=True))
-    return followed_far_enough(
+        return kernels.forward_backward(relative, dynamics.initial, dynamics.transitions).smoothed_state_probs
+    right_censored = replace(dynamics, censoring=replace(dynamics.censoring, right=True))
+    return extend_max_duration(
         dynamics.durations,
         len(relative),
-        lambda longest: kernels.semi_markov(relative, visit_tables(unfinished, longest)),
+        lambda max_duration: kernels.semi_markov(relative, segment_tables(right_censored, max_duration)),
         lambda found: np.array(found.log_likelihood),
-    ).posteriors
+    ).smoothed_state_probs

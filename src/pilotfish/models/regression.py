@@ -2,49 +2,51 @@
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.gaussians import (
-    Conditionals,
-    Mixture,
-    Regression,
-    RiemannianConditionals,
+    ConditionalGaussians,
+    GaussianMixture,
+    GaussianRegression,
+    RiemannianConditionalGaussians,
     RiemannianRegression,
-    conditionals,
+    conditional_gaussians,
     log_input_densities,
-    regress_shared,
-    riemannian_conditionals,
+    regress_with_responsibilities,
+    riemannian_conditional_gaussians,
     riemannian_log_input_densities,
-    riemannian_regress_shared,
+    riemannian_regress_with_responsibilities,
 )
-from pilotfish.models.dynamics import Weights
-from pilotfish.models.forward import occupancy
-from pilotfish.models.posteriors import posteriors
+from pilotfish.models.dynamics import MixtureWeights
+from pilotfish.models.forward import filtered_state_probs
+from pilotfish.models.posteriors import smoothed_state_probs
 from pilotfish.models.skill import AdaptedSkill
 from pilotfish.types import Array, Float, Int
 
-Answer = Regression | RiemannianRegression  # the latter for skills with orientations on S^3
+RegressionResult = GaussianRegression | RiemannianRegression  # the latter for skills with orientations on S^3
 
 
-def as_mixture(model: AdaptedSkill) -> Mixture:
+def as_mixture(model: AdaptedSkill) -> GaussianMixture:
     """The adapted states of a mixture skill, ready for gaussians.regress: y and its derivative, given x.
 
     Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time, and for one
     with orientations on S^3.
     """
-    if not isinstance(model.dynamics, Weights):
+    if not isinstance(model.dynamics, MixtureWeights):
         raise InvalidInput(
             f"the skill has {type(model.dynamics).__name__} dynamics, no fixed weights; learn it with "
-            "pf.learn_mixture, or follow the inputs in time: models.filtered_regression"
+            "pf.models.learn_mixture, or follow the inputs in time: models.filtered_regression"
         )
-    if model.layout.turns:
+    if model.layout.orientation_starts:
         raise InvalidInput(
             "the skill holds orientations as points of S^3, which a flat mixture cannot; use "
             "models.filtered_regression(model, inputs, x)"
         )
-    return Mixture(model.dynamics.weights, model.means, model.covariances)
+    return GaussianMixture(model.dynamics.weights, model.means, model.covariances)
 
 
-def filtered_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Answer:
+def filtered_regression(
+    model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
+) -> RegressionResult:
     """The columns that are not inputs at each step, given the inputs at this step and all before it.
 
     For use while the inputs come in: step t does not depend on later rows. States speak for the probability
@@ -57,13 +59,15 @@ def filtered_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[
     Source: Calinon et al. 2010, Learning and reproduction of gestures by imitation, where a Markov chain's
     forward variable weighs the states; ours: explicit durations too, the covariance, the exact derivative.
     """
-    given, log_observed = _observed(model, inputs, x)
-    if isinstance(model.dynamics, Weights):
-        return _answered(given, x, posteriors(model.dynamics, log_observed))
-    return _answered(given, x, occupancy(model.dynamics, log_observed, len(x)))
+    conditional, log_observed = _condition_on_inputs(model, inputs, x)
+    if isinstance(model.dynamics, MixtureWeights):
+        return _regress(conditional, x, smoothed_state_probs(model.dynamics, log_observed))
+    return _regress(conditional, x, filtered_state_probs(model.dynamics, log_observed, len(x)))
 
 
-def smoothed_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]) -> Answer:
+def smoothed_regression(
+    model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
+) -> RegressionResult:
     """The columns that are not inputs at each step, given the inputs at all T steps.
 
     For use when all inputs are known, say one half of a recorded movement: what follows a step helps to tell
@@ -71,28 +75,32 @@ def smoothed_regression(model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[
     steps held; means[t] depends on these too.
     Raises: InvalidInput and NotPositiveDefinite, as filtered_regression does.
     """
-    given, log_observed = _observed(model, inputs, x)
-    return _answered(given, x, posteriors(model.dynamics, log_observed))
+    conditional, log_observed = _condition_on_inputs(model, inputs, x)
+    return _regress(conditional, x, smoothed_state_probs(model.dynamics, log_observed))
 
 
-def _observed(
+def _condition_on_inputs(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
-) -> tuple[Conditionals | RiemannianConditionals, Float[Array, "T K"]]:
+) -> tuple[ConditionalGaussians | RiemannianConditionalGaussians, Float[Array, "T K"]]:
     """The states as maps from inputs to the rest, and log p(x_t | state)."""
-    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    require_kind("x", x, np.ndarray, "give an array, a row for each step")
+    require_type("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_type("x", x, np.ndarray, "give an array, a row for each step")
     if not len(x):
         raise InvalidInput("x has no rows, expected the inputs of at least one step")
-    if turns := model.layout.turns:
-        curved = riemannian_conditionals(model.means, model.covariances, inputs, turns)
-        return curved, riemannian_log_input_densities(curved, x)
-    given = conditionals(model.means, model.covariances, inputs)
-    return given, log_input_densities(given, x)
+    if orientation_starts := model.layout.orientation_starts:
+        conditional_on_manifold = riemannian_conditional_gaussians(
+            model.means, model.covariances, inputs, orientation_starts
+        )
+        return conditional_on_manifold, riemannian_log_input_densities(conditional_on_manifold, x)
+    conditional = conditional_gaussians(model.means, model.covariances, inputs)
+    return conditional, log_input_densities(conditional, x)
 
 
-def _answered(
-    given: Conditionals | RiemannianConditionals, x: Float[Array, "T _"], shares: Float[Array, "T K"]
-) -> Answer:
-    if isinstance(given, RiemannianConditionals):
-        return riemannian_regress_shared(given, x, shares)
-    return regress_shared(given, x, shares)
+def _regress(
+    conditional: ConditionalGaussians | RiemannianConditionalGaussians,
+    x: Float[Array, "T _"],
+    responsibilities: Float[Array, "T K"],
+) -> RegressionResult:
+    if isinstance(conditional, RiemannianConditionalGaussians):
+        return riemannian_regress_with_responsibilities(conditional, x, responsibilities)
+    return regress_with_responsibilities(conditional, x, responsibilities)

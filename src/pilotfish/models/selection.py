@@ -8,14 +8,14 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import Structure
-from pilotfish.models.duration_laws import DurationLaw
+from pilotfish.gaussians import CovarianceStructure
+from pilotfish.models.durations.distributions import DurationDistribution
 from pilotfish.models.em import EMSettings
-from pilotfish.models.freedom import free_parameters
-from pilotfish.models.learn import DEFAULTS, Fit
+from pilotfish.models.freedom import degrees_of_freedom
+from pilotfish.models.learn import DEFAULT_SETTINGS, Fit
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
-from pilotfish.models.starts import Start
+from pilotfish.models.starts import Initialisation
 from pilotfish.types import Array, Float
 
 
@@ -29,8 +29,8 @@ class Learner(Protocol):
         *,
         states: int,
         rng: np.random.Generator,
-        structure: Structure,
-        start: Start = ...,
+        structure: CovarianceStructure,
+        initialisation: Initialisation = ...,
         settings: EMSettings,
     ) -> Fit: ...
 
@@ -43,10 +43,10 @@ class Candidate:
     """
 
     states: int
-    structure: Structure
+    structure: CovarianceStructure
     durations: str
     learner: Learner
-    law: DurationLaw | None = None
+    distribution: DurationDistribution | None = None
 
     @property
     def label(self) -> str:
@@ -82,7 +82,7 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True)
-class Failure:
+class FailedCandidate:
     """A candidate that could not be learned, and why."""
 
     candidate: Candidate
@@ -94,7 +94,7 @@ class Selection:
     """Candidates in the order given: those that could be scored, and those that could not."""
 
     scores: tuple[Score, ...]
-    failures: tuple[Failure, ...]
+    failures: tuple[FailedCandidate, ...]
 
     @property
     def best(self) -> Score:
@@ -105,17 +105,17 @@ class Selection:
         Raises: InvalidInput, when every candidate failed.
         Source: the one-standard-error rule, Breiman et al. 1984, on paired differences.
         """
-        top = self.likeliest
-        losses = [top.held_out - score.held_out for score in self.scores]
-        near = [
+        reference = self.highest_held_out
+        losses = [reference.held_out - score.held_out for score in self.scores]
+        eligible = [
             score
             for score, loss in zip(self.scores, losses, strict=True)
-            if score is top or (np.isfinite(loss).all() and loss.mean() <= _standard_error(loss))
+            if score is reference or (np.isfinite(loss).all() and loss.mean() <= _standard_error(loss))
         ]
-        return min(near, key=lambda score: (score.parameters, -score.mean))
+        return min(eligible, key=lambda score: (score.parameters, -score.mean))
 
     @property
-    def likeliest(self) -> Score:
+    def highest_held_out(self) -> Score:
         """The highest held-out log-likelihood.    Raises: InvalidInput, when every candidate failed."""
         if not self.scores:
             reasons = {failure.reason for failure in self.failures}
@@ -125,7 +125,7 @@ class Selection:
     @property
     def lowest_bic(self) -> Score:
         """The lowest Bayesian information criterion.    Raises: InvalidInput, when every candidate failed."""
-        _ = self.likeliest
+        _ = self.highest_held_out
         return min(self.scores, key=lambda score: score.bic)
 
 
@@ -134,8 +134,8 @@ def select(
     candidates: Sequence[Candidate],
     *,
     rng: np.random.Generator,
-    settings: EMSettings = DEFAULTS,
-    watch: Callable[[Score | Failure], None] | None = None,
+    settings: EMSettings = DEFAULT_SETTINGS,
+    callback: Callable[[Score | FailedCandidate], None] | None = None,
 ) -> Selection:
     """Every candidate learned from all demonstrations, and again without each of them in turn.
 
@@ -154,15 +154,15 @@ def select(
         raise InvalidInput("there are no candidates, expected at least one")
     seeds = rng.integers(2**63, size=len(demonstrations) + 1)
     scores: list[Score] = []
-    failures: list[Failure] = []
+    failures: list[FailedCandidate] = []
     for candidate in candidates:
-        result = _tried(candidate, demonstrations, seeds.tolist(), settings)
+        result = _score_candidate(candidate, demonstrations, seeds.tolist(), settings)
         if isinstance(result, Score):
             scores.append(result)
         else:
             failures.append(result)
-        if watch:
-            watch(result)
+        if callback:
+            callback(result)
     return Selection(tuple(scores), tuple(failures))
 
 
@@ -175,12 +175,12 @@ def bic(log_likelihood: float, parameters: int, datapoints: int) -> float:
     return -2.0 * log_likelihood + parameters * float(np.log(datapoints))
 
 
-def _tried(
+def _score_candidate(
     candidate: Candidate, demonstrations: Sequence[Demonstration], seeds: Sequence[int], settings: EMSettings
-) -> Score | Failure:
-    def learned(shown: Sequence[Demonstration], seed: int) -> Skill:
+) -> Score | FailedCandidate:
+    def learn_skill(training: Sequence[Demonstration], seed: int) -> Skill:
         return candidate.learner(
-            shown,
+            training,
             states=candidate.states,
             rng=np.random.default_rng(seed),
             structure=candidate.structure,
@@ -188,18 +188,23 @@ def _tried(
         ).skill
 
     try:
-        skill = learned(demonstrations, seeds[-1])
+        skill = learn_skill(demonstrations, seeds[-1])
         held_out = [
-            float(log_likelihood(learned([*demonstrations[:m], *demonstrations[m + 1 :]], seed), [left])[0])
-            / len(left.x)
-            for m, (left, seed) in enumerate(zip(demonstrations, seeds, strict=False))
+            float(
+                log_likelihood(
+                    learn_skill([*demonstrations[:m], *demonstrations[m + 1 :]], seed),
+                    [held_out_demonstration],
+                )[0]
+            )
+            / len(held_out_demonstration.x)
+            for m, (held_out_demonstration, seed) in enumerate(zip(demonstrations, seeds, strict=False))
         ]
-        shown = float(log_likelihood(skill, demonstrations).sum())
+        training = float(log_likelihood(skill, demonstrations).sum())
     except (InvalidInput, NotPositiveDefinite) as error:
-        return Failure(candidate, str(error))
-    count = free_parameters(skill, candidate.structure, candidate.law)
+        return FailedCandidate(candidate, str(error))
+    count = degrees_of_freedom(skill, candidate.structure, candidate.distribution)
     points = sum(len(d.x) for d in demonstrations)
-    return Score(candidate, skill.states, count, shown, bic(shown, count, points), np.array(held_out))
+    return Score(candidate, skill.states, count, training, bic(training, count, points), np.array(held_out))
 
 
 def _standard_error(values: Float[Array, " M"]) -> float:

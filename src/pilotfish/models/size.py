@@ -2,37 +2,49 @@
 
 from collections.abc import Sequence
 
-from pilotfish.gaussians import Covariances, HDDCShare, Structure
+from pilotfish.gaussians import Covariances, CovarianceStructure, HDDCExplainedVariance
 
 
-def covariance_parameters(structure: Structure, states: int, width: int, frames: int = 1) -> int:
+def covariance_parameter_count(
+    structure: CovarianceStructure, states: int, width: int, frames: int = 1
+) -> int:
     """Numbers that all covariances are made of: those of one frame, times the frames."""
     return frames * structure.parameter_count(states, width)
 
 
-def covariance_freedom(structure: Structure, covariances: Sequence[Covariances]) -> int:
+def covariance_degrees_of_freedom(structure: CovarianceStructure, covariances: Sequence[Covariances]) -> int:
     """Degrees of freedom of covariances that were learned with this structure, over all frames.
 
     These, not the parameters, belong in an information criterion: numbers that change no covariance fit
     nothing, such as turns of factors among themselves and lengths of shared vectors.
     """
-    return sum(as_fitted(structure, c).degrees_of_freedom(*c.dense.shape[:2]) for c in covariances)
+    return sum(
+        with_fitted_dimensions(structure, c).degrees_of_freedom(*c.dense.shape[:2]) for c in covariances
+    )
 
 
-def fitted_parameters(structure: Structure, covariances: Sequence[Covariances]) -> int:
+def fitted_covariance_parameter_count(
+    structure: CovarianceStructure, covariances: Sequence[Covariances]
+) -> int:
     """Numbers that covariances learned with this structure are made of, over all frames."""
-    return sum(as_fitted(structure, c).parameter_count(*c.dense.shape[:2]) for c in covariances)
+    return sum(with_fitted_dimensions(structure, c).parameter_count(*c.dense.shape[:2]) for c in covariances)
 
 
-def as_fitted(structure: Structure, covariances: Covariances) -> Structure:
+def with_fitted_dimensions(structure: CovarianceStructure, covariances: Covariances) -> CovarianceStructure:
     """The same structure with everything that it left to the data decided, as these covariances are."""
-    return structure.as_fitted(covariances) if isinstance(structure, HDDCShare) else structure
+    return (
+        structure.with_fitted_dimensions(covariances)
+        if isinstance(structure, HDDCExplainedVariance)
+        else structure
+    )
 
 
-def semi_markov_parameters(structure: Structure, states: int, width: int, frames: int = 1) -> int:
+def semi_markov_parameter_count(
+    structure: CovarianceStructure, states: int, width: int, frames: int = 1
+) -> int:
     """Free numbers of a whole semi-Markov skill as the thesis counts them (table 5.1).
 
     Means and covariances of every frame, K^2 transitions, and a mean and a deviation of each duration.
     """
-    gaussians = frames * states * width + covariance_parameters(structure, states, width, frames)
+    gaussians = frames * states * width + covariance_parameter_count(structure, states, width, frames)
     return gaussians + states**2 + 2 * states

@@ -7,8 +7,8 @@ from pilotfish.gaussians import Covariances
 from pilotfish.models.dynamics import Dynamics
 from pilotfish.types import Array, Float
 
-MOST_STATES = 1000
-MOST_SKILL_NUMBERS = 2**26  # in the dense covariances of all states in all frames: 512 MiB
+MAX_STATES = 1000
+MAX_SKILL_NUMBERS = 2**26  # in the dense covariances of all states in all frames: 512 MiB
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,20 +7,20 @@ import numpy as np
 
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import karcher_mean, log_at
+from pilotfish.geometry import karcher_mean, log_map
 from pilotfish.models.skill import HiddenModel, Skill
-from pilotfish.models.statistics import BLOCK, Statistics, labelled_statistics, statistics
+from pilotfish.models.statistics import BLOCK_ROWS, Statistics, expected_statistics, labelled_statistics
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_number
 
-ATTEMPTS = 20
+MAX_ATTEMPTS = 20
 
 
 @runtime_checkable
-class Start(Protocol):
+class Initialisation(Protocol):
     """A first guess of the statistics of K states."""
 
-    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics: ...
+    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,17 +36,17 @@ class TimeBins:
     def __post_init__(self) -> None:
         require_number(self.jitter, "jitter", 0.0, 1.0)
 
-    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         if (shortest := int(views.lengths.min())) < states:
             raise InvalidInput(
                 f"demonstration {views.lengths.argmin()} (first is 0) has {shortest} steps, which cannot "
                 f"be cut into {states} states; ask for at most {shortest} states or resample it to more steps"
             )
-        labels = [_bins(int(length), states, self.jitter, rng) for length in views.lengths]
+        labels = [_time_bins(int(length), states, self.jitter, rng) for length in views.lengths]
         return labelled_statistics(views, np.concatenate(labels), states)
 
 
-def _bins(length: int, states: int, jitter: float, rng: np.random.Generator) -> Int[Array, " T"]:
+def _time_bins(length: int, states: int, jitter: float, rng: np.random.Generator) -> Int[Array, " T"]:
     order = np.arange(1, states)
     cuts = np.ceil((order + jitter * rng.uniform(-0.5, 0.5, states - 1)) * length / states).astype(np.int64)
     cuts = np.maximum.accumulate(np.maximum(cuts - order, 0)) + order  # every bin keeps at least one step,
@@ -67,20 +67,25 @@ class KMeans:
     def __post_init__(self) -> None:
         require_number(self.pseudocount, "pseudocount", 0.0)
 
-    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
-        joint = _joint_view(views)
-        if (distinct := _distinct(joint, states)) < states:
+    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        joint = _joint_features(views)
+        if (distinct := _count_distinct(joint, states)) < states:
             raise InvalidInput(f"{states} states were asked for but the data has {distinct} distinct points")
-        labels = _clusters(joint, states, rng)
-        sums = labelled_statistics(views, labels, states)
+        labels = _kmeans_labels(joint, states, rng)
+        statistics = labelled_statistics(views, labels, states)
         spread = self.pseudocount / states
-        return Statistics(sums.moments, sums.first + spread, sums.transitions + spread, sums.log_likelihood)
+        return Statistics(
+            statistics.moments,
+            statistics.initial_counts + spread,
+            statistics.transitions + spread,
+            statistics.log_likelihood,
+        )
 
 
-def _clusters(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> Int[Array, " N"]:
+def _kmeans_labels(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> Int[Array, " N"]:
     from scipy.cluster.vq import ClusterError, kmeans2  # here: scipy doubles the time of importing pilotfish
 
-    for _ in range(ATTEMPTS):
+    for _ in range(MAX_ATTEMPTS):
         try:
             return np.asarray(
                 kmeans2(x, states, minit="++", missing="raise", iter=50, rng=rng)[1], dtype=np.int64
@@ -88,45 +93,45 @@ def _clusters(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> 
         except ClusterError:  # a cluster lost its points
             continue
     raise InvalidInput(
-        f"k-means found no {states} separate clusters in {ATTEMPTS} attempts; ask for fewer states"
+        f"k-means found no {states} separate clusters in {MAX_ATTEMPTS} attempts; ask for fewer states"
     )
 
 
-def _joint_view(views: Views) -> Float[Array, "N C"]:
+def _joint_features(views: Views) -> Float[Array, "N C"]:
     """All views side by side, filled in place: at the large size a copy more is felt."""
     P, N, D = views.x.shape
-    E = D - len(views.turns)
+    E = D - len(views.orientation_starts)
     joint = np.empty((N, P * E))
     for p, x in enumerate(views.x):
-        if views.turns:  # q and -q are one point
-            x = log_at(karcher_mean(x, np.ones(N), views.turns), x, views.turns)
+        if views.orientation_starts:  # q and -q are one point
+            x = log_map(karcher_mean(x, np.ones(N), views.orientation_starts), x, views.orientation_starts)
         deviations = np.array([column.std() for column in x.T])
         np.divide(x, np.where(deviations > 0.0, deviations, 1.0), out=joint[:, p * E : (p + 1) * E])
     return joint
 
 
-def _distinct(x: Float[Array, "N C"], enough: int) -> int:
+def _count_distinct(x: Float[Array, "N C"], limit: int) -> int:
     """How many different points there are, counted no further than enough."""
-    found = x[:0]
-    for begin in range(0, len(x), BLOCK):
-        found = np.unique(np.concatenate([found, x[begin : begin + BLOCK]]), axis=0)[:enough]
-        if len(found) == enough:
+    points = x[:0]
+    for begin in range(0, len(x), BLOCK_ROWS):
+        points = np.unique(np.concatenate([points, x[begin : begin + BLOCK_ROWS]]), axis=0)[:limit]
+        if len(points) == limit:
             break
-    return len(found)
+    return len(points)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Given:
+class FromModel:
     """The beliefs of a model that one already has, say one learned from other demonstrations."""
 
     model: HiddenModel | Skill
 
-    def guess(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         P, K, D = self.model.means.shape
         if states != K:
             raise InvalidInput(f"the given model has {K} states, {states} were asked for")
-        if (seen := (views.x.shape[0], views.x.shape[2])) != (P, D):
+        if (given_shape := (views.x.shape[0], views.x.shape[2])) != (P, D):
             raise InvalidInput(
-                f"the given model has {P} frames of {D} columns, the demonstrations {seen[0]} of {seen[1]}"
+                f"the given model has {P} frames of {D} columns, the demonstrations {given_shape[0]} of {given_shape[1]}"
             )
-        return statistics(self.model, views)
+        return expected_statistics(self.model, views)

@@ -1,26 +1,55 @@
-"""Planning: an adapted model and a horizon become the targets and weights that a controller tracks. This is
-the only place where a model's precision turns into a tracking weight.
-"""
+"""Planning: an adapted skill and a horizon become targets and weights, and `reproduce` a whole motion."""
 
-from pilotfish.planning.chart import Chart, chart
-from pilotfish.planning.moving import moving_reference
-from pilotfish.planning.plan import expected_plan, plan, planned_states, reference
-from pilotfish.planning.through import plan_through, through
-from pilotfish.planning.via_points import Observation, ViaPoint, observations, on_chart, via_point
+from pilotfish.planning.conditioning import condition_on
+from pilotfish.planning.evaluation import (
+    end_orientation_error,
+    end_position_error,
+    largest_acceleration,
+    mean_squared_error,
+    reproduce_demonstration,
+)
+from pilotfish.planning.moving import extrapolate_pose, moving_frame_reference, moving_frames, reproduce_step
+from pilotfish.planning.plan import (
+    CONTROL_COST,
+    COVARIANCE_REGULARISATION,
+    plan,
+    plan_states,
+    reference_from_states,
+)
+from pilotfish.planning.reproduction import Reproduction, mean_demonstration_length, reproduce
+from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
+from pilotfish.planning.via_points import (
+    ViaPoint,
+    ViaPointObservation,
+    observe_via_points,
+    via_point,
+    via_point_to_tangent,
+)
 
 __all__ = [
-    "Chart",
-    "Observation",
+    "CONTROL_COST",
+    "COVARIANCE_REGULARISATION",
+    "Reproduction",
+    "TangentChart",
     "ViaPoint",
-    "chart",
-    "expected_plan",
-    "moving_reference",
-    "observations",
-    "on_chart",
+    "ViaPointObservation",
+    "condition_on",
+    "end_orientation_error",
+    "end_position_error",
+    "extrapolate_pose",
+    "largest_acceleration",
+    "mean_demonstration_length",
+    "mean_squared_error",
+    "moving_frame_reference",
+    "moving_frames",
+    "observe_via_points",
     "plan",
-    "plan_through",
-    "planned_states",
-    "reference",
-    "through",
+    "plan_states",
+    "reference_from_states",
+    "reproduce",
+    "reproduce_demonstration",
+    "reproduce_step",
+    "tangent_chart",
     "via_point",
+    "via_point_to_tangent",
 ]

@@ -1,100 +1,204 @@
-"""From an adapted skill to a step-wise reference: where to be at each step, and how much it matters."""
+"""From an adapted skill to a step-wise reference: a target and a weight at every step.
+
+A plan has two parts. First the state of every step is chosen: the most probable one given the start, or the most
+probable one given the start and all via-points. Then the targets are the means of those states, and the weights
+are the inverses of their covariances:
+
+    target_t = mean of state_t,    Q_t = (Sigma of state_t + r I)^-1,    r the covariance regularisation.
+
+Tracking these targets (`pilotfish.control.track`) minimises the sum of (x_t - target_t)' Q_t (x_t - target_t) and
+u_t' R u_t, so that precise states are followed closely and variable ones loosely.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from pilotfish.control import Reference
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.gaussians import cholesky
-from pilotfish.models import AdaptedSkill, log_likelihood_of_states, most_probable_states, on_the_half_of
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.gaussians import Gaussian, cholesky, log_density
+from pilotfish.models import (
+    AdaptedSkill,
+    align_quaternion_signs,
+    log_state_likelihoods,
+    most_probable_states,
+    smoothed_state_probs,
+)
+from pilotfish.planning.conditioning import condition_on
+from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import LARGEST_MAGNITUDE, numeric_array, require_count, short_repr
+from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, short_repr
 
-LONGEST_HORIZON = 10**6  # steps
+MAX_HORIZON = 10**6  # steps
+MAX_WEIGHTS = 2**26  # numbers in the weights of all steps: 512 MiB
 
-MOST_WEIGHTS = 2**26  # numbers in the weights of all steps: 512 MiB
+# One set of defaults for every reproduction: plan, reproduce, and the commands `reproduce` and `perform`.
+CONTROL_COST = 0.1  # R, the cost of squared acceleration
+COVARIANCE_REGULARISATION = 1e-5  # added to every variance [unit of x squared]
 
 
-def plan(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int, slack: float = 2e-3) -> Reference:
-    """The reference of the most probable states over horizon steps, from where the robot is now.
+def plan(
+    adapted: AdaptedSkill,
+    start: Float[Array, " D"] | None = None,
+    *,
+    horizon: int,
+    via_points: Sequence[ViaPoint] = (),
+    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+) -> Reference:
+    """Plan the targets and weights of a motion of an adapted skill.
 
-    start is taken as the first observation: of the states in which the skill may begin, the one that explains
-    it goes first. Targets have the sign of the start's quaternions, q and -q being one orientation.
-    slack [unit of x squared] is added to every variance before it becomes a weight, so that no direction is
-    followed with more than 1 / slack, however well demonstrations agreed.
-    Raises: InvalidInput, when start, horizon or slack cannot be used, or the skill has orientations on S^3.
-    Source: Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + slack I)^-1.
+    The start is the first observation: of the states in which the skill may begin, the one that explains it is
+    first. Via-points choose the states too, before and after their times, and the reference is then conditioned
+    on them (`condition_on`). Targets have the sign of the start's quaternions.
+
+    Args:
+        adapted: Skill adapted to the frames, from `adapt`.
+        start: Current state of the robot; None if it is unknown, so that the skill's own beginning is used.
+        horizon: Number of steps.
+        via_points: Points that the motion passes, from `via_point`.
+        covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared], so
+            that no direction has a weight above its inverse.
+
+    Returns:
+        One target and one weight per step.
+
+    Raises:
+        InvalidInput: If an argument cannot be used, or if the skill has orientations on S^3; use `reproduce`, or
+            plan on a `tangent_chart`.
+
+    Source:
+        Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + r I)^-1. With via-points, (3.42) has the posterior
+        of the state in place of its prediction.
     """
-    refuse_curved(model)
-    here, states = _from(model, start, horizon)
-    return reference(here, states, slack)
+    refuse_orientations(adapted)
+    aligned, states = plan_states(adapted, start, horizon=horizon, via_points=via_points)
+    reference = reference_from_states(aligned, states, covariance_regularisation)
+    return condition_on(reference, via_points, adapted.layout) if len(via_points) else reference
 
 
-def planned_states(model: AdaptedSkill, start: Float[Array, " D"], *, horizon: int) -> Int[Array, " T"]:
-    """The state that a plan from start is in at each of horizon steps.
-
-    Raises: InvalidInput, when start or horizon cannot be used.
-    """
-    return _from(model, start, horizon)[1]
-
-
-def _from(
-    model: AdaptedSkill, start: Float[Array, " D"], horizon: int
+def plan_states(
+    adapted: AdaptedSkill,
+    start: Float[Array, " D"] | None = None,
+    *,
+    horizon: int,
+    via_points: Sequence[ViaPoint] = (),
 ) -> tuple[AdaptedSkill, Int[Array, " T"]]:
-    """The skill on the start's half of S^3, and its most probable states from there."""
-    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    require_kind("start", start, np.ndarray, "give np.array(start)")
-    require_count(horizon, "horizon", LONGEST_HORIZON, lowest=1)
-    start = numeric_array(start, "start")
-    if start.shape != (width := model.means.shape[1],):
-        raise InvalidInput(
-            f"start has shape {start.shape}, expected ({width},): {', '.join(model.layout.names)}"
-        )
-    if not np.isfinite(start).all():
-        raise InvalidInput(f"start holds values that are not finite: {start.tolist()}")
-    here = on_the_half_of(start, model)
-    return here, most_probable_states(here.dynamics, log_likelihood_of_states(here, start[None]), horizon)
+    """Choose the state of every step of a plan.
 
+    Args:
+        adapted: Skill adapted to the frames.
+        start: Current state of the robot, or None.
+        horizon: Number of steps.
+        via_points: Points that the motion passes.
 
-def expected_plan(model: AdaptedSkill, *, horizon: int, slack: float = 2e-3) -> Reference:
-    """The reference that the skill itself expects, wherever the robot is: no observation taken.
+    Returns:
+        The skill with its quaternions on the start's half of S^3, and one state per step.
 
-    Raises: InvalidInput, when horizon or slack cannot be used.
+    Raises:
+        InvalidInput: If an argument cannot be used.
     """
-    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    require_count(horizon, "horizon", LONGEST_HORIZON, lowest=1)
-    nothing = np.empty((0, model.states))
-    return reference(model, most_probable_states(model.dynamics, nothing, horizon), slack)
+    require_type("model", adapted, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_count(horizon, "horizon", MAX_HORIZON, minimum=1)
+    require_type("via_points", via_points, Sequence, "give a list: [pf.via_point(...)]")
+    if start is None:
+        aligned, log_start = adapted, np.empty((0, adapted.states))
+    else:
+        start = require_start(start, adapted)
+        aligned = align_quaternion_signs(start, adapted)
+        log_start = log_state_likelihoods(aligned, start[None])
+    states = most_probable_states(aligned.dynamics, log_start, horizon)
+    if not len(via_points):
+        return aligned, states
+    log_observed = np.zeros((horizon, aligned.states))
+    log_observed[: len(log_start)] = log_start
+    for observation in observe_via_points(via_points, aligned.layout, aligned.means[states], aligned.period):
+        log_observed[observation.step] += _observation_log_likelihoods(aligned, observation)
+    return aligned, smoothed_state_probs(aligned.dynamics, log_observed).argmax(axis=1)
 
 
-def refuse_curved(model: AdaptedSkill) -> None:
-    """Raises: InvalidInput, when the skill has orientations on S^3: no straight line leads between two."""
-    require_kind("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    if model.layout.turns:
+def reference_from_states(
+    adapted: AdaptedSkill, states: Int[Array, " T"], covariance_regularisation: float
+) -> Reference:
+    """Return the means and weights of a state sequence.
+
+    Args:
+        adapted: Skill adapted to the frames, without orientations on S^3.
+        states: State of each step.
+        covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared].
+
+    Returns:
+        One target and one weight (covariance + regularisation)^-1 per step.
+
+    Raises:
+        InvalidInput: If an argument cannot be used.
+        NotPositiveDefinite: If a regularised covariance has no Cholesky factor.
+    """
+    refuse_orientations(adapted)
+    _require_variance(covariance_regularisation)
+    _require_states(states, adapted)
+    D = adapted.means.shape[1]
+    regularised = adapted.covariances + covariance_regularisation * np.eye(D)
+    cholesky(regularised, "the regularised covariance of state")
+    inverse = np.linalg.solve(regularised, np.broadcast_to(np.eye(D), regularised.shape))
+    weights = 0.5 * (inverse + inverse.transpose(0, 2, 1))
+    return Reference(adapted.means[states], weights[states], adapted.period)
+
+
+def refuse_orientations(adapted: AdaptedSkill) -> None:
+    """Check that a linear system can follow an adapted skill.
+
+    Raises:
+        InvalidInput: If the skill has orientations on S^3.
+    """
+    require_type("model", adapted, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    if adapted.layout.orientation_starts:
         raise InvalidInput(
-            "the skill has orientations on S^3, which linear systems do not follow; plan on a flat map of "
-            "it: chart = pf.chart(model), then pf.plan(chart.skill, chart.inward(start), ...), and "
-            "chart.outward(motion.x) are the poses"
+            "the skill has orientations on S^3, which a linear system cannot follow; call pf.reproduce, or plan "
+            "in a tangent space: chart = planning.tangent_chart(model), then pf.plan(chart.skill, "
+            "chart.to_tangent(start), ...), and chart.to_manifold(motion.x) are the poses"
         )
 
 
-def reference(model: AdaptedSkill, states: Int[Array, " T"], slack: float) -> Reference:
-    """Means and weights (covariance + slack I)^-1 of a given state sequence."""
-    refuse_curved(model)
-    require_kind("slack", slack, (float, int), "give a variance")
-    if not 0.0 <= slack <= LARGEST_MAGNITUDE:
-        raise InvalidInput(f"slack is {slack}, expected a finite variance of at least 0")
-    require_kind("states", states, np.ndarray, "give np.array(states)")
-    if states.dtype.kind not in "iu" or states.ndim != 1:
-        raise InvalidInput(f"states is {short_repr(states)}, expected an array of whole numbers, one a step")
-    if not (states.size and 0 <= states.min() <= states.max() < model.states):
-        raise InvalidInput(f"states is {short_repr(states)}, expected numbers from 0 to {model.states - 1}")
-    if (numbers := states.size * model.means.shape[1] ** 2) > MOST_WEIGHTS:
+def require_start(start: Float[Array, " D"], adapted: AdaptedSkill) -> Float[Array, " D"]:
+    require_type("initialisation", start, np.ndarray, "give np.array(start)")
+    start = numeric_array(start, "start")
+    if start.shape != (width := adapted.means.shape[1],):
+        names = ", ".join(adapted.layout.names)
+        raise InvalidInput(f"start has shape {start.shape}, expected ({width},): {names}")
+    if not np.isfinite(start).all():
+        raise InvalidInput(f"start has values that are not finite: {start.tolist()}")
+    return start
+
+
+def _require_variance(variance: float) -> None:
+    require_type("covariance_regularisation", variance, (float, int), "give a variance")
+    if not 0.0 <= variance <= MAX_MAGNITUDE:
         raise InvalidInput(
-            f"the weights of {states.size} steps have {numbers} numbers, expected at most {MOST_WEIGHTS}; "
+            f"covariance_regularisation is {variance}, expected a finite variance of at least 0"
+        )
+
+
+def _require_states(states: Int[Array, " T"], adapted: AdaptedSkill) -> None:
+    require_type("states", states, np.ndarray, "give np.array(states)")
+    if states.dtype.kind not in "iu" or states.ndim != 1:
+        raise InvalidInput(f"states is {short_repr(states)}, expected an array of integers, one per step")
+    if not (states.size and 0 <= states.min() <= states.max() < adapted.states):
+        raise InvalidInput(f"states is {short_repr(states)}, expected numbers from 0 to {adapted.states - 1}")
+    if (numbers := states.size * adapted.means.shape[1] ** 2) > MAX_WEIGHTS:
+        raise InvalidInput(
+            f"the weights of {states.size} steps have {numbers} numbers, expected at most {MAX_WEIGHTS}; "
             "plan fewer steps at a time"
         )
-    softened = model.covariances + slack * np.eye(model.means.shape[1])
-    cholesky(softened, "the softened covariance of state")
-    inverse = np.linalg.solve(softened, np.broadcast_to(np.eye(softened.shape[1]), softened.shape))
-    weights = 0.5 * (inverse + inverse.transpose(0, 2, 1))
-    return Reference(model.means[states], weights[states], model.period)
+
+
+def _observation_log_likelihoods(model: AdaptedSkill, observation: ViaPointObservation) -> Float[Array, " K"]:
+    """Return log p(observed columns | state) of each state."""
+    columns, noise = observation.columns, np.diag(observation.deviations**2)
+    return np.array(
+        [
+            log_density(
+                Gaussian(mean[columns], S[np.ix_(columns, columns)] + noise), observation.values[None]
+            )[0]
+            for mean, S in zip(model.means, model.covariances, strict=True)
+        ]
+    )

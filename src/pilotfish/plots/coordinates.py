@@ -11,29 +11,29 @@ from matplotlib.lines import Line2D
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Layout
 from pilotfish.errors import InvalidInput
-from pilotfish.models import AdaptedSkill, runs
-from pilotfish.plots.doors import (
-    chosen_columns,
-    require_human,
+from pilotfish.models import AdaptedSkill, state_segments
+from pilotfish.plots.kinds import require_array, require_type
+from pilotfish.plots.spreads import ambient_covariances
+from pilotfish.plots.style import (
+    DEMONSTRATION,
+    MOTION,
+    axis_label,
+    legend_below,
+    new_figure,
+    state_colour,
+    state_legend_handles,
+    style_axes,
+)
+from pilotfish.plots.validation import (
+    column_indices,
     require_motion,
     require_period,
+    require_same_columns,
     require_states,
-)
-from pilotfish.plots.kinds import require_array, require_kind
-from pilotfish.plots.spreads import in_columns
-from pilotfish.plots.style import (
-    HUMAN,
-    MOTION,
-    dress,
-    legend_below,
-    sheet,
-    state_colour,
-    state_handles,
-    with_unit,
 )
 from pilotfish.types import Array, Int
 
-ABREAST = 4
+MAX_PANELS_PER_ROW = 4
 
 
 def tracked_coordinates(
@@ -41,7 +41,7 @@ def tracked_coordinates(
     states: Int[Array, " T"],
     motion: Motion,
     *,
-    human: Demonstration | None = None,
+    demonstration: Demonstration | None = None,
     columns: Sequence[str] | None = None,
 ) -> Figure:
     """A panel for each column: the planned states' means with bands of one deviation, and the motion on top.
@@ -51,30 +51,32 @@ def tracked_coordinates(
     not given.
     Raises: InvalidInput, when lengths, widths or periods differ, or a state or column is unknown.
     """
-    require_kind("skill", skill, AdaptedSkill)
-    require_kind("motion", motion, Motion)
+    require_type("skill", skill, AdaptedSkill)
+    require_type("motion", motion, Motion)
     require_array("states", states, "T", np.integer, "pilotfish.planning.planned_states makes one")
     require_states(skill.states)
     require_motion(motion, skill.layout)
     require_period("the motion", motion.period, skill.period)
-    if human is not None:
-        require_human(human, skill.layout)
-        require_period(f"demonstration {human.name!r}", human.period, skill.period)
-    _require_plan(states, skill.states, len(motion.x))
-    rows = column_rows(skill.layout, chosen_columns(skill.layout, columns))
+    if demonstration is not None:
+        require_same_columns(demonstration, skill.layout)
+        require_period(f"demonstration {demonstration.name!r}", demonstration.period, skill.period)
+    _require_planned_states(states, skill.states, len(motion.x))
+    rows = panel_rows(skill.layout, column_indices(skill.layout, columns))
     most = max(map(len, rows))
-    figure = sheet(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
+    figure = new_figure(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
     cells = figure.add_gridspec(len(rows), most)
     for r, row in enumerate(rows):
         for c, column in enumerate(row):
-            panel = dress(figure.add_subplot(cells[r, c]), x="time [s]", y=with_unit(skill.layout, column))
+            panel = style_axes(
+                figure.add_subplot(cells[r, c]), x="time [s]", y=axis_label(skill.layout, column)
+            )
             _draw_bands(panel, skill, states, column)
-            _draw_lines(panel, motion, human, column)
-    legend_below(figure, _handles(human is not None, skill.states))
+            _draw_lines(panel, motion, demonstration, column)
+    legend_below(figure, _handles(demonstration is not None, skill.states))
     return figure
 
 
-def _require_plan(states: Int[Array, " T"], known: int, steps: int) -> None:
+def _require_planned_states(states: Int[Array, " T"], known: int, steps: int) -> None:
     if len(states) != steps:
         raise InvalidInput(
             f"{len(states)} states were planned, expected {steps}: one for each step of the motion"
@@ -85,7 +87,7 @@ def _require_plan(states: Int[Array, " T"], known: int, steps: int) -> None:
         )
 
 
-def column_rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
+def panel_rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
     """The columns of a part side by side, parts of one column too, at most so many in a row."""
     parts: list[list[int]] = []
     alone = False  # whether the last row is of parts of one column
@@ -98,20 +100,24 @@ def column_rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
         else:
             parts.append(part)
         alone = single
-    return [part[n : n + ABREAST] for part in parts for n in range(0, len(part), ABREAST)]
+    return [
+        part[n : n + MAX_PANELS_PER_ROW] for part in parts for n in range(0, len(part), MAX_PANELS_PER_ROW)
+    ]
 
 
-def _draw_lines(panel: Axes, motion: Motion, human: Demonstration | None, column: int) -> None:
-    if human is not None:
-        seconds = human.period * np.arange(len(human.x))
-        panel.plot(seconds, human.x[:, column], color=HUMAN, linestyle="--", linewidth=1.6)
+def _draw_lines(panel: Axes, motion: Motion, demonstration: Demonstration | None, column: int) -> None:
+    if demonstration is not None:
+        seconds = demonstration.period * np.arange(len(demonstration.x))
+        panel.plot(seconds, demonstration.x[:, column], color=DEMONSTRATION, linestyle="--", linewidth=1.6)
     panel.plot(motion.period * np.arange(len(motion.x)), motion.x[:, column], color=MOTION, linewidth=1.6)
 
 
 def _draw_bands(panel: Axes, skill: AdaptedSkill, states: Int[Array, " T"], column: int) -> None:
     """Mean and deviation of each visit, from half a step before its first to half a step past the last."""
-    visited, lengths = runs(states)
-    variances = np.diagonal(in_columns(skill.means, skill.covariances, skill.layout), axis1=1, axis2=2)
+    visited, lengths = state_segments(states)
+    variances = np.diagonal(
+        ambient_covariances(skill.means, skill.covariances, skill.layout), axis1=1, axis2=2
+    )
     ends = np.cumsum(lengths)
     for k, first, end in zip(visited, ends - lengths, ends, strict=True):
         seconds = skill.period * np.array([first - 0.5, end - 0.5])
@@ -122,8 +128,8 @@ def _draw_bands(panel: Axes, skill: AdaptedSkill, states: Int[Array, " T"], colu
         panel.plot(seconds, [mean, mean], color=colour, linewidth=1.6)
 
 
-def _handles(human: bool, states: int) -> list[Artist]:
+def _handles(demonstration: bool, states: int) -> list[Artist]:
     handles: list[Artist] = [Line2D([], [], color=MOTION, label="tracked motion")]
-    if human:
-        handles.append(Line2D([], [], color=HUMAN, linestyle="--", label="demonstration"))
-    return [*handles, *state_handles(states)]
+    if demonstration:
+        handles.append(Line2D([], [], color=DEMONSTRATION, linestyle="--", label="demonstration"))
+    return [*handles, *state_legend_handles(states)]

@@ -11,20 +11,20 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] #
 
 from pilotfish.demonstrations import Frame
 from pilotfish.gaussians import Gaussian, ellipse, marginal
-from pilotfish.plots.labels import label
-from pilotfish.plots.style import SMALL, halo, state_colour, state_dash
+from pilotfish.plots.labels import add_label
+from pilotfish.plots.style import SMALL_FONT, add_outline, state_colour, state_dash
 from pilotfish.types import Array, Float
 
 CONTOUR_POINTS = 73  # one every five degrees
 
 
 @dataclass(frozen=True, slots=True)
-class Triad:
+class FrameAxes:
     """A frame's name, and its origin and axes in D columns, the axes side by side."""
 
     name: str
     origin: Float[Array, " D"]
-    arms: Float[Array, "D 3"]
+    axes: Float[Array, "D 3"]
 
 
 def draw_ellipses(
@@ -49,66 +49,70 @@ def draw_ellipses(
         patch.set(zorder=3, gid=f"{gid} state {k}")
         axes.add_patch(patch)
         outermost = contour[np.linalg.norm(contour - centre, axis=1).argmax()]
-        labels.append(label(axes, str(k), outermost))
+        labels.append(add_label(axes, str(k), outermost))
         labels[-1].set(color=colour, fontweight="bold")
     axes.autoscale_view()
     return labels
 
 
-def draw_crosses(axes: Axes3D, means: Float[Array, "K 3"], covariances: Float[Array, "K 3 3"]) -> None:
+def draw_principal_axes(axes: Axes3D, means: Float[Array, "K 3"], covariances: Float[Array, "K 3 3"]) -> None:
     """The principal axes of every state's 1-sigma ellipsoid."""
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         values, vectors = np.linalg.eigh(covariance)
-        for arm in (vectors * np.sqrt(np.maximum(values, 0.0))).T:
-            axes.plot(*np.stack([mean - arm, mean + arm], axis=1), color=state_colour(k), linewidth=1.8)
+        for axis in (vectors * np.sqrt(np.maximum(values, 0.0))).T:
+            axes.plot(*np.stack([mean - axis, mean + axis], axis=1), color=state_colour(k), linewidth=1.8)
         axes.plot(*mean[:, None], marker="o", markersize=5, color=state_colour(k))
 
 
-def draw_triads(axes: Axes, triads: Sequence[Triad]) -> None:
+def draw_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes]) -> None:
     """Where frames stand: their axes, in a plane or in space."""
-    for triad in triads:
-        for arm in triad.arms.T:
+    for frame in frame_axes:
+        for axis in frame.axes.T:
             axes.plot(
-                *np.stack([triad.origin, triad.origin + arm], axis=1), color="0.25", linewidth=1.4, zorder=4
+                *np.stack([frame.origin, frame.origin + axis], axis=1), color="0.25", linewidth=1.4, zorder=4
             )
-        axes.plot(*triad.origin[:, None], color="0.25", marker="s", markersize=4, zorder=4)
+        axes.plot(*frame.origin[:, None], color="0.25", marker="s", markersize=4, zorder=4)
 
 
-def triads_of(
-    frames: Sequence[Frame], space: Sequence[int], shown: Sequence[int], length: float
-) -> list[Triad]:
+def frame_axes_in(
+    frames: Sequence[Frame], position: Sequence[int], columns: Sequence[int], length: float
+) -> list[FrameAxes]:
     """The axes of frames, so long, in the columns shown; space lists those of the whole position."""
-    places = [space.index(column) for column in shown]
+    places = [position.index(column) for column in columns]
     return [
-        Triad(frame.name, frame.b[list(space)][places], length * frame.A[np.ix_(space, space)][places])
+        FrameAxes(
+            frame.name, frame.b[list(position)][places], length * frame.A[np.ix_(position, position)][places]
+        )
         for frame in frames
     ]
 
 
-def letter_in_space(axes: Axes3D, triads: Sequence[Triad]) -> None:
-    for triad in triads:
-        for name, arm in zip("xyz", triad.arms.T, strict=False):
-            letter = axes.text(*(triad.origin + 1.18 * arm), name, color="0.25", fontsize=SMALL, zorder=6)
-            halo(letter).set(ha="center", va="center")
+def label_frame_axes_3d(axes: Axes3D, frame_axes: Sequence[FrameAxes]) -> None:
+    for frame in frame_axes:
+        for name, axis in zip("xyz", frame.axes.T, strict=False):
+            letter = axes.text(
+                *(frame.origin + 1.18 * axis), name, color="0.25", fontsize=SMALL_FONT, zorder=6
+            )
+            add_outline(letter).set(ha="center", va="center")
 
 
-def label_triads(axes: Axes, triads: Sequence[Triad], length: float) -> list[Annotation]:
+def label_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes], length: float) -> list[Annotation]:
     """A letter beyond each axis, but for those that point at the viewer, and names beneath the origins."""
-    names = [label(axes, triad.name, triad.origin, (0.0, -14.0)) for triad in triads]
+    names = [add_label(axes, frame.name, frame.origin, (0.0, -14.0)) for frame in frame_axes]
     letters = [
-        label(axes, letter, triad.origin + arm, _beyond(arm))
-        for triad in triads
-        for letter, arm in zip("xyz", triad.arms.T, strict=False)
-        if np.linalg.norm(arm) > 0.3 * length
+        add_label(axes, letter, frame.origin + axis, _label_offset(axis))
+        for frame in frame_axes
+        for letter, axis in zip("xyz", frame.axes.T, strict=False)
+        if np.linalg.norm(axis) > 0.3 * length
     ]
     for text in letters:
         text.set_color("0.25")
     for text in (*names, *letters):
-        text.set_fontsize(SMALL)
+        text.set_fontsize(SMALL_FONT)
     return [*names, *letters]
 
 
-def _beyond(arm: Float[Array, "2"]) -> tuple[float, float]:
+def _label_offset(axis: Float[Array, "2"]) -> tuple[float, float]:
     """Seven points further."""
-    right, up = 7.0 * arm / np.linalg.norm(arm)
+    right, up = 7.0 * axis / np.linalg.norm(axis)
     return float(right), float(up)

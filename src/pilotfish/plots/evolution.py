@@ -6,12 +6,20 @@ from matplotlib.figure import Figure
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill, semi_markov_forward
-from pilotfish.plots.doors import require_states
-from pilotfish.plots.kinds import require_array, require_kind, require_whole
-from pilotfish.plots.style import WIDTH, dress, legend_below, sheet, state_colour, state_dash, state_handles
+from pilotfish.plots.kinds import require_array, require_integer, require_type
+from pilotfish.plots.style import (
+    FIGURE_WIDTH,
+    legend_below,
+    new_figure,
+    state_colour,
+    state_dash,
+    state_legend_handles,
+    style_axes,
+)
+from pilotfish.plots.validation import require_states
 from pilotfish.types import Array, Float
 
-NO_END = "a final state: no visit ends"
+NO_END_TEXT = "a final state: no visit ends"
 
 
 def forward_variable(
@@ -25,8 +33,8 @@ def forward_variable(
     Raises: InvalidInput, when the skill is not semi-Markov, has too many states, or horizon is too short.
     Source: after Tanwani 2018, figure 3.6 and equations 3.40-3.42.
     """
-    require_kind("skill", skill, Skill, AdaptedSkill)
-    require_whole("horizon", horizon)
+    require_type("skill", skill, Skill, AdaptedSkill)
+    require_integer("horizon", horizon)
     if log_observed is not None:
         require_array("log_observed", log_observed, "S K", np.floating, "log_likelihood_of_states makes one")
     chain = skill.dynamics
@@ -38,32 +46,32 @@ def forward_variable(
     if log_observed is None:
         log_observed = np.empty((0, skill.states))
     forward = semi_markov_forward(chain, log_observed, horizon)
-    figure = sheet(WIDTH, 5.2)
+    figure = new_figure(FIGURE_WIDTH, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
     seconds = skill.period * np.arange(horizon)
-    for axes, log_p in ((above, forward.log_occupancy), (below, forward.log_ends)):
-        _draw_shares(axes, seconds, _rescaled(log_p))
-    dress(above, x="time [s]", y="probability [1]", title="in the state (occupancy)")
-    dress(below, x="time [s]", y="probability [1]", title="a visit ends (forward variable, rescaled)")
+    for axes, log_p in ((above, forward.log_forward), (below, forward.log_segment_ends)):
+        _draw_probabilities(axes, seconds, _normalise_rows(log_p))
+    style_axes(above, x="time [s]", y="probability [1]", title="in the state (occupancy)")
+    style_axes(below, x="time [s]", y="probability [1]", title="a visit ends (forward variable, rescaled)")
     above.set_xlabel("")
     if not chain.transitions.any():
-        note = below.text(0.5, 0.5, NO_END, transform=below.transAxes, color="0.35")
+        note = below.text(0.5, 0.5, NO_END_TEXT, transform=below.transAxes, color="0.35")
         note.set(ha="center", va="center")
-    legend_below(figure, state_handles(skill.states))
+    legend_below(figure, state_legend_handles(skill.states))
     return figure
 
 
-def _rescaled(log_p: Float[Array, "T K"]) -> Float[Array, "T K"]:
+def _normalise_rows(log_p: Float[Array, "T K"]) -> Float[Array, "T K"]:
     """Rows that sum to one; where nothing is possible, nothing is drawn: nan."""
     total = np.logaddexp.reduce(log_p, axis=1)
     total[np.isneginf(total)] = np.nan
     return np.asarray(np.exp(log_p - total[:, None]))
 
 
-def _draw_shares(axes: Axes, seconds: Float[Array, " T"], shares: Float[Array, "T K"]) -> None:
-    for k, share in enumerate(shares.T):
+def _draw_probabilities(axes: Axes, seconds: Float[Array, " T"], probabilities: Float[Array, "T K"]) -> None:
+    for k, probability in enumerate(probabilities.T):
         style = {"color": state_colour(k), "linestyle": state_dash(k)}
-        axes.plot(seconds, share, linewidth=2.0, color=style["color"], linestyle=style["linestyle"])
-        axes.fill_between(seconds, share, color=style["color"], alpha=0.15, linewidth=0.0)
+        axes.plot(seconds, probability, linewidth=2.0, color=style["color"], linestyle=style["linestyle"])
+        axes.fill_between(seconds, probability, color=style["color"], alpha=0.15, linewidth=0.0)
     axes.set_ylim(0.0, 1.04)
     axes.set_xlim(0.0, seconds[-1] if len(seconds) > 1 else 1.0)

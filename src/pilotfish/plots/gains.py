@@ -10,32 +10,32 @@ from matplotlib.lines import Line2D
 from pilotfish.control import Feedback
 from pilotfish.demonstrations import Layout, Part
 from pilotfish.errors import InvalidInput
-from pilotfish.plots.doors import require_width
-from pilotfish.plots.kinds import require_kind
-from pilotfish.plots.style import WIDTH, column_colour, dress, legend_below, sheet
+from pilotfish.plots.kinds import require_type
+from pilotfish.plots.style import FIGURE_WIDTH, column_colour, legend_below, new_figure, style_axes
+from pilotfish.plots.validation import require_width
 from pilotfish.types import Array, Float
 
 
-def gains(feedback: Feedback, layout: Layout) -> Figure:
+def feedback_gains(feedback: Feedback, layout: Layout) -> Figure:
     """Stiffness K^P [1/s^2] above and damping K^V [1/s] below, a column of panels for each part.
 
     Lines are the diagonal: the acceleration of a coordinate for a deviation of its own. The dashed line is
     the Frobenius norm of the part's whole block, couplings between its coordinates included.
     Raises: InvalidInput, when the layout is not positions followed by their derivatives, or of another width.
     """
-    require_kind("feedback", feedback, Feedback)
-    require_kind("layout", layout, Layout)
+    require_type("feedback", feedback, Feedback)
+    require_type("layout", layout, Layout)
     require_width("the feedback", feedback.gains.shape[2], layout)
     parts = _parts(feedback, layout)
-    figure = sheet(max(5.5, 0.5 * WIDTH * len(parts)), 5.4)
+    figure = new_figure(max(5.5, 0.5 * FIGURE_WIDTH * len(parts)), 5.4)
     panels = figure.subplots(2, len(parts), squeeze=False, sharex=True)
     seconds = feedback.system.period * np.arange(len(feedback.gains))
     for (part, here), (above, below) in zip(parts, panels.T, strict=True):
         names = layout.names[here]
         _draw_block(above, seconds, feedback.stiffness[:, here, here], names)
         _draw_block(below, seconds, feedback.damping[:, here, here], names)
-        dress(above, x="time [s]", y="stiffness [1/s²]", title=part.name).set_xlabel("")
-        dress(below, x="time [s]", y="damping [1/s]")
+        style_axes(above, x="time [s]", y="stiffness [1/s²]", title=part.name).set_xlabel("")
+        style_axes(below, x="time [s]", y="damping [1/s]")
     legend_below(figure, _handles(layout, parts))
     return figure
 

@@ -13,12 +13,12 @@ from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import SemiTiedCovariances, component_correlation
 from pilotfish.models import Skill
-from pilotfish.plots.kinds import require_kind, require_list
-from pilotfish.plots.style import SMALL, sheet
+from pilotfish.plots.kinds import require_sequence, require_type
+from pilotfish.plots.style import SMALL_FONT, new_figure
 from pilotfish.types import Array, Float
 
-MOST_LABELS = 40  # more are illegible: then only some columns are named
-MOST_COMPONENTS = 200
+MAX_LABELS = 40  # more are illegible: then only some columns are named
+MAX_COMPONENTS = 200
 
 
 def basis_vectors(skill: Skill) -> Figure:
@@ -28,15 +28,15 @@ def basis_vectors(skill: Skill) -> Figure:
     Raises: InvalidInput, when the skill is not semi-tied.
     Source: Tanwani 2018, equation 4.17 and figure 4.2.
     """
-    require_kind("skill", skill, Skill)
+    require_type("skill", skill, Skill)
     bases = [_basis(covariances, skill.provenance.structure) for covariances in skill.covariances]
-    size = 1.6 + 0.24 * min(skill.width, MOST_LABELS)
-    figure = sheet(len(bases) * size + 2.0, size + 0.7)
+    size = 1.6 + 0.24 * min(skill.width, MAX_LABELS)
+    figure = new_figure(len(bases) * size + 2.0, size + 0.7)
     panels = figure.subplots(1, len(bases), squeeze=False)[0]
     for panel, H, name in zip(panels, bases, skill.frame_names, strict=True):
-        image = _draw_matrix(panel, _unit_columns(H), f"frame {name!r}")
+        image = _draw_matrix(panel, _normalise_columns(H), f"frame {name!r}")
         panel.set(xlabel="basis vector (first is 0)")
-        _name_columns(panel, skill.layout.tangent, first=panel is panels[0])
+        _label_columns(panel, skill.layout.tangent, first=panel is panels[0])
     figure.colorbar(image, ax=list(panels), label="share of the vector's largest entry [1]", shrink=0.9)
     return figure
 
@@ -49,18 +49,18 @@ def _basis(covariances: object, structure: str) -> Float[Array, "D D"]:
     return covariances.basis
 
 
-def _unit_columns(H: Float[Array, "D D"]) -> Float[Array, "D D"]:
+def _normalise_columns(H: Float[Array, "D D"]) -> Float[Array, "D D"]:
     largest = np.take_along_axis(H, np.abs(H).argmax(axis=0)[None], axis=0)  # (1, D)
     return np.asarray(H / largest)
 
 
-def _name_columns(panel: Axes, layout: Layout, *, first: bool) -> None:
-    shown = range(0, layout.width, ceil(layout.width / MOST_LABELS))
+def _label_columns(panel: Axes, layout: Layout, *, first: bool) -> None:
+    shown = range(0, layout.width, ceil(layout.width / MAX_LABELS))
     names = [f"{layout.names[i]} [{layout.units[i]}]" if first else "" for i in shown]
-    panel.set_yticks(list(shown), names, fontsize=SMALL)
+    panel.set_yticks(list(shown), names, fontsize=SMALL_FONT)
 
 
-def component_correlations(skills: Sequence[Skill]) -> Figure:
+def covariance_correlations(skills: Sequence[Skill]) -> Figure:
     """How alike the covariances of states are: a row for each frame, a column for each skill.
 
     Entries are correlation coefficients; tying makes components alike.
@@ -69,7 +69,7 @@ def component_correlations(skills: Sequence[Skill]) -> Figure:
     """
     _require_comparable(skills)
     names = skills[0].frame_names
-    figure = sheet(2.7 * len(skills) + 1.6, 3.1 * len(names) + 0.3)
+    figure = new_figure(2.7 * len(skills) + 1.6, 3.1 * len(names) + 0.3)
     panels = figure.subplots(len(names), len(skills), squeeze=False)
     for p, name in enumerate(names):
         for panel, skill in zip(panels[p], skills, strict=True):
@@ -81,13 +81,13 @@ def component_correlations(skills: Sequence[Skill]) -> Figure:
 
 
 def _require_comparable(skills: Sequence[Skill]) -> None:
-    require_list("skills", skills, Skill)
+    require_sequence("skills", skills, Skill)
     if not skills:
         raise InvalidInput("no skills were given, expected at least one")
     if differing := {skill.frame_names for skill in skills} - {skills[0].frame_names}:
         raise InvalidInput(f"skills differ in frames: {skills[0].frame_names} and {differing.pop()}")
-    if (most := max(skill.states for skill in skills)) > MOST_COMPONENTS:
-        raise InvalidInput(f"there are {most} states, expected at most {MOST_COMPONENTS}")
+    if (most := max(skill.states for skill in skills)) > MAX_COMPONENTS:
+        raise InvalidInput(f"there are {most} states, expected at most {MAX_COMPONENTS}")
 
 
 def _draw_matrix(panel: Axes, matrix: Float[Array, "R C"], title: str) -> AxesImage:

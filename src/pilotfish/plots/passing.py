@@ -11,13 +11,13 @@ from matplotlib.lines import Line2D
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
-from pilotfish.planning import Observation, ViaPoint, observations
-from pilotfish.plots.coordinates import column_rows
-from pilotfish.plots.doors import chosen_columns, require_motion
-from pilotfish.plots.kinds import require_kind, require_list
-from pilotfish.plots.style import HUMAN, MOTION, dress, legend_below, sheet, with_unit
+from pilotfish.planning import ViaPoint, ViaPointObservation, observe_via_points
+from pilotfish.plots.coordinates import panel_rows
+from pilotfish.plots.kinds import require_sequence, require_type
+from pilotfish.plots.style import DEMONSTRATION, MOTION, axis_label, legend_below, new_figure, style_axes
+from pilotfish.plots.validation import column_indices, require_motion
 
-WISH = "#D55E00"
+VIA_POINT_COLOUR = "#D55E00"
 
 
 def via_points(
@@ -25,7 +25,7 @@ def via_points(
     motion: Motion,
     points: Sequence[ViaPoint],
     *,
-    without: Motion | None = None,
+    baseline: Motion | None = None,
     columns: Sequence[str] | None = None,
 ) -> Figure:
     """A panel for each column that points name: the motion over time, and the points with their deviations.
@@ -35,52 +35,61 @@ def via_points(
     Raises: InvalidInput, when widths or steps differ, a point is at no step of the motion, no columns are
     left or one is unknown.
     """
-    require_kind("layout", layout, Layout)
-    require_kind("motion", motion, Motion)
-    require_list("points", points, ViaPoint)
+    require_type("layout", layout, Layout)
+    require_type("motion", motion, Motion)
+    require_sequence("points", points, ViaPoint)
     require_motion(motion, layout)
-    if without is not None:
-        require_kind("without", without, Motion)
-        if without.x.shape != motion.x.shape:
+    if baseline is not None:
+        require_type("baseline", baseline, Motion)
+        if baseline.x.shape != motion.x.shape:
             raise InvalidInput(
-                f"the motion without points has the shape {without.x.shape}, expected {motion.x.shape}"
+                f"the motion without points has the shape {baseline.x.shape}, expected {motion.x.shape}"
             )
-    seen = observations(points, layout, motion.x, motion.period)
-    named = sorted({int(c) for o in seen for c in o.columns})
-    rows = column_rows(layout, named if columns is None else chosen_columns(layout, columns))
+    observed = observe_via_points(points, layout, motion.x, motion.period)
+    named = sorted({int(c) for o in observed for c in o.columns})
+    rows = panel_rows(layout, named if columns is None else column_indices(layout, columns))
     if not rows:
         raise InvalidInput("there are no points, so no columns that they name; name columns to draw")
     most = max(map(len, rows))
-    figure = sheet(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
+    figure = new_figure(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
     cells = figure.add_gridspec(len(rows), most)
     for r, row in enumerate(rows):
         for c, column in enumerate(row):
-            panel = dress(figure.add_subplot(cells[r, c]), x="time [s]", y=with_unit(layout, column))
-            _draw(panel, motion, without, seen, column)
-    legend_below(figure, _handles(without is not None))
+            panel = style_axes(figure.add_subplot(cells[r, c]), x="time [s]", y=axis_label(layout, column))
+            _draw(panel, motion, baseline, observed, column)
+    legend_below(figure, _handles(baseline is not None))
     return figure
 
 
 def _draw(
-    panel: Axes, motion: Motion, without: Motion | None, seen: Sequence[Observation], column: int
+    panel: Axes, motion: Motion, baseline: Motion | None, observed: Sequence[ViaPointObservation], column: int
 ) -> None:
     seconds = motion.period * np.arange(len(motion.x))
-    if without is not None:
-        panel.plot(seconds, without.x[:, column], color=HUMAN, linestyle="--", linewidth=1.6)
+    if baseline is not None:
+        panel.plot(seconds, baseline.x[:, column], color=DEMONSTRATION, linestyle="--", linewidth=1.6)
     panel.plot(seconds, motion.x[:, column], color=MOTION, linewidth=1.6)
-    for o in seen:
+    for o in observed:
         for c, value, deviation in zip(o.columns, o.values, o.deviations, strict=True):
             if c == column:
                 when = motion.period * o.step
                 panel.errorbar(
-                    when, value, deviation, color=WISH, marker="o", markersize=5, capsize=4, zorder=5
+                    when,
+                    value,
+                    deviation,
+                    color=VIA_POINT_COLOUR,
+                    marker="o",
+                    markersize=5,
+                    capsize=4,
+                    zorder=5,
                 )
 
 
-def _handles(without: bool) -> list[Artist]:
+def _handles(baseline: bool) -> list[Artist]:
     handles: list[Artist] = [
         Line2D([], [], color=MOTION, label="motion"),
-        Line2D([], [], color=WISH, marker="o", linestyle="", label="point to pass, and its deviation"),
+        Line2D(
+            [], [], color=VIA_POINT_COLOUR, marker="o", linestyle="", label="point to pass, and its deviation"
+        ),
     ]
-    dashed = Line2D([], [], color=HUMAN, linestyle="--", label="motion without points")
-    return [*handles, dashed] if without else handles
+    dashed = Line2D([], [], color=DEMONSTRATION, linestyle="--", label="motion without points")
+    return [*handles, dashed] if baseline else handles

@@ -12,18 +12,25 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from pilotfish.demonstrations import Layout
 from pilotfish.models import Skill
-from pilotfish.plots.doors import chosen_columns, require_states
-from pilotfish.plots.kinds import require_kind
-from pilotfish.plots.style import WIDTH, column_colour, column_dash, dress, legend_below, sheet
+from pilotfish.plots.kinds import require_type
+from pilotfish.plots.style import (
+    FIGURE_WIDTH,
+    column_colour,
+    column_dash,
+    legend_below,
+    new_figure,
+    style_axes,
+)
+from pilotfish.plots.validation import column_indices, require_states
 from pilotfish.types import Array, Float
 
-BLUE = "#CFE3F5"
-MOST_TICKS = 15
-MOST_NAMED = 24  # columns; of more, a legend would cover the picture
+HIGHLIGHT = "#CFE3F5"
+MAX_TICKS = 15
+MAX_LEGEND_ENTRIES = 24  # columns; of more, a legend would cover the picture
 ONE_DECADE, MANY_DECADES = 0.8, 3.0  # less than the first is about linear
 
 
-def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
+def state_deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
     """A row for each frame: the standard deviation of each state, column by column, on a logarithmic scale.
 
     Columns of one unit share a panel. Shaded is the state that the frame sees most precisely: the one of
@@ -32,27 +39,27 @@ def deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
     Raises: InvalidInput, when a column is unknown or states are too many.
     Source: after Tanwani 2018, figure 3.7.
     """
-    require_kind("skill", skill, Skill)
+    require_type("skill", skill, Skill)
     require_states(skill.states)
     layout = skill.layout.tangent  # covariances are of deviations
-    groups = _groups(layout, chosen_columns(layout, columns))
+    groups = _group_by_unit(layout, column_indices(layout, columns))
     rows = len(skill.frame_names)
-    figure = sheet(max(5.5, 0.5 * WIDTH * len(groups)), 2.7 * rows + 0.6)
+    figure = new_figure(max(5.5, 0.5 * FIGURE_WIDTH * len(groups)), 2.7 * rows + 0.6)
     panels = figure.subplots(rows, len(groups), squeeze=False, sharex=True, sharey="col")
     for p, name in enumerate(skill.frame_names):
         variances = np.diagonal(skill.covariances[p].dense, axis1=1, axis2=2)  # (K, D)
         for panel, group in zip(panels[p], groups, strict=True):
             _draw_deviations(panel, np.sqrt(variances[:, group]), [layout.names[c] for c in group])
             unit = layout.units[group[0]]
-            dress(panel, x="state", y=f"deviation [{unit}]", title=f"seen from {name!r}")
+            style_axes(panel, x="state", y=f"deviation [{unit}]", title=f"seen from {name!r}")
             panel.tick_params(labelleft=True, labelbottom=True)
     for panel in panels[0]:  # a column of panels has one scale
-        _tick_readably(panel)
+        _set_ticks(panel)
     legend_below(figure, _handles(layout, groups))
     return figure
 
 
-def _groups(layout: Layout, columns: list[int]) -> list[list[int]]:
+def _group_by_unit(layout: Layout, columns: list[int]) -> list[list[int]]:
     """Columns of the same unit together, in the order in which units appear."""
     units = list(dict.fromkeys(layout.units[column] for column in columns))
     return [[column for column in columns if layout.units[column] == unit] for unit in units]
@@ -61,18 +68,18 @@ def _groups(layout: Layout, columns: list[int]) -> list[list[int]]:
 def _draw_deviations(panel: Axes, spread: Float[Array, "K C"], names: Sequence[str]) -> None:
     states = np.arange(len(spread))
     precise = int(np.log(spread).sum(axis=1).argmin())
-    panel.axvspan(precise - 0.5, precise + 0.5, color=BLUE, zorder=0, gid="most precise")
+    panel.axvspan(precise - 0.5, precise + 0.5, color=HIGHLIGHT, zorder=0, gid="most precise")
     for i, name in enumerate(names):
         colour, dash = column_colour(name, i), column_dash(name, i)
         panel.plot(
             states, spread[:, i], color=colour, linestyle=dash, marker="o", markersize=4, linewidth=1.4
         )
     panel.set_yscale("log")
-    panel.set_xticks(states[:: ceil(len(states) / MOST_TICKS)])
+    panel.set_xticks(states[:: ceil(len(states) / MAX_TICKS)])
     panel.set_xlim(-0.5, len(spread) - 0.5)
 
 
-def _tick_readably(panel: Axes) -> None:
+def _set_ticks(panel: Axes) -> None:
     """Plain numbers at round values; powers of ten only where the scale spans several."""
     low, high = panel.get_ylim()
     if (decades := np.log10(high / low)) >= MANY_DECADES:
@@ -89,16 +96,16 @@ def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:
     colours = {c: column_colour(layout.names[c], i) for i, c in places}
     dashes = {c: column_dash(layout.names[c], i) for i, c in places}
     labels = {c: layout.names[c] for _, c in places}
-    if len(labels) > MOST_NAMED:
-        labels = _a_label_a_colour(labels, colours)
+    if len(labels) > MAX_LEGEND_ENTRIES:
+        labels = _unique_labels(labels, colours)
     lines = [
         Line2D([], [], color=colours[c], linestyle=dashes[c], marker="o", markersize=4, label=label)
         for c, label in labels.items()
     ]
-    return [*lines, Patch(color=BLUE, label="most precise state")]
+    return [*lines, Patch(color=HIGHLIGHT, label="most precise state")]
 
 
-def _a_label_a_colour(labels: dict[int, str], colours: dict[int, str]) -> dict[int, str]:
+def _unique_labels(labels: dict[int, str], colours: dict[int, str]) -> dict[int, str]:
     """One column of each colour, labelled with its name and how many others share the colour."""
     shown: dict[int, str] = {}
     for colour in dict.fromkeys(colours.values()):

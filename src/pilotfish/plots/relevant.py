@@ -10,18 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pilotfish.models import FrameRelevance
-from pilotfish.plots.kinds import require_kind
-from pilotfish.plots.style import HUMAN, SMALL, sheet
+from pilotfish.plots.kinds import require_type
+from pilotfish.plots.style import DEMONSTRATION, SMALL_FONT, new_figure
 from pilotfish.types import Array, Float
 
-DARK = 0.55  # of the shades: from here on figures are white
-MOST_FIGURES = 24  # states; of more, figures would not fit their cells
+WHITE_TEXT_THRESHOLD = 0.55  # of the shades: from here on figures are white
+MAX_NUMBERED_STATES = 24  # states; of more, figures would not fit their cells
 CELL, TITLE = 0.48, 2.8  # inches
-STRONG = 3.0  # nats: what costs less is hardly told from chance, so it is hardly shaded
-FULL_SHADE = 10.0  # nats, at least
+SIGNIFICANT_COST = 3.0  # nats: what costs less is hardly told from chance, so it is hardly shaded
+MIN_COST_SCALE = 10.0  # nats, at least
 
 
-def frame_relevance(relevant: FrameRelevance) -> Figure:
+def frame_relevance(frame_relevance: FrameRelevance) -> Figure:
     """A row for each frame, a column for each state: above how relevant it is, below what it is worth.
 
     Above is the power to which the frame's Gaussian should be raised, relative to the frame that matters most
@@ -29,51 +29,53 @@ def frame_relevance(relevant: FrameRelevance) -> Figure:
     lose if this frame alone were left out of the state [nats]; shades are linear to three nats, logarithmic
     beyond. Cells without a figure are zero, or below 0.05 nats. Of more than 24 states only shades are drawn.
     """
-    require_kind("relevant", relevant, FrameRelevance)
-    figure = _sheet(relevant)
+    require_type("frame_relevance", frame_relevance, FrameRelevance)
+    figure = _new_figure(frame_relevance)
     above, below = figure.subplots(2, 1)
-    _shade(above, relevant.values, Normalize(0.0, 1.0), _power, "relevance [1]")
-    most = max(FULL_SHADE, float(relevant.costs[np.isfinite(relevant.costs)].max(initial=0.0)))
-    scale = SymLogNorm(STRONG, linscale=0.4, vmin=0.0, vmax=most)
-    bar = _shade(below, relevant.costs, scale, _nats, "cost [nat]")
-    bar.set_ticks([0.0, STRONG, *10.0 ** np.arange(1, np.log10(most) + 1e-9)])
-    _label(above, relevant, "how relevant each frame is")
-    _label(below, relevant, "cost of leaving out this frame alone")
+    _draw_heat_map(above, frame_relevance.values, Normalize(0.0, 1.0), _format_relevance, "relevance [1]")
+    most = max(
+        MIN_COST_SCALE, float(frame_relevance.costs[np.isfinite(frame_relevance.costs)].max(initial=0.0))
+    )
+    scale = SymLogNorm(SIGNIFICANT_COST, linscale=0.4, vmin=0.0, vmax=most)
+    bar = _draw_heat_map(below, frame_relevance.costs, scale, _format_cost, "cost [nat]")
+    bar.set_ticks([0.0, SIGNIFICANT_COST, *10.0 ** np.arange(1, np.log10(most) + 1e-9)])
+    _label(above, frame_relevance, "how relevant each frame is")
+    _label(below, frame_relevance, "cost of leaving out this frame alone")
     return figure
 
 
-def _sheet(relevant: FrameRelevance) -> Figure:
-    P, K = relevant.values.shape
-    names = 0.1 * max(map(len, relevant.frame_names))
-    return sheet(names + max(TITLE, CELL * min(K, MOST_FIGURES)) + 1.7, 2.0 + 2.0 * CELL * P)
+def _new_figure(frame_relevance: FrameRelevance) -> Figure:
+    P, K = frame_relevance.values.shape
+    names = 0.1 * max(map(len, frame_relevance.frame_names))
+    return new_figure(names + max(TITLE, CELL * min(K, MAX_NUMBERED_STATES)) + 1.7, 2.0 + 2.0 * CELL * P)
 
 
-def _shade(
+def _draw_heat_map(
     panel: Axes,
     values: Float[Array, "P K"],
     scale: Normalize,
-    figure_of: Callable[[float], str],
+    format_value: Callable[[float], str],
     label: str,
 ) -> Colorbar:
     """A cell for each value, with its figure where it fits, and a bar that tells the shades."""
     shown = np.clip(values, scale.vmin, scale.vmax)
     image = panel.imshow(shown, cmap="Blues", norm=scale, aspect="auto", interpolation="nearest")
-    if values.shape[1] <= MOST_FIGURES:
+    if values.shape[1] <= MAX_NUMBERED_STATES:
         for (p, k), value in np.ndenumerate(values):
-            colour = "white" if scale(shown[p, k]) > DARK else "black"
-            panel.text(k, p, figure_of(value), color=colour, fontsize=SMALL, ha="center", va="center")
+            colour = "white" if scale(shown[p, k]) > WHITE_TEXT_THRESHOLD else "black"
+            panel.text(k, p, format_value(value), color=colour, fontsize=SMALL_FONT, ha="center", va="center")
     bar = panel.figure.colorbar(image, ax=panel, label=label, aspect=12)
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     return bar
 
 
-def _power(value: float) -> str:
+def _format_relevance(value: float) -> str:
     if value == 0.0:
         return ""
     return f"{value:.2f}".rstrip("0").rstrip(".") if value >= 0.005 else "<.01"
 
 
-def _nats(cost: float) -> str:
+def _format_cost(cost: float) -> str:
     if cost < 0.05:
         return ""
     if np.isinf(cost):
@@ -81,14 +83,14 @@ def _nats(cost: float) -> str:
     return f"{cost:.1f}" if cost < 9.95 else f"{cost:.0f}"
 
 
-def _label(panel: Axes, relevant: FrameRelevance, title: str) -> None:
-    P, K = relevant.values.shape
+def _label(panel: Axes, frame_relevance: FrameRelevance, title: str) -> None:
+    P, K = frame_relevance.values.shape
     panel.set_title(title, loc="left", fontsize="medium", fontweight="bold")
     panel.set(xlabel="state", ylabel="frame")
-    panel.set_yticks(range(P), relevant.frame_names)
-    for name, tick in zip(relevant.frame_names, panel.get_yticklabels(), strict=True):
-        tick.set_color(HUMAN if name in relevant.distractors else "black")
-    panel.xaxis.set_major_locator(MaxNLocator(min(K, MOST_FIGURES), integer=True))
+    panel.set_yticks(range(P), frame_relevance.frame_names)
+    for name, tick in zip(frame_relevance.frame_names, panel.get_yticklabels(), strict=True):
+        tick.set_color(DEMONSTRATION if name in frame_relevance.distractors else "black")
+    panel.xaxis.set_major_locator(MaxNLocator(min(K, MAX_NUMBERED_STATES), integer=True))
     panel.spines[:].set_visible(False)
     panel.tick_params(length=0)
     for edge in np.arange(K - 1) + 0.5:

@@ -14,42 +14,42 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] #
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Frame
 from pilotfish.models import AdaptedSkill
-from pilotfish.planning import Observation, ViaPoint, observations
-from pilotfish.plots.doors import (
+from pilotfish.planning import ViaPoint, ViaPointObservation, observe_via_points
+from pilotfish.plots.ellipses import (
+    FrameAxes,
+    draw_ellipses,
+    draw_frame_axes,
+    draw_principal_axes,
+    frame_axes_in,
+    label_frame_axes,
+    label_frame_axes_3d,
+)
+from pilotfish.plots.kinds import require_sequence, require_type
+from pilotfish.plots.labels import place_labels
+from pilotfish.plots.spreads import ambient_covariances
+from pilotfish.plots.style import (
+    DEMONSTRATION,
+    MOTION,
+    axis_label,
+    legend_below,
+    new_figure,
+    state_legend_handles,
+    style_axes,
+)
+from pilotfish.plots.validation import (
     Plane,
-    chosen_planes,
+    plane_columns,
     position_columns,
-    require_human,
     require_motion,
+    require_same_columns,
     require_states,
     require_width,
 )
-from pilotfish.plots.ellipses import (
-    Triad,
-    draw_crosses,
-    draw_ellipses,
-    draw_triads,
-    label_triads,
-    letter_in_space,
-    triads_of,
-)
-from pilotfish.plots.kinds import require_kind, require_list
-from pilotfish.plots.labels import settle
-from pilotfish.plots.spreads import in_columns
-from pilotfish.plots.style import (
-    HUMAN,
-    MOTION,
-    dress,
-    legend_below,
-    sheet,
-    state_handles,
-    with_unit,
-)
 from pilotfish.types import Array, Float
 
-SPACE = 3
-THINNEST = 0.4  # of the longest side of the box in space
-DIAMOND: dict[str, Any] = {
+SPACE_DIMENSIONS = 3
+MIN_RELATIVE_HEIGHT = 0.4  # of the longest side of the box in space
+VIA_POINT_MARKER: dict[str, Any] = {
     "color": MOTION,
     "marker": "D",
     "markersize": 7,
@@ -57,7 +57,7 @@ DIAMOND: dict[str, Any] = {
     "markeredgewidth": 1.6,
     "linestyle": "",
 }
-BEGINNING: dict[str, Any] = {"color": MOTION, "marker": "o", "markersize": 6.5, "markeredgecolor": "white"}
+START_MARKER: dict[str, Any] = {"color": MOTION, "marker": "o", "markersize": 6.5, "markeredgecolor": "white"}
 
 
 def reproduction(
@@ -65,7 +65,7 @@ def reproduction(
     motion: Motion,
     frames: Sequence[Frame],
     *,
-    human: Demonstration | None = None,
+    demonstration: Demonstration | None = None,
     planes: Sequence[Plane] | None = None,
     points: Sequence[ViaPoint] = (),
 ) -> Figure:
@@ -76,112 +76,123 @@ def reproduction(
     Raises: InvalidInput, when widths differ, states are too many or a point is at no step of the motion.
     Source: after Tanwani 2018, figures 3.3 and 3.6.
     """
-    _require(skill, motion, frames, human)
-    require_list("points", points, ViaPoint)
-    seen = observations(points, skill.layout, motion.x, motion.period)
-    chosen, space = chosen_planes(skill.layout, planes), position_columns(skill.layout)
-    solid = len(space) == SPACE
-    count = len(chosen) + solid
-    figure = sheet(max(6.0, 4.2 * count), 4.8)
-    cells = figure.add_gridspec(1, count, width_ratios=[1.0] * len(chosen) + [1.25] * solid)
+    _validate(skill, motion, frames, demonstration)
+    require_sequence("points", points, ViaPoint)
+    observed = observe_via_points(points, skill.layout, motion.x, motion.period)
+    plane_indices, space = plane_columns(skill.layout, planes), position_columns(skill.layout)
+    is_spatial = len(space) == SPACE_DIMENSIONS
+    count = len(plane_indices) + is_spatial
+    figure = new_figure(max(6.0, 4.2 * count), 4.8)
+    cells = figure.add_gridspec(1, count, width_ratios=[1.0] * len(plane_indices) + [1.25] * is_spatial)
     length = 0.15 * float(np.ptp(motion.x[:, space], axis=0).max()) if space else 0.0
     drawn = []
-    for n, plane in enumerate(chosen):
+    for n, plane in enumerate(plane_indices):
         panel = figure.add_subplot(cells[0, n])
-        triads = triads_of(frames, space, plane, length) if set(plane) <= set(space) else []
-        draw_triads(panel, triads)
-        labels = [*label_triads(panel, triads, length), *_draw_plane(panel, skill, motion, human, plane)]
-        _draw_diamonds(panel, seen, plane)
-        drawn.append((panel, labels, np.stack([motion.x[0, list(plane)], *(t.origin for t in triads)])))
-    if solid:
-        triads = triads_of(frames, space, space, length)
+        frame_axes = frame_axes_in(frames, space, plane, length) if set(plane) <= set(space) else []
+        draw_frame_axes(panel, frame_axes)
+        labels = [
+            *label_frame_axes(panel, frame_axes, length),
+            *_draw_plane(panel, skill, motion, demonstration, plane),
+        ]
+        _draw_via_points(panel, observed, plane)
+        drawn.append((panel, labels, np.stack([motion.x[0, list(plane)], *(t.origin for t in frame_axes)])))
+    if is_spatial:
+        frame_axes = frame_axes_in(frames, space, space, length)
         panel = figure.add_subplot(cells[0, -1], projection="3d")
-        _draw_space(panel, skill, motion, human, triads)
-        _draw_diamonds(panel, seen, tuple(space))
-    legend_below(figure, [*_path_handles(human is not None, bool(points)), *state_handles(skill.states)])
+        _draw_space(panel, skill, motion, demonstration, frame_axes)
+        _draw_via_points(panel, observed, tuple(space))
+    legend_below(
+        figure, [*_path_handles(demonstration is not None, bool(points)), *state_legend_handles(skill.states)]
+    )
     figure.draw_without_rendering()  # only then is known where labels stand
     for panel, labels, marks in drawn:
-        settle(panel, labels, marks)
+        place_labels(panel, labels, marks)
     return figure
 
 
-def _require(
-    skill: AdaptedSkill, motion: Motion, frames: Sequence[Frame], human: Demonstration | None
+def _validate(
+    skill: AdaptedSkill, motion: Motion, frames: Sequence[Frame], demonstration: Demonstration | None
 ) -> None:
-    require_kind("skill", skill, AdaptedSkill)
-    require_kind("motion", motion, Motion)
-    require_list("frames", frames, Frame)
+    require_type("skill", skill, AdaptedSkill)
+    require_type("motion", motion, Motion)
+    require_sequence("frames", frames, Frame)
     require_states(skill.states)
     require_motion(motion, skill.layout)
     for frame in frames:
         require_width(f"frame {frame.name!r}", len(frame.b), skill.layout)
-    if human is not None:
-        require_human(human, skill.layout)
+    if demonstration is not None:
+        require_same_columns(demonstration, skill.layout)
 
 
-def _draw_diamonds(panel: Axes | Axes3D, seen: Sequence[Observation], axes: tuple[int, ...]) -> None:
+def _draw_via_points(
+    panel: Axes | Axes3D, observed: Sequence[ViaPointObservation], axes: tuple[int, ...]
+) -> None:
     """Where the motion was asked to pass, by points that name all axes of the panel."""
-    for o in seen:
-        wished = dict(zip(o.columns.tolist(), o.values.tolist(), strict=True))
-        if set(axes) <= set(wished):
-            panel.plot(*([wished[column]] for column in axes), **DIAMOND, zorder=9)
+    for o in observed:
+        values = dict(zip(o.columns.tolist(), o.values.tolist(), strict=True))
+        if set(axes) <= set(values):
+            panel.plot(*([values[column]] for column in axes), **VIA_POINT_MARKER, zorder=9)
 
 
 def _draw_plane(
-    panel: Axes, skill: AdaptedSkill, motion: Motion, human: Demonstration | None, plane: tuple[int, int]
+    panel: Axes,
+    skill: AdaptedSkill,
+    motion: Motion,
+    demonstration: Demonstration | None,
+    plane: tuple[int, int],
 ) -> list[Annotation]:
     """All but the frames; the numbers of states are returned, to be settled."""
     panel.margins(0.1)  # room for labels
     numbers = draw_ellipses(panel, skill.means, _covariances(skill), plane, "adapted")
-    if human is not None:
-        panel.plot(*human.x[:, plane].T, color=HUMAN, linestyle="--", linewidth=1.6, zorder=2)
+    if demonstration is not None:
+        panel.plot(*demonstration.x[:, plane].T, color=DEMONSTRATION, linestyle="--", linewidth=1.6, zorder=2)
     panel.plot(*motion.x[:, plane].T, color=MOTION, linewidth=1.8, zorder=2)
-    panel.plot(*motion.x[0, list(plane)][:, None], **BEGINNING, zorder=7)
-    x, y = (with_unit(skill.layout, column) for column in plane)
-    dress(panel, x=x, y=y).set_aspect("equal", adjustable="datalim")
+    panel.plot(*motion.x[0, list(plane)][:, None], **START_MARKER, zorder=7)
+    x, y = (axis_label(skill.layout, column) for column in plane)
+    style_axes(panel, x=x, y=y).set_aspect("equal", adjustable="datalim")
     return numbers
 
 
 def _covariances(skill: AdaptedSkill) -> Float[Array, "K D D"]:
-    return in_columns(skill.means, skill.covariances, skill.layout)
+    return ambient_covariances(skill.means, skill.covariances, skill.layout)
 
 
 def _draw_space(
     axes: Axes3D,
     skill: AdaptedSkill,
     motion: Motion,
-    human: Demonstration | None,
-    triads: Sequence[Triad],
+    demonstration: Demonstration | None,
+    frame_axes: Sequence[FrameAxes],
 ) -> None:
     space = position_columns(skill.layout)
-    draw_crosses(axes, skill.means[:, space], _covariances(skill)[:, space][:, :, space])
-    draw_triads(axes, triads)
-    letter_in_space(axes, triads)
-    if human is not None:
-        axes.plot(*human.x[:, space].T, color=HUMAN, linestyle="--", linewidth=1.6)
+    draw_principal_axes(axes, skill.means[:, space], _covariances(skill)[:, space][:, :, space])
+    draw_frame_axes(axes, frame_axes)
+    label_frame_axes_3d(axes, frame_axes)
+    if demonstration is not None:
+        axes.plot(*demonstration.x[:, space].T, color=DEMONSTRATION, linestyle="--", linewidth=1.6)
     axes.plot(*motion.x[:, space].T, color=MOTION, linewidth=1.8)
-    axes.plot(*motion.x[0, space][:, None], **BEGINNING, zorder=7)
+    axes.plot(*motion.x[0, space][:, None], **START_MARKER, zorder=7)
     for axis, column in zip((axes.xaxis, axes.yaxis, axes.zaxis), space, strict=True):
-        axis.set_label_text(with_unit(skill.layout, column))
+        axis.set_label_text(axis_label(skill.layout, column))
         axis.set_major_locator(MaxNLocator(4))
         axis.labelpad = 7.0
-    _scale_equally(axes)
+    _set_equal_aspect(axes)
 
 
-def _scale_equally(axes: Axes3D) -> None:
+def _set_equal_aspect(axes: Axes3D) -> None:
     """A metre is as long in every direction; a flat box is made thick enough for its ticks."""
     limits = np.array([axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()])
-    half = np.maximum(np.ptp(limits, axis=1), THINNEST * np.ptp(limits, axis=1).max()) / 2
+    half = np.maximum(np.ptp(limits, axis=1), MIN_RELATIVE_HEIGHT * np.ptp(limits, axis=1).max()) / 2
     low, high = limits.mean(axis=1) - half, limits.mean(axis=1) + half
     axes.set(xlim3d=(low[0], high[0]), ylim3d=(low[1], high[1]), zlim3d=(low[2], high[2]))
     axes.set_box_aspect(half, zoom=0.84)  # room for the labels, which no layout engine knows of
 
 
-def _path_handles(human: bool, points: bool) -> list[Line2D]:
+def _path_handles(demonstration: bool, points: bool) -> list[Line2D]:
     handles = [
         Line2D([], [], color=MOTION, label="reproduction"),
-        Line2D([], [], **BEGINNING, linestyle="", label="its beginning"),
-        *([Line2D([], [], **DIAMOND, label="point to pass")] if points else []),
+        Line2D([], [], **START_MARKER, linestyle="", label="its beginning"),
+        *([Line2D([], [], **VIA_POINT_MARKER, label="point to pass")] if points else []),
     ]
-    shown = Line2D([], [], color=HUMAN, linestyle="--", label="demonstration")
-    return [*handles, shown] if human else handles
+    shown = Line2D([], [], color=DEMONSTRATION, linestyle="--", label="demonstration")
+    return [*handles, shown] if demonstration else handles

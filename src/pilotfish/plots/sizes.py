@@ -13,8 +13,8 @@ from matplotlib.typing import LineStyleType
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Score, Selection
-from pilotfish.plots.kinds import require_kind
-from pilotfish.plots.style import COLUMN_COLOURS, WIDTH, dress, legend_below, sheet
+from pilotfish.plots.kinds import require_type
+from pilotfish.plots.style import COLUMN_COLOURS, FIGURE_WIDTH, legend_below, new_figure, style_axes
 from pilotfish.types import Array, Float
 
 LINE_DASHES: tuple[LineStyleType, ...] = (
@@ -28,17 +28,19 @@ LINE_DASHES: tuple[LineStyleType, ...] = (
     (0.0, (2.0, 2.0, 6.0, 2.0)),
 )
 MARKERS = "osD^P*Xp"  # one with each kind of dashes; "v" is an impossible demonstration
-DODGE = 0.1  # states from line to line, so that what nearly coincides stands side by side
-WIDEST = 0.6  # states from the first line to the last
-LEAST = 0.1  # nats per datapoint: smaller differences are drawn in proportion, larger ones by their decades
+LINE_OFFSET = 0.1  # states from line to line, so that what nearly coincides stands side by side
+MAX_OFFSET = 0.6  # states from the first line to the last
+MIN_LINEAR_RANGE = (
+    0.1  # nats per datapoint: smaller differences are drawn in proportion, larger ones by their decades
+)
 
 
-HELD_OUT = "demonstrations held out (higher is better)"
-ALL = "BIC, all demonstrations (lower is better)"
+HELD_OUT_TITLE = "demonstrations held out (higher is better)"
+BIC_TITLE = "BIC, all demonstrations (lower is better)"
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class ScoreLine:
     """The scores of one structure and one kind of durations, by their number of states."""
 
     scores: tuple[Score, ...]
@@ -48,12 +50,12 @@ class Line:
     shift: float
 
     @property
-    def places(self) -> list[float]:
+    def x_positions(self) -> list[float]:
         """Numbers of states, a little to the side."""
         return [score.candidate.states + self.shift for score in self.scores]
 
 
-def model_sizes(selection: Selection) -> Figure:
+def model_selection(selection: Selection) -> Figure:
     """Scores by numbers of states: a colour for each structure, marks and dashes for each kind of durations.
 
     On the left the log-likelihood per datapoint of demonstrations held out, against the highest of all; bars
@@ -65,21 +67,23 @@ def model_sizes(selection: Selection) -> Figure:
     Raises: InvalidInput, when all candidates failed, or there are more structures or kinds of durations than
     can be told apart.
     """
-    require_kind("selection", selection, Selection)
-    best, top = selection.best, selection.likeliest
-    structures, durations = _names(selection.scores)
+    require_type("selection", selection, Selection)
+    best, top = selection.best, selection.highest_held_out
+    structures, durations = _line_names(selection.scores)
     lines = _lines(selection.scores, structures, durations)
-    figure = sheet(WIDTH, 4.6)
+    figure = new_figure(FIGURE_WIDTH, 4.6)
     left, right = figure.subplots(1, 2)
-    left.set_yscale("symlog", linthresh=max(LEAST, _least(top)), linscale=0.8)
+    left.set_yscale("symlog", linthresh=max(MIN_LINEAR_RANGE, _linear_range(top)), linscale=0.8)
     for line in lines:
         _draw_held_out(left, line, top)
-        right.plot(line.places, [score.bic for score in line.scores], **_look(line))
+        right.plot(line.x_positions, [score.bic for score in line.scores], **_line_style(line))
         if best in line.scores:
-            _ring(left, best.candidate.states + line.shift, float(_gains(best, top).mean()))
-            _ring(right, best.candidate.states + line.shift, best.bic)
-    dress(left, x="states", y="log-likelihood per datapoint,\nagainst the best [nat]", title=HELD_OUT)
-    dress(right, x="states", y="Bayesian information criterion [nat]", title=ALL)
+            _mark_selected(left, best.candidate.states + line.shift, float(_differences(best, top).mean()))
+            _mark_selected(right, best.candidate.states + line.shift, best.bic)
+    style_axes(
+        left, x="states", y="log-likelihood per datapoint,\nagainst the best [nat]", title=HELD_OUT_TITLE
+    )
+    style_axes(right, x="states", y="Bayesian information criterion [nat]", title=BIC_TITLE)
     for axes in (left, right):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -88,26 +92,30 @@ def model_sizes(selection: Selection) -> Figure:
     return figure
 
 
-def _names(scores: Sequence[Score]) -> tuple[list[str], list[str]]:
-    structures, durations = (list(dict.fromkeys(names)) for names in zip(*map(_pair, scores), strict=True))
-    for name, there, most in (
+def _line_names(scores: Sequence[Score]) -> tuple[list[str], list[str]]:
+    structures, durations = (
+        list(dict.fromkeys(names)) for names in zip(*map(_line_name, scores), strict=True)
+    )
+    for name, present, most in (
         ("structures", structures, len(COLUMN_COLOURS)),
         ("kinds of durations", durations, len(LINE_DASHES)),
     ):
-        if len(there) > most:
-            raise InvalidInput(f"there are {len(there)} {name}, expected at most {most}: draw fewer at once")
+        if len(present) > most:
+            raise InvalidInput(
+                f"there are {len(present)} {name}, expected at most {most}: draw fewer at once"
+            )
     return structures, durations
 
 
-def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequence[str]) -> list[Line]:
+def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequence[str]) -> list[ScoreLine]:
     """One structure's kinds of durations are the likeliest to coincide, and stand the furthest apart."""
-    there = set(map(_pair, scores))
-    pairs = [(s, d) for d in durations for s in structures if (s, d) in there]
-    reach = min(WIDEST, DODGE * (len(pairs) - 1)) / 2
-    shifts = np.linspace(-reach, reach, len(pairs))
+    present = set(map(_line_name, scores))
+    pairs = [(s, d) for d in durations for s in structures if (s, d) in present]
+    half_width = min(MAX_OFFSET, LINE_OFFSET * (len(pairs) - 1)) / 2
+    shifts = np.linspace(-half_width, half_width, len(pairs))
     return [
-        Line(
-            tuple(sorted((s for s in scores if _pair(s) == pair), key=lambda s: s.candidate.states)),
+        ScoreLine(
+            tuple(sorted((s for s in scores if _line_name(s) == pair), key=lambda s: s.candidate.states)),
             COLUMN_COLOURS[structures.index(pair[0])],
             LINE_DASHES[durations.index(pair[1])],
             MARKERS[durations.index(pair[1])],
@@ -117,36 +125,38 @@ def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequen
     ]
 
 
-def _pair(score: Score) -> tuple[str, str]:
+def _line_name(score: Score) -> tuple[str, str]:
     return score.candidate.structure.label, score.candidate.durations
 
 
-def _gains(score: Score, top: Score) -> Float[Array, " M"]:
+def _differences(score: Score, top: Score) -> Float[Array, " M"]:
     """Demonstration by demonstration; where neither explains one, there is nothing to tell."""
     with np.errstate(invalid="ignore"):
         return np.asarray(score.held_out - top.held_out)
 
 
-def _least(top: Score) -> float:
+def _linear_range(top: Score) -> float:
     return 0.1 * top.standard_error if np.isfinite(top.standard_error) else 0.0
 
 
-def _draw_held_out(axes: Axes, line: Line, top: Score) -> None:
-    x = np.array(line.places)
-    gains = np.array([_gains(score, top) for score in line.scores])  # (lines' scores, M)
-    seen = np.isfinite(gains).all(axis=1)
+def _draw_held_out(axes: Axes, line: ScoreLine, top: Score) -> None:
+    x = np.array(line.x_positions)
+    differences = np.array([_differences(score, top) for score in line.scores])  # (lines' scores, M)
+    possible = np.isfinite(differences).all(axis=1)
     axes.errorbar(
-        x[seen],
-        gains[seen].mean(axis=1),
-        gains[seen].std(axis=1, ddof=1) / np.sqrt(gains.shape[1]),
+        x[possible],
+        differences[possible].mean(axis=1),
+        differences[possible].std(axis=1, ddof=1) / np.sqrt(differences.shape[1]),
         elinewidth=0.9,
-        **_look(line),
+        **_line_style(line),
     )
     edge = axes.get_xaxis_transform()
-    axes.plot(x[~seen], np.full((~seen).sum(), 0.03), "v", color=line.colour, markersize=6, transform=edge)
+    axes.plot(
+        x[~possible], np.full((~possible).sum(), 0.03), "v", color=line.colour, markersize=6, transform=edge
+    )
 
 
-def _look(line: Line) -> dict[str, Any]:
+def _line_style(line: ScoreLine) -> dict[str, Any]:
     return {
         "color": line.colour,
         "linestyle": line.dash,
@@ -156,7 +166,7 @@ def _look(line: Line) -> dict[str, Any]:
     }
 
 
-def _ring(axes: Axes, x: float, y: float) -> None:
+def _mark_selected(axes: Axes, x: float, y: float) -> None:
     axes.plot(x, y, "o", markersize=13, markerfacecolor="none", color="black", zorder=6)
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 
 from pilotfish.demonstrations import Layout
-from pilotfish.geometry import left_matrix, tangent_slices
+from pilotfish.geometry import left_multiplication_matrix, tangent_slices
 from pilotfish.types import Array, Float
 
 
-def in_columns(
+def ambient_covariances(
     means: Float[Array, "K D"], covariances: Float[Array, "K E E"], layout: Layout
 ) -> Float[Array, "K D D"]:
     """The covariances of the columns themselves: the same, where no orientation is on S^3.
@@ -17,9 +17,9 @@ def in_columns(
     """
     K, D = means.shape
     J = np.zeros((K, D, covariances.shape[-1]))
-    for here, there, turn in tangent_slices(D, layout.turns):
-        if turn:
-            J[:, here, there] = 0.5 * left_matrix(means[:, here])[:, :, 1:]
+    for columns, tangent_columns, is_orientation in tangent_slices(D, layout.orientation_starts):
+        if is_orientation:
+            J[:, columns, tangent_columns] = 0.5 * left_multiplication_matrix(means[:, columns])[:, :, 1:]
         else:
-            J[:, here, there] = np.eye(here.stop - here.start)
-    return J @ covariances @ J.transpose(0, 2, 1) if layout.turns else covariances
+            J[:, columns, tangent_columns] = np.eye(columns.stop - columns.start)
+    return J @ covariances @ J.transpose(0, 2, 1) if layout.orientation_starts else covariances

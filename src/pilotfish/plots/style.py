@@ -15,15 +15,15 @@ from pilotfish.demonstrations import Layout
 
 # Six of Okabe & Ito 2008, without the yellow that is lost on white, and two of Paul Tol's dark ones.
 STATE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#332288", "#882255")
-DASHES: tuple[LineStyleType, ...] = ("-", "--", ":")
-MOST_STATES = len(STATE_COLOURS) * len(DASHES)
+STATE_DASHES: tuple[LineStyleType, ...] = ("-", "--", ":")
+MAX_STATES = len(STATE_COLOURS) * len(STATE_DASHES)
 
 # What lies beside states is grey or black. Axes of space, and columns named for them, have their own colours.
-MOTION, HUMAN, FAINT = "black", "0.45", "0.72"
+MOTION, DEMONSTRATION, BACKGROUND = "black", "0.45", "0.72"
 AXIS_COLOURS = {"x": "#BB5566", "y": "#DDAA33", "z": "#004488", "w": "#66CCEE"}
 COLUMN_COLOURS = (*AXIS_COLOURS.values(), "#44AA99", "#882255", "#999999", "#222222")
 
-SMALL, WIDTH = 9.0, 10.0  # points; inches
+SMALL_FONT, FIGURE_WIDTH = 9.0, 10.0  # points; inches
 
 
 def state_colour(state: int) -> str:
@@ -32,7 +32,7 @@ def state_colour(state: int) -> str:
 
 def state_dash(state: int) -> LineStyleType:
     """Solid for the first states; later ones repeat the colours with other dashes."""
-    return DASHES[state // len(STATE_COLOURS) % len(DASHES)]
+    return STATE_DASHES[state // len(STATE_COLOURS) % len(STATE_DASHES)]
 
 
 def column_colour(name: str, place: int) -> str:
@@ -44,15 +44,15 @@ def column_dash(name: str, place: int) -> LineStyleType:
     """Solid while columns have colours of their own; where these repeat in a part, dashes."""
     if name.rstrip("'").rpartition(" ")[2] in AXIS_COLOURS:
         return "-"
-    return DASHES[place // len(COLUMN_COLOURS) % len(DASHES)]
+    return STATE_DASHES[place // len(COLUMN_COLOURS) % len(STATE_DASHES)]
 
 
-def sheet(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """An empty figure [inches] that makes room for all it is labelled with."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def dress(axes: Axes, *, x: str, y: str, title: str = "") -> Axes:
+def style_axes(axes: Axes, *, x: str, y: str, title: str = "") -> Axes:
     """Labels, faint lines behind the data, and no more frame than the data needs."""
     axes.set_xlabel(x)
     axes.set_ylabel(y)
@@ -64,12 +64,12 @@ def dress(axes: Axes, *, x: str, y: str, title: str = "") -> Axes:
     return axes
 
 
-def with_unit(layout: Layout, column: int) -> str:
+def axis_label(layout: Layout, column: int) -> str:
     """The label of an axis: a column's name and unit."""
     return f"{layout.names[column]} [{layout.units[column]}]"
 
 
-def halo(text: Text) -> Text:
+def add_outline(text: Text) -> Text:
     """The same text, readable over lines."""
     text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
     return text
@@ -77,19 +77,19 @@ def halo(text: Text) -> Text:
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
     """One legend for the whole sheet, under the panels, where it covers nothing."""
-    most = max(1, int(figure.get_figwidth() / max(0.75, 0.35 + 0.09 * _longest(handles))))
+    most = max(1, int(figure.get_figwidth() / max(0.75, 0.35 + 0.09 * _max_label_length(handles))))
     rows = ceil(len(handles) / most)
     columns = ceil(len(handles) / rows)
     figure.legend(
-        handles=list(handles), loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL
+        handles=list(handles), loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL_FONT
     )
 
 
-def _longest(handles: Sequence[Artist]) -> int:
+def _max_label_length(handles: Sequence[Artist]) -> int:
     return max(len(str(handle.get_label())) for handle in handles)
 
 
-def state_handles(states: int) -> list[Line2D]:
+def state_legend_handles(states: int) -> list[Line2D]:
     """What a legend shows for each state."""
     return [
         Line2D([], [], color=state_colour(k), linestyle=state_dash(k), linewidth=2.5, label=f"state {k}")

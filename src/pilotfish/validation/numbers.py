@@ -9,13 +9,13 @@ from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 from pilotfish.validation.text import short_repr
 
-LARGEST_MAGNITUDE = 1e100  # the squares of such numbers, and sums of many squares, do not overflow
-LARGEST_FLOAT = float(np.finfo(np.float64).max)
-MOST_DIMENSIONS = 32  # of an array, as NumPy 1 has it
-FEW = 16  # numbers
+MAX_MAGNITUDE = 1e100  # the squares of such numbers, and sums of many squares, do not overflow
+MAX_FLOAT = float(np.finfo(np.float64).max)
+MAX_DIMENSIONS = 32  # of an array, as NumPy 1 has it
+SMALL_ARRAY_SIZE = 16  # numbers
 
 
-def require_count(value: object, place: str, largest: int, lowest: int = 0) -> int:
+def require_count(value: object, label: str, maximum: int, minimum: int = 0) -> int:
     """Return value as an int if it is a whole number from lowest to largest.
 
     Every number that sizes an array or a loop and comes from outside passes here.
@@ -32,16 +32,16 @@ def require_count(value: object, place: str, largest: int, lowest: int = 0) -> i
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value[()]
     if not isinstance(value, int | np.integer) or isinstance(value, bool):
-        raise InvalidInput(f"{place} is {short_repr(value)}, expected a whole number")
-    if not lowest <= value <= largest:
+        raise InvalidInput(f"{label} is {short_repr(value)}, expected a whole number")
+    if not minimum <= value <= maximum:
         raise InvalidInput(
-            f"{place} is {short_repr(int(value))}, expected a whole number from {lowest} to {largest}"
+            f"{label} is {short_repr(int(value))}, expected a whole number from {minimum} to {maximum}"
         )
     return int(value)
 
 
 def require_number(
-    value: object, place: str, lowest: float = -LARGEST_MAGNITUDE, largest: float = LARGEST_MAGNITUDE
+    value: object, label: str, minimum: float = -MAX_MAGNITUDE, maximum: float = MAX_MAGNITUDE
 ) -> float:
     """Return value as a float if it is a finite real number from lowest to largest.
 
@@ -58,16 +58,16 @@ def require_number(
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value[()]
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
-        raise InvalidInput(f"{place} is {short_repr(value)}, expected a number")
-    number = _float(value)
-    if not lowest <= number <= largest:
+        raise InvalidInput(f"{label} is {short_repr(value)}, expected a number")
+    number = _to_float(value)
+    if not minimum <= number <= maximum:
         raise InvalidInput(
-            f"{place} is {short_repr(value)}, expected a number from {lowest:g} to {largest:g}"
+            f"{label} is {short_repr(value)}, expected a number from {minimum:g} to {maximum:g}"
         )
     return number
 
 
-def numeric_array(value: object, place: str) -> Float[Array, "..."]:
+def numeric_array(value: object, label: str) -> Float[Array, "..."]:
     """Return a read-only float64 copy of an array of real numbers, which may be NaN or infinite.
 
     Args:
@@ -78,19 +78,19 @@ def numeric_array(value: object, place: str) -> Float[Array, "..."]:
         InvalidInput: If it is ragged, holds text, dates, objects, complex or boolean values, or has masked
             entries, anywhere in its lists.
     """
-    _refuse_odd_items(value, place, depth=0)
+    _require_real_items(value, label, depth=0)
     try:
         array = np.array(value)
         if array.dtype.kind == "O":  # a whole number beyond 64 bits makes objects of all
-            array = _floats_of_objects(array)
+            array = _floats_from_objects(array)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInput(
-            f"{place} has rows of different lengths or things that are no real numbers ({error}), expected "
+            f"{label} has rows of different lengths or things that are no real numbers ({error}), expected "
             "an array of real numbers"
         ) from error
     if array.dtype.kind not in "fiu":
         raise InvalidInput(
-            f"{place} has {array.dtype} values that are no real numbers, expected an array of real numbers: "
+            f"{label} has {array.dtype} values that are no real numbers, expected an array of real numbers: "
             f"{short_repr(value)}"
         )
     # A number that is too large for float64 becomes infinite, and a signalling NaN a quiet one.
@@ -102,9 +102,9 @@ def numeric_array(value: object, place: str) -> Float[Array, "..."]:
 
 def finite_array(
     value: object,
-    place: str,
+    label: str,
     shape: tuple[int, ...] | None = None,
-    largest: float = LARGEST_MAGNITUDE,
+    maximum: float = MAX_MAGNITUDE,
 ) -> Float[Array, "..."]:
     """Return a read-only float64 copy of an array of finite numbers from -largest to largest.
 
@@ -118,15 +118,15 @@ def finite_array(
         InvalidInput: As `numeric_array`, and if it has another shape or a value that is not finite or
             larger; the message names the first.
     """
-    numbers = numeric_array(value, place)
+    numbers = numeric_array(value, label)
     if shape is not None and numbers.shape != shape:
-        raise InvalidInput(f"{place} has shape {numbers.shape}, expected {shape}")
-    refuse_huge(numbers, place, largest)
+        raise InvalidInput(f"{label} has shape {numbers.shape}, expected {shape}")
+    require_bounded(numbers, label, maximum)
     return numbers
 
 
 def float_array(
-    value: object, place: str, columns: int | None = None, largest: float = LARGEST_MAGNITUDE
+    value: object, label: str, columns: int | None = None, maximum: float = MAX_MAGNITUDE
 ) -> Float[Array, "..."]:
     """Return an array of finite numbers as float64: the same object if it is one already, else a copy.
 
@@ -142,13 +142,17 @@ def float_array(
         InvalidInput: As `finite_array`, and if the last axis is missing or has another length.
     """
     same = type(value) is np.ndarray and value.dtype == np.float64
-    array = value if same else numeric_array(value, place)
+    array = value if same else numeric_array(value, label)
     assert isinstance(array, np.ndarray)
     if columns is not None and (array.ndim == 0 or array.shape[-1] != columns):
-        raise InvalidInput(f"{place} has shape {array.shape}, expected (..., {columns})")
-    if array.ndim == 1 and array.size < FEW and math.hypot(*array.tolist()) <= largest < math.inf:
+        raise InvalidInput(f"{label} has shape {array.shape}, expected (..., {columns})")
+    if (
+        array.ndim == 1
+        and array.size < SMALL_ARRAY_SIZE
+        and math.hypot(*array.tolist()) <= maximum < math.inf
+    ):
         return array  # a row such as a quaternion, for which NumPy takes ten times as long
-    refuse_huge(array, place, largest)
+    require_bounded(array, label, maximum)
     return array
 
 
@@ -167,50 +171,50 @@ def require_shapes_agree(**arrays: Array) -> None:
             raise InvalidInput(f"the shapes {shapes} do not go together, expected equal ones") from None
 
 
-def refuse_huge(numbers: Float[Array, "..."], place: str, largest: float = LARGEST_MAGNITUDE) -> None:
+def require_bounded(numbers: Float[Array, "..."], label: str, maximum: float = MAX_MAGNITUDE) -> None:
     """Check that float64 numbers are finite and from -largest to largest, without a copy.
 
     Raises:
         InvalidInput: If one is not; the message names the first and how many there are.
     """
-    if not np.abs(numbers).max(initial=0.0) <= min(largest, LARGEST_FLOAT):  # nor where the maximum is NaN
-        bad = np.argwhere(~(np.abs(numbers) <= min(largest, LARGEST_FLOAT)))
+    if not np.abs(numbers).max(initial=0.0) <= min(maximum, MAX_FLOAT):  # nor where the maximum is NaN
+        bad = np.argwhere(~(np.abs(numbers) <= min(maximum, MAX_FLOAT)))
         index = bad[0].tolist()
         raise InvalidInput(
-            f"{place}{index or ''} is {float(numbers[tuple(index)])}, expected a finite number of at most "
-            f"{largest:g} in magnitude, nor are {len(bad) - 1} more such numbers"
+            f"{label}{index or ''} is {float(numbers[tuple(index)])}, expected a finite number of at most "
+            f"{maximum:g} in magnitude, nor are {len(bad) - 1} more such numbers"
         )
 
 
-def _refuse_odd_items(value: object, place: str, depth: int) -> None:
+def _require_real_items(value: object, label: str, depth: int) -> None:
     """Raise InvalidInput where NumPy would convert text, booleans or masked values among numbers.
 
     One long text among many short items would also make NumPy reserve its length for each of them.
     """
     if np.ma.is_masked(value):
-        raise InvalidInput(f"{place} has masked entries, expected numbers everywhere; fill or cut them")
+        raise InvalidInput(f"{label} has masked entries, expected numbers everywhere; fill or cut them")
     if isinstance(value, np.ndarray) and value.dtype == bool:
-        raise InvalidInput(f"{place} holds bool values, expected an array of real numbers; give 1 and 0")
+        raise InvalidInput(f"{label} holds bool values, expected an array of real numbers; give 1 and 0")
     if not isinstance(value, list | tuple):
         return
-    if depth == MOST_DIMENSIONS:
-        raise InvalidInput(f"{place} is nested deeper than {MOST_DIMENSIONS} lists, expected an array")
+    if depth == MAX_DIMENSIONS:
+        raise InvalidInput(f"{label} is nested deeper than {MAX_DIMENSIONS} lists, expected an array")
     for item in value:
         if type(item) is float or type(item) is int:
             continue
         if isinstance(item, str | bytes | bool | np.bool_):
-            raise InvalidInput(f"{place} holds {short_repr(item)}, expected an array of real numbers")
-        _refuse_odd_items(item, place, depth + 1)
+            raise InvalidInput(f"{label} holds {short_repr(item)}, expected an array of real numbers")
+        _require_real_items(item, label, depth + 1)
 
 
-def _floats_of_objects(array: Array) -> Array:
+def _floats_from_objects(array: Array) -> Array:
     """The numbers of an object array, where all are real and float64 holds them."""
     if array.size == 0 or not all(type(entry) in (int, float) for entry in array.flat):
         raise TypeError("objects")
     return np.array([float(entry) for entry in array.flat]).reshape(array.shape)
 
 
-def _float(number: Any) -> float:
+def _to_float(number: Any) -> float:
     try:
         return float(number)
     except OverflowError:

@@ -14,9 +14,9 @@ from typing import TypeVar
 from pilotfish.errors import InvalidInput, escape
 
 __all__ = [
-    "LONGEST_NAME",
+    "MAX_NAME_LENGTH",
     "escape",
-    "first_repeated",
+    "first_duplicate",
     "nearest_name",
     "require_printable",
     "short_list",
@@ -25,14 +25,14 @@ __all__ = [
 
 T = TypeVar("T", bound=Hashable)
 
-LONGEST_NAME = 200  # characters
-MOST_COMPARED = 200  # names; comparing two takes up to a millisecond
+MAX_NAME_LENGTH = 200  # characters
+MAX_COMPARED_NAMES = 200  # names; comparing two takes up to a millisecond
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxother = _repr.maxlong = 60
 
 
-def require_printable(text: object, place: str, longest: int = LONGEST_NAME) -> str:
+def require_printable(text: object, label: str, max_length: int = MAX_NAME_LENGTH) -> str:
     """Return text unchanged if it is a printable string on one line.
 
     Args:
@@ -45,17 +45,17 @@ def require_printable(text: object, place: str, longest: int = LONGEST_NAME) -> 
             surrogate.
     """
     if not isinstance(text, str):
-        raise InvalidInput(f"{place} is {short_repr(text)}, expected text in quotes")
-    if len(text) > longest:
-        raise InvalidInput(f"{place} has {len(text)} characters, expected at most {longest}; shorten it")
+        raise InvalidInput(f"{label} is {short_repr(text)}, expected text in quotes")
+    if len(text) > max_length:
+        raise InvalidInput(f"{label} has {len(text)} characters, expected at most {max_length}; shorten it")
     if not text.isprintable():
         raise InvalidInput(
-            f"{place} is {short_repr(text)}, expected printable characters on one line; remove the others"
+            f"{label} is {short_repr(text)}, expected printable characters on one line; remove the others"
         )
     return text
 
 
-def short_repr(value: object, longest: int = 60) -> str:
+def short_repr(value: object, max_length: int = 60) -> str:
     """Return repr(value) in at most `longest` printable characters, whatever the value is.
 
     Long strings and containers are shortened in the middle or after a few items, without building their
@@ -68,26 +68,26 @@ def short_repr(value: object, longest: int = 60) -> str:
     except ValueError:  # an integer inside a container with more digits than Python prints
         text = f"a {type(value).__name__} with a number that is too long"
     text = escape(text)
-    return text if len(text) <= longest else f"{text[: longest - 3]}..."
+    return text if len(text) <= max_length else f"{text[: max_length - 3]}..."
 
 
-def short_list(items: Collection[object], most: int = 8) -> str:
+def short_list(items: Collection[object], max_items: int = 8) -> str:
     """Return the items separated by commas; of more than `most`, the first ones and how many there are.
 
     Names stand as they are, everything else as `short_repr` writes it.
     """
-    shown = [item if isinstance(item, str) else short_repr(item) for item in islice(items, most)]
-    text = ", ".join(escape(item[:LONGEST_NAME]) for item in shown)
-    return text if len(items) <= most else f"{text}, ... {len(items)} in all"
+    texts = [item if isinstance(item, str) else short_repr(item) for item in islice(items, max_items)]
+    text = ", ".join(escape(item[:MAX_NAME_LENGTH]) for item in texts)
+    return text if len(items) <= max_items else f"{text}, ... {len(items)} in all"
 
 
-def first_repeated(items: Iterable[T]) -> T | None:
+def first_duplicate(items: Iterable[T]) -> T | None:
     """Return the first item that equals an earlier one, or None; the cost is linear in their number."""
-    met: set[T] = set()
+    seen_items: set[T] = set()
     for item in items:
-        if item in met:
+        if item in seen_items:
             return item
-        met.add(item)
+        seen_items.add(item)
     return None
 
 
@@ -99,5 +99,7 @@ def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | 
         known: The names that exist; the first MOST_COMPARED are compared.
         cutoff: Least similarity, from 0 to 1.
     """
-    near = difflib.get_close_matches(name[:LONGEST_NAME], list(islice(known, MOST_COMPARED)), 1, cutoff)
+    near = difflib.get_close_matches(
+        name[:MAX_NAME_LENGTH], list(islice(known, MAX_COMPARED_NAMES)), 1, cutoff
+    )
     return near[0] if near else None

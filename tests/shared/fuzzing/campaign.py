@@ -22,15 +22,15 @@ from typing import Any, NoReturn
 
 import click
 
-from fuzzing.soundness import Unsound, require_sound_refusal
+from fuzzing.soundness import InvariantViolation, require_sound_refusal
 from fuzzing.target import Mutant, Target, mutant_of, plan_of
 from pilotfish.errors import SkillError
 
-LONGEST = 2.0  # s of processor time that one mutant may take
-STUCK = 60.0  # s after which a child that goes on with one mutant is ended
-GROWTH = 200 * 2**20  # bytes by which memory may grow
-ROOM = 300 * 2**20  # bytes of address space beyond those at the start
-THOROUGH = 10  # one of so many accepted mutants is planned and written again
+MAX_SECONDS = 2.0  # s of processor time that one mutant may take
+HANG_TIMEOUT = 60.0  # s after which a child that goes on with one mutant is ended
+MAX_MEMORY_GROWTH = 200 * 2**20  # bytes by which memory may grow
+MEMORY_LIMIT = 300 * 2**20  # bytes of address space beyond those at the start
+THOROUGH_CHECK_INTERVAL = 10  # one of so many accepted mutants is planned and written again
 
 
 class Hang(BaseException):
@@ -100,9 +100,9 @@ def attempt(target: Target, data: Any, thorough: bool) -> bool:
     return True
 
 
-def timed(target: Target, data: Any, thorough: bool) -> bool:
+def measure_attempt(target: Target, data: Any, thorough: bool) -> bool:
     """The same, ended after LONGEST."""
-    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, MAX_SECONDS)
     try:
         return attempt(target, data, thorough)
     finally:
@@ -112,29 +112,32 @@ def timed(target: Target, data: Any, thorough: bool) -> bool:
 def run_here(name: str, target: Target, seed: int, indices: range, here: mmap.mmap | None = None) -> Tally:
     """Run mutants in this process; here is where the number of the current one is written."""
     tally, seen = Tally(name), {}
-    before = _largest()
+    before = _peak_memory()
     for index in indices:
         if here is not None:
             here[:24] = b"".join(n.to_bytes(8, "little") for n in (index, tally.accepted, tally.refused))
         base, edits = plan_of(target, name, seed, index)
         try:
-            mutant = mutant_of(target, base, edits)
+            draw_mutant = mutant_of(target, base, edits)
         except MemoryError:  # the edits multiply: their text does not fit under the limit for what reads it
             continue
+        before += max(0, _peak_memory() - before - tally.growth)  # what the edits themselves took
         began = time.process_time()
         try:
-            if timed(target, mutant.data, tally.accepted % THOROUGH == 0):
+            if measure_attempt(target, draw_mutant.data, tally.accepted % THOROUGH_CHECK_INTERVAL == 0):
                 tally.accepted += 1
             else:
                 tally.refused += 1
-            if (grown := _largest() - before) > GROWTH and grown > tally.growth + GROWTH // 4:
-                raise Unsound(f"memory grew by {grown // 2**20} MiB")
+            if (
+                grown := _peak_memory() - before
+            ) > MAX_MEMORY_GROWTH and grown > tally.growth + MAX_MEMORY_GROWTH // 4:
+                raise InvariantViolation(f"memory grew by {grown // 2**20} MiB")
         except (Exception, Hang) as error:  # noqa: BLE001 - everything else that is raised is a failure
             _note(tally, seen, _failure(name, target, seed, index, (base, edits), error))
         seconds = time.process_time() - began
         if seconds > tally.slowest:
             tally.slowest, tally.slowest_index = seconds, index
-        tally.growth = max(tally.growth, _largest() - before)
+        tally.growth = max(tally.growth, _peak_memory() - before)
         tally.mutants += 1
     return tally
 
@@ -153,7 +156,7 @@ def _kind(error: BaseException) -> str:
     ours = [step for step in steps if f"{os.sep}pilotfish{os.sep}" in step.filename]
     last = (ours or steps)[-1]
     where = "" if isinstance(error, Hang) else f" at {Path(last.filename).name}:{last.lineno}"
-    if isinstance(error, Unsound):
+    if isinstance(error, InvariantViolation):
         where = f" {re.sub(r'[^a-z]+', ' ', re.split(' is |: ', str(error))[0])[:60]}"
     return f"{type(error).__name__}{where}"
 
@@ -164,37 +167,37 @@ def _failure(
     """The failure with as few edits as still show it."""
     kind = _kind(error)
     base, edits = plan
-    mutant = mutant_of(target, base, edits)
+    draw_mutant = mutant_of(target, base, edits)
     for n in range(len(edits) - 1, -1, -1):
         fewer = (*edits[:n], *edits[n + 1 :])
-        if len(edits) > 1 and (smaller := _fails_alike(target, base, fewer, kind)):
-            edits, mutant = fewer, smaller
-    data = mutant.data
+        if len(edits) > 1 and (smaller := _same_failure(target, base, fewer, kind)):
+            edits, draw_mutant = fewer, smaller
+    data = draw_mutant.data
     if isinstance(data, bytes | str) and len(data) < 10**5 and not isinstance(error, Hang):
-        data = _shorter(target, data, kind)
+        data = _minimise_edits(target, data, kind)
     if isinstance(data, Path) and data.is_file():
         data = data.read_bytes()
     text = repr(data)
     if not isinstance(data, str) and len(text) > 800:
         text = f"{text[:800]}... ({len(data) if isinstance(data, bytes) else '?'} bytes)"
     trace = "".join(traceback.format_exception(error)[-6:])[-900:]
-    return Failure(name, seed, index, kind, f"{error}", base, list(mutant.edits), text[:2000], trace)
+    return Failure(name, seed, index, kind, f"{error}", base, list(draw_mutant.edits), text[:2000], trace)
 
 
-def _fails_alike(target: Target, base: int, edits: Sequence[int], kind: str) -> Mutant | None:
-    mutant = mutant_of(target, base, edits)
-    return mutant if _error_of(target, mutant.data) == kind else None
+def _same_failure(target: Target, base: int, edits: Sequence[int], kind: str) -> Mutant | None:
+    draw_mutant = mutant_of(target, base, edits)
+    return draw_mutant if _error_of(target, draw_mutant.data) == kind else None
 
 
 def _error_of(target: Target, data: Any) -> str | None:
     try:
-        timed(target, data, True)
+        measure_attempt(target, data, True)
     except (Exception, Hang) as error:  # noqa: BLE001 - it is compared with another
         return _kind(error)
     return None
 
 
-def _shorter(target: Target, data: Any, kind: str) -> Any:
+def _minimise_edits(target: Target, data: Any, kind: str) -> Any:
     """The data without what can be left out, as far as 10 s lead."""
     end, size = time.monotonic() + 10.0, max(1, len(data) // 2)
     while size and time.monotonic() < end:
@@ -209,7 +212,7 @@ def _shorter(target: Target, data: Any, kind: str) -> Any:
     return data
 
 
-def _largest() -> int:
+def _peak_memory() -> int:
     """The largest resident memory of this process so far, in bytes."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
@@ -221,26 +224,26 @@ def run_target(name: str, target: Target, seed: int, mutants: int, start: int = 
     """Run mutants of a target in forked processes; one that dies or hangs is a failure, the rest goes on."""
     total, end = Tally(name), start + mutants
     while start < end:
-        tally, start = _forked(name, target, seed, range(start, end))
+        tally, start = _fork_worker(name, target, seed, range(start, end))
         total.add(tally)
     return total
 
 
-def _forked(name: str, target: Target, seed: int, indices: range) -> tuple[Tally, int]:
+def _fork_worker(name: str, target: Target, seed: int, indices: range) -> tuple[Tally, int]:
     with NamedTemporaryFile() as out, NamedTemporaryFile() as err, mmap.mmap(-1, 24) as here:
         here[:8] = indices.start.to_bytes(8, "little")
         sys.stdout.flush()
         process = os.fork()
         if process == 0:
             _child(name, target, seed, indices, here, (out.fileno(), err.fileno()))
-        status, stuck = _watched(process, here)
+        status, stuck = _wait_with_timeout(process, here)
         if status == 0:
             told = json.loads(Path(out.name).read_text())
             told["failures"] = [Failure(**failure) for failure in told["failures"]]
             return Tally(**told), indices.stop
         index, accepted, refused = (int.from_bytes(here[n : n + 8], "little") for n in (0, 8, 16))
         kind = "Hang outside Python" if stuck else "Crash"
-        why = f"no end after {STUCK:g} s" if stuck else f"the process ended with status {status}"
+        why = f"no end after {HANG_TIMEOUT:g} s" if stuck else f"the process ended with status {status}"
         failure = Failure(name, seed, index, kind, why, trace=Path(err.name).read_text()[-3000:])
         return Tally(name, index - indices.start + 1, accepted, refused, failures=[failure]), index + 1
 
@@ -258,7 +261,7 @@ def _child(
             attempt(target, mutant_of(target, base, ()).data, True)
         signal.signal(signal.SIGPROF, _hang)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + ROOM, resource.RLIM_INFINITY))
+        resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_LIMIT, resource.RLIM_INFINITY))
         tally = run_here(name, target, seed, indices, here)
         os.write(out, json.dumps(asdict(tally)).encode())
         os._exit(0)
@@ -269,18 +272,18 @@ def _child(
 
 
 def _hang(signum: int, frame: Any) -> None:
-    raise Hang(f"it took more than {LONGEST:g} s")
+    raise Hang(f"it took more than {MAX_SECONDS:g} s")
 
 
-def _watched(process: int, here: mmap.mmap) -> tuple[int, bool]:
+def _wait_with_timeout(process: int, here: mmap.mmap) -> tuple[int, bool]:
     """Return the status of a child at its end, and whether it had to be ended: it stayed with one mutant."""
-    last, since, patience = b"", time.monotonic(), 4 * STUCK
+    last, since, patience = b"", time.monotonic(), 4 * HANG_TIMEOUT
     while True:
         ended, status = os.waitpid(process, os.WNOHANG)
         if ended:
             return status, False
         if (now := here[:8]) != last:
-            patience = STUCK if last else patience  # it tries what it is to edit before the first
+            patience = HANG_TIMEOUT if last else patience  # it tries what it is to edit before the first
             last, since = now, time.monotonic()
         elif time.monotonic() - since > patience:
             os.kill(process, signal.SIGKILL)

@@ -23,7 +23,7 @@ class Token:
         self.text = text
 
     def __repr__(self) -> str:
-        return f"Token({shown(self.text)})"
+        return f"Token({short_text(self.text)})"
 
 
 NUMBERS: tuple[Any, ...] = (
@@ -60,7 +60,7 @@ STRUCTURES: tuple[Any, ...] = (
 )
 
 
-def shown(value: object, most: int = 80) -> str:
+def short_text(value: object, most: int = 80) -> str:
     """Return repr(value), its middle left out if it is long."""
     try:
         text = repr(value) if not isinstance(value, str | list) or len(value) < 10**4 else ""
@@ -82,32 +82,32 @@ def edit_tree(tree: Any, rng: Random) -> tuple[Any, str]:
             n = rng.randrange(len(node))
             child, said = descend(node[n], f"{place}[{n}]")
             return [*node[:n], child, *node[n + 1 :]], said
-        changed, said = _changed(node, rng, tree)
+        changed, said = _change_node(node, rng, tree)
         return changed, f"{place or 'all'}: {said}"
 
     return descend(tree, "")
 
 
-def _changed(node: Any, rng: Random, tree: Any) -> tuple[Any, str]:
+def _change_node(node: Any, rng: Random, tree: Any) -> tuple[Any, str]:
     if isinstance(node, dict) and rng.random() < 0.75:
-        return _changed_table(node, rng, tree)
+        return _change_table(node, rng, tree)
     if isinstance(node, list) and rng.random() < 0.75:
-        return _changed_list(node, rng, tree)
+        return _change_list(node, rng, tree)
     kind = rng.random()
     if isinstance(node, int | float) and not isinstance(node, bool) and kind < 0.7:
-        value = _nudged(node, rng) if kind < 0.3 else rng.choice(NUMBERS)
+        value = _change_number(node, rng) if kind < 0.3 else rng.choice(NUMBERS)
     elif isinstance(node, str) and kind < 0.6:
-        value = _respelled(node, rng) if kind < 0.2 else rng.choice(TEXTS)
+        value = _change_text(node, rng) if kind < 0.2 else rng.choice(TEXTS)
     elif kind > 0.99:
         value = rng.choice(BIG)
     elif kind > 0.92:
         value = _piece(tree, rng)
     else:
         value = rng.choice((*NUMBERS, *TEXTS, *STRUCTURES))
-    return value, f"{shown(node)} -> {shown(value)}"
+    return value, f"{short_text(node)} -> {short_text(value)}"
 
 
-def _nudged(number: Any, rng: Random) -> Any:
+def _change_number(number: Any, rng: Random) -> Any:
     steps = (
         *(lambda n: n + 1, lambda n: n - 1, lambda n: -n, lambda n: n * 10, lambda n: n * 1.0001, str),
         *(lambda n: n * 1e6, lambda n: n / 1e9, lambda n: n * 1e30, lambda n: [n], bool),
@@ -118,28 +118,30 @@ def _nudged(number: Any, rng: Random) -> Any:
         return -1
 
 
-def _respelled(text: str, rng: Random) -> str:
+def _change_text(text: str, rng: Random) -> str:
     at = rng.randint(0, len(text))
     return rng.choice((text[:at], text + text, text.upper(), text[:at] + rng.choice(TEXTS) + text[at:]))
 
 
-def _changed_table(node: dict[str, Any], rng: Random, tree: Any) -> tuple[Any, str]:
+def _change_table(node: dict[str, Any], rng: Random, tree: Any) -> tuple[Any, str]:
     key = rng.choice(list(node)) if node else ""
     match rng.randrange(4):
         case 0:
             return {k: v for k, v in node.items() if k != key}, f"without {key!r}"
         case 1:
-            name = _respelled(key, rng)
-            return {(name if k == key else k): v for k, v in node.items()}, f"{key!r} named {shown(name)}"
+            name = _change_text(key, rng)
+            return {
+                (name if k == key else k): v for k, v in node.items()
+            }, f"{key!r} named {short_text(name)}"
         case 2:
             name, value = rng.choice(TEXTS), _piece(tree, rng)
-            return {**node, name: value}, f"with {shown(name)} = {shown(value)}"
+            return {**node, name: value}, f"with {short_text(name)} = {short_text(value)}"
         case _:
             other = rng.choice(list(node)) if node else ""
             return {**node, key: node.get(other), other: node.get(key)}, f"{key!r} and {other!r} exchanged"
 
 
-def _changed_list(node: list[Any], rng: Random, tree: Any) -> tuple[Any, str]:
+def _change_list(node: list[Any], rng: Random, tree: Any) -> tuple[Any, str]:
     n = rng.randint(0, len(node))
     match rng.randrange(5):
         case 0:
@@ -150,7 +152,7 @@ def _changed_list(node: list[Any], rng: Random, tree: Any) -> tuple[Any, str]:
             return node[::-1], "reversed"
         case 3:
             value = _piece(tree, rng)
-            return [*node[:n], value, *node[n:]], f"with {shown(value)} at {n}"
+            return [*node[:n], value, *node[n:]], f"with {short_text(value)} at {n}"
         case _:
             times = rng.choice((0, 2, 100, 10**4 // (len(node) or 1)))
             return node * times, f"{times} times"
@@ -324,7 +326,7 @@ def _number_in_text(data: bytes, rng: Random) -> tuple[bytes, str]:
     if not found:
         return data[::-1], "reversed"
     spot, word = rng.choice(found), rng.choice(WORDS).encode("utf-8", "surrogatepass")
-    return data[: spot.start()] + word + data[spot.end() :], f"number at {spot.start()} = {shown(word)}"
+    return data[: spot.start()] + word + data[spot.end() :], f"number at {spot.start()} = {short_text(word)}"
 
 
 WORDS = (
@@ -398,6 +400,6 @@ def edit_text(marks: tuple[str, ...]) -> Edit:
                 edited = text + text[n:m][:100] * rng.choice((1, 1, 2, 2000))
             case _:
                 edited = text[:n] + piece + text[m:]
-        return edited[:50_000], f"{shown(text)} -> {shown(edited)}"
+        return edited[:50_000], f"{short_text(text)} -> {short_text(edited)}"
 
     return edit

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing.seeds import FEW, lines, streams, valves
+from fuzzing.seeds import FAST_SETTINGS, lines, streams, valve_demonstrations
 from pilotfish import control, gaussians, geometry, models, planning, store
 from pilotfish import demonstrations as shown
 from pilotfish.environments import Manipulation
@@ -34,7 +34,7 @@ Arguments = dict[str, Any]
 Examples = dict[str, Arguments]
 
 # Functions that are not here, and why. Those of pilotfish.kernels are in tests/fuzz/test_kernels.py.
-LEFT_OUT: Mapping[str, str] = {
+EXCLUDED: Mapping[str, str] = {
     **{
         f"demonstrations.{name}": "a target of its own: see targets.py"
         for name in shown.__all__
@@ -74,7 +74,7 @@ LEFT_OUT: Mapping[str, str] = {
 
 
 def public_functions() -> Iterator[str]:
-    """Every public function of the packages, such as geometry.exp."""
+    """Every public function of the packages, such as geometry.quaternion_exp."""
     for package in PACKAGES:
         module = importlib.import_module(f"pilotfish.{package}")
         for name in module.__all__:
@@ -131,45 +131,54 @@ def _geometry() -> Examples:
     q, p, v = _unit(5), _unit(5)[::-1].copy(), 0.3 * _rng().normal(size=(5, 3))
     x, flat = np.hstack([v, q]), 0.3 * _rng().normal(size=(5, 6))
     R = geometry.rotation_matrix(q)
-    of_q = ("conjugate", "continuous", "left_matrix", "log", "normalise", "rotation_matrix")
-    of_v = ("cross_matrix", "exp", "inverse_right_jacobian", "right_jacobian")
+    of_q = (
+        "conjugate",
+        "unwrap_quaternions",
+        "left_multiplication_matrix",
+        "quaternion_log",
+        "normalise",
+        "rotation_matrix",
+    )
+    of_v = ("skew_matrix", "quaternion_exp", "inverse_right_jacobian", "right_jacobian")
     return {
         **{name: {"q": q} for name in of_q},
         **{name: {"v": v} for name in of_v},
-        **{name: {"p": p, "q": q} for name in ("angle", "multiply", "rotation_vector")},
-        **{name: {"v": flat, "turns": (3,)} for name in ("differential", "inverse_differential")},
-        "transport": {"d": flat, "turns": (3,)},
-        "exp_at": {"base": x, "v": flat, "turns": (3,)},
-        "log_at": {"base": x, "x": x[::-1].copy(), "turns": (3,)},
-        "from_rotation_matrix": {"R": R},
-        "inverse_right_jacobian_change": {"v": v, "w": v[::-1].copy()},
-        "karcher_mean": {"x": x, "shares": np.full(5, 0.2), "turns": (3,)},
+        **{name: {"p": p, "q": q} for name in ("angle", "multiply", "relative_rotation_vector")},
+        **{
+            name: {"v": flat, "orientation_starts": (3,)} for name in ("exp_map_jacobian", "log_map_jacobian")
+        },
+        "parallel_transport": {"d": flat, "orientation_starts": (3,)},
+        "exp_map": {"base": x, "v": flat, "orientation_starts": (3,)},
+        "log_map": {"base": x, "x": x[::-1].copy(), "orientation_starts": (3,)},
+        "quaternion_from_rotation_matrix": {"R": R},
+        "inverse_right_jacobian_derivative": {"v": v, "w": v[::-1].copy()},
+        "karcher_mean": {"x": x, "shares": np.full(5, 0.2), "orientation_starts": (3,)},
         "pose": {"position": v[0], "quaternion": q[0]},
-        "tangent_slices": {"width": 7, "turns": (3,)},
+        "tangent_slices": {"width": 7, "orientation_starts": (3,)},
     }
 
 
 def _demonstrations() -> Examples:
-    demos = valves()
+    demos = valve_demonstrations()
     demo, layout = demos[0], shown.pose_layout()
     given = demo.frames[0]
     A, b = np.stack([given.A] * len(demo.x)), np.stack([given.b] * len(demo.x))
     place = geometry.pose(given.b[:3], demo.x[0, 3:])
     return {
-        "check": {"demonstrations": demos},
-        "continuous_quaternions": {"x": demo.x, "layout": layout},
+        "diagnose": {"demonstrations": demos},
+        "unwrap_orientations": {"x": demo.x, "layout": layout},
         "demonstration": {"x": demo.x, "period": 0.1, "layout": layout, "frames": demo.frames, "name": "a"},
         "frame": {"name": "a", "A": given.A, "b": given.b},
         "moving_frame": {"name": "a", "A": A, "b": b},
         "frame_from_pose": {"name": "a", "layout": layout, "pose": place},
         "moving_frame_from_poses": {"name": "a", "layout": layout, "poses": [place, place]},
-        "on_sphere": {"demo": demo},
+        "to_sphere": {"demo": demo},
         "position_layout": {"axes": 2, "unit": "m"},
-        "require_turns": {"place": "a", "A": given.A, "b": given.b, "turns": (3,)},
-        "resampled": {"demo": demo, "steps": 9},
-        "tangent_map": {"A": given.A, "turns": (3,)},
+        "validate_orientation_starts": {"label": "a", "A": given.A, "b": given.b, "orientation_starts": (3,)},
+        "resample": {"demo": demo, "steps": 9},
+        "tangent_map": {"A": given.A, "orientation_starts": (3,)},
         "views": {"demonstrations": demos},
-        "with_derivatives": {"demo": demo},
+        "add_derivatives": {"demo": demo},
         "world_frame": {"width": 3},
     }
 
@@ -181,52 +190,61 @@ def _gaussians() -> Examples:
     means, x, shares = rng.normal(size=(3, 3)), rng.normal(size=(6, 3)), rng.dirichlet(np.ones(3), 6)
     g = gaussians.Gaussian(means[0], S[0])
     inputs, seen = np.array([0]), x[:, :1].copy()
-    mixture = gaussians.Mixture(np.full(3, 1 / 3), means, S)
-    given = gaussians.conditionals(means, S, inputs)
+    mixture = gaussians.GaussianMixture(np.full(3, 1 / 3), means, S)
+    given = gaussians.conditional_gaussians(means, S, inputs)
     poses = np.hstack([x[:5], _unit(5)])
     curved = np.stack([np.eye(6)] * 2)
     point = gaussians.RiemannianGaussian(poses[0], curved[0], (3,))
-    turned = gaussians.riemannian_conditionals(poses[:2], curved, inputs, (3,))
+    turned = gaussians.riemannian_conditional_gaussians(poses[:2], curved, inputs, (3,))
     return {
         "cholesky": {"covariances": S},
-        "whiteners": {"covariances": S},
+        "precision_cholesky": {"covariances": S},
         "component_correlation": {"covariances": S},
         "condition": {"g": g, "columns": np.array([1]), "value": np.array([0.5])},
-        "conditionals": {"means": means, "covariances": S, "inputs": inputs},
+        "conditional_gaussians": {"means": means, "covariances": S, "inputs": inputs},
         "confidence_radius": {"width": 3, "probability": 0.95},
         "ellipse": {"g": gaussians.Gaussian(means[0, :2], S[0, :2, :2]), "radius": 1.0, "points": 20},
-        "inside": {"g": g, "x": x, "probability": 0.9},
+        "in_confidence_region": {"g": g, "x": x, "probability": 0.9},
         "log_density": {"g": g, "x": x},
         "log_input_densities": {"given": given, "x": seen},
         "marginal": {"g": g, "columns": np.array([0, 2])},
         "moments": {"x": x, "shares": shares},
-        "moments_about": {"origins": means, "mass": np.ones(3), "offsets": means, "scatters": S},
+        "moments_from_sums": {
+            "origins": means,
+            "counts": np.ones(3),
+            "offsets": means,
+            "scatter_matrices": S,
+        },
         "principal_components": {"S": S, "factors": np.array([1, 2, 1])},
         "product": {"gaussians": [g, gaussians.Gaussian(means[1], S[1])]},
         "regress": {"mixture": mixture, "inputs": inputs, "x": seen},
         "regress_means": {"mixture": mixture, "inputs": inputs, "x": seen},
-        "regress_shared": {"given": given, "x": seen, "shares": shares},
-        "riemannian_conditionals": {
+        "regress_with_responsibilities": {"given": given, "x": seen, "shares": shares},
+        "riemannian_conditional_gaussians": {
             "means": poses[:2],
             "covariances": curved,
             "inputs": inputs,
-            "turns": (3,),
+            "orientation_starts": (3,),
         },
         "riemannian_log_density": {"g": point, "x": poses},
         "riemannian_log_input_densities": {"given": turned, "x": seen},
         "riemannian_product": {"gaussians": [point, point]},
-        "riemannian_regress_shared": {"given": turned, "x": seen, "shares": np.full((6, 2), 0.5)},
+        "riemannian_regress_with_responsibilities": {
+            "given": turned,
+            "x": seen,
+            "shares": np.full((6, 2), 0.5),
+        },
         "sample": {"g": g, "count": 4, "rng": rng},
-        "seen_at": {"g": point, "point": poses[1]},
-        "tangent_moments": {"x": poses, "shares": np.full((5, 2), 0.5), "turns": (3,)},
-        "transform": {"g": g, "A": S[0], "b": means[1]},
+        "tangent_gaussian": {"g": point, "point": poses[1]},
+        "tangent_moments": {"x": poses, "shares": np.full((5, 2), 0.5), "orientation_starts": (3,)},
+        "affine_transform": {"g": g, "A": S[0], "b": means[1]},
     }
 
 
 def _learned() -> tuple[Any, ...]:
     """Recordings, and a fit of a semi-Markov skill to them."""
-    demos = tuple(shown.with_derivatives(demo) for demo in lines())
-    return demos, models.learn(demos, states=3, rng=_rng(), settings=FEW)
+    demos = tuple(shown.add_derivatives(demo) for demo in lines())
+    return demos, models.learn(demos, states=3, rng=_rng(), settings=FAST_SETTINGS)
 
 
 def _adapted(skill: models.Skill) -> models.AdaptedSkill:
@@ -235,22 +253,25 @@ def _adapted(skill: models.Skill) -> models.AdaptedSkill:
 
 
 def _candidate(states: int) -> models.Candidate:
-    return models.Candidate(states, gaussians.Full(), "normal", models.learn)
+    return models.Candidate(states, gaussians.Full(), "gaussian", models.learn)
 
 
 def _models() -> Examples:
     demos, fit = _learned()
     skill, data = fit.skill, shown.views(demos)
     adapted = _adapted(skill)
-    observed = models.log_likelihood_of_states(adapted, demos[0].x)
+    observed = models.log_state_likelihoods(adapted, demos[0].x)
     labels = np.arange(len(data.x[0])) % 3
-    sums, counted = models.statistics(skill, data), models.statistics(fit.markov, data)
+    statistics, counted = (
+        models.expected_statistics(skill, data),
+        models.expected_statistics(fit.markov_skill, data),
+    )
     full, inputs, seen = gaussians.Full(), np.array([0]), demos[0].x[:, :1].copy()
-    learning = {"demonstrations": demos, "states": 3, "rng": _rng(), "settings": FEW}
+    learning = {"demonstrations": demos, "states": 3, "rng": _rng(), "settings": FAST_SETTINGS}
     chain = {"dynamics": skill.dynamics, "log_observed": observed}
-    valve = [shown.with_derivatives(demo) for demo in valves()]
-    framed = models.learn(valve, states=2, rng=_rng(), settings=FEW).skill
-    relevant = models.relevance(framed, valve)
+    valve = [shown.add_derivatives(demo) for demo in valve_demonstrations()]
+    framed = models.learn(valve, states=2, rng=_rng(), settings=FAST_SETTINGS).skill
+    frame_relevance = models.relevance(framed, valve)
     frames = [shown.frame(name, np.eye(14), np.zeros(14)) for name in framed.frame_names]
     counts = {"structure": full, "states": 3, "width": 4, "frames": 2}
     return {
@@ -265,42 +286,52 @@ def _models() -> Examples:
         "smoothed_regression": {"model": adapted, "inputs": inputs, "x": seen},
         "free_dynamics": {"dynamics": skill.dynamics},
         "free_parameters": {"skill": skill, "structure": full},
-        "further_statistics": {"model": skill, "views": data, "before": sums},
+        "further_statistics": {"model": skill, "views": data, "before": statistics},
         "labelled_statistics": {"views": data, "labels": labels, "states": 3},
         "learn": learning,
         "learn_markov": learning,
         "learn_mixture": learning,
-        "learn_semi_markov": {**learning, "timing": models.Timing()},
+        "learn_semi_markov": {**learning, "duration_model": models.DurationModel()},
         "log_emissions": {"model": skill, "data": data},
-        "log_likelihood": {"model": skill, "demonstrations": demos, "longest": 20},
+        "log_likelihood": {"model": skill, "demonstrations": demos, "max_duration": 20},
         "log_likelihood_of_states": {"model": adapted, "x": demos[0].x},
-        "markov_forward": {"chain": fit.markov.dynamics, "log_observed": observed, "horizon": 20},
+        "markov_forward": {"chain": fit.markov_skill.dynamics, "log_observed": observed, "horizon": 20},
         "semi_markov_forward": {"chain": skill.dynamics, "log_observed": observed, "horizon": 20},
         "matched_accuracy": {"found": labels, "labels": labels[::-1].copy()},
         "matching": {"found": labels, "labels": labels[::-1].copy()},
         "normalised_mutual_information": {"found": labels, "labels": labels[::-1].copy()},
-        "most_likely_chain": {"sums": counted},
-        "most_likely_weights": {"sums": counted},
-        "most_likely_semi_markov": {"sums": sums, "previous": None, "timing": models.Timing(), "floor": 1.0},
+        "most_likely_chain": {"statistics": counted},
+        "most_likely_weights": {"statistics": counted},
+        "most_likely_semi_markov": {
+            "statistics": statistics,
+            "previous": None,
+            "duration_model": models.DurationModel(),
+            "min_variance": 1.0,
+        },
         "most_probable_states": {**chain, "horizon": 20},
-        "occupancy": {**chain, "horizon": 20},
-        "posteriors": chain,
-        "on_the_half_of": {"start": demos[0].x[0], "model": adapted},
-        "select_frames": {"demonstrations": valve, "relevant": relevant},
+        "filtered_state_probs": {**chain, "horizon": 20},
+        "smoothed_state_probs": chain,
+        "align_quaternion_signs": {"start": demos[0].x[0], "model": adapted},
+        "remove_distractors": {"demonstrations": valve, "frame_relevance": frame_relevance},
         "runs": {"states": labels},
         "sample_states": {"dynamics": skill.dynamics, "horizon": 12, "rng": _rng()},
-        "select": {"demonstrations": demos, "candidates": [_candidate(2)], "rng": _rng(), "settings": FEW},
-        "statistics": {"model": skill, "views": data, "longest": 20},
+        "select": {
+            "demonstrations": demos,
+            "candidates": [_candidate(2)],
+            "rng": _rng(),
+            "settings": FAST_SETTINGS,
+        },
+        "statistics": {"model": skill, "views": data, "max_duration": 20},
         "viterbi": {"model": skill, "demonstration": demos[0]},
-        "with_durations": {"model": fit.markov, "data": data, "floor": 1.0},
+        "with_durations": {"model": fit.markov_skill, "data": data, "min_variance": 1.0},
     }
 
 
 def _online() -> Examples:
     demos, fit = _learned()
     model = streams()[6]
-    settings, scales = model.settings, online.scales_from(fit.skill)
-    same = [online.scaled(demo, scales) for demo in demos]
+    settings, scales = model.settings, online.estimate_scales(fit.skill)
+    same = [online.scale_demonstration(demo, scales) for demo in demos]
     _, assigned = online.observe_stream(model, lines()[0].x)
     return {
         "begin_demonstration": {"model": model},
@@ -319,7 +350,10 @@ def _online() -> Examples:
         "read_out": {"model": model, "note": "a"},
         "scaled": {"shown": demos[0], "scales": scales},
         "scales_from": {"skill": fit.skill},
-        "unscaled": {"skill": models.learn(same, states=3, rng=_rng(), settings=FEW).skill, "scales": scales},
+        "unscaled": {
+            "skill": models.learn(same, states=3, rng=_rng(), settings=FAST_SETTINGS).skill,
+            "scales": scales,
+        },
     }
 
 
@@ -327,8 +361,8 @@ def _control() -> Examples:
     system, still = control.double_integrator(2, 0.1), control.continuous_double_integrator(2)
     targets, weights = np.linspace(0.0, 1.0, 24).reshape(6, 4), np.stack([np.eye(4)] * 6)
     reference = control.Reference(targets, weights, 0.1)
-    follow = {"system": system, "reference": reference, "effort": 0.5}
-    smooth = {"system": still, "reference": reference, "effort": 0.5, "period": 0.1}
+    follow = {"system": system, "reference": reference, "control_cost": 0.5}
+    smooth = {"system": still, "reference": reference, "control_cost": 0.5, "period": 0.1}
     rng, n = _rng(), 4
     base = geometry.pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     axes = rng.normal(size=(n, 3))
@@ -339,7 +373,7 @@ def _control() -> Examples:
     limits = control.arm_limits(-span, span, span, 10.0 * span)
     soft = control.impedance(np.zeros(n))
     tool = control.forward_kinematics(chain, q)
-    reading = control.ArmReading(
+    reading = control.ArmState(
         q, np.zeros(n), tool.position, tool.quaternion, control.jacobian(chain, q), np.zeros(n)
     )
     target = control.ToolTarget(tool.position + 0.01, tool.quaternion, np.zeros(6))
@@ -359,7 +393,7 @@ def _control() -> Examples:
             "joint_damping": 1.0,
             "force_limit": 60.0,
             "moment_limit": 12.0,
-            "singular_value": 0.05,
+            "min_singular_value": 0.05,
             "limit_margin": 0.1,
             "limit_stiffness": 100.0,
         },
@@ -379,8 +413,8 @@ def _control() -> Examples:
             "posture": np.zeros(n),
             "steps": 20,
         },
-        "regulate": {**follow, "reference": control.Reference(targets[:1].repeat(6, axis=0), weights, 0.1)},
-        "regulate_continuous": {
+        "lqr": {**follow, "reference": control.Reference(targets[:1].repeat(6, axis=0), weights, 0.1)},
+        "lqr_continuous": {
             **smooth,
             "reference": control.Reference(targets[:1].repeat(6, axis=0), weights),
         },
@@ -395,22 +429,33 @@ def _planning() -> Examples:
     model, start = _adapted(fit.skill), demos[0].x[0]
     point = planning.via_point("position", [0.5, 0.1], time=0.4, deviation=0.01)
     reference = planning.plan(model, start, horizon=10)
-    curved = [shown.with_derivatives(shown.on_sphere(demo)) for demo in valves()]
-    turning = _adapted(models.learn(curved, states=2, rng=_rng(), settings=FEW).skill)
+    curved = [shown.add_derivatives(shown.to_sphere(demo)) for demo in valve_demonstrations()]
+    turning = _adapted(models.learn(curved, states=2, rng=_rng(), settings=FAST_SETTINGS).skill)
     turned = planning.via_point("orientation", [1.0, 0.0, 0.0, 0.0], time=0.4, deviation=0.1)
-    here = planning.chart(turning)
+    here = planning.tangent_chart(turning)
     states = np.array([0, 0, 1, 1, 2])
     return {
-        "chart": {"model": turning, "at": turning.means[0]},
-        "expected_plan": {"model": model, "horizon": 10, "slack": 1e-3},
-        "moving_reference": {"now": model, "later": model, "states": states, "slack": 1e-3},
+        "tangent_chart": {"model": turning, "at": turning.means[0]},
+        "expected_plan": {"model": model, "horizon": 10, "covariance_regularisation": 1e-3},
+        "moving_frame_reference": {
+            "now": model,
+            "later": model,
+            "states": states,
+            "covariance_regularisation": 1e-3,
+        },
         "observations": {"points": [point], "layout": model.layout, "states": demos[0].x, "period": 0.1},
-        "on_chart": {"point": turned, "chart": here},
-        "plan": {"model": model, "start": start, "horizon": 10, "slack": 1e-3},
-        "plan_through": {"model": model, "start": start, "points": [point], "horizon": 10, "slack": 1e-3},
+        "via_point_to_tangent": {"point": turned, "chart": here},
+        "plan": {"model": model, "start": start, "horizon": 10, "covariance_regularisation": 1e-3},
+        "plan_through": {
+            "model": model,
+            "start": start,
+            "points": [point],
+            "horizon": 10,
+            "covariance_regularisation": 1e-3,
+        },
         "planned_states": {"model": model, "start": start, "horizon": 10},
-        "reference": {"model": model, "states": states, "slack": 1e-3},
-        "through": {"reference": reference, "points": [point], "layout": model.layout},
+        "reference": {"model": model, "states": states, "covariance_regularisation": 1e-3},
+        "condition_on": {"reference": reference, "points": [point], "layout": model.layout},
         "via_point": {"what": "position", "value": [0.5, 0.1], "time": 0.4, "deviation": [0.01, 0.02]},
     }
 
@@ -420,7 +465,7 @@ def _environments() -> Examples:
     cell = _fresh_environment()
     action = np.array([0.6, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.5])
     return {
-        "turn_between": {"q": q[0], "p": q[1]},
+        "rotation_vector_in_world": {"q": q[0], "p": q[1]},
         "manipulation.step": {"action": action},
         "manipulation.reset": {"options": {"situation": cell.task.draw(_rng())}},
     }
@@ -434,17 +479,21 @@ def _plots() -> Examples:
     feedback = control.track(control.double_integrator(2, model.period), reference, 1.0)
     point = planning.via_point("position", [0.5, 0.1], time=0.4, deviation=0.01)
     states = planning.planned_states(model, start, horizon=10)
-    tied = models.learn(demos, states=3, rng=_rng(), settings=FEW, structure=gaussians.SemiTied()).skill
-    valve = [shown.with_derivatives(demo) for demo in valves()]
-    relevant = models.relevance(models.learn(valve, states=2, rng=_rng(), settings=FEW).skill, valve)
-    chosen = models.select(demos, [_candidate(2), _candidate(3)], rng=_rng(), settings=FEW)
+    tied = models.learn(
+        demos, states=3, rng=_rng(), settings=FAST_SETTINGS, structure=gaussians.SemiTied()
+    ).skill
+    valve = [shown.add_derivatives(demo) for demo in valve_demonstrations()]
+    frame_relevance = models.relevance(
+        models.learn(valve, states=2, rng=_rng(), settings=FAST_SETTINGS).skill, valve
+    )
+    chosen = models.select(demos, [_candidate(2), _candidate(3)], rng=_rng(), settings=FAST_SETTINGS)
     return {
         "basis_vectors": {"skill": tied},
         "component_correlations": {"skills": [fit.skill, tied]},
         "demonstrations_seen": {"skill": fit.skill, "demonstrations": demos},
         "deviations": {"skill": fit.skill, "columns": ["position x"]},
         "forward_variable": {"skill": fit.skill, "horizon": 10, "log_observed": np.zeros((1, 3))},
-        "frame_relevance": {"relevant": relevant},
+        "frame_relevance": {"frame_relevance": frame_relevance},
         "gains": {"feedback": feedback, "layout": model.layout},
         "growth": {"models": [streams()[6]]},
         "likelihood_trace": {"fits": [fit]},
@@ -474,16 +523,16 @@ def _plots() -> Examples:
 def _validation() -> Examples:
     return {
         "escape": {"text": "a"},
-        "finite_array": {"value": np.eye(2), "place": "x"},
-        "float_array": {"value": np.eye(2), "place": "x", "columns": 2},
-        "refuse_huge": {"numbers": np.eye(2), "place": "x"},
+        "finite_array": {"value": np.eye(2), "label": "x"},
+        "float_array": {"value": np.eye(2), "label": "x", "columns": 2},
+        "require_bounded": {"numbers": np.eye(2), "label": "x"},
         "require_shapes_agree": {"a": np.eye(2), "b": np.ones(2)},
-        "numeric_array": {"value": [[1.0, 2.0], [3.0, 4.0]], "place": "x"},
-        "require_count": {"value": 3, "place": "x", "largest": 5},
-        "require_number": {"value": 3.0, "place": "x"},
-        "require_printable": {"text": "a", "place": "x"},
+        "numeric_array": {"value": [[1.0, 2.0], [3.0, 4.0]], "label": "x"},
+        "require_count": {"value": 3, "label": "x", "maximum": 5},
+        "require_number": {"value": 3.0, "label": "x"},
+        "require_printable": {"text": "a", "label": "x"},
         "nearest_name": {"name": "a", "known": ["ab", "b"]},
-        "first_repeated": {"items": ["a", "b", "a"]},
+        "first_duplicate": {"items": ["a", "b", "a"]},
         "short_list": {"items": ["a", "b"]},
         "short_repr": {"value": [1, "a", None]},
     }

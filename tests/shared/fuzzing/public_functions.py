@@ -17,7 +17,7 @@ import numpy as np
 
 from fuzzing.edits import NUMBERS, STRUCTURES, TEXTS, Token, edit_array, shown
 from fuzzing.public_examples import PACKAGES, examples, function_named
-from fuzzing.soundness import Unsound, require_sound
+from fuzzing.soundness import InvariantViolation, require_sound
 from fuzzing.target import Target
 from pilotfish.errors import SkillError
 from pilotfish.types import Array
@@ -25,13 +25,10 @@ from pilotfish.types import Array
 # Functions for which only a SkillError is a refusal.
 STRICT = {
     "geometry.pose",
-    *(f"demonstrations.{n}" for n in ("continuous_quaternions", "demonstration", "frame", "moving_frame")),
+    *(f"demonstrations.{n}" for n in ("unwrap_orientations", "demonstration", "frame", "moving_frame")),
     *(f"models.{n}" for n in ("learn", "learn_markov", "learn_mixture", "learn_semi_markov", "adapt")),
     *(f"models.online.{n}" for n in ("observe", "observe_stream", "online_model")),
-    *(
-        f"control.{n}"
-        for n in ("arm_limits", "impedance", "double_integrator", "discretise", "track", "regulate")
-    ),
+    *(f"control.{n}" for n in ("arm_limits", "impedance", "double_integrator", "discretise", "track", "lqr")),
     *(
         f"planning.{n}"
         for n in ("via_point", "plan", "expected_plan", "plan_through", "planned_states", "chart")
@@ -49,7 +46,7 @@ ORDINARY = (
     RuntimeWarning,
     np.ma.MAError,
 )
-OURS = ("place", "largest", "expected")  # arguments that tell who calls, not what is given
+OURS = ("label", "maximum", "expected")  # arguments that tell who calls, not what is given
 # Without numbers that are large and allowed, such as that of the steps of a plan.
 VALUES = tuple(
     v for v in (*NUMBERS, *TEXTS, *STRUCTURES) if not isinstance(v, Token) and v not in (10**5, 10**6)
@@ -184,7 +181,7 @@ def call_it(call: Call) -> Any:
 def _require_unchanged(before: dict[str, Array], call: Call) -> None:
     for key, value in before.items():
         if not _equal(value, call.arguments[key]):
-            raise Unsound(f"{call.name} changed its argument {key}")
+            raise InvariantViolation(f"{call.name} changed its argument {key}")
 
 
 def _equal(a: Array, b: Array) -> bool:
@@ -229,16 +226,16 @@ def require_alike(a: Any, b: Any, place: str) -> None:
     """Equal but for rounding: strides may change the order of sums."""
     if isinstance(a, np.ndarray) and a.dtype.kind in "fiub":
         if a.shape != np.shape(b) or not np.allclose(a, b, rtol=1e-7, atol=1e-9, equal_nan=True):
-            raise Unsound(f"{place} depends on the form of its arguments")
+            raise InvariantViolation(f"{place} depends on the form of its arguments")
     elif isinstance(a, float):
         if not np.isclose(a, b, rtol=1e-7, atol=1e-9, equal_nan=True):
-            raise Unsound(f"{place} depends on the form of its arguments")
+            raise InvariantViolation(f"{place} depends on the form of its arguments")
     elif is_dataclass(a) and not isinstance(a, type):
         for field in fields(a):
             require_alike(getattr(a, field.name), getattr(b, field.name), place)
     elif isinstance(a, list | tuple) and isinstance(b, list | tuple):
         if len(a) != len(b):
-            raise Unsound(f"{place} depends on the form of its arguments")
+            raise InvariantViolation(f"{place} depends on the form of its arguments")
         for one, other in zip(a, b, strict=True):
             require_alike(one, other, place)
 

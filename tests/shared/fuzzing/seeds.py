@@ -11,32 +11,34 @@ from pilotfish.demonstrations import (
     Layout,
     Part,
     Quantity,
+    add_derivatives,
     demonstration,
     frame_from_pose,
-    on_sphere,
     pose_layout,
     position_layout,
-    resampled,
-    with_derivatives,
+    resample,
+    to_sphere,
 )
-from pilotfish.geometry import exp, pose
-from pilotfish.models import EMSettings, Skill, Timing, online
-from pilotfish.store import synthetic_valve
+from pilotfish.geometry import pose, quaternion_exp
+from pilotfish.io.synthetic import synthetic_valve
+from pilotfish.models import DurationModel, EMSettings, Skill, online
 
-FEW = EMSettings(regularisation=1e-4, max_iterations=8)
+FAST_SETTINGS = EMSettings(regularisation=1e-4, max_iterations=8)
 STEPS = 14
 
 
 @cache
-def valves() -> tuple[Demonstration, ...]:
+def valve_demonstrations() -> tuple[Demonstration, ...]:
     """Three short openings of a valve: poses as four numbers, seen from two frames."""
     shown = synthetic_valve(np.random.default_rng(0))[:3]
-    return tuple(_poses(resampled(demo, STEPS)) for demo in shown)
+    return tuple(_poses(resample(demo, STEPS)) for demo in shown)
 
 
 def _poses(demo: Demonstration) -> Demonstration:
     frames = [
-        frame_from_pose(f"frame {n}", pose_layout(), pose(given.b[:3], exp(np.array([0.1 * n, 0.2, 0.0]))))
+        frame_from_pose(
+            f"frame {n}", pose_layout(), pose(given.b[:3], quaternion_exp(np.array([0.1 * n, 0.2, 0.0])))
+        )
         for n, given in enumerate(demo.frames)
     ]
     x = demo.x[:, :7].copy()
@@ -56,7 +58,7 @@ def lines() -> tuple[Demonstration, ...]:
 
 
 @cache
-def grips() -> tuple[Demonstration, ...]:
+def gripper_demonstrations() -> tuple[Demonstration, ...]:
     """Three short recordings of a position, a force and a gripper."""
     rng = np.random.default_rng(2)
     layout = Layout(
@@ -79,21 +81,29 @@ def skills() -> tuple[Skill, ...]:
 
 
 def _skills() -> Iterator[Skill]:
-    flat = [with_derivatives(demo) for demo in lines()]
-    turning = [with_derivatives(demo) for demo in valves()]
-    curved = [with_derivatives(on_sphere(demo)) for demo in valves()]
+    flat = [add_derivatives(demo) for demo in lines()]
+    turning = [add_derivatives(demo) for demo in valve_demonstrations()]
+    curved = [add_derivatives(to_sphere(demo)) for demo in valve_demonstrations()]
 
     def fit(learner, data, states=3, **more):  # type: ignore[no-untyped-def] # one of several learners
-        return learner(data, states=states, rng=np.random.default_rng(0), settings=FEW, **more).skill
+        return learner(
+            data, states=states, rng=np.random.default_rng(0), settings=FAST_SETTINGS, **more
+        ).skill
 
     yield fit(models.learn_mixture, flat)
     yield fit(models.learn_markov, turning)
     yield fit(models.learn, turning)
     yield fit(models.learn, curved, states=2)
-    yield fit(models.learn, grips(), states=2)
-    laws = (models.Normal(), models.LogNormal(), models.Gamma(), models.Poisson(), models.NegativeBinomial())
-    for law in (*laws, models.Histogram(pseudocount=1.0)):
-        yield fit(models.learn_semi_markov, flat, timing=Timing(law))
+    yield fit(models.learn, gripper_demonstrations(), states=2)
+    distributions = (
+        models.Gaussian(),
+        models.LogNormal(),
+        models.Gamma(),
+        models.Poisson(),
+        models.NegativeBinomial(),
+    )
+    for distribution in (*distributions, models.Histogram(pseudocount=1.0)):
+        yield fit(models.learn_semi_markov, flat, duration_model=DurationModel(distribution))
     structures = (gaussians.SemiTied(0.7), gaussians.MFA(1), gaussians.MPPCA(1), gaussians.HDDC(1))
     for structure in (*structures, gaussians.EMLLT(5), gaussians.MLT(2), gaussians.Diagonal()):
         yield fit(models.learn, flat, structure=structure)
@@ -110,20 +120,22 @@ def streams() -> tuple[online.OnlineModel, ...]:
             noise=1e-3,
             transition=0.1,
             new_transition=0.1,
-            upkeep=online.Upkeep(online.Trace(0.9, 0.01), spare=2, most_clusters=8),
+            maintenance=online.Maintenance(
+                online.ExponentialDecay(0.9, 0.01), extra_directions=2, max_clusters=8
+            ),
         ),
         online.SOSC(
             cluster=0.1,
             dimension=1e-4,
             noise=1e-3,
             bandwidth=0.1,
-            upkeep=online.Upkeep(online.Constant(5.0), 0.05, batch=4),
+            maintenance=online.Maintenance(online.ConstantWeight(5.0), 0.05, batch=4),
         ),
     )
-    return tuple(_grown(one, data) for one in settings for data in (lines(), valves()))
+    return tuple(_grow_stream(one, data) for one in settings for data in (lines(), valve_demonstrations()))
 
 
-def _grown(settings: online.OnlineSettings, data: tuple[Demonstration, ...]) -> online.OnlineModel:
+def _grow_stream(settings: online.OnlineSettings, data: tuple[Demonstration, ...]) -> online.OnlineModel:
     names = tuple(given.name for given in data[0].frames)
     model = online.online_model(settings, data[0].layout, data[0].period, names)
     for demo in data[:2]:

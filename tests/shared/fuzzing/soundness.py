@@ -9,23 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, frame, views, with_derivatives
+from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
+from pilotfish.cli.stream.descriptions import described, online_model_facts
+from pilotfish.demonstrations import Frame, Layout, add_derivatives, frame, views
 from pilotfish.errors import SkillError
+from pilotfish.io.motions import end_notes, start_notes
+from pilotfish.io.situations import first_mean
+from pilotfish.io.skill_file import decode_skill, encode_skill
+from pilotfish.io.stream_file import decode_stream, encode_stream
 from pilotfish.models import AdaptedSkill, Skill, adapt, online
 from pilotfish.planning import plan, planned_states
-from pilotfish.station.descriptions import columns_text, skill_facts, states_table, time_text
-from pilotfish.station.following import followed, setting
-from pilotfish.station.motions import notes_on_the_end, notes_on_the_start
-from pilotfish.station.situations import first_mean
-from pilotfish.station.stream_descriptions import described, model_facts
-from pilotfish.store import decode_skill, decode_stream, encode_skill, encode_stream
+from pilotfish.planning.reproduction import followed, setting
 
-LARGEST_SIZE = 2**22  # numbers in one array that a small file may lead to
-LONGEST_TEXT = 10**4
-LARGEST_COUNT = 2**63
+MAX_ARRAY_SIZE = 2**22  # numbers in one array that a small file may lead to
+MAX_TEXT_LENGTH = 10**4
+MAX_COUNT = 2**63
 
 
-class Unsound(AssertionError):
+class InvariantViolation(AssertionError):
     """An accepted value is outside its bounds."""
 
 
@@ -34,16 +35,16 @@ def require_sound(value: Any, place: str = "value") -> None:
     if isinstance(value, np.ndarray):
         _require_sound_array(value, place)
     elif isinstance(value, str):
-        if not value.isprintable() or len(value) > LONGEST_TEXT:
-            raise Unsound(f"{place} is {value[:60]!r} of {len(value)} characters")
+        if not value.isprintable() or len(value) > MAX_TEXT_LENGTH:
+            raise InvariantViolation(f"{place} is {value[:60]!r} of {len(value)} characters")
     elif isinstance(value, bool | Enum) or value is None:
         return
     elif isinstance(value, int):
-        if abs(value) > LARGEST_COUNT:
-            raise Unsound(f"{place} is an integer of {value.bit_length()} bits")
+        if abs(value) > MAX_COUNT:
+            raise InvariantViolation(f"{place} is an integer of {value.bit_length()} bits")
     elif isinstance(value, float):
         if isinf(value):
-            raise Unsound(f"{place} is {value}")
+            raise InvariantViolation(f"{place} is {value}")
     elif is_dataclass(value):
         for field in fields(value):
             require_sound(getattr(value, field.name), f"{place}.{field.name}")
@@ -57,38 +58,38 @@ def require_sound(value: Any, place: str = "value") -> None:
 
 
 def _require_sound_array(array: np.ndarray, place: str) -> None:
-    if array.size > LARGEST_SIZE:
-        raise Unsound(f"{place} has shape {array.shape}")
+    if array.size > MAX_ARRAY_SIZE:
+        raise InvariantViolation(f"{place} has shape {array.shape}")
     if array.dtype.kind not in "fiub":
-        raise Unsound(f"{place} holds {array.dtype}")
+        raise InvariantViolation(f"{place} holds {array.dtype}")
     if array.dtype.kind == "f" and not np.isfinite(array).all():
-        raise Unsound(f"{place} holds numbers that are not finite")
+        raise InvariantViolation(f"{place} holds numbers that are not finite")
 
 
 def require_sound_text(text: str, place: str) -> None:
     """Text for people: printable but for its line breaks, and it can be written as UTF-8."""
     if not all(line.isprintable() for line in text.split("\n")):
-        raise Unsound(f"{place} has characters that are not printable")
+        raise InvariantViolation(f"{place} has characters that are not printable")
     text.encode()
 
 
 def use_skill(skill: Skill, thorough: bool) -> None:
     """Show the skill; when thorough, write it, adapt it and follow a short plan of it."""
     require_sound(skill, "skill")
-    require_sound_text(states_table(skill), "the table of states")
-    require_sound_text(columns_text(skill.layout) + time_text(skill), "the columns")
-    require_sound_text(json.dumps(skill_facts(skill), allow_nan=False), "the facts")
+    require_sound_text(format_states(skill), "the table of states")
+    require_sound_text(format_columns(skill.layout) + format_dynamics(skill), "the columns")
+    require_sound_text(json.dumps(skill_to_json(skill), allow_nan=False), "the facts")
     if not thorough:
         return
     data = encode_skill(skill)
     if encode_skill(decode_skill(data)) != data:
-        raise Unsound("the skill does not read back as it was written")
+        raise InvariantViolation("the skill does not read back as it was written")
     _perform(skill)
 
 
 def _perform(skill: Skill) -> None:
     try:
-        use_adapted(adapt(skill, [_still(skill.layout, name) for name in skill.frame_names]))
+        use_adapted(adapt(skill, [_fixed_frame(skill.layout, name) for name in skill.frame_names]))
     except SkillError as error:
         require_sound_refusal(error)
 
@@ -97,16 +98,16 @@ def use_adapted(adapted: AdaptedSkill) -> None:
     """Plan a few steps of an adapted skill and follow them."""
     require_sound(adapted, "adapted skill")
     here = setting(adapted)
-    start = here.inward(first_mean(adapted))
+    start = here.to_tangent(first_mean(adapted))
     require_sound(planned_states(here.flat, start, horizon=12), "states")
     reference = plan(here.flat, start, horizon=12)
     require_sound(reference, "reference")
     _, motion = followed(here, reference, start, 9.0)
     require_sound(motion, "motion")
-    require_sound([*notes_on_the_end(adapted, 0), *notes_on_the_start(adapted, motion.x[0])], "notes")
+    require_sound([*end_notes(adapted, 0), *start_notes(adapted, motion.x[0])], "notes")
 
 
-def _still(layout: Layout, name: str) -> Frame:
+def _fixed_frame(layout: Layout, name: str) -> Frame:
     return frame(name, np.eye(layout.width), np.zeros(layout.width))
 
 
@@ -114,15 +115,15 @@ def use_stream(model: online.OnlineModel, thorough: bool) -> None:
     """Show the model; when thorough, write it and let it go on."""
     require_sound(model, "model")
     if model.clusters:
-        skill = online.read_out(model)
+        skill = online.to_skill(model)
         use_skill(skill, False)
         require_sound_text(described(model, skill, [("a", "b")]), "the description")
-        require_sound_text(json.dumps(model_facts(model, skill), allow_nan=False), "the facts")
+        require_sound_text(json.dumps(online_model_facts(model, skill), allow_nan=False), "the facts")
     if not thorough:
         return
     data = encode_stream(model)
     if encode_stream(decode_stream(data)) != data:
-        raise Unsound("the model does not read back as it was written")
+        raise InvariantViolation("the model does not read back as it was written")
     try:
         x = np.random.default_rng(0).normal(size=(5, len(model.frame_names), model.layout.width))
         after, _ = online.observe_stream(model, x)
@@ -137,7 +138,7 @@ def use_demonstrations(demos: Any, thorough: bool) -> None:
     if not thorough:
         return
     try:
-        require_sound(views([with_derivatives(demo) for demo in demos]), "views")
+        require_sound(views([add_derivatives(demo) for demo in demos]), "views")
     except SkillError as error:
         require_sound_refusal(error)
 
@@ -146,9 +147,9 @@ def require_sound_refusal(error: Exception, message: str | None = None) -> None:
     """A refusal is one printable line of at most 500 characters, and no memory ran out on the way to it."""
     text = str(error) if message is None else message
     if not text or not text.isprintable() or len(text) > 500:
-        raise Unsound(f"the message has {len(text)} characters: {text[:200]!r}") from error
+        raise InvariantViolation(f"the message has {len(text)} characters: {text[:200]!r}") from error
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, MemoryError):
-            raise Unsound(f"memory ran out: {text}") from error
+            raise InvariantViolation(f"memory ran out: {text}") from error
         cause = cause.__cause__ or cause.__context__

@@ -3,22 +3,23 @@
 from collections.abc import Callable, Sequence
 
 from fuzzing import public_functions, targets_demonstrations, targets_kernels, targets_station
-from fuzzing.headed import edit_headed, headed_writer, taken_apart
+from fuzzing.containers import container_writer, edit_container, parse_container
 from fuzzing.seeds import skills, streams
 from fuzzing.soundness import use_skill, use_stream
 from fuzzing.target import Target
-from pilotfish.store import decode_skill, decode_stream, encode_skill, encode_stream
-from pilotfish.store.headed_files import SKILL, STREAM
+from pilotfish.io.container_format import SKILL_FORMAT, STREAM_FORMAT
+from pilotfish.io.skill_file import decode_skill, encode_skill
+from pilotfish.io.stream_file import decode_stream, encode_stream
 
 
 def _skill_target() -> Target:
-    bases = [taken_apart(encode_skill(skill)) for skill in skills()]
-    return Target(bases, edit_headed, headed_writer(SKILL), decode_skill, use_skill)
+    bases = [parse_container(encode_skill(skill)) for skill in skills()]
+    return Target(bases, edit_container, container_writer(SKILL_FORMAT), decode_skill, use_skill)
 
 
 def _stream_target() -> Target:
-    bases = [taken_apart(encode_stream(model)) for model in streams()]
-    return Target(bases, edit_headed, headed_writer(STREAM), decode_stream, use_stream)
+    bases = [parse_container(encode_stream(model)) for model in streams()]
+    return Target(bases, edit_container, container_writer(STREAM_FORMAT), decode_stream, use_stream)
 
 
 # How a target is made, and its share of the mutants.

@@ -11,34 +11,34 @@ from typing import Any
 import numpy as np
 
 from fuzzing.edits import edit_array, edit_bytes, edit_tree, json_text, shown, toml_text
-from fuzzing.seeds import grips, lines, valves
+from fuzzing.seeds import gripper_demonstrations, lines, valve_demonstrations
 from fuzzing.soundness import require_sound, use_demonstrations
 from fuzzing.target import Target
 from pilotfish import demonstrations as door
-from pilotfish.demonstrations.manifests import content_hash, parsed_manifest
-from pilotfish.demonstrations.tables import arrays_of_npz, csv_bytes, rows_of_csv
+from pilotfish.io.manifests import content_hash, parse_manifest
+from pilotfish.io.tables import decode_csv, decode_npz, encode_csv
 from pilotfish.types import Array
 
-LARGEST = 2**20
-Damaged = tuple[Any, tuple[int, ...]]  # a value, and the seeds of damage to its bytes
+MAX_SIZE = 2**20
+CorruptedBytes = tuple[Any, tuple[int, ...]]  # a value, and the seeds of damage to its bytes
 
 
 def _sound(value: Any, thorough: bool) -> None:
     require_sound(value)
 
 
-def damaged(data: bytes, seeds: tuple[int, ...]) -> bytes:
+def corrupted_target(data: bytes, seeds: tuple[int, ...]) -> bytes:
     """Return the first LARGEST bytes, damaged: time may grow with the size of a file."""
-    data = data[:LARGEST]
+    data = data[:MAX_SIZE]
     for seed in seeds:
         data, _ = edit_bytes(data, Random(seed))
     return data
 
 
-def or_damage(edit: Callable[[Any, Random], tuple[Any, str]], share: float = 0.15):  # type: ignore[no-untyped-def]
+def edit_or_corrupt(edit: Callable[[Any, Random], tuple[Any, str]], share: float = 0.15):  # type: ignore[no-untyped-def]
     """The same edits, and now and then damage to the bytes that are written."""
 
-    def either(value: Damaged, rng: Random) -> tuple[Damaged, str]:
+    def either(value: CorruptedBytes, rng: Random) -> tuple[CorruptedBytes, str]:
         inner, seeds = value
         if rng.random() < share:
             seed = rng.getrandbits(32)
@@ -56,8 +56,8 @@ def _manifest_trees() -> list[Any]:
     """Manifests with frames by pose, by matrix and by name, with and without a checksum."""
     place = Path(mkdtemp(prefix="fuzz-"))
     trees = []
-    for n, demos in enumerate((valves(), lines(), grips())):
-        door.write_folder(demos, place / str(n))
+    for n, demos in enumerate((valve_demonstrations(), lines(), gripper_demonstrations())):
+        door.write_demonstrations(demos, place / str(n))
         trees.append(json.loads((place / str(n) / "demonstrations.json").read_text()))
     posed = json.loads(json.dumps(trees[0]))
     posed.pop("sha256")
@@ -82,14 +82,14 @@ def _signed(tree: Any) -> Any:
 
 def _manifests(ending: str, text: Callable[[Any], str]) -> Callable[[], Target]:
     def make() -> Target:
-        def write(value: Damaged) -> bytes:
-            return damaged(text(_signed(value[0])).encode("utf-8", "surrogatepass"), value[1])
+        def write(value: CorruptedBytes) -> bytes:
+            return corrupted_target(text(_signed(value[0])).encode("utf-8", "surrogatepass"), value[1])
 
         def read(data: bytes) -> Any:
-            return parsed_manifest(data, f"demonstrations.{ending}")
+            return parse_manifest(data, f"demonstrations.{ending}")
 
         bases = [(tree, ()) for tree in _manifest_trees()]
-        return Target(bases, or_damage(edit_tree), write, read, _sound)
+        return Target(bases, edit_or_corrupt(edit_tree), write, read, _sound)
 
     return make
 
@@ -98,15 +98,15 @@ def _manifests(ending: str, text: Callable[[Any], str]) -> Callable[[], Target]:
 
 
 def _csv() -> Target:
-    demos = (*valves(), *grips())
-    bases = [(csv_bytes(demo.x, demo.layout.names), demo.layout.names) for demo in demos]
+    demos = (*valve_demonstrations(), *gripper_demonstrations())
+    bases = [(encode_csv(demo.x, demo.layout.names), demo.layout.names) for demo in demos]
 
     def edit(value: Any, rng: Random) -> tuple[Any, str]:
         data, said = edit_bytes(value[0], rng)
         return (data, value[1]), said
 
     def read(value: Any) -> Any:
-        return rows_of_csv(value[0], "x.csv", value[1])
+        return decode_csv(value[0], "x.csv", value[1])
 
     return Target(bases, edit, lambda value: value, read, _sound)
 
@@ -133,22 +133,22 @@ def npz(arrays: Arrays, packed: bool) -> bytes:
     return out.getvalue()
 
 
-def _write_npz(value: Damaged) -> bytes:
+def _write_npz(value: CorruptedBytes) -> bytes:
     data = npz(value[0], len(value[1]) % 2 == 1)
-    return damaged(data, value[1])
+    return corrupted_target(data, value[1])
 
 
 def _npz() -> Target:
-    demo = valves()[0]
+    demo = valve_demonstrations()[0]
     arrays = {"x": demo.x, "A0": np.stack([demo.frames[0].A] * 3), "b0": np.zeros((3, 7))}
 
     def read(data: bytes) -> Any:
-        return arrays_of_npz(data, "x.npz")
+        return decode_npz(data, "x.npz")
 
     def use(value: Any, thorough: bool) -> None:
         require_sound({name: array.shape for name, array in value.items()})
 
-    return Target([(arrays, ())], or_damage(edit_arrays, 0.4), _write_npz, read, use)
+    return Target([(arrays, ())], edit_or_corrupt(edit_arrays, 0.4), _write_npz, read, use)
 
 
 # ---------------------------------------------------------------------------------------------- folders
@@ -157,8 +157,8 @@ def _npz() -> Target:
 def _folder() -> Target:
     """Whole folders: the manifest as JSON, and the files that it names."""
     place, bases = Path(mkdtemp(prefix="fuzz-")), []
-    for n, demos in enumerate((valves()[:2], lines()[:2], _moving())):
-        door.write_folder(demos, place / str(n))
+    for n, demos in enumerate((valve_demonstrations()[:2], lines()[:2], _moving())):
+        door.write_demonstrations(demos, place / str(n))
         files = {file.name: file.read_bytes() for file in (place / str(n)).iterdir()}
         manifest = json.loads(files.pop("demonstrations.json"))
         manifest.pop("sha256")
@@ -186,12 +186,12 @@ def _folder() -> Target:
         (there / "demonstrations.json").write_text(json_text(manifest))
         return there
 
-    return Target(bases, edit, write, door.read_folder, use_demonstrations)
+    return Target(bases, edit, write, door.read_demonstrations, use_demonstrations)
 
 
 def _moving() -> list[door.Demonstration]:
     """One recording seen from a frame that moves."""
-    demo = valves()[0]
+    demo = valve_demonstrations()[0]
     A = np.stack([demo.frames[0].A] * len(demo.x))
     b = np.stack([demo.frames[0].b] * len(demo.x))
     frames = [door.moving_frame("hand", A, b)]
@@ -214,7 +214,7 @@ def _file_target(
     return Target(bases, edit, write_file, read, use or use_demonstrations)
 
 
-def _mat(value: Damaged) -> bytes:
+def _mat(value: CorruptedBytes) -> bytes:
     from scipy.io import savemat
 
     out = io.BytesIO()
@@ -222,7 +222,7 @@ def _mat(value: Damaged) -> bytes:
         savemat(out, value[0], do_compression=len(value[1]) % 2 == 1)
     except (TypeError, ValueError, OverflowError):  # what no MATLAB file holds
         out = io.BytesIO()
-    return damaged(out.getvalue(), value[1])
+    return corrupted_target(out.getvalue(), value[1])
 
 
 def _edit_mat(tree: Any, rng: Random) -> tuple[Any, str]:
@@ -255,35 +255,35 @@ def _cells(tree: Any) -> Any:
 
 
 def _valve_mat() -> Target:
-    demo = valves()[0]
+    demo = valve_demonstrations()[0]
     data = np.hstack([np.arange(float(len(demo.x)))[:, None], demo.x]).T
     A, b = np.eye(15), np.zeros(15)
     record = {"Data0": data, "dData0": data[1:] * 0.1, "p": [{"A": A, "b": b}, {"A": A, "b": b + 0.1}]}
     bases = [({"s": [record] * 8}, ())]
 
-    def write(value: Damaged) -> bytes:
+    def write(value: CorruptedBytes) -> bytes:
         return _mat((_cells(value[0]) if isinstance(value[0], dict) else {"s": value[0]}, value[1]))
 
-    return _file_target(bases, write, door.read_valve_mat, or_damage(_edit_mat, 0.3))
+    return _file_target(bases, write, door.read_valve_mat, edit_or_corrupt(_edit_mat, 0.3))
 
 
 def _zshape_mat() -> Target:
     data = np.vstack([np.arange(1500.0), np.random.default_rng(0).normal(size=(3, 1500))])
 
-    def write(value: Damaged) -> bytes:
+    def write(value: CorruptedBytes) -> bytes:
         return _mat((_cells(value[0]) if isinstance(value[0], dict) else {"Data": value[0]}, value[1]))
 
-    return _file_target([({"Data": data}, ())], write, door.read_zshape_mat, or_damage(_edit_mat, 0.3))
+    return _file_target([({"Data": data}, ())], write, door.read_zshape_mat, edit_or_corrupt(_edit_mat, 0.3))
 
 
 def _npy(read: Callable[[Path], Any], array: Array) -> Callable[[], Target]:
-    def write(value: Damaged) -> bytes:
+    def write(value: CorruptedBytes) -> bytes:
         out = io.BytesIO()
         np.save(out, value[0], allow_pickle=False)
-        return damaged(out.getvalue(), value[1])
+        return corrupted_target(out.getvalue(), value[1])
 
     def make() -> Target:
-        return _file_target([(array, ())], write, read, or_damage(edit_array, 0.4))
+        return _file_target([(array, ())], write, read, edit_or_corrupt(edit_array, 0.4))
 
     return make
 
@@ -292,7 +292,7 @@ def _extract(
     read: Callable[[Path], Any], arrays: Callable[[], Arrays], use: Any = None
 ) -> Callable[[], Target]:
     def make() -> Target:
-        return _file_target([(arrays(), ())], _write_npz, read, or_damage(edit_arrays, 0.4), use)
+        return _file_target([(arrays(), ())], _write_npz, read, edit_or_corrupt(edit_arrays, 0.4), use)
 
     return make
 
@@ -313,7 +313,7 @@ def _letters() -> Arrays:
 
 
 def _tasks() -> Array:
-    demo = valves()[0]
+    demo = valve_demonstrations()[0]
     return np.stack([demo.x * ([100.0] * 3 + [1.0] * 4)] * 2)
 
 

@@ -7,7 +7,7 @@ from random import Random
 from types import ModuleType
 from typing import Any
 
-from fuzzing.soundness import Unsound
+from fuzzing.soundness import InvariantViolation
 from fuzzing.target import Target
 from pilotfish.errors import SkillError
 
@@ -25,15 +25,15 @@ def _module() -> ModuleType:
 
 def _kernels() -> Target:
     """The mutants are numbered: an edit chooses the number."""
-    from kernel_arguments import DRAW, Mutant, mutant
+    from kernel_arguments import DRAW_ARGUMENTS, Mutant, draw_mutant
 
-    from pilotfish.kernels import twins
+    from pilotfish.kernels import reference
 
     tests = _module()
     try:
         from pilotfish.kernels import compiled
     except ImportError:  # where there is no compiler, the references run alone
-        compiled = twins
+        compiled = reference
 
     def edit(value: tuple[str, int], rng: Random) -> tuple[tuple[str, int], str]:
         number = rng.randrange(10**9)
@@ -41,18 +41,18 @@ def _kernels() -> Target:
 
     def read(value: tuple[str, Mutant]) -> Any:
         kernel, mutated = value
-        found = [tests.outcome(kernels, kernel, mutated.arguments) for kernels in (compiled, twins)]
+        found = [tests.outcome(kernels, kernel, mutated.arguments) for kernels in (compiled, reference)]
         if wrong := tests.difference(mutated, kernel, *found):
-            raise Unsound(f"{kernel}, {mutated.kind}: {wrong}")
+            raise InvariantViolation(f"{kernel}, {mutated.kind}: {wrong}")
         for refusal in found:
             if isinstance(refusal, SkillError):
                 raise refusal
         return found
 
     def write(value: tuple[str, int]) -> tuple[str, Mutant]:
-        return value[0], mutant(value[0], 0, value[1])
+        return value[0], draw_mutant(value[0], 0, value[1])
 
-    return Target([(kernel, 0) for kernel in DRAW], edit, write, read, lambda value, thorough: None)
+    return Target([(kernel, 0) for kernel in DRAW_ARGUMENTS], edit, write, read, lambda value, thorough: None)
 
 
 TARGETS: dict[str, tuple[Callable[[], Target], float]] = {"kernels": (_kernels, 2.0)}

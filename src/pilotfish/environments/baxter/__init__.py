@@ -2,40 +2,40 @@
 body as MuJoCo simulates it in shapes of our own, and the tools that it is fitted with.
 """
 
-from pilotfish.environments.baxter.body import FLOOR, ROBOT, THING, add_arm, arm_names, empty_world
-from pilotfish.environments.baxter.chain import arm_chain, baxter_limits, mirrored, posture_for
-from pilotfish.environments.baxter.dress import Surface, dress
+from pilotfish.environments.baxter.body import FLOOR, OBJECT, ROBOT, add_arm, arm_names, empty_world
+from pilotfish.environments.baxter.chain import arm_chain, baxter_limits, mirror_posture, solve_posture
+from pilotfish.environments.baxter.dress import VisualMesh, add_visual_meshes
 from pilotfish.environments.baxter.facts import JOINTS, Joint
 from pilotfish.environments.baxter.tools import (
     Tool,
-    held_body,
+    add_tool_body,
+    add_tool_geom,
+    add_tool_point,
     mount_gripper,
     mount_handle,
-    mount_point,
     mount_suction,
-    part,
 )
 
 __all__ = [
     "FLOOR",
     "JOINTS",
+    "OBJECT",
     "ROBOT",
-    "THING",
     "Joint",
-    "Surface",
     "Tool",
+    "VisualMesh",
     "add_arm",
+    "add_tool_body",
+    "add_tool_geom",
+    "add_tool_point",
+    "add_visual_meshes",
     "arm_chain",
     "arm_names",
     "baxter_limits",
-    "dress",
     "empty_world",
-    "held_body",
-    "mirrored",
+    "mirror_posture",
     "mount_gripper",
     "mount_handle",
-    "mount_point",
     "mount_suction",
-    "part",
-    "posture_for",
+    "solve_posture",
 ]

@@ -4,26 +4,26 @@ from dataclasses import dataclass
 
 import mujoco
 
-from pilotfish.environments.baxter.chain import quaternion_of
+from pilotfish.environments.baxter.chain import quaternion_from_rpy
 from pilotfish.environments.baxter.facts import (
+    COVER_RADIUS,
     HAND,
     HAND_FROM_WRIST,
+    INERTIALS,
     JOINTS,
-    MASSES,
     MOUNT,
     MOUNT_YAW,
-    SHELL,
     SPRING,
     SPRING_JOINT,
     SPRING_REST,
-    Mass,
+    Inertial,
     Triple,
 )
 from pilotfish.geometry import multiply
 
 RED, DARK, GREY = (0.62, 0.09, 0.11, 1.0), (0.17, 0.18, 0.2, 1.0), (0.45, 0.46, 0.48, 1.0)
 PALE = (0.62, 0.64, 0.66, 1.0)
-ROBOT, THING = 1, 2  # kinds of shapes that touch: the robot touches things, and things each other
+ROBOT, OBJECT = 1, 2  # kinds of shapes that touch: the robot touches things, and things each other
 FLOOR = -0.93  # m, seen from the torso
 SKY = (0.9, 0.92, 0.94, 1.0), (0.62, 0.71, 0.8, 1.0)  # at the horizon and above
 ROTOR = (0.08, 0.08, 0.06, 0.06, 0.02, 0.02, 0.02)  # kg m^2 behind the gears; chosen, the maker gives none
@@ -33,8 +33,8 @@ FRICTION = 0.7  # N m s/rad, of each joint, as published
 COVERS = (
     ((0.0, 0.0, 0.08), (0.0, 0.0, 0.24), 0.075),
     ((0.0, 0.0, 0.0), (0.102, 0.0, 0.0), 0.075),
-    ((0.0, 0.0, -0.02), (0.0, 0.0, 0.22), SHELL),
-    ((0.0, 0.0, 0.0), (0.10359, 0.0, 0.0), SHELL),
+    ((0.0, 0.0, -0.02), (0.0, 0.0, 0.22), COVER_RADIUS),
+    ((0.0, 0.0, 0.0), (0.10359, 0.0, 0.0), COVER_RADIUS),
     ((0.0, 0.0, -0.02), (0.0, 0.0, 0.23), 0.055),
     ((0.0, 0.0, 0.0), (0.115975, 0.0, 0.0), 0.05),
     ((0.0, 0.0, -0.03), (0.0, 0.0, 0.06), 0.042),
@@ -57,7 +57,7 @@ UPPER_BODY: dict[str, Shape] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
+class ArmNames:
     """The names in a model of what belongs to one arm: its joints and motors in order, and its hand."""
 
     side: str
@@ -65,9 +65,9 @@ class Arm:
     hand: str
 
 
-def arm_names(side: str) -> Arm:
+def arm_names(side: str) -> ArmNames:
     """The names of the arm on that side, "left" or "right"."""
-    return Arm(side, tuple(f"{side}_{joint.name}" for joint in JOINTS), f"{side}_hand")
+    return ArmNames(side, tuple(f"{side}_{joint.name}" for joint in JOINTS), f"{side}_hand")
 
 
 def empty_world(timestep: float) -> mujoco.MjSpec:
@@ -90,16 +90,18 @@ def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None
     sign = 1.0 if side == "left" else -1.0
     x, y, z = MOUNT
     parent = spec.worldbody.add_body(
-        name=f"{side}_mount", pos=[x, sign * y, z], quat=quaternion_of((0.0, 0.0, sign * MOUNT_YAW))
+        name=f"{side}_mount", pos=[x, sign * y, z], quat=quaternion_from_rpy((0.0, 0.0, sign * MOUNT_YAW))
     )
-    for n, (joint, mass, (start, end, radius)) in enumerate(zip(JOINTS, MASSES, COVERS, strict=True)):
+    for n, (joint, mass, (start, end, radius)) in enumerate(zip(JOINTS, INERTIALS, COVERS, strict=True)):
         parent = parent.add_body(
-            name=f"{side}_{joint.name}_link", pos=joint.xyz, quat=quaternion_of(joint.rpy)
+            name=f"{side}_{joint.name}_link", pos=joint.xyz, quat=quaternion_from_rpy(joint.rpy)
         )
-        _weigh(parent, mass)
+        _set_inertial(parent, mass)
         _cover(parent, f"{side}_{joint.name}_cover", (start, end), radius, RED if n in (0, 2, 4) else DARK)
         if posture is not None:
-            parent.quat = multiply(quaternion_of(joint.rpy), quaternion_of((0.0, 0.0, posture[n])))
+            parent.quat = multiply(
+                quaternion_from_rpy(joint.rpy), quaternion_from_rpy((0.0, 0.0, posture[n]))
+            )
             continue
         hinge = parent.add_joint(
             name=f"{side}_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1]
@@ -111,7 +113,7 @@ def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None
         motor = spec.add_actuator(name=f"{side}_{joint.name}", target=hinge.name)
         motor.trntype, motor.ctrlrange = mujoco.mjtTrn.mjTRN_JOINT, (-joint.torque, joint.torque)
     hand = parent.add_body(name=f"{side}_hand", pos=[0.0, 0.0, HAND_FROM_WRIST])
-    _weigh(hand, HAND)
+    _set_inertial(hand, HAND)
     return hand
 
 
@@ -144,7 +146,7 @@ def _add(
     body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: Triple, pos: Triple, rgba: tuple[float, ...]
 ) -> None:
     geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba)
-    geom.contype, geom.conaffinity = (THING, ROBOT | THING) if name == "floor" else (0, 0)
+    geom.contype, geom.conaffinity = (OBJECT, ROBOT | OBJECT) if name == "floor" else (0, 0)
 
 
 def _cover(
@@ -154,9 +156,9 @@ def _cover(
         name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*ends[0], *ends[1]], rgba=rgba
     )
     geom.size[0] = radius
-    geom.contype, geom.conaffinity, geom.mass = ROBOT, THING, 0.0
+    geom.contype, geom.conaffinity, geom.mass = ROBOT, OBJECT, 0.0
 
 
-def _weigh(body: mujoco.MjsBody, mass: Mass) -> None:
+def _set_inertial(body: mujoco.MjsBody, mass: Inertial) -> None:
     body.mass, body.ipos, body.fullinertia = mass.mass, mass.centre, mass.inertia
     body.explicitinertial = True

@@ -14,11 +14,11 @@ from pilotfish.types import Array, Float, Int
 SIDES = ("left", "right")
 TRUNK = "torso"
 PARTS = (TRUNK, *(joint.name for joint in JOINTS))
-UNSEEN = 3  # the group of shapes that pictures leave out
+HIDDEN_GROUP = 3  # the group of shapes that pictures leave out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class VisualMesh:
     """Triangles of one colour on a part, in its axes [m]: "torso", or what a joint turns, in either arm."""
 
     part: str
@@ -27,21 +27,21 @@ class Surface:
     rgba: tuple[float, float, float, float]
 
 
-def dress(spec: mujoco.MjSpec, surfaces: Sequence[Surface]) -> None:
+def add_visual_meshes(spec: mujoco.MjSpec, visual_meshes: Sequence[VisualMesh]) -> None:
     """The robot wears the surfaces, and the shapes under them are not seen; it moves and touches as before.
 
     To be done before the spec is compiled, once, and after its arms are added.
     Raises: InvalidInput, when a surface is on no part of the robot, or its faces name vertices that it lacks.
     """
-    for n, surface in enumerate(surfaces):
-        _refuse(surface)
+    for n, surface in enumerate(visual_meshes):
+        _validate_mesh(surface)
         mesh = spec.add_mesh(name=f"surface_{n}")
         mesh.uservert, mesh.userface = surface.vertices.ravel(), surface.faces.ravel()
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # thinned surfaces may have holes
         for body in _bodies(spec, surface.part):
             _hide(body)
-            worn = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, rgba=surface.rgba)
-            worn.contype, worn.conaffinity, worn.mass = 0, 0, 0.0
+            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, rgba=surface.rgba)
+            geom.contype, geom.conaffinity, geom.mass = 0, 0, 0.0
 
 
 def _bodies(spec: mujoco.MjSpec, part: str) -> Iterator[mujoco.MjsBody]:
@@ -58,10 +58,10 @@ def _hide(body: mujoco.MjsBody) -> None:
     plain = {*UPPER_BODY, f"{body.name.removesuffix('_link')}_cover"}
     for geom in body.geoms:
         if geom.name in plain:
-            geom.group = UNSEEN
+            geom.group = HIDDEN_GROUP
 
 
-def _refuse(surface: Surface) -> None:
+def _validate_mesh(surface: VisualMesh) -> None:
     if surface.part not in PARTS:
         raise InvalidInput(f"a surface is on {surface.part!r}, expected one of {', '.join(PARTS)}")
     V = len(surface.vertices)

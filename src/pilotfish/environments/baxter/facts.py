@@ -7,7 +7,7 @@ right one, mounted on the other side; its joints turn alike.
 from dataclasses import dataclass
 
 Triple = tuple[float, float, float]
-QUARTER = 1.5707963267948966  # rad
+HALF_PI = 1.5707963267948966  # rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True)
-class Mass:
+class Inertial:
     """A body's mass [kg], its centre [m], and its inertia about it: xx, yy, zz, xy, xz, yz [kg m^2]."""
 
     mass: float
@@ -41,54 +41,54 @@ MOUNT_YAW = 0.7854  # of the left arm; that of the right is the negative
 
 JOINTS = (
     Joint("s0", (0.055695, 0.0, 0.011038), (0.0, 0.0, 0.0), -1.70167993878, 1.70167993878, 1.5, 50.0),
-    Joint("s1", (0.069, 0.0, 0.27035), (-QUARTER, 0.0, 0.0), -2.147, 1.047, 1.5, 50.0),
-    Joint("e0", (0.102, 0.0, 0.0), (QUARTER, 0.0, QUARTER), -3.05417993878, 3.05417993878, 1.5, 50.0),
-    Joint("e1", (0.069, 0.0, 0.26242), (-QUARTER, -QUARTER, 0.0), -0.05, 2.618, 1.5, 50.0),
-    Joint("w0", (0.10359, 0.0, 0.0), (QUARTER, 0.0, QUARTER), -3.059, 3.059, 4.0, 15.0),
-    Joint("w1", (0.01, 0.0, 0.2707), (-QUARTER, -QUARTER, 0.0), -QUARTER, 2.094, 4.0, 15.0),
-    Joint("w2", (0.115975, 0.0, 0.0), (QUARTER, 0.0, QUARTER), -3.059, 3.059, 4.0, 15.0),
+    Joint("s1", (0.069, 0.0, 0.27035), (-HALF_PI, 0.0, 0.0), -2.147, 1.047, 1.5, 50.0),
+    Joint("e0", (0.102, 0.0, 0.0), (HALF_PI, 0.0, HALF_PI), -3.05417993878, 3.05417993878, 1.5, 50.0),
+    Joint("e1", (0.069, 0.0, 0.26242), (-HALF_PI, -HALF_PI, 0.0), -0.05, 2.618, 1.5, 50.0),
+    Joint("w0", (0.10359, 0.0, 0.0), (HALF_PI, 0.0, HALF_PI), -3.059, 3.059, 4.0, 15.0),
+    Joint("w1", (0.01, 0.0, 0.2707), (-HALF_PI, -HALF_PI, 0.0), -HALF_PI, 2.094, 4.0, 15.0),
+    Joint("w2", (0.115975, 0.0, 0.0), (HALF_PI, 0.0, HALF_PI), -3.059, 3.059, 4.0, 15.0),
 )
 
 # Of the body that each joint turns, in the axes of the joint.
-MASSES = (
-    Mass(
+INERTIALS = (
+    Inertial(
         5.70044,
         (0.01783, 0.00086, 0.19127),
         (0.04709102262, 0.03766976455, 0.03595988478, 0.00012787556, 0.00614870039, 0.00078086899),
     ),
-    Mass(
+    Inertial(
         3.22698,
         (0.06845, 0.00269, -0.00529),
         (0.01175209419, 0.0278859752, 0.02078749298, -0.00030096398, 0.00207675762, -0.00018821993),
     ),
-    Mass(
+    Inertial(
         4.31272,
         (-0.00276, 0.00132, 0.18086),
         (0.02661733557, 0.02844355207, 0.01248008322, 0.00029270634, 0.00392189887, 0.0010838933),
     ),
-    Mass(
+    Inertial(
         2.07206,
         (0.02611, 0.00159, -0.01117),
         (0.00711582686, 0.01318227876, 0.00926852064, 0.00036036173, 0.0007459496, -0.00019663418),
     ),
-    Mass(
+    Inertial(
         2.24665,
         (-0.00168, 0.0046, 0.13952),
         (0.01667742825, 0.01675457264, 0.0037463115, 0.00018403705, 0.00018657629, -0.00064732352),
     ),
-    Mass(
+    Inertial(
         1.60979,
         (0.06041, 0.00697, 0.006),
         (0.00387607152, 0.00700537914, 0.0055275524, -0.00044384784, -0.00021115038, 0.00015348067),
     ),
-    Mass(
+    Inertial(
         0.35093,
         (0.00198, 0.00125, 0.01855),
         (0.00025289155, 0.0002688601, 0.0003074118, 0.00000575311, -0.00000159345, -0.00000519818),
     ),
 )
 HAND_FROM_WRIST = 0.11355  # m along z of the last joint, where tools are mounted
-HAND = Mass(
+HAND = Inertial(
     0.19125,
     (0.01093, 0.00042, -0.01532),
     (0.00017588, 0.00021166377, 0.00023745397, 0.00000147073, 0.0000243633, 0.00000172689),
@@ -96,4 +96,4 @@ HAND = Mass(
 # Baxter's second joint has springs that carry part of the arm's weight. How strong they are is not published:
 # chosen so that they carry about half of it with the arm stretched out level.
 SPRING_JOINT, SPRING, SPRING_REST = "s1", 12.0, -2.147  # N m/rad, and where it is at rest [rad]
-SHELL = 0.06  # m, the radius of the arm's covers
+COVER_RADIUS = 0.06  # m, the radius of the arm's covers

@@ -5,7 +5,7 @@ from math import cos, pi, sin
 
 import mujoco
 
-from pilotfish.environments.baxter.body import DARK, GREY, ROBOT, THING
+from pilotfish.environments.baxter.body import DARK, GREY, OBJECT, ROBOT
 
 TOOL_POINT = "tool"
 BOX, CYLINDER, SPHERE = (
@@ -40,12 +40,12 @@ class Tool:
     shut: float = 0.0
 
 
-def held_body(hand: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
+def add_tool_body(hand: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
     """A body that is fixed to the hand, with masses of its own."""
     return hand.add_body(name=f"{side}_held")
 
 
-def mount_point(held: mujoco.MjsBody, length: float, side: str) -> str:
+def add_tool_point(held: mujoco.MjsBody, length: float, side: str) -> str:
     """The tool point, so far [m] from the hand; the name of its site."""
     name = f"{side}_{TOOL_POINT}"
     held.add_site(name=name, pos=[0.0, 0.0, length], size=[0.004, 0.004, 0.004], rgba=[0.1, 0.8, 0.2, 1.0])
@@ -54,9 +54,9 @@ def mount_point(held: mujoco.MjsBody, length: float, side: str) -> str:
 
 def mount_gripper(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str, length: float = 0.15) -> Tool:
     """Two parallel fingers that close along y; the point, so far [m] from the hand, is between their tips."""
-    held, palm = held_body(hand, side), 0.5 * (length - 0.07)
-    part(held, f"{side}_palm", CYLINDER, (0.03, palm, 0.0), (0.0, 0.0, palm), DARK).mass = 0.3
-    point = mount_point(held, length, side)
+    held, palm = add_tool_body(hand, side), 0.5 * (length - 0.07)
+    add_tool_geom(held, f"{side}_palm", CYLINDER, (0.03, palm, 0.0), (0.0, 0.0, palm), DARK).mass = 0.3
+    point = add_tool_point(held, length, side)
     fingers = [_finger(held, f"{side}_left", 1.0, 2 * palm), _finger(held, f"{side}_right", -1.0, 2 * palm)]
     # One motor for both fingers, which move alike.
     spec.add_equality(
@@ -80,7 +80,7 @@ def _finger(held: mujoco.MjsBody, name: str, sign: float, height: float) -> str:
     slide = body.add_joint(name=f"{name}_slide", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
     slide.range, slide.armature = (FINGERS_SHUT, FINGERS_OPEN + 0.002), 0.1
     slide.damping[0] = 20.0
-    pad = part(body, f"{name}_pad", BOX, (0.02, 0.006, 0.045), (0.0, sign * 0.006, 0.04), GREY)
+    pad = add_tool_geom(body, f"{name}_pad", BOX, (0.02, 0.006, 0.045), (0.0, sign * 0.006, 0.04), GREY)
     pad.mass, pad.friction, pad.condim, pad.priority = 0.05, (1.2, 0.02, 0.001), 4, 1
     return str(body.name)
 
@@ -91,14 +91,16 @@ def mount_suction(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
     The bellows give 10 mm and lean by 12 degrees. Suction is MuJoCo's adhesion: up to 30 N between the lip
     and all that it touches or nearly touches, by 4 mm, however little of the lip that is.
     """
-    cylinder, held = mujoco.mjtGeom.mjGEOM_CYLINDER, held_body(hand, side)
-    part(held, f"{side}_palm", cylinder, (0.03, 0.03, 0.0), (0.0, 0.0, 0.03), DARK)
-    part(held, f"{side}_tube", cylinder, (0.01, 0.033, 0.0), (0.0, 0.0, 0.093), STEEL)
+    cylinder, held = mujoco.mjtGeom.mjGEOM_CYLINDER, add_tool_body(hand, side)
+    add_tool_geom(held, f"{side}_palm", cylinder, (0.03, 0.03, 0.0), (0.0, 0.0, 0.03), DARK)
+    add_tool_geom(held, f"{side}_tube", cylinder, (0.01, 0.033, 0.0), (0.0, 0.0, 0.093), STEEL)
     cup = _cup(held, side)
     motor = spec.add_actuator(name=f"{side}_suction", target=cup.name)
     motor.trntype, motor.ctrlrange = mujoco.mjtTrn.mjTRN_BODY, (0.0, 1.0)
     motor.set_to_adhesion(gain=SUCTION)
-    return Tool(mount_point(held, 0.15, side), 0.15, (held.name, cup.name), motor.name, open=-1.0, shut=1.0)
+    return Tool(
+        add_tool_point(held, 0.15, side), 0.15, (held.name, cup.name), motor.name, open=-1.0, shut=1.0
+    )
 
 
 def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
@@ -109,14 +111,16 @@ def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
         joint.type = mujoco.mjtJoint.mjJNT_SLIDE if name == "press" else mujoco.mjtJoint.mjJNT_HINGE
         joint.range, joint.stiffness[0], joint.damping[0] = limits, stiffness, damping
         joint.armature = 0.01 if name == "press" else 1e-4
-    bellows = part(
+    bellows = add_tool_geom(
         cup, f"{side}_bellows", mujoco.mjtGeom.mjGEOM_CYLINDER, (0.02, 0.01, 0.0), (0.0, 0.0, -0.013), RUBBER
     )
     bellows.mass, bellows.contype, bellows.conaffinity = 0.02, 0, 0
     for n in range(LIP):
         angle = 2 * pi * n / LIP
         pos = 0.02 * cos(angle), 0.02 * sin(angle), -0.005
-        ball = part(cup, f"{side}_lip_{n}", mujoco.mjtGeom.mjGEOM_SPHERE, (0.005, 0.0, 0.0), pos, RUBBER)
+        ball = add_tool_geom(
+            cup, f"{side}_lip_{n}", mujoco.mjtGeom.mjGEOM_SPHERE, (0.005, 0.0, 0.0), pos, RUBBER
+        )
         ball.mass, ball.friction, ball.condim, ball.priority = 0.002, (0.7, 0.02, 0.001), 4, 1
         ball.margin = ball.gap = 0.004
         ball.solref = (0.01, 1.0)
@@ -126,12 +130,14 @@ def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
 def mount_handle(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
     """A knob for a person to lead the arm by; the point is its middle."""
     del spec
-    held = held_body(hand, side)
-    part(held, f"{side}_knob", mujoco.mjtGeom.mjGEOM_SPHERE, (0.03, 0.0, 0.0), (0.0, 0.0, 0.06), ORANGE)
-    return Tool(mount_point(held, 0.06, side), 0.06, (held.name,))
+    held = add_tool_body(hand, side)
+    add_tool_geom(
+        held, f"{side}_knob", mujoco.mjtGeom.mjGEOM_SPHERE, (0.03, 0.0, 0.0), (0.0, 0.0, 0.06), ORANGE
+    )
+    return Tool(add_tool_point(held, 0.06, side), 0.06, (held.name,))
 
 
-def part(
+def add_tool_geom(
     body: mujoco.MjsBody,
     name: str,
     kind: mujoco.mjtGeom,
@@ -141,5 +147,5 @@ def part(
 ) -> mujoco.MjsGeom:
     """A solid piece of a tool [m] that weighs 100 g until told otherwise, and touches things."""
     geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba, mass=0.1)
-    geom.contype, geom.conaffinity = ROBOT, THING
+    geom.contype, geom.conaffinity = ROBOT, OBJECT
     return geom

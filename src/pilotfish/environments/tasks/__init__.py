@@ -6,7 +6,7 @@ from pilotfish.environments.tasks.plate import PLATE
 from pilotfish.environments.tasks.recorded_valve import RECORDED_VALVE, RecordedValve
 from pilotfish.environments.tasks.screwdriver import SCREWDRIVER
 from pilotfish.environments.tasks.stab import STAB
-from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.environments.tasks.valve import VALVE
 
 __all__ = [
@@ -17,8 +17,8 @@ __all__ = [
     "STAB",
     "TASKS",
     "VALVE",
+    "Outcome",
     "RecordedValve",
     "Scene",
     "Task",
-    "Verdict",
 ]

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import FLOOR, ROBOT, THING
-from pilotfish.geometry import exp
+from pilotfish.environments.baxter import FLOOR, OBJECT, ROBOT
+from pilotfish.geometry import quaternion_exp
 from pilotfish.types import Array, Float
 
 BOX, CYLINDER, CAPSULE, SPHERE = (
@@ -18,7 +18,7 @@ GREEN, BLUE, GLASS = (0.15, 0.62, 0.3, 1.0), (0.2, 0.4, 0.75, 1.0), (0.55, 0.8, 
 Triple = tuple[float, float, float]
 
 
-def thing(
+def add_solid(
     body: mujoco.MjsBody,
     name: str,
     kind: mujoco.mjtGeom,
@@ -28,16 +28,16 @@ def thing(
 ) -> mujoco.MjsGeom:
     """A solid piece [m] of a thing, which touches the robot and other things; it has no mass yet."""
     geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba, mass=0.0)
-    geom.contype, geom.conaffinity = THING, ROBOT | THING
+    geom.contype, geom.conaffinity = OBJECT, ROBOT | OBJECT
     return geom
 
 
-def turned(axis: Triple, angle: float) -> Float[Array, " 4"]:
+def axis_angle_quaternion(axis: Triple, angle: float) -> Float[Array, " 4"]:
     """The quaternion of a turn by an angle [rad] about an axis of length one."""
-    return exp(0.5 * angle * np.array(axis))
+    return quaternion_exp(0.5 * angle * np.array(axis))
 
 
-def post_under(spec: mujoco.MjSpec, name: str, top: Float[Array, " 3"], half: float = 0.03) -> mujoco.MjsGeom:
+def add_post(spec: mujoco.MjSpec, name: str, top: Float[Array, " 3"], half: float = 0.03) -> mujoco.MjsGeom:
     """A square post that stands on the floor and ends at its top [m]; half of its width is half."""
     x, y, z = (float(value) for value in top)
-    return thing(spec.worldbody, name, BOX, (half, half, (z - FLOOR) / 2), (x, y, (z + FLOOR) / 2), STEEL)
+    return add_solid(spec.worldbody, name, BOX, (half, half, (z - FLOOR) / 2), (x, y, (z + FLOOR) / 2), STEEL)

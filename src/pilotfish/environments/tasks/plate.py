@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from pilotfish.environments.baxter import mount_suction
-from pilotfish.environments.people import Act
+from pilotfish.environments.human import Subtask
 from pilotfish.environments.tasks.furniture import (
     BOX,
     CYLINDER,
@@ -23,13 +23,13 @@ from pilotfish.environments.tasks.furniture import (
     WOOD,
     YELLOW,
     Triple,
-    post_under,
-    thing,
-    turned,
+    add_post,
+    add_solid,
+    axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.situation_checks import require_pose
-from pilotfish.environments.tasks.task import Scene, Task, Verdict
-from pilotfish.geometry import Pose, multiply, rotation_matrix, rotation_vector
+from pilotfish.environments.tasks.situation_checks import validate_object_pose
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.geometry import Pose, multiply, relative_rotation_vector, rotation_matrix
 from pilotfish.validation import require_count
 
 LEVELS, STEP, LOWEST = 8, 0.02, 0.09  # heights of the obstacle: how many, from one to the next, the first [m]
@@ -44,7 +44,7 @@ NEAR, STRAIGHT, FLAT = 0.02, radians(10.0), radians(3.0)
 PASS = 0.1  # m, how high the cup passes above the middle of the bar
 CLEAR, STILL, TOUCH = 0.03, 0.02, 1.0  # m from plate to cup; m/s; N that the obstacle may feel
 # The tool looks down and the hand's x axis to the robot; of a frame on the table z points up.
-DOWN = turned((0.0, 1.0, 0.0), pi)
+DOWN = axis_angle_quaternion((0.0, 1.0, 0.0), pi)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,84 +58,84 @@ class PlateSituation:
     level: int
 
     def __post_init__(self) -> None:
-        require_pose(self.plate, "the plate", TABLE)
+        validate_object_pose(self.plate, "the plate", TABLE)
         require_count(self.level, "the level of the obstacle", POSSIBLE[1], POSSIBLE[0])
 
 
-def situation_at(level: int, rng: np.random.Generator) -> PlateSituation:
+def situation_for_level(level: int, rng: np.random.Generator) -> PlateSituation:
     """The obstacle at that height, the plate somewhere."""
     x, y = np.array([0.66, -0.52]) + rng.uniform(-1.0, 1.0, 2) * np.array([0.08, 0.06])
     yaw = rng.uniform(-1.0, 1.0) * radians(25.0)
     place = np.array([x, y, TABLE + 2 * HALF[2]])
-    return PlateSituation(Pose(place, turned((0.0, 0.0, 1.0), yaw)), level)
+    return PlateSituation(Pose(place, axis_angle_quaternion((0.0, 0.0, 1.0), yaw)), level)
 
 
-def _draw(rng: np.random.Generator) -> PlateSituation:
-    return situation_at(int(rng.integers(LEVELS)), rng)
+def _sample_situation(rng: np.random.Generator) -> PlateSituation:
+    return situation_for_level(int(rng.integers(LEVELS)), rng)
 
 
-def obstacle_at(level: int) -> Pose:
+def obstacle_pose(level: int) -> Pose:
     """The middle of the obstacle at one of its heights."""
     place = np.array([*BAR_AT, TABLE + LOWEST + level * STEP])
     return Pose(place, np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def cross() -> Pose:
+def goal_pose() -> Pose:
     """Where the plate is to lie: the middle of its upper face."""
     return Pose(np.array([*CROSS_AT, TABLE + 2 * HALF[2]]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def _furnish(spec: mujoco.MjSpec, situation: PlateSituation) -> None:
-    table = thing(spec.worldbody, "table", BOX, (0.24, 0.4, 0.015), (0.67, -0.3, TABLE - 0.015), WOOD)
+def _add_objects(spec: mujoco.MjSpec, situation: PlateSituation) -> None:
+    table = add_solid(spec.worldbody, "table", BOX, (0.24, 0.4, 0.015), (0.67, -0.3, TABLE - 0.015), WOOD)
     # A rubber mat: the cup slides on the glass sooner than the glass there.
     table.friction = (1.2, 0.005, 0.0001)
-    post_under(spec, "leg", np.array([0.67, -0.3, TABLE - 0.03]))
+    add_post(spec, "leg", np.array([0.67, -0.3, TABLE - 0.03]))
     for name, size in (("along", (0.05, 0.006, 0.0004)), ("across", (0.006, 0.05, 0.0004))):
-        arm = thing(spec.worldbody, f"cross_{name}", BOX, size, (*CROSS_AT, TABLE + 0.0002), GREEN)
+        arm = add_solid(spec.worldbody, f"cross_{name}", BOX, size, (*CROSS_AT, TABLE + 0.0002), GREEN)
         arm.contype = arm.conaffinity = 0  # paint
-    _obstacle(spec, obstacle_at(situation.level).position[2])
+    _obstacle(spec, obstacle_pose(situation.level).position[2])
     _plate(spec, situation.plate)
 
 
 def _obstacle(spec: mujoco.MjSpec, height: float) -> None:
     """A bar along x that hangs between two rods."""
     x, y = BAR_AT
-    thing(spec.worldbody, "obstacle", BOX, BAR, (x, y, height), YELLOW)
+    add_solid(spec.worldbody, "obstacle", BOX, BAR, (x, y, height), YELLOW)
     for n, sign in enumerate((-1.0, 1.0)):
         half = (height - TABLE) / 2
         pos = x + sign * (BAR[0] - 0.01), y, TABLE + half
-        thing(spec.worldbody, f"rod_{n}", CYLINDER, (0.008, half, 0.0), pos, STEEL)
+        add_solid(spec.worldbody, f"rod_{n}", CYLINDER, (0.008, half, 0.0), pos, STEEL)
 
 
 def _plate(spec: mujoco.MjSpec, at: Pose) -> None:
     body = spec.worldbody.add_body(name="plate", pos=at.position, quat=at.quaternion)
     body.add_freejoint(name="plate")
-    glass = thing(body, "plate", BOX, HALF, (0.0, 0.0, -HALF[2]), GLASS)
+    glass = add_solid(body, "plate", BOX, HALF, (0.0, 0.0, -HALF[2]), GLASS)
     glass.mass, glass.friction = WEIGHT, (0.6, 0.005, 0.0001)
 
 
-def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: PlateSituation) -> dict[str, Pose]:
+def _observe_frames(model: mujoco.MjModel, data: mujoco.MjData, situation: PlateSituation) -> dict[str, Pose]:
     """Where the plate lay at first: it is what the robot sees before it moves."""
     del model, data
-    return {"plate": situation.plate, "obstacle": obstacle_at(situation.level)}
+    return {"plate": situation.plate, "obstacle": obstacle_pose(situation.level)}
 
 
-def plate_now(data: mujoco.MjData) -> Pose:
+def plate_pose(data: mujoco.MjData) -> Pose:
     """The middle of the plate's upper face."""
     body = data.body("plate")
     return Pose(np.array(body.xpos), np.array(body.xquat))
 
 
-def _judge(scene: Scene, situation: PlateSituation) -> Verdict:
+def _check_success(scene: Scene, situation: PlateSituation) -> Outcome:
     del situation
-    plate, goal = plate_now(scene.data), cross()
+    plate, goal = plate_pose(scene.data), goal_pose()
     error = float(np.linalg.norm(plate.position - goal.position))
-    turn = float(np.linalg.norm(rotation_vector(goal.quaternion, plate.quaternion)))
+    turn = float(np.linalg.norm(relative_rotation_vector(goal.quaternion, plate.quaternion)))
     lean = float(np.arccos(np.clip(rotation_matrix(plate.quaternion)[2, 2], -1.0, 1.0)))
     away = float(np.linalg.norm(scene.tool.position - plate.position))
     speed = float(np.linalg.norm(scene.data.joint("plate").qvel[:3]))
-    pushed = max(scene.forces.get(name, 0.0) for name in FRAGILE)
-    for wrong, why in (
+    pushed = max(scene.forces.get(name, 0.0) for name in CONTACT_LIMITS)
+    for wrong, reason in (
         (error > NEAR, f"the plate lies {error:.3f} m from the cross"),
         (lean > FLAT, f"the plate leans by {degrees(lean):.1f} degrees"),
         (turn > STRAIGHT, f"the plate is turned by {degrees(turn):.1f} degrees"),
@@ -144,14 +144,14 @@ def _judge(scene: Scene, situation: PlateSituation) -> Verdict:
         (pushed > TOUCH, f"the obstacle was pushed by {pushed:.1f} N"),
     ):
         if wrong:
-            return Verdict(False, error, why)
-    return Verdict(True, error)
+            return Outcome(False, error, reason)
+    return Outcome(True, error)
 
 
-FRAGILE = ("obstacle", "rod_0", "rod_1")
+CONTACT_LIMITS = ("obstacle", "rod_0", "rod_1")
 
 
-def _home(situation: PlateSituation) -> Pose:
+def _start_pose(situation: PlateSituation) -> Pose:
     del situation
     return Pose(np.array([0.56, -0.4, 0.18]), DOWN)
 
@@ -171,14 +171,14 @@ def _lifted(frames: Mapping[str, Pose]) -> Pose:
 def _past(frames: Mapping[str, Pose]) -> Pose:
     """The cup beyond the bar, on the side of the cross, as high."""
     _, y, z = frames["obstacle"].position
-    return _over(Pose(np.array([CROSS_AT[0], y + 0.14, z]), cross().quaternion), PASS)
+    return _over(Pose(np.array([CROSS_AT[0], y + 0.14, z]), goal_pose().quaternion), PASS)
 
 
-def _script(situation: PlateSituation) -> tuple[Act, ...]:
+def _demonstration_script(situation: PlateSituation) -> tuple[Subtask, ...]:
     del situation
-    passing = partial(Act, position_tolerance=0.02, angle_tolerance=radians(6.0), passing=True)
-    near = partial(Act, position_tolerance=0.006, angle_tolerance=radians(3.0))
-    exact = partial(Act, position_tolerance=0.003, angle_tolerance=radians(1.5), speed=0.5)
+    passing = partial(Subtask, position_tolerance=0.02, angle_tolerance=radians(6.0), passing=True)
+    near = partial(Subtask, position_tolerance=0.006, angle_tolerance=radians(3.0))
+    exact = partial(Subtask, position_tolerance=0.003, angle_tolerance=radians(1.5), speed=0.5)
     return (
         passing("to the plate", lambda f: _over(f["plate"], 0.05)),
         near("above the plate", lambda f: _over(f["plate"], 0.014)),
@@ -186,27 +186,27 @@ def _script(situation: PlateSituation) -> tuple[Act, ...]:
         exact("suck", lambda f: _over(f["plate"], -0.003), grip=1.0, dwell=0.8),
         passing("lift", _lifted, grip=1.0),
         passing("over the obstacle", _past, grip=1.0),
-        passing("to the cross", lambda f: _over(cross(), 0.05), grip=1.0),
-        near("above the cross", lambda f: _over(cross(), 0.018), grip=1.0),
-        exact("put down", lambda f: _over(cross(), -0.002), grip=1.0, dwell=0.5),
-        exact("let go", lambda f: _over(cross(), -0.002), dwell=0.8),
-        near("leave", lambda f: _over(cross(), 0.1), dwell=0.5),
+        passing("to the cross", lambda f: _over(goal_pose(), 0.05), grip=1.0),
+        near("above the cross", lambda f: _over(goal_pose(), 0.018), grip=1.0),
+        exact("put down", lambda f: _over(goal_pose(), -0.002), grip=1.0, dwell=0.5),
+        exact("let go", lambda f: _over(goal_pose(), -0.002), dwell=0.8),
+        near("leave", lambda f: _over(goal_pose(), 0.1), dwell=0.5),
     )
 
 
 PLATE: Task[PlateSituation] = Task(
     name="plate",
-    about="carry a glass plate over an obstacle and put it on a cross",
+    description="carry a glass plate over an obstacle and put it on a cross",
     frames=("plate", "obstacle"),
-    grips=True,
+    has_gripper=True,
     unit="m",
-    seconds=40.0,
-    fragile=FRAGILE,
-    mount=mount_suction,
-    draw=_draw,
-    furnish=_furnish,
-    home=_home,
-    see=_see,
-    judge=_judge,
-    script=_script,
+    time_limit=40.0,
+    contact_limits=CONTACT_LIMITS,
+    mount_tool=mount_suction,
+    sample_situation=_sample_situation,
+    add_objects=_add_objects,
+    start_pose=_start_pose,
+    observe_frames=_observe_frames,
+    check_success=_check_success,
+    demonstration_script=_demonstration_script,
 )

@@ -13,8 +13,8 @@ from math import acos, degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import FLOOR, Tool, held_body, mount_point, part
-from pilotfish.environments.people import Act
+from pilotfish.environments.baxter import FLOOR, Tool, add_tool_body, add_tool_geom, add_tool_point
+from pilotfish.environments.human import Subtask
 from pilotfish.environments.tasks.furniture import (
     BLUE,
     BOX,
@@ -23,11 +23,11 @@ from pilotfish.environments.tasks.furniture import (
     STEEL,
     WOOD,
     YELLOW,
-    thing,
-    turned,
+    add_solid,
+    axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.situation_checks import LARGEST_ANGLE, require_pose
-from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.environments.tasks.situation_checks import MAX_ANGLE, validate_object_pose
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
@@ -38,9 +38,9 @@ BORE, MOUTH, DEEP, HIGH = 0.0055, 0.0125, 0.01, 0.017  # m: radii of bore and fu
 BLOCK = 0.03  # m, half of what the recess is sunk into
 NEAR, STRAIGHT, SLOT = 0.003, radians(5.0), radians(10.0)  # of the tip, its axis, its blade
 # The tool looks down, into a recess whose z axis looks up.
-DOWN = turned((0.0, 1.0, 0.0), pi)
+DOWN = axis_angle_quaternion((0.0, 1.0, 0.0), pi)
 SIDES = 8
-LARGEST_SWAY, FASTEST = 1.0, 100.0  # m, which its motors can hold; rad/s
+MAX_AMPLITUDE, MAX_FREQUENCY = 1.0, 100.0  # m, which its motors can hold; rad/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,55 +58,57 @@ class ScrewdriverSituation:
     phase: float
 
     def __post_init__(self) -> None:
-        require_pose(self.middle, "the middle of the screw's way", FLOOR + 0.1)
+        validate_object_pose(self.middle, "the middle of the screw's way", FLOOR + 0.1)
         along = finite_array(self.direction, "the direction of the sway", (3,))
         if not abs(float(along @ along) - 1.0) < 1e-3:
             raise InvalidInput(
                 f"the direction of the sway is {along.tolist()}, expected a direction of length one"
             )
-        require_number(self.sway, "the sway", 0.0, LARGEST_SWAY)
-        require_number(self.pace, "the pace", 0.0, FASTEST)
-        require_number(self.phase, "the phase", -LARGEST_ANGLE, LARGEST_ANGLE)
+        require_number(self.sway, "the sway", 0.0, MAX_AMPLITUDE)
+        require_number(self.pace, "the pace", 0.0, MAX_FREQUENCY)
+        require_number(self.phase, "the phase", -MAX_ANGLE, MAX_ANGLE)
 
 
-def _mount(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
+def _mount_tool(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
     """A screwdriver held at its handle; the point is the end of its blade, which lies along x."""
     del spec
-    held = held_body(hand, side)
-    part(
+    held = add_tool_body(hand, side)
+    add_tool_geom(
         held, f"{side}_palm", CYLINDER, (0.03, 0.03, 0.0), (0.0, 0.0, 0.03), (0.17, 0.18, 0.2, 1.0)
     ).mass = 0.3
-    part(held, f"{side}_grip", CYLINDER, (0.014, 0.03, 0.0), (0.0, 0.0, 0.08), YELLOW)
-    shaft = part(held, f"{side}_shaft", CAPSULE, (TIP, 0.05 - TIP, 0.0), (0.0, 0.0, REACH - 0.05), STEEL)
+    add_tool_geom(held, f"{side}_grip", CYLINDER, (0.014, 0.03, 0.0), (0.0, 0.0, 0.08), YELLOW)
+    shaft = add_tool_geom(
+        held, f"{side}_shaft", CAPSULE, (TIP, 0.05 - TIP, 0.0), (0.0, 0.0, REACH - 0.05), STEEL
+    )
     shaft.friction, shaft.priority = (0.3, 0.005, 0.0001), 1
-    blade = part(held, f"{side}_blade", BOX, (0.005, 0.001, 0.006), (0.0, 0.0, REACH - 0.007), STEEL)
+    blade = add_tool_geom(held, f"{side}_blade", BOX, (0.005, 0.001, 0.006), (0.0, 0.0, REACH - 0.007), STEEL)
     blade.mass, blade.contype, blade.conaffinity = 0.0, 0, 0
-    return Tool(mount_point(held, REACH, side), REACH, (held.name,))
+    return Tool(add_tool_point(held, REACH, side), REACH, (held.name,))
 
 
-def _draw(rng: np.random.Generator) -> ScrewdriverSituation:
+def _sample_situation(rng: np.random.Generator) -> ScrewdriverSituation:
     place = np.array([0.66, -0.32, -0.05]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.08, 0.08, 0.04])
-    yaw = turned((0.0, 0.0, 1.0), radians(20.0) * rng.uniform(-1.0, 1.0))
+    yaw = axis_angle_quaternion((0.0, 0.0, 1.0), radians(20.0) * rng.uniform(-1.0, 1.0))
     lean, heading, phase = rng.uniform(-pi, pi, 3)
-    tilt = turned((np.cos(lean), np.sin(lean), 0.0), radians(8.0) * rng.uniform())
+    tilt = axis_angle_quaternion((np.cos(lean), np.sin(lean), 0.0), radians(8.0) * rng.uniform())
     pace = 2.0 * pi / rng.uniform(10.0, 18.0)
     sway = rng.uniform(0.005, 0.02) / pace  # m: its fastest is 5 to 20 mm/s
     direction = np.array([np.cos(heading), np.sin(heading), 0.0])
     return ScrewdriverSituation(Pose(place, multiply(tilt, yaw)), direction, sway, pace, phase)
 
 
-def screw_at(situation: ScrewdriverSituation, time: float) -> Pose:
+def screw_pose(situation: ScrewdriverSituation, time: float) -> Pose:
     """Where the screw is to be after a time [s]."""
     away = situation.sway * np.sin(situation.pace * time + situation.phase)
     return Pose(situation.middle.position + away * situation.direction, situation.middle.quaternion)
 
 
-def _furnish(spec: mujoco.MjSpec, situation: ScrewdriverSituation) -> None:
-    begin = screw_at(situation, 0.0)
+def _add_objects(spec: mujoco.MjSpec, situation: ScrewdriverSituation) -> None:
+    begin = screw_pose(situation, 0.0)
     x, y, z = situation.middle.position
     top = z - 0.045
-    thing(spec.worldbody, "bench", BOX, (0.16, 0.16, 0.01), (x, y, top - 0.01), WOOD)
-    thing(
+    add_solid(spec.worldbody, "bench", BOX, (0.16, 0.16, 0.01), (x, y, top - 0.01), WOOD)
+    add_solid(
         spec.worldbody, "leg", BOX, (0.04, 0.04, (top - FLOOR) / 2), (x, y, (top + FLOOR) / 2 - 0.01), STEEL
     )
     carriage = spec.worldbody.add_body(name="carriage", pos=begin.position)
@@ -118,9 +120,9 @@ def _furnish(spec: mujoco.MjSpec, situation: ScrewdriverSituation) -> None:
         motor.set_to_position(kp=20000.0, kv=400.0)
         motor.forcerange, motor.ctrlrange = (-150.0, 150.0), (-1.0, 1.0)
     target = carriage.add_body(name="target", quat=begin.quaternion)
-    thing(target, "bottom", BOX, (BLOCK, BLOCK, 0.008), (0.0, 0.0, -0.008), BLUE).mass = 1.0
+    add_solid(target, "bottom", BOX, (BLOCK, BLOCK, 0.008), (0.0, 0.0, -0.008), BLUE).mass = 1.0
     for name, sign in (("mark", 1.0), ("other_mark", -1.0)):  # of the slot, beside the funnel
-        mark = thing(target, name, BOX, (0.007, 0.001, 0.0005), (sign * 0.021, 0.0, HIGH), YELLOW)
+        mark = add_solid(target, name, BOX, (0.007, 0.001, 0.0005), (sign * 0.021, 0.0, HIGH), YELLOW)
         mark.contype = mark.conaffinity = 0
     _sink(target)
 
@@ -130,79 +132,83 @@ def _sink(target: mujoco.MjsBody) -> None:
     half = 0.003  # m, of each wall's thickness
     slant, beyond = (MOUTH - BORE) / 2, half / 2**0.5
     for n in range(SIDES):
-        around = turned((0.0, 0.0, 1.0), 2.0 * pi * n / SIDES)
+        around = axis_angle_quaternion((0.0, 0.0, 1.0), 2.0 * pi * n / SIDES)
         rings = (
             ("bore", BORE + half, DEEP / 2, (half, 0.004, DEEP / 2), 0.0),
             ("funnel", BORE + slant + beyond, HIGH - slant - beyond, (half, 0.0055, slant * 2**0.5), pi / 4),
             ("plate", (MOUTH + BLOCK) / 2, HIGH - half, ((BLOCK - MOUTH) / 2, 0.012, half), 0.0),
         )  # fmt: skip
         for name, out, up, size, angle in rings:
-            wall = thing(target, f"{name}_{n}", BOX, size, (0.0, 0.0, 0.0), BLUE)
+            wall = add_solid(target, f"{name}_{n}", BOX, size, (0.0, 0.0, 0.0), BLUE)
             wall.pos = rotation_matrix(around) @ np.array([out, 0.0, up])
-            wall.quat = multiply(around, turned((0.0, 1.0, 0.0), angle))
+            wall.quat = multiply(around, axis_angle_quaternion((0.0, 1.0, 0.0), angle))
 
 
-def _stir(model: mujoco.MjModel, data: mujoco.MjData, situation: ScrewdriverSituation, time: float) -> None:
+def _actuate_scene(
+    model: mujoco.MjModel, data: mujoco.MjData, situation: ScrewdriverSituation, time: float
+) -> None:
     """The carriage's motors draw it along its path; they stand at nothing where it begins."""
-    way = screw_at(situation, time).position - screw_at(situation, 0.0).position
+    way = screw_pose(situation, time).position - screw_pose(situation, 0.0).position
     data.ctrl[model.actuator("ahead").id], data.ctrl[model.actuator("aside").id] = way[:2]
 
 
-def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: ScrewdriverSituation) -> dict[str, Pose]:
+def _observe_frames(
+    model: mujoco.MjModel, data: mujoco.MjData, situation: ScrewdriverSituation
+) -> dict[str, Pose]:
     del model, situation
     target = data.body("target")
     return {"target": Pose(target.xpos.copy(), target.xquat.copy())}
 
 
-def _judge(scene: Scene, situation: ScrewdriverSituation) -> Verdict:
-    tool = _see(scene.model, scene.data, situation)["target"].inverse() @ scene.tool
+def _check_success(scene: Scene, situation: ScrewdriverSituation) -> Outcome:
+    tool = _observe_frames(scene.model, scene.data, situation)["target"].inverse() @ scene.tool
     error = float(np.linalg.norm(tool.position))
     blade, _, axis = rotation_matrix(tool.quaternion).T
     lean, twist = acos(np.clip(-axis[2], -1.0, 1.0)), acos(min(abs(blade[0]), 1.0))
     if error > NEAR:
-        return Verdict(False, error, f"the tip is {1000 * error:.1f} mm from the bottom of the recess")
+        return Outcome(False, error, f"the tip is {1000 * error:.1f} mm from the bottom of the recess")
     if lean > STRAIGHT:
-        return Verdict(False, error, f"the screwdriver leans by {degrees(lean):.1f} degrees")
+        return Outcome(False, error, f"the screwdriver leans by {degrees(lean):.1f} degrees")
     if twist > SLOT:
-        return Verdict(False, error, f"the blade stands {degrees(twist):.1f} degrees across the slot")
-    return Verdict(True, error)
+        return Outcome(False, error, f"the blade stands {degrees(twist):.1f} degrees across the slot")
+    return Outcome(True, error)
 
 
-def _home(situation: ScrewdriverSituation) -> Pose:
+def _start_pose(situation: ScrewdriverSituation) -> Pose:
     del situation
     return Pose(np.array([0.6, -0.35, 0.15]), DOWN)
 
 
-def above(frames: Mapping[str, Pose], height: float) -> Pose:
+def tool_above_recess(frames: Mapping[str, Pose], height: float) -> Pose:
     """The tool, straight, its tip so high [m] above the bottom of the recess."""
     return frames["target"] @ Pose(np.array([0.0, 0.0, height]), DOWN)
 
 
-def _script(situation: ScrewdriverSituation) -> tuple[Act, ...]:
+def _demonstration_script(situation: ScrewdriverSituation) -> tuple[Subtask, ...]:
     del situation
-    near = partial(Act, position_tolerance=0.010, angle_tolerance=radians(4.0), tracking=True)
-    exact = partial(Act, position_tolerance=0.0045, angle_tolerance=radians(2.5), tracking=True)
+    near = partial(Subtask, position_tolerance=0.010, angle_tolerance=radians(4.0), tracking=True)
+    exact = partial(Subtask, position_tolerance=0.0045, angle_tolerance=radians(2.5), tracking=True)
     return (
-        near("line up", lambda f: above(f, 0.07)),
-        exact("aim", lambda f: above(f, HIGH + 0.01), speed=0.6),
-        exact("set in", lambda f: above(f, -0.002), speed=0.3, dwell=2.5),
+        near("line up", lambda f: tool_above_recess(f, 0.07)),
+        exact("aim", lambda f: tool_above_recess(f, HIGH + 0.01), speed=0.6),
+        exact("set in", lambda f: tool_above_recess(f, -0.002), speed=0.3, dwell=2.5),
     )
 
 
 SCREWDRIVER: Task[ScrewdriverSituation] = Task(
     name="screwdriver",
-    about="set a screwdriver into the recess of a screw that moves, and stay in it",
+    description="set a screwdriver into the recess of a screw that moves, and stay in it",
     frames=("target",),
-    grips=False,
+    has_gripper=False,
     unit="m",
-    seconds=30.0,
-    fragile=(),
-    mount=_mount,
-    draw=_draw,
-    furnish=_furnish,
-    home=_home,
-    see=_see,
-    judge=_judge,
-    script=_script,
-    stir=_stir,
+    time_limit=30.0,
+    contact_limits=(),
+    mount_tool=_mount_tool,
+    sample_situation=_sample_situation,
+    add_objects=_add_objects,
+    start_pose=_start_pose,
+    observe_frames=_observe_frames,
+    check_success=_check_success,
+    demonstration_script=_demonstration_script,
+    actuate_scene=_actuate_scene,
 )

@@ -1,13 +1,13 @@
 """Checks of the values that situations of tasks hold: where things can stand that an arm is to work on."""
 
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.geometry import Pose, pose
 
-FARTHEST = 3.0  # m from the torso, in each direction: beyond, no arm reaches
-LARGEST_ANGLE = 100.0  # rad
+MAX_DISTANCE = 3.0  # m from the torso, in each direction: beyond, no arm reaches
+MAX_ANGLE = 100.0  # rad
 
 
-def require_pose(value: object, name: str, lowest: float) -> None:
+def validate_object_pose(value: object, name: str, lowest: float) -> None:
     """Check that value is the pose of a thing near the robot.
 
     Args:
@@ -18,14 +18,14 @@ def require_pose(value: object, name: str, lowest: float) -> None:
     Raises:
         InvalidInput: If it is no pose, or stands too low or too far away.
     """
-    require_kind(name, value, Pose, "geometry.pose(position, quaternion) makes one")
+    require_type(name, value, Pose, "geometry.pose(position, quaternion) makes one")
     assert isinstance(value, Pose)
     try:
         place = pose(value.position, value.quaternion).position
     except InvalidInput as error:
         raise InvalidInput(f"{name}: {error}") from error
-    if abs(place).max() > FARTHEST or place[2] < lowest:
+    if abs(place).max() > MAX_DISTANCE or place[2] < lowest:
         raise InvalidInput(
-            f"{name} stands at {place.tolist()} m, expected at most {FARTHEST:g} m from the robot's torso in "
+            f"{name} stands at {place.tolist()} m, expected at most {MAX_DISTANCE:g} m from the robot's torso in "
             f"each direction, and a height of {lowest:g} m or more"
         )

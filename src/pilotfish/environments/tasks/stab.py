@@ -13,8 +13,8 @@ from math import degrees, pi, radians, tan
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import FLOOR, Tool, held_body, mount_point, part
-from pilotfish.environments.people import Act
+from pilotfish.environments.baxter import FLOOR, Tool, add_tool_body, add_tool_geom, add_tool_point
+from pilotfish.environments.human import Subtask
 from pilotfish.environments.tasks.furniture import (
     BLUE,
     BOX,
@@ -22,12 +22,12 @@ from pilotfish.environments.tasks.furniture import (
     CYLINDER,
     STEEL,
     YELLOW,
-    post_under,
-    thing,
-    turned,
+    add_post,
+    add_solid,
+    axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.situation_checks import require_pose
-from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.environments.tasks.situation_checks import validate_object_pose
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
 
@@ -39,7 +39,7 @@ AXIS = radians(4.0)  # between stab and bore: what the play allows at that depth
 STILL = 0.01  # m/s
 WALL, SIDES = 0.008, 12
 # Looking down and a little ahead, 60 degrees below the horizon; the tool's z axis points into the bore.
-SLOPE = turned((0.0, 1.0, 0.0), radians(150.0))
+SLOPE = axis_angle_quaternion((0.0, 1.0, 0.0), radians(150.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,47 +49,56 @@ class StabSituation:
     receptacle: Pose
 
     def __post_init__(self) -> None:
-        require_pose(self.receptacle, "the receptacle", FLOOR + 0.2)
+        validate_object_pose(self.receptacle, "the receptacle", FLOOR + 0.2)
 
 
 def mount_stab(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
     """A stab held by its T handle, 12 mm in radius, with a round end; the point is its tip."""
     del spec
-    held = held_body(hand, side)
-    part(held, f"{side}_handle", CAPSULE, (0.014, 0.045, 0.0), (0.0, 0.0, 0.03), YELLOW).quat = turned(
-        (0.0, 1.0, 0.0), pi / 2
-    )
-    part(held, f"{side}_neck", CYLINDER, (0.02, 0.02, 0.0), (0.0, 0.0, 0.06), BLUE)
+    held = add_tool_body(hand, side)
+    add_tool_geom(
+        held, f"{side}_handle", CAPSULE, (0.014, 0.045, 0.0), (0.0, 0.0, 0.03), YELLOW
+    ).quat = axis_angle_quaternion((0.0, 1.0, 0.0), pi / 2)
+    add_tool_geom(held, f"{side}_neck", CYLINDER, (0.02, 0.02, 0.0), (0.0, 0.0, 0.06), BLUE)
     half = (LENGTH - 0.06) / 2 - RADIUS
-    stab = part(held, f"{side}_stab", CAPSULE, (RADIUS, half, 0.0), (0.0, 0.0, LENGTH - RADIUS - half), STEEL)
+    stab = add_tool_geom(
+        held, f"{side}_stab", CAPSULE, (RADIUS, half, 0.0), (0.0, 0.0, LENGTH - RADIUS - half), STEEL
+    )
     stab.friction, stab.priority = (0.2, 0.005, 0.0001), 1  # wet steel
     stab.solref = (0.01, 1.0)
-    return Tool(mount_point(held, LENGTH, side), LENGTH, (held.name,))
+    return Tool(add_tool_point(held, LENGTH, side), LENGTH, (held.name,))
 
 
-def _draw(rng: np.random.Generator) -> StabSituation:
+def _sample_situation(rng: np.random.Generator) -> StabSituation:
     place = np.array([0.86, -0.38, 0.02]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.06, 0.1, 0.08])
     yaw, tilt = rng.uniform(-1.0, 1.0, 2) * np.radians([20.0, 10.0])
-    turn = multiply(turned((0.0, 0.0, 1.0), yaw), multiply(turned((0.0, 1.0, 0.0), tilt), SLOPE))
+    turn = multiply(
+        axis_angle_quaternion((0.0, 0.0, 1.0), yaw),
+        multiply(axis_angle_quaternion((0.0, 1.0, 0.0), tilt), SLOPE),
+    )
     return StabSituation(Pose(place, turn))
 
 
-def _furnish(spec: mujoco.MjSpec, situation: StabSituation) -> None:
+def _add_objects(spec: mujoco.MjSpec, situation: StabSituation) -> None:
     at = situation.receptacle
     body = spec.worldbody.add_body(name="receptacle", pos=at.position, quat=at.quaternion)
     for n in range(SIDES):
         _wall(body, n)
         _funnel(body, n)
-    thing(body, "bottom", CYLINDER, (BORE + WALL, 0.005, 0.0), (0.0, 0.0, BOTTOM + 0.005), STEEL)
-    panel = thing(body, "panel", BOX, (0.1, 0.13, 0.006), (0.0, 0.0, BOTTOM + 0.014), (0.35, 0.42, 0.5, 1.0))
-    post_under(spec, "post", at.position + rotation_matrix(at.quaternion) @ panel.pos + [0.03, 0.0, -0.02])
+    add_solid(body, "bottom", CYLINDER, (BORE + WALL, 0.005, 0.0), (0.0, 0.0, BOTTOM + 0.005), STEEL)
+    panel = add_solid(
+        body, "panel", BOX, (0.1, 0.13, 0.006), (0.0, 0.0, BOTTOM + 0.014), (0.35, 0.42, 0.5, 1.0)
+    )
+    add_post(spec, "post", at.position + rotation_matrix(at.quaternion) @ panel.pos + [0.03, 0.0, -0.02])
 
 
 def _wall(body: mujoco.MjsBody, n: int) -> None:
     angle, middle, half = 2 * pi * n / SIDES, BORE + WALL / 2, (BOTTOM - FUNNEL) / 2
     pos = middle * np.cos(angle), middle * np.sin(angle), FUNNEL + half
     wide = (BORE + WALL) * tan(pi / SIDES)
-    thing(body, f"wall_{n}", BOX, (WALL / 2, wide, half), pos, BLUE).quat = turned((0.0, 0.0, 1.0), angle)
+    add_solid(body, f"wall_{n}", BOX, (WALL / 2, wide, half), pos, BLUE).quat = axis_angle_quaternion(
+        (0.0, 0.0, 1.0), angle
+    )
 
 
 def _funnel(body: mujoco.MjsBody, n: int) -> None:
@@ -98,35 +107,37 @@ def _funnel(body: mujoco.MjsBody, n: int) -> None:
     pos = middle * np.cos(angle), middle * np.sin(angle), (FUNNEL + WALL / 2**0.5) / 2
     long = FUNNEL / 2**0.5
     wide = (MOUTH + WALL / 2) * tan(pi / SIDES)
-    plate = thing(body, f"funnel_{n}", BOX, (WALL / 2, wide, long), pos, YELLOW)
-    plate.quat = multiply(turned((0.0, 0.0, 1.0), angle), turned((0.0, 1.0, 0.0), -pi / 4))
+    plate = add_solid(body, f"funnel_{n}", BOX, (WALL / 2, wide, long), pos, YELLOW)
+    plate.quat = multiply(
+        axis_angle_quaternion((0.0, 0.0, 1.0), angle), axis_angle_quaternion((0.0, 1.0, 0.0), -pi / 4)
+    )
 
 
-def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: StabSituation) -> dict[str, Pose]:
+def _observe_frames(model: mujoco.MjModel, data: mujoco.MjData, situation: StabSituation) -> dict[str, Pose]:
     del model, data
     return {"receptacle": situation.receptacle}
 
 
-def tip_in(receptacle: Pose, tool: Pose) -> tuple[float, float, float]:
+def insertion_depth(receptacle: Pose, tool: Pose) -> tuple[float, float, float]:
     """How deep the tip is in and how far from the axis [m], and the angle between axes [rad]."""
     tip = rotation_matrix(receptacle.quaternion).T @ (tool.position - receptacle.position)
     axes = rotation_matrix(receptacle.quaternion)[:, 2] @ rotation_matrix(tool.quaternion)[:, 2]
     return float(tip[2]), float(np.hypot(tip[0], tip[1])), float(np.arccos(np.clip(axes, -1.0, 1.0)))
 
 
-def _judge(scene: Scene, situation: StabSituation) -> Verdict:
-    depth, beside, angle = tip_in(situation.receptacle, scene.tool)
+def _check_success(scene: Scene, situation: StabSituation) -> Outcome:
+    depth, beside, angle = insertion_depth(situation.receptacle, scene.tool)
     error = float(np.hypot(max(0.0, DEEP - depth), max(0.0, beside - (BORE - RADIUS))))
     speed = float(np.linalg.norm(_tip_velocity(scene)))
     if beside > BORE:
-        return Verdict(False, error, f"the tip is {beside:.3f} m beside the bore's axis: not in it")
+        return Outcome(False, error, f"the tip is {beside:.3f} m beside the bore's axis: not in it")
     if depth < DEEP:
-        return Verdict(False, error, f"the tip is {1e3 * depth:.0f} mm deep, expected {1e3 * DEEP:.0f}")
+        return Outcome(False, error, f"the tip is {1e3 * depth:.0f} mm deep, expected {1e3 * DEEP:.0f}")
     if angle > AXIS:
-        return Verdict(False, error, f"the stab leans {degrees(angle):.1f} degrees in its bore")
+        return Outcome(False, error, f"the stab leans {degrees(angle):.1f} degrees in its bore")
     if speed > STILL:
-        return Verdict(False, error, f"the stab still moves, at {speed:.3f} m/s")
-    return Verdict(True, error)
+        return Outcome(False, error, f"the stab still moves, at {speed:.3f} m/s")
+    return Outcome(True, error)
 
 
 def _tip_velocity(scene: Scene) -> Float[Array, " 3"]:
@@ -136,7 +147,7 @@ def _tip_velocity(scene: Scene) -> Float[Array, " 3"]:
     return velocity[3:]
 
 
-def _home(situation: StabSituation) -> Pose:
+def _start_pose(situation: StabSituation) -> Pose:
     del situation
     return Pose(np.array([0.75, -0.4, 0.2]), SLOPE)
 
@@ -146,10 +157,10 @@ def _along(frames: Mapping[str, Pose], depth: float) -> Pose:
     return frames["receptacle"] @ Pose(np.array([0.0, 0.0, depth]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def _script(situation: StabSituation) -> tuple[Act, ...]:
+def _demonstration_script(situation: StabSituation) -> tuple[Subtask, ...]:
     del situation
-    near = partial(Act, position_tolerance=0.008, angle_tolerance=radians(3.0))
-    exact = partial(Act, position_tolerance=0.005, angle_tolerance=radians(2.5))
+    near = partial(Subtask, position_tolerance=0.008, angle_tolerance=radians(3.0))
+    exact = partial(Subtask, position_tolerance=0.005, angle_tolerance=radians(2.5))
     return (
         near("line up", lambda f: _along(f, -0.1), dwell=0.1),
         exact("approach", lambda f: _along(f, -0.015), speed=0.5, dwell=0.1),
@@ -159,17 +170,17 @@ def _script(situation: StabSituation) -> tuple[Act, ...]:
 
 STAB: Task[StabSituation] = Task(
     name="stab",
-    about="push a hot-stab into its receptacle",
+    description="push a hot-stab into its receptacle",
     frames=("receptacle",),
-    grips=False,
+    has_gripper=False,
     unit="m",
-    seconds=30.0,
-    fragile=(),
-    mount=mount_stab,
-    draw=_draw,
-    furnish=_furnish,
-    home=_home,
-    see=_see,
-    judge=_judge,
-    script=_script,
+    time_limit=30.0,
+    contact_limits=(),
+    mount_tool=mount_stab,
+    sample_situation=_sample_situation,
+    add_objects=_add_objects,
+    start_pose=_start_pose,
+    observe_frames=_observe_frames,
+    check_success=_check_success,
+    demonstration_script=_demonstration_script,
 )

@@ -8,19 +8,19 @@ import mujoco
 import numpy as np
 
 from pilotfish.environments.baxter import Tool
-from pilotfish.environments.people import Act
+from pilotfish.environments.human import Subtask
 from pilotfish.geometry import Pose
 
 S = TypeVar("S")
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Outcome:
     """Whether the work is done, and how far it is from that, in the task's unit."""
 
     success: bool
     error: float
-    why: str = ""
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,17 +43,17 @@ class Task(Generic[S]):
     """
 
     name: str
-    about: str
+    description: str
     frames: tuple[str, ...]
-    grips: bool
+    has_gripper: bool
     unit: str
-    seconds: float
-    fragile: tuple[str, ...]
-    mount: Callable[[mujoco.MjSpec, mujoco.MjsBody, str], Tool]
-    draw: Callable[[np.random.Generator], S]
-    furnish: Callable[[mujoco.MjSpec, S], None]
-    home: Callable[[S], Pose]
-    see: Callable[[mujoco.MjModel, mujoco.MjData, S], dict[str, Pose]]
-    judge: Callable[[Scene, S], Verdict]
-    script: Callable[[S], tuple[Act, ...]]
-    stir: Callable[[mujoco.MjModel, mujoco.MjData, S, float], None] | None = None
+    time_limit: float
+    contact_limits: tuple[str, ...]
+    mount_tool: Callable[[mujoco.MjSpec, mujoco.MjsBody, str], Tool]
+    sample_situation: Callable[[np.random.Generator], S]
+    add_objects: Callable[[mujoco.MjSpec, S], None]
+    start_pose: Callable[[S], Pose]
+    observe_frames: Callable[[mujoco.MjModel, mujoco.MjData, S], dict[str, Pose]]
+    check_success: Callable[[Scene, S], Outcome]
+    demonstration_script: Callable[[S], tuple[Subtask, ...]]
+    actuate_scene: Callable[[mujoco.MjModel, mujoco.MjData, S, float], None] | None = None

@@ -8,10 +8,18 @@ import mujoco
 import numpy as np
 
 from pilotfish.environments.baxter import FLOOR, mount_gripper
-from pilotfish.environments.people import Act
-from pilotfish.environments.tasks.furniture import BOX, CYLINDER, GREEN, STEEL, YELLOW, thing, turned
-from pilotfish.environments.tasks.situation_checks import LARGEST_ANGLE, require_pose
-from pilotfish.environments.tasks.task import Scene, Task, Verdict
+from pilotfish.environments.human import Subtask
+from pilotfish.environments.tasks.furniture import (
+    BOX,
+    CYLINDER,
+    GREEN,
+    STEEL,
+    YELLOW,
+    add_solid,
+    axis_angle_quaternion,
+)
+from pilotfish.environments.tasks.situation_checks import MAX_ANGLE, validate_object_pose
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.geometry import Pose
 from pilotfish.validation import require_number
 
@@ -19,7 +27,7 @@ TOLERANCE = radians(5.0)
 CLEAR = 0.08  # m, from handle to tool when it is done
 STICTION, DRAG = 0.3, 0.3  # N m; N m s/rad
 # Looking along x, as the tool does when it grips: its z axis ahead, its fingers closing level.
-FACING = turned((0.0, 1.0, 0.0), pi / 2)
+FACING = axis_angle_quaternion((0.0, 1.0, 0.0), pi / 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,64 +42,64 @@ class ValveSituation:
     end: float
 
     def __post_init__(self) -> None:
-        require_pose(self.valve, "the valve", FLOOR + 0.01)
+        validate_object_pose(self.valve, "the valve", FLOOR + 0.01)
         for name in ("begin", "end"):
-            require_number(getattr(self, name), f"the handle's angle {name}", -LARGEST_ANGLE, LARGEST_ANGLE)
+            require_number(getattr(self, name), f"the handle's angle {name}", -MAX_ANGLE, MAX_ANGLE)
 
 
-def _draw(rng: np.random.Generator) -> ValveSituation:
+def _sample_situation(rng: np.random.Generator) -> ValveSituation:
     place = np.array([0.86, -0.3, 0.12]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.05, 0.1, 0.08])
-    turn = turned((0.0, 0.0, 1.0), rng.uniform(-0.25, 0.25))
+    turn = axis_angle_quaternion((0.0, 0.0, 1.0), rng.uniform(-0.25, 0.25))
     begin = rng.uniform(-0.5, 0.3)
     return ValveSituation(Pose(place, turn), begin, begin + rng.uniform(1.0, 1.4))
 
 
-def _furnish(spec: mujoco.MjSpec, situation: ValveSituation) -> None:
+def _add_objects(spec: mujoco.MjSpec, situation: ValveSituation) -> None:
     at = situation.valve.position
     stand = spec.worldbody.add_body(name="stand", pos=at, quat=situation.valve.quaternion)
-    thing(stand, "panel", BOX, (0.01, 0.14, 0.14), (0.085, 0.0, 0.0), (0.35, 0.42, 0.5, 1.0))
-    thing(stand, "post", BOX, (0.03, 0.03, (at[2] - FLOOR) / 2), (0.125, 0.0, (FLOOR - at[2]) / 2), STEEL)
+    add_solid(stand, "panel", BOX, (0.01, 0.14, 0.14), (0.085, 0.0, 0.0), (0.35, 0.42, 0.5, 1.0))
+    add_solid(stand, "post", BOX, (0.03, 0.03, (at[2] - FLOOR) / 2), (0.125, 0.0, (FLOOR - at[2]) / 2), STEEL)
     # The mark that the handle is to point to.
-    mark = thing(stand, "mark", BOX, (0.002, 0.012, 0.012), (0.074, 0.0, 0.0), GREEN)
+    mark = add_solid(stand, "mark", BOX, (0.002, 0.012, 0.012), (0.074, 0.0, 0.0), GREEN)
     mark.pos = 0.074, -0.12 * np.sin(situation.end), 0.12 * np.cos(situation.end)
     mark.contype = mark.conaffinity = 0
     valve = spec.worldbody.add_body(
-        name="valve", pos=at, quat=handle_at(situation, situation.begin).quaternion
+        name="valve", pos=at, quat=handle_pose(situation, situation.begin).quaternion
     )
     hinge = valve.add_joint(name="valve", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
     hinge.ref, hinge.frictionloss, hinge.armature = situation.begin, STICTION, 0.002
     hinge.damping[0] = DRAG
-    stem = thing(valve, "stem", CYLINDER, (0.008, 0.035, 0.0), (0.04, 0.0, 0.0), STEEL)
+    stem = add_solid(valve, "stem", CYLINDER, (0.008, 0.035, 0.0), (0.04, 0.0, 0.0), STEEL)
     stem.quat, stem.mass = FACING, 0.2
-    bar = thing(valve, "handle", BOX, (0.012, 0.011, 0.065), (0.0, 0.0, 0.0), YELLOW)
+    bar = add_solid(valve, "handle", BOX, (0.012, 0.011, 0.065), (0.0, 0.0, 0.0), YELLOW)
     bar.mass, bar.friction = 0.2, (1.0, 0.01, 0.001)
 
 
-def handle_at(situation: ValveSituation, angle: float) -> Pose:
+def handle_pose(situation: ValveSituation, angle: float) -> Pose:
     """Where the handle stands when it is turned to an angle [rad]: x along the axis, z along its bar."""
-    return situation.valve @ Pose(np.zeros(3), turned((1.0, 0.0, 0.0), angle))
+    return situation.valve @ Pose(np.zeros(3), axis_angle_quaternion((1.0, 0.0, 0.0), angle))
 
 
-def _see(model: mujoco.MjModel, data: mujoco.MjData, situation: ValveSituation) -> dict[str, Pose]:
+def _observe_frames(model: mujoco.MjModel, data: mujoco.MjData, situation: ValveSituation) -> dict[str, Pose]:
     del model, data
-    return {"before": handle_at(situation, situation.begin), "after": handle_at(situation, situation.end)}
+    return {"before": handle_pose(situation, situation.begin), "after": handle_pose(situation, situation.end)}
 
 
 def _angle(scene: Scene) -> float:
     return float(scene.data.qpos[scene.model.joint("valve").qposadr[0]])
 
 
-def _judge(scene: Scene, situation: ValveSituation) -> Verdict:
+def _check_success(scene: Scene, situation: ValveSituation) -> Outcome:
     error = abs(_angle(scene) - situation.end)
     away = float(np.linalg.norm(scene.tool.position - situation.valve.position))
     if error > TOLERANCE:
-        return Verdict(False, error, f"the valve stands {degrees(error):.1f} degrees from where it was to be")
+        return Outcome(False, error, f"the valve stands {degrees(error):.1f} degrees from where it was to be")
     if away < CLEAR:
-        return Verdict(False, error, f"the hand is still {away:.3f} m from the handle")
-    return Verdict(True, error)
+        return Outcome(False, error, f"the hand is still {away:.3f} m from the handle")
+    return Outcome(True, error)
 
 
-def _home(situation: ValveSituation) -> Pose:
+def _start_pose(situation: ValveSituation) -> Pose:
     del situation
     return Pose(np.array([0.62, -0.35, 0.15]), FACING)
 
@@ -100,30 +108,30 @@ def _grip(frames: Mapping[str, Pose], which: str, back: float) -> Pose:
     return frames[which] @ Pose(np.array([-back, 0.0, 0.0]), FACING)
 
 
-def _script(situation: ValveSituation) -> tuple[Act, ...]:
+def _demonstration_script(situation: ValveSituation) -> tuple[Subtask, ...]:
     del situation
     near, exact = (0.012, radians(5.0)), (0.005, radians(2.5))  # m, rad
     return (
-        Act("line up", lambda f: _grip(f, "before", 0.13), *near, grip=0.0, dwell=0.1),
-        Act("reach", lambda f: _grip(f, "before", 0.0), *exact, grip=1.0, dwell=0.6),
-        Act("turn", lambda f: _grip(f, "after", 0.0), *exact, grip=0.0, dwell=0.5),
-        Act("leave", lambda f: _grip(f, "after", 0.15), *near, grip=0.0, dwell=0.3),
+        Subtask("line up", lambda f: _grip(f, "before", 0.13), *near, grip=0.0, dwell=0.1),
+        Subtask("reach", lambda f: _grip(f, "before", 0.0), *exact, grip=1.0, dwell=0.6),
+        Subtask("turn", lambda f: _grip(f, "after", 0.0), *exact, grip=0.0, dwell=0.5),
+        Subtask("leave", lambda f: _grip(f, "after", 0.15), *near, grip=0.0, dwell=0.3),
     )
 
 
 VALVE: Task[ValveSituation] = Task(
     name="valve",
-    about="grip the handle of a valve, turn it to a mark, let go",
+    description="grip the handle of a valve, turn it to a mark, let go",
     frames=("before", "after"),
-    grips=True,
+    has_gripper=True,
     unit="rad",
-    seconds=30.0,
-    fragile=(),
-    mount=mount_gripper,
-    draw=_draw,
-    furnish=_furnish,
-    home=_home,
-    see=_see,
-    judge=_judge,
-    script=_script,
+    time_limit=30.0,
+    contact_limits=(),
+    mount_tool=mount_gripper,
+    sample_situation=_sample_situation,
+    add_objects=_add_objects,
+    start_pose=_start_pose,
+    observe_frames=_observe_frames,
+    check_success=_check_success,
+    demonstration_script=_demonstration_script,
 )

@@ -8,7 +8,7 @@ namespace pilotfish {
 namespace {
 
 // A larger drop of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
-constexpr double LARGEST_DROP = 1e6;
+constexpr double MAX_DROP = 1e6;
 
 constexpr double DOUBTFUL = 1e-280;  // a sum this small may have lost a term to underflow, at 1e-308
 
@@ -128,9 +128,9 @@ struct Chain::Step {
   Buffer exact;       // over all steps, transitions of rows whose sum was doubtful
 };
 
-void Chain::backward(const double* log_emissions, long T, double* forward, double* counts,
+void Chain::backward(const double* log_emissions, long T, double* forward, double* transition_counts,
                      double drop) const {
-  if (drop > LARGEST_DROP) return beside_best_path(log_emissions, T, forward, counts);
+  if (drop > MAX_DROP) return beside_best_path(log_emissions, T, forward, transition_counts);
   Step step(K_, width_);
   Buffer later(width_, 0.0), joint(width_);  // log p(all later steps | state), relative
   for (long t = T - 1; t >= 0; --t) {
@@ -138,7 +138,7 @@ void Chain::backward(const double* log_emissions, long T, double* forward, doubl
       const double* emission = log_emissions + (t + 1) * width_;
       const double best = step_best(emission, width_);
       for (int k = 0; k < width_; ++k) step.ahead[k] = (emission[k] - best) + later[k];
-      look_back(step, later.data());
+      backward_step(step, later.data());
     }
     double* gamma = forward + t * width_;
     for (int k = 0; k < width_; ++k) joint[k] = gamma[k] + later[k];
@@ -150,11 +150,11 @@ void Chain::backward(const double* log_emissions, long T, double* forward, doubl
   for (int j = 0; j < K_; ++j)
     for (int k = 0; k < K_; ++k) {
       const size_t at = size_t(j) * width_ + k;
-      counts[j * K_ + k] += from_[at] * step.ratios[at] + step.exact[at];
+      transition_counts[j * K_ + k] += from_[at] * step.ratios[at] + step.exact[at];
     }
 }
 
-void Chain::look_back(Step& step, double* later) const {
+void Chain::backward_step(Step& step, double* later) const {
   const double most = largest(step.ahead.data(), width_);
   exponentials(step.ahead.data(), most, step.likelihood.data(), width_);
   product(step.likelihood.data(), into_.data(), K_, width_, step.sum.data());
@@ -187,7 +187,7 @@ void Chain::add_transitions(Step& step, const double* gamma) const {
 
 // The same in logarithms throughout, from emissions relative to those of the best path. forward (T, width) is
 // filled anew, and nothing is taken out of it: the best partial path may lie far above the paths that matter.
-void Chain::beside_best_path(const double* log_emissions, long T, double* forward, double* counts) const {
+void Chain::beside_best_path(const double* log_emissions, long T, double* forward, double* transition_counts) const {
   std::vector<int64_t> path(T);
   viterbi(K_, T, log_emissions, width_, log_initial_.data(), log_transitions_, path.data());
   Buffer emissions(T * width_, NEVER), terms(width_), later(width_, 0.0), ahead(width_, NEVER);
@@ -212,14 +212,14 @@ void Chain::beside_best_path(const double* log_emissions, long T, double* forwar
       for (int j = 0; j < K_; ++j)
         for (int i = successors_.begin[j]; gamma[j] > 0.0 && i < successors_.begin[j + 1]; ++i) {
           const int k = successors_.states[i];
-          counts[j * K_ + k] += gamma[j] * std::exp(ahead[k] + successors_.log_probabilities[i] - later[j]);
+          transition_counts[j * K_ + k] += gamma[j] * std::exp(ahead[k] + successors_.log_probabilities[i] - later[j]);
         }
     for (int k = 0; k < K_; ++k) ahead[k] = emissions[t * width_ + k] + later[k];
   }
 }
 
-double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
-                        double* counts, double* log_forward) {
+double forward_backward(const Chain& chain, const double* log_emissions, long T, double* smoothed_state_probs,
+                        double* transition_counts, double* log_forward) {
   const long K = chain.states(), width = chain.width();
   Buffer padded(T * width, NEVER), gamma(T * width), offsets(T);
   for (long t = 0; t < T; ++t) std::copy_n(log_emissions + t * K, K, padded.data() + t * width);
@@ -227,22 +227,22 @@ double forward_backward(const Chain& chain, const double* log_emissions, long T,
   const double log_likelihood = chain.forward(padded.data(), T, gamma.data(), offsets.data(), &drop);
   for (long t = 0; t < T; ++t)
     for (long k = 0; k < K; ++k) log_forward[t * K + k] = gamma[t * width + k] + offsets[t];
-  std::fill_n(posteriors, T * K, 0.0);
-  std::fill_n(counts, K * K, 0.0);
+  std::fill_n(smoothed_state_probs, T * K, 0.0);
+  std::fill_n(transition_counts, K * K, 0.0);
   if (log_likelihood == NEVER) return NEVER;
-  chain.backward(padded.data(), T, gamma.data(), counts, drop);
-  for (long t = 0; t < T; ++t) std::copy_n(gamma.data() + t * width, K, posteriors + t * K);
+  chain.backward(padded.data(), T, gamma.data(), transition_counts, drop);
+  for (long t = 0; t < T; ++t) std::copy_n(gamma.data() + t * width, K, smoothed_state_probs + t * K);
   return log_likelihood;
 }
 
 namespace {
 
 // The recursion of Viterbi from emissions less what is taken out of each step.
-double best_path(int K, long T, const double* log_emissions, long stride, const std::vector<double>& taken,
+double best_path(int K, long T, const double* log_emissions, long stride, const std::vector<double>& log_offsets,
                  const double* log_initial, const double* log_transitions, int64_t* states) {
   std::vector<double> best(K), score(K), origin(K);  // origins as real numbers: one vector width for all
   std::vector<int32_t> origins(size_t(T) * K);
-  for (int k = 0; k < K; ++k) best[k] = log_initial[k] + (log_emissions[k] - taken[0]);
+  for (int k = 0; k < K; ++k) best[k] = log_initial[k] + (log_emissions[k] - log_offsets[0]);
   for (long t = 1; t < T; ++t) {
     const double* emission = log_emissions + t * stride;
     for (int k = 0; k < K; ++k) score[k] = best[0] + log_transitions[k];
@@ -255,7 +255,7 @@ double best_path(int K, long T, const double* log_emissions, long stride, const 
         origin[k] = better ? double(j) : origin[k];
       }
     for (int k = 0; k < K; ++k) {
-      best[k] = score[k] + (emission[k] - taken[t]);
+      best[k] = score[k] + (emission[k] - log_offsets[t]);
       origins[t * K + k] = int32_t(origin[k]);
     }
   }
@@ -268,14 +268,14 @@ double best_path(int K, long T, const double* log_emissions, long stride, const 
 
 double viterbi(int K, long T, const double* log_emissions, long stride, const double* log_initial,
                const double* log_transitions, int64_t* states) {
-  std::vector<double> taken(T);
-  for (long t = 0; t < T; ++t) taken[t] = step_best(log_emissions + t * stride, K);
-  double best = best_path(K, T, log_emissions, stride, taken, log_initial, log_transitions, states);
-  if (best < -LARGEST_DROP && best != NEVER) {  // rounding may hide which of two paths is the better one
-    for (long t = 0; t < T; ++t) taken[t] = log_emissions[t * stride + states[t]];
-    best = best_path(K, T, log_emissions, stride, taken, log_initial, log_transitions, states);
+  std::vector<double> log_offsets(T);
+  for (long t = 0; t < T; ++t) log_offsets[t] = step_best(log_emissions + t * stride, K);
+  double best = best_path(K, T, log_emissions, stride, log_offsets, log_initial, log_transitions, states);
+  if (best < -MAX_DROP && best != NEVER) {  // rounding may hide which of two paths is the better one
+    for (long t = 0; t < T; ++t) log_offsets[t] = log_emissions[t * stride + states[t]];
+    best = best_path(K, T, log_emissions, stride, log_offsets, log_initial, log_transitions, states);
   }
-  for (double reference : taken) best += reference;
+  for (double reference : log_offsets) best += reference;
   return best;
 }
 

@@ -43,13 +43,13 @@ class Chain {
 
   // Turns forward (T, width) into posteriors and adds the expected transitions to counts (K, K).
   // The likelihood must not be zero. drop is that of the forward pass.
-  void backward(const double* log_emissions, long T, double* forward, double* counts, double drop) const;
+  void backward(const double* log_emissions, long T, double* forward, double* transition_counts, double drop) const;
 
  private:
   struct Step;
 
-  void beside_best_path(const double* log_emissions, long T, double* posteriors, double* counts) const;
-  void look_back(Step& step, double* later) const;
+  void beside_best_path(const double* log_emissions, long T, double* smoothed_state_probs, double* transition_counts) const;
+  void backward_step(Step& step, double* later) const;
   void add_transitions(Step& step, const double* gamma) const;
 
   int K_, width_;
@@ -60,8 +60,8 @@ class Chain {
 };
 
 // For arrays that are not padded: posteriors and log_forward (T, K), counts (K, K), all of them set.
-double forward_backward(const Chain& chain, const double* log_emissions, long T, double* posteriors,
-                        double* counts, double* log_forward);
+double forward_backward(const Chain& chain, const double* log_emissions, long T, double* smoothed_state_probs,
+                        double* transition_counts, double* log_forward);
 
 // A most probable path into states (T), at ties the lower index; returns its log-probability. Rows of
 // log_emissions lie stride numbers apart.

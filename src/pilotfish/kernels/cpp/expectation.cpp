@@ -44,13 +44,13 @@ class GroupSums {
   template <typename Visit>
   void for_each(Sums& sums, Visit visit) const {
     const size_t P = sizes_.P, K = sizes_.K, E = sizes_.E(), S = S_;
-    visit(sums.mass, K);
-    visit(sums.first, K);
+    visit(sums.counts, K);
+    visit(sums.initial_counts, K);
     visit(sums.transitions, K * K);
     visit(sums.offsets, P * K * E);
-    visit(sums.scatters, P * K * E * E);
-    visit(sums.visits, 4 * S * K);
-    visit(sums.beyond, S > 0 ? 2 * K : 0);
+    visit(sums.scatter_matrices, P * K * E * E);
+    visit(sums.segments, 4 * S * K);
+    visit(sums.tail_counts, S > 0 ? 2 * K : 0);
   }
 
   size_t count() const {
@@ -67,12 +67,12 @@ class GroupSums {
 };
 
 void add_expected(const MarkovInference& inference, Sums sums) {
-  const Buffer& counts = inference.transitions();
-  for (size_t i = 0; i < counts.size(); ++i) sums.transitions[i] += counts[i];
+  const Buffer& transition_counts = inference.transitions();
+  for (size_t i = 0; i < transition_counts.size(); ++i) sums.transitions[i] += transition_counts[i];
 }
 
 void add_expected(const SemiMarkovInference& inference, Sums sums) {
-  inference.add_to(sums.transitions, sums.visits, sums.beyond);
+  inference.add_to(sums.transitions, sums.segments, sums.tail_counts);
 }
 
 template <typename Inference, typename AnyChain>
@@ -80,26 +80,26 @@ void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyCh
                Gaussians gaussians, Sums sums) {
   const int K = sizes.K;
   const int64_t* lengths = data.lengths;
-  const long width = chain.width(), longest = *std::max_element(lengths + group.first, lengths + group.last);
-  Densities densities(sizes, gaussians.means, gaussians.whiteners);
-  Moments moments(sizes, gaussians.means, sums.offsets, sums.scatters);
-  Inference inference(chain, longest);
-  Buffer log_emissions(longest * width, NEVER), gamma(longest * width), mass(width, 0.0), least(width);
+  const long width = chain.width(), max_duration = *std::max_element(lengths + group.first, lengths + group.last);
+  Densities densities(sizes, gaussians.means, gaussians.precision_cholesky);
+  Moments moments(sizes, gaussians.means, sums.offsets, sums.scatter_matrices);
+  Inference inference(chain, max_duration);
+  Buffer log_emissions(max_duration * width, NEVER), gamma(max_duration * width), counts(width, 0.0), least(width);
   for (long m = group.first, begin = group.begin; m < group.last; begin += lengths[m++]) {
     const long T = lengths[m];
     densities.evaluate(data.x, begin, begin + T, log_emissions.data(), width);
     sums.log_likelihoods[m] = inference.infer(log_emissions.data(), T, gamma.data());
     if (sums.log_likelihoods[m] == NEVER) continue;
-    for (int k = 0; k < K; ++k) sums.first[k] += gamma[k];
+    for (int k = 0; k < K; ++k) sums.initial_counts[k] += gamma[k];
     std::fill(least.begin(), least.end(), 0.0);
     for (long t = 0; t < T; ++t)
       for (long k = 0; k < width; ++k) {
-        mass[k] += gamma[t * width + k];
+        counts[k] += gamma[t * width + k];
         least[k] = std::max(least[k], NEGLIGIBLE * gamma[t * width + k]);
       }
     moments.add(data.x, begin, begin + T, gamma.data(), width, least.data());
   }
-  std::copy_n(mass.begin(), K, sums.mass);
+  std::copy_n(counts.begin(), K, sums.counts);
   moments.finish();
   add_expected(inference, sums);
 }
@@ -111,16 +111,16 @@ double work(const Sizes& sizes, const Chain&) {
 }
 
 double work(const Sizes& sizes, const SemiMarkovChain& chain) {
-  const double E = sizes.E(), longest = std::min(chain.longest(), sizes.N);
-  return sizes.K * (sizes.P * E * E + 15.0 * (longest + sizes.K));
+  const double E = sizes.E(), max_duration = std::min(chain.max_duration(), sizes.N);
+  return sizes.K * (sizes.P * E * E + 15.0 * (max_duration + sizes.K));
 }
 
 template <typename Inference, typename AnyChain>
 void add_all(const Sizes& sizes, Demonstrations data, const AnyChain& chain, Gaussians gaussians, long S,
              int threads, Sums sums) {
-  const auto groups = cut(data.lengths, data.M, WORTH / work(sizes, chain));
+  const auto groups = split_groups(data.lengths, data.M, WORTH / work(sizes, chain));
   std::vector<GroupSums> parts(groups.size(), GroupSums(sizes, S));
-  share(int(groups.size()), threads, [&](int g) {
+  run_groups(int(groups.size()), threads, [&](int g) {
     add_group<Inference>(sizes, data, groups[g], chain, gaussians, parts[g].begin(sums, g > 0));
   });
   for (size_t g = 1; g < groups.size(); ++g) parts[g].add_to(sums);
@@ -135,7 +135,7 @@ void e_step(const Sizes& sizes, Demonstrations data, const Chain& chain, Gaussia
 
 void e_step(const Sizes& sizes, Demonstrations data, const SemiMarkovChain& chain, Gaussians gaussians,
             int threads, Sums sums) {
-  add_all<SemiMarkovInference>(sizes, data, chain, gaussians, chain.longest(), threads, sums);
+  add_all<SemiMarkovInference>(sizes, data, chain, gaussians, chain.max_duration(), threads, sums);
 }
 
 }  // namespace pilotfish

@@ -14,12 +14,12 @@ struct Demonstrations {
 };
 
 struct Gaussians {
-  const double *means, *whiteners;
+  const double *means, *precision_cholesky;
 };
 
 // What every sum is added up into; see EStep and SemiMarkovEStep in results.py.
 struct Sums {
-  double *log_likelihoods, *mass, *first, *transitions, *offsets, *scatters, *visits, *beyond;
+  double *log_likelihoods, *counts, *initial_counts, *transitions, *offsets, *scatter_matrices, *segments, *tail_counts;
 };
 
 // Up to `threads` threads share the demonstrations, as many as this process may use if it is zero. The sums

@@ -29,10 +29,10 @@ int available() {
 
 }  // namespace
 
-std::vector<Group> cut(const int64_t* lengths, long M, double worth) {
+std::vector<Group> split_groups(const int64_t* lengths, long M, double min_points) {
   long N = 0, done = 0;
   for (long m = 0; m < M; ++m) N += lengths[m];
-  const long wanted = std::max(1L, std::min({MOST, M, long(double(N) / worth)}));
+  const long wanted = std::max(1L, std::min({MOST, M, long(double(N) / min_points)}));
   std::vector<Group> groups{{0, 0, 0}};
   for (long m = 0; m < M; ++m) {
     const long g = long(groups.size());
@@ -45,7 +45,7 @@ std::vector<Group> cut(const int64_t* lengths, long M, double worth) {
   return groups;
 }
 
-void share(int count, int threads, const std::function<void(int)>& work) {
+void run_groups(int count, int threads, const std::function<void(int)>& work) {
   std::atomic<int> next{0};
   std::exception_ptr thrown;
   std::mutex one_at_a_time;

@@ -14,10 +14,10 @@ struct Group {
 
 // At most a few groups of about equally many datapoints, at least `worth` in each. They depend on nothing but
 // the arguments: sums over groups, added in order, are the same to the last digit on any computer.
-std::vector<Group> cut(const int64_t* lengths, long M, double worth);
+std::vector<Group> split_groups(const int64_t* lengths, long M, double min_points);
 
 // Calls work(0) to work(count - 1), each once, on up to `threads` threads; zero is as many as this process
 // may use. What work throws is thrown here, once all threads have ended.
-void share(int count, int threads, const std::function<void(int)>& work);
+void run_groups(int count, int threads, const std::function<void(int)>& work);
 
 }  // namespace pilotfish

@@ -14,8 +14,8 @@ namespace {
 using Vector3 = Eigen::Vector3d;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Joints = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, MOST_JOINTS, 1>;
-using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor, 6, MOST_JOINTS>;
+using Joints = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, MAX_JOINTS, 1>;
+using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor, 6, MAX_JOINTS>;
 
 Eigen::Map<const Joints> joints(const double* values, int n) { return {values, n}; }
 Eigen::Map<const Vector6> six(const double* values) { return Eigen::Map<const Vector6>(values); }
@@ -64,7 +64,7 @@ bool task_of(const Arm& arm, Vector6& F, Joints& task) {
   if (!F.allFinite() || !gram.allFinite()) return false;
   const Eigen::SelfAdjointEigenSolver<Matrix6> solver(gram);  // squared singular values of J
   const Joints posture = arm.posture_stiffness * (joints(arm.posture, arm.n) - joints(arm.q, arm.n));
-  const Vector6 values = solver.eigenvalues().cwiseMax(arm.singular_value * arm.singular_value);
+  const Vector6 values = solver.eigenvalues().cwiseMax(arm.min_singular_value * arm.min_singular_value);
   const Vector6 along = solver.eigenvectors().transpose() * (J * posture);
   const Vector6 pseudo = solver.eigenvectors() * along.cwiseQuotient(values);  // J^+T posture
   task = J.transpose() * (F - pseudo) + posture;
@@ -85,15 +85,15 @@ Joints off_limits(const Arm& arm) {
 // torque = bias + push, each cut to its limit, and the least share of its push that a joint could give; see
 // kernels/arms.py.
 double within(const Arm& arm, const Joints& bias, const Joints& push, double* torque) {
-  double share = 1.0;
+  double run_groups = 1.0;
   for (int i = 0; i < arm.n; ++i) {
     const double limit = arm.torque[i], wanted = bias[i] + push[i];
     torque[i] = std::min(std::max(wanted, -limit), limit);
     if (torque[i] == wanted) continue;
     const double carried = std::min(std::max(bias[i], -limit), limit);
-    share = std::min(share, push[i] == 0.0 ? 0.0 : (torque[i] - carried) / push[i]);
+    run_groups = std::min(run_groups, push[i] == 0.0 ? 0.0 : (torque[i] - carried) / push[i]);
   }
-  return share;
+  return run_groups;
 }
 
 }  // namespace

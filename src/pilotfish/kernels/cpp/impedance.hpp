@@ -3,13 +3,13 @@
 
 namespace pilotfish {
 
-constexpr int MOST_JOINTS = 16;  // so nothing is allocated
+constexpr int MAX_JOINTS = 16;  // so nothing is allocated
 
 // Fields as in kernels/arms.py; n joints, the Jacobian row-major.
 struct Arm {
   int n;
   const double *stiffness, *damping, *posture;                              // Impedance
-  double posture_stiffness, joint_damping, force_limit, moment_limit, singular_value, limit_margin,
+  double posture_stiffness, joint_damping, force_limit, moment_limit, min_singular_value, limit_margin,
       limit_stiffness;
   const double *lower, *upper, *torque;                                     // ArmLimits
   const double *q, *velocity, *position, *quaternion, *jacobian, *bias;     // ArmReading

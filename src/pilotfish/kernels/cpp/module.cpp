@@ -29,33 +29,33 @@ namespace nb = nanobind;
 namespace pilotfish::python {
 namespace {
 
-struct Free {  // the interpreter while a kernel runs
+struct ReleasedInterpreter {  // the interpreter while a kernel runs
   nb::gil_scoped_release others;
   SubnormalsFlushed subnormals;
 };
 
-Sizes sizes_of(const In<double, 3>& x, const In<double, 3>& means, const In<double, 4>& whiteners,
-               const In<int64_t, 1>& turns) {
+Sizes read_sizes(const In<double, 3>& x, const In<double, 3>& means, const In<double, 4>& precision_cholesky,
+               const In<int64_t, 1>& orientation_starts) {
   const size_t P = x.shape(0), D = x.shape(2), K = means.shape(1);
   expect_some(D, "the last axis of x");
   expect_some(K, "means");
   expect(means, "means", {P, K, D});
   Sizes sizes{int(P), long(x.shape(1)), int(K), int(D), {}};
   int64_t free = 0;
-  for (size_t i = 0; i < turns.shape(0); free = turns(i++) + 4) {
-    if (turns(i) < free || turns(i) > int64_t(D) - 4)
+  for (size_t i = 0; i < orientation_starts.shape(0); free = orientation_starts(i++) + 4) {
+    if (orientation_starts(i) < free || orientation_starts(i) > int64_t(D) - 4)
       throw nb::value_error("turns are not columns in rising order with four columns each");
-    sizes.turns.push_back(int(turns(i)));
+    sizes.orientation_starts.push_back(int(orientation_starts(i)));
   }
   const size_t E = sizes.E();
-  expect(whiteners, "whiteners", {P, K, E, E});
+  expect(precision_cholesky, "precision_cholesky", {P, K, E, E});
   expect_finite(x, "x");
   expect_finite(means, "means");
-  expect_finite(whiteners, "whiteners");
+  expect_finite(precision_cholesky, "precision_cholesky");
   for (size_t k = 0; k < P * K; ++k)
     for (size_t e = 0; e < E; ++e)
-      if (!(whiteners.data()[(k * E + e) * E + e] >= std::numeric_limits<double>::min()))
-        throw nb::value_error("whiteners have a diagonal that is not positive");
+      if (!(precision_cholesky.data()[(k * E + e) * E + e] >= std::numeric_limits<double>::min()))
+        throw nb::value_error("precision_cholesky has a diagonal that is not positive");
   return sizes;
 }
 
@@ -79,68 +79,68 @@ void expect_chain(size_t K, const In<double, 1>& log_initial, const In<double, 2
   expect_logarithms(log_transitions, "log_transitions");
 }
 
-SemiMarkovTables tables_of(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions,
-                           const In<double, 3>& log_visits, const In<double, 2>& log_beyond) {
-  const size_t S = log_visits.shape(1);
+SemiMarkovTables read_tables(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions,
+                           const In<double, 3>& log_segment_weights, const In<double, 2>& log_tail_weights) {
+  const size_t S = log_segment_weights.shape(1);
   expect_some(S, "the second axis of log_visits");
   expect_chain(K, log_initial, log_transitions);
-  expect(log_visits, "log_visits", {4, S, K});
-  expect(log_beyond, "log_beyond", {2, K});
-  expect_logarithms(log_visits, "log_visits");
-  expect_logarithms(log_beyond, "log_beyond");
-  return {int(K), long(S), log_initial.data(), log_transitions.data(), log_visits.data(), log_beyond.data()};
+  expect(log_segment_weights, "log_visits", {4, S, K});
+  expect(log_tail_weights, "log_beyond", {2, K});
+  expect_logarithms(log_segment_weights, "log_visits");
+  expect_logarithms(log_tail_weights, "log_beyond");
+  return {int(K), long(S), log_initial.data(), log_transitions.data(), log_segment_weights.data(), log_tail_weights.data()};
 }
 
-Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> whiteners, In<int64_t, 1> turns) {
-  const Sizes sizes = sizes_of(x, means, whiteners, turns);
+Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> precision_cholesky, In<int64_t, 1> orientation_starts) {
+  const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   Out result = empty<Out>({size_t(sizes.N), size_t(sizes.K)});
   {
-    Free run;
-    Densities(sizes, means.data(), whiteners.data()).evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
+    ReleasedInterpreter run;
+    Densities(sizes, means.data(), precision_cholesky.data()).evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
   }
   return result;
 }
 
 auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, In<double, 2> transitions,
-            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> whiteners, In<int64_t, 1> turns,
+            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> precision_cholesky, In<int64_t, 1> orientation_starts,
             int threads) {
-  const Sizes sizes = sizes_of(x, means, whiteners, turns);
+  const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   const Demonstrations data = demonstrations(x, lengths);
   expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
   expect(transitions, "transitions", {K, K});
   expect_chain(K, log_initial, log_transitions);
-  Out log_likelihoods = empty<Out>({M}), mass = empty<Out>({K}), first = empty<Out>({K});
-  Out counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatters = empty<Out>({P, K, E, E});
-  const Sums sums{log_likelihoods.data(), mass.data(),     first.data(), counts.data(),
-                  offsets.data(),         scatters.data(), nullptr,      nullptr};
+  Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), first = empty<Out>({K});
+  Out transition_counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
+  const Sums sums{log_likelihoods.data(), counts.data(),     first.data(), transition_counts.data(),
+                  offsets.data(),         scatter_matrices.data(), nullptr,      nullptr};
   {
-    Free run;
+    ReleasedInterpreter run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
-    pilotfish::e_step(sizes, data, chain, {means.data(), whiteners.data()}, threads, sums);
+    pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, mass, first, counts, offsets, scatters);
+  return std::make_tuple(log_likelihoods, counts, first, transition_counts, offsets, scatter_matrices);
 }
 
 auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial,
-                        In<double, 2> log_transitions, In<double, 3> log_visits, In<double, 2> log_beyond,
-                        In<double, 3> means, In<double, 4> whiteners, In<int64_t, 1> turns, int threads) {
-  const Sizes sizes = sizes_of(x, means, whiteners, turns);
+                        In<double, 2> log_transitions, In<double, 3> log_segment_weights, In<double, 2> log_tail_weights,
+                        In<double, 3> means, In<double, 4> precision_cholesky, In<int64_t, 1> orientation_starts, int threads) {
+  const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   const Demonstrations data = demonstrations(x, lengths);
   expect_threads(threads);
-  const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E(), S = log_visits.shape(1);
-  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
-  Out log_likelihoods = empty<Out>({M}), mass = empty<Out>({K}), first = empty<Out>({K});
-  Out counts = empty<Out>({K, K}), visits = empty<Out>({4, S, K}), beyond = empty<Out>({2, K});
-  Out offsets = empty<Out>({P, K, E}), scatters = empty<Out>({P, K, E, E});
-  const Sums sums{log_likelihoods.data(), mass.data(),     first.data(),  counts.data(),
-                  offsets.data(),         scatters.data(), visits.data(), beyond.data()};
+  const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E(), S = log_segment_weights.shape(1);
+  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), first = empty<Out>({K});
+  Out transition_counts = empty<Out>({K, K}), segments = empty<Out>({4, S, K}), tail_counts = empty<Out>({2, K});
+  Out offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
+  const Sums sums{log_likelihoods.data(), counts.data(),     first.data(),  transition_counts.data(),
+                  offsets.data(),         scatter_matrices.data(), segments.data(), tail_counts.data()};
   {
-    Free run;
+    ReleasedInterpreter run;
     const SemiMarkovChain chain(tables);
-    pilotfish::e_step(sizes, data, chain, {means.data(), whiteners.data()}, threads, sums);
+    pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, mass, first, counts, visits, beyond, offsets, scatters);
+  return std::make_tuple(log_likelihoods, counts, first, transition_counts, segments, tail_counts, offsets, scatter_matrices);
 }
 
 auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> transitions,
@@ -151,15 +151,15 @@ auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In
   expect_logarithms(log_emissions, "log_emissions");
   expect(transitions, "transitions", {K, K});
   expect_chain(K, log_initial, log_transitions);
-  Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K}), log_forward = empty<Out>({T, K});
+  Out smoothed_state_probs = empty<Out>({T, K}), transition_counts = empty<Out>({K, K}), log_forward = empty<Out>({T, K});
   double log_likelihood;
   {
-    Free run;
+    ReleasedInterpreter run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
-    log_likelihood = pilotfish::forward_backward(chain, log_emissions.data(), long(T), posteriors.data(),
-                                                 counts.data(), log_forward.data());
+    log_likelihood = pilotfish::forward_backward(chain, log_emissions.data(), long(T), smoothed_state_probs.data(),
+                                                 transition_counts.data(), log_forward.data());
   }
-  return std::make_tuple(log_likelihood, posteriors, counts, log_forward);
+  return std::make_tuple(log_likelihood, smoothed_state_probs, transition_counts, log_forward);
 }
 
 auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions) {
@@ -171,7 +171,7 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   States states = empty<States>({T});
   double log_probability;
   {
-    Free run;
+    ReleasedInterpreter run;
     log_probability = pilotfish::viterbi(int(K), long(T), log_emissions.data(), long(K), log_initial.data(),
                                          log_transitions.data(), states.data());
   }
@@ -179,54 +179,54 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
 }
 
 auto semi_markov(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions,
-                 In<double, 3> log_visits, In<double, 2> log_beyond) {
-  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1), S = log_visits.shape(1);
+                 In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
+  const size_t T = log_emissions.shape(0), K = log_emissions.shape(1), S = log_segment_weights.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
   expect_logarithms(log_emissions, "log_emissions");
-  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
-  Out posteriors = empty<Out>({T, K}), counts = empty<Out>({K, K});
-  Out visits = empty<Out>({4, S, K}), beyond = empty<Out>({2, K});
-  for (const Out& result : {posteriors, counts, visits, beyond})
+  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  Out smoothed_state_probs = empty<Out>({T, K}), transition_counts = empty<Out>({K, K});
+  Out segments = empty<Out>({4, S, K}), tail_counts = empty<Out>({2, K});
+  for (const Out& result : {smoothed_state_probs, transition_counts, segments, tail_counts})
     std::fill_n(result.data(), result.size(), 0.0);
   double log_likelihood;
   {
-    Free run;
+    ReleasedInterpreter run;
     const SemiMarkovChain chain(tables);
     SemiMarkovInference inference(chain, long(T));
-    log_likelihood = inference.infer(log_emissions.data(), long(T), posteriors.data());
-    inference.add_to(counts.data(), visits.data(), beyond.data());
+    log_likelihood = inference.infer(log_emissions.data(), long(T), smoothed_state_probs.data());
+    inference.add_to(transition_counts.data(), segments.data(), tail_counts.data());
   }
-  return std::make_tuple(log_likelihood, posteriors, counts, visits, beyond);
+  return std::make_tuple(log_likelihood, smoothed_state_probs, transition_counts, segments, tail_counts);
 }
 
 auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
-                         In<double, 2> log_transitions, In<double, 3> log_visits, In<double, 2> log_beyond) {
+                         In<double, 2> log_transitions, In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
   expect_logarithms(log_emissions, "log_emissions");
-  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
-  Out log_ends = empty<Out>({T, K}), log_occupancy = empty<Out>({T, K});
+  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  Out log_segment_ends = empty<Out>({T, K}), log_forward = empty<Out>({T, K});
   {
-    Free run;
-    pilotfish::forward(SemiMarkovChain(tables), log_emissions.data(), long(T), log_ends.data(),
-                       log_occupancy.data());
+    ReleasedInterpreter run;
+    pilotfish::forward(SemiMarkovChain(tables), log_emissions.data(), long(T), log_segment_ends.data(),
+                       log_forward.data());
   }
-  return std::make_tuple(log_ends, log_occupancy);
+  return std::make_tuple(log_segment_ends, log_forward);
 }
 
 auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
-                         In<double, 2> log_transitions, In<double, 3> log_visits, In<double, 2> log_beyond) {
+                         In<double, 2> log_transitions, In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
   expect_logarithms(log_emissions, "log_emissions");
-  const SemiMarkovTables tables = tables_of(K, log_initial, log_transitions, log_visits, log_beyond);
+  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   States states = empty<States>({T});
   double log_probability;
   {
-    Free run;
+    ReleasedInterpreter run;
     log_probability =
         pilotfish::viterbi(SemiMarkovChain(tables), log_emissions.data(), long(T), states.data());
   }
@@ -234,7 +234,7 @@ auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
 }
 
 auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double, 2> targets,
-             In<double, 2> effort) {
+             In<double, 2> control_cost) {
   const size_t T = targets.shape(0), n = targets.shape(1), m = B.shape(2), S = A.shape(0);
   expect_some(T, "targets");
   expect_some(n, "the last axis of targets");
@@ -244,79 +244,79 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
   expect(A, "A", {S, n, n});
   expect(B, "B", {S, n, m});
   expect(weights, "weights", {T, n, n});
-  expect(effort, "effort", {m, m});
+  expect(control_cost, "effort", {m, m});
   expect_finite(A, "A");
   expect_finite(B, "B");
   expect_finite(weights, "weights");
   expect_finite(targets, "targets");
-  expect_finite(effort, "effort");
+  expect_finite(control_cost, "effort");
   Out gains = empty<Out>({T - 1, m, n}), feedforwards = empty<Out>({T - 1, m});
   Out values = empty<Out>({T, n, n}), gradients = empty<Out>({T, n});
   const Tracking problem{long(T),  int(n),         int(m),         S != 1,       A.data(),
-                         B.data(), weights.data(), targets.data(), effort.data()};
-  long refused;
+                         B.data(), weights.data(), targets.data(), control_cost.data()};
+  long failed_index;
   {
-    Free run;
-    refused = pilotfish::riccati(problem,
+    ReleasedInterpreter run;
+    failed_index = pilotfish::riccati(problem,
                                  Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
   }
-  return std::make_tuple(refused, gains, feedforwards, values, gradients);
+  return std::make_tuple(failed_index, gains, feedforwards, values, gradients);
 }
 
-auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> mass, In<double, 2> transform, int sweeps) {
+auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> counts, In<double, 2> transform, int sweeps) {
   const size_t K = covariances.shape(0), D = transform.shape(0);
   expect_some(D, "transform");
   expect(transform, "transform", {D, D});
   expect(covariances, "covariances", {K, D, D});
-  expect(mass, "mass", {K});
+  expect(counts, "mass", {K});
   expect_finite(covariances, "covariances");
-  expect_finite(mass, "mass");
+  expect_finite(counts, "mass");
   expect_finite(transform, "transform");
   Out result = empty<Out>({D, D});
   std::copy_n(transform.data(), D * D, result.data());
-  int refused;
+  int failed_index;
   {
-    Free run;
-    refused =
-        pilotfish::semi_tied_sweeps(int(K), int(D), covariances.data(), mass.data(), result.data(), sweeps);
+    ReleasedInterpreter run;
+    failed_index =
+        pilotfish::semi_tied_sweeps(int(K), int(D), covariances.data(), counts.data(), result.data(), sweeps);
   }
-  return std::make_tuple(refused, result);
+  return std::make_tuple(failed_index, result);
 }
 
 // The place of the first number that no stream takes: not finite, or so large that its square is not; or -1.
-long refused_in(const double* x, long size) {
-  constexpr double LARGEST = 1e100;
+long first_invalid(const double* x, long size) {
+  constexpr double MAX_VALUE = 1e100;
   bool fine = true;
-  for (long i = 0; i < size; ++i) fine &= std::abs(x[i]) <= LARGEST;
+  for (long i = 0; i < size; ++i) fine &= std::abs(x[i]) <= MAX_VALUE;
   if (fine) return -1;
-  return std::find_if(x, x + size, [](double one) { return !(std::abs(one) <= LARGEST); }) - x;
+  return std::find_if(x, x + size, [](double one) { return !(std::abs(one) <= MAX_VALUE); }) - x;
 }
 
-constexpr double LARGEST_COUNT = 9007199254740992.0;  // 2^53: one more is another double
-constexpr double LARGEST_INT = 2147483647.0;
-constexpr double LARGEST_RULE[] = {2.0, LARGEST_INT, LARGEST_INT, LARGEST_COUNT, LARGEST_COUNT};
+constexpr double MAX_COUNT = 9007199254740992.0;  // 2^53: one more is another double
+constexpr double MAX_INT = 2147483647.0;
+constexpr double LARGEST_RULE[] = {2.0, MAX_INT, MAX_INT, MAX_COUNT, MAX_COUNT};
 constexpr int WHOLE_RULE[] = {6, 9, 10, 11, 12};
 
 // Rules in the order of StreamRules' fields.
-StreamRules rules_of(const In<double, 1>& r) {
+StreamParameters read_parameters(const In<double, 1>& r) {
   expect(r, "rules", {13});
   for (int i = 0; i < 5; ++i) {
     const double number = r(WHOLE_RULE[i]);
     if (!(number >= 0.0 && number <= LARGEST_RULE[i] && number == std::floor(number)))
       throw nb::value_error("weighting, spare, directions, clusters or batch is no whole number");
   }
-  const StreamRules rules{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
+  const StreamParameters parameters{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
                           r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
-  if (rules.clusters < 1 || rules.batch < 1) throw nb::value_error("clusters or batch are not positive");
-  return rules;
+  if (parameters.clusters < 1 || parameters.batch < 1) throw nb::value_error("clusters or batch are not positive");
+  return parameters;
 }
 
-size_t row_length(size_t P, size_t D, size_t room) {
-  return NUMBERS + P * Layout{int(D), in_fours(int(D)), int(room)}.block();
+size_t row_length(size_t P, size_t D, size_t capacity) {
+  return NUMBERS + P * Layout{int(D), round_up_to_four(int(D)), int(capacity)}.block();
 }
 
 // Memory for updates, one for each thread: to allocate it would take as long as a datapoint does.
-Subspaces& work_for(size_t D) {
+Subspaces& workspace(size_t D) {
   static thread_local std::unique_ptr<Subspaces> work;
   static thread_local size_t width = 0;
   if (width != D) {
@@ -328,17 +328,17 @@ Subspaces& work_for(size_t D) {
 
 // The state of a stream as Python holds it, checked, and read into stream.
 void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const In<double, 2>& rows,
-          const In<double, 2>& counts, int room) {
+          const In<double, 2>& transition_counts, int capacity) {
   const size_t K = rows.shape(0);
-  if (room < 0 || room % 4 || size_t(room) > D + 3)
+  if (capacity < 0 || capacity % 4 || size_t(capacity) > D + 3)
     throw nb::value_error("room is no multiple of 4 up to the columns of x");
   expect(head, "head", {HEADS});
-  expect(rows, "clusters", {K, row_length(P, D, room)});
-  expect(counts, "counts", {K, K});
-  if (!(head(CURRENT) < double(K) && head(BEFORE) < double(K)))
+  expect(rows, "clusters", {K, row_length(P, D, capacity)});
+  expect(transition_counts, "counts", {K, K});
+  if (!(head(CURRENT) < double(K) && head(PREVIOUS) < double(K)))
     throw nb::value_error("head names a cluster that is not there");
   for (int i = 0; i < HEADS; ++i)
-    if (!(head(i) >= (i == CURRENT || i == BEFORE ? -1.0 : 0.0) && head(i) <= LARGEST_COUNT &&
+    if (!(head(i) >= (i == CURRENT || i == PREVIOUS ? -1.0 : 0.0) && head(i) <= MAX_COUNT &&
           head(i) == std::floor(head(i))))
       throw nb::value_error("head holds a number that counts nothing");
   const size_t block = (rows.shape(1) - NUMBERS) / P;
@@ -346,90 +346,90 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
     for (size_t p = 0; p < P; ++p) {
       const double* numbers = rows.data() + k * rows.shape(1) + NUMBERS + p * block;
       const bool whole = numbers[0] == std::floor(numbers[0]) && numbers[1] == std::floor(numbers[1]);
-      if (!(whole && numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= std::min(room, int(D))))
+      if (!(whole && numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= std::min(capacity, int(D))))
         throw nb::value_error("a cluster's dimension or number of directions is out of range");
     }
-  stream.load(head.data(), rows.data(), counts.data(), int(K), room);
+  stream.load(head.data(), rows.data(), transition_counts.data(), int(K), capacity);
 }
 
-struct Kept {
-  Out head, rows, counts;
-  int room;
+struct StoredStream {
+  Out head, rows, transition_counts;
+  int capacity;
 };
 
-Kept kept(const Stream& stream, size_t P, size_t D) {
+StoredStream export_stream(const Stream& stream, size_t P, size_t D) {
   const size_t K = stream.clusters();
-  const int room = stream.room();
-  Kept now{empty<Out>({HEADS}), empty<Out>({K, row_length(P, D, room)}), empty<Out>({K, K}), room};
-  stream.store(now.head.data(), now.rows.data(), now.counts.data(), room);
-  return now;
+  const int capacity = stream.capacity();
+  StoredStream stored{empty<Out>({HEADS}), empty<Out>({K, row_length(P, D, capacity)}), empty<Out>({K, K}), capacity};
+  stream.store(stored.head.data(), stored.rows.data(), stored.transition_counts.data(), capacity);
+  return stored;
 }
 
-auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double, 2> counts, int room,
-             In<double, 1> rules) {
+auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts, int capacity,
+             In<double, 1> parameters) {
   const size_t P = x.shape(1), D = x.shape(2);
   expect_some(P, "the second axis of x");
   expect_some(D, "the last axis of x");
-  Stream stream(int(P), int(D), rules_of(rules), work_for(D));
-  load(stream, P, D, head, rows, counts, room);
-  const long refused = refused_in(x.data(), long(x.size()));
-  const size_t N = refused < 0 ? x.shape(0) : 0;
-  States identities = empty<States>({N});
+  Stream stream(int(P), int(D), read_parameters(parameters), workspace(D));
+  load(stream, P, D, head, rows, transition_counts, capacity);
+  const long failed_index = first_invalid(x.data(), long(x.size()));
+  const size_t N = failed_index < 0 ? x.shape(0) : 0;
+  States cluster_ids = empty<States>({N});
   Out costs = empty<Out>({N}), changes = empty<Out>({N});
   {
-    Free run;
-    stream.observe(x.data(), long(N), identities.data(), costs.data(), changes.data());
+    ReleasedInterpreter run;
+    stream.observe(x.data(), long(N), cluster_ids.data(), costs.data(), changes.data());
   }
-  const Kept now = kept(stream, P, D);
-  States gone = empty<States>({stream.gone().size(), 3});
-  for (size_t i = 0; i < stream.gone().size(); ++i)
-    std::copy_n(stream.gone()[i].data(), 3, gone.data() + 3 * i);
-  return std::make_tuple(refused, now.head, now.rows, now.counts, now.room, identities, costs, changes, gone);
+  const StoredStream stored = export_stream(stream, P, D);
+  States removed = empty<States>({stream.removed().size(), 3});
+  for (size_t i = 0; i < stream.removed().size(); ++i)
+    std::copy_n(stream.removed()[i].data(), 3, removed.data() + 3 * i);
+  return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity, cluster_ids, costs, changes, removed);
 }
 
 // The same for one datapoint; the interpreter's lock would take longer to change hands than this takes.
-auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<double, 2> counts, int room,
-                 In<double, 1> rules) {
+auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts, int capacity,
+                 In<double, 1> parameters) {
   const size_t P = x.shape(0), D = x.shape(1);
   expect_some(P, "x");
   expect_some(D, "the last axis of x");
-  Stream stream(int(P), int(D), rules_of(rules), work_for(D));
-  load(stream, P, D, head, rows, counts, room);
-  const long refused = refused_in(x.data(), long(x.size()));
-  int64_t identity = -1;
+  Stream stream(int(P), int(D), read_parameters(parameters), workspace(D));
+  load(stream, P, D, head, rows, transition_counts, capacity);
+  const long failed_index = first_invalid(x.data(), long(x.size()));
+  int64_t cluster_id = -1;
   double cost = 0.0, change = 0.0;
   {
     SubnormalsFlushed subnormals;
-    stream.observe(x.data(), refused < 0, &identity, &cost, &change);
+    stream.observe(x.data(), failed_index < 0, &cluster_id, &cost, &change);
   }
-  const Kept now = kept(stream, P, D);
-  return std::make_tuple(refused, now.head, now.rows, now.counts, now.room, identity, cost, change);
+  const StoredStream stored = export_stream(stream, P, D);
+  return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity, cluster_id, cost, change);
 }
 
-auto whiteners(In<double, 3> covariances) {
+auto precision_cholesky(In<double, 3> covariances) {
   const size_t K = covariances.shape(0), D = covariances.shape(1);
   expect_some(K, "covariances");
   expect_some(D, "the last axis of covariances");
   expect(covariances, "covariances", {K, D, D});
   Out result = empty<Out>({K, D, D});
-  long refused;
+  long failed_index;
   {
-    Free run;
-    refused = pilotfish::whiteners(long(K), int(D), covariances.data(), result.data());
+    ReleasedInterpreter run;
+    failed_index = pilotfish::precision_cholesky(long(K), int(D), covariances.data(), result.data());
   }
-  return std::make_tuple(refused, result);
+  return std::make_tuple(failed_index, result);
 }
 
 // The interpreter's lock is kept: to wait for it again would cost a control loop more than the work does.
 auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> posture,
                double posture_stiffness, double joint_damping, double force_limit, double moment_limit,
-               double singular_value, double limit_margin, double limit_stiffness, In<double, 1> lower,
+               double min_singular_value, double limit_margin, double limit_stiffness, In<double, 1> lower,
                In<double, 1> upper, In<double, 1> torque_limit, In<double, 1> q, In<double, 1> velocity,
                In<double, 1> position, In<double, 1> quaternion, In<double, 2> jacobian, In<double, 1> bias,
                In<double, 1> target_position, In<double, 1> target_quaternion, In<double, 1> twist) {
   const size_t n = q.shape(0);
   expect_some(n, "q");
-  if (n > MOST_JOINTS) throw nb::value_error("q has more entries than an arm has joints: 1 to 16");
+  if (n > MAX_JOINTS) throw nb::value_error("q has more entries than an arm has joints: 1 to 16");
   for (const auto* six : {&stiffness, &damping, &twist}) expect(*six, "stiffness, damping or twist", {6});
   for (const auto* three : {&position, &target_position}) expect(*three, "position", {3});
   for (const auto* four : {&quaternion, &target_quaternion}) expect(*four, "quaternion", {4});
@@ -444,7 +444,7 @@ auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> pos
                 joint_damping,
                 force_limit,
                 moment_limit,
-                singular_value,
+                min_singular_value,
                 limit_margin,
                 limit_stiffness,
                 lower.data(),
@@ -460,8 +460,8 @@ auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> pos
                 target_quaternion.data(),
                 twist.data()};
   Out torque = empty<Out>({n}), wrench = empty<Out>({6});
-  const double share = pilotfish::impedance(arm, torque.data(), wrench.data());
-  return std::make_tuple(torque, wrench, share);
+  const double run_groups = pilotfish::impedance(arm, torque.data(), wrench.data());
+  return std::make_tuple(torque, wrench, run_groups);
 }
 
 #ifdef PILOTFISH_KNOWS_V3
@@ -493,6 +493,6 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("observe", &python::observe);
   module.def("observe_one", &python::observe_one);
   module.def("semi_tied_sweeps", &python::semi_tied_sweeps);
-  module.def("whiteners", &python::whiteners);
+  module.def("precision_cholesky", &python::precision_cholesky);
   module.def("supports_v3", &python::supports_v3);
 }

@@ -42,11 +42,11 @@ size_t tiles(int E) {
 
 }  // namespace
 
-Moments::Moments(const Sizes& sizes, const double* means, double* offsets, double* scatters)
+Moments::Moments(const Sizes& sizes, const double* means, double* offsets, double* scatter_matrices)
     : sizes_(sizes),
       means_(means),
       offsets_(offsets),
-      scatters_(scatters),
+      scatters_(scatter_matrices),
       page_(sizes),
       error_(size_t(sizes.rows()) * BLOCK),
       weighted_(size_t(sizes.rows()) * BLOCK),
@@ -54,7 +54,7 @@ Moments::Moments(const Sizes& sizes, const double* means, double* offsets, doubl
       second_(tiles(sizes.E()) * 8 * REGISTER) {
   const size_t states = size_t(sizes.P) * sizes.K;
   std::fill_n(offsets, states * sizes.E(), 0.0);
-  std::fill_n(scatters, states * sizes.E() * sizes.E(), 0.0);
+  std::fill_n(scatter_matrices, states * sizes.E() * sizes.E(), 0.0);
 }
 
 void Moments::add(const double* x, long begin, long end, const double* gamma, long stride,
@@ -68,29 +68,29 @@ void Moments::add(const double* x, long begin, long end, const double* gamma, lo
 }
 
 void Moments::add_state(size_t state, const double* gamma, long stride, double least) {
-  alignas(64) double share[BLOCK];
+  alignas(64) double run_groups[BLOCK];
   bool any = false;
   for (long b = 0; b < page_.blocks(); ++b) {
-    std::fill_n(share, BLOCK, 0.0);
+    std::fill_n(run_groups, BLOCK, 0.0);
     for (long l = 0; l < page_.steps_in(b); ++l) {
       const double given = gamma[(b * BLOCK + l) * stride];
-      share[l] = given < least ? 0.0 : given;
+      run_groups[l] = given < least ? 0.0 : given;
     }
-    if (std::all_of(share, share + BLOCK, [](double s) { return s == 0.0; })) continue;
+    if (std::all_of(run_groups, run_groups + BLOCK, [](double s) { return s == 0.0; })) continue;
     deviations(page_.block(b), means_ + state * sizes_.D, sizes_, error_.data());
-    add_block(share);
+    add_block(run_groups);
     any = true;
   }
   if (any) collect(state);
 }
 
-void Moments::add_block(const double* share) {
+void Moments::add_block(const double* run_groups) {
   const double* error = error_.data();
   double* weighted = weighted_.data();
   for (int i = 0; i < sizes_.E(); ++i) {
     Sum sum = lanes<REGISTER>(first_.data() + i * REGISTER);
     for (int l = 0; l < BLOCK; l += REGISTER) {
-      const Sum product = lanes<REGISTER>(share + l) * lanes<REGISTER>(error + i * BLOCK + l);
+      const Sum product = lanes<REGISTER>(run_groups + l) * lanes<REGISTER>(error + i * BLOCK + l);
       lanes<REGISTER>(weighted + i * BLOCK + l) = product;
       sum += product;
     }

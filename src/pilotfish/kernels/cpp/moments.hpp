@@ -8,7 +8,7 @@ namespace pilotfish {
 // Adds up  sum gamma e  and  sum gamma e e^T,  e the deviation from the mean, for every frame and state.
 class Moments {
  public:
-  Moments(const Sizes& sizes, const double* means, double* offsets, double* scatters);
+  Moments(const Sizes& sizes, const double* means, double* offsets, double* scatter_matrices);
 
   // The datapoints begin to end, gamma[n * stride + k] their share of state k; shares below least[k] count
   // as none, and blocks without any are passed over.
@@ -19,7 +19,7 @@ class Moments {
 
  private:
   void add_state(size_t state, const double* gamma, long stride, double least);
-  void add_block(const double* share);
+  void add_block(const double* run_groups);
   void collect(size_t state);
 
   Sizes sizes_;

@@ -18,13 +18,13 @@ constexpr double NOUGHT = 1e-120;  // all that is lost or added is much less
 
 }  // namespace
 
-ScaledPass::ScaledPass(const Chain& chain, long longest)
-    : chain_(chain), emissions_(longest * chain.width()), forward_(emissions_.size()), sums_(longest) {}
+ScaledPass::ScaledPass(const Chain& chain, long max_duration)
+    : chain_(chain), emissions_(max_duration * chain.width()), forward_(emissions_.size()), sums_(max_duration) {}
 
-bool ScaledPass::infer(const double* log_emissions, long T, double* posteriors, double* counts,
+bool ScaledPass::infer(const double* log_emissions, long T, double* smoothed_state_probs, double* transition_counts,
                        double* log_likelihood) {
-  if (!forward(log_emissions, T, log_likelihood) || !backward(T, posteriors)) return false;
-  add_transitions(T, counts);
+  if (!forward(log_emissions, T, log_likelihood) || !backward(T, smoothed_state_probs)) return false;
+  add_transitions(T, transition_counts);
   return true;
 }
 
@@ -55,7 +55,7 @@ bool ScaledPass::forward(const double* log_emissions, long T, double* log_likeli
   return true;
 }
 
-bool ScaledPass::backward(long T, double* posteriors) {
+bool ScaledPass::backward(long T, double* smoothed_state_probs) {
   const int K = chain_.states(), width = chain_.width();
   Buffer follows(width, 1.0);
   Lanes<LANES> most = Lanes<LANES>::Zero();
@@ -67,7 +67,7 @@ bool ScaledPass::backward(long T, double* posteriors) {
         lanes<LANES>(follows.data() + c) = lanes<LANES>(follows.data() + c).max(FLOOR);
     }
     const double scale = 1.0 / sums_[t];
-    double *here = forward_.data() + t * width, *gamma = posteriors + t * width;
+    double *here = forward_.data() + t * width, *gamma = smoothed_state_probs + t * width;
     double* emission = emissions_.data() + t * width;
     for (int c = 0; c < width; c += LANES) {
       const Lanes<LANES> after = lanes<LANES>(follows.data() + c) * scale;
@@ -75,12 +75,12 @@ bool ScaledPass::backward(long T, double* posteriors) {
       lanes<LANES>(emission + c) *= after;
       lanes<LANES>(gamma + c) = lanes<LANES>(here + c) * after;
     }
-    const double sum = total(gamma, width), share = 1.0 / sum;
+    const double sum = total(gamma, width), run_groups = 1.0 / sum;
     furthest = std::max(furthest, std::abs(sum - 1.0));
     for (int c = 0; c < width; c += LANES) {
-      const Lanes<LANES> whole = lanes<LANES>(gamma + c) * share;
+      const Lanes<LANES> whole = lanes<LANES>(gamma + c) * run_groups;
       lanes<LANES>(gamma + c) = (whole >= NOUGHT).select(whole, 0.0);
-      lanes<LANES>(here + c) *= scale * share;
+      lanes<LANES>(here + c) *= scale * run_groups;
     }
   }
   return most.maxCoeff() <= MOST_FOLLOWS && furthest < 1e-6;
@@ -88,7 +88,7 @@ bool ScaledPass::backward(long T, double* posteriors) {
 
 // zeta_jk = forward_j a_jk emission_k follows_k, the last two one step later. Four rows of sums at a time stay
 // in registers.
-void ScaledPass::add_transitions(long T, double* counts) const {
+void ScaledPass::add_transitions(long T, double* transition_counts) const {
   const int K = chain_.states(), width = chain_.width();
   for (int i = 0; i < K; i += 4)
     for (int c = 0; c < width; c += LANES) {
@@ -103,7 +103,7 @@ void ScaledPass::add_transitions(long T, double* counts) const {
       for (int j = i; j < std::min(i + 4, K); ++j)
         for (int k = c; k < std::min(c + LANES, K); ++k) {
           const double count = chain_.from()[size_t(j) * width + k] * rows[j - i][k - c];
-          if (count >= NOUGHT) counts[j * K + k] += count;
+          if (count >= NOUGHT) transition_counts[j * K + k] += count;
         }
     }
 }

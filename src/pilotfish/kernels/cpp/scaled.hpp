@@ -11,17 +11,17 @@ namespace pilotfish {
 class ScaledPass {
  public:
   // Room for demonstrations of up to `longest` steps.
-  ScaledPass(const Chain& chain, long longest);
+  ScaledPass(const Chain& chain, long max_duration);
 
   // posteriors (T, width) from log_emissions (T, width), and the expected transitions added to counts
   // (K, K); of both, what is below 1e-120 is zero. False where this cannot be told so: then nothing is added,
   // and posteriors mean nothing.
-  bool infer(const double* log_emissions, long T, double* posteriors, double* counts, double* log_likelihood);
+  bool infer(const double* log_emissions, long T, double* smoothed_state_probs, double* transition_counts, double* log_likelihood);
 
  private:
   bool forward(const double* log_emissions, long T, double* log_likelihood);
-  bool backward(long T, double* posteriors);
-  void add_transitions(long T, double* counts) const;
+  bool backward(long T, double* smoothed_state_probs);
+  void add_transitions(long T, double* transition_counts) const;
 
   const Chain& chain_;
   Buffer emissions_;  // (T, width) relative to the largest of a step; then times what follows
@@ -34,20 +34,20 @@ class ScaledPass {
 class MarkovInference {
  public:
   // Room for demonstrations of up to `longest` steps.
-  MarkovInference(const Chain& chain, long longest)
+  MarkovInference(const Chain& chain, long max_duration)
       : chain_(chain),
-        scaled_(chain, longest),
-        offsets_(longest),
+        scaled_(chain, max_duration),
+        offsets_(max_duration),
         counts_(size_t(chain.states()) * chain.states(), 0.0) {}
 
   // posteriors (T, width) from log_emissions (T, width). Returns log p(all steps); at -inf nothing is added,
   // and posteriors mean nothing.
-  double infer(const double* log_emissions, long T, double* posteriors) {
+  double infer(const double* log_emissions, long T, double* smoothed_state_probs) {
     double log_likelihood;
-    if (scaled_.infer(log_emissions, T, posteriors, counts_.data(), &log_likelihood)) return log_likelihood;
+    if (scaled_.infer(log_emissions, T, smoothed_state_probs, counts_.data(), &log_likelihood)) return log_likelihood;
     double drop;
-    log_likelihood = chain_.forward(log_emissions, T, posteriors, offsets_.data(), &drop);
-    if (log_likelihood != NEVER) chain_.backward(log_emissions, T, posteriors, counts_.data(), drop);
+    log_likelihood = chain_.forward(log_emissions, T, smoothed_state_probs, offsets_.data(), &drop);
+    if (log_likelihood != NEVER) chain_.backward(log_emissions, T, smoothed_state_probs, counts_.data(), drop);
     return log_likelihood;
   }
 

@@ -8,7 +8,7 @@ namespace pilotfish {
 namespace {
 
 // A larger drop of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
-constexpr double LARGEST_DROP = 1e6;
+constexpr double MAX_DROP = 1e6;
 
 constexpr double NEGLIGIBLE = -60.0;  // e^-60: a million of them leave a sum as it was, to the last digit
 
@@ -65,37 +65,37 @@ SemiMarkovChain::SemiMarkovChain(SemiMarkovTables tables)
       S_(tables.S),
       stride_(padded(tables.S)),
       log_initial_(tables.log_initial, tables.log_initial + tables.K),
-      log_beyond_(tables.log_beyond, tables.log_beyond + 2 * tables.K),
+      log_tail_weights_(tables.log_tail_weights, tables.log_tail_weights + 2 * tables.K),
       tables_(size_t(4) * K_ * stride_, NEVER),
       reversed_(size_t(2) * K_ * stride_, NEVER),
-      longest_(size_t(2) * K_, 0),
+      max_duration_(size_t(2) * K_, 0),
       successors_(tables.log_transitions, K_, false),
       origins_(tables.log_transitions, K_, true) {
   for (size_t kind = 0; kind < 4; ++kind)
     for (long s = 0; s < S_; ++s)
       for (int k = 0; k < K_; ++k)
-        tables_[(kind * K_ + k) * stride_ + s] = tables.log_visits[(kind * S_ + s) * K_ + k];
+        tables_[(kind * K_ + k) * stride_ + s] = tables.log_segment_weights[(kind * S_ + s) * K_ + k];
   for (int kind : {0, 2})
     for (int k = 0; k < K_; ++k)
       std::reverse_copy(at(kind, k), at(kind, k) + S_, reversed_.data() + (kind / 2 * K_ + k) * stride_);
   for (bool first : {false, true})
     for (int k = 0; k < K_; ++k) {
-      long& longest = longest_[first * K_ + k] = S_;
+      long& max_duration = max_duration_[first * K_ + k] = S_;
       if (may_exceed_tables(first, k)) continue;
-      while (longest > 0 && at(first, k)[longest - 1] == NEVER && at(2 + first, k)[longest - 1] == NEVER) --longest;
+      while (max_duration > 0 && at(first, k)[max_duration - 1] == NEVER && at(2 + first, k)[max_duration - 1] == NEVER) --max_duration;
     }
 }
 
-Lattice::Lattice(const SemiMarkovChain& chain, long longest)
+Lattice::Lattice(const SemiMarkovChain& chain, long max_duration)
     : chain(chain),
-      room(padded(longest)),
-      taken(room),
-      emissions(size_t(chain.states()) * room),
+      capacity(padded(max_duration)),
+      log_offsets(capacity),
+      emissions(size_t(chain.states()) * capacity),
       starts(emissions.size()),
       ends(emissions.size()),
       values(emissions.size()),
       longer(chain.states()),
-      terms(room),
+      terms(capacity),
       few(chain.states()) {}
 
 void Lattice::read(const double* log_emissions, long steps) {
@@ -103,8 +103,8 @@ void Lattice::read(const double* log_emissions, long steps) {
   T = steps;
   for (long t = 0; t < T; ++t, log_emissions += K) {
     const double best = *std::max_element(log_emissions, log_emissions + K);
-    taken[t] = best == NEVER ? 0.0 : best;
-    for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - taken[t];
+    log_offsets[t] = best == NEVER ? 0.0 : best;
+    for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - log_offsets[t];
   }
   relative_to_path = false;
 }
@@ -113,19 +113,19 @@ void Lattice::read(const double* log_emissions, long steps, const int64_t* path)
   const int K = chain.states();
   T = steps;
   for (long t = 0; t < T; ++t, log_emissions += K) {
-    taken[t] = log_emissions[path[t]];
-    for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - taken[t];
+    log_offsets[t] = log_emissions[path[t]];
+    for (int k = 0; k < K; ++k) row(emissions, k)[t] = log_emissions[k] - log_offsets[t];
   }
   relative_to_path = true;
 }
 
-bool Lattice::lost_digits(double log_likelihood) const {
-  return !relative_to_path && std::max(largest_drop, -log_likelihood) > LARGEST_DROP;
+bool Lattice::loses_precision(double log_likelihood) const {
+  return !relative_to_path && std::max(largest_drop, -log_likelihood) > MAX_DROP;
 }
 
 void Lattice::add_silent_step() {
   for (int k = 0; k < chain.states(); ++k) row(emissions, k)[T] = 0.0;
-  taken[T++] = 0.0;
+  log_offsets[T++] = 0.0;
 }
 
 template <typename End, typename Start>
@@ -142,28 +142,28 @@ void Lattice::forward(End end, Start start) {
   for (long t = 1; t < T; ++t) {
     double best = NEVER;
     for (int k = 0; k < K; ++k) {
-      const long from = std::max<long>(1, t - chain.longest(false, k)), n = t - from;
+      const long from = std::max<long>(1, t - chain.max_duration(false, k)), n = t - from;
       const double step = row(emissions, k)[t - 1] - late;
       double* value = row(values, k);
-      const Largest most = advance(value + from, step, chain.visits_backwards(k, n), n, terms.data());
+      const Largest most = advance(value + from, step, chain.segments_backwards(k, n), n, terms.data());
       value[0] += step;
       if (from > 1) longer[k] = std::max(longer[k], value[from - 1]) + step;
       best = std::max(best, best_running(t, k, most.value));
-      const double first = t <= chain.longest() ? value[0] + chain.visits(true, k)[t - 1] : NEVER;
+      const double first = t <= chain.max_duration() ? value[0] + chain.segments(true, k)[t - 1] : NEVER;
       few[k] = row(ends, k)[t] = end(Ending{t, k, n, step, most.term, first});
     }
     for (int k = 0; k < K; ++k) best = std::max(best, row(values, k)[t] = row(starts, k)[t] = start(t, k));
-    late = take_out(t, best);
+    late = subtract_offset(t, best);
   }
 }
 
 double Lattice::best_running(long t, int k, double most) const {
   if (chain.may_exceed_tables(false, k)) most = std::max(most, longer[k]);
-  const bool goes_on = t < chain.longest(true, k) || chain.may_exceed_tables(true, k);
+  const bool goes_on = t < chain.max_duration(true, k) || chain.may_exceed_tables(true, k);
   return goes_on ? std::max(most, row(values, k)[0]) : most;
 }
 
-double Lattice::take_out(long t, double best) {
+double Lattice::subtract_offset(long t, double best) {
   if (best == NEVER || relative_to_path) return 0.0;
   const int K = chain.states();
   largest_drop = std::max(largest_drop, -best);
@@ -172,7 +172,7 @@ double Lattice::take_out(long t, double best) {
     row(ends, k)[t] -= best;
     row(emissions, k)[t - 1] -= best;
   }
-  taken[t - 1] += best;
+  log_offsets[t - 1] += best;
   return best;
 }
 
@@ -185,33 +185,33 @@ void Lattice::for_each_last_visit(int k, Visit visit) const {
   }
 }
 
-double Lattice::all_taken() const {
+double Lattice::total_log_offset() const {
   double sum = 0.0;
-  for (long t = 0; t < T; ++t) sum += taken[t];
+  for (long t = 0; t < T; ++t) sum += log_offsets[t];
   return sum;
 }
 
-SemiMarkovInference::SemiMarkovInference(const SemiMarkovChain& chain, long longest)
+SemiMarkovInference::SemiMarkovInference(const SemiMarkovChain& chain, long max_duration)
     : chain_(chain),
-      lattice_(chain, longest),
-      begun_(lattice_.emissions.size()),
-      finished_(lattice_.emissions.size()),
+      lattice_(chain, max_duration),
+      starting_(lattice_.emissions.size()),
+      ending_(lattice_.emissions.size()),
       remaining_(chain.states()),
       after_(chain.states()),
       transitions_(size_t(chain.states()) * chain.states(), 0.0),
-      visits_(size_t(4) * chain.states() * chain.stride(), 0.0),
-      beyond_(size_t(2) * chain.states(), 0.0) {}
+      segments_(size_t(4) * chain.states() * chain.stride(), 0.0),
+      tail_counts_(size_t(2) * chain.states(), 0.0) {}
 
-double SemiMarkovInference::infer(const double* log_emissions, long T, double* posteriors) {
+double SemiMarkovInference::infer(const double* log_emissions, long T, double* smoothed_state_probs) {
   lattice_.read(log_emissions, T);
   forward();
   double log_likelihood = this->log_likelihood();
   if (log_likelihood == NEVER) return NEVER;
-  if (lattice_.lost_digits(log_likelihood))
+  if (lattice_.loses_precision(log_likelihood))
     log_likelihood = log_likelihood_beside_best_path(log_emissions, T);
   backward(log_likelihood);
-  write(posteriors);
-  return log_likelihood + lattice_.all_taken();
+  write(smoothed_state_probs);
+  return log_likelihood + lattice_.total_log_offset();
 }
 
 void SemiMarkovInference::forward() {
@@ -242,26 +242,26 @@ void SemiMarkovInference::backward(double log_likelihood) {
   const int K = chain_.states();
   Lattice& in = lattice_;
   std::fill(in.values.begin(), in.values.end(), NEVER);
-  std::fill(finished_.begin(), finished_.end(), 0.0);
+  std::fill(ending_.begin(), ending_.end(), 0.0);
   std::fill(remaining_.begin(), remaining_.end(), 0.0);
   for (long b = in.T - 1; b >= 0; --b) {
-    for (int k = 0; k < K; ++k) after_[k] = look_ahead(b, k, log_likelihood);
+    for (int k = 0; k < K; ++k) after_[k] = backward_step(b, k, log_likelihood);
     if (b == 0) break;
     for (int k = 0; k < K; ++k)
       in.row(in.values, k)[b] = chain_.successors().log_sum(k, after_.data(), in.few.data());
-    add_changes(b);
+    add_transitions(b);
   }
 }
 
 // log p(all later steps | a visit begins after b); counts the visits that do. Where none can, no number is
 // asked for.
-double SemiMarkovInference::look_ahead(long b, int k, double log_likelihood) {
+double SemiMarkovInference::backward_step(long b, int k, double log_likelihood) {
   Lattice& in = lattice_;
   const bool first = b == 0;
-  const long S = chain_.longest(), n = std::min(S, in.T - 1 - b);
+  const long S = chain_.max_duration(), n = std::min(S, in.T - 1 - b);
   const double step = in.row(in.emissions, k)[b], start = in.row(in.starts, k)[b];
-  double *begun = in.row(begun_, k) + b, *until = in.row(finished_, k) + b + 1, *terms = in.terms.data();
-  double most = advance(in.row(in.values, k) + b + 1, step, chain_.visits(first, k), n, terms).term;
+  double *begun = in.row(starting_, k) + b, *until = in.row(ending_, k) + b + 1, *terms = in.terms.data();
+  double most = advance(in.row(in.values, k) + b + 1, step, chain_.segments(first, k), n, terms).term;
   remaining_[k] += step;
   *begun = 0.0;
   if (start == NEVER) return NEVER;
@@ -273,85 +273,85 @@ double SemiMarkovInference::look_ahead(long b, int k, double log_likelihood) {
   *begun = std::exp(start + log_after - log_likelihood);
   if (*begun == 0.0) return log_after;
   const double scale = *begun / sum;
-  double* lasted = counts(first, k);
+  double* lasted = transition_counts(first, k);
   for (long c = 0; c < n; c += LANES) {
-    const Lanes<LANES> visits = scale * lanes<LANES>(terms + c);
-    lanes<LANES>(lasted + c) += visits;
-    loose_lanes<LANES>(until + c) += visits;
+    const Lanes<LANES> segments = scale * lanes<LANES>(terms + c);
+    lanes<LANES>(lasted + c) += segments;
+    loose_lanes<LANES>(until + c) += segments;
   }
   const long s = in.T - b;
-  (s <= S ? counts(2 + first, k)[s - 1] : beyond_[first * chain_.states() + k]) += scale * last_share;
+  (s <= S ? transition_counts(2 + first, k)[s - 1] : tail_counts_[first * chain_.states() + k]) += scale * last_share;
   return log_after;
 }
 
 // Those who begin a visit after b came from a state whose visit ended there.
-void SemiMarkovInference::add_changes(long b) {
+void SemiMarkovInference::add_transitions(long b) {
   Lattice& in = lattice_;
   const Neighbours& origins = chain_.origins();
   const int K = chain_.states();
   for (int k = 0; k < K; ++k) {
-    const double expected = in.row(begun_, k)[b];
+    const double expected = in.row(starting_, k)[b];
     if (expected == 0.0) continue;
     for (int i = origins.begin[k]; i < origins.begin[k + 1]; ++i) {
       const int j = origins.states[i];
-      const double share = in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
-      transitions_[size_t(j) * K + k] += expected * std::exp(share);
+      const double run_groups = in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
+      transitions_[size_t(j) * K + k] += expected * std::exp(run_groups);
     }
   }
 }
 
 // A state is where visits to it have begun but not ended; rounding is put right.
-void SemiMarkovInference::write(double* posteriors) {
+void SemiMarkovInference::write(double* smoothed_state_probs) {
   const int K = chain_.states();
   std::fill(after_.begin(), after_.end(), 0.0);
-  for (long t = 0; t < lattice_.T; ++t, posteriors += K) {
+  for (long t = 0; t < lattice_.T; ++t, smoothed_state_probs += K) {
     double sum = 0.0;
     for (int k = 0; k < K; ++k) {
-      after_[k] += lattice_.row(begun_, k)[t] - lattice_.row(finished_, k)[t];
-      sum += posteriors[k] = std::max(after_[k], 0.0);
+      after_[k] += lattice_.row(starting_, k)[t] - lattice_.row(ending_, k)[t];
+      sum += smoothed_state_probs[k] = std::max(after_[k], 0.0);
     }
-    for (int k = 0; k < K; ++k) posteriors[k] /= sum;
+    for (int k = 0; k < K; ++k) smoothed_state_probs[k] /= sum;
   }
 }
 
-void SemiMarkovInference::add_to(double* transitions, double* visits, double* beyond) const {
+void SemiMarkovInference::add_to(double* transitions, double* segments, double* tail_counts) const {
   const int K = chain_.states();
-  const long S = chain_.longest();
+  const long S = chain_.max_duration();
   for (size_t i = 0; i < transitions_.size(); ++i) transitions[i] += transitions_[i];
-  for (size_t i = 0; i < beyond_.size(); ++i) beyond[i] += beyond_[i];
+  for (size_t i = 0; i < tail_counts_.size(); ++i) tail_counts[i] += tail_counts_[i];
   for (size_t kind = 0; kind < 4; ++kind)
     for (long s = 0; s < S; ++s)
       for (int k = 0; k < K; ++k)
-        visits[(kind * S + s) * K + k] += visits_[(kind * K + k) * chain_.stride() + s];
+        segments[(kind * S + s) * K + k] += segments_[(kind * K + k) * chain_.stride() + s];
 }
 
-void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, double* log_ends,
-             double* log_occupancy) {
+void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, double* log_segment_ends,
+             double* log_forward) {
   const int K = chain.states();
-  const long S = chain.longest();
+  const long S = chain.max_duration();
   Lattice lattice(chain, T + 1);
   lattice.read(log_emissions, T);
   lattice.add_silent_step();
-  Buffer settled(K, NEVER), room(K);  // settled: visits of more than S steps, but for the first
-  double taken = 0.0;                 // out of all steps but the last
+  Buffer settled(K, NEVER), capacity(K);  // settled: visits of more than S steps, but for the first
+  double log_offsets = 0.0;                 // out of all steps but the last
   double* terms = lattice.terms.data();
   const auto occupancy = [&](const Ending& at) {
     const long t = at.t, from = t - at.n;
     double *values = lattice.row(lattice.values, at.k), &longer = settled[at.k];
     if (from > 1) longer = log_add(longer, values[from - 1]) + at.step;
-    const double most = advance(values + from, 0.0, chain.last_backwards(at.k, at.n), at.n, terms).term;
+    const double most = advance(values + from, 0.0, chain.last_segments_backwards(at.k, at.n), at.n, terms).term;
     const double last = log_sum(terms, most, at.n, values[0] + chain.last(true, at.k, t));
     return log_add(last, longer + chain.last(false, at.k, S + 1));
   };
   lattice.forward(
       [&](const Ending& at) {
-        if (at.k == 0 && at.t > 1) taken += lattice.taken[at.t - 2];
-        const double scale = taken + lattice.taken[at.t - 1], end = log_sum(terms, at.most, at.n, at.first);
-        log_ends[(at.t - 1) * K + at.k] = end + scale;
-        log_occupancy[(at.t - 1) * K + at.k] = occupancy(at) + scale;
+        if (at.k == 0 && at.t > 1) log_offsets += lattice.log_offsets[at.t - 2];
+        const double scale = log_offsets + lattice.log_offsets[at.t - 1], end = log_sum(terms, at.most, at.n, at.first);
+        log_segment_ends[(at.t - 1) * K + at.k] = end + scale;
+        log_forward[(at.t - 1) * K + at.k] = occupancy(at) + scale;
         return end;
       },
-      [&](long, int k) { return chain.origins().log_sum(k, lattice.few.data(), room.data()); });
+      [&](long, int k) { return chain.origins().log_sum(k, lattice.few.data(), capacity.data()); });
 }
 
 namespace {
@@ -426,11 +426,11 @@ double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T
   Lattice lattice(chain, T);
   lattice.read(log_emissions, T);
   double most = best_path(lattice, states);
-  if (most != NEVER && lattice.lost_digits(most)) {
+  if (most != NEVER && lattice.loses_precision(most)) {
     lattice.read(log_emissions, T, states);
     most = best_path(lattice, states);
   }
-  return most + lattice.all_taken();
+  return most + lattice.total_log_offset();
 }
 
 double SemiMarkovInference::log_likelihood_beside_best_path(const double* log_emissions, long T) {

@@ -23,7 +23,7 @@ namespace pilotfish {
 struct SemiMarkovTables {
   int K;
   long S;
-  const double *log_initial, *log_transitions, *log_visits, *log_beyond;
+  const double *log_initial, *log_transitions, *log_segment_weights, *log_tail_weights;
 };
 
 // The tables laid out so that lengths of visits lie side by side, and how states follow each other.
@@ -33,33 +33,33 @@ class SemiMarkovChain {
 
   int states() const { return K_; }
   long width() const { return K_; }  // of log-emissions and posteriors
-  long longest() const { return S_; }
+  long max_duration() const { return S_; }
 
   // The longest possible visit to a state of at most S steps, by whether it began with the recording; S where
   // longer ones may be the last.
-  long longest(bool first, int state) const { return longest_[first * K_ + state]; }
-  bool may_exceed_tables(bool first, int state) const { return log_beyond_[first * K_ + state] != NEVER; }
+  long max_duration(bool first, int state) const { return max_duration_[first * K_ + state]; }
+  bool may_exceed_tables(bool first, int state) const { return log_tail_weights_[first * K_ + state] != NEVER; }
   long stride() const { return stride_; }
   double log_initial(int state) const { return log_initial_[state]; }
   const Neighbours& successors() const { return successors_; }
   const Neighbours& origins() const { return origins_; }
 
   // weights[s - 1] of visits that another follows, by whether they began with the recording.
-  const double* visits(bool first, int state) const { return at(first, state); }
+  const double* segments(bool first, int state) const { return at(first, state); }
 
   // The same of those that began inside it, from the longest, n steps, down to one.
-  const double* visits_backwards(int state, long n) const {
+  const double* segments_backwards(int state, long n) const {
     return reversed_.data() + state * stride_ + (S_ - n);
   }
 
   // Those that began inside it and last until it ends, likewise.
-  const double* last_backwards(int state, long n) const {
+  const double* last_segments_backwards(int state, long n) const {
     return reversed_.data() + (K_ + state) * stride_ + (S_ - n);
   }
 
   // The weight of the last visit, s steps of which were recorded, by whether it is the first as well.
   double last(bool first, int state, long s) const {
-    return s <= S_ ? at(2 + first, state)[s - 1] : log_beyond_[first * K_ + state];
+    return s <= S_ ? at(2 + first, state)[s - 1] : log_tail_weights_[first * K_ + state];
   }
 
  private:
@@ -69,10 +69,10 @@ class SemiMarkovChain {
 
   int K_;
   long S_, stride_;
-  Buffer log_initial_, log_beyond_;
+  Buffer log_initial_, log_tail_weights_;
   Buffer tables_;    // (4, K, stride), padded with impossible lengths
   Buffer reversed_;  // (2, K, stride), those of kinds 0 and 2
-  std::vector<long> longest_;  // (2, K)
+  std::vector<long> max_duration_;  // (2, K)
   Neighbours successors_, origins_;
 };
 
@@ -89,7 +89,7 @@ struct Ending {
 // Where visits may begin and end within one demonstration of T steps. Rows are those of states, of room
 // entries. What is taken out of every step keeps numbers small, however long the demonstration: see above.
 struct Lattice {
-  Lattice(const SemiMarkovChain& chain, long longest);
+  Lattice(const SemiMarkovChain& chain, long max_duration);
 
   // Takes the best emission out of every step, and `forward` the best partial path.
   void read(const double* log_emissions, long T);
@@ -98,7 +98,7 @@ struct Lattice {
   void read(const double* log_emissions, long T, const int64_t* path);
 
   // Whether the best partial path dropped so far that the surviving paths have lost digits.
-  bool lost_digits(double log_likelihood) const;
+  bool loses_precision(double log_likelihood) const;
 
   // One more, that says nothing: what ends with the last one is asked for as well.
   void add_silent_step();
@@ -109,21 +109,21 @@ struct Lattice {
 
   // The best running visit to k at step t, relative as values are; most is that of visits from the tables.
   double best_running(long t, int k, double most) const;
-  double take_out(long t, double best);
+  double subtract_offset(long t, double best);
 
   // visit(b, log p(all steps, this is the last visit)) for every visit to k, from the latest to the first.
   template <typename Visit>
   void for_each_last_visit(int k, Visit visit) const;
 
-  double* row(Buffer& rows, int k) { return rows.data() + k * room; }
-  const double* row(const Buffer& rows, int k) const { return rows.data() + k * room; }
-  double all_taken() const;
+  double* row(Buffer& rows, int k) { return rows.data() + k * capacity; }
+  const double* row(const Buffer& rows, int k) const { return rows.data() + k * capacity; }
+  double total_log_offset() const;
 
   const SemiMarkovChain& chain;
-  long room, T = 0;
+  long capacity, T = 0;
   bool relative_to_path = false;
   double largest_drop = 0.0;  // of the best partial path, in one step
-  Buffer taken;               // (room)
+  Buffer log_offsets;               // (room)
   Buffer emissions;     // (K, room), less what was taken out
   Buffer starts, ends;  // (K, room), as the twin's, less what was taken out until there
   Buffer values;        // (K, room), of every start or end: it, and the emissions on the way
@@ -135,37 +135,37 @@ struct Lattice {
 class SemiMarkovInference {
  public:
   // Room for demonstrations of up to `longest` steps.
-  SemiMarkovInference(const SemiMarkovChain& chain, long longest);
+  SemiMarkovInference(const SemiMarkovChain& chain, long max_duration);
 
   // posteriors (T, K) from log_emissions (T, K). Returns log p(all steps); at -inf nothing is added, and
   // posteriors are as they were.
-  double infer(const double* log_emissions, long T, double* posteriors);
+  double infer(const double* log_emissions, long T, double* smoothed_state_probs);
 
   // Adds what was expected of all demonstrations: transitions (K, K), visits (4, S, K), beyond (2, K).
-  void add_to(double* transitions, double* visits, double* beyond) const;
+  void add_to(double* transitions, double* segments, double* tail_counts) const;
 
  private:
   void forward();
   double log_likelihood();
   double log_likelihood_beside_best_path(const double* log_emissions, long T);
   void backward(double log_likelihood);
-  double look_ahead(long b, int k, double log_likelihood);
-  void add_changes(long b);
-  void write(double* posteriors);
-  double* counts(int kind, int k) {
-    return visits_.data() + (size_t(kind) * chain_.states() + k) * chain_.stride();
+  double backward_step(long b, int k, double log_likelihood);
+  void add_transitions(long b);
+  void write(double* smoothed_state_probs);
+  double* transition_counts(int kind, int k) {
+    return segments_.data() + (size_t(kind) * chain_.states() + k) * chain_.stride();
   }
 
   const SemiMarkovChain& chain_;
   Lattice lattice_;
-  Buffer begun_, finished_;               // (K, room), expected visits that begin after b, that end with t
+  Buffer starting_, ending_;               // (K, room), expected visits that begin after b, that end with t
   Buffer remaining_, after_;              // (K), emissions until the end; log p(them | a visit begins)
-  Buffer transitions_, visits_, beyond_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
+  Buffer transitions_, segments_, tail_counts_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
 };
 
 // log_ends and log_occupancy (T, K), of every step what a recording that ends with it would say.
-void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, double* log_ends,
-             double* log_occupancy);
+void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, double* log_segment_ends,
+             double* log_forward);
 
 // The most probable path into states (T); returns its log-probability.
 double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T, int64_t* states);

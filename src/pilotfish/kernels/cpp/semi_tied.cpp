@@ -37,12 +37,12 @@ void solve(const Matrix& U, Vector& x) {
 
 }  // namespace
 
-int semi_tied_sweeps(int K, int D, const double* covariances, const double* mass, double* transform,
+int semi_tied_sweeps(int K, int D, const double* covariances, const double* counts, double* transform,
                      int sweeps) {
   Eigen::Map<Matrix> B(transform, D, D);
   Matrix inverse(D, D), G(D, D);
   Vector cofactors(D), direction(D), change(D), image(D);
-  const double whole = sum_in_order(mass, K);
+  const double whole = sum_in_order(counts, K);
   const auto covariance = [&](int k) {
     return Eigen::Map<const Matrix>(covariances + size_t(k) * D * D, D, D);
   };
@@ -55,7 +55,7 @@ int semi_tied_sweeps(int K, int D, const double* covariances, const double* mass
         image.noalias() = covariance(k) * B.row(d).transpose();
         const double variance = B.row(d).dot(image);
         if (!(variance > 0.0)) return d;
-        G += (mass[k] / variance) * covariance(k);
+        G += (counts[k] / variance) * covariance(k);
       }
       cofactors = inverse.col(d);  // row d of B^-T
       if (!factorise(G)) return d;

@@ -20,7 +20,7 @@ double square_of(const double* x, int rows) {
 void subtract(const Layout& layout, const double* basis, int directions, const double* g, const double* y,
               double* p) {
   for (int d = 0; d < layout.D; ++d) {
-    const double* u = basis + size_t(d) * layout.room;
+    const double* u = basis + size_t(d) * layout.capacity;
     Lanes<4> sum = Lanes<4>::Zero();
     for (int c = 0; c < directions; c += 4) sum += loose_lanes<4>(u + c) * loose_lanes<4>(g + c);
     p[d] = y[d] - sum.sum();
@@ -32,12 +32,12 @@ double extended(const double* distances, int rank, int k) { return distances[std
 }  // namespace
 
 Subspaces::Subspaces(int D)
-    : D_(D), rows_(in_fours(D)), error_(rows_), y_(rows_), p_(rows_), wide_{D, rows_, in_fours(D)} {
+    : D_(D), rows_(round_up_to_four(D)), error_(rows_), y_(rows_), p_(rows_), wide_{D, rows_, round_up_to_four(D)} {
   reserve(4);
 }
 
 void Subspaces::reserve(int n) {
-  const size_t width = in_fours(n + 1);
+  const size_t width = round_up_to_four(n + 1);
   if (g_.size() >= width) return;
   for (Buffer* buffer : {&g_, &again_, &values_, &poles_, &along_}) buffer->resize(width);
   rows_of_.resize(4 * width);
@@ -47,7 +47,7 @@ void Subspaces::reserve(int n) {
 
 // g_ = [U p]^T y and p_, the direction of what is left of y outside U; how many directions there are then.
 int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y, double zero) {
-  const int directions = in_fours(rank);
+  const int directions = round_up_to_four(rank);
   reserve(rank + 1);
   std::fill(g_.begin(), g_.end(), 0.0);
   project(layout, basis, directions, y, g_.data());
@@ -69,7 +69,7 @@ int Subspaces::augment(const double* basis, const Layout& layout, int rank, cons
 
 // Eigenpairs of scale diag(variances, 0) + g g^T, the largest first, and g along them.
 void Subspaces::solve(const double* variances, int rank, int n, double scale) {
-  const int width = in_fours(n);
+  const int width = round_up_to_four(n);
   for (int i = 0; i < n; ++i) poles_[i] = i < rank ? scale * variances[i] : 0.0;
   eigenpairs_.solve(poles_.data(), g_.data(), n, width, values_.data(), R_.data());
   std::fill_n(along_.data(), width, 0.0);
@@ -80,38 +80,38 @@ void Subspaces::solve(const double* variances, int rank, int n, double scale) {
 
 // out = the first kept columns of [U p] R, in rows of so much room; out may be the basis itself.
 void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out,
-                       int room) {
-  const int width = in_fours(n), columns = in_fours(kept);
+                       int capacity) {
+  const int width = round_up_to_four(n), columns = round_up_to_four(kept);
   for (int i = 0; i < n; ++i) std::fill_n(&R_[size_t(i) * width + kept], columns - kept, 0.0);
   int d = 0;
-  for (; d + 4 <= D_; d += 4) rotate_rows<4>(basis, layout, rank, n, columns, out, room, d);
-  for (; d < D_; ++d) rotate_rows<1>(basis, layout, rank, n, columns, out, room, d);
+  for (; d + 4 <= D_; d += 4) rotate_rows<4>(basis, layout, rank, n, columns, out, capacity, d);
+  for (; d < D_; ++d) rotate_rows<1>(basis, layout, rank, n, columns, out, capacity, d);
 }
 
 // So many rows at once: none waits for the sums of another.
 template <int ROWS>
 void Subspaces::rotate_rows(const double* basis, const Layout& layout, int rank, int n, int columns,
-                            double* out, int room, int d) {
+                            double* out, int capacity, int d) {
   int c = 0;
   for (; c + 8 <= columns; c += 8) rotate_block<ROWS, 8>(basis, layout, rank, n, columns, d, c);
   if (c < columns) rotate_block<ROWS, 4>(basis, layout, rank, n, columns, d, c);
   for (int row = 0; row < ROWS; ++row) {
-    double* to = out + size_t(d + row) * room;
+    double* to = out + size_t(d + row) * capacity;
     for (c = 0; c < columns; c += 4) loose_lanes<4>(to + c) = loose_lanes<4>(&rows_of_[row * columns + c]);
-    for (; c < room; c += 4) loose_lanes<4>(to + c).setZero();
+    for (; c < capacity; c += 4) loose_lanes<4>(to + c).setZero();
   }
 }
 
 template <int ROWS, int COLUMNS>
 void Subspaces::rotate_block(const double* basis, const Layout& layout, int rank, int n, int columns, int d,
                              int c) {
-  const int width = in_fours(n);
-  const double *u = basis + size_t(d) * layout.room, *r = &R_[c];
+  const int width = round_up_to_four(n);
+  const double *u = basis + size_t(d) * layout.capacity, *r = &R_[c];
   Lanes<COLUMNS> sums[ROWS];
   for (auto& sum : sums) sum.setZero();
   for (int i = 0; i < rank; ++i, r += width) {
     const Lanes<COLUMNS> along = loose_lanes<COLUMNS>(r);
-    for (int row = 0; row < ROWS; ++row) sums[row] += u[row * layout.room + i] * along;
+    for (int row = 0; row < ROWS; ++row) sums[row] += u[row * layout.capacity + i] * along;
   }
   if (n > rank)
     for (int row = 0; row < ROWS; ++row) sums[row] += p_[d + row] * loose_lanes<COLUMNS>(r);
@@ -119,7 +119,7 @@ void Subspaces::rotate_block(const double* basis, const Layout& layout, int rank
 }
 
 double Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how) {
-  const double w = how.weight, shrink = w / (w + 1.0), share = std::sqrt(w) / (w + 1.0);
+  const double w = how.weight, shrink = w / (w + 1.0), run_groups = std::sqrt(w) / (w + 1.0);
   const int d = int(*seen.dimension), rank = int(*seen.rank);
   Lanes<4> of_error = Lanes<4>::Zero(), of_x = of_error, of_mean = of_error;
   for (int i = 0; i < rows_; i += 4) {
@@ -132,11 +132,11 @@ double Subspaces::learn(const double* x, const Subspace& seen, const Layout& lay
   const double square = of_error.sum();
   const double zero = ROUNDING * (std::sqrt(of_x.sum()) + std::sqrt(of_mean.sum()));
   int n = 0;
-  if (how.most + how.spare > 0) n = augment(seen.basis, layout, rank, error_.data(), zero);
+  if (how.most + how.extra_directions > 0) n = augment(seen.basis, layout, rank, error_.data(), zero);
   const double inside = n ? square_of_first(g_.data(), d) : 0.0;
   const double before = std::max(square - nearness(square, how.bandwidth) * inside, 0.0);
   const double loss = how.penalty * d + before;
-  for (int i = 0; i < n; ++i) g_[i] *= share;
+  for (int i = 0; i < n; ++i) g_[i] *= run_groups;
   if (n) solve(seen.variances, rank, n, shrink);
 
   // along_ sqrt(w) is U^T (x - the mean after the update)
@@ -155,16 +155,16 @@ double Subspaces::learn(const double* x, const Subspace& seen, const Layout& lay
       now = loss_at_k;
     }
   }
-  rank_ = std::min(n, dimension_ + how.spare);
-  if (rank_ <= layout.room) {
+  rank_ = std::min(n, dimension_ + how.extra_directions);
+  if (rank_ <= layout.capacity) {
     for (int i = 0; i < rows_; i += 4)
       loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
-    if (n) rotate(seen.basis, layout, rank, n, rank_, seen.basis, layout.room);
+    if (n) rotate(seen.basis, layout, rank, n, rank_, seen.basis, layout.capacity);
     put(seen, layout);
   } else {
     reserve_wide();
     for (int i = 0; i < rows_; ++i) mean_[i] = seen.mean[i] + error_[i] / (w + 1.0);
-    rotate(seen.basis, layout, rank, n, rank_, basis_.data(), wide_.room);
+    rotate(seen.basis, layout, rank, n, rank_, basis_.data(), wide_.capacity);
     std::copy_n(values_.data(), rank_, variances_.data());
     std::copy_n(delta_.data(), rank_ + 1, distances_.data());
   }
@@ -176,60 +176,60 @@ void Subspaces::put(const Subspace& to, const Layout& layout) const {
   *to.dimension = dimension_;
   *to.rank = rank_;
   std::copy_n(values_.data(), rank_, to.variances);
-  std::fill_n(to.variances + rank_, layout.room - rank_, 0.0);
+  std::fill_n(to.variances + rank_, layout.capacity - rank_, 0.0);
   std::copy_n(delta_.data(), rank_ + 1, to.distances);
-  std::fill_n(to.distances + rank_ + 1, layout.room - rank_, 0.0);
+  std::fill_n(to.distances + rank_ + 1, layout.capacity - rank_, 0.0);
 }
 
 void Subspaces::reserve_wide() {
   if (!basis_.empty()) return;
-  for (Buffer* buffer : {&basis_, &other_}) buffer->resize(size_t(D_) * wide_.room);
-  for (Buffer* buffer : {&variances_, &distances_}) buffer->resize(wide_.room + 4);
+  for (Buffer* buffer : {&basis_, &other_}) buffer->resize(size_t(D_) * wide_.capacity);
+  for (Buffer* buffer : {&variances_, &distances_}) buffer->resize(wide_.capacity + 4);
   for (Buffer* buffer : {&mean_, &apart_}) buffer->resize(rows_);
 }
 
-void Subspaces::absorb(double scale, const double* y, double zero) {
+void Subspaces::rank_one_update(double scale, const double* y, double zero) {
   const int n = augment(basis_.data(), wide_, rank_, y, zero);
   if (n == 0) return;
   solve(variances_.data(), rank_, n, scale);
-  rotate(basis_.data(), wide_, rank_, n, n, other_.data(), wide_.room);
+  rotate(basis_.data(), wide_, rank_, n, n, other_.data(), wide_.capacity);
   std::swap(basis_, other_);
   std::copy_n(values_.data(), n, variances_.data());
   rank_ = n;
 }
 
-void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double share,
-                      int spare) {
+void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double run_groups,
+                      int extra_directions) {
   reserve_wide();
-  const double between = share * (1.0 - share);
+  const double between = run_groups * (1.0 - run_groups);
   const double zero =
       ROUNDING * (std::sqrt(square_of(light.mean, rows_)) + std::sqrt(square_of(heavy.mean, rows_)));
   const double square = deviation(light.mean, heavy.mean, rows_, apart_.data());
-  double scale = 1.0 - share;
+  double scale = 1.0 - run_groups;
   rank_ = int(*heavy.rank);
   std::copy_n(heavy.variances, rank_, variances_.data());
   std::fill(basis_.begin(), basis_.end(), 0.0);
   for (int d = 0; d < D_; ++d)
-    std::copy_n(heavy.basis + size_t(d) * layout.room, rank_, &basis_[size_t(d) * wide_.room]);
+    std::copy_n(heavy.basis + size_t(d) * layout.capacity, rank_, &basis_[size_t(d) * wide_.capacity]);
   for (int i = 0; i < int(*light.rank); ++i) {
-    const double length = std::sqrt(share * light.variances[i]);
-    for (int d = 0; d < D_; ++d) y_[d] = length * light.basis[size_t(d) * layout.room + i];
-    absorb(scale, y_.data(), ROUNDING * length);
+    const double length = std::sqrt(run_groups * light.variances[i]);
+    for (int d = 0; d < D_; ++d) y_[d] = length * light.basis[size_t(d) * layout.capacity + i];
+    rank_one_update(scale, y_.data(), ROUNDING * length);
     scale = 1.0;
   }
   for (int d = 0; d < rows_; ++d) y_[d] = std::sqrt(between) * apart_[d];
-  absorb(scale, y_.data(), std::sqrt(between) * zero);
+  rank_one_update(scale, y_.data(), std::sqrt(between) * zero);
   dimension_ = int(*heavy.dimension);
-  const int kept = std::min(rank_, dimension_ + spare);
+  const int kept = std::min(rank_, dimension_ + extra_directions);
   double along = 0.0;
   for (int k = 0; k <= kept; ++k) {
     if (k) along += along_[k - 1] * along_[k - 1];
-    distances_[k] = (1.0 - share) * extended(heavy.distances, int(*heavy.rank), k) +
-                    share * extended(light.distances, int(*light.rank), k) +
+    distances_[k] = (1.0 - run_groups) * extended(heavy.distances, int(*heavy.rank), k) +
+                    run_groups * extended(light.distances, int(*light.rank), k) +
                     std::max(between * square - along, 0.0);
   }
   rank_ = kept;
-  for (int d = 0; d < rows_; ++d) mean_[d] = heavy.mean[d] + share * apart_[d];
+  for (int d = 0; d < rows_; ++d) mean_[d] = heavy.mean[d] + run_groups * apart_[d];
 }
 
 void Subspaces::keep(const Subspace& to, const Layout& layout) const {
@@ -240,14 +240,14 @@ void Subspaces::keep(const Subspace& to, const Layout& layout) const {
   std::copy_n(variances_.data(), rank_, to.variances);
   std::copy_n(distances_.data(), rank_ + 1, to.distances);
   for (int d = 0; d < D_; ++d)
-    std::copy_n(&basis_[size_t(d) * wide_.room], rank_, to.basis + size_t(d) * layout.room);
+    std::copy_n(&basis_[size_t(d) * wide_.capacity], rank_, to.basis + size_t(d) * layout.capacity);
 }
 
-void Subspaces::straighten(const Subspace& seen, const Layout& layout) {
-  const int room = layout.room, rank = int(*seen.rank);
+void Subspaces::reorthonormalise(const Subspace& seen, const Layout& layout) {
+  const int capacity = layout.capacity, rank = int(*seen.rank);
   const auto product = [&](int i, int j) {
     double sum = 0.0;
-    for (int d = 0; d < D_; ++d) sum += seen.basis[size_t(d) * room + i] * seen.basis[size_t(d) * room + j];
+    for (int d = 0; d < D_; ++d) sum += seen.basis[size_t(d) * capacity + i] * seen.basis[size_t(d) * capacity + j];
     return sum;
   };
   double drift = 0.0;
@@ -259,10 +259,10 @@ void Subspaces::straighten(const Subspace& seen, const Layout& layout) {
       for (int i = 0; i < j; ++i) {
         const double along = product(i, j);
         for (int d = 0; d < D_; ++d)
-          seen.basis[size_t(d) * room + j] -= along * seen.basis[size_t(d) * room + i];
+          seen.basis[size_t(d) * capacity + j] -= along * seen.basis[size_t(d) * capacity + i];
       }
     const double length = std::sqrt(product(j, j));
-    for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * room + j] /= length;
+    for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * capacity + j] /= length;
   }
 }
 

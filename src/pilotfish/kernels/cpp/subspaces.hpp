@@ -7,7 +7,7 @@
 
 namespace pilotfish {
 
-inline int in_fours(int n) { return (n + 3) / 4 * 4; }  // the least multiple of four that is not less
+inline int round_up_to_four(int n) { return (n + 3) / 4 * 4; }  // the least multiple of four that is not less
 
 // A subspace where it lies in a row of a StreamState: mean and distances are filled up with zeros to a
 // multiple of four, so that vector registers need no remainder, and so is the room for directions.
@@ -18,11 +18,11 @@ struct Subspace {
 struct Layout {
   int D;     // columns
   int rows;  // the same in fours
-  int room;  // for directions, in fours
-  size_t block() const { return 2 + size_t(rows) + 2 * room + 4 + size_t(D) * room; }
+  int capacity;  // for directions, in fours
+  size_t block() const { return 2 + size_t(rows) + 2 * capacity + 4 + size_t(D) * capacity; }
   Subspace at(double* block) const {
     double* variances = block + 2 + rows;
-    return {block, block + 1, block + 2, variances, variances + room, variances + 2 * room + 4};
+    return {block, block + 1, block + 2, variances, variances + capacity, variances + 2 * capacity + 4};
   }
 };
 
@@ -54,13 +54,13 @@ inline double square_apart(const double* a, const double* b, int rows, double li
 // g = U^T e over COLUMNS directions, in four chains of additions, of which none waits for another.
 template <int COLUMNS>
 inline void project_block(const Layout& layout, const double* u, const double* e, double* g) {
-  const int D = layout.D, room = layout.room;
+  const int D = layout.D, capacity = layout.capacity;
   Lanes<COLUMNS> sums[4];
   for (auto& sum : sums) sum.setZero();
   int d = 0;
-  for (; d + 4 <= D; d += 4, u += 4 * room)
-    for (int i = 0; i < 4; ++i) sums[i] += loose_lanes<COLUMNS>(u + i * room) * e[d + i];
-  for (; d < D; ++d, u += room) sums[0] += loose_lanes<COLUMNS>(u) * e[d];
+  for (; d + 4 <= D; d += 4, u += 4 * capacity)
+    for (int i = 0; i < 4; ++i) sums[i] += loose_lanes<COLUMNS>(u + i * capacity) * e[d + i];
+  for (; d < D; ++d, u += capacity) sums[0] += loose_lanes<COLUMNS>(u) * e[d];
   loose_lanes<COLUMNS>(g) = (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }
 
@@ -79,7 +79,7 @@ inline double square_of_first(const double* g, int n) {
 
 struct Learning {
   double weight, penalty, bandwidth;
-  int most, spare;
+  int most, extra_directions;
 };
 
 // Updates of subspaces of one width. It keeps its memory: nothing is allocated once sizes have settled.
@@ -92,27 +92,27 @@ class Subspaces {
   double learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how);
 
   // heavy and light as one, light having that share of the weight; keep() puts it where it belongs.
-  void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double share, int spare);
+  void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double run_groups, int extra_directions);
 
   int rank() const { return rank_; }  // of what was made last
   void keep(const Subspace& to, const Layout& layout) const;
 
   // Orthonormal directions again, where they have drifted apart by more than 1e-8.
-  void straighten(const Subspace& seen, const Layout& layout);
+  void reorthonormalise(const Subspace& seen, const Layout& layout);
 
  private:
   int augment(const double* basis, const Layout& layout, int rank, const double* y, double zero);
   void solve(const double* variances, int rank, int n, double scale);
-  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out, int room);
+  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out, int capacity);
   template <int ROWS, int COLUMNS>
   void rotate_block(const double* basis, const Layout& layout, int rank, int n, int columns, int d, int c);
   template <int ROWS>
   void rotate_rows(const double* basis, const Layout& layout, int rank, int n, int columns, double* out,
-                   int room, int d);
+                   int capacity, int d);
   void put(const Subspace& to, const Layout& layout) const;
   void reserve(int n);
   void reserve_wide();
-  void absorb(double scale, const double* y, double zero);
+  void rank_one_update(double scale, const double* y, double zero);
 
   int D_, rows_;
   Buffer error_, y_, p_, g_, again_, values_, poles_, along_, delta_, R_, rows_of_;

@@ -18,7 +18,7 @@ using GivenVector = Eigen::Map<const Vector>;
 // Results are computed in matrices of Eigen's own and then copied out: see sum_in_order.
 long riccati(Tracking problem, Gains result) {
   const long T = problem.T, n = problem.n, m = problem.m;
-  const GivenMatrix R(problem.effort, m, m);
+  const GivenMatrix R(problem.control_cost, m, m);
   Matrix PA(n, n), PB(n, m), S(m, m), G(m, n), Y(m, n), K(m, n), V(n, n);
   Vector pull(n), push(m), ahead(n), drift(n);
   Eigen::LLT<Matrix> factor(m);

@@ -8,7 +8,7 @@ struct Tracking {
   long T;
   int n, m;
   bool varying;
-  const double *A, *B, *weights, *targets, *effort;
+  const double *A, *B, *weights, *targets, *control_cost;
 };
 
 struct Gains {

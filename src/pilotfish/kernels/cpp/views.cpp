@@ -85,7 +85,7 @@ void differences(const double* block, const double* mean, int columns, double* e
 
 void deviations(const double* block, const double* mean, const Sizes& sizes, double* error) {
   int from = 0;
-  for (int turn : sizes.turns) {
+  for (int turn : sizes.orientation_starts) {
     differences(block + from * BLOCK, mean + from, turn - from, error);
     error += (turn - from) * BLOCK;
     rotation_vectors(block + turn * BLOCK, mean + turn, error);
@@ -95,7 +95,7 @@ void deviations(const double* block, const double* mean, const Sizes& sizes, dou
   differences(block + from * BLOCK, mean + from, sizes.D - from, error);
 }
 
-Densities::Densities(const Sizes& sizes, const double* means, const double* whiteners)
+Densities::Densities(const Sizes& sizes, const double* means, const double* precision_cholesky)
     : sizes_(sizes),
       means_(means),
       packed_(packed_size(sizes.E())),
@@ -106,7 +106,7 @@ Densities::Densities(const Sizes& sizes, const double* means, const double* whit
   const int E = sizes.E();
   for (int p = 0; p < sizes.P; ++p)
     for (int k = 0; k < sizes.K; ++k) {
-      const double* whitener = whiteners + (size_t(p) * sizes.K + k) * E * E;
+      const double* whitener = precision_cholesky + (size_t(p) * sizes.K + k) * E * E;
       double& constant = constants_[size_t(p) * sizes.K + k];
       constant = -0.5 * E * LOG_TWO_PI;
       for (int e = 0; e < E; ++e) constant += std::log(whitener[e * E + e]);

@@ -13,8 +13,8 @@ struct Sizes {
   int P;
   long N;
   int K, D;
-  std::vector<int> turns;  // first columns of the unit quaternions, in rising order
-  int E() const { return D - int(turns.size()); }  // dimensions of a deviation
+  std::vector<int> orientation_starts;  // first columns of the unit quaternions, in rising order
+  int E() const { return D - int(orientation_starts.size()); }  // dimensions of a deviation
   int rows() const { return (E() + 3) / 4 * 4; }   // the same padded: tiles of four need no remainder
 };
 
@@ -42,7 +42,7 @@ void deviations(const double* block, const double* mean, const Sizes& sizes, dou
 // Densities of K Gaussians in each of P frames; the whiteners' lower triangles are packed as they are used.
 class Densities {
  public:
-  Densities(const Sizes& sizes, const double* means, const double* whiteners);
+  Densities(const Sizes& sizes, const double* means, const double* precision_cholesky);
 
   // log_density[n * stride + k] = sum over frames of log N(x[p, begin + n]) for the datapoints begin to end.
   void evaluate(const double* x, long begin, long end, double* log_density, long stride);

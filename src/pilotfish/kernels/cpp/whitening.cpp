@@ -77,7 +77,7 @@ class Whitening {
 
 }  // namespace
 
-long whiteners(long K, int D, const double* covariances, double* W) {
+long precision_cholesky(long K, int D, const double* covariances, double* W) {
   Whitening whitening(D);
   const size_t size = size_t(D) * D;
   for (long k = 0; k < K; ++k)

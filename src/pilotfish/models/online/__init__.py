@@ -2,8 +2,8 @@
 durations grow with them. A model is a value; what it has learned reads out as a skill like any other.
 """
 
-from pilotfish.models.online.assignments import Assignment, Assignments, identities_now
-from pilotfish.models.online.from_batch import begin_from, penalties_from
+from pilotfish.models.online.assignments import Assignment, Assignments, current_cluster_ids
+from pilotfish.models.online.from_batch import estimate_penalties, from_batch_fit
 from pilotfish.models.online.model import OnlineModel, online_model
 from pilotfish.models.online.observe import (
     begin_demonstration,
@@ -11,20 +11,20 @@ from pilotfish.models.online.observe import (
     observe_demonstration,
     observe_stream,
 )
-from pilotfish.models.online.read_out import read_out
-from pilotfish.models.online.scaling import Scales, scaled, scales_from, unscaled
+from pilotfish.models.online.read_out import to_skill
+from pilotfish.models.online.scaling import ColumnScales, estimate_scales, scale_demonstration, unscale_skill
 from pilotfish.models.online.settings import (
     DPGMM,
     DPMPPCA,
     HDPHSMM,
-    LARGEST_BATCH,
-    MOST_SPARE,
+    MAX_BATCH_SIZE,
+    MAX_EXTRA_DIRECTIONS,
     SOSC,
-    Constant,
-    Count,
+    ConstantWeight,
+    DatapointCount,
+    ExponentialDecay,
+    Maintenance,
     OnlineSettings,
-    Trace,
-    Upkeep,
     Weighting,
 )
 
@@ -32,29 +32,29 @@ __all__ = [
     "DPGMM",
     "DPMPPCA",
     "HDPHSMM",
-    "LARGEST_BATCH",
-    "MOST_SPARE",
+    "MAX_BATCH_SIZE",
+    "MAX_EXTRA_DIRECTIONS",
     "SOSC",
     "Assignment",
     "Assignments",
-    "Constant",
-    "Count",
+    "ColumnScales",
+    "ConstantWeight",
+    "DatapointCount",
+    "ExponentialDecay",
+    "Maintenance",
     "OnlineModel",
     "OnlineSettings",
-    "Scales",
-    "Trace",
-    "Upkeep",
     "Weighting",
     "begin_demonstration",
-    "begin_from",
-    "identities_now",
+    "current_cluster_ids",
+    "estimate_penalties",
+    "estimate_scales",
+    "from_batch_fit",
     "observe",
     "observe_demonstration",
     "observe_stream",
     "online_model",
-    "penalties_from",
-    "read_out",
-    "scaled",
-    "scales_from",
-    "unscaled",
+    "scale_demonstration",
+    "to_skill",
+    "unscale_skill",
 ]

@@ -16,9 +16,9 @@ class Assignment:
     change    how the loss at this datapoint changed with its update; it never rises (5.35)
     """
 
-    identity: int
+    cluster_id: int
     cost: float
-    change: float
+    loss_change: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,15 +29,15 @@ class Assignments:
     it was merged into, or -1 when it was forgotten.
     """
 
-    identities: Int[Array, " N"]
+    cluster_ids: Int[Array, " N"]
     costs: Float[Array, " N"]
-    changes: Float[Array, " N"]
-    gone: Int[Array, "M 3"]
+    loss_changes: Float[Array, " N"]
+    removed: Int[Array, "M 3"]
 
 
-def identities_now(assignments: Assignments) -> Int[Array, " N"]:
+def current_cluster_ids(assignments: Assignments) -> Int[Array, " N"]:
     """The clusters that hold the datapoints after the last of them: those merged are followed."""
     into: dict[int, int] = {}
-    for _, identity, other in assignments.gone[::-1].tolist():
-        into[identity] = into.get(other, other) if other >= 0 else identity
-    return np.array([into.get(i, i) for i in assignments.identities.tolist()], dtype=np.int64)
+    for _, cluster_id, other in assignments.removed[::-1].tolist():
+        into[cluster_id] = into.get(other, other) if other >= 0 else cluster_id
+    return np.array([into.get(i, i) for i in assignments.cluster_ids.tolist()], dtype=np.int64)

@@ -7,27 +7,30 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.models.durations_counted import runs
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.models.durations.counted import state_segments
 from pilotfish.models.online.model import Column, Head, OnlineModel, online_model
 from pilotfish.models.online.settings import (
+    DEFAULT_MAINTENANCE,
     SOSC,
-    UPKEEP,
-    Constant,
+    ConstantWeight,
+    ExponentialDecay,
+    Maintenance,
     OnlineSettings,
-    Trace,
-    Upkeep,
 )
-from pilotfish.models.sequences import agreeing_views, viterbi
+from pilotfish.models.sequences import validated_views, viterbi
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Bool, Float, Int
 
-EDGE, HELD = 0.99, 0.6  # of a state's datapoints that share is nearer than where rho falls to HELD
-SURPRISE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
+DISTANCE_QUANTILE, FADE_AT_QUANTILE = (
+    0.99,
+    0.6,
+)  # of a state's datapoints that share is nearer than where rho falls to HELD
+TRANSITION_PENALTY_RATIO = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Labelled:
+class LabelledDatapoints:
     """Datapoints as P frames see them, the state of each, and where demonstrations end."""
 
     x: Float[Array, "P N D"]
@@ -35,12 +38,12 @@ class Labelled:
     states: Int[Array, " N"]
 
 
-def penalties_from(
+def estimate_penalties(
     skill: Skill,
     demonstrations: Sequence[Demonstration],
     *,
-    explained: float = 0.9,
-    upkeep: Upkeep = UPKEEP,
+    explained_variance: float = 0.9,
+    maintenance: Maintenance = DEFAULT_MAINTENANCE,
 ) -> SOSC:
     """Penalties under which a stream would see these demonstrations as the skill does.
 
@@ -54,32 +57,36 @@ def penalties_from(
     Raises: InvalidInput, when the skill and the demonstrations do not belong together.
     Source: the future work of Tanwani 2018, section 5.6, which asks for it and leaves the way open.
     """
-    if not 0.0 < explained < 1.0:
-        raise InvalidInput(f"explained is {explained}, expected a share between 0 and 1, say 0.9")
-    data = _labelled(skill, demonstrations)
+    if not 0.0 < explained_variance < 1.0:
+        raise InvalidInput(f"explained is {explained_variance}, expected a share between 0 and 1, say 0.9")
+    data = _label_datapoints(skill, demonstrations)
     variances = np.stack([np.linalg.eigvalsh(c.dense)[:, ::-1] for c in skill.covariances])  # (P, K, D)
     shares = np.bincount(data.states, minlength=skill.states) / len(data.states)
-    dimension, noise = _cut(variances, np.broadcast_to(shares[:, None], variances.shape), explained)
+    dimension, noise = _subspace_thresholds(
+        variances, np.broadcast_to(shares[:, None], variances.shape), explained_variance
+    )
     errors = data.x - skill.means[:, data.states]  # (P, N, D)
     squares = np.einsum("pnd,pnd->pn", errors, errors)
-    bandwidth = float(np.quantile(squares, EDGE)) / -np.log(HELD)
+    bandwidth = float(np.quantile(squares, DISTANCE_QUANTILE)) / -np.log(FADE_AT_QUANTILE)
     if not bandwidth > 0.0:
         raise InvalidInput("all datapoints of every state are equal, expected states with some extent")
-    nearness = 1.0 - np.expm1(-squares / bandwidth) ** 2
-    costs = (squares - nearness * _inside(skill, data, errors, dimension)).sum(axis=0)  # (N,)
+    projection_weight = 1.0 - np.expm1(-squares / bandwidth) ** 2
+    costs = (squares - projection_weight * _squared_projections(skill, data, errors, dimension)).sum(
+        axis=0
+    )  # (N,)
     cluster = max(float(costs.max()) * (1.0 + 1e-9), noise)  # the farthest one stays too
     return SOSC(
         cluster=cluster,
         dimension=dimension,
         noise=noise,
         bandwidth=float(bandwidth),
-        transition=SURPRISE * cluster,
-        new_transition=SURPRISE * cluster,
-        upkeep=_apart(skill, upkeep),
+        transition=TRANSITION_PENALTY_RATIO * cluster,
+        new_transition=TRANSITION_PENALTY_RATIO * cluster,
+        maintenance=_set_merge_distance(skill, maintenance),
     )
 
 
-def begin_from(
+def from_batch_fit(
     skill: Skill, demonstrations: Sequence[Demonstration], settings: OnlineSettings
 ) -> OnlineModel:
     """A model that has learned the demonstrations as the skill did, ready for the next.
@@ -90,67 +97,76 @@ def begin_from(
     A state that no sequence visits is left out.
     Raises: InvalidInput, when the skill and the demonstrations do not belong together.
     """
-    data = _labelled(skill, demonstrations)
+    data = _label_datapoints(skill, demonstrations)
     model = online_model(settings, skill.layout, skill.period, skill.frame_names)
-    room = min(model.rules.directions + model.rules.spare, skill.width)
-    state = kernels.stream_of(skill.states, len(skill.frame_names), skill.width, kernels.in_fours(room))
+    capacity = min(model.parameters.max_dimension + model.parameters.extra_directions, skill.width)
+    state = kernels.zero_stream(
+        skill.states, len(skill.frame_names), skill.width, kernels.round_up_to_four(capacity)
+    )
     points = np.bincount(data.states, minlength=skill.states).astype(np.float64)
     state.clusters[:, Column.POINTS] = points
-    state.clusters[:, Column.WEIGHT] = _weights(points, settings)
-    _follow(state, data)
+    state.clusters[:, Column.WEIGHT] = _cluster_weights(points, settings)
+    _add_transitions_and_segments(state, data)
     for p, covariances in enumerate(skill.covariances):
         for k, covariance in enumerate(covariances.dense):
-            _put(skill.means[p, k], covariance, state, (k, p), model.rules)
-    return replace(model, state=_of_those(points > 0.0, state, len(data.states)))
+            _pack_subspace(skill.means[p, k], covariance, state, (k, p), model.parameters)
+    return replace(model, state=_select_clusters(points > 0.0, state, len(data.states)))
 
 
-def _of_those(kept: Bool[Array, " K"], state: kernels.StreamState, datapoints: int) -> kernels.StreamState:
+def _select_clusters(
+    kept: Bool[Array, " K"], state: kernels.StreamState, datapoints: int
+) -> kernels.StreamState:
     """The state of some of the clusters, named anew in their order."""
     rows = state.clusters[kept]
-    rows[:, Column.IDENTITY] = np.arange(len(rows))
+    rows[:, Column.CLUSTER_ID] = np.arange(len(rows))
     head = state.head.copy()
-    head[Head.NEXT], head[Head.POINTS] = len(rows), datapoints
-    return replace(state, head=head, clusters=rows, counts=np.ascontiguousarray(state.counts[kept][:, kept]))
+    head[Head.NEXT_CLUSTER_ID], head[Head.POINTS] = len(rows), datapoints
+    return replace(
+        state,
+        head=head,
+        clusters=rows,
+        transition_counts=np.ascontiguousarray(state.transition_counts[kept][:, kept]),
+    )
 
 
-def _labelled(skill: Skill, demonstrations: Sequence[Demonstration]) -> Labelled:
-    require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
-    if skill.layout.turns:
+def _label_datapoints(skill: Skill, demonstrations: Sequence[Demonstration]) -> LabelledDatapoints:
+    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    if skill.layout.orientation_starts:
         raise InvalidInput(
             "the skill has orientations on their sphere, and streams learn quaternions as four numbers; "
             "learn it from demonstrations without on_sphere"
         )
-    data = agreeing_views(skill, demonstrations)
+    data = validated_views(skill, demonstrations)
     states = np.concatenate([viterbi(skill, demonstration) for demonstration in demonstrations])
-    return Labelled(data.x, data.lengths, states)
+    return LabelledDatapoints(data.x, data.lengths, states)
 
 
-def _apart(skill: Skill, upkeep: Upkeep) -> Upkeep:
+def _set_merge_distance(skill: Skill, maintenance: Maintenance) -> Maintenance:
     """The same, with a merge distance under which no two states of the skill would merge."""
-    if upkeep.merge_distance is not None or skill.states == 1:
-        return upkeep
+    if maintenance.merge_distance is not None or skill.states == 1:
+        return maintenance
     means = skill.means.transpose(1, 0, 2).reshape(skill.states, -1)
     squares = np.sum((means[:, None] - means) ** 2, axis=2)
     least = float(np.min(squares[~np.eye(skill.states, dtype=bool)]))
-    return replace(upkeep, merge_distance=0.5 * float(np.sqrt(least)))
+    return replace(maintenance, merge_distance=0.5 * float(np.sqrt(least)))
 
 
-def _cut(
-    variances: Float[Array, "P K D"], shares: Float[Array, "P K D"], explained: float
+def _subspace_thresholds(
+    variances: Float[Array, "P K D"], shares: Float[Array, "P K D"], explained_variance: float
 ) -> tuple[float, float]:
     """lambda_1 and sigma^2: the variance above which directions explain enough; the mean of the others."""
     order = np.argsort(variances, axis=None)[::-1]
     values, weights = variances.ravel()[order], shares.ravel()[order]
-    sums = np.cumsum(values * weights)
-    n = min(int(np.searchsorted(sums, explained * sums[-1])) + 1, len(values) - 1)
+    statistics = np.cumsum(values * weights)
+    n = min(int(np.searchsorted(statistics, explained_variance * statistics[-1])) + 1, len(values) - 1)
     dimension = float(np.sqrt(values[n - 1] * max(values[n], np.finfo(float).tiny)))
     rest = weights[n:].sum()
-    noise = float((sums[-1] - sums[n - 1]) / rest) if rest > 0.0 else float(values[n])
+    noise = float((statistics[-1] - statistics[n - 1]) / rest) if rest > 0.0 else float(values[n])
     return dimension, max(noise, float(values[-1]), np.finfo(float).tiny)
 
 
-def _inside(
-    skill: Skill, data: Labelled, errors: Float[Array, "P N D"], dimension: float
+def _squared_projections(
+    skill: Skill, data: LabelledDatapoints, errors: Float[Array, "P N D"], dimension: float
 ) -> Float[Array, "P N"]:
     """How much of each datapoint's squared error lies in its state's subspace."""
     inside = np.empty(errors.shape[:2])
@@ -163,45 +179,49 @@ def _inside(
     return inside
 
 
-def _weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Array, " K"]:
-    match settings.upkeep.weighting:
-        case Trace(discount, _):
+def _cluster_weights(points: Float[Array, " K"], settings: OnlineSettings) -> Float[Array, " K"]:
+    match settings.maintenance.weighting:
+        case ExponentialDecay(discount, _):
             return np.asarray(np.minimum(points, 1.0 / (1.0 - discount)))
-        case Constant(weight):
+        case ConstantWeight(weight):
             return np.full(len(points), float(weight))
         case _:
             return points
 
 
-def _follow(state: kernels.StreamState, data: Labelled) -> None:
+def _add_transitions_and_segments(state: kernels.StreamState, data: LabelledDatapoints) -> None:
     """The state gains how often each cluster followed each, and what visits there were."""
     rows = state.clusters
     for states in np.split(data.states, np.cumsum(data.lengths)[:-1]):
-        np.add.at(state.counts, (states[:-1], states[1:]), 1.0)
-        visited, lengths = runs(states)
-        rows[visited[0], Column.BEGUN] += 1.0
+        np.add.at(state.transition_counts, (states[:-1], states[1:]), 1.0)
+        visited, lengths = state_segments(states)
+        rows[visited[0], Column.DEMONSTRATION_STARTS] += 1.0
         for place, (k, steps) in enumerate(zip(visited, lengths, strict=True)):
             cut = place == len(visited) - 1
-            number, mean = (Column.CUT, Column.CUT_DURATION) if cut else (Column.VISITS, Column.DURATION)
+            number, mean = (
+                (Column.CENSORED, Column.MEAN_CENSORED_DURATION)
+                if cut
+                else (Column.SEGMENTS, Column.MEAN_DURATION)
+            )
             rows[k, number] += 1.0
             off = steps - rows[k, mean]
             rows[k, mean] += off / rows[k, number]
             if not cut:
-                rows[k, Column.SQUARES] += off * (steps - rows[k, mean])
+                rows[k, Column.SQUARED_DEVIATIONS] += off * (steps - rows[k, mean])
 
 
-def _put(
+def _pack_subspace(
     mean: Float[Array, " D"],
     covariance: Float[Array, "D D"],
     state: kernels.StreamState,
     place: tuple[int, int],
-    rules: kernels.StreamRules,
+    parameters: kernels.StreamParameters,
 ) -> None:
     """Into the row of a cluster, the leading directions: first those that explain more than lambda_1."""
     values, U = np.linalg.eigh(covariance)
     values, U = np.maximum(values[::-1], 0.0), U[:, ::-1]
-    d = min(int(np.sum(values > rules.dimension)), rules.directions)
-    r = min(d + rules.spare, len(mean))
+    d = min(int(np.sum(values > parameters.dimension)), parameters.max_dimension)
+    r = min(d + parameters.extra_directions, len(mean))
     state.dimensions[place], state.ranks[place] = d, r
     state.means[place], state.variances[place][:r] = mean, values[:r]
     state.bases[place][:, :r] = U[:, :r]

@@ -6,12 +6,12 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Layout, require_name, require_period
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, rules_of
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, kernel_parameters
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import short_list
 
-Column, Head = kernels.StreamColumn, kernels.StreamHead
+Column, Head = kernels.ClusterColumn, kernels.StreamCounter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +26,7 @@ class OnlineModel:
     layout: Layout
     period: float
     frame_names: tuple[str, ...]
-    rules: kernels.StreamRules
+    parameters: kernels.StreamParameters
     state: kernels.StreamState
 
     @property
@@ -39,14 +39,14 @@ class OnlineModel:
         return int(self.state.head[Head.POINTS])
 
     @property
-    def current(self) -> int:
+    def current_cluster(self) -> int:
         """The place of the last datapoint's cluster among the K; -1 where a demonstration begins."""
         return int(self.state.head[Head.CURRENT])
 
     @property
-    def identities(self) -> Int[Array, " K"]:
+    def cluster_ids(self) -> Int[Array, " K"]:
         """Clusters are numbered by birth, and no number is used twice."""
-        return self.state.clusters[:, Column.IDENTITY].astype(np.int64)
+        return self.state.clusters[:, Column.CLUSTER_ID].astype(np.int64)
 
     @property
     def weights(self) -> Float[Array, " K"]:
@@ -55,7 +55,7 @@ class OnlineModel:
 
     @property
     def priors(self) -> Float[Array, " K"]:
-        """pi (5.8): the share of datapoints that each took, of those that are not forgotten."""
+        """Pi (5.8): the share of datapoints that each took, of those that are not forgotten."""
         points = self.state.clusters[:, Column.POINTS]
         return np.asarray(points / points.sum())
 
@@ -84,14 +84,14 @@ class OnlineModel:
         return self.state.bases
 
     @property
-    def counts(self) -> Float[Array, "K K"]:
+    def transition_counts(self) -> Float[Array, "K K"]:
         """How many datapoints in j came right after one in i, i = j included (5.29)."""
-        return self.state.counts
+        return self.state.transition_counts
 
     @property
     def demonstrations(self) -> int:
         """How many were begun, those that began in clusters that are no more left out."""
-        return int(self.state.clusters[:, Column.BEGUN].sum())
+        return int(self.state.clusters[:, Column.DEMONSTRATION_STARTS].sum())
 
 
 def online_model(
@@ -103,21 +103,23 @@ def online_model(
     Raises: InvalidInput, when these cannot be, or when an orientation of the layout is on its sphere: a
     stream learns quaternions as four numbers.
     """
-    require_kind(
+    require_type(
         "settings", settings, (DPGMM, DPMPPCA, HDPHSMM, SOSC), "say SOSC(cluster=..., dimension=..., ...)"
     )
-    require_kind("layout", layout, Layout, "position_layout(3) makes one")
-    if layout.turns:
+    require_type("layout", layout, Layout, "position_layout(3) makes one")
+    if layout.orientation_starts:
         raise InvalidInput(
             "the layout has orientations on their sphere, and streams learn quaternions as four numbers; "
             "give demonstrations as they are recorded, without on_sphere"
         )
     require_period(period, "period")
-    require_kind("frame_names", frame_names, (tuple, list), 'give names in a tuple, say ("world",)')
+    require_type("frame_names", frame_names, (tuple, list), 'give names in a tuple, say ("world",)')
     names = tuple(require_name(name, "a frame") for name in frame_names)
     if not names or len(set(names)) != len(names):
         raise InvalidInput(
             f"the frames are named {short_list(names)}, expected at least one, with different names"
         )
     state = kernels.empty_stream(len(names), layout.width)
-    return OnlineModel(settings, layout, float(period), names, rules_of(settings, layout.width), state)
+    return OnlineModel(
+        settings, layout, float(period), names, kernel_parameters(settings, layout.width), state
+    )

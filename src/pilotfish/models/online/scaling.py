@@ -16,14 +16,14 @@ from pilotfish.demonstrations import (
     moving_frame,
     views,
 )
-from pilotfish.errors import InvalidInput, require_kind
+from pilotfish.errors import InvalidInput, require_type
 from pilotfish.gaussians import DenseCovariances
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scales:
+class ColumnScales:
     """What one is in each column of a layout; columns of a part share theirs, so that frames still turn them.
 
     means are those of the skill that tells the scales, [frame, state]: signs of quaternions follow them.
@@ -34,14 +34,14 @@ class Scales:
     means: Float[Array, "P K D"]
 
 
-def scales_from(skill: Skill) -> Scales:
+def estimate_scales(skill: Skill) -> ColumnScales:
     """The deviation within states of each part, over all states and frames.
 
     So a batch fit of a few demonstrations tells by how much each quantity varies where the task is the same.
     Raises: InvalidInput, when the skill has orientations on S^3, or a part never varies.
     """
-    require_kind("skill", skill, Skill, "a fit holds one: fit.skill")
-    if skill.layout.turns:
+    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    if skill.layout.orientation_starts:
         raise InvalidInput(
             "the skill has orientations on S^3, which streams take as four numbers; learn it from "
             "demonstrations that have them so"
@@ -52,10 +52,10 @@ def scales_from(skill: Skill) -> Scales:
         if not (spread := float(np.sqrt(variances[columns].mean()))) > 0.0:
             raise InvalidInput(f"part {part.name!r} never varies within states; leave it out, or regularise")
         values[columns] = spread
-    return Scales(skill.layout, values, skill.means)
+    return ColumnScales(skill.layout, values, skill.means)
 
 
-def scaled(shown: Demonstration, scales: Scales) -> Demonstration:
+def scale_demonstration(shown: Demonstration, scales: ColumnScales) -> Demonstration:
     """The same showing in units of the scales, seen from the same frames; its columns are plain numbers.
 
     What each frame sees has the sign of quaternions that runs closer to the skill's states.
@@ -73,18 +73,20 @@ def scaled(shown: Demonstration, scales: Scales) -> Demonstration:
         )
     seen = views([shown]).x
     frames = [
-        _scaled_frame(given, scales.values, _signs(x, means, shown.layout))
+        _scale_frame(given, scales.values, _choose_quaternion_signs(x, means, shown.layout))
         for given, x, means in zip(shown.frames, seen, scales.means, strict=True)
     ]
-    return demonstration(shown.x / scales.values, shown.period, _plain(shown.layout), frames, shown.name)
+    return demonstration(
+        shown.x / scales.values, shown.period, _scalar_layout(shown.layout), frames, shown.name
+    )
 
 
-def unscaled(skill: Skill, scales: Scales) -> Skill:
+def unscale_skill(skill: Skill, scales: ColumnScales) -> Skill:
     """A skill that was learned of scaled demonstrations, in the columns that they had before.
 
     Raises: InvalidInput, when its columns are not those that scaling by these scales leaves.
     """
-    if skill.layout != _plain(scales.layout):
+    if skill.layout != _scalar_layout(scales.layout):
         raise InvalidInput(
             f"the skill has the columns {', '.join(skill.layout.names)}, expected those of demonstrations "
             "that were scaled by these scales"
@@ -94,26 +96,28 @@ def unscaled(skill: Skill, scales: Scales) -> Skill:
     return replace(skill, means=skill.means * scales.values, covariances=covariances, layout=scales.layout)
 
 
-def _plain(layout: Layout) -> Layout:
+def _scalar_layout(layout: Layout) -> Layout:
     return Layout(
         tuple(Part(part.name, Quantity.SCALAR, part.size, "1", part.derivative) for part in layout.parts)
     )
 
 
-def _signs(x: Float[Array, "T D"], means: Float[Array, "K D"], layout: Layout) -> Float[Array, " D"]:
+def _choose_quaternion_signs(
+    x: Float[Array, "T D"], means: Float[Array, "K D"], layout: Layout
+) -> Float[Array, " D"]:
     """Minus one for the columns of orientations that run closer to the states' means when negated."""
     signs = np.ones(layout.width)
     for part, columns in zip(layout.parts, layout.slices, strict=True):
         if part.quantity is Quantity.QUATERNION:
             here = layout.columns(part.name)
-            likeness = x[:, here] @ means[:, here].T  # of each step and state
-            nearest = np.abs(likeness).argmax(axis=1)
-            if likeness[np.arange(len(x)), nearest].sum() < 0.0:
+            similarity = x[:, here] @ means[:, here].T  # of each step and state
+            nearest = np.abs(similarity).argmax(axis=1)
+            if similarity[np.arange(len(x)), nearest].sum() < 0.0:
                 signs[columns] = -1.0
     return signs
 
 
-def _scaled_frame(
+def _scale_frame(
     given: Frame | MovingFrame, values: Float[Array, " D"], signs: Float[Array, " D"]
 ) -> Frame | MovingFrame:
     """World and what is seen both divided by the scales: world' = (S^-1 A s S) seen' + S^-1 b."""

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from math import sqrt
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, require_kind
-from pilotfish.models.skill import MOST_STATES
-from pilotfish.validation import LARGEST_MAGNITUDE, require_count
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.models.skill import MAX_STATES
+from pilotfish.validation import MAX_MAGNITUDE, require_count
 
-MOST_SPARE, LARGEST_BATCH = 10_000, 100_000
+MAX_EXTRA_DIRECTIONS, MAX_BATCH_SIZE = 10_000, 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Count:
+class DatapointCount:
     """A cluster weighs as much as it has datapoints: for streams of one distribution (5.15)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class ExponentialDecay:
     """Eligibility traces: with every datapoint all weights shrink by the discount, the visited one gains 1.
 
     For streams that change: a cluster remembers about 1 / (1 - discount) datapoints (5.16).
@@ -34,7 +34,7 @@ class Trace:
 
     def __post_init__(self) -> None:
         for name in ("discount", "forget_below"):
-            require_kind(name, getattr(self, name), (int, float), "give a number")
+            require_type(name, getattr(self, name), (int, float), "give a number")
         if not 0.0 < self.discount < 1.0:
             raise InvalidInput(f"discount is {self.discount}, expected a number between 0 and 1, say 0.995")
         if not 0.0 <= self.forget_below < 1.0:
@@ -45,23 +45,23 @@ class Trace:
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
+class ConstantWeight:
     """Every cluster weighs the same for ever: each datapoint is a step of 1 / (weight + 1)."""
 
     weight: float
 
     def __post_init__(self) -> None:
-        require_kind("weight", self.weight, (int, float), "give a number")
-        if not 0.0 < self.weight <= LARGEST_MAGNITUDE:
+        require_type("weight", self.weight, (int, float), "give a number")
+        if not 0.0 < self.weight <= MAX_MAGNITUDE:
             raise InvalidInput(f"weight is {self.weight}, expected a positive number")
 
 
-Weighting = Count | Trace | Constant
-COUNT = Count()
+Weighting = DatapointCount | ExponentialDecay | ConstantWeight
+DEFAULT_WEIGHTING = DatapointCount()
 
 
 @dataclass(frozen=True, slots=True)
-class Upkeep:
+class Maintenance:
     """How the past is kept.
 
     weighting       what a cluster's past weighs against a datapoint
@@ -73,24 +73,29 @@ class Upkeep:
     batch           so many datapoints are assigned before any of them changes a subspace
     """
 
-    weighting: Weighting = COUNT
+    weighting: Weighting = DEFAULT_WEIGHTING
     merge_distance: float | None = None
-    spare: int = 1
-    most_clusters: int = 256
+    extra_directions: int = 1
+    max_clusters: int = 256
     batch: int = 1
 
     def __post_init__(self) -> None:
-        require_kind("weighting", self.weighting, (Count, Trace, Constant), "give an instance, say Count()")
+        require_type(
+            "weighting",
+            self.weighting,
+            (DatapointCount, ExponentialDecay, ConstantWeight),
+            "give an instance, say Count()",
+        )
         if self.merge_distance is not None:
-            require_kind("merge_distance", self.merge_distance, (int, float), "give a number or None")
-        if self.merge_distance is not None and not 0.0 <= self.merge_distance <= LARGEST_MAGNITUDE:
+            require_type("merge_distance", self.merge_distance, (int, float), "give a number or None")
+        if self.merge_distance is not None and not 0.0 <= self.merge_distance <= MAX_MAGNITUDE:
             raise InvalidInput(f"merge_distance is {self.merge_distance}, expected 0 or more, or None")
-        require_count(self.spare, "spare", MOST_SPARE)
-        require_count(self.most_clusters, "most_clusters", MOST_STATES, 1)
-        require_count(self.batch, "batch", LARGEST_BATCH, 1)
+        require_count(self.extra_directions, "extra_directions", MAX_EXTRA_DIRECTIONS)
+        require_count(self.max_clusters, "max_clusters", MAX_STATES, 1)
+        require_count(self.batch, "batch", MAX_BATCH_SIZE, 1)
 
 
-UPKEEP = Upkeep()
+DEFAULT_MAINTENANCE = Maintenance()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +110,10 @@ class DPGMM:
 
     cluster: float
     noise: float
-    upkeep: Upkeep = UPKEEP
+    maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _require_numbers(self, ("cluster", "noise"), ())
+        _validate_penalties(self, ("cluster", "noise"), ())
 
     @property
     def label(self) -> str:
@@ -130,10 +135,10 @@ class DPMPPCA:
     dimension: float
     noise: float
     bandwidth: float
-    upkeep: Upkeep = UPKEEP
+    maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _require_numbers(self, ("cluster", "dimension", "noise", "bandwidth"), ())
+        _validate_penalties(self, ("cluster", "dimension", "noise", "bandwidth"), ())
 
     @property
     def label(self) -> str:
@@ -155,10 +160,10 @@ class HDPHSMM:
     noise: float
     transition: float
     new_transition: float
-    upkeep: Upkeep = UPKEEP
+    maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _require_numbers(self, ("cluster", "noise"), ("transition", "new_transition"))
+        _validate_penalties(self, ("cluster", "noise"), ("transition", "new_transition"))
 
     @property
     def label(self) -> str:
@@ -180,10 +185,10 @@ class SOSC:
     bandwidth: float
     transition: float = 0.0
     new_transition: float = 0.0
-    upkeep: Upkeep = UPKEEP
+    maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _require_numbers(
+        _validate_penalties(
             self, ("cluster", "dimension", "noise", "bandwidth"), ("transition", "new_transition")
         )
 
@@ -195,13 +200,13 @@ class SOSC:
 OnlineSettings = DPGMM | DPMPPCA | HDPHSMM | SOSC
 
 
-def rules_of(settings: OnlineSettings, width: int) -> kernels.StreamRules:
+def kernel_parameters(settings: OnlineSettings, width: int) -> kernels.StreamParameters:
     """The settings as the kernel reads them, for so many columns. Spheres are subspaces of no dimension."""
-    flat = isinstance(settings, DPGMM | HDPHSMM)
-    upkeep, weighting = settings.upkeep, settings.upkeep.weighting
+    is_spherical = isinstance(settings, DPGMM | HDPHSMM)
+    maintenance, weighting = settings.maintenance, settings.maintenance.weighting
     kind, weight, forget_below = _weighting(weighting)
-    apart = upkeep.merge_distance
-    return kernels.StreamRules(
+    apart = maintenance.merge_distance
+    return kernels.StreamParameters(
         cluster=float(settings.cluster),
         dimension=0.0 if isinstance(settings, DPGMM | HDPHSMM) else float(settings.dimension),
         transition=float(settings.transition) if isinstance(settings, HDPHSMM | SOSC) else 0.0,
@@ -211,28 +216,28 @@ def rules_of(settings: OnlineSettings, width: int) -> kernels.StreamRules:
         weighting=kind,
         weight=weight,
         forget_below=forget_below,
-        spare=0 if flat else min(upkeep.spare, width),
-        directions=0 if flat else width - 1,
-        clusters=upkeep.most_clusters,
-        batch=upkeep.batch,
+        extra_directions=0 if is_spherical else min(maintenance.extra_directions, width),
+        max_dimension=0 if is_spherical else width - 1,
+        clusters=maintenance.max_clusters,
+        batch=maintenance.batch,
     )
 
 
 def _weighting(weighting: Weighting) -> tuple[int, float, float]:
     match weighting:
-        case Trace(discount, forget_below):
-            return int(kernels.Weighting.TRACE), float(discount), float(forget_below)
-        case Constant(weight):
+        case ExponentialDecay(discount, forget_below):
+            return int(kernels.Weighting.EXPONENTIAL_DECAY), float(discount), float(forget_below)
+        case ConstantWeight(weight):
             return int(kernels.Weighting.CONSTANT), float(weight), 0.0
         case _:
             return int(kernels.Weighting.COUNT), 0.0, 0.0
 
 
-def _require_numbers(settings: object, positive: tuple[str, ...], nonnegative: tuple[str, ...]) -> None:
+def _validate_penalties(settings: object, positive: tuple[str, ...], nonnegative: tuple[str, ...]) -> None:
     for name in (*positive, *nonnegative):
         value = getattr(settings, name)
-        require_kind(name, value, (int, float), "give a number")
+        require_type(name, value, (int, float), "give a number")
         least = "more than 0" if name in positive else "0 or more"
-        if not value <= LARGEST_MAGNITUDE or value < 0 or (name in positive and value == 0):
+        if not value <= MAX_MAGNITUDE or value < 0 or (name in positive and value == 0):
             raise InvalidInput(f"{name} is {value}, expected {least}, in squared units of the columns")
-    require_kind("upkeep", settings.upkeep, Upkeep, "give an instance, say Upkeep(batch=50)")  # type: ignore[attr-defined]
+    require_type("maintenance", settings.maintenance, Maintenance, "give an instance, say Upkeep(batch=50)")  # type: ignore[attr-defined]

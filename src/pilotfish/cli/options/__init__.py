@@ -1,0 +1,1 @@
+"""Types of command-line options, and the names that they accept."""

@@ -1,0 +1,1 @@
+"""Terminal output, tables, pictures and reports of the commands."""

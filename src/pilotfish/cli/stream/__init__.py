@@ -1,0 +1,1 @@
+"""The command `pilotfish stream`: lines, batches, signals and files of one session."""

@@ -1,0 +1,208 @@
+"""What a skill must be, beyond shapes, before it is written and after it was read."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from pilotfish.demonstrations import require_name, require_period
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import (
+    Covariances,
+    DenseCovariances,
+    LatentCovariances,
+    MultipleTransformCovariances,
+    SemiTiedCovariances,
+)
+from pilotfish.models import (
+    MAX_SKILL_NUMBERS,
+    MAX_STATES,
+    Durations,
+    Dynamics,
+    GammaDurations,
+    GaussianDurations,
+    HistogramDurations,
+    LogNormalDurations,
+    MarkovChain,
+    MixtureWeights,
+    NegativeBinomialDurations,
+    PoissonDurations,
+    SemiMarkovChain,
+    Skill,
+)
+from pilotfish.types import Array, Float
+from pilotfish.validation import MAX_MAGNITUDE, require_count, require_number, short_list, short_repr
+
+MAX_FRAMES = 1000
+MAX_MEAN = 1e101  # datapoints have at most 1e100
+MAX_DURATION_STEPS = 1e12  # steps; of parameters too
+MIN_DIVISOR = 1e-12  # of parameters that are divided by
+SUM_TOLERANCE = 1e-6  # what probabilities may miss one by
+SYMMETRY_TOLERANCE = (
+    1e-8  # what a covariance may differ from its transpose by, as a share of its largest entry
+)
+
+
+def validate_dimensions(skill: Skill) -> None:
+    """Frames, columns and covariances are as many as the means say.    Raises: InvalidInput."""
+    if skill.means.ndim != 3 or skill.means.size == 0:
+        raise InvalidInput(f"means has shape {skill.means.shape}, expected (frames, states, columns)")
+    P, K, D = skill.means.shape
+    validate_sizes(P, K, D)
+    names = skill.frame_names
+    if len(names) != P or len(skill.covariances) != P:
+        raise InvalidInput(
+            f"means has {P} frames, but there are {len(names)} frame names and "
+            f"{len(skill.covariances)} covariances"
+        )
+    if len(set(names)) != P:
+        raise InvalidInput(f"the frames are named {short_list(names)}, expected different names")
+    for name in names:
+        require_name(name, "a frame")
+    if skill.layout.width != D:
+        raise InvalidInput(f"means has {D} columns, but the layout has {skill.layout.width}")
+
+
+def validate_sizes(frames: int, states: int, columns: int) -> None:
+    """Raise InvalidInput if a skill of these sizes would not fit in memory."""
+    require_count(frames, "the number of frames", MAX_FRAMES, 1)
+    require_count(states, "the number of states", MAX_STATES, 1)
+    if (numbers := frames * states * columns**2) > MAX_SKILL_NUMBERS:
+        raise InvalidInput(
+            f"the covariances of {states} states in {frames} frames of {columns} columns have {numbers} "
+            f"numbers, expected at most {MAX_SKILL_NUMBERS}"
+        )
+
+
+def validate_values(skill: Skill) -> None:
+    """The numbers of a skill are a period, probabilities, durations and covariances.
+
+    Raises: InvalidInput; NotPositiveDefinite, when a covariance is none.
+    """
+    require_period(skill.period, "period")
+    _validate_magnitude(skill.means, "means", MAX_MEAN)
+    _validate_dynamics(skill.dynamics)
+    require_number(skill.provenance.regularisation, "provenance.regularisation", 0.0)
+    if not np.isnan(skill.provenance.log_likelihood):  # as in what a stream reads out as
+        require_number(skill.provenance.log_likelihood, "provenance.log_likelihood")
+    for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
+        _validate_covariances(covariances, f"the covariance in frame {name!r} of state")
+
+
+def _validate_dynamics(dynamics: Dynamics) -> None:
+    match dynamics:
+        case MixtureWeights(weights):
+            _validate_distribution(weights, "weights")
+        case MarkovChain(initial, transitions):
+            _validate_distribution(initial, "initial")
+            for i, row in enumerate(transitions):
+                _validate_distribution(row, f"transitions[{i}]")
+        case SemiMarkovChain(initial, transitions, durations):
+            _validate_distribution(initial, "initial")
+            for i, row in enumerate(transitions):
+                _validate_transition_row(row, i)
+            _validate_durations(durations)
+
+
+def _validate_durations(durations: Durations) -> None:
+    _validate_duration_parameters(durations)
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            means, deviations = durations.means, durations.deviations
+            durations.log_table(1)
+    except FloatingPointError as error:
+        raise InvalidInput(f"durations cannot be computed with: {error}") from error
+    for name, values in (("mean", means), ("deviation", deviations)):
+        _validate_magnitude(values, f"the {name} of durations", MAX_DURATION_STEPS)
+
+
+def _validate_duration_parameters(durations: Durations) -> None:
+    for field in fields(durations):
+        _validate_magnitude(getattr(durations, field.name), f"durations.{field.name}", MAX_DURATION_STEPS)
+    match durations:
+        case GaussianDurations(_, deviations):
+            _validate_positive(deviations, "durations.deviations", MIN_DIVISOR)
+        case LogNormalDurations(_, log_deviations):
+            _validate_positive(log_deviations, "durations.log_deviations", MIN_DIVISOR)
+        case PoissonDurations(rates):
+            _validate_positive(rates, "durations.rates", MIN_DIVISOR)
+        case GammaDurations(shapes, rates):
+            _validate_positive(shapes, "durations.shapes", MIN_DIVISOR)
+            _validate_positive(rates, "durations.rates", MIN_DIVISOR)
+        case NegativeBinomialDurations(shapes, exit_probs):
+            _validate_positive(shapes, "durations.shapes", MIN_DIVISOR)
+            _validate_positive(exit_probs, "durations.exit_probs", MIN_DIVISOR)
+            _validate_positive(1.0 - exit_probs, "1 - durations.exit_probs", MIN_DIVISOR)
+        case HistogramDurations(probabilities):
+            for k, column in enumerate(probabilities.T):
+                _validate_distribution(column, f"durations.probabilities[:, {k}]")
+
+
+def _validate_transition_row(row: Float[Array, " K"], i: int) -> None:
+    if row[i] != 0.0:
+        raise InvalidInput(
+            f"transitions[{i}, {i}] is {row[i]}, expected 0: durations say how long a state lasts"
+        )
+    if row.any():  # a row of zeros is a final state
+        _validate_distribution(row, f"transitions[{i}]")
+
+
+def _validate_distribution(p: Float[Array, " K"], place: str) -> None:
+    with np.errstate(over="ignore"):
+        total = float(p.sum())
+    if (p < 0.0).any() or not abs(total - 1.0) <= SUM_TOLERANCE:
+        raise InvalidInput(
+            f"{place} is {short_repr(p.tolist())} with sum {total:.9g}, expected probabilities of sum 1"
+        )
+
+
+def _validate_positive(values: Float[Array, "..."], place: str, lowest: float = 0.0) -> None:
+    if (bad := np.argwhere(~(values > lowest))).size:
+        raise InvalidInput(
+            f"{place}{bad[0].tolist()} is {values[tuple(bad[0])]}, expected more than {lowest:g}"
+        )
+
+
+def _validate_magnitude(values: Float[Array, "..."], place: str, largest: float) -> None:
+    if (bad := np.argwhere(~(np.abs(values) <= largest))).size:
+        found = values[tuple(bad[0])]
+        raise InvalidInput(
+            f"{place}{bad[0].tolist()} is {found}, expected a finite number of at most {largest:g}"
+        )
+
+
+def _validate_covariances(covariances: Covariances, what: str) -> None:
+    match covariances:
+        case DenseCovariances(dense):
+            _validate_symmetry(dense, what)
+        case SemiTiedCovariances(_, variances, tying, dense):
+            _validate_symmetry(dense, what)
+            if not 0.0 <= tying <= 1.0:
+                raise InvalidInput(f"tying is {tying}, expected a number from 0 to 1")
+            _validate_positive(variances, "variances")
+        case LatentCovariances(_, noise):
+            if (bad := np.argwhere(noise < 0.0)).size:
+                raise InvalidInput(f"noise{bad[0].tolist()} is {noise[tuple(bad[0])]}, expected at least 0")
+        case MultipleTransformCovariances(_, variances, membership):
+            _validate_positive(variances, "variances")
+            _validate_one_hot(membership)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as not finite
+        precision_cholesky = covariances.precision_cholesky(what)
+        dense = covariances.dense
+    _validate_magnitude(precision_cholesky, f"the inverse deviation of {what} ", MAX_MAGNITUDE)
+    _validate_magnitude(dense, f"{what} ", MAX_MAGNITUDE**2)
+
+
+def _validate_symmetry(dense: Float[Array, "K D D"], what: str) -> None:
+    skews = np.abs(dense - dense.transpose(0, 2, 1)).max(axis=(1, 2))
+    if (bad := np.flatnonzero(skews > SYMMETRY_TOLERANCE * np.abs(dense).max(axis=(1, 2)))).size:
+        raise InvalidInput(
+            f"{what} {bad[0]} differs from its transpose by {skews[bad[0]]:.3g}, expected symmetry"
+        )
+
+
+def _validate_one_hot(membership: Float[Array, "K C"]) -> None:
+    ones = membership == 1.0
+    if ((membership != 0.0) != ones).any() or (ones.sum(axis=1) != 1).any():
+        raise InvalidInput(
+            f"membership is {short_repr(membership.tolist())}, expected one 1 in each row, and 0 elsewhere"
+        )

@@ -1,0 +1,85 @@
+"""The expectation steps of task-parameterised hidden Markov and semi-Markov models."""
+
+import numpy as np
+
+from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
+from pilotfish.kernels.reference.chain import forward_backward
+from pilotfish.kernels.reference.emission import deviations, log_emissions
+from pilotfish.kernels.reference.semi_markov import semi_markov
+from pilotfish.kernels.results import EStep, SemiMarkovEStep
+from pilotfish.types import Array, Float, Int
+
+
+def e_step(
+    x: Float[Array, "P N D"],
+    lengths: Int[Array, " M"],
+    initial: Float[Array, " K"],
+    transitions: Float[Array, "K K"],
+    emissions: Emissions,
+    threads: int = 1,
+) -> EStep:
+    """Expected sufficient statistics of M demonstrations laid end to end: N = lengths.sum().
+
+    Moments are taken about the means given, close to the new ones: nothing cancels when they are shifted.
+    threads bounds how many share the work of the compiled kernel; the sums do not depend on it.
+    Source: Rabiner 1989; Tanwani 2018, eqs. 3.8-3.17, 3.22-3.25.
+    """
+    K, log_likelihoods, smoothed_state_probs = len(initial), [], []
+    initial_counts, transition_counts = np.zeros(K), np.zeros((K, K))
+    for part in np.split(x, np.cumsum(lengths)[:-1], axis=1):
+        chain = forward_backward(log_emissions(part, emissions), initial, transitions)
+        log_likelihoods.append(chain.log_likelihood)
+        smoothed_state_probs.append(chain.smoothed_state_probs)
+        initial_counts += chain.smoothed_state_probs[0]
+        transition_counts += chain.transitions
+    gamma = np.concatenate(smoothed_state_probs)  # (N, K)
+    offsets, scatter_matrices = deviation_moments(x, gamma, emissions)
+    return EStep(
+        np.array(log_likelihoods),
+        gamma.sum(axis=0),
+        initial_counts,
+        transition_counts,
+        offsets,
+        scatter_matrices,
+    )
+
+
+def semi_markov_e_step(
+    x: Float[Array, "P N D"],
+    lengths: Int[Array, " M"],
+    tables: SemiMarkovTables,
+    emissions: Emissions,
+    threads: int = 1,
+) -> SemiMarkovEStep:
+    """The same of a semi-Markov chain, and how long its visits are expected to have lasted.
+
+    threads bounds how many share the work of the compiled kernel; the sums do not depend on it.
+    """
+    parts = np.split(x, np.cumsum(lengths)[:-1], axis=1)
+    chains = [semi_markov(log_emissions(part, emissions), tables) for part in parts]
+    gamma = np.concatenate([chain.smoothed_state_probs for chain in chains])  # (N, K)
+    return SemiMarkovEStep(
+        np.array([chain.log_likelihood for chain in chains]),
+        gamma.sum(axis=0),
+        np.sum([chain.smoothed_state_probs[0] for chain in chains], axis=0),
+        np.sum([chain.transitions for chain in chains], axis=0),
+        np.sum([chain.segments for chain in chains], axis=0),
+        np.sum([chain.tail_counts for chain in chains], axis=0),
+        *deviation_moments(x, gamma, emissions),
+    )
+
+
+def deviation_moments(
+    x: Float[Array, "P N D"],
+    gamma: Float[Array, "N K"],
+    emissions: Emissions,
+) -> tuple[Float[Array, "P K E"], Float[Array, "P K E E"]]:
+    """Sum of gamma e and of gamma e e^T, e the deviation from the mean, for every frame and state."""
+    P, K, E, _ = emissions.precision_cholesky.shape
+    offsets, scatter_matrices = np.empty((P, K, E)), np.empty((P, K, E, E))
+    for p in range(P):
+        for k in range(K):
+            error = deviations(x[p], emissions.means[p, k], emissions.orientation_starts)  # (N, E)
+            weighted = gamma[:, k, None] * error
+            offsets[p, k], scatter_matrices[p, k] = weighted.sum(axis=0), weighted.T @ error
+    return offsets, scatter_matrices

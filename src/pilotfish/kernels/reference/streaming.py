@@ -1,0 +1,365 @@
+"""Scalable online sequence clustering: where each datapoint of a stream goes, and what it changes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pilotfish.kernels.reference.subspaces import (
+    Subspace,
+    initial_subspace,
+    merge_subspaces,
+    pack_subspace,
+    point_loss,
+    reorthonormalise,
+    squared_distance,
+    truncate,
+    unpack_subspace,
+    update_subspace,
+)
+from pilotfish.kernels.refusals import datapoint_error
+from pilotfish.kernels.streams import (
+    MAX_VALUE,
+    StreamParameters,
+    StreamState,
+    StreamStep,
+    Weighting,
+    round_up_to_four,
+    zero_stream,
+)
+from pilotfish.kernels.streams import ClusterColumn as Column
+from pilotfish.types import Array, Float
+
+ORTHONORMALISE_EVERY = 256  # datapoints of a cluster
+
+
+@dataclass(slots=True, eq=False)
+class Cluster:
+    """One row of a StreamState, taken apart; numbers are by Column."""
+
+    statistics: Float[Array, " 9"]
+    subspaces: list[Subspace]
+
+
+@dataclass(slots=True, eq=False)
+class MutableState:
+    """A StreamState, taken apart, while it changes."""
+
+    parameters: StreamParameters
+    clusters: list[Cluster]
+    transition_counts: Float[Array, "K K"]
+    current_cluster: int  # -1 where a demonstration begins
+    steps: int
+    next_cluster_id: int
+    points: int
+    previous: int  # the cluster visited before, -1 where a demonstration has begun since
+    previous_steps: int
+    removed: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+def observe(x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters) -> StreamStep:
+    """The model after N datapoints, each seen from P frames, taken one after the other.
+
+    Assignments are made rules.batch at a time; subspaces then learn from their datapoints in order.
+    Raises: InvalidInput, when a number is not finite or beyond 1e100.
+    Source: Tanwani 2018, algorithm 5, with what specification 2 corrects.
+    """
+    if (bad := np.flatnonzero(~(np.abs(x) <= MAX_VALUE))).size:
+        raise datapoint_error(x, int(bad[0]))
+    stream = unpack(state, parameters)
+    cluster_ids, costs = np.empty(len(x), dtype=np.int64), np.empty(len(x))
+    loss_changes = np.empty(len(x))
+    for start in range(0, len(x), parameters.batch):
+        batch = range(start, min(start + parameters.batch, len(x)))
+        new_cluster = set()
+        for n in batch:
+            k, costs[n], loss_changes[n] = assign_point(stream, x[n])
+            if k == len(stream.clusters):
+                k = create_cluster(stream, x[n], n)
+                new_cluster.add(n)
+            cluster_ids[n] = stream.clusters[k].statistics[Column.CLUSTER_ID]
+            loss_changes[n] += update_transitions(stream, k)
+        for n in batch:
+            loss_changes[n] += update_cluster(stream, x[n], int(cluster_ids[n]), n in new_cluster)
+            remove_light_clusters(stream, n)
+        last = batch[-1]
+        for cluster_id in dict.fromkeys(cluster_ids[batch].tolist()):
+            merge_close_clusters(stream, cluster_id, last)
+    removed = np.array(stream.removed, dtype=np.int64).reshape(-1, 3)
+    return StreamStep(pack(stream, state.frames, state.width), cluster_ids, costs, loss_changes, removed)
+
+
+def observe_one(
+    x: Float[Array, "P D"], state: StreamState, parameters: StreamParameters
+) -> tuple[StreamState, int, float, float]:
+    """The same for one datapoint: the state, and the identity, cost and change of this one."""
+    step = observe(x[None], state, parameters)
+    return step.state, int(step.cluster_ids[0]), float(step.costs[0]), float(step.loss_changes[0])
+
+
+def assign_point(stream: MutableState, x: Float[Array, "P D"]) -> tuple[int, float, float]:
+    """The cluster of least cost, or K for a new one; its cost; and for a new one, the loss that it saves."""
+    parameters, K = stream.parameters, len(stream.clusters)
+    costs = np.array([cluster_distance(cluster, x, parameters.bandwidth) for cluster in stream.clusters])
+    costs += transition_costs(stream)
+    new = parameters.cluster
+    if stream.current_cluster >= 0:
+        new += (
+            parameters.transition * np.log(stream.transition_counts[stream.current_cluster].sum() + 1.0)
+            + parameters.new_transition
+        )
+    if K == 0:
+        return 0, new, 0.0
+    best = int(costs.argmin())
+    if costs[best] < new:
+        return best, float(costs[best]), 0.0
+    dimensions = sum(subspaces.dimension for subspaces in stream.clusters[best].subspaces)
+    return (
+        K,
+        float(new),
+        float(new - costs[best] - (parameters.dimension * dimensions if dimensions else 0.0)),
+    )
+
+
+def cluster_distance(cluster: Cluster, x: Float[Array, "P D"], bandwidth: float) -> float:
+    """The squared distances of all frames, added."""
+    return sum(
+        squared_distance(row, subspaces, bandwidth)
+        for row, subspaces in zip(x, cluster.subspaces, strict=True)
+    )
+
+
+def transition_costs(stream: MutableState) -> Float[Array, " K"]:
+    """What it costs to go from the current cluster to each (5.26, 5.27); nothing where none is current."""
+    if stream.current_cluster < 0:
+        return np.zeros(len(stream.clusters))
+    parameters, transition_counts = stream.parameters, stream.transition_counts[stream.current_cluster]
+    known = transition_counts > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        surprise = np.log(
+            np.where(known, transition_counts.sum() / transition_counts, transition_counts.sum() + 1.0)
+        )
+    return np.asarray(parameters.transition * surprise + np.where(known, 0.0, parameters.new_transition))
+
+
+def create_cluster(stream: MutableState, x: Float[Array, "P D"], n: int) -> int:
+    """The row of a new cluster at x; where no more may be, the lightest but the current makes room."""
+    if len(stream.clusters) >= stream.parameters.clusters:
+        weights = np.array([cluster.statistics[Column.WEIGHT] for cluster in stream.clusters])
+        if len(weights) > 1 and stream.current_cluster >= 0:
+            weights[stream.current_cluster] = np.inf
+        remove_cluster(stream, int(weights.argmin()), n, -1)
+    statistics = np.zeros(len(Column))
+    statistics[Column.CLUSTER_ID] = stream.next_cluster_id
+    statistics[Column.WEIGHT] = _initial_weight(stream.parameters)
+    stream.next_cluster_id += 1
+    stream.clusters.append(Cluster(statistics, [initial_subspace(row) for row in x]))
+    stream.transition_counts = np.pad(stream.transition_counts, (0, 1))
+    return len(stream.clusters) - 1
+
+
+def _initial_weight(parameters: StreamParameters) -> float:
+    return parameters.weight if parameters.weighting == Weighting.CONSTANT else 1.0
+
+
+def update_transitions(stream: MutableState, k: int) -> float:
+    """Transitions and durations after a datapoint in k (5.29-5.34); how much its transition cost changed."""
+    statistics, previous = stream.clusters[k].statistics, stream.current_cluster
+    statistics[Column.POINTS] += 1.0
+    stream.points += 1
+    loss_change = 0.0
+    if previous < 0:
+        statistics[Column.DEMONSTRATION_STARTS] += 1.0
+    else:
+        c, total = stream.transition_counts[previous, k], stream.transition_counts[previous].sum()
+        if c > 0.0:
+            loss_change = stream.parameters.transition * np.log(c / total * (total + 1.0) / (c + 1.0))
+        stream.transition_counts[previous, k] += 1.0
+    if previous == k:
+        stream.steps += 1
+        return float(loss_change)
+    if previous >= 0:
+        add_segment_duration(stream.clusters[previous].statistics, stream.steps)
+    stream.previous, stream.previous_steps = previous, stream.steps if previous >= 0 else 0
+    stream.current_cluster, stream.steps = k, 1
+    return float(loss_change)
+
+
+def add_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
+    """One more complete visit (5.32-5.33, Welford)."""
+    statistics[Column.SEGMENTS] += 1.0
+    deviation = steps - statistics[Column.MEAN_DURATION]
+    statistics[Column.MEAN_DURATION] += deviation / statistics[Column.SEGMENTS]
+    statistics[Column.SQUARED_DEVIATIONS] += deviation * (steps - statistics[Column.MEAN_DURATION])
+
+
+def remove_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
+    """One complete visit of so many steps less: the inverse of lasted."""
+    statistics[Column.SEGMENTS] -= 1.0
+    if statistics[Column.SEGMENTS] == 0.0:
+        statistics[Column.MEAN_DURATION] = statistics[Column.SQUARED_DEVIATIONS] = 0.0
+        return
+    deviation = steps - statistics[Column.MEAN_DURATION]
+    statistics[Column.MEAN_DURATION] -= deviation / statistics[Column.SEGMENTS]
+    left = statistics[Column.SQUARED_DEVIATIONS] - deviation * (steps - statistics[Column.MEAN_DURATION])
+    statistics[Column.SQUARED_DEVIATIONS] = max(left, 0.0)
+
+
+def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int, new_cluster: bool) -> float:
+    """The cluster learns x, then all weights change; what the loss at x changed by."""
+    parameters, loss_change = stream.parameters, 0.0
+    k = find_cluster(stream, cluster_id)
+    if k >= 0 and not new_cluster:
+        cluster = stream.clusters[k]
+        w = cluster.statistics[Column.WEIGHT]
+        check = cluster.statistics[Column.POINTS] % ORTHONORMALISE_EVERY == 0.0
+        for p, previous in enumerate(cluster.subspaces):
+            max_dimension = min(parameters.max_dimension, len(previous.mean) - 1)
+            after = update_subspace(
+                x[p], previous, float(w), parameters.dimension, parameters.bandwidth, max_dimension
+            )
+            kept = truncate(after, parameters.extra_directions)
+            cluster.subspaces[p] = reorthonormalise(kept) if check else kept
+            loss_change += point_loss(x[p], after, parameters.dimension, parameters.bandwidth)
+            loss_change -= point_loss(x[p], previous, parameters.dimension, parameters.bandwidth)
+    for i, cluster in enumerate(stream.clusters):
+        is_assigned = i == k
+        if parameters.weighting == Weighting.COUNT:
+            cluster.statistics[Column.WEIGHT] += is_assigned and not new_cluster
+        elif parameters.weighting == Weighting.EXPONENTIAL_DECAY:
+            if is_assigned and new_cluster:
+                cluster.statistics[Column.WEIGHT] = 1.0
+            else:
+                cluster.statistics[Column.WEIGHT] *= parameters.weight
+                cluster.statistics[Column.WEIGHT] += is_assigned
+    return loss_change
+
+
+def find_cluster(stream: MutableState, cluster_id: int) -> int:
+    for k, cluster in enumerate(stream.clusters):
+        if cluster.statistics[Column.CLUSTER_ID] == cluster_id:
+            return k
+    return -1
+
+
+def remove_light_clusters(stream: MutableState, n: int) -> None:
+    """Clusters whose weight has worn off are no more; the current one stays."""
+    k = 0
+    while k < len(stream.clusters):
+        is_light = stream.clusters[k].statistics[Column.WEIGHT] < stream.parameters.forget_below
+        if is_light and k != stream.current_cluster:
+            remove_cluster(stream, k, n, -1)
+        else:
+            k += 1
+
+
+def merge_close_clusters(stream: MutableState, cluster_id: int, n: int) -> None:
+    """Clusters whose means came closer than the threshold become one, the closest first."""
+    k = find_cluster(stream, cluster_id)
+    while k >= 0:
+        separation = np.array([squared_mean_distance(stream.clusters[k], other) for other in stream.clusters])
+        separation[k] = np.inf
+        j = int(separation.argmin())
+        if not separation[j] < stream.parameters.merge_distance**2:
+            return
+        k = merge_clusters(stream, k, j, n)
+
+
+def squared_mean_distance(a: Cluster, b: Cluster) -> float:
+    return float(sum(np.sum((p.mean - q.mean) ** 2) for p, q in zip(a.subspaces, b.subspaces, strict=True)))
+
+
+def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
+    """The row of both as one: weights, counts and durations added, moments pooled. The heavier one stays."""
+    a, b = stream.clusters[k].statistics, stream.clusters[j].statistics
+    if (b[Column.WEIGHT], -b[Column.CLUSTER_ID]) > (a[Column.WEIGHT], -a[Column.CLUSTER_ID]):
+        k, j, a, b = j, k, b, a
+    share = b[Column.WEIGHT] / (a[Column.WEIGHT] + b[Column.WEIGHT])
+    stream.clusters[k].subspaces = [
+        truncate(merge_subspaces(p, q, float(share)), stream.parameters.extra_directions)
+        for p, q in zip(stream.clusters[k].subspaces, stream.clusters[j].subspaces, strict=True)
+    ]
+    pool_durations(a, b, Column.SEGMENTS, Column.MEAN_DURATION, Column.SQUARED_DEVIATIONS)
+    pool_durations(a, b, Column.CENSORED, Column.MEAN_CENSORED_DURATION, None)
+    a[Column.POINTS] += b[Column.POINTS]
+    a[Column.DEMONSTRATION_STARTS] += b[Column.DEMONSTRATION_STARTS]
+    if stream.parameters.weighting != Weighting.CONSTANT:
+        a[Column.WEIGHT] += b[Column.WEIGHT]
+    stream.transition_counts[k] += stream.transition_counts[j]
+    stream.transition_counts[:, k] += stream.transition_counts[:, j]
+    stream.current_cluster = k if stream.current_cluster == j else stream.current_cluster
+    stream.previous = k if stream.previous == j else stream.previous
+    if stream.current_cluster == stream.previous >= 0:  # what was taken for two visits is one, and goes on
+        remove_segment_duration(stream.clusters[k].statistics, stream.previous_steps)
+        stream.steps += stream.previous_steps
+        stream.previous, stream.previous_steps = -1, 0
+    remove_cluster(stream, j, n, int(a[Column.CLUSTER_ID]))
+    return k - (j < k)
+
+
+def pool_durations(
+    a: Float[Array, " 9"], b: Float[Array, " 9"], number: int, mean: int, squares: int | None
+) -> None:
+    """Means and squared deviations of two sets as of one (Chan, Golub & LeVeque 1979)."""
+    both = a[number] + b[number]
+    if both == 0.0:
+        return
+    deviation = b[mean] - a[mean]
+    if squares is not None:
+        a[squares] += b[squares] + deviation**2 * a[number] * b[number] / both
+    a[mean] += deviation * b[number] / both
+    a[number] = both
+
+
+def remove_cluster(stream: MutableState, k: int, n: int, into: int) -> None:
+    stream.removed.append((n, int(stream.clusters[k].statistics[Column.CLUSTER_ID]), into))
+    del stream.clusters[k]
+    stream.transition_counts = np.delete(np.delete(stream.transition_counts, k, axis=0), k, axis=1)
+    stream.current_cluster = _index_after_removal(stream.current_cluster, k)
+    stream.previous = _index_after_removal(stream.previous, k)
+    if stream.previous < 0:
+        stream.previous_steps = 0
+
+
+def _index_after_removal(place: int, k: int) -> int:
+    """Where a place is once k is gone; -1, when it was k."""
+    return -1 if place == k else place - (place > k)
+
+
+def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
+    clusters = []
+    for k, row in enumerate(state.clusters):
+        clusters.append(
+            Cluster(row[: len(Column)].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
+        )
+    current_cluster, steps, following, points, previous, lasted = (int(number) for number in state.head)
+    return MutableState(
+        parameters,
+        clusters,
+        state.transition_counts.copy(),
+        current_cluster,
+        steps,
+        following,
+        points,
+        previous,
+        lasted,
+    )
+
+
+def pack(stream: MutableState, frames: int, width: int) -> StreamState:
+    ranks = [len(subspaces.variances) for cluster in stream.clusters for subspaces in cluster.subspaces]
+    state = zero_stream(len(stream.clusters), frames, width, round_up_to_four(max(ranks, default=0)))
+    head = (
+        stream.current_cluster,
+        stream.steps,
+        stream.next_cluster_id,
+        stream.points,
+        stream.previous,
+        stream.previous_steps,
+    )
+    state.head[:] = head
+    state.transition_counts[:] = stream.transition_counts
+    for k, cluster in enumerate(stream.clusters):
+        state.clusters[k, : len(Column)] = cluster.statistics
+        for p, subspaces in enumerate(cluster.subspaces):
+            pack_subspace(subspaces, state, k, p)
+    return state

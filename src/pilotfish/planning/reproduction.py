@@ -1,0 +1,167 @@
+"""Reproduce a skill in a new situation: adapt, plan, track and roll out in one call.
+
+A linear controller needs columns in R^n. Where a skill has orientations on S^3, the plan and the controller are
+those of a tangent chart, and the motion is mapped back to S^3; no caller sees the chart unless it asks for it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
+from pilotfish.demonstrations import Frame, Layout, MovingFrame
+from pilotfish.errors import InvalidInput, require_type
+from pilotfish.models import AdaptedSkill, Skill, adapt
+from pilotfish.planning.conditioning import condition_on
+from pilotfish.planning.plan import (
+    CONTROL_COST,
+    COVARIANCE_REGULARISATION,
+    plan_states,
+    reference_from_states,
+    require_start,
+)
+from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
+from pilotfish.planning.via_points import ViaPoint, via_point_to_tangent
+from pilotfish.types import Array, Float, Int
+from pilotfish.validation import short_list
+
+MAX_DEFAULT_WORK = 2**34  # squared steps times states of a plan whose horizon was not asked for: some seconds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reproduction:
+    """Motion of a skill in one situation, with the controller that makes it.
+
+    Attributes:
+        adapted: Skill adapted to the frames.
+        tangent_chart: Tangent chart of the orientations on S^3; None if the skill has none.
+        states: State of each step of the plan.
+        reference: Targets and weights, in tangent columns.
+        feedback: Gains and feedforward, in tangent columns.
+        motion: States in the columns of the skill; inputs are accelerations in tangent columns.
+    """
+
+    adapted: AdaptedSkill
+    tangent_chart: TangentChart | None
+    states: Int[Array, " T"]
+    reference: Reference
+    feedback: Feedback
+    motion: Motion
+
+    @property
+    def planar(self) -> AdaptedSkill:
+        """The adapted skill in tangent columns; the adapted skill itself if it has no orientation on S^3."""
+        return self.tangent_chart.skill if self.tangent_chart else self.adapted
+
+    @property
+    def targets(self) -> Float[Array, "T D"]:
+        """The targets of the plan in the columns of the skill."""
+        targets = self.reference.targets
+        return self.tangent_chart.to_manifold(targets) if self.tangent_chart else targets
+
+
+def reproduce(
+    skill: Skill,
+    frames: Sequence[Frame | MovingFrame],
+    start: Float[Array, " D"] | None = None,
+    *,
+    horizon: int | None = None,
+    via_points: Sequence[ViaPoint] = (),
+    control_cost: float = CONTROL_COST,
+    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+) -> Reproduction:
+    """Reproduce a skill where the objects are now, as the motion of a unit mass on every axis.
+
+    Args:
+        skill: Learned skill whose columns are coordinates, then the derivative of each.
+        frames: Frame of each object, in any order.
+        start: State of the robot at the first step; None starts where the skill begins.
+        horizon: Number of steps; None takes the mean length of the demonstrations.
+        via_points: Points that the motion passes, from `via_point`.
+        control_cost: R, the cost of squared acceleration; a larger value gives a softer motion.
+        covariance_regularisation: Variance added to every variance before it becomes a weight
+            [unit of x squared].
+
+    Returns:
+        The motion, its controller and its plan.
+
+    Raises:
+        InvalidInput: If frames are missing, the columns have no derivatives, or an argument cannot be used.
+
+    Example:
+        >>> import pilotfish as pf
+        >>> demonstrations = pf.datasets.synthetic_valve()
+        >>> fit = pf.learn(demonstrations, states=5, rng=np.random.default_rng(0))
+        >>> pf.reproduce(fit.skill, demonstrations[0].frames, horizon=50).motion.x.shape
+        (50, 14)
+
+    Source:
+        Tanwani 2018, sections 3.3-3.5; for S^3, Zeestraten et al. 2017, section V.
+    """
+    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    adapted = adapt(skill, frames)
+    axes = coordinates_with_derivatives(adapted.layout)
+    steps = mean_demonstration_length(skill) if horizon is None else horizon
+    chart = tangent_chart(adapted) if adapted.layout.orientation_starts else None
+    planar = chart.skill if chart else adapted
+    points = [via_point_to_tangent(point, chart) if chart else point for point in via_points]
+    if start is not None and chart:
+        start = chart.to_tangent(require_start(start, adapted))
+    aligned, states = plan_states(planar, start, horizon=steps, via_points=points)
+    reference = reference_from_states(aligned, states, covariance_regularisation)
+    if points:
+        reference = condition_on(reference, points, planar.layout)
+    feedback = track(double_integrator(axes, skill.period), reference, control_cost)
+    motion = feedback.rollout(reference.targets[0] if start is None else start)
+    x = chart.to_manifold(motion.x) if chart else motion.x
+    return Reproduction(adapted, chart, states, reference, feedback, Motion(x, motion.u, motion.period))
+
+
+def coordinates_with_derivatives(layout: Layout) -> int:
+    """Return the number of coordinates, each of which has its derivative in the second half of the columns.
+
+    An orientation on S^3 has three: its rotation vector, and its angular velocity in body axes.
+
+    Args:
+        layout: Columns of a skill.
+
+    Raises:
+        InvalidInput: If the columns are others, so that a double integrator cannot follow them.
+    """
+    tangent = layout.tangent
+    half = tangent.width // 2
+    first = [p for p, columns in zip(tangent.parts, tangent.slices, strict=True) if columns.stop <= half]
+    second = tangent.parts[len(first) :]
+    if [(p.name, p.size, p.derivative + 1) for p in first] != [
+        (p.name, p.size, p.derivative) for p in second
+    ]:
+        fix = (
+            "learn from recordings that have both"
+            if any(part.derivative for part in tangent.parts)
+            else "learn it again with them: pf.with_derivatives, or pilotfish learn --velocities"
+        )
+        raise InvalidInput(
+            f"the columns are {short_list(layout.names)}, expected coordinates, then the derivative of each; "
+            f"{fix}"
+        )
+    return half
+
+
+def mean_demonstration_length(skill: Skill) -> int:
+    """Return the mean number of steps of the demonstrations that a skill was learned from.
+
+    Args:
+        skill: Learned skill.
+
+    Raises:
+        InvalidInput: If the skill does not say, or if a plan of this length would take long.
+    """
+    source = skill.provenance
+    if not source.demonstrations or source.datapoints < 2 * len(source.demonstrations):
+        raise InvalidInput("the skill does not say how long its demonstrations were; give a horizon")
+    steps = round(source.datapoints / len(source.demonstrations))
+    if steps**2 * skill.states > MAX_DEFAULT_WORK:
+        raise InvalidInput(
+            f"the skill says that its demonstrations had {steps} steps on average, which would take long to "
+            "plan; give a horizon"
+        )
+    return steps

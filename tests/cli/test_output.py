@@ -1,0 +1,240 @@
+"""What cannot be printed costs no result and is no traceback; a signal ends every command cleanly."""
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+FULL_DEVICE = Path("/dev/full")
+LEARN = ["learn", "reaches", "--states", "2"]
+STREAM = ["stream", "rows", "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
+
+
+@pytest.fixture
+def work_folder(tmp_path: Path, folder: Path) -> Path:
+    """A folder with recordings, and 60 rows of numbers."""
+    assert folder.name == "reaches"
+    (tmp_path / "rows").write_text("".join(f"{0.1 * n} {0.01 * n * n}\n" for n in range(60)))
+    return tmp_path
+
+
+def run_shell(command: list[str], streams: str, work_folder: Path) -> subprocess.CompletedProcess[str]:
+    """A command line with its streams as given, such as 2>&-, in a real process."""
+    line = f'"$@" {streams}'
+    program = [sys.executable, "-W", "ignore", "-m", "pilotfish", *command]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
+    return subprocess.run(
+        ["bash", "-o", "pipefail", "-c", line, "-", *program],
+        cwd=work_folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+CLOSED_REDIRECTS = ["2>&-", ">&-", ">&- 2>&-", "<&- >&- 2>&-"]
+FULL_REDIRECTS = [">/dev/full", "2>/dev/full", ">/dev/full 2>/dev/full"]
+
+
+@pytest.mark.parametrize("streams", [*CLOSED_REDIRECTS, *FULL_REDIRECTS])
+@pytest.mark.parametrize("command", [[*LEARN, "--out", "new"], [*STREAM, "--every", "10", "--out", "new"]])
+def test_streams_that_cannot_be_written_cost_no_result(work_folder: Path, streams: str, command: list[str]):
+    """The file is there, whole; a lost answer is exit code 1, and a line on stderr where that is possible."""
+    if "full" in streams and not FULL_DEVICE.exists():
+        pytest.skip("there is no /dev/full")
+    result = run_shell(command, streams, work_folder)
+    assert result.returncode == int(
+        any(part in streams for part in (">&- ", ">/dev/full ")) or streams[0] == ">"
+    )
+    assert (work_folder / "new").stat().st_size > 100
+    assert result.stderr.count("\n") == int(streams in (">&-", ">/dev/full"))
+    assert "Traceback" not in result.stderr
+    assert run_shell(["show", "new"], "", work_folder).returncode == 0
+
+
+@pytest.mark.parametrize("command", [["--help"], ["--version"], ["data", "list"], ["data", "list", "--json"]])
+@pytest.mark.parametrize("streams", [">&-", ">/dev/full"])
+def test_an_answer_that_cannot_be_printed_is_one_line_and_exit_code_1(
+    work_folder: Path, command: list[str], streams: str
+):
+    """Help and version too, and programs' answers."""
+    result = run_shell(command, streams, work_folder)
+    assert (result.returncode, result.stderr.count("\n")) == (1, 1)
+    assert result.stderr.startswith("Error: ")
+
+
+def test_a_rejected_line_that_cannot_be_told_does_not_end_the_stream(work_folder: Path):
+    """All other rows are learned."""
+    rows = (work_folder / "rows").read_text().splitlines()
+    (work_folder / "rows").write_text("\n".join([*rows[:9], "bad", *rows[9:]]))
+    result = run_shell([*STREAM, "--out", "new"], "2>/dev/full", work_folder)
+    assert result.returncode == 0
+    assert "60 datapoints" in result.stdout
+
+
+def test_a_reader_that_leaves_costs_no_model_and_is_quiet(work_folder: Path):
+    """Stream --every | head -1: all rows are learned, nothing is said about the pipe."""
+    result = run_shell([*STREAM, "--every", "1", "--out", "new"], "| head -n 1", work_folder)
+    assert (result.returncode, result.stdout.count("\n"), result.stderr) == (1, 1, "")
+    assert '"datapoints": 60' in run_shell(["show", "new", "--json"], "", work_folder).stdout
+
+
+def test_an_endless_stream_without_outputs_ends_with_its_reader(work_folder: Path):
+    """As any filter does; there is nothing left to do it for."""
+    endless = [STREAM[0], "-", *STREAM[2:], "--every", "1"]
+    result = run_shell(endless, "< <(yes '0.1 0.2') | head -n 1", work_folder)
+    assert (result.returncode, result.stderr) == (1, "")
+
+
+def test_text_that_a_terminal_cannot_show_is_escaped(work_folder: Path, monkeypatch: pytest.MonkeyPatch):
+    """An ASCII terminal gets backslash escapes for ± and the like."""
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii:strict")
+    result = run_shell([*LEARN, "--out", "new"], "", work_folder)
+    assert result.returncode == 0
+    assert r"\xb1" in result.stdout
+
+
+def start_process(command: list[str], work_folder: Path, **streams: int) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
+    program = [sys.executable, "-W", "ignore", "-m", "pilotfish", *command]
+    return subprocess.Popen(program, cwd=work_folder, env=environment, stderr=subprocess.PIPE, **streams)
+
+
+@pytest.fixture
+def named_pipe(work_folder: Path) -> Iterator[Path]:
+    os.mkfifo(work_folder / "pipe")
+    yield work_folder / "pipe"
+    (work_folder / "pipe").unlink()
+
+
+def wait_until_opened(named_pipe: Path) -> int:
+    """A writer of the pipe, once a reader has opened it."""
+    for _ in range(600):
+        try:
+            return os.open(named_pipe, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:
+            time.sleep(0.05)
+    raise AssertionError("nobody reads the pipe")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_stream_from_a_pipe_without_a_writer_is_stopped_by_a_signal(
+    work_folder: Path, named_pipe: Path, number: signal.Signals
+):
+    """It waits where signals are looked at, not in the call that opens the pipe."""
+    process = start_process([STREAM[0], "pipe", *STREAM[2:], "--out", "new"], work_folder)
+    descriptors = Path(f"/proc/{process.pid}/fd")
+    if not descriptors.exists():
+        process.kill()
+        pytest.skip("there is no /proc to see that the pipe is open")
+    while not any(link.readlink() == named_pipe for link in descriptors.iterdir() if link.is_symlink()):
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, output = process.communicate(timeout=60)
+    assert (process.returncode, output.count(b"\n")) == (128 + number, 1)
+    assert not (work_folder / "new").exists()
+
+
+def test_writers_that_come_late_and_overlap_are_all_read(work_folder: Path, named_pipe: Path):
+    """The stream ends when the last writer closes the pipe."""
+    process = start_process(
+        [STREAM[0], "pipe", *STREAM[2:], "--out", "new"], work_folder, stdout=subprocess.PIPE
+    )
+    first = wait_until_opened(named_pipe)
+    os.write(first, b"0.1 0.2\n0.2 0.2\n")
+    second = os.open(named_pipe, os.O_WRONLY)
+    os.close(first)
+    time.sleep(0.6)
+    os.write(second, b"0.3 0.2\n")
+    os.close(second)
+    answer, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert b"3 datapoints" in answer
+
+
+def test_a_stalled_reader_does_not_keep_a_stream_from_ending(work_folder: Path):
+    """Stream --every 1 into a pipe that nobody empties: SIGTERM saves the model and ends it."""
+    (work_folder / "rows").write_text("0.1 0.2\n" * 4000)
+    reader, writer = os.pipe()
+    process = start_process([*STREAM, "--every", "1", "--out", "new"], work_folder, stdout=writer)
+    os.close(writer)
+    while not os.read(reader, 1):
+        time.sleep(0.05)
+    time.sleep(2.0)  # by now the pipe is full
+    process.send_signal(signal.SIGTERM)
+    _, output = process.communicate(timeout=60)
+    os.close(reader)
+    assert process.returncode == 128 + signal.SIGTERM
+    assert b"Traceback" not in output
+    assert (work_folder / "new").exists()
+
+
+def test_an_answer_that_nobody_reads_does_not_keep_a_command_from_ending(work_folder: Path):
+    """One signal is enough, though the pipe is full."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while os.write(writer, bytes(4096)):
+            pass
+    os.set_blocking(writer, True)
+    process = start_process([*LEARN, "--out", "new"], work_folder, stdout=writer)
+    os.close(writer)
+    while not (work_folder / "new").exists():
+        time.sleep(0.05)
+    time.sleep(0.5)  # it waits for a reader
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    os.close(reader)
+    assert process.returncode == 128 + signal.SIGTERM
+
+
+def test_commands_that_write_one_file_at_once_keep_each_result(work_folder: Path):
+    """One gets the name; the others say where their results are."""
+    line = [*LEARN, "--out", "new.skill"]
+    processes = [
+        start_process([*line, "--seed", str(seed)], work_folder, stdout=subprocess.DEVNULL)
+        for seed in range(3)
+    ]
+    output = [process.communicate(timeout=60)[1].decode() for process in processes]
+    codes = [process.returncode for process in processes]
+    assert codes.count(0) == 1
+    assert all("new" in words for words, code in zip(output, codes, strict=True) if code)
+    kept = [
+        words for words in output if "exists and is kept" in words
+    ]  # unless it saw the file before its work
+    assert len(list(work_folder.glob("new*.skill"))) == 1 + len(kept)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("after", [0.0, 0.2, 0.5, 2.5])
+def test_a_signal_at_any_time_gives_its_exit_code_and_no_traceback(
+    work_folder: Path, number: signal.Signals, after: float
+):
+    """While modules are imported, and while it learns: from the first line of the command on."""
+    before = sorted(file.name for file in work_folder.iterdir())
+    line = ["learn", "dataset:synthetic valve", "--restarts", "500", "--states", "9", "--out", "new"]
+    process = start_process(line, work_folder, stdout=subprocess.PIPE)
+    wait_until_caught(process.pid, signal.SIGTERM)
+    time.sleep(after)
+    process.send_signal(number)
+    _, output = process.communicate(timeout=60)
+    assert process.returncode == 128 + number
+    assert b"Traceback" not in output
+    assert sorted(file.name for file in work_folder.iterdir()) == before
+
+
+def wait_until_caught(process: int, number: signal.Signals) -> None:
+    """Return once the process has a handler for the signal, which Python by itself has not."""
+    status = Path(f"/proc/{process}/status")
+    if not status.exists():
+        pytest.skip("there is no /proc to see that the command has begun")
+    while not int(re.findall(r"SigCgt:\s*(\w+)", status.read_text())[0], 16) >> (number - 1) & 1:
+        time.sleep(0.005)

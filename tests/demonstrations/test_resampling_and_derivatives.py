@@ -1,0 +1,79 @@
+"""Derivatives, resampling and signs: what is made of a demonstration keeps what matters about it."""
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import (
+    Layout,
+    Part,
+    Quantity,
+    add_derivatives,
+    demonstration,
+    pose_layout,
+    resample,
+)
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import multiply, quaternion_exp
+
+
+def test_derivatives_lead_from_each_row_to_the_next(make):
+    """x[t+1] = x[t] + period v[t], the last v repeats, and the rows themselves are untouched."""
+    demo = make(layout=make.mixed)
+    longer, D = add_derivatives(demo), make.mixed.width
+    x, v = longer.x[:, :D], longer.x[:, D:]
+    np.testing.assert_array_equal(x, demo.x)
+    np.testing.assert_allclose(x[:-1] + demo.period * v[:-1], x[1:], atol=1e-14)
+    np.testing.assert_array_equal(v[-1], v[-2])
+    assert longer.layout == make.mixed.differentiate()
+    assert (longer.period, longer.name) == (demo.period, demo.name)
+
+
+def test_derivatives_are_not_taken_twice(make):
+    """A second differentiation is refused."""
+    with pytest.raises(InvalidInput, match="already"):
+        add_derivatives(add_derivatives(make()))
+
+
+@pytest.mark.parametrize("steps", [2, 7, 23, 230])
+def test_resampling_keeps_start_end_and_duration(make, steps: int):
+    """The ends stay, the time between them stays, orientations stay units."""
+    demo = make(steps=23, moving=True)
+    other = resample(demo, steps)
+    assert len(other.x) == steps
+    np.testing.assert_allclose(other.x[[0, -1]], demo.x[[0, -1]], atol=1e-15)
+    np.testing.assert_allclose(other.period * (steps - 1), demo.period * 22, rtol=1e-14)
+    np.testing.assert_allclose(np.linalg.norm(other.x[:, 3:], axis=1), 1.0, atol=1e-15)
+    np.testing.assert_allclose(other.frames[1].A[-1], demo.frames[1].A[-1], atol=1e-14)
+
+
+def test_resampling_to_the_same_steps_changes_nothing(make):
+    """As many rows as before are the rows before."""
+    demo = make(steps=9, moving=True)
+    same = resample(demo, 9)
+    np.testing.assert_allclose(same.x, demo.x, atol=1e-15)
+    np.testing.assert_array_equal(same.frames[1].b, demo.frames[1].b)
+
+
+def test_resampling_is_linear_in_time(make):
+    """Against NumPy's own interpolation, column by column."""
+    demo = make(steps=11, layout=Layout((Part("joints", Quantity.SCALAR, 4, "rad"),)).differentiate())
+    other = resample(demo, 28)
+    there, here = np.linspace(0, 1, 28), np.linspace(0, 1, 11)
+    expected = np.stack([np.interp(there, here, column) for column in demo.x.T], axis=1)
+    np.testing.assert_allclose(other.x, expected, atol=1e-14)
+
+
+def test_orientations_between_rows_lie_on_the_way(make):
+    """Half way between two rows is half the turn: the great circle, by symmetry."""
+    p = make.quaternions(1)[0]
+    q = multiply(p, quaternion_exp(np.array([0.2, -0.1, 0.3])))
+    demo = demonstration([[0, 0, 0, *p], [0, 0, 0, *q]], 0.1, pose_layout())
+    middle = resample(demo, 3).x[1, 3:]
+    np.testing.assert_allclose(middle, multiply(p, quaternion_exp(np.array([0.1, -0.05, 0.15]))), atol=1e-14)
+
+
+@pytest.mark.parametrize("steps", [1, 0, -3])
+def test_fewer_than_two_rows_are_no_movement(make, steps: int):
+    """Refused, with the number."""
+    with pytest.raises(InvalidInput, match=f"steps is {steps}"):
+        resample(make(), steps)

@@ -1,0 +1,141 @@
+"""Public recordings are found in the folder named, or downloaded; never another file in their place."""
+
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.io import datasets
+from pilotfish.io.datasets_files import dataset_path, download, find_local_file
+from pilotfish.io.datasets_registry import DATASETS
+
+RECORDING = b"a recording"
+COUNTS = {"valve": 8, "zshape": 5, "robotasks": 9, "helloworld": 8}
+COUNTS |= {"chicken_dance": 1, "mocap6": 4, "letters": 30}
+MADE = replace(datasets.info("valve"), sha256=hashlib.sha256(RECORDING).hexdigest())
+
+
+EXTRACTS = [dataset.name for dataset in DATASETS if dataset.extract]
+
+
+@pytest.mark.parametrize("name", datasets.names())
+def test_every_dataset_says_whose_it_is(name: str):
+    """A whole sha256, an address, a licence, a citation."""
+    dataset = datasets.info(name)
+    assert re.fullmatch(r"[0-9a-f]{64}", dataset.sha256)
+    assert re.fullmatch(r"https?://\S+", dataset.url)
+    assert dataset.licence
+    assert len(dataset.citation) > 80
+    assert dataset.description
+
+
+@pytest.mark.parametrize("name", [name for name in datasets.names() if name not in EXTRACTS])
+def test_an_original_is_had_at_its_address(name: str):
+    """With the commit, under a licence that lets anyone keep it, cited with its identifier."""
+    dataset = datasets.info(name)
+    assert re.fullmatch(r"https://raw\.githubusercontent\.com/\w+/[\w-]+/[0-9a-f]{40}/\S+", dataset.url)
+    assert dataset.url.rsplit("/", 1)[1] == dataset.file.rsplit("/", 1)[1]
+    assert dataset.licence in {"BSD-3-Clause", "MIT"}
+    assert "doi:10." in dataset.citation
+
+
+def test_an_extract_is_never_downloaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Where it is not in the folder, the message names the original, what was taken of it, and the place."""
+    assert EXTRACTS == ["chicken_dance", "mocap6", "letters"]
+    monkeypatch.setenv("PILOTFISH_DATA", str(tmp_path))
+    for name in EXTRACTS:
+        dataset = datasets.info(name)
+        with pytest.raises(SkillError, match=f"{name!r} is an extract of") as caught:
+            dataset_path(dataset)
+        for word in (dataset.url, dataset.extract, f"FOLDER/{dataset.file}", "PILOTFISH_DATA=FOLDER"):
+            assert word in str(caught.value)
+
+
+def test_names_files_and_hashes_are_each_different():
+    """No two datasets are one."""
+    for values in zip(*((d.name, d.file, d.sha256, d.url) for d in DATASETS), strict=True):
+        assert len(set(values)) == len(DATASETS)
+
+
+@pytest.mark.parametrize("name", datasets.names())
+def test_every_dataset_is_in_the_folder_and_reads(
+    data_folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
+):
+    """By its own function, from the folder that PILOTFISH_DATA names, with the published sha256."""
+    monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
+    function, *argument = name.split()
+    demonstrations = getattr(datasets, function)(*argument)
+    assert len(demonstrations) == COUNTS[function]
+    assert np.isfinite(demonstrations[-1].x).all()
+
+
+def test_an_unknown_dataset_is_met_with_the_nearest(monkeypatch: pytest.MonkeyPatch):
+    """The message lists what there is and guesses what was meant."""
+    with pytest.raises(InvalidInput, match=r"no dataset is named 'vale', there are valve, .*mean 'valve'\?"):
+        datasets.info("vale")
+    with pytest.raises(InvalidInput, match="mean 'robotasks openbox'"):
+        datasets.robotasks("open box")
+    with pytest.raises(InvalidInput, match="no dataset is named 'helloworld x'"):
+        datasets.helloworld("x")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    file = tmp_path / MADE.file
+    file.parent.mkdir()
+    file.write_bytes(RECORDING)
+    return tmp_path
+
+
+def test_the_file_in_the_folder_is_taken(folder: Path):
+    """When its sha256 is the published one."""
+    assert find_local_file(MADE, str(folder)) == folder / MADE.file
+
+
+def test_another_file_in_its_place_is_refused(folder: Path):
+    """Both hashes, the file and the fix are named."""
+    (folder / MADE.file).write_bytes(b"another")
+    found = hashlib.sha256(b"another").hexdigest()
+    with pytest.raises(InvalidInput, match=rf"Demos2\.mat has sha256 {found}, expected {MADE.sha256}"):
+        find_local_file(MADE, str(folder))
+
+
+def test_a_file_that_is_not_in_the_folder_is_looked_for_elsewhere(folder: Path):
+    """So it is when no folder is named; a folder that is not there is a mistake."""
+    assert find_local_file(datasets.info("zshape"), str(folder)) is None
+    assert find_local_file(MADE, "") is None
+    with pytest.raises(InvalidInput, match=r"PILOTFISH_DATA is .*missing', expected a folder"):
+        find_local_file(MADE, str(folder / "missing"))
+
+
+@pytest.mark.parametrize(
+    ("failure", "reason"),
+    [
+        (ConnectionError("no route"), "no route"),
+        (ValueError("hash differs"), "hash differs"),
+        (
+            ModuleNotFoundError("No module named 'pooch'", name="pooch"),
+            r"pooch is not installed: pip install",
+        ),
+        (PermissionError(13, "Permission denied"), "Permission denied"),
+    ],
+)
+def test_a_failed_download_says_what_to_do(failure: Exception, reason: str):
+    """The address, the reason, the variable and the place for the file are named."""
+
+    def retrieve(dataset: datasets.Dataset) -> Path:
+        raise failure
+
+    with pytest.raises(SkillError, match=reason) as caught:
+        download(MADE, retrieve)
+    for word in (MADE.url, f"FOLDER/{MADE.file}", "PILOTFISH_DATA=FOLDER", "synthetic_valve"):
+        assert word in str(caught.value)
+
+
+def test_a_download_is_what_was_retrieved():
+    """Nothing is done to the path that comes back."""
+    assert download(MADE, lambda dataset: Path(dataset.file)) == Path(MADE.file)

@@ -1,0 +1,64 @@
+"""The generated valve stands in for the recorded one: same shapes and names, a movement of the same kind."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import Severity, diagnose, views
+from pilotfish.geometry import angle
+from pilotfish.io.published_matlab import read_valve_mat
+from pilotfish.io.synthetic import synthetic_valve
+
+
+def test_one_seed_gives_one_set():
+    """The generator alone decides; another seed gives another set."""
+    one, same, other = (synthetic_valve(np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert all(np.array_equal(a.x, b.x) for a, b in zip(one, same, strict=True))
+    assert not np.array_equal(one[0].x, other[0].x)
+
+
+def test_it_has_the_shape_of_the_recording(rng: np.random.Generator, data_folder: Path):
+    """Code that runs on one runs on the other; and they differ by centimetres, not by metres."""
+    recorded = read_valve_mat(data_folder / "valve" / "BaxterValveDemos2.mat")
+    made = synthetic_valve(rng)
+    for a, b in zip(made, recorded, strict=True):
+        assert a.layout == b.layout
+        assert a.period == b.period
+        assert a.x.shape == b.x.shape
+        assert a.name == f"synthetic {b.name}"
+        assert [given.name for given in a.frames] == [given.name for given in b.frames]
+        for ours, theirs in zip(a.frames, b.frames, strict=True):
+            assert np.abs(ours.b - theirs.b).max() < 0.06  # m
+        assert np.abs(a.x[0] - b.x[0])[:3].max() < 0.25  # m
+
+
+def test_the_hand_grasps_at_the_first_frame_and_lets_go_at_the_second(rng: np.random.Generator):
+    """Seen from the handle before, all hands hold it alike at the grasp; seen from the handle after, at the
+    release. That is what a skill is to find.
+    """
+    seen = views(synthetic_valve(rng)).x.reshape(2, 8, 200, 14)
+    for j, rows in ((0, slice(66, 70)), (1, slice(130, 134))):
+        assert np.abs(seen[j, :, rows, :3]).max() < 0.03  # m, at the handle
+        spread = seen[:, :, rows].std(axis=1).mean(axis=(1, 2))
+        assert spread[j] < 0.3 * spread[1 - j]
+
+
+def test_it_is_smooth_and_well_formed(rng: np.random.Generator):
+    """Nothing but the fixed second frame is noted; speeds stay those of a calm hand."""
+    made = synthetic_valve(rng)
+    assert [(found.severity, found.place) for found in diagnose(made)] == [
+        (Severity.NOTE, "frame 'valve after'")
+    ]
+    for demo in made:
+        assert np.linalg.norm(demo.x[:, 7:10], axis=1).max() < 1.0  # m/s
+        assert angle(demo.x[:-1, 3:7], demo.x[1:, 3:7]).max() / demo.period < 2.5  # rad/s
+
+
+@pytest.mark.parametrize("degrees", ["180", "22.5"])
+def test_the_valve_turns_by_the_angle_in_the_name(rng: np.random.Generator, degrees: str):
+    """From before to after, exactly."""
+    demo = next(demo for demo in synthetic_valve(rng) if demo.name.endswith(f" {degrees} deg"))
+    before, after = (given.A[:3, :3] for given in demo.frames)
+    turned = np.degrees(np.arccos(np.clip((np.trace(before.T @ after) - 1) / 2, -1, 1)))
+    assert abs(turned - float(degrees)) < 1e-5

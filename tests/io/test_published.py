@@ -1,0 +1,158 @@
+"""The recordings of others come in as they were published."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from pilotfish.demonstrations import (
+    Severity,
+    add_derivatives,
+    demonstration,
+    diagnose,
+    frame_from_pose,
+    pose_layout,
+    views,
+)
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import pose, quaternion_from_rotation_matrix
+from pilotfish.io.published_arrays import read_helloworld_npy, read_robotasks_npy
+from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
+
+
+@pytest.fixture(scope="module")
+def valve_file(data_folder: Path) -> Path:
+    return data_folder / "valve" / "BaxterValveDemos2.mat"
+
+
+def test_the_valve_recording_is_the_one_published(valve_file: Path):
+    """Every number of the file's own pose, derivative, frame and view, without its row of time."""
+    demonstrations = read_valve_mat(valve_file)
+    records = loadmat(valve_file)["s"][0]
+    seen = views(demonstrations).x.reshape(2, 8, 200, 14)
+    for m, (demo, record) in enumerate(zip(demonstrations, records, strict=True)):
+        np.testing.assert_array_equal(demo.x, np.vstack([record["Data0"][1:], record["dData0"]]).T)
+        np.testing.assert_allclose(np.diff(record["Data0"][0]), demo.period, rtol=1e-12)
+        for j, given in enumerate(demo.frames):
+            A, b = record["p"][0, j]["A"], record["p"][0, j]["b"][:, 0]
+            np.testing.assert_array_equal(given.A, A[1:, 1:])
+            np.testing.assert_array_equal(given.b, b[1:])
+            theirs = np.linalg.solve(A, record["Data1"] - b[:, None])[1:].T
+            np.testing.assert_allclose(seen[j, m], theirs, atol=1e-12)
+    assert demonstrations[4].name == "valve 157.5 deg"
+    assert [given.name for given in demonstrations[0].frames] == ["valve before", "valve after"]
+
+
+def test_the_valve_derivatives_are_forward_differences(valve_file: Path):
+    """with_derivatives gives the same speeds, but for the last row, where the file looks past its end."""
+    for demo in read_valve_mat(valve_file):
+        poses = demonstration(demo.x[:, :7], demo.period, pose_layout())
+        np.testing.assert_allclose(add_derivatives(poses).x[:-1], demo.x[:-1], atol=1e-14)
+        assert 1e-4 < np.abs(add_derivatives(poses).x[-1] - demo.x[-1]).max() < 0.02
+
+
+def test_the_valve_frames_are_those_of_its_poses(valve_file: Path):
+    """frame_from_pose builds the published matrices from place and turn: R on places, E on quaternions."""
+    demo = read_valve_mat(valve_file)[0]
+    for given in demo.frames:
+        turn = quaternion_from_rotation_matrix(given.A[:3, :3])
+        sign = np.sign(turn[0] * given.A[3, 3])  # the file's quaternion may be the negative
+        ours = frame_from_pose(given.name, demo.layout, pose(given.b[:3], sign * turn))
+        np.testing.assert_allclose(ours.A, given.A, atol=2e-6)  # the file has six digits
+        np.testing.assert_array_equal(ours.b, given.b)
+
+
+def test_the_valve_stands_where_its_name_says(valve_file: Path):
+    """From before to after, each valve is turned by about the angle it is named for."""
+    for demo in read_valve_mat(valve_file):
+        before, after = (given.A[:3, :3] for given in demo.frames)
+        turned = np.degrees(np.arccos((np.trace(before.T @ after) - 1) / 2))
+        assert abs(turned - float(demo.name.split()[1])) < 20
+
+
+def test_the_valve_recording_needs_no_mending(valve_file: Path):
+    """Signs agree, nothing jumps; only the valve after, which always stands the same, is noted."""
+    demonstrations = read_valve_mat(valve_file)
+    (only,) = diagnose(demonstrations)
+    assert (only.severity, only.place) == (Severity.NOTE, "frame 'valve after'")
+    for later in demonstrations[1:]:
+        assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0
+
+
+def test_the_z_shapes_are_the_ones_published(data_folder: Path):
+    """Five movements of 300 rows, in order, without the row of time."""
+    demonstrations = read_zshape_mat(data_folder / "zshape" / "Zshape3D.mat")
+    data = loadmat(data_folder / "zshape" / "Zshape3D.mat")["Data"]
+    assert len(demonstrations) == 5
+    np.testing.assert_array_equal(np.vstack([demo.x for demo in demonstrations]), data[1:].T)
+    np.testing.assert_array_equal(data[0].reshape(5, 300)[0], np.arange(1, 301))
+    assert add_derivatives(demonstrations[0]).layout.width == 6
+
+
+@pytest.mark.parametrize("task", ["openbox", "bottle2shelf", "platestandingtolying", "pouring"])
+def test_household_tasks_are_in_metres(data_folder: Path, task: str):
+    """Positions are a hundredth of the file's centimetres, orientations the file's, signs agree."""
+    file = data_folder / "robotasks" / f"{task}.npy"
+    demonstrations, raw = read_robotasks_npy(file), np.load(file)
+    for demo, theirs in zip(demonstrations, raw, strict=True):
+        np.testing.assert_allclose(demo.x[:, :3], theirs[:, :3] / 100, rtol=1e-15)
+        np.testing.assert_array_equal(demo.x[:, 3:], theirs[:, 3:])
+        assert np.abs(demo.x[:, :3]).max() < 1.0  # m, within reach of the arm
+    for later in demonstrations[1:]:
+        assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0
+
+
+@pytest.mark.parametrize("letter", ["h", "e", "l", "o"])
+def test_letters_are_in_metres(data_folder: Path, letter: str):
+    """Eight letters of 1000 points in a plane, a hundredth of the file's centimetres."""
+    file = data_folder / "helloworld" / f"{letter}.npy"
+    demonstrations = read_helloworld_npy(file)
+    np.testing.assert_allclose(np.stack([demo.x for demo in demonstrations]), np.load(file) / 100, rtol=1e-15)
+    assert demonstrations[0].layout.names == ("position x", "position y")
+
+
+READERS = [read_valve_mat, read_zshape_mat, read_robotasks_npy, read_helloworld_npy]
+
+
+@pytest.mark.parametrize("read", READERS)
+@pytest.mark.parametrize(
+    "content", [b"", b"rubbish", b"MATLAB 5.0 MAT-file" + bytes(200), b"\x93NUMPY\x01\x00v\x00{"]
+)
+def test_files_that_are_not_what_they_should_be(tmp_path: Path, read, content: bytes):
+    """Empty, rubbish, cut short, missing: refused, the file named."""
+    file = tmp_path / "file"
+    with pytest.raises(InvalidInput, match="file"):
+        read(file)
+    file.write_bytes(content)
+    with pytest.raises(InvalidInput, match="file"):
+        read(file)
+
+
+def test_files_of_other_recordings_are_refused(tmp_path: Path):
+    """A well-formed file that holds other things is told from the one that was meant."""
+    savemat(tmp_path / "a.mat", {"Data": np.zeros((4, 300)), "s": np.zeros(3)})
+    for read in (read_valve_mat, read_zshape_mat):
+        with pytest.raises(InvalidInput, match=r"a\.mat"):
+            read(tmp_path / "a.mat")
+    savemat(tmp_path / "a.mat", {"q": np.zeros(3), "s": [{"Data0": np.zeros((8, 2))}] * 8})
+    with pytest.raises(InvalidInput, match=r"variables q, s, expected 'Data'"):
+        read_zshape_mat(tmp_path / "a.mat")
+    with pytest.raises(InvalidInput, match="not one of the valve recording: 'dData0'"):
+        read_valve_mat(tmp_path / "a.mat")
+    np.save(tmp_path / "a.npy", np.zeros((2, 5, 6)))
+    for read, width in ((read_robotasks_npy, 7), (read_helloworld_npy, 2)):
+        with pytest.raises(InvalidInput, match=rf"shape \(2, 5, 6\), expected \(M, T, {width}\)"):
+            read(tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize(("read", "width"), [(read_robotasks_npy, 7), (read_helloworld_npy, 2)])
+@pytest.mark.parametrize("bad", [np.inf, np.nan, np.uint64(0xFFF0000000000001).view(np.float64)])
+def test_number_that_is_not_finite_is_refused_before_it_is_scaled(
+    read: Callable[[Path], object], width: int, bad: float, tmp_path: Path
+) -> None:
+    """A signalling NaN, the third, makes any multiplication warn."""
+    np.save(tmp_path / "x.npy", np.full((2, 5, width), bad))
+    with pytest.raises(InvalidInput, match="finite"):
+        read(tmp_path / "x.npy")

@@ -1,0 +1,117 @@
+"""Extracts of public recordings come in with their units, their names and their labels."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pilotfish.errors import InvalidInput
+from pilotfish.io.published_archives import (
+    read_chicken_dance_npz,
+    read_letters_npz,
+    read_mocap6_labels_npz,
+    read_mocap6_npz,
+)
+
+READERS = [read_chicken_dance_npz, read_mocap6_npz, read_mocap6_labels_npz, read_letters_npz]
+DANCE, EXERCISES = "chicken_dance/cmu_18_15_chicken_dance.npz", "mocap6/mocap6_dev.npz"
+
+
+def test_the_dance_is_the_recorded_one(data_folder: Path):
+    """Every position of the file, a part for each node under its own name, 120 rows a second."""
+    (demo,) = read_chicken_dance_npz(data_folder / DANCE)
+    with np.load(data_folder / DANCE) as held:
+        np.testing.assert_array_equal(demo.x.reshape(-1, 28, 3), held["node_pos"])
+        assert [part.name for part in demo.layout.parts] == held["node_names"].tolist()
+        head = held["node_pos"][:, held["node_names"].tolist().index("Head")]
+    np.testing.assert_array_equal(demo.x[:, demo.layout.columns("Head")], head)
+    assert demo.period == pytest.approx(1 / 120)
+    assert set(demo.layout.units) == {"m"}
+
+
+def test_a_person_is_as_tall_as_people_are(data_folder: Path):
+    """Metres, not inches: from toes to the top of the head it is 1.4 to 1.9 m, and y points up."""
+    (demo,) = read_chicken_dance_npz(data_folder / DANCE)
+    tall = demo.x[:, demo.layout.columns("Head_end")] - demo.x[:, demo.layout.columns("LeftToeBase")]
+    assert 1.4 < tall[0, 1] < 1.9
+    assert np.abs(tall[0, [0, 2]]).max() < 0.4
+
+
+def test_exercises_are_in_metres_and_radians(data_folder: Path):
+    """Degrees become radians; the unit of length is an inch by .45, as CMU says: .056444 m."""
+    demonstrations = read_mocap6_npz(data_folder / EXERCISES)
+    with np.load(data_folder / EXERCISES) as held:
+        for n, demo in zip((0, 1, 3, 4), demonstrations, strict=True):
+            np.testing.assert_allclose(demo.x[:, 1:], np.radians(held[f"x{n}"][:, 1:]), rtol=1e-14)
+            np.testing.assert_allclose(demo.x[:, 0], 0.056444 * held[f"x{n}"][:, 0], rtol=1e-4)
+            assert 0.05 < np.ptp(demo.x[:, 0]) < 1.0  # m, a jump or a squat moves the hips no further
+    assert demonstrations[0].layout.units == ("m", *["rad"] * 11)
+    assert [demo.name[-5:] for demo in demonstrations] == ["13_29", "13_30", "14_06", "14_14"]
+    assert {demo.period for demo in demonstrations} == {0.1}
+
+
+def test_every_step_of_the_exercises_has_a_label(data_folder: Path):
+    """As many labels as rows, from 1 to 12; all four begin with jumping jacks, where hips go up."""
+    demonstrations = read_mocap6_npz(data_folder / EXERCISES)
+    labels = read_mocap6_labels_npz(data_folder / EXERCISES)
+    assert [len(of) for of in labels] == [len(demo.x) for demo in demonstrations]
+    assert set(np.concatenate(labels)) == {1, 2, 3, 4, 5, 6, 7, 8, 10, 11}
+    for demo, of in zip(demonstrations, labels, strict=True):
+        assert of[0] == 1
+        highest = {action: demo.x[of == action, 0].max() for action in np.unique(of)}
+        assert highest[1] >= sorted(highest.values())[-2]
+        assert not of.flags.writeable
+
+
+def test_pen_letters_are_velocities_and_force(data_folder: Path):
+    """The file's numbers, 200 a second; a letter ends where the pen is lifted, all velocities near zero."""
+    file = data_folder / "letters" / "uci_letters_dev.npz"
+    demonstrations = read_letters_npz(file)
+    with np.load(file) as held:
+        for demo, name in zip(demonstrations, held.files, strict=True):
+            np.testing.assert_array_equal(demo.x, held[name])
+    assert demonstrations[0].layout.names == ("position x'", "position y'", "force")
+    assert [demo.name for demo in demonstrations[4:6]] == ["letter a 5", "letter b 1"]
+    assert {demo.period for demo in demonstrations} == {0.005}
+    assert max(np.abs(demo.x[-1, :2]).max() for demo in demonstrations) < 0.3
+
+
+@pytest.mark.parametrize("read", READERS)
+@pytest.mark.parametrize(
+    "content",
+    [None, b"", b"rubbish", b"PK\x03\x04" + bytes(60)],
+    ids=["missing", "empty", "rubbish", "cut short"],
+)
+def test_files_that_are_no_archives_are_refused(tmp_path: Path, read, content: bytes | None):
+    """Missing, empty, rubbish, cut short: the message names the file."""
+    file = tmp_path / "file.npz"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(InvalidInput, match=r"file\.npz( cannot be read|: not an NPZ file)"):
+        read(file)
+
+
+@pytest.mark.parametrize(
+    ("read", "held", "message"),
+    [
+        (read_chicken_dance_npz, {}, r"not this recording: 'node_pos' \(it holds nothing\)"),
+        (read_chicken_dance_npz, {"node_pos": np.zeros((9, 2, 2)), "node_names": ["a", "b"]}, r"\(9, 2, 2\)"),
+        (read_mocap6_npz, {"A_0": np.zeros((9, 3))}, "it holds A_0, expected sequences x0"),
+        (read_mocap6_npz, {"x0": np.zeros((9, 3))}, r"x0 has shape \(9, 3\), expected \(T, 12\)"),
+        (read_mocap6_npz, {"x0": np.full((9, 12), np.nan)}, "file.npz: .*'hips up' is nan"),
+        (read_mocap6_labels_npz, {"x0": np.zeros((9, 12))}, "not this recording: 'label0'"),
+        (read_mocap6_labels_npz, {"x0": np.zeros((9, 12)), "label0": np.ones(8, dtype=int)}, "expected 9"),
+        (
+            read_mocap6_labels_npz,
+            {"x0": np.zeros((9, 12)), "label0": np.ones(9)},
+            "float64, expected 9 whole",
+        ),
+        (read_letters_npz, {"x0": np.zeros((9, 3))}, "it holds x0, expected letters A_0"),
+        (read_letters_npz, {"A_0": np.zeros((9, 2))}, "2 columns, but its layout has 3"),
+    ],
+)
+def test_archives_of_other_things_are_refused(tmp_path: Path, read, held, message: str):
+    """A well-formed archive that holds other things: what it holds and what was expected are named."""
+    np.savez(tmp_path / "file.npz", **held)
+    with pytest.raises(InvalidInput, match=message):
+        read(tmp_path / "file.npz")

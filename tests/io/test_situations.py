@@ -1,0 +1,90 @@
+"""Where things stand: q and -q are one pose, and a frame may be given in several ways."""
+
+import itertools
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pilotfish.demonstrations import frame_from_pose
+from pilotfish.geometry import pose
+from pilotfish.io.skill_file import open_skill
+
+RunJson = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def reproduce_positions(run_json: RunJson, skill: Path, tmp_path: Path) -> Callable[..., np.ndarray]:
+    """Final position and orientation of a replay among these frames from this start."""
+
+    def replay(frames: object, start: object = None) -> np.ndarray:
+        (tmp_path / "f.json").write_text(json.dumps(frames))
+        options = ["--frames", "f.json", "--horizon", "8"]
+        if start is not None:
+            (tmp_path / "s.json").write_text(json.dumps(start))
+            options += ["--start", "s.json"]
+        final = run_json("reproduce", skill, *options)["final"]
+        return np.concatenate([final["position"], final["orientation"]])
+
+    return replay
+
+
+def same_pose(one: np.ndarray, other: np.ndarray) -> bool:
+    """Equal places, and orientations equal up to the sign of the quaternion."""
+    turned = one * np.sign(one[3:] @ other[3:])
+    return np.allclose(one[:3], other[:3], atol=1e-9) and np.allclose(turned[3:], other[3:], atol=1e-9)
+
+
+def negate_quaternion(frame: dict[str, Any]) -> dict[str, Any]:
+    return {**frame, "quaternion": [-value for value in frame["quaternion"]]}
+
+
+CUP = {"name": "cup", "position": [0.5, 0.2, 0.1], "quaternion": [0.9659258, 0.0, 0.0, 0.2588190]}
+HOME = {"name": "home", "position": [0.0, 0.0, 0.0], "quaternion": [1.0, 0.0, 0.0, 0.0]}
+
+
+def test_the_sign_of_a_frames_quaternion_does_not_matter(reproduce_positions: Callable[..., np.ndarray]):
+    """Each of the four ways to write two poses gives one motion; so does their order."""
+    expected = reproduce_positions([HOME, CUP])
+    for home, cup in itertools.product((HOME, negate_quaternion(HOME)), (CUP, negate_quaternion(CUP))):
+        assert same_pose(reproduce_positions([home, cup]), expected)
+        assert same_pose(reproduce_positions([cup, home]), expected)
+
+
+def test_the_sign_of_the_starts_quaternion_does_not_matter(reproduce_positions: Callable[..., np.ndarray]):
+    """Nor does it matter whether the start is a pose at rest or a whole state with no speed."""
+    place, turn = [0.1, -0.3, 0.3], [0.9800666, 0.1986693, 0.0, 0.0]
+    expected = reproduce_positions([HOME, CUP], {"position": place, "quaternion": turn})
+    other = [-value for value in turn]
+    assert same_pose(reproduce_positions([HOME, CUP], {"position": place, "quaternion": other}), expected)
+    for q in (turn, other):
+        q = (np.array(q) / np.linalg.norm(q)).tolist()
+        assert same_pose(reproduce_positions([HOME, CUP], {"x": [*place, *q, *[0.0] * 7]}), expected)
+
+
+@pytest.mark.parametrize("width", [7, 14])
+def test_a_frame_by_matrix_is_the_frame_by_pose(
+    reproduce_positions: Callable[..., np.ndarray], skill: Path, width: int
+):
+    """A and b of all columns, or of those that were recorded: the speeds turn with them."""
+    layout = open_skill(skill).layout
+    cup = frame_from_pose("cup", layout, pose(CUP["position"], CUP["quaternion"]))
+    given = {"name": "cup", "A": cup.A[:width, :width].tolist(), "b": cup.b[:width].tolist()}
+    expected = reproduce_positions([HOME, CUP])
+    assert same_pose(reproduce_positions([HOME, given]), expected)
+    assert same_pose(reproduce_positions({"frames": [given, negate_quaternion(HOME)]}), expected)
+
+
+def test_toml_says_what_json_says(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
+    """The same situation in both gives the same motion."""
+    lines = [f"[[frames]]\n{key}" for key in map(_toml, json.loads(frames.read_text()))]
+    (tmp_path / "now.toml").write_text("\n".join(lines))
+    one, other = (run_json("reproduce", skill, "--frames", f) for f in (frames, tmp_path / "now.toml"))
+    assert one == other
+
+
+def _toml(table: dict[str, Any]) -> str:
+    return "\n".join(f"{key} = {json.dumps(value)}" for key, value in table.items())

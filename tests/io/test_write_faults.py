@@ -1,0 +1,48 @@
+"""Killed processes, full disks and signals at each system call of a write (docs/robustness.md)."""
+
+import shutil
+from pathlib import Path
+
+import fault_sweep
+import pytest
+from fault_commands import FAULTS, commands
+
+QUICK = ("learn", "stream", "reproduce", "data export")
+NAMES = sorted({command.name for command in commands(Path())})
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler for the fault library")
+
+
+def faulty(names: list[str], faults: tuple[str, ...], folder: Path, *, brief: bool) -> list[str]:
+    outcomes = fault_sweep.sweep(names, faults, folder, brief=brief)
+    assert {outcome.fault for outcome in outcomes} == set(faults)
+    assert any("new" in outcome.outputs.values() for outcome in outcomes)
+    return [f"{outcome}: {outcome.faulty}" for outcome in outcomes if outcome.faulty]
+
+
+def test_a_file_is_old_or_new_wherever_the_process_is_killed_or_the_disk_full(tmp_path: Path):
+    """Of learn; nothing but a hidden file is left, and that only by a killed process."""
+    assert faulty(["learn"], ("killed", "disk full", "SIGTERM"), tmp_path, brief=True) == []
+
+
+def test_a_folder_is_old_or_new_wherever_the_process_is_killed(tmp_path: Path):
+    """Of data export."""
+    assert faulty(["data export"], ("killed",), tmp_path, brief=True) == []
+
+
+@pytest.mark.slow  # some hundred processes for each command, pictures and physics for six of them
+@pytest.mark.parametrize("name", NAMES)
+def test_every_output_is_old_or_new_whatever_happens_at_each_call(name: str, tmp_path: Path):
+    """Killed, full, input/output error, three signals; also without old outputs where that is quick.
+
+    Of demo, whose runs take long, one fault of each kind.
+    """
+    faults = ("killed", "disk full", "SIGTERM") if name == "demo" else tuple(FAULTS)
+    assert faulty([name], faults, tmp_path, brief=name not in QUICK) == []
+
+
+def test_the_sweep_finds_a_file_that_is_written_in_place(tmp_path: Path):
+    """A writer without precautions leaves half a file: what the other tests would have to find."""
+    outcomes = fault_sweep.sweep(["in place"], ("killed", "disk full"), tmp_path, brief=True)
+    assert any("neither old nor new" in outcome.outputs.values() for outcome in outcomes)
+    assert all(outcome.faulty for outcome in outcomes if outcome.call.startswith("write"))

@@ -1,0 +1,123 @@
+"""Unit quaternions as points of the sphere: rotation vectors, their densities and their moments."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pilotfish.kernels import Emissions, SemiMarkovTables, reference
+from pilotfish.kernels.reference.emission import deviations, rotation_vectors
+
+
+def unit(q):
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+@pytest.fixture
+def turning(rng, case):
+    """A case whose quaternion columns lie around its means', some of them at their antipodes."""
+
+    def draw(P, lengths, D, K, orientation_starts):
+        given = case(P, lengths, D, K)
+        for start in orientation_starts:
+            columns = slice(start, start + 4)
+            given.means[..., columns] = unit(given.means[..., columns])
+            given.x[..., columns] = unit(given.x[..., columns])
+        E = D - len(orientation_starts)
+        return given, Emissions(given.means, given.precision_cholesky[..., :E, :E], orientation_starts)
+
+    return draw
+
+
+def test_rotation_vectors_turn_the_mean_into_the_quaternion(rng):
+    """In the axes of the turned body, as scipy counts them; w x y z here, x y z w there."""
+    mean, q = unit(rng.normal(size=4)), unit(rng.normal(size=(50, 4)))
+    between = Rotation.from_quat(mean[[1, 2, 3, 0]]).inv() * Rotation.from_quat(q[:, [1, 2, 3, 0]])
+    np.testing.assert_allclose(rotation_vectors(mean, q), between.as_rotvec(), rtol=1e-9, atol=1e-12)
+
+
+def columns_about(mean, angles, axis):
+    """Quaternions turned from the mean by these angles, (N, 4)."""
+    half = 0.5 * np.asarray(angles)[:, None]
+    turn = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
+    w, x, y, z = mean
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    return turn @ left.T
+
+
+ANGLES = np.concatenate(
+    [
+        [0.0],
+        np.geomspace(1e-300, 1e-3, 40),
+        np.linspace(0.01, np.pi, 400)[:-1],
+        np.pi - np.geomspace(1e-7, 1e-2, 20),
+    ]
+)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_offsets_of_single_steps_are_the_rotation_vectors_known(kernels, rng, sign):
+    """From no turn at all, over the smallest, to nearly half a turn; q and -q are one orientation.
+
+    A state's offsets over one step are this step's deviation.
+    """
+    mean, axis = unit(rng.normal(size=4)), unit(rng.normal(size=3))
+    q = sign * columns_about(mean, ANGLES, axis)
+    emissions = Emissions(mean[None, None], np.eye(3)[None, None], (0,))
+    one = np.ones(1)
+    found = [
+        kernels.e_step(step[None, None], np.array([1]), one, one[None], emissions).offsets[0, 0] for step in q
+    ]
+    np.testing.assert_allclose(found, ANGLES[:, None] * axis, rtol=1e-7, atol=2e-15)
+
+
+@pytest.mark.parametrize(
+    ("P", "lengths", "D", "K", "orientation_starts"),
+    [
+        (1, [1], 4, 1, (0,)),
+        (2, [40, 9], 7, 3, (3,)),
+        (1, [33], 7, 2, (0,)),
+        (2, [70], 14, 3, (3, 10)),
+        (1, [64, 31], 8, 4, (0, 4)),
+        (1, [50], 9, 3, (5, 0)),
+        (3, [300], 17, 9, (2, 6, 13)),
+    ],
+)
+def test_compiled_kernels_turn_as_the_references_do(compiled, turning, P, lengths, D, K, orientation_starts):
+    """Orientations anywhere among the columns, in any order, blocks filled and not."""
+    given, emissions = turning(P, lengths, D, K, orientation_starts)
+    np.testing.assert_allclose(
+        compiled.log_emissions(given.x, emissions), reference.log_emissions(given.x, emissions), rtol=1e-11
+    )
+    tables = SemiMarkovTables(
+        given.initial, given.transitions * (1.0 - np.eye(K)), np.zeros((4, 20, K)), np.zeros((2, K))
+    )
+    markov = given.x, given.lengths, given.initial, given.transitions, emissions
+    for name, arguments in [("e_step", markov), ("semi_markov_e_step", (*markov[:2], tables, emissions))]:
+        result, reference_result = getattr(compiled, name)(*arguments), getattr(reference, name)(*arguments)
+        for sums in type(reference_result).__dataclass_fields__:
+            found, expected = getattr(result, sums), getattr(reference_result, sums)
+            scale = np.abs(expected).max()
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-11 * scale, err_msg=sums)
+
+
+def test_the_sign_of_a_quaternion_says_nothing(kernels, turning, rng):
+    """Neither that of the data nor that of a mean changes any sum."""
+    given, emissions = turning(2, [40, 9], 7, 3, (3,))
+    flipped, means = given.x.copy(), emissions.means.copy()
+    flipped[..., 3:] *= rng.choice([-1.0, 1.0], size=(2, 49, 1))
+    means[..., 3:] *= rng.choice([-1.0, 1.0], size=(2, 3, 1))
+    rest = given.lengths, given.initial, given.transitions
+    result = kernels.e_step(given.x, *rest, emissions)
+    other = kernels.e_step(
+        flipped, *rest, Emissions(means, emissions.precision_cholesky, emissions.orientation_starts)
+    )
+    for sums in type(result).__dataclass_fields__:
+        np.testing.assert_allclose(getattr(other, sums), getattr(result, sums), rtol=1e-9, atol=1e-11)
+
+
+def test_flat_columns_keep_their_places_around_a_turn(rng):
+    """Three columns of a rotation vector stand where four of a quaternion stood; all others only shift."""
+    x, mean = rng.normal(size=(6, 9)), rng.normal(size=9)
+    found = deviations(x, mean, (2,))
+    np.testing.assert_array_equal(found[:, :2], x[:, :2] - mean[:2])
+    np.testing.assert_array_equal(found[:, 5:], x[:, 6:] - mean[6:])

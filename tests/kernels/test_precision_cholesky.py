@@ -1,0 +1,42 @@
+"""Whiteners against the definition, and what is refused."""
+
+import numpy as np
+import pytest
+
+from pilotfish.errors import NotPositiveDefinite
+
+
+def covariances_of(rng, K, D):
+    factors = rng.normal(size=(K, D, D)) / np.sqrt(D) + 0.3 * np.eye(D)
+    return factors @ factors.transpose(0, 2, 1)
+
+
+@pytest.mark.parametrize("D", [1, 2, 7, 8, 9, 14, 16, 17, 33, 94])
+def test_whitened_covariances_are_the_identity(kernels, rng, D):
+    """W Sigma W^T = I, with W lower triangular and its diagonal positive: there is one such W."""
+    covariances = covariances_of(rng, 3, D)
+    W = kernels.precision_cholesky(covariances)
+    white = W @ covariances @ W.transpose(0, 2, 1)
+    np.testing.assert_allclose(white, np.broadcast_to(np.eye(D), white.shape), atol=1e-9)
+    np.testing.assert_array_equal(W, np.tril(W))
+    assert (np.diagonal(W, axis1=1, axis2=2) > 0.0).all()
+
+
+def test_only_lower_triangles_of_covariances_are_read(kernels, rng):
+    covariances = covariances_of(rng, 2, 9)
+    stained = covariances + np.triu(np.full((9, 9), 1e9), 1)
+    np.testing.assert_array_equal(
+        kernels.precision_cholesky(stained), kernels.precision_cholesky(covariances)
+    )
+
+
+@pytest.mark.parametrize("D", [1, 5, 20])
+@pytest.mark.parametrize("wrong", ["flat", "negative", "nan", "inf"])
+def test_the_first_that_has_no_factor_is_named(kernels, rng, D, wrong):
+    """Flat, indefinite, or holding what is no number: covariance 1 of three is refused."""
+    covariances = covariances_of(rng, 3, D)
+    spoil = {"flat": 0.0, "negative": -1.0, "nan": np.nan, "inf": np.inf}[wrong]
+    covariances[1, -1] = covariances[1, :, -1] = 0.0 if wrong in {"flat", "negative"} else spoil
+    covariances[1, -1, -1] = spoil
+    with pytest.raises(NotPositiveDefinite, match="covariance 1 has no Cholesky factor"):
+        kernels.precision_cholesky(covariances)

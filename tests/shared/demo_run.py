@@ -1,0 +1,44 @@
+"""Runs the demonstration on the real recording, and keeps what its parts made on the way."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from annotations import check_annotations
+from click.testing import CliRunner, Result
+
+from pilotfish.cli.demo import physics as demo_physics
+from pilotfish.cli.demo.physics import ValveResult
+from pilotfish.cli.main import cli
+from pilotfish.cli.output.report import Section, Table
+
+
+@dataclass(frozen=True)
+class DemoRun:
+    """What the command answered, the folder that it ran in, its section on physics and each opening in it."""
+
+    result: Result
+    folder: Path
+    section: Section
+    physics_table: Table
+    valve_openings: list[ValveResult]
+
+
+def run_demo(folder: Path, data: Path) -> DemoRun:
+    """Run `pilotfish demo --out build/demo --json` in a folder; annotations are not checked."""
+    valve_openings: list[ValveResult] = []
+    physics_parts: list[tuple[Section, Table]] = []
+    table, carry_out = demo_physics.table, demo_physics.simulate_reproductions
+    with pytest.MonkeyPatch.context() as patch, check_annotations(False):
+        patch.setenv("PILOTFISH_DATA", str(data))
+        patch.chdir(folder)
+        patch.setattr(demo_physics, "table", lambda done: valve_openings.extend(done) or table(done))
+        patch.setattr(
+            demo_physics,
+            "simulate_reproductions",
+            lambda *a, **k: physics_parts.append(carry_out(*a, **k)) or physics_parts[-1],
+        )
+        line = ["demo", "--out", "build/demo", "--json"]
+        result = CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
+    ((section, physics_table),) = physics_parts
+    return DemoRun(result, folder, section, physics_table, valve_openings)
