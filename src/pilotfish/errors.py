@@ -1,4 +1,4 @@
-"""Every error that pilotfish raises on purpose: one name for each thing that a caller does differently."""
+"""Errors that pilotfish raises on purpose: one class for each case that a caller handles differently."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ MAX_MESSAGE_LENGTH = 500  # characters
 
 
 class SkillError(Exception):
-    """Base of every error that this library raises on purpose.
+    """Base class of every error that this library raises on purpose.
 
-    The message is one printable line of at most LONGEST_MESSAGE characters, whatever was put into it: control
-    characters are escaped, and the middle of a longer text is left out, so that the remedy at its end stays.
+    The message is one printable line of at most MAX_MESSAGE_LENGTH characters. Control characters are escaped.
+    A longer text is cut in the middle, so that the fix at its end remains.
     """
 
     def __init__(self, message: str = "") -> None:
@@ -17,11 +17,15 @@ class SkillError(Exception):
 
 
 class InvalidInput(SkillError, ValueError):
-    """What was given cannot be used; the message says where, what was expected and the nearest fix."""
+    """An argument cannot be used; the message gives its value, what was expected and the nearest fix."""
 
 
 class OutputExists(InvalidInput):
-    """Another process made something under the name of an output; the result is kept at `path` instead."""
+    """Another process created a file under the name of an output.
+
+    Attributes:
+        path: Where the result was kept instead.
+    """
 
     def __init__(self, message: str, path: Path) -> None:
         super().__init__(message)
@@ -29,15 +33,19 @@ class OutputExists(InvalidInput):
 
 
 class NotPositiveDefinite(SkillError, ArithmeticError):
-    """A covariance or weight has no Cholesky factor; more regularisation or more data mends it."""
+    """A covariance or weight has no Cholesky factor; use more regularisation or more data."""
 
 
 class UnreadableFile(SkillError):
-    """A skill file that this version cannot read: damaged, of another kind, or written by a newer version."""
+    """A file that this version cannot read: damaged, of another type, or written by a newer version."""
 
 
 def escape(text: str) -> str:
-    """Return text with every character that is not printable written as a backslash escape."""
+    """Return text with a backslash escape in place of every character that is not printable.
+
+    Args:
+        text: Any text, lone surrogates included.
+    """
     if text.isprintable():
         return text
     return "".join(
@@ -46,22 +54,8 @@ def escape(text: str) -> str:
     )
 
 
-def require_type(label: str, value: object, types: type | tuple[type, ...], fix: str) -> None:
-    """Nothing, when value is of one of the kinds.
-
-    Raises: InvalidInput otherwise, naming the kind given, those expected and the fix.
-    """
-    listed = types if isinstance(types, tuple) else (types,)
-    unwanted_bool = (
-        isinstance(value, bool) and bool not in listed and object not in listed
-    )  # an int, to Python alone
-    if isinstance(value, type) or unwanted_bool or not isinstance(value, types):
-        expected = " or ".join(kind.__name__ for kind in listed)
-        raise InvalidInput(f"{label} is of the kind {type(value).__name__}, expected {expected}; {fix}")
-
-
 def _format_line(message: str) -> str:
-    if len(message) > MAX_MESSAGE_LENGTH:  # before anything is done to each character
+    if len(message) > MAX_MESSAGE_LENGTH:  # cut first, so that escaping a huge text stays cheap
         message = f"{message[: 2 * MAX_MESSAGE_LENGTH]} ... {message[-2 * MAX_MESSAGE_LENGTH :]}"
     line = escape(" ".join(message.split()))
     if len(line) <= MAX_MESSAGE_LENGTH:

@@ -1,8 +1,8 @@
-"""Array types that state their shape; the tests check every one.
+"""Array types that state their shape; the tests check every annotation.
 
-jaxtyping takes half as long to import as NumPy, and its annotations do nothing unless a checker reads them.
-So they are used where a checker asks for them: a static one, or one that has imported jaxtyping by the time
-that pilotfish is imported, as the tests do. Elsewhere Float[Array, "T D"] is an Array with these letters.
+jaxtyping takes half as long to import as NumPy, and its annotations have no effect unless a checker reads
+them. It is therefore imported only for a static checker, or if it was imported before pilotfish, as the tests
+do. Otherwise `Float[Array, "T D"]` is a plain subclass of `Array` that keeps the text of its shape.
 """
 
 import sys
@@ -18,15 +18,15 @@ if TYPE_CHECKING or "jaxtyping" in sys.modules:
 else:
 
     @cache
-    def _shaped(array, letters):
-        return type(array.__name__, (array,), {"dim_str": letters.strip()})
+    def _make_array_type(array, shape):
+        return type(array.__name__, (array,), {"dim_str": shape.strip()})
 
     class Float:
         """An array of a data type and a shape, neither of which is checked."""
 
         def __class_getitem__(cls, parameters):
-            """Return a type with the letters of the shape in dim_str: the codec of files reads them."""
-            return _shaped(*parameters)
+            """Return a type with the text of the shape in dim_str, which the file codecs read."""
+            return _make_array_type(*parameters)
 
     Bool = Int = UInt8 = Float
 

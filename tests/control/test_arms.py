@@ -269,7 +269,7 @@ def test_every_number_given_at_the_door_arrives_in_its_field():
         ({"posture": []}, "expected .n,.: one for each of 1 to 16 joints"),
         ({"posture": [0.0] * 17}, "1 to 16"),
         ({"posture": [np.nan]}, r"posture\[0\] is nan, expected a finite"),
-        ({"posture": "straight"}, "posture has .* no real numbers"),
+        ({"posture": "straight"}, "posture has .* not real numbers"),
         ({"stiffness": (1.0, 2.0, 3.0)}, r"stiffness has shape \(3,\), expected \(6,\)"),
         ({"stiffness": (1.0, -2.0)}, "stiffness is -2, expected zero or more"),
         ({"damping": (np.inf, 1.0)}, "expected a finite"),

@@ -44,18 +44,18 @@ def test_numbers_of_any_kind_are_let_in(x: object):
 
 NOT_ROWS = [
     ([[0, 1], [2]], "different lengths"),
-    (np.array([[0, 1], None], dtype=object), "no real numbers"),
+    (np.array([[0, 1], None], dtype=object), "not real numbers"),
     (np.zeros((0, 2)), r"shape \(0, 2\), expected \(T, 2\) with T of 2 or more"),
     (np.zeros((1, 2)), r"shape \(1, 2\)"),
     (np.zeros(4), r"shape \(4,\)"),
     (np.zeros((2, 2, 2)), r"shape \(2, 2, 2\)"),
     (np.zeros((4, 3)), "has 3 columns, but its layout has 2: position x, position y"),
     (LINE.astype(complex), "complex128 values"),
-    (LINE.astype(str), "no real numbers"),
+    (LINE.astype(str), "not real numbers"),
     (LINE > 3, "bool values"),
     (np.ma.masked_greater(LINE, 6), "masked entries"),
-    (None, "no real numbers"),
-    ("recording.csv", "no real numbers"),
+    (None, "not real numbers"),
+    ("recording.csv", "not real numbers"),
 ]
 
 

@@ -199,7 +199,7 @@ UNUSABLE_SITUATIONS: list[tuple[type, tuple[Any, ...], str]] = [
     (ValveSituation, (HOLE, 0.0, 1.0), r"the valve: position\[1\] is nan"),
     (ValveSituation, (FAR, 0.0, 1.0), "the valve: position.* is 1e"),
     (ValveSituation, (LONG, 0.0, 1.0), "the valve: quaternion"),
-    (ValveSituation, (None, 0.0, 1.0), "the valve is of the kind NoneType, expected Pose"),
+    (ValveSituation, (None, 0.0, 1.0), "the valve has type NoneType, expected Pose"),
     (ValveSituation, (HERE, np.nan, 1.0), "angle begin is nan, expected a number from -100 to 100"),
     (ValveSituation, (HERE, 0.0, "1"), "angle end is '1', expected a number"),
     (StabSituation, (HOLE,), "the receptacle: position"),

@@ -59,7 +59,7 @@ def test_rounding_is_divided_out_at_the_door():
         ([0, 0, 0], [1, 0, 0], r"quaternion has shape \(3,\), expected \(4,\)"),
         ([0, np.nan, 0], [1, 0, 0, 0], r"position\[1\] is nan, expected a finite"),
         ([0, 0, 0], [np.inf, 0, 0, 0], r"quaternion\[0\] is inf, expected a finite"),
-        ("here", [1, 0, 0, 0], "position has .* no real numbers.*'here'"),
+        ("here", [1, 0, 0, 0], "position has .* not real numbers.*'here'"),
         ([0, 0, 0], [[1, 0], [0]], "quaternion has rows of different lengths"),
     ],
 )

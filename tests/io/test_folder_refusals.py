@@ -119,7 +119,7 @@ BAD_ARRAYS = [
     ({**ARRAYS, "x": np.zeros((3, 2))}, "first.npz: demonstration 'first': moving frame 'belt' has 2 steps"),
     ({**ARRAYS, "A": 0 * ARRAYS["A"]}, "first.npz: moving frame 'belt': A at step 0 .*singular"),
     ({**ARRAYS, "x": np.array([[None]])}, "first.npz: not an NPZ file of numbers"),
-    ({**ARRAYS, "x": np.array([["a"]])}, "first.npz: array 'x' has .*no real numbers"),
+    ({**ARRAYS, "x": np.array([["a"]])}, "first.npz: array 'x' has .*not real numbers"),
 ]
 
 

@@ -51,8 +51,8 @@ mistakes = {
     "upkeep as a number": (lambda: pf.online.DPGMM(1.0, 0.1, upkeep=3), "Upkeep("),
     "weighting's class": (lambda: pf.online.Upkeep(weighting=pf.online.Count), "Count()"),
     "a penalty as text": (lambda: pf.online.DPGMM("1", 0.1), "cluster"),
-    "text as a datapoint": (lambda: pf.online.observe(stream, "text"), "no real numbers"),
-    "a gap in a datapoint": (lambda: pf.online.observe(stream, [1.0, None, 2.0]), "no real numbers"),
+    "text as a datapoint": (lambda: pf.online.observe(stream, "text"), "not real numbers"),
+    "a gap in a datapoint": (lambda: pf.online.observe(stream, [1.0, None, 2.0]), "not real numbers"),
     "a demonstration as an array": (
         lambda: pf.online.observe_demonstration(stream, demos[0].x),
         "pf.demonstration",

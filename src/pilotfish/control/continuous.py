@@ -15,8 +15,9 @@ from pilotfish.control.validation import (
     require_system,
     require_terminal,
 )
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_type
 
 
 def track_continuous(
@@ -92,8 +93,8 @@ def lqr_continuous(
 def _validate_problem(
     system: ContinuousSystem, reference: Reference, control_cost: float | Float[Array, "m m"], period: float
 ) -> Float[Array, "m m"]:
-    require_type("system", system, ContinuousSystem, "see control.continuous_double_integrator")
-    require_type("reference", reference, Reference, "pf.plan makes one from an adapted skill")
+    require_type(system, "system", ContinuousSystem, "see control.continuous_double_integrator")
+    require_type(reference, "reference", Reference, "pf.plan makes one from an adapted skill")
     require_system(system.A, system.B, rank=2)
     require_period(period)
     require_same_period(reference.period, period)

@@ -13,9 +13,10 @@ from pilotfish.control.validation import (
     require_steps,
     require_system,
 )
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.kernels import riccati
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_type
 
 MAX_COST_RATIO = 1e24  # beyond, SciPy's Riccati solvers lose every digit
 
@@ -24,8 +25,8 @@ def validate_problem(
     system: DiscreteSystem, reference: Reference, control_cost: float | Float[Array, "m m"]
 ) -> Float[Array, "m m"]:
     """The door of every discrete solver: its three arguments agree, and R is returned."""
-    require_type("system", system, (LinearSystem, TimeVaryingSystem), "see pf.control.double_integrator")
-    require_type("reference", reference, Reference, "pf.plan makes one from an adapted skill")
+    require_type(system, "system", (LinearSystem, TimeVaryingSystem), "see pf.control.double_integrator")
+    require_type(reference, "reference", Reference, "pf.plan makes one from an adapted skill")
     require_system(system.A, system.B, rank=3 if isinstance(system, TimeVaryingSystem) else 2)
     require_period(system.period)
     require_same_period(reference.period, system.period)
@@ -70,7 +71,7 @@ def lqr(system: LinearSystem, reference: Reference, control_cost: float | Float[
     Source: the thesis, equation 3.56; the solver is scipy.linalg.solve_discrete_are.
     """
     R = validate_problem(system, reference, control_cost)
-    require_type("system", system, LinearSystem, "what varies has no steady gain: use track")
+    require_type(system, "system", LinearSystem, "what varies has no steady gain: use track")
     weights = reference.weights[:-1]
     first_indices, inverse = unique_weights(weights)
     gains = np.stack([_stabilising_gain(system, weights[t], R, f"weights[{t}]") for t in first_indices])[

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.control.validation import require_axes, require_period, require_system
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_type
 
 MAX_GENERATOR_NORM = 1e15  # beyond, float64 leaves no right digit of a matrix exponential
 
@@ -70,7 +71,7 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     Raises: InvalidInput, when the system is not one or the period is not a positive time.
     Source: Van Loan 1978, Computing integrals involving the matrix exponential.
     """
-    require_type("system", system, ContinuousSystem, "see control.continuous_double_integrator")
+    require_type(system, "system", ContinuousSystem, "see control.continuous_double_integrator")
     require_system(system.A, system.B, rank=2)
     require_period(period)
     from scipy.linalg import expm  # slow to import

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_type
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, float_array, require_count, require_number
+from pilotfish.validation import finite_array, float_array, require_count, require_number, require_type
 
 MAX_AXES = 1_000  # the matrices of a double integrator then take 64 MB
 MIN_PERIOD, MAX_PERIOD = 1e-9, 1e9  # s, as of recordings
@@ -156,5 +156,5 @@ def _require_symmetric(name: str, matrix: Array) -> None:
 
 
 def _require_finite(name: str, array: Array) -> None:
-    require_type(name, array, np.ndarray, f"give np.array({name})")
+    require_type(array, name, np.ndarray, f"give np.array({name})")
     float_array(array, name, maximum=MAX_ENTRY)

@@ -4,8 +4,15 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import accumulate
 
-from pilotfish.errors import InvalidInput, require_type
-from pilotfish.validation import first_duplicate, nearest_name, require_count, require_printable, short_list
+from pilotfish.errors import InvalidInput
+from pilotfish.validation import (
+    first_duplicate,
+    nearest_name,
+    require_count,
+    require_printable,
+    require_type,
+    short_list,
+)
 
 QUATERNION_SIZE, ROTATION_VECTOR_SIZE = 4, 3
 MAX_COLUMNS = 10_000
@@ -37,7 +44,7 @@ class Part:
 
     def __post_init__(self) -> None:
         require_name(self.name, "a part")
-        require_type("quantity", self.quantity, Quantity, "say Quantity.SCALAR")
+        require_type(self.quantity, "quantity", Quantity, "say Quantity.SCALAR")
         require_count(self.size, f"the size of part {self.name!r}", MAX_COLUMNS, 1)
         require_count(self.derivative, f"the derivative of part {self.name!r}", MAX_DERIVATIVE)
         require_printable(self.unit, f"the unit of part {self.name!r}")

@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish.demonstrations.frame_validation import frame, moving_frame
 from pilotfish.demonstrations.frames import Frame, MovingFrame, require_left_multiplication, world_frame
 from pilotfish.demonstrations.layouts import Layout
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
     MAX_MAGNITUDE,
@@ -16,6 +16,7 @@ from pilotfish.validation import (
     numeric_array,
     require_number,
     require_printable,
+    require_type,
     short_list,
     short_repr,
 )
@@ -53,8 +54,8 @@ def demonstration(
     positive, frames that are singular, of another width or length, or that take an orientation off S^3.
     """
     require_printable(name, "the name of a demonstration")
-    require_type("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
-    require_type("frames", frames, Iterable, "give a list of frames; see frame_from_pose")
+    require_type(layout, "layout", Layout, "pf.demonstrations.position_layout(3) makes one")
+    require_type(frames, "frames", Iterable, "give a list of frames; see frame_from_pose")
     label = f"demonstration {name!r}" if name else "demonstration"
     points = numeric_array(x, label)
     _require_shape(label, points, layout)

@@ -3,10 +3,10 @@
 import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Quantity
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import unwrap_quaternions
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, short_list
+from pilotfish.validation import finite_array, require_type, short_list
 
 
 def unwrap_orientations(x: object, layout: Layout) -> Float[Array, "T D"]:
@@ -14,7 +14,7 @@ def unwrap_orientations(x: object, layout: Layout) -> Float[Array, "T D"]:
 
     Derivatives of an orientation change sign with it. For the door `demonstration`, which refuses flips.
     """
-    require_type("layout", layout, Layout, "pf.demonstrations.position_layout(3) makes one")
+    require_type(layout, "layout", Layout, "pf.demonstrations.position_layout(3) makes one")
     points = np.array(finite_array(x, "x"))
     if points.ndim != 2 or points.shape[1] != layout.width:
         raise InvalidInput(

@@ -7,10 +7,10 @@ import numpy as np
 from pilotfish.demonstrations.frames import Frame, MovingFrame
 from pilotfish.demonstrations.layouts import ROTATION_VECTOR_SIZE, Layout, Part, Quantity
 from pilotfish.demonstrations.recording import Demonstration, demonstration
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import conjugate, multiply, normalise
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import short_list
+from pilotfish.validation import require_type, short_list
 
 BLOCK_TOLERANCE = 1e-4  # between the matrices by which a frame turns a quaternion and its derivative
 
@@ -24,7 +24,7 @@ def to_sphere(demo: Demonstration) -> Demonstration:
     Raises: InvalidInput, when there is no quaternion, when one has a second derivative or a derivative
     without itself, or when a frame turns a quaternion and its derivative differently.
     """
-    require_type("demo", demo, Demonstration, "pf.demonstration makes one of an array; of a list, one by one")
+    require_type(demo, "demo", Demonstration, "pf.demonstration makes one of an array; of a list, one by one")
     layout = _layout(demo.layout)
     x = _manifold_points(demo.x, demo.layout)
     frames = [_frame(given, demo, x) for given in demo.frames]

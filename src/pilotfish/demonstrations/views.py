@@ -8,9 +8,9 @@ import numpy as np
 from pilotfish.demonstrations.frames import Frame, MovingFrame
 from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.demonstrations.recording import Demonstration
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import short_list
+from pilotfish.validation import require_type, short_list
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +50,9 @@ def views(demonstrations: Sequence[Demonstration]) -> Views:
 
 def require_compatible(demonstrations: Sequence[Demonstration]) -> None:
     """Raises: InvalidInput, when there is none, or when they differ in layout, period or names of frames."""
-    require_type("demonstrations", demonstrations, Sequence, "give a list, also of one")
+    require_type(demonstrations, "demonstrations", Sequence, "give a list, also of one")
     for demo in demonstrations:
-        require_type("a demonstration", demo, Demonstration, "pf.demonstration makes one of an array")
+        require_type(demo, "a demonstration", Demonstration, "pf.demonstration makes one of an array")
     if not demonstrations:
         raise InvalidInput("there are no demonstrations, expected at least one")
     first = demonstrations[0]

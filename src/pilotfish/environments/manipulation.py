@@ -11,10 +11,17 @@ from gymnasium import spaces
 from pilotfish.environments.cameras import SceneRenderer, camera_view
 from pilotfish.environments.tasks import TASKS, Task
 from pilotfish.environments.workcell import TIMESTEP, Workcell
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
 from pilotfish.types import Array, Float
-from pilotfish.validation import MAX_FLOAT, finite_array, require_bounded, require_count, short_repr
+from pilotfish.validation import (
+    MAX_FLOAT,
+    finite_array,
+    require_bounded,
+    require_count,
+    require_type,
+    short_repr,
+)
 
 PERIOD = 0.02  # s between actions
 REACH = 1.6  # m: nothing that the arm can do is further away
@@ -54,10 +61,10 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, task: str, *, render_mode: str | None = None) -> None:
-        require_type("task", task, str, f"name one of {', '.join(sorted(TASKS))}")
+        require_type(task, "task", str, f"name one of {', '.join(sorted(TASKS))}")
         if task not in TASKS:
             raise InvalidInput(f"task is {short_repr(task)}, expected one of {', '.join(sorted(TASKS))}")
-        require_type("render_mode", render_mode, (str, NoneType), "give 'rgb_array' or None")
+        require_type(render_mode, "render_mode", (str, NoneType), "give 'rgb_array' or None")
         if render_mode not in (None, "rgb_array"):
             raise InvalidInput(f"render_mode is {short_repr(render_mode)}, expected None or 'rgb_array'")
         self.task: Task[Any] = TASKS[task]
@@ -151,12 +158,12 @@ def _row(pose: Pose) -> Float[Array, " 7"]:
 
 
 def _validate_options(options: dict[str, Any], task: Task[Any]) -> None:
-    require_type("options", options, dict, 'give {"situation": ...} or none')
+    require_type(options, "options", dict, 'give {"situation": ...} or none')
     if unknown := [key for key in options if key != "situation"]:
         raise InvalidInput(f"reset has no option {short_repr(unknown[0])}, expected 'situation' or none")
     if options:
         kind = type(task.sample_situation(np.random.default_rng(0)))
-        require_type("the situation", options["situation"], kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
+        require_type(options["situation"], "the situation", kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
 
 
 def _parse_action(action: Array) -> tuple[Pose, float]:

@@ -22,10 +22,10 @@ from pilotfish.environments.baxter import (
 from pilotfish.environments.contacts import contact_forces, elementwise_max
 from pilotfish.environments.steering import RelativeMapping, guidance_wrench, linear_path
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, float_array, require_count, require_number
+from pilotfish.validation import finite_array, float_array, require_count, require_number, require_type
 
 S = TypeVar("S")
 TIMESTEP = 0.001  # s, of physics and of control
@@ -48,8 +48,8 @@ class Workcell(Generic[S]):
     def __init__(
         self, task: Task[S], situation: S, *, lead: bool = False, visual_meshes: Sequence[VisualMesh] = ()
     ) -> None:
-        require_type("task", task, Task, "TASKS holds them by name")
-        require_type("visual_meshes", visual_meshes, Sequence, "give a list of them")
+        require_type(task, "task", Task, "TASKS holds them by name")
+        require_type(visual_meshes, "visual_meshes", Sequence, "give a list of them")
         self.task, self.situation, self.limits = task, situation, baxter_limits()
         self.model, self.mounted_tool = _compile_model(task, situation, lead, visual_meshes)
         self.data = mujoco.MjData(self.model)
@@ -179,7 +179,7 @@ def _compile_model(
 
 
 def _validate_target(target: Pose) -> Pose:
-    require_type("the pose asked for", target, Pose, "geometry.pose(position, quaternion) makes one")
+    require_type(target, "the pose asked for", Pose, "geometry.pose(position, quaternion) makes one")
     float_array(target.position, "the position asked for", 3)
     float_array(target.quaternion, "the quaternion asked for", 4)
     return target

@@ -6,9 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_type
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.types import Array, Bool, Float, Int
-from pilotfish.validation import float_array, numeric_array, require_count, require_number, short_repr
+from pilotfish.validation import (
+    float_array,
+    numeric_array,
+    require_count,
+    require_number,
+    require_type,
+    short_repr,
+)
 
 MAX_SAMPLES, MAX_RADIUS = 10**8, 1e50
 LOG_2_PI = float(np.log(2.0 * np.pi))
@@ -94,7 +101,7 @@ def product(gaussians: Sequence[Gaussian]) -> Gaussian:
     Raises: NotPositiveDefinite, when two opinions are certain about the same direction.
     Source: Tanwani 2018, equations 3.34-3.35, with the inverse that (3.34) leaves out.
     """
-    require_type("gaussians", gaussians, (list, tuple), "give a list of them")
+    require_type(gaussians, "gaussians", (list, tuple), "give a list of them")
     if not gaussians:
         raise InvalidInput("a product of no Gaussians was asked for; give at least one")
     if len({_validate_gaussian(g).mean.size for g in gaussians}) > 1:
@@ -142,7 +149,7 @@ def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E
 
     Raises: InvalidInput, when one is out of range or given twice.
     """
-    require_type("columns", columns, np.ndarray, "give np.array([...]) of column numbers")
+    require_type(columns, "columns", np.ndarray, "give np.array([...]) of column numbers")
     if columns.ndim != 1 or columns.dtype.kind not in "iu" or np.ma.is_masked(columns):
         raise InvalidInput(f"columns is {short_repr(columns)}, expected an array of whole numbers")
     from_front = np.where(columns < 0, columns + width, columns)
@@ -157,7 +164,7 @@ def sample(g: Gaussian, count: int, rng: np.random.Generator) -> Float[Array, "N
     """Count independent draws. A singular covariance is allowed: draws then stay on its support."""
     _validate_gaussian(g)
     require_count(count, "count", MAX_SAMPLES)
-    require_type("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
+    require_type(rng, "rng", np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
     values, vectors = np.linalg.eigh(g.covariance)
     spread = vectors * np.sqrt(np.maximum(values, 0.0))  # (D, D), spread spread^T = covariance
     return np.asarray(g.mean + rng.standard_normal((count, g.mean.size)) @ spread.T)
@@ -169,7 +176,7 @@ def confidence_radius(width: int, probability: float) -> float:
     One dimension and .683 give 1; the same ellipsoid holds less in more dimensions.
     """
     require_count(width, "width", MAX_SAMPLES, minimum=1)
-    require_type("probability", probability, (float, int), "give a number between 0 and 1")
+    require_type(probability, "probability", (float, int), "give a number between 0 and 1")
     if not 0.0 < probability < 1.0:
         raise InvalidInput(f"probability is {probability}, expected a number between 0 and 1, say .95")
     from scipy.special import gammaincinv  # here, because scipy doubles the time of importing pilotfish
@@ -211,7 +218,7 @@ def _validate_covariances(covariances: object) -> Float[Array, "K D D"]:
 
 def _validate_gaussian(g: object) -> Gaussian:
     """A Gaussian of finite numbers, or InvalidInput."""
-    require_type("g", g, Gaussian, "Gaussian(mean, covariance) makes one")
+    require_type(g, "g", Gaussian, "Gaussian(mean, covariance) makes one")
     assert isinstance(g, Gaussian)
     mean, covariance = float_array(g.mean, "the mean"), float_array(g.covariance, "the covariance")
     if mean.ndim != 1 or covariance.shape != (len(mean), len(mean)):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, UnreadableFile, require_type
+from pilotfish.errors import InvalidInput, UnreadableFile
 from pilotfish.io.container_format import (
     STREAM_FORMAT,
     Header,
@@ -35,7 +35,7 @@ from pilotfish.io.skill_file import decode_skill
 from pilotfish.io.stream_checks import MAX_INTEGER, validate_online_model
 from pilotfish.kernels import ClusterColumn, StreamCounter, StreamState, round_up_to_four, zero_stream
 from pilotfish.models import Skill, online
-from pilotfish.validation import short_repr
+from pilotfish.validation import require_type, short_repr
 
 # What can be written and read, by the name it has in a file. To add a kind, add a line.
 LEARNER_TYPES: dict[str, type[Any]] = {
@@ -94,7 +94,7 @@ def load_any(path: str | Path) -> Skill | online.OnlineModel:
 
 def encode_stream(model: online.OnlineModel) -> bytes:
     """The bytes of the model's file.    Raises: InvalidInput, as save_stream does."""
-    require_type("model", model, online.OnlineModel, "online.online_model makes one")
+    require_type(model, "model", online.OnlineModel, "online.online_model makes one")
     validate_online_model(model)
     header = {
         "settings": _encode_settings(model.settings),

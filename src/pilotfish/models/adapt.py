@@ -13,7 +13,7 @@ from pilotfish.demonstrations import (
     require_magnitudes,
     tangent_map,
 )
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import (
     DenseCovariances,
     Gaussian,
@@ -26,7 +26,7 @@ from pilotfish.geometry import normalise
 from pilotfish.models.signs import align_frame_signs
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array
+from pilotfish.validation import numeric_array, require_type
 
 MIN_RELEVANCE = 1e-50  # covariances are divided by it
 
@@ -45,7 +45,7 @@ def adapt(
     state is left without any frame.
     Source: Tanwani 2018, equations 3.33-3.37, with the inner inverse that (3.34) leaves out.
     """
-    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     dense = tuple(DenseCovariances(c.dense) for c in skill.covariances)  # once, not for every state
     skill = replace(skill, covariances=dense)
     frames_in_order = _match_frames(skill, frames)
@@ -111,7 +111,7 @@ def _validate_relevance(relevance: Float[Array, "P K"] | None, skill: Skill) -> 
     P, K = len(skill.frame_names), skill.states
     if relevance is None:
         return np.ones((P, K))
-    require_type("relevance", relevance, np.ndarray, "give an array with a row for each frame")
+    require_type(relevance, "relevance", np.ndarray, "give an array with a row for each frame")
     relevance = numeric_array(relevance, "relevance")
     if relevance.shape != (P, K):
         raise InvalidInput(
@@ -136,9 +136,9 @@ def _validate_relevance(relevance: Float[Array, "P K"] | None, skill: Skill) -> 
 def _match_frames(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:
     """The frames in the skill's order, checked."""
     fix = "give a list of frames, say a demonstration's .frames"
-    require_type("frames", frames, Sequence, fix)
+    require_type(frames, "frames", Sequence, fix)
     for frame in frames:
-        require_type("a frame", frame, (Frame, MovingFrame), fix)
+        require_type(frame, "a frame", (Frame, MovingFrame), fix)
     if moving := [frame.name for frame in frames if isinstance(frame, MovingFrame)]:
         raise InvalidInput(f"frame {moving[0]!r} moves; adapt to where it stands at a step, frame.at(t)")
     fixed = [frame for frame in frames if isinstance(frame, Frame)]
@@ -150,7 +150,7 @@ def _match_frames(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[F
         )
     for frame in fixed:
         for array in (frame.A, frame.b):
-            require_type(f"an array of frame {frame.name!r}", array, np.ndarray, "see demonstrations.frame")
+            require_type(array, f"an array of frame {frame.name!r}", np.ndarray, "see demonstrations.frame")
         if frame.b.shape != (skill.width,) or frame.A.shape != (skill.width, skill.width):
             columns = frame.b.shape[0] if frame.b.ndim else 0
             raise InvalidInput(

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.errors import require_type
 from pilotfish.models.durations.values import Durations
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import require_type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +37,7 @@ class Censoring:
 
     def __post_init__(self) -> None:
         for name in ("left", "right"):
-            require_type(name, getattr(self, name), (bool, np.bool_), "give True or False")
+            require_type(getattr(self, name), name, (bool, np.bool_), "give True or False")
 
 
 RIGHT_CENSORED = Censoring()

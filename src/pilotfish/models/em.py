@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Views
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.models.segments import select_states
 from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics, monotone_statistics
 from pilotfish.types import Array, Bool, Float
-from pilotfish.validation import MAX_MAGNITUDE, require_count
+from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
 
 MAX_ITERATIONS, MAX_RESTARTS, MAX_THREADS = 1_000_000, 1000, 1024
 
@@ -45,10 +45,10 @@ class EMSettings:
 
     def __post_init__(self) -> None:
         for name in ("regularisation", "tolerance"):
-            require_type(name, value := getattr(self, name), NUMBER, "give a number")
+            require_type(value := getattr(self, name), name, NUMBER, "give a number")
             if not 0.0 <= value <= MAX_MAGNITUDE:
                 raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
-        require_type("duration_regularisation", self.duration_regularisation, NUMBER, "give a number")
+        require_type(self.duration_regularisation, "duration_regularisation", NUMBER, "give a number")
         if not MIN_DURATION_VARIANCE <= self.duration_regularisation <= MAX_MAGNITUDE:
             raise InvalidInput(
                 f"duration_regularisation is {self.duration_regularisation}, expected a positive variance [steps^2]"

@@ -10,7 +10,7 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Frame, Layout, MovingFrame, Quantity, Views, views
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments, moments_from_sums, precision_cholesky
 from pilotfish.models.dynamics import Dynamics, SemiMarkovChain
 from pilotfish.models.opinion_pools import (
@@ -24,6 +24,7 @@ from pilotfish.models.segments import segment_tables
 from pilotfish.models.skill import Skill
 from pilotfish.models.statistics import step_probabilities
 from pilotfish.types import Array, Bool, Float, Int
+from pilotfish.validation import require_type
 
 MIN_EVIDENCE = 3.0  # nats: odds of twenty to one, strong evidence on the scale of Kass & Raftery 1995
 MIN_DATAPOINTS = 1.0  # datapoints of a visit that speaks for a demonstration
@@ -70,7 +71,7 @@ def relevance(skill: Skill, demonstrations: Sequence[Demonstration]) -> FrameRel
     Source: logarithmic pooling with weights by likelihood, Heskes 1998; scored on what was held out as in
     predictive stacking, Yao et al. 2018. The elimination and the counting of visits are ours.
     """
-    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     data = views(demonstrations)
     _validate_demonstrations(skill, demonstrations)
     segments = _segment_moments(skill, data)
@@ -93,7 +94,7 @@ def select_frames(
     Raises: InvalidInput, when their frames are not those that the relevance speaks of.
     """
     require_type(
-        "frame_relevance", frame_relevance, FrameRelevance, "relevance(skill, demonstrations) makes one"
+        frame_relevance, "frame_relevance", FrameRelevance, "relevance(skill, demonstrations) makes one"
     )
     for demo in demonstrations:
         if sorted(names := [f.name for f in demo.frames]) != sorted(frame_relevance.frame_names):

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput, NotPositiveDefinite, require_type
+from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians import CovarianceStructure, Full
 from pilotfish.models.durations.counted import count_durations
 from pilotfish.models.dynamics import Dynamics
@@ -18,7 +18,7 @@ from pilotfish.models.skill import MAX_STATES, Provenance, Skill
 from pilotfish.models.starts import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.statistics import Statistics, fit_markov_chain, fit_mixture_weights, maximise_likelihood
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, require_type
 
 DEFAULT_STRUCTURE = Full()
 DEFAULT_INITIALISATION = TimeBins()
@@ -81,7 +81,7 @@ def learn_markov(
 
     Raises: as learn does.
     """
-    require_type("settings", settings, EMSettings, "pf.models.EMSettings(...) makes them")
+    require_type(settings, "settings", EMSettings, "pf.models.EMSettings(...) makes them")
     initialise = _validate_start(initialisation, states, rng, settings.restarts)
     return _fit(
         demonstrations,
@@ -105,7 +105,7 @@ def learn_mixture(
 
     Raises: as learn does.
     """
-    require_type("settings", settings, EMSettings, "pf.models.EMSettings(...) makes them")
+    require_type(settings, "settings", EMSettings, "pf.models.EMSettings(...) makes them")
     initialise = _validate_start(initialisation, states, rng, settings.restarts)
     return _fit(
         demonstrations,
@@ -120,13 +120,13 @@ def _validate_start(
     initialisation: Initialisation, states: int, rng: np.random.Generator, restarts: int
 ) -> Callable[[Views], Statistics]:
     require_type(
-        "initialisation",
         initialisation,
+        "initialisation",
         (TimeBins, KMeans, FromModel, Initialisation),
         "give an instance, say pf.models.KMeans()",
     )
     require_count(states, "states", MAX_STATES, 1)
-    require_type("rng", rng, np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
+    require_type(rng, "rng", np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
     if restarts > 1 and (initialisation == DEFAULT_INITIALISATION or isinstance(initialisation, FromModel)):
         raise InvalidInput(
             f"{restarts} restarts from the same beginning would all end alike; "
@@ -137,12 +137,12 @@ def _validate_start(
 
 def make_m_step(structure: CovarianceStructure, settings: EMSettings, chain: DynamicsStep) -> MStep:
     require_type(
-        "structure",
         structure,
+        "structure",
         CovarianceStructure,
         "give an instance, say pf.structures.Full() or pf.structures.SemiTied()",
     )
-    require_type("settings", settings, EMSettings, "pf.models.EMSettings(...) makes them")
+    require_type(settings, "settings", EMSettings, "pf.models.EMSettings(...) makes them")
     return partial(
         maximise_likelihood, structure=structure, regularisation=settings.regularisation, chain=chain
     )

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import CovarianceStructure
 from pilotfish.models.durations.counted import count_durations
 from pilotfish.models.durations.distributions import DurationDistribution, Gaussian
@@ -38,6 +38,7 @@ from pilotfish.models.statistics import (
     monotone_statistics,
 )
 from pilotfish.types import Array, Bool
+from pilotfish.validation import require_type
 
 GAUSSIAN = Gaussian()
 MIN_RELATIVE_DEVIATION = (
@@ -61,12 +62,12 @@ class DurationModel:
 
     def __post_init__(self) -> None:
         require_type(
-            "distribution",
             self.distribution,
+            "distribution",
             DurationDistribution,
             "give an instance, say pf.durations.LogNormal()",
         )
-        require_type("censoring", self.censoring, Censoring, "pf.models.Censoring(left=True) makes one")
+        require_type(self.censoring, "censoring", Censoring, "pf.models.Censoring(left=True) makes one")
         validate_max_duration(self.max_duration)
 
 
@@ -94,8 +95,8 @@ def learn_semi_markov(
     Source: Yu 2010, the explicit duration model; Guedon 2003 for a last visit that is cut short.
     """
     require_type(
-        "duration_model",
         duration_model,
+        "duration_model",
         DurationModel,
         "pf.models.Timing(law=pf.durations.LogNormal()) makes one",
     )

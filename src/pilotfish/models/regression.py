@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import (
     ConditionalGaussians,
     GaussianMixture,
@@ -21,6 +21,7 @@ from pilotfish.models.forward import filtered_state_probs
 from pilotfish.models.posteriors import smoothed_state_probs
 from pilotfish.models.skill import AdaptedSkill
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import require_type
 
 RegressionResult = GaussianRegression | RiemannianRegression  # the latter for skills with orientations on S^3
 
@@ -83,8 +84,8 @@ def _condition_on_inputs(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
 ) -> tuple[ConditionalGaussians | RiemannianConditionalGaussians, Float[Array, "T K"]]:
     """The states as maps from inputs to the rest, and log p(x_t | state)."""
-    require_type("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    require_type("x", x, np.ndarray, "give an array, a row for each step")
+    require_type(model, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_type(x, "x", np.ndarray, "give an array, a row for each step")
     if not len(x):
         raise InvalidInput("x has no rows, expected the inputs of at least one step")
     if orientation_starts := model.layout.orientation_starts:

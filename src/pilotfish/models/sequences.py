@@ -6,7 +6,7 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import precision_cholesky
 from pilotfish.models.dynamics import Dynamics, MarkovChain, MixtureWeights, SemiMarkovChain
 from pilotfish.models.forward import MAX_HORIZON, filtered_state_probs
@@ -14,7 +14,7 @@ from pilotfish.models.segments import extend_max_duration, log_survival, segment
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
 from pilotfish.models.statistics import step_probabilities
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, require_type
 
 TAIL_PROBABILITY = 1e-12  # probability of a visit longer than what is sampled
 
@@ -59,7 +59,7 @@ def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Arr
 
 def validated_views(model: HiddenModel | Skill, demonstrations: Sequence[Demonstration]) -> Views:
     """What the model's frames see.    Raises: InvalidInput, when they or the columns are not the model's."""
-    require_type("model", model, (HiddenModel, Skill), "a fit holds a skill: fit.skill")
+    require_type(model, "model", (HiddenModel, Skill), "a fit holds a skill: fit.skill")
     data = views(demonstrations)
     if (given_shape := (data.x.shape[0], data.x.shape[2])) != (
         expected_shape := (model.means.shape[0], model.means.shape[2])

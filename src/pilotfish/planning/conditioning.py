@@ -7,10 +7,10 @@ import numpy as np
 
 from pilotfish.control import Reference
 from pilotfish.demonstrations import Layout
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
 from pilotfish.types import Array, Float
-from pilotfish.validation import float_array
+from pilotfish.validation import float_array, require_type
 
 MIN_RELATIVE_DEVIATION = (
     1e-8  # of the plan's smallest deviation: the square of it is what float64 resolves beside 1
@@ -30,8 +30,8 @@ def condition_on(reference: Reference, points: Sequence[ViaPoint], layout: Layou
     Source: conditioning as in Paraschos et al. 2013, Probabilistic movement primitives, of the distribution
     that Calinon 2016 (see control.solve_batch) gives a tracking problem.
     """
-    require_type("reference", reference, Reference, "pf.plan makes one from an adapted skill")
-    require_type("layout", layout, Layout, "a skill holds one: skill.layout")
+    require_type(reference, "reference", Reference, "pf.plan makes one from an adapted skill")
+    require_type(layout, "layout", Layout, "a skill holds one: skill.layout")
     targets, weights = _copy_validated_arrays(reference, layout)
     found = observe_via_points(points, layout, targets, reference.period)
     for point, observation in zip(points, found, strict=True):

@@ -13,13 +13,14 @@ from pilotfish.demonstrations import (
     demonstration,
     moving_frame_from_poses,
 )
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, multiply, normalise, quaternion_exp, rotation_vector_in_world
 from pilotfish.models import AdaptedSkill, Skill, adapt, align_quaternion_signs
 from pilotfish.planning.plan import CONTROL_COST, COVARIANCE_REGULARISATION, reference_from_states
 from pilotfish.planning.reproduction import coordinates_with_derivatives
 from pilotfish.planning.tangent_chart import tangent_chart
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import require_type
 
 
 def moving_frame_reference(
@@ -33,7 +34,7 @@ def moving_frame_reference(
     Raises: InvalidInput, when the two differ in states or columns, or covariance_regularisation cannot be used.
     """
     for name, skill in (("now", now), ("later", later)):
-        require_type(name, skill, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+        require_type(skill, name, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     if now.means.shape != later.means.shape:
         raise InvalidInput(
             f"the skills now and later have means of shape {now.means.shape} and {later.means.shape}, "

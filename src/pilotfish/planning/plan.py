@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pilotfish.control import Reference
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, cholesky, log_density
 from pilotfish.models import (
     AdaptedSkill,
@@ -27,7 +27,7 @@ from pilotfish.models import (
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, short_repr
+from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type, short_repr
 
 MAX_HORIZON = 10**6  # steps
 MAX_WEIGHTS = 2**26  # numbers in the weights of all steps: 512 MiB
@@ -97,9 +97,9 @@ def plan_states(
     Raises:
         InvalidInput: If an argument cannot be used.
     """
-    require_type("model", adapted, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_type(adapted, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_count(horizon, "horizon", MAX_HORIZON, minimum=1)
-    require_type("via_points", via_points, Sequence, "give a list: [pf.via_point(...)]")
+    require_type(via_points, "via_points", Sequence, "give a list: [pf.via_point(...)]")
     if start is None:
         aligned, log_start = adapted, np.empty((0, adapted.states))
     else:
@@ -150,7 +150,7 @@ def refuse_orientations(adapted: AdaptedSkill) -> None:
     Raises:
         InvalidInput: If the skill has orientations on S^3.
     """
-    require_type("model", adapted, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_type(adapted, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     if adapted.layout.orientation_starts:
         raise InvalidInput(
             "the skill has orientations on S^3, which a linear system cannot follow; call pf.reproduce, or plan "
@@ -160,7 +160,7 @@ def refuse_orientations(adapted: AdaptedSkill) -> None:
 
 
 def require_start(start: Float[Array, " D"], adapted: AdaptedSkill) -> Float[Array, " D"]:
-    require_type("initialisation", start, np.ndarray, "give np.array(start)")
+    require_type(start, "initialisation", np.ndarray, "give np.array(start)")
     start = numeric_array(start, "start")
     if start.shape != (width := adapted.means.shape[1],):
         names = ", ".join(adapted.layout.names)
@@ -171,7 +171,7 @@ def require_start(start: Float[Array, " D"], adapted: AdaptedSkill) -> Float[Arr
 
 
 def _require_variance(variance: float) -> None:
-    require_type("covariance_regularisation", variance, (float, int), "give a variance")
+    require_type(variance, "covariance_regularisation", (float, int), "give a variance")
     if not 0.0 <= variance <= MAX_MAGNITUDE:
         raise InvalidInput(
             f"covariance_regularisation is {variance}, expected a finite variance of at least 0"
@@ -179,7 +179,7 @@ def _require_variance(variance: float) -> None:
 
 
 def _require_states(states: Int[Array, " T"], adapted: AdaptedSkill) -> None:
-    require_type("states", states, np.ndarray, "give np.array(states)")
+    require_type(states, "states", np.ndarray, "give np.array(states)")
     if states.dtype.kind not in "iu" or states.ndim != 1:
         raise InvalidInput(f"states is {short_repr(states)}, expected an array of integers, one per step")
     if not (states.size and 0 <= states.min() <= states.max() < adapted.states):

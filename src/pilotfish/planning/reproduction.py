@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
 from pilotfish.demonstrations import Frame, Layout, MovingFrame
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.plan import (
@@ -22,7 +22,7 @@ from pilotfish.planning.plan import (
 from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
 from pilotfish.planning.via_points import ViaPoint, via_point_to_tangent
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import short_list
+from pilotfish.validation import require_type, short_list
 
 MAX_DEFAULT_WORK = 2**34  # squared steps times states of a plan whose horizon was not asked for: some seconds
 
@@ -97,7 +97,7 @@ def reproduce(
     Source:
         Tanwani 2018, sections 3.3-3.5; for S^3, Zeestraten et al. 2017, section V.
     """
-    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     adapted = adapt(skill, frames)
     axes = coordinates_with_derivatives(adapted.layout)
     steps = mean_demonstration_length(skill) if horizon is None else horizon

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Quantity
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import (
     conjugate,
     inverse_right_jacobian,
@@ -20,7 +20,7 @@ from pilotfish.geometry import (
 )
 from pilotfish.models import AdaptedSkill
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array
+from pilotfish.validation import numeric_array, require_type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +89,7 @@ def tangent_chart(model: AdaptedSkill, *, base_pose: Float[Array, " D"] | None =
     Source: Zeestraten et al. 2017, IEEE RA-L 2(3), section V, for tracking in a tangent space; the
     differential, and with it the coupling of turns and their speeds, is exact where they transport.
     """
-    require_type("model", model, AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_type(model, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     orientation_starts = _orientation_columns(model.layout)
     if not orientation_starts:
         raise InvalidInput("the skill has no orientation on S^3, it is flat already: plan it as it is")
@@ -141,7 +141,7 @@ def _base_orientations(
 ) -> Float[Array, "R 4"]:
     if base_pose is None:
         return np.stack([karcher_mean(means, np.ones(len(means)), (0,)) for means in q])
-    require_type("at", base_pose, np.ndarray, "give np.array(pose)")
+    require_type(base_pose, "at", np.ndarray, "give np.array(pose)")
     base_pose = numeric_array(base_pose, "at")
     if base_pose.shape != (layout.width,) or not np.isfinite(base_pose).all():
         raise InvalidInput(

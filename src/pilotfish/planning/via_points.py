@@ -7,10 +7,10 @@ from itertools import combinations
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Quantity
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.planning.tangent_chart import TangentChart
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import finite_array, numeric_array, require_number, require_printable
+from pilotfish.validation import finite_array, numeric_array, require_number, require_printable, require_type
 
 Numbers = float | Sequence[float] | Array
 MAX_VALUE = 1e50
@@ -39,7 +39,7 @@ def via_point(what: str, value: Numbers, *, time: float, deviation: Numbers) -> 
 
     Raises: InvalidInput, when a number is not finite, time is negative or a deviation is not above zero.
     """
-    require_type("what", what, str, 'give the name of a part or column, say "position"')
+    require_type(what, "what", str, 'give the name of a part or column, say "position"')
     require_printable(what, "the name of what is wished")
     target = np.atleast_1d(finite_array(value, f"the value of {what!r}", maximum=MAX_VALUE))
     spread = numeric_array(deviation, f"the deviation of {what!r}")
@@ -70,8 +70,8 @@ def via_point_to_tangent(point: ViaPoint, chart: TangentChart) -> ViaPoint:
     Raises: InvalidInput, when an orientation is not four numbers of norm one with one deviation for all, or
     is to turn at a speed: only on the map itself, "orientation'" of chart.skill.layout, is that a column.
     """
-    require_type("the via-point", point, ViaPoint, 'pf.via_point("position", ...) makes one')
-    require_type("chart", chart, TangentChart, "planning.tangent_chart(adapted) makes one")
+    require_type(point, "the via-point", ViaPoint, 'pf.via_point("position", ...) makes one')
+    require_type(chart, "chart", TangentChart, "planning.tangent_chart(adapted) makes one")
     layout = chart.manifold_skill.layout
     columns, _ = _columns(point.what, layout)
     part = next(
@@ -118,9 +118,9 @@ def observe_via_points(
     of columns, or is an orientation but no unit quaternion; when period is None; and when two
     points want one column at one step further apart than both deviations together.
     """
-    require_type("points", points, Sequence, "give a list: [pf.via_point(...)]")
+    require_type(points, "points", Sequence, "give a list: [pf.via_point(...)]")
     for point in points:
-        require_type("a via-point", point, ViaPoint, 'pf.via_point("position", ...) makes one')
+        require_type(point, "a via-point", ViaPoint, 'pf.via_point("position", ...) makes one')
     found = [_observe(point, layout, states, period) for point in points]
     for (one, a), (other, b) in combinations(zip(points, found, strict=True), 2):
         if a.step == b.step:

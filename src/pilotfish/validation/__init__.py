@@ -1,5 +1,6 @@
-"""Checks of what comes from outside: bounded numbers, printable text and guarded paths. Every reader of
-files, messages and users' arrays uses them.
+"""Checks of data from outside: bounded numbers, printable text and types.
+
+Every reader of files and messages, and every public function that takes a user's array, uses these checks.
 """
 
 from pilotfish.validation.numbers import (
@@ -15,19 +16,18 @@ from pilotfish.validation.numbers import (
 )
 from pilotfish.validation.text import (
     MAX_NAME_LENGTH,
-    escape,
     first_duplicate,
     nearest_name,
     require_printable,
     short_list,
     short_repr,
 )
+from pilotfish.validation.types import require_type
 
 __all__ = [
     "MAX_FLOAT",
     "MAX_MAGNITUDE",
     "MAX_NAME_LENGTH",
-    "escape",
     "finite_array",
     "first_duplicate",
     "float_array",
@@ -38,6 +38,7 @@ __all__ = [
     "require_number",
     "require_printable",
     "require_shapes_agree",
+    "require_type",
     "short_list",
     "short_repr",
 ]

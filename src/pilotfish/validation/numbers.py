@@ -1,4 +1,4 @@
-"""Bounded numbers: single values and arrays from outside, checked for kind, finiteness and size."""
+"""Bounded numbers: single values and arrays from outside, checked for type, finiteness and magnitude."""
 
 import math
 from typing import Any
@@ -9,25 +9,25 @@ from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 from pilotfish.validation.text import short_repr
 
-MAX_MAGNITUDE = 1e100  # the squares of such numbers, and sums of many squares, do not overflow
+MAX_MAGNITUDE = 1e100  # squares of such numbers, and sums of many squares, do not overflow
 MAX_FLOAT = float(np.finfo(np.float64).max)
-MAX_DIMENSIONS = 32  # of an array, as NumPy 1 has it
-SMALL_ARRAY_SIZE = 16  # numbers
+MAX_DIMENSIONS = 32  # the limit of NumPy 1
+SMALL_ARRAY_SIZE = 16  # entries below which math.hypot is faster than NumPy
 
 
 def require_count(value: object, label: str, maximum: int, minimum: int = 0) -> int:
-    """Return value as an int if it is a whole number from lowest to largest.
+    """Return value as an int if it is a whole number in a range.
 
-    Every number that sizes an array or a loop and comes from outside passes here.
+    Use it for every number from outside that sizes an array or a loop.
 
     Args:
-        value: The number; NumPy integers are accepted, booleans and floats are not.
-        place: What the value is, as the user knows it; the message begins with it.
-        largest: Largest accepted value.
-        lowest: Smallest accepted value.
+        value: NumPy integers are accepted, booleans and floats are not.
+        label: Name of the value; the message begins with it.
+        maximum: Largest accepted value.
+        minimum: Smallest accepted value.
 
     Raises:
-        InvalidInput: If it is another kind of value or outside the range.
+        InvalidInput: If it has another type or is outside the range.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value[()]
@@ -43,17 +43,17 @@ def require_count(value: object, label: str, maximum: int, minimum: int = 0) -> 
 def require_number(
     value: object, label: str, minimum: float = -MAX_MAGNITUDE, maximum: float = MAX_MAGNITUDE
 ) -> float:
-    """Return value as a float if it is a finite real number from lowest to largest.
+    """Return value as a float if it is a finite real number in a range.
 
     Args:
-        value: The number; NumPy numbers are accepted, booleans, text and complex numbers are not.
-        place: What the value is, as the user knows it; the message begins with it.
-        lowest: Smallest accepted value. For a positive number whose square or reciprocal is used, pass
-            a bound at which neither underflows nor overflows, not 0.
-        largest: Largest accepted value.
+        value: NumPy numbers are accepted; booleans, text and complex numbers are not.
+        label: Name of the value; the message begins with it.
+        minimum: Smallest accepted value. For a positive number whose square or reciprocal is used, pass a
+            bound at which neither underflows nor overflows, not 0.
+        maximum: Largest accepted value.
 
     Raises:
-        InvalidInput: If it is another kind of value, not finite, or outside the range.
+        InvalidInput: If it has another type, is not finite, or is outside the range.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value[()]
@@ -71,29 +71,29 @@ def numeric_array(value: object, label: str) -> Float[Array, "..."]:
     """Return a read-only float64 copy of an array of real numbers, which may be NaN or infinite.
 
     Args:
-        value: An array, or nested lists of numbers.
-        place: What the value is, as the user knows it; the message begins with it.
+        value: Array or nested lists of numbers.
+        label: Name of the value; the message begins with it.
 
     Raises:
-        InvalidInput: If it is ragged, holds text, dates, objects, complex or boolean values, or has masked
-            entries, anywhere in its lists.
+        InvalidInput: If it is ragged or contains text, dates, objects, complex, boolean or masked values, at
+            any depth of its lists.
     """
     _require_real_items(value, label, depth=0)
     try:
         array = np.array(value)
-        if array.dtype.kind == "O":  # a whole number beyond 64 bits makes objects of all
+        if array.dtype.kind == "O":  # an integer beyond 64 bits gives an array of objects
             array = _floats_from_objects(array)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInput(
-            f"{label} has rows of different lengths or things that are no real numbers ({error}), expected "
+            f"{label} has rows of different lengths or values that are not real numbers ({error}), expected "
             "an array of real numbers"
         ) from error
     if array.dtype.kind not in "fiu":
         raise InvalidInput(
-            f"{label} has {array.dtype} values that are no real numbers, expected an array of real numbers: "
-            f"{short_repr(value)}"
+            f"{label} has {array.dtype} values, which are not real numbers, expected an array of real "
+            f"numbers: {short_repr(value)}"
         )
-    # A number that is too large for float64 becomes infinite, and a signalling NaN a quiet one.
+    # A number too large for float64 becomes infinite, a signalling NaN becomes a quiet one.
     with np.errstate(over="ignore", invalid="ignore"):
         numbers = np.array(array, dtype=np.float64, order="C")
     numbers.setflags(write=False)
@@ -106,17 +106,17 @@ def finite_array(
     shape: tuple[int, ...] | None = None,
     maximum: float = MAX_MAGNITUDE,
 ) -> Float[Array, "..."]:
-    """Return a read-only float64 copy of an array of finite numbers from -largest to largest.
+    """Return a read-only float64 copy of an array of finite numbers of bounded magnitude.
 
     Args:
-        value: An array, or nested lists of numbers.
-        place: What the value is, as the user knows it; the message begins with it.
-        shape: The shape it must have; None accepts any.
-        largest: Largest accepted magnitude.
+        value: Array or nested lists of numbers.
+        label: Name of the value; the message begins with it.
+        shape: Expected shape; None accepts any.
+        maximum: Largest accepted magnitude.
 
     Raises:
-        InvalidInput: As `numeric_array`, and if it has another shape or a value that is not finite or
-            larger; the message names the first.
+        InvalidInput: As `numeric_array`, and if the shape differs or a value is not finite or too large; the
+            message gives the first such value.
     """
     numbers = numeric_array(value, label)
     if shape is not None and numbers.shape != shape:
@@ -128,15 +128,15 @@ def finite_array(
 def float_array(
     value: object, label: str, columns: int | None = None, maximum: float = MAX_MAGNITUDE
 ) -> Float[Array, "..."]:
-    """Return an array of finite numbers as float64: the same object if it is one already, else a copy.
+    """Return an array of finite numbers as float64: the same object if possible, otherwise a copy.
 
-    For functions that are called often: one pass over the numbers, nothing else.
+    For functions that are called often: the only cost is one pass over the numbers.
 
     Args:
-        value: An array, or nested lists of numbers.
-        place: What the value is, as the user knows it; the message begins with it.
-        columns: How many numbers the last axis must have; None accepts any number and any shape.
-        largest: Largest accepted magnitude.
+        value: Array or nested lists of numbers.
+        label: Name of the value; the message begins with it.
+        columns: Expected length of the last axis; None accepts any shape.
+        maximum: Largest accepted magnitude.
 
     Raises:
         InvalidInput: As `finite_array`, and if the last axis is missing or has another length.
@@ -151,16 +151,19 @@ def float_array(
         and array.size < SMALL_ARRAY_SIZE
         and math.hypot(*array.tolist()) <= maximum < math.inf
     ):
-        return array  # a row such as a quaternion, for which NumPy takes ten times as long
+        return array  # NumPy takes ten times as long for one quaternion
     require_bounded(array, label, maximum)
     return array
 
 
 def require_shapes_agree(**arrays: Array) -> None:
-    """Check that arrays have leading axes that broadcast; the last axis is not compared.
+    """Check that the leading axes of arrays broadcast; the last axis is not compared.
+
+    Args:
+        arrays: Arrays by name.
 
     Raises:
-        InvalidInput: If they do not; the message names the arrays and their shapes.
+        InvalidInput: If they do not; the message lists names and shapes.
     """
     leading = [array.shape[:-1] for array in arrays.values()]
     if any(shape != leading[0] for shape in leading):
@@ -168,33 +171,38 @@ def require_shapes_agree(**arrays: Array) -> None:
             np.broadcast_shapes(*leading)
         except ValueError:
             shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-            raise InvalidInput(f"the shapes {shapes} do not go together, expected equal ones") from None
+            raise InvalidInput(f"the shapes {shapes} do not broadcast, expected equal shapes") from None
 
 
 def require_bounded(numbers: Float[Array, "..."], label: str, maximum: float = MAX_MAGNITUDE) -> None:
-    """Check that float64 numbers are finite and from -largest to largest, without a copy.
+    """Check without a copy that float64 numbers are finite and of bounded magnitude.
+
+    Args:
+        numbers: Array to check.
+        label: Name of the array; the message begins with it.
+        maximum: Largest accepted magnitude.
 
     Raises:
-        InvalidInput: If one is not; the message names the first and how many there are.
+        InvalidInput: If one is not; the message gives the first such value and their number.
     """
-    if not np.abs(numbers).max(initial=0.0) <= min(maximum, MAX_FLOAT):  # nor where the maximum is NaN
+    if not np.abs(numbers).max(initial=0.0) <= min(maximum, MAX_FLOAT):  # also if the maximum is NaN
         bad = np.argwhere(~(np.abs(numbers) <= min(maximum, MAX_FLOAT)))
         index = bad[0].tolist()
         raise InvalidInput(
             f"{label}{index or ''} is {float(numbers[tuple(index)])}, expected a finite number of at most "
-            f"{maximum:g} in magnitude, nor are {len(bad) - 1} more such numbers"
+            f"{maximum:g} in magnitude ({len(bad)} such values)"
         )
 
 
 def _require_real_items(value: object, label: str, depth: int) -> None:
-    """Raise InvalidInput where NumPy would convert text, booleans or masked values among numbers.
+    """Refuse text, booleans and masked values, which NumPy would convert.
 
-    One long text among many short items would also make NumPy reserve its length for each of them.
+    NumPy would also reserve the length of the longest text for every item.
     """
     if np.ma.is_masked(value):
-        raise InvalidInput(f"{label} has masked entries, expected numbers everywhere; fill or cut them")
+        raise InvalidInput(f"{label} has masked entries, expected numbers only; fill or remove them")
     if isinstance(value, np.ndarray) and value.dtype == bool:
-        raise InvalidInput(f"{label} holds bool values, expected an array of real numbers; give 1 and 0")
+        raise InvalidInput(f"{label} has bool values, expected an array of real numbers; pass 1 and 0")
     if not isinstance(value, list | tuple):
         return
     if depth == MAX_DIMENSIONS:
@@ -208,7 +216,7 @@ def _require_real_items(value: object, label: str, depth: int) -> None:
 
 
 def _floats_from_objects(array: Array) -> Array:
-    """The numbers of an object array, where all are real and float64 holds them."""
+    """Convert an object array of Python numbers."""
     if array.size == 0 or not all(type(entry) in (int, float) for entry in array.flat):
         raise TypeError("objects")
     return np.array([float(entry) for entry in array.flat]).reshape(array.shape)

@@ -1,8 +1,7 @@
-"""Printable text: what a file or a user wrote, made safe to print and to quote in a message.
+"""Printable text: strings from a file or a user, made safe to print and to quote in a message.
 
-A terminal obeys the control characters that are printed to it, and cannot encode lone surrogates. So text
-from outside is either refused where it is read (`require_printable`) or escaped where it is quoted (`escape`,
-`short_repr`).
+A terminal obeys control characters and cannot encode lone surrogates. Text from outside is therefore refused
+where it is read (`require_printable`) or escaped where it is quoted (`errors.escape`, `short_repr`).
 """
 
 import difflib
@@ -13,20 +12,10 @@ from typing import TypeVar
 
 from pilotfish.errors import InvalidInput, escape
 
-__all__ = [
-    "MAX_NAME_LENGTH",
-    "escape",
-    "first_duplicate",
-    "nearest_name",
-    "require_printable",
-    "short_list",
-    "short_repr",
-]
-
 T = TypeVar("T", bound=Hashable)
 
 MAX_NAME_LENGTH = 200  # characters
-MAX_COMPARED_NAMES = 200  # names; comparing two takes up to a millisecond
+MAX_COMPARED_NAMES = 200  # one comparison takes up to a millisecond
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxother = _repr.maxlong = 60
@@ -36,13 +25,13 @@ def require_printable(text: object, label: str, max_length: int = MAX_NAME_LENGT
     """Return text unchanged if it is a printable string on one line.
 
     Args:
-        text: The value to check.
-        place: What the value is, as the user knows it; the message begins with it.
-        longest: Largest number of characters.
+        text: Value to check.
+        label: Name of the value; the message begins with it.
+        max_length: Largest number of characters.
 
     Raises:
-        InvalidInput: If it is not a string, is longer, or holds a control character, a line break or a lone
-            surrogate.
+        InvalidInput: If it is not a string, is longer, or contains a control character, a line break or a
+            lone surrogate.
     """
     if not isinstance(text, str):
         raise InvalidInput(f"{label} is {short_repr(text)}, expected text in quotes")
@@ -56,10 +45,14 @@ def require_printable(text: object, label: str, max_length: int = MAX_NAME_LENGT
 
 
 def short_repr(value: object, max_length: int = 60) -> str:
-    """Return repr(value) in at most `longest` printable characters, whatever the value is.
+    """Return repr(value) in a bounded number of printable characters, for any value.
 
-    Long strings and containers are shortened in the middle or after a few items, without building their
-    whole text first. An integer with more digits than Python prints is described by its size.
+    Long strings are cut in the middle, containers after a few items, before their whole text is built. An
+    integer with more digits than Python prints is described by its size.
+
+    Args:
+        value: Any value.
+        max_length: Largest number of characters, at least 4.
     """
     if isinstance(value, int) and value.bit_length() > 200:
         return f"a whole number of {value.bit_length()} bits"
@@ -72,9 +65,11 @@ def short_repr(value: object, max_length: int = 60) -> str:
 
 
 def short_list(items: Collection[object], max_items: int = 8) -> str:
-    """Return the items separated by commas; of more than `most`, the first ones and how many there are.
+    """Return items separated by commas; a longer collection is cut and its size added.
 
-    Names stand as they are, everything else as `short_repr` writes it.
+    Args:
+        items: Strings are listed without quotes, other values as `short_repr` writes them.
+        max_items: Number of items that are listed.
     """
     texts = [item if isinstance(item, str) else short_repr(item) for item in islice(items, max_items)]
     text = ", ".join(escape(item[:MAX_NAME_LENGTH]) for item in texts)
@@ -82,22 +77,26 @@ def short_list(items: Collection[object], max_items: int = 8) -> str:
 
 
 def first_duplicate(items: Iterable[T]) -> T | None:
-    """Return the first item that equals an earlier one, or None; the cost is linear in their number."""
-    seen_items: set[T] = set()
+    """Return the first item that equals an earlier one, or None, in linear time.
+
+    Args:
+        items: Hashable items.
+    """
+    previous: set[T] = set()
     for item in items:
-        if item in seen_items:
+        if item in previous:
             return item
-        seen_items.add(item)
+        previous.add(item)
     return None
 
 
 def nearest_name(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """Return the known name that is most similar to a mistyped one, or None if none is similar.
+    """Return the known name that is most similar to a mistyped one, or None if none is similar enough.
 
     Args:
-        name: What was typed.
-        known: The names that exist; the first MOST_COMPARED are compared.
-        cutoff: Least similarity, from 0 to 1.
+        name: Mistyped name.
+        known: Existing names; only the first MAX_COMPARED_NAMES are compared.
+        cutoff: Smallest similarity that counts, from 0 to 1.
     """
     near = difflib.get_close_matches(
         name[:MAX_NAME_LENGTH], list(islice(known, MAX_COMPARED_NAMES)), 1, cutoff

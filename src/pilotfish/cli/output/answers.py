@@ -14,9 +14,8 @@ import click
 
 from pilotfish.cli.output.terminal import print_failure, print_line
 from pilotfish.cli.stream.signals import SIGNAL_EXIT_OFFSET
-from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.errors import InvalidInput, SkillError, escape
 from pilotfish.io import is_folder, is_link, path_exists, require_replaceable, resolve_path
-from pilotfish.validation import escape
 
 
 @dataclass(frozen=True, slots=True)

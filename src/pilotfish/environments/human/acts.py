@@ -6,8 +6,9 @@ from math import inf
 
 from pilotfish.environments.human.offsets import offset_norms, pose_difference
 from pilotfish.environments.human.person import HumanModel
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
+from pilotfish.validation import require_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +63,12 @@ class DemonstrationPlan:
     round_trip: float = 0.0
 
     def __post_init__(self) -> None:
-        require_type("human_model", self.human_model, HumanModel, "give HumanModel()")
-        require_type("subtasks", self.subtasks, tuple, "give a tuple of subtasks")
+        require_type(self.human_model, "human_model", HumanModel, "give HumanModel()")
+        require_type(self.subtasks, "subtasks", tuple, "give a tuple of subtasks")
         if not self.subtasks:
             raise InvalidInput("subtasks is empty, expected at least one Subtask")
         for subtask in self.subtasks:
-            require_type("a subtask", subtask, Subtask, "give Subtask(...)")
+            require_type(subtask, "a subtask", Subtask, "give Subtask(...)")
         if not 0.0 <= self.round_trip < inf:
             raise InvalidInput(f"round_trip is {self.round_trip} s, expected 0 or more")
 

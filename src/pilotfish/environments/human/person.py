@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from math import inf, pi, radians
 
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
+from pilotfish.validation import require_type
 
 NON_NEGATIVE = (
     "parallel_noise",
@@ -67,7 +68,7 @@ class HumanModel:
 
     def __post_init__(self) -> None:
         for name in (*NON_NEGATIVE, *POSITIVE, *DELAYS, "phase_margin"):
-            require_type(name, getattr(self, name), (float, int), "give a number")
+            require_type(getattr(self, name), name, (float, int), "give a number")
         for name in POSITIVE:
             if not 0.0 < getattr(self, name) < inf:
                 raise InvalidInput(f"{name} is {getattr(self, name)}, expected a positive number")

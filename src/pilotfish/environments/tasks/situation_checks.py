@@ -1,7 +1,8 @@
 """Checks of the values that situations of tasks hold: where things can stand that an arm is to work on."""
 
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, pose
+from pilotfish.validation import require_type
 
 MAX_DISTANCE = 3.0  # m from the torso, in each direction: beyond, no arm reaches
 MAX_ANGLE = 100.0  # rad
@@ -18,7 +19,7 @@ def validate_object_pose(value: object, name: str, lowest: float) -> None:
     Raises:
         InvalidInput: If it is no pose, or stands too low or too far away.
     """
-    require_type(name, value, Pose, "geometry.pose(position, quaternion) makes one")
+    require_type(value, name, Pose, "geometry.pose(position, quaternion) makes one")
     assert isinstance(value, Pose)
     try:
         place = pose(value.position, value.quaternion).position

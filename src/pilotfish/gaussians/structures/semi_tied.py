@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import precision_cholesky
 from pilotfish.gaussians.structures.dense import MAX_COUNT, Covariances
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_count, require_number
+from pilotfish.validation import require_count, require_number, require_type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class SemiTied:
     sweeps: int = 2
 
     def __post_init__(self) -> None:
-        require_type("tying", self.tying, (float, int), "give a number from 0 (free) to 1 (fully tied)")
+        require_type(self.tying, "tying", (float, int), "give a number from 0 (free) to 1 (fully tied)")
         if not 0.0 <= require_number(self.tying, "tying") <= 1.0:
             raise InvalidInput(f"tying is {self.tying}, expected a number from 0 (free) to 1 (fully tied)")
         require_count(self.sweeps, "sweeps", MAX_COUNT, 1)

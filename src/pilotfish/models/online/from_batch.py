@@ -7,7 +7,7 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.models.durations.counted import state_segments
 from pilotfish.models.online.model import Column, Head, OnlineModel, online_model
 from pilotfish.models.online.settings import (
@@ -21,6 +21,7 @@ from pilotfish.models.online.settings import (
 from pilotfish.models.sequences import validated_views, viterbi
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Bool, Float, Int
+from pilotfish.validation import require_type
 
 DISTANCE_QUANTILE, FADE_AT_QUANTILE = (
     0.99,
@@ -130,7 +131,7 @@ def _select_clusters(
 
 
 def _label_datapoints(skill: Skill, demonstrations: Sequence[Demonstration]) -> LabelledDatapoints:
-    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     if skill.layout.orientation_starts:
         raise InvalidInput(
             "the skill has orientations on their sphere, and streams learn quaternions as four numbers; "

@@ -6,10 +6,10 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Layout, require_name, require_period
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, kernel_parameters
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import short_list
+from pilotfish.validation import require_type, short_list
 
 Column, Head = kernels.ClusterColumn, kernels.StreamCounter
 
@@ -104,16 +104,16 @@ def online_model(
     stream learns quaternions as four numbers.
     """
     require_type(
-        "settings", settings, (DPGMM, DPMPPCA, HDPHSMM, SOSC), "say SOSC(cluster=..., dimension=..., ...)"
+        settings, "settings", (DPGMM, DPMPPCA, HDPHSMM, SOSC), "say SOSC(cluster=..., dimension=..., ...)"
     )
-    require_type("layout", layout, Layout, "position_layout(3) makes one")
+    require_type(layout, "layout", Layout, "position_layout(3) makes one")
     if layout.orientation_starts:
         raise InvalidInput(
             "the layout has orientations on their sphere, and streams learn quaternions as four numbers; "
             "give demonstrations as they are recorded, without on_sphere"
         )
     require_period(period, "period")
-    require_type("frame_names", frame_names, (tuple, list), 'give names in a tuple, say ("world",)')
+    require_type(frame_names, "frame_names", (tuple, list), 'give names in a tuple, say ("world",)')
     names = tuple(require_name(name, "a frame") for name in frame_names)
     if not names or len(set(names)) != len(names):
         raise InvalidInput(

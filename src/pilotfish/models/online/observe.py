@@ -6,12 +6,12 @@ import numpy as np
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Layout, views
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.models.online.assignments import Assignment, Assignments
 from pilotfish.models.online.model import Head, OnlineModel
 from pilotfish.models.signs import sign_combinations
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array
+from pilotfish.validation import numeric_array, require_type
 
 MAX_VALUE = kernels.MAX_VALUE
 MODEL_HINT = "online.online_model makes one, and online.observe gives the next"
@@ -24,7 +24,7 @@ def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, As
     observe_stream copies them once for many datapoints.
     Raises: InvalidInput, when x is not finite, beyond 1e100 or of another width.
     """
-    require_type("model", model, OnlineModel, MODEL_HINT)
+    require_type(model, "model", OnlineModel, MODEL_HINT)
     point, state = _as_float_array(x), model.state
     if point.shape != (state.frames, state.width):
         point = _add_frame_axis(point, model)
@@ -42,7 +42,7 @@ def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[Onli
     with every call. The model given is as it was, and no datapoint is learned when one is refused.
     Raises: InvalidInput, when a datapoint is not finite, beyond 1e100 or of another width.
     """
-    require_type("model", model, OnlineModel, MODEL_HINT)
+    require_type(model, "model", OnlineModel, MODEL_HINT)
     P, D = len(model.frame_names), model.layout.width
     points = _as_float_array(x)
     if points.shape[1:] != (P, D) and not (P == 1 and points.shape[1:] == (D,)):
@@ -67,8 +67,8 @@ def observe_demonstration(
     derivatives with them: q and -q are one orientation.
     Raises: InvalidInput, when it differs from the model in layout, period or names of frames.
     """
-    require_type("model", model, OnlineModel, MODEL_HINT)
-    require_type("demonstration", demonstration, Demonstration, "pf.demonstration makes one of an array")
+    require_type(model, "model", OnlineModel, MODEL_HINT)
+    require_type(demonstration, "demonstration", Demonstration, "pf.demonstration makes one of an array")
     for what, given, known in (
         ("layout", demonstration.layout, model.layout),
         ("period [s]", demonstration.period, model.period),

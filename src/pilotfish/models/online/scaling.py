@@ -16,10 +16,11 @@ from pilotfish.demonstrations import (
     moving_frame,
     views,
 )
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import DenseCovariances
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +41,7 @@ def estimate_scales(skill: Skill) -> ColumnScales:
     So a batch fit of a few demonstrations tells by how much each quantity varies where the task is the same.
     Raises: InvalidInput, when the skill has orientations on S^3, or a part never varies.
     """
-    require_type("skill", skill, Skill, "a fit holds one: fit.skill")
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     if skill.layout.orientation_starts:
         raise InvalidInput(
             "the skill has orientations on S^3, which streams take as four numbers; learn it from "

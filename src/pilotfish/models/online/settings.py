@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from math import sqrt
 
 from pilotfish import kernels
-from pilotfish.errors import InvalidInput, require_type
+from pilotfish.errors import InvalidInput
 from pilotfish.models.skill import MAX_STATES
-from pilotfish.validation import MAX_MAGNITUDE, require_count
+from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
 
 MAX_EXTRA_DIRECTIONS, MAX_BATCH_SIZE = 10_000, 100_000
 
@@ -34,7 +34,7 @@ class ExponentialDecay:
 
     def __post_init__(self) -> None:
         for name in ("discount", "forget_below"):
-            require_type(name, getattr(self, name), (int, float), "give a number")
+            require_type(getattr(self, name), name, (int, float), "give a number")
         if not 0.0 < self.discount < 1.0:
             raise InvalidInput(f"discount is {self.discount}, expected a number between 0 and 1, say 0.995")
         if not 0.0 <= self.forget_below < 1.0:
@@ -51,7 +51,7 @@ class ConstantWeight:
     weight: float
 
     def __post_init__(self) -> None:
-        require_type("weight", self.weight, (int, float), "give a number")
+        require_type(self.weight, "weight", (int, float), "give a number")
         if not 0.0 < self.weight <= MAX_MAGNITUDE:
             raise InvalidInput(f"weight is {self.weight}, expected a positive number")
 
@@ -81,13 +81,13 @@ class Maintenance:
 
     def __post_init__(self) -> None:
         require_type(
-            "weighting",
             self.weighting,
+            "weighting",
             (DatapointCount, ExponentialDecay, ConstantWeight),
             "give an instance, say Count()",
         )
         if self.merge_distance is not None:
-            require_type("merge_distance", self.merge_distance, (int, float), "give a number or None")
+            require_type(self.merge_distance, "merge_distance", (int, float), "give a number or None")
         if self.merge_distance is not None and not 0.0 <= self.merge_distance <= MAX_MAGNITUDE:
             raise InvalidInput(f"merge_distance is {self.merge_distance}, expected 0 or more, or None")
         require_count(self.extra_directions, "extra_directions", MAX_EXTRA_DIRECTIONS)
@@ -236,8 +236,8 @@ def _weighting(weighting: Weighting) -> tuple[int, float, float]:
 def _validate_penalties(settings: object, positive: tuple[str, ...], nonnegative: tuple[str, ...]) -> None:
     for name in (*positive, *nonnegative):
         value = getattr(settings, name)
-        require_type(name, value, (int, float), "give a number")
+        require_type(value, name, (int, float), "give a number")
         least = "more than 0" if name in positive else "0 or more"
         if not value <= MAX_MAGNITUDE or value < 0 or (name in positive and value == 0):
             raise InvalidInput(f"{name} is {value}, expected {least}, in squared units of the columns")
-    require_type("maintenance", settings.maintenance, Maintenance, "give an instance, say Upkeep(batch=50)")  # type: ignore[attr-defined]
+    require_type(settings.maintenance, "maintenance", Maintenance, "give an instance, say Upkeep(batch=50)")  # type: ignore[attr-defined]
