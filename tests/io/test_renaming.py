@@ -11,7 +11,7 @@ from pilotfish.errors import InvalidInput, OutputExists
 from pilotfish.io import renaming
 from pilotfish.io.atomic_files import atomic_file
 from pilotfish.io.atomic_folders import atomic_folder
-from pilotfish.io.container_format import written
+from pilotfish.io.container_format import write_container
 from pilotfish.io.renaming import exchange_paths, make_folder, rename_exclusive
 
 
@@ -95,10 +95,10 @@ def test_an_existing_file_is_refused_and_the_result_kept_only_if_asked(tmp_path:
     """overwrite=False, without and with beside=True."""
     occupy(tmp_path / "motion.csv", kind)
     with pytest.raises(InvalidInput, match="exists; choose another name"):
-        written(b"new", tmp_path / "motion.csv", overwrite=False, use_free_name=False)
+        write_container(b"new", tmp_path / "motion.csv", overwrite=False, use_free_name=False)
     assert names(tmp_path) == ["motion.csv"]
     with pytest.raises(OutputExists, match=r"exists and is kept; this result is in .*motion-1\.csv"):
-        written(b"new", tmp_path / "motion.csv", overwrite=False, use_free_name=True)
+        write_container(b"new", tmp_path / "motion.csv", overwrite=False, use_free_name=True)
     assert (tmp_path / "motion-1.csv").read_bytes() == b"new"
 
 

@@ -52,7 +52,7 @@ def skill_with_durations(durations: Any, censoring: Censoring) -> Skill:
 
 
 @pytest.mark.parametrize("first", [False, True])
-@pytest.mark.parametrize("law", DISTRIBUTIONS)
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 def test_every_law_of_durations_comes_back_number_for_number(distribution: str, first: bool):
     """And what the recordings cut off; what a file always meant is not written out."""
     skill = skill_with_durations(DISTRIBUTIONS[distribution], Censoring(first))
@@ -73,7 +73,7 @@ def test_every_law_of_durations_comes_back_number_for_number(distribution: str, 
 
 
 @pytest.mark.parametrize(
-    ("law", "words", "edit"),
+    ("distribution", "words", "edit"),
     [
         ("gamma", "kind 'weibull'", lambda h, a: h["dynamics"].update({"durations.kind": "weibull"})),
         ("gamma", "kind 'gaussian'", lambda h, a: h["dynamics"].update({"durations.kind": "gaussian"})),
