@@ -70,14 +70,14 @@ BAD_MANIFESTS = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BAD_MANIFESTS, ids=range(len(BAD_MANIFESTS)))
-def test_what_a_manifest_may_not_say(folder: Path, old: str, new: str, message: str):
+def test_what_a_manifest_may_not_say(manual_folder: Path, old: str, new: str, message: str):
     """The key is named, what it says, what was expected, and the nearest fix."""
-    file = folder / "demonstrations.toml"
+    file = manual_folder / "demonstrations.toml"
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new, 1))
     with pytest.raises(InvalidInput, match=message):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)
 
 
 BAD_TABLES = [
@@ -105,11 +105,11 @@ BAD_TABLES = [
 
 
 @pytest.mark.parametrize(("text", "message"), BAD_TABLES, ids=range(len(BAD_TABLES)))
-def test_what_a_table_may_not_hold(folder: Path, text: str | bytes, message: str):
+def test_what_a_table_may_not_hold(manual_folder: Path, text: str | bytes, message: str):
     """File, line and column are named."""
-    (folder / "first.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    (manual_folder / "first.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InvalidInput, match=message):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)
 
 
 ARRAYS = {"x": np.zeros((2, 2)), "A": np.tile(np.eye(2), (2, 1, 1)), "b": np.zeros((2, 2))}
@@ -124,53 +124,53 @@ BAD_ARRAYS = [
 
 
 @pytest.mark.parametrize(("arrays", "message"), BAD_ARRAYS, ids=range(len(BAD_ARRAYS)))
-def test_what_an_archive_may_not_hold(folder: Path, arrays: dict[str, np.ndarray], message: str):
+def test_what_an_archive_may_not_hold(manual_folder: Path, arrays: dict[str, np.ndarray], message: str):
     """The array and the frame are named; pickled objects are never loaded."""
-    keyed = (folder / "demonstrations.toml").read_text()
+    keyed = (manual_folder / "demonstrations.toml").read_text()
     keyed = keyed.replace("first.csv", "first.npz").replace(
         "A = [[1, 0], [0, 2]], b = [0.5, 0]", "A='A', b='b'", 1
     )
-    (folder / "demonstrations.toml").write_text(keyed.replace('"cup"', '"belt"', 1))
-    np.savez(folder / "first.npz", **ARRAYS)
-    assert read_demonstrations(folder)[0].frames[0].name == "belt"
-    np.savez(folder / "first.npz", **arrays)
+    (manual_folder / "demonstrations.toml").write_text(keyed.replace('"cup"', '"belt"', 1))
+    np.savez(manual_folder / "first.npz", **ARRAYS)
+    assert read_demonstrations(manual_folder)[0].frames[0].name == "belt"
+    np.savez(manual_folder / "first.npz", **arrays)
     with pytest.raises(InvalidInput, match=message):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)
 
 
-def test_an_array_alone_is_no_archive(folder: Path):
+def test_an_array_alone_is_no_archive(manual_folder: Path):
     """A .npy file renamed to .npz, and rubbish."""
-    text = (folder / "demonstrations.toml").read_text()
-    (folder / "demonstrations.toml").write_text(text.replace("first.csv", "first.npz"))
+    text = (manual_folder / "demonstrations.toml").read_text()
+    (manual_folder / "demonstrations.toml").write_text(text.replace("first.csv", "first.npz"))
     for write in (lambda f: np.save(f, np.zeros((2, 2))), lambda f: f.write(b"rubbish"), lambda f: None):
-        with (folder / "first.npz").open("wb") as file:
+        with (manual_folder / "first.npz").open("wb") as file:
             write(file)
         with pytest.raises(InvalidInput, match=r"first\.npz: not an NPZ file") as refused:
-            read_demonstrations(folder)
+            read_demonstrations(manual_folder)
         assert "pickle" not in str(refused.value)  # NumPy's advice is not ours
 
 
-def test_a_folder_needs_exactly_one_manifest(folder: Path):
+def test_a_folder_needs_exactly_one_manifest(manual_folder: Path):
     """None, two, no folder, a file instead of one."""
     with pytest.raises(InvalidInput, match="is no folder"):
-        read_demonstrations(folder / "missing")
+        read_demonstrations(manual_folder / "missing")
     with pytest.raises(InvalidInput, match="is no folder"):
-        read_demonstrations(folder / "first.csv")
-    (folder / "demonstrations.json").write_text("{}")
+        read_demonstrations(manual_folder / "first.csv")
+    (manual_folder / "demonstrations.json").write_text("{}")
     with pytest.raises(InvalidInput, match="has both of"):
-        read_demonstrations(folder)
-    (folder / "demonstrations.json").unlink()
-    (folder / "demonstrations.toml").unlink()
+        read_demonstrations(manual_folder)
+    (manual_folder / "demonstrations.json").unlink()
+    (manual_folder / "demonstrations.toml").unlink()
     with pytest.raises(InvalidInput, match="has neither of"):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)
 
 
 @pytest.mark.parametrize(
     "text", ["[1, 2]", "3", "", "{", '{"version": 1, "version": 1}', "[" * 100_000, "nul"]
 )
-def test_json_that_is_no_manifest(folder: Path, text: str):
+def test_json_that_is_no_manifest(manual_folder: Path, text: str):
     """Other values, cut ones, keys that stand twice, and depths beyond any use."""
-    (folder / "demonstrations.toml").unlink()
-    (folder / "demonstrations.json").write_text(text)
+    (manual_folder / "demonstrations.toml").unlink()
+    (manual_folder / "demonstrations.json").write_text(text)
     with pytest.raises(InvalidInput, match=r"demonstrations\.json: "):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)

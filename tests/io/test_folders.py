@@ -43,21 +43,21 @@ def same(one: Demonstration, other: Demonstration) -> bool:
     return plain and arrays and frames
 
 
-def test_a_folder_written_by_hand_is_read(folder: Path):
+def test_a_folder_written_by_hand_is_read(manual_folder: Path):
     """Period, names, frames and numbers are those of the files."""
-    first, second = read_demonstrations(folder)
+    first, second = read_demonstrations(manual_folder)
     assert (first.name, second.name, first.period) == ("first", "", 0.5)
     np.testing.assert_array_equal(first.x, [[0, 1], [2, 3.5], [-0.004, 5]])
     np.testing.assert_array_equal(first.frames[0].A, np.diag([1.0, 2.0]))
     np.testing.assert_array_equal(first.frames[0].b, [0.5, 0.0])
 
 
-def test_toml_and_json_say_the_same(folder: Path):
+def test_toml_and_json_say_the_same(manual_folder: Path):
     """The manifest may be either."""
-    by_toml, text = read_demonstrations(folder), (folder / "demonstrations.toml").read_text()
-    (folder / "demonstrations.toml").unlink()
-    (folder / "demonstrations.json").write_text(json.dumps(tomllib.loads(text)))
-    assert all(map(same, read_demonstrations(str(folder)), by_toml))
+    by_toml, text = read_demonstrations(manual_folder), (manual_folder / "demonstrations.toml").read_text()
+    (manual_folder / "demonstrations.toml").unlink()
+    (manual_folder / "demonstrations.json").write_text(json.dumps(tomllib.loads(text)))
+    assert all(map(same, read_demonstrations(str(manual_folder)), by_toml))
 
 
 def test_a_frame_given_by_its_pose_is_the_frame_of_that_pose(tmp_path: Path, make):
@@ -131,9 +131,9 @@ def test_a_damaged_byte_is_noticed_or_harmless(written: tuple[Path, tuple[Demons
         file.write_bytes(whole)
 
 
-def reads_equal_or_is_refused(folder: Path, expected: tuple[Demonstration, ...]) -> bool:
+def reads_equal_or_is_refused(manual_folder: Path, expected: tuple[Demonstration, ...]) -> bool:
     try:
-        read = read_demonstrations(folder)
+        read = read_demonstrations(manual_folder)
     except InvalidInput:
         return True
     return len(read) == len(expected) and all(map(same, read, expected))
@@ -161,12 +161,14 @@ def test_a_damaged_folder_without_checksums_raises_nothing_else(
         read_demonstrations(broken)
 
 
-def test_what_spreadsheets_do_to_a_table_is_harmless(folder: Path):
+def test_what_spreadsheets_do_to_a_table_is_harmless(manual_folder: Path):
     """A byte-order mark, Windows line ends and quoted names read the same."""
-    expected = read_demonstrations(folder)
-    other = (folder / "first.csv").read_text().replace("position x", '"position x"').replace("\n", "\r\n")
-    (folder / "first.csv").write_bytes(b"\xef\xbb\xbf" + other.encode())
-    assert all(map(same, read_demonstrations(folder), expected))
+    expected = read_demonstrations(manual_folder)
+    other = (
+        (manual_folder / "first.csv").read_text().replace("position x", '"position x"').replace("\n", "\r\n")
+    )
+    (manual_folder / "first.csv").write_bytes(b"\xef\xbb\xbf" + other.encode())
+    assert all(map(same, read_demonstrations(manual_folder), expected))
 
 
 def test_an_edited_folder_is_noticed_and_the_named_fix_works(written: tuple[Path, tuple[Demonstration, ...]]):
@@ -183,19 +185,19 @@ def test_an_edited_folder_is_noticed_and_the_named_fix_works(written: tuple[Path
     assert read_demonstrations(folder)[0].period == 0.2
 
 
-def test_nothing_is_overwritten_unless_asked_and_nothing_else_ever(folder: Path, make):
+def test_nothing_is_overwritten_unless_asked_and_nothing_else_ever(manual_folder: Path, make):
     """An existing folder stays; with overwrite, only a folder of demonstrations is replaced."""
     demo = make()
     with pytest.raises(InvalidInput, match="exists; choose another place, or say overwrite=True"):
-        write_demonstrations([demo], folder)
-    (folder / "notes.txt").write_text("mine")
+        write_demonstrations([demo], manual_folder)
+    (manual_folder / "notes.txt").write_text("mine")
     with pytest.raises(InvalidInput, match=r"also holds 'notes\.txt'"):
-        write_demonstrations([demo], folder, overwrite=True)
-    assert len(read_demonstrations(folder)) == 2
-    (folder / "notes.txt").unlink()
-    write_demonstrations([demo], folder, overwrite=True)
-    assert same(*read_demonstrations(folder), demo)
-    other = folder / "other"
+        write_demonstrations([demo], manual_folder, overwrite=True)
+    assert len(read_demonstrations(manual_folder)) == 2
+    (manual_folder / "notes.txt").unlink()
+    write_demonstrations([demo], manual_folder, overwrite=True)
+    assert same(*read_demonstrations(manual_folder), demo)
+    other = manual_folder / "other"
     other.mkdir()
     (other / "precious").write_text("mine")
     with pytest.raises(InvalidInput, match="has neither of"):
@@ -227,7 +229,7 @@ def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
 ):
     """Wherever writing stops, the folder that was there is there, and nothing beside it."""
     if not exchanges:
-        monkeypatch.setattr("pilotfish.io.atomic_folders.exchange", lambda *_: False)
+        monkeypatch.setattr("pilotfish.io.atomic_folders.exchange_paths", lambda *_: False)
     old, new = make(), make()
     write_demonstrations([old], tmp_path / "set")
     method, *nth = moment.split()
@@ -256,7 +258,7 @@ def test_an_interrupt_at_either_rename_leaves_the_old_folder_or_the_new_one(
     make, tmp_path, monkeypatch, call, before
 ):
     """Where the system cannot exchange folders, Ctrl-C may come before each of two renames, or after it."""
-    monkeypatch.setattr("pilotfish.io.atomic_folders.exchange", lambda *_: False)
+    monkeypatch.setattr("pilotfish.io.atomic_folders.exchange_paths", lambda *_: False)
     old, real, calls = make(), Path.rename, []
     write_demonstrations([old], tmp_path / "set")
 

@@ -280,8 +280,11 @@ def trained_model() -> online.OnlineModel:
         (lambda h: h["layout"][0].update(size=10**8), "size"),
         (lambda h: h["layout"][0].update(unit="\x1b[2J"), "unit"),
         (lambda h: h["settings"]["maintenance"].update(batch=10**9), "batch is 1000000000"),
-        (lambda h: h["settings"]["maintenance"].update(max_clusters=10**6), "most_clusters is 1000000"),
-        (lambda h: h["settings"]["maintenance"].update(extra_directions=10**6), "spare is 1000000"),
+        (lambda h: h["settings"]["maintenance"].update(max_clusters=10**6), "max_clusters is 1000000"),
+        (
+            lambda h: h["settings"]["maintenance"].update(extra_directions=10**6),
+            "extra_directions is 1000000",
+        ),
         (lambda h: h["settings"].update(kind="\x1b" * 1000), "kind"),
     ],
     ids=[

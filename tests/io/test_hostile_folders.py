@@ -127,8 +127,8 @@ def test_constructors_refuse_text_that_files_may_not_hold(text: str) -> None:
 @pytest.mark.parametrize(
     "key", ["period", "version", "size", "derivative", "name", "quantity", "file", "extra"]
 )
-def test_toml_number_of_more_digits_than_python_prints_is_refused(folder: Path, key: str) -> None:
-    file, huge = folder / "demonstrations.toml", "0x1" + 5000 * "0"
+def test_toml_number_of_more_digits_than_python_prints_is_refused(manual_folder: Path, key: str) -> None:
+    file, huge = manual_folder / "demonstrations.toml", "0x1" + 5000 * "0"
     text = file.read_text()
     lines = [f"{key} = {huge}" if line.startswith(f"{key} = ") else line for line in text.splitlines()]
     if key == "derivative":
@@ -137,7 +137,7 @@ def test_toml_number_of_more_digits_than_python_prints_is_refused(folder: Path, 
         lines.insert(1, f"extra = [{huge}]\nsha256 = ''")
     file.write_text("\n".join(lines))
     with pytest.raises(InvalidInput, match=r"demonstrations\.toml"):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)
 
 
 @pytest.mark.parametrize("number", ["1" + 400 * "0", "0x1" + 5000 * "0"], ids=["overflow", "digits"])
@@ -152,13 +152,13 @@ def test_toml_number_of_more_digits_than_python_prints_is_refused(folder: Path, 
     ids=["A", "b", "position", "quaternion"],
 )
 def test_number_too_large_for_a_float_is_refused_in_a_frame(
-    folder: Path, frame_text: str, number: str
+    manual_folder: Path, frame_text: str, number: str
 ) -> None:
-    file = folder / "demonstrations.toml"
+    file = manual_folder / "demonstrations.toml"
     old = "A = [[1, 0], [0, 2]], b = [0.5, 0]"
     file.write_text(file.read_text().replace(old, frame_text.replace("NUMBER", number), 1))
     with pytest.raises(InvalidInput, match="demonstration 0, frame 0: "):
-        read_demonstrations(folder)
+        read_demonstrations(manual_folder)
 
 
 def test_manifest_with_a_checksum_and_tables_nested_without_end_is_refused() -> None:

@@ -82,7 +82,7 @@ def test_every_law_of_durations_comes_back_number_for_number(distribution: str, 
         ("gamma", "shapes", lambda h, a: a["dynamics.durations.shapes"].put(0, 0.0)),
         ("log-normal", "log_deviations", lambda h, a: a["dynamics.durations.log_deviations"].put(0, 0.0)),
         ("poisson", "more", lambda h, a: a["dynamics.durations.rates"].put(1, 0.0)),
-        ("negative-binomial", "leaving", lambda h, a: a["dynamics.durations.exit_probs"].put(1, 1.0)),
+        ("negative-binomial", "exit_probs", lambda h, a: a["dynamics.durations.exit_probs"].put(1, 1.0)),
         ("histogram", "probabilities", lambda h, a: a["dynamics.durations.probabilities"].put(0, 0.5)),
         (
             "histogram",

@@ -432,7 +432,7 @@ def test_structures_that_the_format_does_not_know_are_refused(skill: Skill):
     bad = replace(
         skill, covariances=(_UnregisteredCovariances(skill.covariances[0].dense), skill.covariances[1])
     )
-    with pytest.raises(InvalidInput, match="_Strange cannot be written"):
+    with pytest.raises(InvalidInput, match="_UnregisteredCovariances cannot be written"):
         encode_skill(bad)
 
 

@@ -67,7 +67,7 @@ def models_equal(one: online.OnlineModel, other: online.OnlineModel) -> bool:
     arrays = all(
         getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes()
         and getattr(one.state, name).shape == getattr(other.state, name).shape
-        for name in ("head", "clusters", "counts")
+        for name in ("head", "clusters", "transition_counts")
     )
     plain = [
         (
@@ -168,7 +168,7 @@ def test_a_changed_byte_never_opens_as_another_model(kind: tuple[str, str], plac
 
 def test_a_truncated_or_lengthened_file_is_refused():
     """However much is missing or too much."""
-    model = trained_model("sosc", "trace")
+    model = trained_model("sosc", "exponential-decay")
     data = encode_stream(model)
     for length in [*range(0, len(data), 131), len(data) - 1]:
         assert opens_the_same_or_is_refused(data[:length], model)
@@ -199,7 +199,7 @@ def test_nothing_is_written_that_could_not_be_opened(tmp_path: Path):
     """A model whose numbers are none is refused by the door it leaves by."""
     model = trained_model("sosc", "count")
     with pytest.raises(InvalidInput, match="counts"):
-        pf.save_stream(with_arrays(model, counts=-model.counts), tmp_path / "file")
+        pf.save_stream(with_arrays(model, transition_counts=-model.transition_counts), tmp_path / "file")
     assert not list(tmp_path.iterdir())
 
 
