@@ -11,7 +11,7 @@ import click
 import numpy as np
 import pytest
 from annotations import check_annotations
-from fuzzing.containers import headed_writer, taken_apart
+from fuzzing.containers import container_writer, parse_container
 from fuzzing.public_examples import Examples, examples, function_named
 from fuzzing.seeds import streams
 from fuzzing.soundness import require_sound_refusal
@@ -28,7 +28,7 @@ from pilotfish.models import GaussianDurations
 CALLS: list[tuple[str, str, Any]] = [
     ("demonstrations.demonstration", "layout", "pose"),
     ("demonstrations.demonstration", "frames", 3),
-    ("demonstrations.continuous_quaternions", "layout", True),
+    ("demonstrations.unwrap_orientations", "layout", True),
     ("models.online.observe", "model", "a model"),
     ("models.online.observe", "x", np.array(["0.1", "0.2"])),
     ("models.online.observe", "x", np.array([True, False])),
@@ -37,12 +37,12 @@ CALLS: list[tuple[str, str, Any]] = [
     ("models.online.observe_stream", "x", np.ma.masked_array(np.ones((3, 2)), True)),
     ("models.online.observe_demonstration", "model", None),
     ("planning.plan", "start", np.array(["a", "b", "c", "d"])),
-    ("planning.planned_states", "start", np.full(4, None)),
+    ("planning.plan_states", "start", np.full(4, None)),
     ("models.online.online_model", "frame_names", 0.5),
     ("models.learn", "settings", 0.5),
     ("models.learn_mixture", "settings", "few"),
     ("planning.via_point", "what", "posi\ud800tion"),
-    ("planning.tangent_chart", "at", np.zeros(13, "M8[s]")),
+    ("planning.tangent_chart", "base_pose", np.zeros(13, "M8[s]")),
 ]
 
 
@@ -121,8 +121,8 @@ def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
 
 
 def test_stream_whose_numbers_are_no_table_is_refused() -> None:
-    header, arrays, damage = taken_apart(encode_stream(streams()[0]))
-    data = headed_writer(STREAM_FORMAT)((header, {**arrays, "numbers": np.array(1.0)}, damage))
+    header, arrays, damage = parse_container(encode_stream(streams()[0]))
+    data = container_writer(STREAM_FORMAT)((header, {**arrays, "numbers": np.array(1.0)}, damage))
     with pytest.raises(UnreadableFile, match="counts has shape"):
         decode_stream(data)
 

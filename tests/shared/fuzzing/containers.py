@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from safetensors import deserialize
 
-from fuzzing.edits import edit_array, edit_bytes, edit_tree, json_text, shown
+from fuzzing.edits import edit_tree, json_text, short_text
+from fuzzing.edits_of_arrays import edit_array
+from fuzzing.edits_of_text import edit_bytes
 from pilotfish.io.container_format import METADATA_KEY, ContainerFormat, container_hash
 from pilotfish.types import Array
 
@@ -42,7 +44,7 @@ def edit_container(value: Container, rng: Random) -> tuple[Container, str]:
         other = rng.choice(list(arrays))
         new = rng.choice(({k: v for k, v in arrays.items() if k != name}, {**arrays, name: arrays[other]}))
         new = rng.choice((new, {**arrays, f"{name}.x": arrays[other]}))
-        return (header, new, damage), f"arrays {shown(sorted(new), 200)}, {name} like {other}"
+        return (header, new, damage), f"arrays {short_text(sorted(new), 200)}, {name} like {other}"
     seed = rng.getrandbits(32)
     return (header, arrays, (*damage, seed)), f"damage {seed}"
 

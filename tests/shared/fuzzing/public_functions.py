@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing.edits import NUMBERS, STRUCTURES, TEXTS, Token, edit_array, shown
-from fuzzing.public_examples import PACKAGES, examples, function_named
+from fuzzing.edits import NUMBERS, STRUCTURES, TEXTS, Token, short_text
+from fuzzing.edits_of_arrays import edit_array
+from fuzzing.public_examples import EXAMPLES, examples, function_named
 from fuzzing.soundness import InvariantViolation, require_sound
 from fuzzing.target import Target
 from pilotfish.errors import SkillError
@@ -95,7 +96,7 @@ def _edited(value: Any, rng: Random) -> tuple[Any, str, bool]:
         edited, said, inside = _edited(value[key], rng)
         return {**value, key: edited}, f"[{key!r}] {said}", inside
     other = rng.choice(VALUES)
-    return other, f"{shown(value)} -> {shown(other)}", False
+    return other, f"{short_text(value)} -> {short_text(other)}", False
 
 
 def _edited_field(value: Any, rng: Random) -> tuple[Any, str]:
@@ -266,6 +267,5 @@ SHARES = {
 }
 TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     f"{package}()": (_maker(package), SHARES.get(package, 0.05 if package == "plots" else 0.5))
-    for package in PACKAGES
-    if package != "store"
+    for package in EXAMPLES
 }

@@ -1,7 +1,7 @@
 """What must hold of every value that a decoder accepted: finite, bounded, printable, usable."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from math import isinf
@@ -11,15 +11,14 @@ import numpy as np
 
 from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
 from pilotfish.cli.stream.descriptions import described, online_model_facts
-from pilotfish.demonstrations import Frame, Layout, add_derivatives, frame, views
+from pilotfish.demonstrations import Frame, add_derivatives, frame, views
 from pilotfish.errors import SkillError
 from pilotfish.io.motions import end_notes, start_notes
-from pilotfish.io.situations import first_mean
+from pilotfish.io.situations import mean_of_first_state
 from pilotfish.io.skill_file import decode_skill, encode_skill
 from pilotfish.io.stream_file import decode_stream, encode_stream
-from pilotfish.models import AdaptedSkill, Skill, adapt, online
-from pilotfish.planning import plan, planned_states
-from pilotfish.planning.reproduction import followed, setting
+from pilotfish.models import Skill, adapt, online
+from pilotfish.planning import plan, plan_states, reproduce
 
 MAX_ARRAY_SIZE = 2**22  # numbers in one array that a small file may lead to
 MAX_TEXT_LENGTH = 10**4
@@ -74,7 +73,7 @@ def require_sound_text(text: str, place: str) -> None:
 
 
 def use_skill(skill: Skill, thorough: bool) -> None:
-    """Show the skill; when thorough, write it, adapt it and follow a short plan of it."""
+    """Describe a skill; if thorough, also write it, adapt it and reproduce a few steps."""
     require_sound(skill, "skill")
     require_sound_text(format_states(skill), "the table of states")
     require_sound_text(format_columns(skill.layout) + format_dynamics(skill), "the columns")
@@ -83,32 +82,28 @@ def use_skill(skill: Skill, thorough: bool) -> None:
         return
     data = encode_skill(skill)
     if encode_skill(decode_skill(data)) != data:
-        raise InvariantViolation("the skill does not read back as it was written")
-    _perform(skill)
-
-
-def _perform(skill: Skill) -> None:
+        raise InvariantViolation("the skill that is read differs from the one that was written")
     try:
-        use_adapted(adapt(skill, [_fixed_frame(skill.layout, name) for name in skill.frame_names]))
+        use_in_frames(skill, identity_frames(skill))
     except SkillError as error:
         require_sound_refusal(error)
 
 
-def use_adapted(adapted: AdaptedSkill) -> None:
-    """Plan a few steps of an adapted skill and follow them."""
+def identity_frames(skill: Skill) -> list[Frame]:
+    return [frame(name, np.eye(skill.width), np.zeros(skill.width)) for name in skill.frame_names]
+
+
+def use_in_frames(skill: Skill, frames: Sequence[Frame]) -> None:
+    """Adapt a skill to frames, plan a few steps and roll them out."""
+    adapted = adapt(skill, frames)
     require_sound(adapted, "adapted skill")
-    here = setting(adapted)
-    start = here.to_tangent(first_mean(adapted))
-    require_sound(planned_states(here.flat, start, horizon=12), "states")
-    reference = plan(here.flat, start, horizon=12)
-    require_sound(reference, "reference")
-    _, motion = followed(here, reference, start, 9.0)
-    require_sound(motion, "motion")
-    require_sound([*end_notes(adapted, 0), *start_notes(adapted, motion.x[0])], "notes")
-
-
-def _fixed_frame(layout: Layout, name: str) -> Frame:
-    return frame(name, np.eye(layout.width), np.zeros(layout.width))
+    start = mean_of_first_state(adapted)
+    if not adapted.layout.orientation_starts:
+        require_sound(plan_states(adapted, start, horizon=12), "states")
+        require_sound(plan(adapted, start, horizon=12), "reference")
+    result = reproduce(skill, frames, start, horizon=12, control_cost=9.0)
+    require_sound([result.adapted, result.states, result.reference, result.motion], "reproduction")
+    require_sound([*end_notes(adapted, 0), *start_notes(adapted, result.motion.x[0])], "notes")
 
 
 def use_stream(model: online.OnlineModel, thorough: bool) -> None:

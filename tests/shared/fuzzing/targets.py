@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from fuzzing import public_functions, targets_demonstrations, targets_kernels, targets_station
+from fuzzing import public_functions, targets_cli, targets_demonstrations, targets_kernels
 from fuzzing.containers import container_writer, edit_container, parse_container
 from fuzzing.seeds import skills, streams
 from fuzzing.soundness import use_skill, use_stream
@@ -27,7 +27,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "skill": (_skill_target, 5.0),
     "stream": (_stream_target, 4.0),
     **targets_demonstrations.TARGETS,
-    **targets_station.TARGETS,
+    **targets_cli.TARGETS,
     **public_functions.TARGETS,
     **targets_kernels.TARGETS,
 }

@@ -11,39 +11,35 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import save
 
-from fuzzing.edits import edit_bytes, edit_text, edit_tree, json_text, toml_text
-from fuzzing.seeds import skills, split_lines, valve_demonstrations
-from fuzzing.soundness import require_sound, require_sound_refusal, use_adapted
+from fuzzing.edits import edit_tree, json_text, toml_text
+from fuzzing.edits_of_text import edit_bytes, edit_text
+from fuzzing.seeds import lines, skills, valve_demonstrations
+from fuzzing.soundness import identity_frames, require_sound, require_sound_refusal, use_in_frames
 from fuzzing.target import Target
-from fuzzing.targets_demonstrations import Arrays, Damaged, damaged, edit_arrays, or_damage
+from fuzzing.targets_demonstrations import Arrays, CorruptedBytes, corrupted, edit_arrays, edit_or_corrupt
 from pilotfish.cli.commands.learn import learn as learn_command
 from pilotfish.cli.options.candidates import parse_candidates
+from pilotfish.cli.options.learners import VITERBI
 from pilotfish.cli.options.sources import select_demonstrations, validate_selection
 from pilotfish.cli.options.structures import StructureType
-from pilotfish.cli.options.via_points import ViaPointType, misses, to_via_points, via_point_notes
-from pilotfish.cli.stream import split_lines as stream_lines
-from pilotfish.demonstrations import frame, frame_from_pose
+from pilotfish.cli.options.via_points import ViaPointType, to_via_points, via_point_errors, via_point_notes
+from pilotfish.cli.stream import lines as stream_lines
+from pilotfish.demonstrations import frame_from_pose
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import pose
 from pilotfish.io.situations import mean_of_first_state, read_frames, read_start
-from pilotfish.models import AdaptedSkill, adapt
-from pilotfish.planning import condition_on, plan
-from pilotfish.planning.reproduction import followed, setting
+from pilotfish.models import adapt
+from pilotfish.planning import reproduce
 from pilotfish.simulation import meshes
 
 POSES = {"frame 0": [0.1, 0.2, 0.3], "frame 1": [0.4, 0.1, 0.0]}
 QUATERNION = [0.9659258262890683, 0.0, 0.0, 0.25881904510252074]
 
 
-def _placed(skill: Any) -> AdaptedSkill:
-    """The skill with its frames where nothing is turned."""
-    return adapt(skill, [frame(n, np.eye(skill.width), np.zeros(skill.width)) for n in skill.frame_names])
-
-
-def _written(value: Damaged, folder: Path, toml: bool) -> Path:
+def _written(value: CorruptedBytes, folder: Path, toml: bool) -> Path:
     text = toml_text(value[0]) if toml else json_text(value[0])
     file = folder / ("now.toml" if toml else "now.json")
-    file.write_bytes(damaged(text.encode("utf-8", "surrogatepass"), value[1]))
+    file.write_bytes(corrupted(text.encode("utf-8", "surrogatepass"), value[1]))
     return file
 
 
@@ -65,11 +61,11 @@ def _frames(number: int, toml: bool) -> Callable[[], Target]:
         def use(value: Any, thorough: bool) -> None:
             require_sound(value, "frames")
             if thorough:
-                _attempt(lambda: use_adapted(adapt(skill, value)))
+                _attempt(lambda: use_in_frames(skill, value))
 
         return Target(
             [(tree, ()) for tree in trees],
-            or_damage(edit_tree),
+            edit_or_corrupt(edit_tree),
             lambda value: _written(value, folder, toml),
             lambda path: read_frames(path, skill),
             use,
@@ -86,8 +82,9 @@ def _attempt(work: Callable[[], None]) -> None:
 
 
 def _starts() -> Target:
-    adapted, folder = _placed(skills()[2]), Path(mkdtemp(prefix="fuzz-"))
-    here = setting(adapted)
+    skill, folder = skills()[2], Path(mkdtemp(prefix="fuzz-"))
+    frames = identity_frames(skill)
+    adapted = adapt(skill, frames)
     start = mean_of_first_state(adapted)
     trees = [{"x": start.tolist()}, {"position": [0.1, 0.2, 0.3], "orientation": QUATERNION}]
     trees.append({"position": [0.1, 0.2, 0.3], "quaternion": QUATERNION})
@@ -95,11 +92,11 @@ def _starts() -> Target:
     def use(value: Any, thorough: bool) -> None:
         require_sound(value, "start")
         if thorough:
-            _attempt(lambda: require_sound(plan(here.flat, here.to_tangent(value), horizon=8), "plan"))
+            _attempt(lambda: require_sound(reproduce(skill, frames, value, horizon=8).reference, "plan"))
 
     return Target(
         [(tree, ()) for tree in trees],
-        or_damage(edit_tree),
+        edit_or_corrupt(edit_tree),
         lambda value: _written(value, folder, False),
         lambda path: read_start(path, adapted),
         use,
@@ -108,7 +105,7 @@ def _starts() -> Target:
 
 # ---------------------------------------------------------------------------------------------- option texts
 
-VIAS = (
+VIA_POINTS = (
     "position=.4,.1,.3@.4s+-.001",
     "position z=.3@.2s+-.001",
     "position'=.1,0,.3@0+-1",
@@ -117,38 +114,37 @@ VIAS = (
 )
 
 
-def _vias(number: int) -> Callable[[], Target]:
+def _via_points(number: int) -> Callable[[], Target]:
     def make() -> Target:
-        adapted = _placed(skills()[number])
-        here = setting(adapted)
-        start = here.to_tangent(mean_of_first_state(adapted))
-        reference = plan(here.flat, start, horizon=10)
+        skill = skills()[number]
+        frames = identity_frames(skill)
+        adapted = adapt(skill, frames)
+        start = mean_of_first_state(adapted)
 
         def read(text: str) -> Any:
-            wish = ViaPointType().convert(text, None, None)
-            return wish, to_via_points([wish], adapted.layout)
+            option = ViaPointType().convert(text, None, None)
+            return option, to_via_points([option], adapted.layout)
 
         def use(value: Any, thorough: bool) -> None:
             require_sound(value, "via-point")
-            _attempt(lambda: _pass(value))
+            _attempt(lambda: _use_via_points(value))
 
-        def _pass(value: Any) -> None:
-            wish, points = value
-            passed = condition_on(reference, here.wishes(points), here.flat.layout)
-            require_sound(passed, "reference through a via-point")
-            _, motion = followed(here, passed, start, 9.0)
-            require_sound(motion, "motion through a via-point")
-            missed = misses(points, [wish], adapted.layout, motion)
-            require_sound([missed, via_point_notes(missed, [wish]), missed[0].label])
+        def _use_via_points(value: Any) -> None:
+            option, points = value
+            result = reproduce(skill, frames, start, horizon=10, via_points=points, control_cost=9.0)
+            require_sound(result.reference, "reference through a via-point")
+            require_sound(result.motion, "motion through a via-point")
+            errors = via_point_errors(points, [option], adapted.layout, result.motion)
+            require_sound([errors, via_point_notes(errors, [option]), errors[0].label])
 
         marks = ("=", "@", "+-", "deg", "s", ",", " ", "'", ".", "position", "orientation", "e", "-")
-        return Target(VIAS, edit_text(marks), lambda text: text, read, use)
+        return Target(VIA_POINTS, edit_text(marks), lambda text: text, read, use)
 
     return make
 
 
 def _only() -> Target:
-    demos = split_lines()
+    demos = lines()
     option = next(p for p in learn_command.params if p.name == "only")
     context = click.Context(learn_command)
 
@@ -185,7 +181,7 @@ def _structures() -> Target:
 
 
 def _candidates() -> Target:
-    texts = ("3:6;full,diagonal;counted", "3,5,7:9;semi-tied:0.5,mfa:1;markov,mixture", "2;hddc:.9;gamma")
+    texts = (f"3:6;full,diagonal;{VITERBI}", "3,5,7:9;semi-tied:0.5,mfa:1;markov,mixture", "2;hddc:.9;gamma")
 
     def read(text: str) -> Any:
         states, structures, durations = [*text.split(";", 2), "", ""][:3]
@@ -215,7 +211,7 @@ def _stream_lines() -> Target:
     def read(data: bytes) -> Any:
         size = 1 + len(data) % 700
         arriving = (data[n : n + size] for n in range(0, len(data), size))
-        found = list(stream_lines.parse_lines(stream_lines.lines(arriving, lambda: 0), None))
+        found = list(stream_lines.parse_lines(stream_lines.split_lines(arriving, lambda: 0), None))
         width = next((p.width for p in found if isinstance(p, stream_lines.ColumnHeader)), 0)
         return width, found
 
@@ -239,12 +235,12 @@ def _meshes() -> Target:
         "0.torso.rgba": np.array([0.5, 0.5, 0.5, 1.0]),
     }
 
-    def write(value: Damaged) -> Path:
+    def write(value: CorruptedBytes) -> Path:
         try:
             content = save({k: np.ascontiguousarray(v) for k, v in value[0].items()})
         except (SafetensorError, KeyError, ValueError, TypeError):  # kinds of numbers that safetensors lacks
             content = b""
-        content = damaged(content, value[1])
+        content = corrupted(content, value[1])
         file.write_bytes(sha256(content).digest() + content)
         return file
 
@@ -253,15 +249,15 @@ def _meshes() -> Target:
             require_sound(surface, "surface")
             assert surface.faces.size == 0 or surface.faces.max() < len(surface.vertices)
 
-    return Target([(arrays, ())], or_damage(edit_arrays, 0.3), write, meshes._kept, use)
+    return Target([(arrays, ())], edit_or_corrupt(edit_arrays, 0.3), write, meshes._read_cache, use)
 
 
 TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "frames.json": (_frames(2, False), 2.0),
     "frames.toml": (_frames(3, True), 1.0),
     "start.json": (_starts, 2.0),
-    "via": (_vias(2), 2.0),
-    "via on S3": (_vias(3), 1.0),
+    "via": (_via_points(2), 2.0),
+    "via on S3": (_via_points(3), 1.0),
     "only": (_only, 2.0),
     "structure": (_structures, 2.0),
     "states": (_candidates, 2.0),

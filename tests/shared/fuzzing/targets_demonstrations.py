@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing.edits import edit_array, edit_bytes, edit_tree, json_text, shown, toml_text
+from fuzzing.edits import edit_tree, json_text, short_text, toml_text
+from fuzzing.edits_of_arrays import edit_array
+from fuzzing.edits_of_text import edit_bytes
 from fuzzing.seeds import gripper_demonstrations, lines, valve_demonstrations
 from fuzzing.soundness import require_sound, use_demonstrations
 from fuzzing.target import Target
-from pilotfish import demonstrations as door
+from pilotfish import io as pilotfish_io
+from pilotfish.demonstrations import Demonstration, demonstration, moving_frame
 from pilotfish.io.manifests import content_hash, parse_manifest
 from pilotfish.io.tables import decode_csv, decode_npz, encode_csv
 from pilotfish.types import Array
@@ -27,7 +30,7 @@ def _sound(value: Any, thorough: bool) -> None:
     require_sound(value)
 
 
-def corrupted_target(data: bytes, seeds: tuple[int, ...]) -> bytes:
+def corrupted(data: bytes, seeds: tuple[int, ...]) -> bytes:
     """Return the first LARGEST bytes, damaged: time may grow with the size of a file."""
     data = data[:MAX_SIZE]
     for seed in seeds:
@@ -57,7 +60,7 @@ def _manifest_trees() -> list[Any]:
     place = Path(mkdtemp(prefix="fuzz-"))
     trees = []
     for n, demos in enumerate((valve_demonstrations(), lines(), gripper_demonstrations())):
-        door.write_demonstrations(demos, place / str(n))
+        pilotfish_io.write_demonstrations(demos, place / str(n))
         trees.append(json.loads((place / str(n) / "demonstrations.json").read_text()))
     posed = json.loads(json.dumps(trees[0]))
     posed.pop("sha256")
@@ -83,7 +86,7 @@ def _signed(tree: Any) -> Any:
 def _manifests(ending: str, text: Callable[[Any], str]) -> Callable[[], Target]:
     def make() -> Target:
         def write(value: CorruptedBytes) -> bytes:
-            return corrupted_target(text(_signed(value[0])).encode("utf-8", "surrogatepass"), value[1])
+            return corrupted(text(_signed(value[0])).encode("utf-8", "surrogatepass"), value[1])
 
         def read(data: bytes) -> Any:
             return parse_manifest(data, f"demonstrations.{ending}")
@@ -121,7 +124,7 @@ def edit_arrays(arrays: Arrays, rng: Random) -> tuple[Arrays, str]:
         other = rng.choice(("", "x", "A0", "x" * 300, "a\nb", "../y", "x.npy", "\udcff"))
         if rng.random() < 0.4:
             return {k: v for k, v in arrays.items() if k != name}, f"without {name!r}"
-        return {**arrays, other: arrays.get(name, np.zeros(2))}, f"with {shown(other)} like {name!r}"
+        return {**arrays, other: arrays.get(name, np.zeros(2))}, f"with {short_text(other)} like {name!r}"
     edited, said = edit_array(arrays[name], rng)
     return {**arrays, name: edited}, f"{name}: {said}"
 
@@ -135,7 +138,7 @@ def npz(arrays: Arrays, packed: bool) -> bytes:
 
 def _write_npz(value: CorruptedBytes) -> bytes:
     data = npz(value[0], len(value[1]) % 2 == 1)
-    return corrupted_target(data, value[1])
+    return corrupted(data, value[1])
 
 
 def _npz() -> Target:
@@ -158,7 +161,7 @@ def _folder() -> Target:
     """Whole folders: the manifest as JSON, and the files that it names."""
     place, bases = Path(mkdtemp(prefix="fuzz-")), []
     for n, demos in enumerate((valve_demonstrations()[:2], lines()[:2], _moving())):
-        door.write_demonstrations(demos, place / str(n))
+        pilotfish_io.write_demonstrations(demos, place / str(n))
         files = {file.name: file.read_bytes() for file in (place / str(n)).iterdir()}
         manifest = json.loads(files.pop("demonstrations.json"))
         manifest.pop("sha256")
@@ -186,16 +189,16 @@ def _folder() -> Target:
         (there / "demonstrations.json").write_text(json_text(manifest))
         return there
 
-    return Target(bases, edit, write, door.read_demonstrations, use_demonstrations)
+    return Target(bases, edit, write, pilotfish_io.read_demonstrations, use_demonstrations)
 
 
-def _moving() -> list[door.Demonstration]:
+def _moving() -> list[Demonstration]:
     """One recording seen from a frame that moves."""
     demo = valve_demonstrations()[0]
     A = np.stack([demo.frames[0].A] * len(demo.x))
     b = np.stack([demo.frames[0].b] * len(demo.x))
-    frames = [door.moving_frame("hand", A, b)]
-    return [door.demonstration(demo.x, demo.period, demo.layout, frames, "moving")]
+    frames = [moving_frame("hand", A, b)]
+    return [demonstration(demo.x, demo.period, demo.layout, frames, "moving")]
 
 
 # ---------------------------------------------------------------------------------------------- published
@@ -222,7 +225,7 @@ def _mat(value: CorruptedBytes) -> bytes:
         savemat(out, value[0], do_compression=len(value[1]) % 2 == 1)
     except (TypeError, ValueError, OverflowError):  # what no MATLAB file holds
         out = io.BytesIO()
-    return corrupted_target(out.getvalue(), value[1])
+    return corrupted(out.getvalue(), value[1])
 
 
 def _edit_mat(tree: Any, rng: Random) -> tuple[Any, str]:
@@ -264,7 +267,7 @@ def _valve_mat() -> Target:
     def write(value: CorruptedBytes) -> bytes:
         return _mat((_cells(value[0]) if isinstance(value[0], dict) else {"s": value[0]}, value[1]))
 
-    return _file_target(bases, write, door.read_valve_mat, edit_or_corrupt(_edit_mat, 0.3))
+    return _file_target(bases, write, pilotfish_io.read_valve_mat, edit_or_corrupt(_edit_mat, 0.3))
 
 
 def _zshape_mat() -> Target:
@@ -273,14 +276,16 @@ def _zshape_mat() -> Target:
     def write(value: CorruptedBytes) -> bytes:
         return _mat((_cells(value[0]) if isinstance(value[0], dict) else {"Data": value[0]}, value[1]))
 
-    return _file_target([({"Data": data}, ())], write, door.read_zshape_mat, edit_or_corrupt(_edit_mat, 0.3))
+    return _file_target(
+        [({"Data": data}, ())], write, pilotfish_io.read_zshape_mat, edit_or_corrupt(_edit_mat, 0.3)
+    )
 
 
 def _npy(read: Callable[[Path], Any], array: Array) -> Callable[[], Target]:
     def write(value: CorruptedBytes) -> bytes:
         out = io.BytesIO()
         np.save(out, value[0], allow_pickle=False)
-        return corrupted_target(out.getvalue(), value[1])
+        return corrupted(out.getvalue(), value[1])
 
     def make() -> Target:
         return _file_target([(array, ())], write, read, edit_or_corrupt(edit_array, 0.4))
@@ -325,10 +330,13 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "folder": (_folder, 1.5),
     "valve.mat": (_valve_mat, 0.3),
     "zshape.mat": (_zshape_mat, 0.5),
-    "robotasks.npy": (lambda: _npy(door.read_robotasks_npy, _tasks())(), 0.7),
-    "helloworld.npy": (_npy(door.read_helloworld_npy, np.random.default_rng(0).normal(size=(2, 9, 2))), 0.7),
-    "chicken.npz": (_extract(door.read_chicken_dance_npz, _chicken), 0.7),
-    "mocap.npz": (_extract(door.read_mocap6_npz, _mocap), 0.7),
-    "labels.npz": (_extract(door.read_mocap6_labels_npz, _mocap, _sound), 0.5),
-    "letters.npz": (_extract(door.read_letters_npz, _letters), 0.7),
+    "robotasks.npy": (lambda: _npy(pilotfish_io.read_robotasks_npy, _tasks())(), 0.7),
+    "helloworld.npy": (
+        _npy(pilotfish_io.read_helloworld_npy, np.random.default_rng(0).normal(size=(2, 9, 2))),
+        0.7,
+    ),
+    "chicken.npz": (_extract(pilotfish_io.read_chicken_dance_npz, _chicken), 0.7),
+    "mocap.npz": (_extract(pilotfish_io.read_mocap6_npz, _mocap), 0.7),
+    "labels.npz": (_extract(pilotfish_io.read_mocap6_labels_npz, _mocap, _sound), 0.5),
+    "letters.npz": (_extract(pilotfish_io.read_letters_npz, _letters), 0.7),
 }

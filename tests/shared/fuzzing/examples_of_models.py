@@ -1,0 +1,128 @@
+"""Valid arguments of the public functions of models and models.online."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fuzzing.examples_of_values import Examples, new_rng
+from fuzzing.seeds import FAST_SETTINGS, lines, streams, valve_demonstrations
+from pilotfish import demonstrations, gaussians, models
+from pilotfish.models import online
+
+
+@cache
+def learn_lines() -> tuple[Any, ...]:
+    """Recordings, and a fit of a semi-Markov skill to them."""
+    demos = tuple(demonstrations.add_derivatives(demo) for demo in lines())
+    return demos, models.learn(demos, states=3, rng=new_rng(), settings=FAST_SETTINGS)
+
+
+def adapt_in_world(skill: models.Skill) -> models.AdaptedSkill:
+    eye, zero = np.eye(skill.width), np.zeros(skill.width)
+    return models.adapt(skill, [demonstrations.frame(name, eye, zero) for name in skill.frame_names])
+
+
+def candidate(states: int) -> models.Candidate:
+    return models.Candidate(states, gaussians.Full(), "gaussian", models.learn)
+
+
+def models_examples() -> Examples:
+    demos, fit = learn_lines()
+    skill, data = fit.skill, demonstrations.views(demos)
+    adapted = adapt_in_world(skill)
+    observed = models.log_state_likelihoods(adapted, demos[0].x)
+    labels = np.arange(len(data.x[0])) % 3
+    statistics, counted = (
+        models.expected_statistics(skill, data),
+        models.expected_statistics(fit.markov_skill, data),
+    )
+    full, inputs, x_inputs = gaussians.Full(), np.array([0]), demos[0].x[:, :1].copy()
+    learning = {"demonstrations": demos, "states": 3, "rng": new_rng(), "settings": FAST_SETTINGS}
+    chain = {"dynamics": skill.dynamics, "log_observed": observed}
+    valve = [demonstrations.add_derivatives(demo) for demo in valve_demonstrations()]
+    framed = models.learn(valve, states=2, rng=new_rng(), settings=FAST_SETTINGS).skill
+    frame_relevance = models.relevance(framed, valve)
+    frames = [demonstrations.frame(name, np.eye(14), np.zeros(14)) for name in framed.frame_names]
+    counts = {"structure": full, "states": 3, "width": 4, "frames": 2}
+    return {
+        "adapt": {"skill": framed, "frames": frames, "relevance": np.ones((2, 2))},
+        "as_mixture": {"model": adapt_in_world(models.learn_mixture(**learning).skill)},
+        "bic": {"log_likelihood": -10.0, "parameters": 5, "datapoints": 30},
+        "covariance_degrees_of_freedom": {"structure": full, "covariances": skill.covariances},
+        "fitted_covariance_parameter_count": {"structure": full, "covariances": skill.covariances},
+        "covariance_parameter_count": counts,
+        "semi_markov_parameter_count": counts,
+        "filtered_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
+        "smoothed_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
+        "dynamics_degrees_of_freedom": {"dynamics": skill.dynamics},
+        "degrees_of_freedom": {"skill": skill, "structure": full},
+        "monotone_statistics": {"model": skill, "views": data, "before": statistics},
+        "labelled_statistics": {"views": data, "labels": labels, "states": 3},
+        "learn": learning,
+        "learn_markov": learning,
+        "learn_mixture": learning,
+        "learn_semi_markov": {**learning, "duration_model": models.DurationModel()},
+        "log_emissions": {"model": skill, "data": data},
+        "log_likelihood": {"model": skill, "demonstrations": demos, "max_duration": 20},
+        "log_state_likelihoods": {"model": adapted, "x": demos[0].x},
+        "markov_forward": {"chain": fit.markov_skill.dynamics, "log_observed": observed, "horizon": 20},
+        "semi_markov_forward": {"chain": skill.dynamics, "log_observed": observed, "horizon": 20},
+        "matched_accuracy": {"predicted": labels, "labels": labels[::-1].copy()},
+        "match_labels": {"predicted": labels, "labels": labels[::-1].copy()},
+        "normalised_mutual_information": {"predicted": labels, "labels": labels[::-1].copy()},
+        "fit_markov_chain": {"statistics": counted},
+        "fit_mixture_weights": {"statistics": counted},
+        "fit_semi_markov_chain": {
+            "statistics": statistics,
+            "previous": None,
+            "duration_model": models.DurationModel(),
+            "min_variance": 1.0,
+        },
+        "most_probable_states": {**chain, "horizon": 20},
+        "filtered_state_probs": {**chain, "horizon": 20},
+        "smoothed_state_probs": chain,
+        "align_quaternion_signs": {"start": demos[0].x[0], "model": adapted},
+        "select_frames": {"demonstrations": valve, "frame_relevance": frame_relevance},
+        "state_segments": {"states": labels},
+        "sample_states": {"dynamics": skill.dynamics, "horizon": 12, "rng": new_rng()},
+        "select": {
+            "demonstrations": demos,
+            "candidates": [candidate(2)],
+            "rng": new_rng(),
+            "settings": FAST_SETTINGS,
+        },
+        "expected_statistics": {"model": skill, "views": data, "max_duration": 20},
+        "viterbi": {"model": skill, "demonstration": demos[0]},
+        "count_durations": {"model": fit.markov_skill, "data": data, "min_variance": 1.0},
+    }
+
+
+def online_examples() -> Examples:
+    demos, fit = learn_lines()
+    model = streams()[6]
+    settings, scales = model.settings, online.estimate_scales(fit.skill)
+    same = [online.scale_demonstration(demo, scales) for demo in demos]
+    _, assigned = online.observe_stream(model, lines()[0].x)
+    return {
+        "begin_demonstration": {"model": model},
+        "from_batch_fit": {"skill": fit.skill, "demonstrations": demos, "settings": settings},
+        "current_cluster_ids": {"assignments": assigned},
+        "observe": {"model": model, "x": np.array([0.1, 0.2])},
+        "observe_stream": {"model": model, "x": lines()[0].x},
+        "observe_demonstration": {"model": model, "demonstration": lines()[0]},
+        "online_model": {
+            "settings": settings,
+            "layout": model.layout,
+            "period": 0.1,
+            "frame_names": ("a", "b"),
+        },
+        "estimate_penalties": {"skill": fit.skill, "demonstrations": demos, "explained_variance": 0.9},
+        "to_skill": {"model": model, "note": "a"},
+        "scale_demonstration": {"shown": demos[0], "scales": scales},
+        "estimate_scales": {"skill": fit.skill},
+        "unscale_skill": {
+            "skill": models.learn(same, states=3, rng=new_rng(), settings=FAST_SETTINGS).skill,
+            "scales": scales,
+        },
+    }

@@ -1,0 +1,158 @@
+"""Valid arguments of the public functions of geometry, demonstrations, gaussians and validation."""
+
+import numpy as np
+
+from fuzzing.seeds import valve_demonstrations
+from pilotfish import demonstrations, gaussians, geometry
+
+Examples = dict[str, dict[str, object]]
+
+
+def new_rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def unit_quaternions(*shape: int) -> np.ndarray:
+    q = new_rng().normal(size=(*shape, 4))
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def geometry_examples() -> Examples:
+    q, p, v = unit_quaternions(5), unit_quaternions(5)[::-1].copy(), 0.3 * new_rng().normal(size=(5, 3))
+    x, flat = np.hstack([v, q]), 0.3 * new_rng().normal(size=(5, 6))
+    R = geometry.rotation_matrix(q)
+    of_q = (
+        "conjugate",
+        "unwrap_quaternions",
+        "left_multiplication_matrix",
+        "quaternion_log",
+        "normalise",
+        "rotation_matrix",
+    )
+    of_v = ("skew_matrix", "quaternion_exp", "inverse_right_jacobian", "right_jacobian")
+    return {
+        **{name: {"q": q} for name in of_q},
+        **{name: {"v": v} for name in of_v},
+        **{
+            name: {"p": p, "q": q}
+            for name in ("angle", "multiply", "relative_rotation_vector", "rotation_vector_in_world")
+        },
+        **{
+            name: {"v": flat, "orientation_starts": (3,)} for name in ("exp_map_jacobian", "log_map_jacobian")
+        },
+        "parallel_transport": {"d": flat, "orientation_starts": (3,)},
+        "exp_map": {"base": x, "v": flat, "orientation_starts": (3,)},
+        "log_map": {"base": x, "x": x[::-1].copy(), "orientation_starts": (3,)},
+        "quaternion_from_rotation_matrix": {"R": R},
+        "inverse_right_jacobian_derivative": {"v": v, "w": v[::-1].copy()},
+        "karcher_mean": {"x": x, "weights": np.full(5, 0.2), "orientation_starts": (3,)},
+        "pose": {"position": v[0], "quaternion": q[0]},
+        "tangent_slices": {"width": 7, "orientation_starts": (3,)},
+    }
+
+
+def demonstrations_examples() -> Examples:
+    demos = valve_demonstrations()
+    demo, layout = demos[0], demonstrations.pose_layout()
+    given = demo.frames[0]
+    A, b = np.stack([given.A] * len(demo.x)), np.stack([given.b] * len(demo.x))
+    place = geometry.pose(given.b[:3], demo.x[0, 3:])
+    return {
+        "diagnose": {"demonstrations": demos},
+        "unwrap_orientations": {"x": demo.x, "layout": layout},
+        "demonstration": {"x": demo.x, "period": 0.1, "layout": layout, "frames": demo.frames, "name": "a"},
+        "frame": {"name": "a", "A": given.A, "b": given.b},
+        "moving_frame": {"name": "a", "A": A, "b": b},
+        "frame_from_pose": {"name": "a", "layout": layout, "pose": place},
+        "moving_frame_from_poses": {"name": "a", "layout": layout, "poses": [place, place]},
+        "to_sphere": {"demo": demo},
+        "position_layout": {"axes": 2, "unit": "m"},
+        "require_left_multiplication": {"label": "a", "A": given.A, "b": given.b, "orientation_starts": (3,)},
+        "resample": {"demo": demo, "steps": 9},
+        "tangent_map": {"A": given.A, "orientation_starts": (3,)},
+        "views": {"demonstrations": demos},
+        "add_derivatives": {"demo": demo},
+        "world_frame": {"width": 3},
+        **{name: {"layout": layout, "columns": slice(3, 7)} for name in ("distance_unit", "is_orientation")},
+        "distances": {"layout": layout, "columns": slice(3, 7), "x": demo.x, "y": demo.x[0]},
+    }
+
+
+def gaussians_examples() -> Examples:
+    rng = new_rng()
+    root = rng.normal(size=(3, 3, 3))
+    S = root @ root.transpose(0, 2, 1) + np.eye(3)
+    means, x, shares = rng.normal(size=(3, 3)), rng.normal(size=(6, 3)), rng.dirichlet(np.ones(3), 6)
+    g = gaussians.Gaussian(means[0], S[0])
+    inputs, x_inputs = np.array([0]), x[:, :1].copy()
+    mixture = gaussians.GaussianMixture(np.full(3, 1 / 3), means, S)
+    conditionals = gaussians.conditional_gaussians(means, S, inputs)
+    poses = np.hstack([x[:5], unit_quaternions(5)])
+    curved = np.stack([np.eye(6)] * 2)
+    point = gaussians.RiemannianGaussian(poses[0], curved[0], (3,))
+    on_sphere = gaussians.riemannian_conditional_gaussians(poses[:2], curved, inputs, (3,))
+    return {
+        "cholesky": {"covariances": S},
+        "precision_cholesky": {"covariances": S},
+        "component_correlation": {"covariances": S},
+        "condition": {"g": g, "columns": np.array([1]), "value": np.array([0.5])},
+        "conditional_gaussians": {"means": means, "covariances": S, "inputs": inputs},
+        "confidence_radius": {"width": 3, "probability": 0.95},
+        "ellipse": {"g": gaussians.Gaussian(means[0, :2], S[0, :2, :2]), "radius": 1.0, "points": 20},
+        "in_confidence_region": {"g": g, "x": x, "probability": 0.9},
+        "log_density": {"g": g, "x": x},
+        "log_input_densities": {"conditionals": conditionals, "x": x_inputs},
+        "marginal": {"g": g, "columns": np.array([0, 2])},
+        "moments": {"x": x, "responsibilities": shares},
+        "moments_from_sums": {
+            "origins": means,
+            "counts": np.ones(3),
+            "offsets": means,
+            "scatter_matrices": S,
+        },
+        "principal_components": {"S": S, "factors": np.array([1, 2, 1])},
+        "product": {"gaussians": [g, gaussians.Gaussian(means[1], S[1])]},
+        "regress": {"mixture": mixture, "inputs": inputs, "x": x_inputs},
+        "regress_means": {"mixture": mixture, "inputs": inputs, "x": x_inputs},
+        "regress_with_responsibilities": {
+            "conditionals": conditionals,
+            "x": x_inputs,
+            "responsibilities": shares,
+        },
+        "riemannian_conditional_gaussians": {
+            "means": poses[:2],
+            "covariances": curved,
+            "inputs": inputs,
+            "orientation_starts": (3,),
+        },
+        "riemannian_log_density": {"g": point, "x": poses},
+        "riemannian_log_input_densities": {"conditionals": on_sphere, "x": x_inputs},
+        "riemannian_product": {"gaussians": [point, point]},
+        "riemannian_regress_with_responsibilities": {
+            "conditionals": on_sphere,
+            "x": x_inputs,
+            "responsibilities": np.full((6, 2), 0.5),
+        },
+        "sample": {"g": g, "count": 4, "rng": rng},
+        "tangent_gaussian": {"g": point, "point": poses[1]},
+        "tangent_moments": {"x": poses, "responsibilities": np.full((5, 2), 0.5), "orientation_starts": (3,)},
+        "affine_transform": {"g": g, "A": S[0], "b": means[1]},
+    }
+
+
+def validation_examples() -> Examples:
+    return {
+        "finite_array": {"value": np.eye(2), "label": "x"},
+        "float_array": {"value": np.eye(2), "label": "x", "columns": 2},
+        "require_bounded": {"numbers": np.eye(2), "label": "x"},
+        "require_shapes_agree": {"a": np.eye(2), "b": np.ones(2)},
+        "numeric_array": {"value": [[1.0, 2.0], [3.0, 4.0]], "label": "x"},
+        "require_type": {"value": 3, "label": "x", "types": int, "fix": "pass a number"},
+        "require_count": {"value": 3, "label": "x", "maximum": 5},
+        "require_number": {"value": 3.0, "label": "x"},
+        "require_printable": {"text": "a", "label": "x"},
+        "nearest_name": {"name": "a", "known": ["ab", "b"]},
+        "first_duplicate": {"items": ["a", "b", "a"]},
+        "short_list": {"items": ["a", "b"]},
+        "short_repr": {"value": [1, "a", None]},
+    }
