@@ -30,7 +30,8 @@ from matplotlib.figure import Figure
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, resample
-from pilotfish.gaussians import CovarianceStructure, component_correlation, regress
+from pilotfish.gaussians import regress
+from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
 from pilotfish.models import as_mixture, covariance_parameter_count
 
 POINTS, TRAINED = 500, 375  # datapoints; those that are shown where the last quarter is not

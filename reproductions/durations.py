@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, views
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models import (
     FromModel,
     GammaDurations,

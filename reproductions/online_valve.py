@@ -40,7 +40,7 @@ from protocol import SETTINGS, STATES, reproduce_published
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models import semi_markov_parameter_count, state_segments, viterbi
 from pilotfish.models.online import (
     OnlineModel,

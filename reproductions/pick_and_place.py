@@ -57,7 +57,7 @@ from pilotfish.environments.tasks.plate import (
     situation_for_level,
 )
 from pilotfish.errors import SkillError
-from pilotfish.gaussians import CovarianceStructure, DenseCovariances
+from pilotfish.gaussians.structures import CovarianceStructure, DenseCovariances
 from pilotfish.geometry import rotation_matrix
 from pilotfish.models import covariance_parameter_count, relevance
 from pilotfish.planning import mean_squared_error

@@ -31,7 +31,7 @@ from tqdm import tqdm
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
 from pilotfish.environments import TASKS, Task
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.simulation.execution import ExecutionResult, ExecutionSettings, execute
 from pilotfish.simulation.recording import TEST_STREAM, record_demonstrations, situation_from_seed
 

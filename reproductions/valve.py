@@ -24,7 +24,7 @@ from protocol import STATES, reproduce_published
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import CovarianceStructure, component_correlation
+from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
 from pilotfish.models import covariance_parameter_count, log_state_likelihoods, most_probable_states
 from pilotfish.planning import mean_squared_error
 

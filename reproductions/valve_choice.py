@@ -29,7 +29,7 @@ from protocol import CONTROL_COST, COVARIANCE_REGULARISATION
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import HDDC, MFA, CovarianceStructure
+from pilotfish.gaussians.structures import HDDC, MFA, CovarianceStructure
 from pilotfish.models import relevance
 from pilotfish.types import Array, Float
 

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, add_derivatives
-from pilotfish.gaussians import GaussianMixture, SemiTiedCovariances, component_correlation
+from pilotfish.gaussians import GaussianMixture
+from pilotfish.gaussians.structures import SemiTiedCovariances, component_correlation
 from pilotfish.models import MarkovChain, MixtureWeights, SemiMarkovChain, most_probable_states, sample_states
 
 NOT_REPRODUCED = (

@@ -23,7 +23,7 @@ from pilotfish.demonstrations import (
     to_sphere,
     views,
 )
-from pilotfish.gaussians import DenseCovariances, Full
+from pilotfish.gaussians.structures import DenseCovariances, Full
 from pilotfish.geometry import Pose
 from pilotfish.models import (
     DurationModel,

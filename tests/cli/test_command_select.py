@@ -10,7 +10,7 @@ from pilotfish.cli.options.candidates import (
 )
 from pilotfish.cli.options.learners import LEARNERS
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import MFA, Diagonal, Full, HDDCExplainedVariance, SemiTied
+from pilotfish.gaussians.structures import HDDC, MFA, Diagonal, Full, SemiTied
 
 
 def test_numbers_of_states_are_read_as_written():
@@ -27,7 +27,7 @@ def test_what_is_no_number_of_states_is_refused(text):
 
 def test_structures_and_durations_are_read_by_name():
     named = parse_structures("full, Diagonal,semi-tied:0.5,mfa:4,hddc:0.95")
-    assert named == [Full(), Diagonal(), SemiTied(tying=0.5), MFA(4), HDDCExplainedVariance(0.95)]
+    assert named == [Full(), Diagonal(), SemiTied(tying=0.5), MFA(4), HDDC(0.95)]
     assert parse_durations("markov,counted") == ["markov", "counted"]
     with pytest.raises(InvalidInput, match="did you mean 'counted'"):
         parse_durations("count")

@@ -21,7 +21,7 @@ from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration
 from pilotfish.environments import RECORDED_VALVE, Outcome, Workcell
 from pilotfish.errors import SkillError
-from pilotfish.gaussians import SemiTied
+from pilotfish.gaussians.structures import SemiTied
 from pilotfish.io import datasets
 from pilotfish.io.synthetic import synthetic_valve
 from pilotfish.models import learn

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 from pilotfish.cli.main import cli
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import MAX_MESSAGE_LENGTH
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.io.skill_file import save_skill
 from pilotfish.models import (
     GammaDurations,

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import (
+from pilotfish.gaussians.structures import (
     HDDC,
     MFA,
     MPPCA,
     Diagonal,
     Full,
-    HDDCExplainedVariance,
     LatentCovariances,
     Spherical,
-    principal_components,
 )
+from pilotfish.gaussians.structures.latent import principal_components
 
 
 def samples(rng, K, D, points=None):
@@ -99,7 +98,7 @@ def test_estimates_on_the_same_samples_never_lose_likelihood(rng, structure):
     assert values[-1] <= auxiliary(counts, S, Full().estimate(counts, S, None).dense) + 1e-9
 
 
-@pytest.mark.parametrize("structure", [MFA(2), MFA(3), MPPCA(2), HDDC(2), HDDCExplainedVariance(0.8)])
+@pytest.mark.parametrize("structure", [MFA(2), MFA(3), MPPCA(2), HDDC(2), HDDC(0.8)])
 def test_estimates_on_changing_samples_never_lose_likelihood(rng, structure):
     """As inside expectation-maximisation, where every M-step meets other samples and goes on from before."""
     counts, before = rng.uniform(1.0, 50.0, size=4), None
@@ -202,7 +201,7 @@ def test_all_but_one_components_are_a_full_covariance(rng, structure):
 
 def test_a_share_keeps_the_fewest_directions_that_hold_it(rng):
     S, counts = samples(rng, 4, 6)
-    kept = HDDCExplainedVariance(0.9).estimate(counts, S, None).factors
+    kept = HDDC(0.9).estimate(counts, S, None).factors
     for values, d in zip(np.linalg.eigvalsh(S)[:, ::-1], kept, strict=True):
         assert d == 5 or values[:d].sum() >= 0.9 * values.sum()
         assert values[: d - 1].sum() < 0.9 * values.sum()
@@ -211,7 +210,7 @@ def test_a_share_keeps_the_fewest_directions_that_hold_it(rng):
 def test_directions_are_gained_within_a_fit_and_never_lost(rng):
     wide, counts = np.tile(np.eye(5), (2, 1, 1)), np.ones(2)
     narrow = np.tile(np.diag([1e3, 1.0, 1.0, 1.0, 1.0]), (2, 1, 1))
-    structure = HDDCExplainedVariance(0.7)
+    structure = HDDC(0.7)
     first = structure.estimate(counts, narrow, None)
     np.testing.assert_array_equal(first.factors, [1, 1])
     spread = structure.estimate(counts, wide * np.arange(1.0, 6.0), first)
@@ -228,7 +227,7 @@ def test_likelihood_grows_with_the_number_of_factors(rng):
         assert all(more > less for less, more in pairwise(values))
 
 
-@pytest.mark.parametrize("structure", [MFA(6), MPPCA(6), HDDC(6), HDDCExplainedVariance(0.99)])
+@pytest.mark.parametrize("structure", [MFA(6), MPPCA(6), HDDC(6), HDDC(0.99)])
 def test_fewer_points_than_factors_are_held_by_regularisation(rng, structure):
     """Three points in eight columns span two directions; with .01 added to every variance all is definite."""
     points = rng.normal(size=(3, 8))
@@ -282,13 +281,13 @@ def test_factors_of_samples_that_had_none_grow_when_other_samples_have(rng, stru
     np.testing.assert_allclose(found.dense, S, atol=1e-3)
 
 
-@pytest.mark.parametrize("structure", [MFA(2), MPPCA(2), HDDCExplainedVariance(0.8)])
+@pytest.mark.parametrize("structure", [MFA(2), MPPCA(2), HDDC(0.8)])
 def test_a_fit_begins_anew_after_covariances_of_another_kind_or_size(rng, structure):
     S, counts = samples(rng, 3, 5)
     fresh = structure.estimate(counts, S, None).dense
     for previous in (Full().estimate(counts, S, None), latent(rng, 2, 5, 2), latent(rng, 3, 5, 1)):
         found = structure.estimate(counts, S, previous)
-        if not isinstance(structure, HDDCExplainedVariance) or len(previous.dense) != 3:
+        if not isinstance(structure, HDDC) or len(previous.dense) != 3:
             np.testing.assert_allclose(found.dense, fresh)
 
 
@@ -308,8 +307,8 @@ def test_factors_that_do_not_fit_the_data_are_refused(rng, structure):
 
 @pytest.mark.parametrize("share", [0.0, 1.0, np.nan])
 def test_a_share_that_is_none_is_refused(share):
-    with pytest.raises(InvalidInput, match="share"):
-        HDDCExplainedVariance(share)
+    with pytest.raises(InvalidInput, match="fraction"):
+        HDDC(share)
 
 
 @pytest.mark.parametrize("setting", [{"sweeps": 0}, {"min_noise": 0.0}, {"min_noise": np.nan}])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import (
+from pilotfish.gaussians.structures import (
     EMLLT,
     MLT,
     ExpandedPrecisions,
@@ -233,7 +233,7 @@ def test_sizes_that_do_not_fit_the_data_are_refused(rng, structure, match):
 @pytest.mark.parametrize("make", [EMLLT, MLT])
 @pytest.mark.parametrize("arguments", [(0,), (-1,), (4, 0)])
 def test_numbers_that_are_none_are_refused(make, arguments):
-    with pytest.raises(InvalidInput, match=r"vectors|transforms|sweeps"):
+    with pytest.raises(InvalidInput, match=r"directions|transforms|sweeps"):
         make(*arguments)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
+from pilotfish.gaussians.structures import (
     EMLLT,
     HDDC,
     MFA,
@@ -13,7 +13,6 @@ from pilotfish.gaussians import (
     Diagonal,
     ExpandedPrecisions,
     Full,
-    HDDCExplainedVariance,
     LatentCovariances,
     MultipleTransformCovariances,
     SemiTied,
@@ -172,13 +171,13 @@ def test_structures_without_redundant_numbers_count_the_same_twice(structure):
 
 def test_dimensions_that_data_decide_are_counted_after_the_fit(rng):
     S, counts = samples(rng, 3, 5)
-    structure = HDDCExplainedVariance(0.8)
-    fitted = structure.with_fitted_dimensions(structure.estimate(counts, S, None))
+    structure = HDDC(0.8)
+    fitted = structure.fitted(structure.estimate(counts, S, None))
     np.testing.assert_allclose(
         fitted.estimate(counts, S, None).dense, structure.estimate(counts, S, None).dense, atol=1e-12
     )
     for count in (structure.parameter_count, structure.degrees_of_freedom):
-        with pytest.raises(InvalidInput, match="fitted_parameters"):
+        with pytest.raises(InvalidInput, match="fitted"):
             count(3, 5)
 
 

@@ -14,7 +14,7 @@ from container_by_spec import split_container, with_hash
 
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import MAX_MESSAGE_LENGTH, InvalidInput, UnreadableFile
-from pilotfish.gaussians import DenseCovariances, ExpandedPrecisions
+from pilotfish.gaussians.structures import DenseCovariances, ExpandedPrecisions
 from pilotfish.io.skill_file import decode_skill, encode_skill, open_skill
 from pilotfish.io.stream_file import decode_stream, encode_stream, load_any
 from pilotfish.models import (

@@ -9,7 +9,7 @@ from container_by_spec import split_container, with_hash
 
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import UnreadableFile
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.io.skill_file import content_hash, decode_skill, encode_skill
 from pilotfish.models import (
     Censoring,

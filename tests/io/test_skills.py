@@ -18,7 +18,7 @@ from safetensors.numpy import save
 
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, UnreadableFile
-from pilotfish.gaussians import EMLLT, HDDC, MFA, MLT, DenseCovariances, SemiTied
+from pilotfish.gaussians.structures import EMLLT, HDDC, MFA, MLT, DenseCovariances, SemiTied
 from pilotfish.io.skill_file import content_hash, decode_skill, encode_skill, open_skill, save_skill
 from pilotfish.models import (
     GaussianDurations,

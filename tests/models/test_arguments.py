@@ -44,9 +44,9 @@ mistakes = {
                                         settings=pf.models.EMSettings(restarts=2)), "restarts"),
     "tying as text": (lambda: pf.structures.SemiTied("a"), "tying"),
     "factors as text": (lambda: pf.structures.MFA("4"), "factors"),
-    "half a component": (lambda: pf.gaussians.MPPCA(1.5), "components"),
+    "half a component": (lambda: pf.gaussians.structures.MPPCA(1.5), "components"),
     "a share as dimension": (lambda: pf.structures.HDDC(0.95), "dimensions"),
-    "fractional vectors": (lambda: pf.gaussians.EMLLT(20.0), "vectors"),
+    "fractional directions": (lambda: pf.gaussians.structures.EMLLT(20.0), "directions"),
     "online settings by name": (lambda: pf.online.online_model("sosc", demos[0].layout, 0.1), "SOSC("),
     "upkeep as a number": (lambda: pf.online.DPGMM(1.0, 0.1, upkeep=3), "Upkeep("),
     "weighting's class": (lambda: pf.online.Upkeep(weighting=pf.online.Count), "Count()"),
@@ -57,7 +57,7 @@ mistakes = {
         lambda: pf.online.observe_demonstration(stream, demos[0].x),
         "pf.demonstration",
     ),
-    "fractional transforms": (lambda: pf.gaussians.MLT(2.0), "transforms"),
+    "fractional transforms": (lambda: pf.gaussians.structures.MLT(2.0), "transforms"),
 }
 for name, (mistake, words) in mistakes.items():
     try:

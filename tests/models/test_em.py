@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal
 
 from pilotfish.demonstrations import Views, views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import DenseCovariances, Diagonal, Full, SemiTied, Spherical, moments
+from pilotfish.gaussians import moments
+from pilotfish.gaussians.structures import DenseCovariances, Diagonal, Full, SemiTied, Spherical
 from pilotfish.models import (
     EMSettings,
     FromModel,

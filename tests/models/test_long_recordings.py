@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from pilotfish import kernels
 from pilotfish.demonstrations import Layout, Part, Quantity, demonstration, views
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models import (
     Censoring,
     GammaDurations,

@@ -14,7 +14,7 @@ from pilotfish.demonstrations import (
     views,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import Pose, normalise
 
 

@@ -8,7 +8,8 @@ import pytest
 
 from pilotfish.demonstrations import frame_from_pose, pose_layout
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances, Gaussian, affine_transform, log_density
+from pilotfish.gaussians import Gaussian, affine_transform, log_density
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import Pose, quaternion_exp
 from pilotfish.models import adapt, learn_markov
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Part, Quantity, Views, demonstration
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models import EMSettings, HiddenModel, MarkovChain, expected_statistics, learn, viterbi
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from pilotfish.demonstrations import views, world_frame
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Diagonal, Full, SemiTied
+from pilotfish.gaussians.structures import Diagonal, Full, SemiTied
 from pilotfish.models import (
     Candidate,
     EMSettings,

@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from pilotfish import datasets
 from pilotfish.demonstrations import Layout, Part, Quantity, Views, demonstration, views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances, Diagonal, Full, SemiTied
+from pilotfish.gaussians.structures import DenseCovariances, Diagonal, Full, SemiTied
 from pilotfish.models import (
     Censoring,
     DurationModel,

@@ -13,7 +13,7 @@ from pilotfish.demonstrations import (
     frame_from_pose,
     pose_layout,
 )
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import Pose, multiply, quaternion_exp
 from pilotfish.models import adapt, learn
 from pilotfish.planning import plan

@@ -18,7 +18,8 @@ from pilotfish.demonstrations import (
     views,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances, Full, Gaussian, SemiTied, log_density, regress
+from pilotfish.gaussians import Gaussian, log_density, regress
+from pilotfish.gaussians.structures import DenseCovariances, Full, SemiTied
 from pilotfish.models import (
     DurationModel,
     HiddenModel,

@@ -18,7 +18,8 @@ from pilotfish.demonstrations import (
     views,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Full, RiemannianGaussian, SemiTied, Spherical, riemannian_log_density
+from pilotfish.gaussians import RiemannianGaussian, riemannian_log_density
+from pilotfish.gaussians.structures import Full, SemiTied, Spherical
 from pilotfish.geometry import Pose, angle, exp_map, karcher_mean, log_map, multiply, quaternion_exp
 from pilotfish.models import (
     EMSettings,

@@ -7,7 +7,7 @@ import pytest
 
 from pilotfish.demonstrations import views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
+from pilotfish.gaussians.structures import (
     EMLLT,
     HDDC,
     MFA,
@@ -15,7 +15,6 @@ from pilotfish.gaussians import (
     MPPCA,
     DenseCovariances,
     Full,
-    HDDCExplainedVariance,
     LatentCovariances,
     SemiTied,
 )
@@ -44,7 +43,7 @@ STRUCTURES = [
     MPPCA(1),
     HDDC(2),
     HDDC((2, 1, 1)),
-    HDDCExplainedVariance(0.8),
+    HDDC(0.8),
     EMLLT(5),
     MLT(2),
 ]
@@ -98,9 +97,7 @@ def test_only_the_covariances_written_out_count_when_a_skill_is_adapted(
     np.testing.assert_allclose(one.covariances, other.covariances, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "structure", [MFA(4), MPPCA(4), HDDCExplainedVariance(0.9), EMLLT(24), MLT(2)], ids=lambda s: s.label
-)
+@pytest.mark.parametrize("structure", [MFA(4), MPPCA(4), HDDC(0.9), EMLLT(24), MLT(2)], ids=lambda s: s.label)
 def test_the_likelihood_of_a_real_skill_never_falls(rng, data_folder, monkeypatch, structure):
     """Valve opening, 14 columns in two frames, with nothing added to its variances but what holds them."""
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
@@ -135,11 +132,11 @@ def test_sizes_of_a_fit_are_those_of_its_frames(rng, make_demonstrations):
         assert covariance_degrees_of_freedom(
             structure, skill.covariances
         ) == 2 * structure.degrees_of_freedom(3, 4)
-    skill = learn(demos, states=3, rng=rng, structure=HDDCExplainedVariance(0.8)).skill
+    skill = learn(demos, states=3, rng=rng, structure=HDDC(0.8)).skill
     expected = 0
     for c in skill.covariances:
         assert isinstance(c, LatentCovariances)
         expected += int((4 * c.factors + 1).sum())
-    assert fitted_covariance_parameter_count(HDDCExplainedVariance(0.8), skill.covariances) == expected
+    assert fitted_covariance_parameter_count(HDDC(0.8), skill.covariances) == expected
     with pytest.raises(InvalidInput, match="fitted_parameters"):
-        covariance_parameter_count(HDDCExplainedVariance(0.8), 3, 4)
+        covariance_parameter_count(HDDC(0.8), 3, 4)

@@ -10,7 +10,7 @@ import pytest
 from pilotfish.control import Motion, double_integrator, track
 from pilotfish.demonstrations import Demonstration, MovingFrame, pose_layout
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import CovarianceStructure, Full, SemiTied
+from pilotfish.gaussians.structures import CovarianceStructure, Full, SemiTied
 from pilotfish.geometry import multiply, quaternion_exp
 from pilotfish.io import datasets
 from pilotfish.io.synthetic import synthetic_valve

@@ -17,7 +17,7 @@ from pilotfish.demonstrations import (
     pose_layout,
     position_layout,
 )
-from pilotfish.gaussians import DenseCovariances, Diagonal, Full, SemiTied, SemiTiedCovariances
+from pilotfish.gaussians.structures import DenseCovariances, Diagonal, Full, SemiTied, SemiTiedCovariances
 from pilotfish.geometry import Pose
 from pilotfish.models import (
     AdaptedSkill,

@@ -7,7 +7,7 @@ import numpy as np
 from pilotfish import plots
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import multiply, normalise, quaternion_exp
 from pilotfish.models import AdaptedSkill
 from pilotfish.planning import observe_via_points, via_point

@@ -13,7 +13,7 @@ from matplotlib.patches import FancyArrowPatch
 from matplotlib.text import Annotation
 
 from pilotfish import plots
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models import SemiMarkovChain, Skill
 
 MAX_WIDTH = 16.0  # inches

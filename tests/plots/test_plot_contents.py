@@ -14,7 +14,13 @@ from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 from pilotfish import plots
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances, Full, SemiTied, SemiTiedCovariances, component_correlation
+from pilotfish.gaussians.structures import (
+    DenseCovariances,
+    Full,
+    SemiTied,
+    SemiTiedCovariances,
+    component_correlation,
+)
 from pilotfish.models import FrameRelevance, GaussianDurations, Selection, SemiMarkovChain, Skill, occupancy
 from pilotfish.planning import via_point
 

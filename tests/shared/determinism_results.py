@@ -34,9 +34,19 @@ PACKAGES = (
     "environments",
 )
 STRUCTURES = (
-    *(gaussians.Full(), gaussians.Diagonal(), gaussians.Spherical()),
-    *(gaussians.SemiTied(), gaussians.SemiTied(tying=0.5), gaussians.MFA(2), gaussians.MPPCA(2)),
-    *(gaussians.HDDC(2), gaussians.HDDCExplainedVariance(0.9), gaussians.MLT(2), gaussians.EMLLT(20)),
+    *(gaussians.structures.Full(), gaussians.structures.Diagonal(), gaussians.structures.Spherical()),
+    *(
+        gaussians.structures.SemiTied(),
+        gaussians.structures.SemiTied(tying=0.5),
+        gaussians.structures.MFA(2),
+        gaussians.structures.MPPCA(2),
+    ),
+    *(
+        gaussians.structures.HDDC(2),
+        gaussians.structures.HDDC(0.9),
+        gaussians.structures.MLT(2),
+        gaussians.structures.EMLLT(20),
+    ),
 )
 DURATIONS = (
     *(models.Gaussian(), models.LogNormal(), models.Gamma(), models.Poisson()),

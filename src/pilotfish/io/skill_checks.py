@@ -6,13 +6,7 @@ import numpy as np
 
 from pilotfish.demonstrations import require_name, require_period
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
-    Covariances,
-    DenseCovariances,
-    LatentCovariances,
-    MultipleTransformCovariances,
-    SemiTiedCovariances,
-)
+from pilotfish.gaussians.structures import Covariances
 from pilotfish.models import (
     MAX_SKILL_NUMBERS,
     MAX_STATES,
@@ -37,9 +31,6 @@ MAX_MEAN = 1e101  # datapoints have at most 1e100
 MAX_DURATION_STEPS = 1e12  # steps; of parameters too
 MIN_DIVISOR = 1e-12  # of parameters that are divided by
 SUM_TOLERANCE = 1e-6  # what probabilities may miss one by
-SYMMETRY_TOLERANCE = (
-    1e-8  # what a covariance may differ from its transpose by, as a share of its largest entry
-)
 
 
 def validate_dimensions(skill: Skill) -> None:
@@ -171,38 +162,9 @@ def _validate_magnitude(values: Float[Array, "..."], place: str, largest: float)
 
 
 def _validate_covariances(covariances: Covariances, what: str) -> None:
-    match covariances:
-        case DenseCovariances(dense):
-            _validate_symmetry(dense, what)
-        case SemiTiedCovariances(_, variances, tying, dense):
-            _validate_symmetry(dense, what)
-            if not 0.0 <= tying <= 1.0:
-                raise InvalidInput(f"tying is {tying}, expected a number from 0 to 1")
-            _validate_positive(variances, "variances")
-        case LatentCovariances(_, noise):
-            if (bad := np.argwhere(noise < 0.0)).size:
-                raise InvalidInput(f"noise{bad[0].tolist()} is {noise[tuple(bad[0])]}, expected at least 0")
-        case MultipleTransformCovariances(_, variances, membership):
-            _validate_positive(variances, "variances")
-            _validate_one_hot(membership)
+    covariances.validate_parameters(what)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as not finite
         precision_cholesky = covariances.precision_cholesky(what)
         dense = covariances.dense
     _validate_magnitude(precision_cholesky, f"the inverse deviation of {what} ", MAX_MAGNITUDE)
     _validate_magnitude(dense, f"{what} ", MAX_MAGNITUDE**2)
-
-
-def _validate_symmetry(dense: Float[Array, "K D D"], what: str) -> None:
-    skews = np.abs(dense - dense.transpose(0, 2, 1)).max(axis=(1, 2))
-    if (bad := np.flatnonzero(skews > SYMMETRY_TOLERANCE * np.abs(dense).max(axis=(1, 2)))).size:
-        raise InvalidInput(
-            f"{what} {bad[0]} differs from its transpose by {skews[bad[0]]:.3g}, expected symmetry"
-        )
-
-
-def _validate_one_hot(membership: Float[Array, "K C"]) -> None:
-    ones = membership == 1.0
-    if ((membership != 0.0) != ones).any() or (ones.sum(axis=1) != 1).any():
-        raise InvalidInput(
-            f"membership is {short_repr(membership.tolist())}, expected one 1 in each row, and 0 elsewhere"
-        )

@@ -10,13 +10,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput, UnreadableFile
-from pilotfish.gaussians import (
-    DenseCovariances,
-    ExpandedPrecisions,
-    LatentCovariances,
-    MultipleTransformCovariances,
-    SemiTiedCovariances,
-)
+from pilotfish.gaussians.structures import COVARIANCE_KINDS
 from pilotfish.io.container_format import (
     SKILL_FORMAT,
     container_hash,
@@ -46,13 +40,6 @@ DYNAMICS_TYPES: dict[str, type[Any]] = {
     "mixture": MixtureWeights,
     "markov": MarkovChain,
     "semi-markov": SemiMarkovChain,
-}
-COVARIANCE_TYPES: dict[str, type[Any]] = {
-    "dense": DenseCovariances,
-    "semi-tied": SemiTiedCovariances,
-    "latent": LatentCovariances,
-    "expanded": ExpandedPrecisions,
-    "multiple-transforms": MultipleTransformCovariances,
 }
 
 
@@ -114,7 +101,7 @@ def _encode_fields(skill: Skill) -> tuple[dict[str, Any], Arrays]:
     covariances = []
     for p, one in enumerate(skill.covariances):
         fields, more = encode_dataclass(one, f"covariances.{p}", _tangent_sizes(sizes, skill.layout))
-        covariances.append({"kind": _type_name(one, COVARIANCE_TYPES), **fields})
+        covariances.append({"kind": _type_name(one, COVARIANCE_KINDS), **fields})
         arrays |= more
     validate_values(skill)
     header = {
@@ -145,7 +132,7 @@ def _decode_fields(header: dict[str, Any], arrays: Arrays) -> Skill:
         means=means,
         covariances=tuple(
             decode_dataclass(
-                _type_of_name(one, COVARIANCE_TYPES, "covariances"), f"covariances.{p}", one, arrays, tangent
+                _type_of_name(one, COVARIANCE_KINDS, "covariances"), f"covariances.{p}", one, arrays, tangent
             )
             for p, one in enumerate(pop_list(header, "covariances"))
         ),

@@ -14,14 +14,8 @@ from pilotfish.demonstrations import (
     tangent_map,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
-    DenseCovariances,
-    Gaussian,
-    RiemannianGaussian,
-    affine_transform,
-    product,
-    riemannian_product,
-)
+from pilotfish.gaussians import Gaussian, RiemannianGaussian, affine_transform, product, riemannian_product
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import normalise
 from pilotfish.models.signs import align_frame_signs
 from pilotfish.models.skill import AdaptedSkill, Skill

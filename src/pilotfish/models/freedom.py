@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.durations.distributions import DurationDistribution
 from pilotfish.models.durations.values import HistogramDurations
 from pilotfish.models.dynamics import Dynamics, MarkovChain, MixtureWeights, SemiMarkovChain, final_states

@@ -10,7 +10,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import CovarianceStructure, Full
+from pilotfish.gaussians.structures import CovarianceStructure, Full
 from pilotfish.models.durations.counted import count_durations
 from pilotfish.models.dynamics import Dynamics
 from pilotfish.models.em import Convergence, EMRun, EMSettings, MStep, fit_em

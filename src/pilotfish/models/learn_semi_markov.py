@@ -8,7 +8,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.durations.counted import count_durations
 from pilotfish.models.durations.distributions import DurationDistribution, Gaussian
 from pilotfish.models.durations.values import GaussianDurations

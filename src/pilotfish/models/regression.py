@@ -7,14 +7,9 @@ from pilotfish.gaussians import (
     ConditionalGaussians,
     GaussianMixture,
     GaussianRegression,
-    RiemannianConditionalGaussians,
-    RiemannianRegression,
     conditional_gaussians,
     log_input_densities,
     regress_with_responsibilities,
-    riemannian_conditional_gaussians,
-    riemannian_log_input_densities,
-    riemannian_regress_with_responsibilities,
 )
 from pilotfish.models.dynamics import MixtureWeights
 from pilotfish.models.forward import filtered_state_probs
@@ -22,8 +17,6 @@ from pilotfish.models.posteriors import smoothed_state_probs
 from pilotfish.models.skill import AdaptedSkill
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type
-
-RegressionResult = GaussianRegression | RiemannianRegression  # the latter for skills with orientations on S^3
 
 
 def as_mixture(model: AdaptedSkill) -> GaussianMixture:
@@ -47,7 +40,7 @@ def as_mixture(model: AdaptedSkill) -> GaussianMixture:
 
 def filtered_regression(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
-) -> RegressionResult:
+) -> GaussianRegression:
     """The columns that are not inputs at each step, given the inputs at this step and all before it.
 
     For use while the inputs come in: step t does not depend on later rows. States speak for the probability
@@ -62,13 +55,17 @@ def filtered_regression(
     """
     conditional, log_observed = _condition_on_inputs(model, inputs, x)
     if isinstance(model.dynamics, MixtureWeights):
-        return _regress(conditional, x, smoothed_state_probs(model.dynamics, log_observed))
-    return _regress(conditional, x, filtered_state_probs(model.dynamics, log_observed, len(x)))
+        return regress_with_responsibilities(
+            conditional, x, smoothed_state_probs(model.dynamics, log_observed)
+        )
+    return regress_with_responsibilities(
+        conditional, x, filtered_state_probs(model.dynamics, log_observed, len(x))
+    )
 
 
 def smoothed_regression(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
-) -> RegressionResult:
+) -> GaussianRegression:
     """The columns that are not inputs at each step, given the inputs at all T steps.
 
     For use when all inputs are known, say one half of a recorded movement: what follows a step helps to tell
@@ -77,31 +74,18 @@ def smoothed_regression(
     Raises: InvalidInput and NotPositiveDefinite, as filtered_regression does.
     """
     conditional, log_observed = _condition_on_inputs(model, inputs, x)
-    return _regress(conditional, x, smoothed_state_probs(model.dynamics, log_observed))
+    return regress_with_responsibilities(conditional, x, smoothed_state_probs(model.dynamics, log_observed))
 
 
 def _condition_on_inputs(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
-) -> tuple[ConditionalGaussians | RiemannianConditionalGaussians, Float[Array, "T K"]]:
+) -> tuple[ConditionalGaussians, Float[Array, "T K"]]:
     """The states as maps from inputs to the rest, and log p(x_t | state)."""
     require_type(model, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_type(x, "x", np.ndarray, "give an array, a row for each step")
     if not len(x):
         raise InvalidInput("x has no rows, expected the inputs of at least one step")
-    if orientation_starts := model.layout.orientation_starts:
-        conditional_on_manifold = riemannian_conditional_gaussians(
-            model.means, model.covariances, inputs, orientation_starts
-        )
-        return conditional_on_manifold, riemannian_log_input_densities(conditional_on_manifold, x)
-    conditional = conditional_gaussians(model.means, model.covariances, inputs)
+    conditional = conditional_gaussians(
+        model.means, model.covariances, inputs, model.layout.orientation_starts
+    )
     return conditional, log_input_densities(conditional, x)
-
-
-def _regress(
-    conditional: ConditionalGaussians | RiemannianConditionalGaussians,
-    x: Float[Array, "T _"],
-    responsibilities: Float[Array, "T K"],
-) -> RegressionResult:
-    if isinstance(conditional, RiemannianConditionalGaussians):
-        return riemannian_regress_with_responsibilities(conditional, x, responsibilities)
-    return regress_with_responsibilities(conditional, x, responsibilities)

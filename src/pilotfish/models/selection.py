@@ -8,7 +8,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.durations.distributions import DurationDistribution
 from pilotfish.models.em import EMSettings
 from pilotfish.models.freedom import degrees_of_freedom

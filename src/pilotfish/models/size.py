@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from pilotfish.gaussians import Covariances, CovarianceStructure, HDDCExplainedVariance
+from pilotfish.gaussians.structures import Covariances, CovarianceStructure
 
 
 def covariance_parameter_count(
@@ -18,25 +18,14 @@ def covariance_degrees_of_freedom(structure: CovarianceStructure, covariances: S
     These, not the parameters, belong in an information criterion: numbers that change no covariance fit
     nothing, such as turns of factors among themselves and lengths of shared vectors.
     """
-    return sum(
-        with_fitted_dimensions(structure, c).degrees_of_freedom(*c.dense.shape[:2]) for c in covariances
-    )
+    return sum(structure.fitted(c).degrees_of_freedom(*c.dense.shape[:2]) for c in covariances)
 
 
 def fitted_covariance_parameter_count(
     structure: CovarianceStructure, covariances: Sequence[Covariances]
 ) -> int:
     """Numbers that covariances learned with this structure are made of, over all frames."""
-    return sum(with_fitted_dimensions(structure, c).parameter_count(*c.dense.shape[:2]) for c in covariances)
-
-
-def with_fitted_dimensions(structure: CovarianceStructure, covariances: Covariances) -> CovarianceStructure:
-    """The same structure with everything that it left to the data decided, as these covariances are."""
-    return (
-        structure.with_fitted_dimensions(covariances)
-        if isinstance(structure, HDDCExplainedVariance)
-        else structure
-    )
+    return sum(structure.fitted(c).parameter_count(*c.dense.shape[:2]) for c in covariances)
 
 
 def semi_markov_parameter_count(

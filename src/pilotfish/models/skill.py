@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from pilotfish.demonstrations import Layout
-from pilotfish.gaussians import Covariances
+from pilotfish.gaussians.structures import Covariances
 from pilotfish.models.dynamics import Dynamics
 from pilotfish.types import Array, Float
 

@@ -10,15 +10,8 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
-    Covariances,
-    CovarianceStructure,
-    Moments,
-    TangentMoments,
-    moments,
-    moments_from_sums,
-    tangent_moments,
-)
+from pilotfish.gaussians import Moments, TangentMoments, moments, moments_from_sums, tangent_moments
+from pilotfish.gaussians.structures import Covariances, CovarianceStructure
 from pilotfish.models.durations.values import Durations
 from pilotfish.models.dynamics import Dynamics, MarkovChain, MixtureWeights, SemiMarkovChain
 from pilotfish.models.segments import TAIL_PROBABILITY, Segments, segment_tables, segments_from_counts

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import SemiTiedCovariances, component_correlation
+from pilotfish.gaussians.structures import SemiTiedCovariances, component_correlation
 from pilotfish.models import Skill
 from pilotfish.plots.kinds import require_sequence, require_type
 from pilotfish.plots.style import SMALL_FONT, new_figure

@@ -24,7 +24,7 @@ def adapt_in_world(skill: models.Skill) -> models.AdaptedSkill:
 
 
 def candidate(states: int) -> models.Candidate:
-    return models.Candidate(states, gaussians.Full(), "gaussian", models.learn)
+    return models.Candidate(states, gaussians.structures.Full(), "gaussian", models.learn)
 
 
 def models_examples() -> Examples:
@@ -37,7 +37,7 @@ def models_examples() -> Examples:
         models.expected_statistics(skill, data),
         models.expected_statistics(fit.markov_skill, data),
     )
-    full, inputs, x_inputs = gaussians.Full(), np.array([0]), demos[0].x[:, :1].copy()
+    full, inputs, x_inputs = gaussians.structures.Full(), np.array([0]), demos[0].x[:, :1].copy()
     learning = {"demonstrations": demos, "states": 3, "rng": new_rng(), "settings": FAST_SETTINGS}
     chain = {"dynamics": skill.dynamics, "log_observed": observed}
     valve = [demonstrations.add_derivatives(demo) for demo in valve_demonstrations()]

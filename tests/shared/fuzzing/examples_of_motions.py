@@ -181,7 +181,7 @@ def plots_examples() -> Examples:
     point = planning.via_point("position", [0.5, 0.1], time=0.4, deviation=0.01)
     states = planning.plan_states(model, start, horizon=10)[1]
     tied = models.learn(
-        demos, states=3, rng=new_rng(), settings=FAST_SETTINGS, structure=gaussians.SemiTied()
+        demos, states=3, rng=new_rng(), settings=FAST_SETTINGS, structure=gaussians.structures.SemiTied()
     ).skill
     valve = [demonstrations.add_derivatives(demo) for demo in valve_demonstrations()]
     frame_relevance = models.relevance(

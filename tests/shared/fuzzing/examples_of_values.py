@@ -90,18 +90,22 @@ def gaussians_examples() -> Examples:
     poses = np.hstack([x[:5], unit_quaternions(5)])
     curved = np.stack([np.eye(6)] * 2)
     point = gaussians.RiemannianGaussian(poses[0], curved[0], (3,))
-    on_sphere = gaussians.riemannian_conditional_gaussians(poses[:2], curved, inputs, (3,))
+    on_sphere = gaussians.conditional_gaussians(poses[:2], curved, inputs, (3,))
     return {
         "cholesky": {"covariances": S},
         "precision_cholesky": {"covariances": S},
-        "component_correlation": {"covariances": S},
         "condition": {"g": g, "columns": np.array([1]), "value": np.array([0.5])},
-        "conditional_gaussians": {"means": means, "covariances": S, "inputs": inputs},
+        "conditional_gaussians": {
+            "means": poses[:2],
+            "covariances": curved,
+            "inputs": inputs,
+            "orientation_starts": (3,),
+        },
         "confidence_radius": {"width": 3, "probability": 0.95},
         "ellipse": {"g": gaussians.Gaussian(means[0, :2], S[0, :2, :2]), "radius": 1.0, "points": 20},
         "in_confidence_region": {"g": g, "x": x, "probability": 0.9},
         "log_density": {"g": g, "x": x},
-        "log_input_densities": {"conditionals": conditionals, "x": x_inputs},
+        "log_input_densities": {"conditionals": on_sphere, "x": x_inputs},
         "marginal": {"g": g, "columns": np.array([0, 2])},
         "moments": {"x": x, "responsibilities": shares},
         "moments_from_sums": {
@@ -110,7 +114,6 @@ def gaussians_examples() -> Examples:
             "offsets": means,
             "scatter_matrices": S,
         },
-        "principal_components": {"S": S, "factors": np.array([1, 2, 1])},
         "product": {"gaussians": [g, gaussians.Gaussian(means[1], S[1])]},
         "regress": {"mixture": mixture, "inputs": inputs, "x": x_inputs},
         "regress_means": {"mixture": mixture, "inputs": inputs, "x": x_inputs},
@@ -119,20 +122,8 @@ def gaussians_examples() -> Examples:
             "x": x_inputs,
             "responsibilities": shares,
         },
-        "riemannian_conditional_gaussians": {
-            "means": poses[:2],
-            "covariances": curved,
-            "inputs": inputs,
-            "orientation_starts": (3,),
-        },
         "riemannian_log_density": {"g": point, "x": poses},
-        "riemannian_log_input_densities": {"conditionals": on_sphere, "x": x_inputs},
         "riemannian_product": {"gaussians": [point, point]},
-        "riemannian_regress_with_responsibilities": {
-            "conditionals": on_sphere,
-            "x": x_inputs,
-            "responsibilities": np.full((6, 2), 0.5),
-        },
         "sample": {"g": g, "count": 4, "rng": rng},
         "tangent_gaussian": {"g": point, "point": poses[1]},
         "tangent_moments": {"x": poses, "responsibilities": np.full((5, 2), 0.5), "orientation_starts": (3,)},

@@ -104,8 +104,18 @@ def _skills() -> Iterator[Skill]:
     )
     for distribution in (*distributions, models.Histogram(pseudocount=1.0)):
         yield fit(models.learn_semi_markov, flat, duration_model=DurationModel(distribution))
-    structures = (gaussians.SemiTied(0.7), gaussians.MFA(1), gaussians.MPPCA(1), gaussians.HDDC(1))
-    for structure in (*structures, gaussians.EMLLT(5), gaussians.MLT(2), gaussians.Diagonal()):
+    structures = (
+        gaussians.structures.SemiTied(0.7),
+        gaussians.structures.MFA(1),
+        gaussians.structures.MPPCA(1),
+        gaussians.structures.HDDC(1),
+    )
+    for structure in (
+        *structures,
+        gaussians.structures.EMLLT(5),
+        gaussians.structures.MLT(2),
+        gaussians.structures.Diagonal(),
+    ):
         yield fit(models.learn, flat, structure=structure)
 
 

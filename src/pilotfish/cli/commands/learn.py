@@ -35,7 +35,7 @@ from pilotfish.cli.output.answers import (
 from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
 from pilotfish.cli.output.terminal import is_interactive, print_note, progress_bar
 from pilotfish.demonstrations import Demonstration, Severity, diagnose
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.io import content_hash, save_skill
 from pilotfish.models import (
     MAX_ITERATIONS,

@@ -21,7 +21,7 @@ from pilotfish.cli.output.answers import require_writable_file
 from pilotfish.cli.output.report import Section, Table, write_report
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.gaussians import CovarianceStructure, Full, SemiTied
+from pilotfish.gaussians.structures import CovarianceStructure, Full, SemiTied
 from pilotfish.io import datasets, make_folder, save_skill, synthetic_valve
 from pilotfish.models import learn
 from pilotfish.planning import reproduce_demonstration

@@ -8,7 +8,7 @@ import numpy as np
 from pilotfish.cli.demo.protocol import TRAINING_DEMONSTRATIONS
 from pilotfish.cli.output.report import Table
 from pilotfish.demonstrations import Demonstration
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models import Fit, covariance_parameter_count
 from pilotfish.planning import (
     Reproduction,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pilotfish.cli.options.learners import DISTRIBUTIONS, FIT_FUNCTIONS
 from pilotfish.cli.options.structures import parse_structure
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models import MAX_STATES, Candidate
 from pilotfish.validation import first_duplicate, nearest_name, short_repr
 

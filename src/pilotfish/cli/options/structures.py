@@ -1,92 +1,63 @@
 """Covariance structures by the names that a command line gives them: full, semi-tied:0.5, mfa:4."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import MISSING, Field, fields
+from typing import Any
 
 import click
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import (
-    EMLLT,
-    HDDC,
-    MFA,
-    MLT,
-    MPPCA,
-    CovarianceStructure,
-    Diagonal,
-    Full,
-    HDDCExplainedVariance,
-    SemiTied,
-    Spherical,
-)
+from pilotfish.gaussians.structures import STRUCTURES, CovarianceStructure
 from pilotfish.validation import nearest_name, short_repr
 
 
-@dataclass(frozen=True, slots=True)
-class StructureSyntax:
-    """A structure's name, the number that may follow it after a colon, and how it is made of the two."""
-
-    parameter: str
-    required: bool
-    make: Callable[[str], CovarianceStructure]
-
-
-def _hddc(parameter: str) -> CovarianceStructure:
-    return HDDC(int(parameter)) if parameter.isdecimal() else HDDCExplainedVariance(float(parameter))
-
-
-STRUCTURES: dict[str, StructureSyntax] = {
-    "full": StructureSyntax("", False, lambda _: Full()),
-    "diagonal": StructureSyntax("", False, lambda _: Diagonal()),
-    "spherical": StructureSyntax("", False, lambda _: Spherical()),
-    "semi-tied": StructureSyntax("TYING", False, lambda parameter: SemiTied(float(parameter or 1.0))),
-    "mfa": StructureSyntax("FACTORS", True, lambda parameter: MFA(int(parameter))),
-    "mppca": StructureSyntax("COMPONENTS", True, lambda parameter: MPPCA(int(parameter))),
-    "hddc": StructureSyntax("COMPONENTS or SHARE", True, _hddc),
-    "emllt": StructureSyntax("VECTORS", True, lambda parameter: EMLLT(int(parameter))),
-    "mlt": StructureSyntax("TRANSFORMS", True, lambda parameter: MLT(int(parameter))),
-}
-
-
 def structure_syntax_list() -> str:
-    """Every name there is, as a person would type it."""
-    return ", ".join(_syntax_text(name, syntax) for name, syntax in STRUCTURES.items())
+    """Return the syntax of every structure, separated by commas."""
+    return ", ".join(_syntax(structure) for structure in STRUCTURES.values())
 
 
-def _syntax_text(name: str, syntax: StructureSyntax) -> str:
-    if not syntax.parameter:
-        return name
-    return f"{name}:{syntax.parameter}" if syntax.required else f"{name}[:{syntax.parameter}]"
+def _parameter(structure: type[CovarianceStructure]) -> Field[Any] | None:
+    """Return the field that the text after the colon sets; None for a structure without parameters."""
+    return next(iter(fields(structure)), None)  # type: ignore[arg-type]  # structures are dataclasses
+
+
+def _syntax(structure: type[CovarianceStructure]) -> str:
+    if (parameter := _parameter(structure)) is None:
+        return structure.name
+    text = f":{parameter.name.upper()}"
+    return structure.name + (text if parameter.default is MISSING else f"[{text}]")
 
 
 def parse_structure(text: str) -> CovarianceStructure:
-    """The structure that a name such as mfa:4 stands for.
+    """Return the structure for a text such as mfa:4.
 
-    Raises: InvalidInput, when there is none of that name or its number cannot be.
+    Args:
+        text: Name of a structure, with its parameter after a colon.
+
+    Raises:
+        InvalidInput: If no structure has this name, or its parameter is missing or outside its range.
     """
-    name, colon, parameter = text.partition(":")
+    name, colon, value = text.partition(":")
     if name not in STRUCTURES:
         nearest = nearest_name(name, STRUCTURES)
         hint = f"; did you mean {nearest!r}?" if nearest else ""
         raise InvalidInput(
-            f"no covariance structure is named {short_repr(text)}, there are {structure_syntax_list()}{hint}"
+            f"{short_repr(text)} is not a covariance structure, expected one of "
+            f"{structure_syntax_list()}{hint}"
         )
-    syntax = STRUCTURES[name]
-    if (
-        (colon and not parameter)
-        or (parameter and not syntax.parameter)
-        or (syntax.required and not parameter)
-    ):
-        raise InvalidInput(
-            f"{short_repr(text)} is no covariance structure, expected {_syntax_text(name, syntax)}"
-        )
+    structure = STRUCTURES[name]
+    parameter = _parameter(structure)
+    required = parameter is not None and parameter.default is MISSING
+    expected = f"{short_repr(text)} is not a covariance structure, expected {_syntax(structure)}"
+    if (colon and not value) or (value and parameter is None) or (required and not value):
+        raise InvalidInput(expected)
     try:
-        return syntax.make(parameter)
+        if not value:
+            return structure()
+        number = int(value) if value.isdecimal() else float(value)
+        return structure(number)  # type: ignore[call-arg]  # the first field
     except ValueError as error:
         reason = f": {error}" if isinstance(error, InvalidInput) else ""
-        raise InvalidInput(
-            f"{short_repr(text)} is no covariance structure, expected {_syntax_text(name, syntax)}{reason}"
-        ) from None
+        raise InvalidInput(expected + reason) from None
 
 
 class StructureType(click.ParamType[CovarianceStructure]):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.gaussians import SemiTiedCovariances
+from pilotfish.gaussians.structures import SemiTiedCovariances
 from pilotfish.io import atomic_file
 from pilotfish.models import FrameRelevance, SemiMarkovChain, Skill
 

@@ -1,27 +1,38 @@
-"""Extended maximum likelihood linear transform: precisions over more shared directions than columns."""
+"""Extended maximum likelihood linear transform (EMLLT): precisions over shared directions.
+
+Model. Sigma_k^-1 = sum over r of w_kr a_r a_r^T with R >= D directions a_r that all states share. R = D gives
+semi-tied covariances, R = D (D + 1) / 2 can give full ones. The M-step maximises
+sum_k N_k (log |Sigma_k^-1| - tr(S_k Sigma_k^-1)) by coordinate ascent: each weight in closed form, each
+direction by one preconditioned gradient step with backtracking. No step lowers the likelihood.
+"""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.gaussian import cholesky
-from pilotfish.gaussians.structures.dense import MAX_COUNT, Covariances
+from pilotfish.gaussians.structures.structure import MAX_COUNT, Covariances, CovarianceStructure
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count
 
-INITIAL_SWEEPS = 10  # of the semi-tied transform that a fit begins with
+INITIAL_SWEEPS = 10  # of the initial semi-tied transform
 MAX_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ExpandedPrecisions:
-    """Sigma_k^-1 = sum over r of weights[k, r] a_r a_r^T, a_r the rows of directions.
+class ExpandedPrecisions(Covariances):
+    """Covariances with Sigma_k^-1 = sum over r of weights[k, r] a_r a_r^T.
 
-    Weights may be negative while the sum is positive definite.
+    Attributes:
+        directions: Directions a_r as rows, shared by all states.
+        weights: Weight of each direction in each state. Weights may be negative if the sum is positive
+            definite.
     """
 
+    kind: ClassVar[str] = "expanded"
     directions: Float[Array, "R D"]
     weights: Float[Array, "K R"]
 
@@ -32,40 +43,40 @@ class ExpandedPrecisions:
 
     @property
     def precisions(self) -> Float[Array, "K D D"]:
-        """The inverses of the covariances."""
+        """Return the inverses of the covariances."""
         A = self.directions
         return np.asarray((A.T * self.weights[:, None, :]) @ A)
 
     def precision_cholesky(self, name: str) -> Float[Array, "K D D"]:
-        """Lower triangular W with W^T W = covariance^-1: the precision's Cholesky factor, last column first.
-
-        Raises: NotPositiveDefinite, naming the first that has none.
-        """
         backwards = cholesky(self.precisions[:, ::-1, ::-1], f"the precision that belongs to {name}")
         return np.ascontiguousarray(backwards[:, ::-1, ::-1].transpose(0, 2, 1))
 
 
 @dataclass(frozen=True, slots=True)
-class EMLLT:
-    """Precisions of all states share directions, at least as many as there are columns.
+class EMLLT(CovarianceStructure):
+    """Structure in which the precisions of all states are weighted sums over shared directions.
 
-    vectors  how many directions; D of them are semi-tied covariances, D (D + 1) / 2 can be full ones
-    sweeps   passes over the directions and weights in every M-step; none lowers the likelihood
-    Simplified: one weight or direction at a time is improved, weights in closed form and directions by a step
-    uphill that is halved until it gains, where the source runs a general optimiser over all of them.
-    Source: Olsen & Gopinath 2004, Modeling inverse covariance matrices by basis expansion.
+    Attributes:
+        directions: Number of directions R, from D (semi-tied) to D (D + 1) / 2 (can be full).
+        sweeps: Passes over the directions and weights in every M-step; none lowers the likelihood.
+
+    Source:
+        Olsen & Gopinath 2004, Modeling inverse covariance matrices by basis expansion. Simplified: one
+        weight or direction at a time, where the source runs a general optimiser over all of them.
     """
 
-    vectors: int
+    name: ClassVar[str] = "emllt"
+    covariances: ClassVar[type[Covariances]] = ExpandedPrecisions
+    directions: int
     sweeps: int = 2
 
     def __post_init__(self) -> None:
-        for name in ("vectors", "sweeps"):
+        for name in ("directions", "sweeps"):
             require_count(getattr(self, name), name, MAX_COUNT, 1)
 
     @property
     def label(self) -> str:
-        return f"EMLLT({self.vectors})"
+        return f"EMLLT({self.directions})"
 
     def estimate(
         self,
@@ -74,12 +85,12 @@ class EMLLT:
         previous: Covariances | None,
     ) -> ExpandedPrecisions:
         D = sample_covariances.shape[1]
-        self._validate_vectors(D)
-        if isinstance(previous, ExpandedPrecisions) and previous.directions.shape == (self.vectors, D):
+        self._validate_directions(D)
+        if isinstance(previous, ExpandedPrecisions) and previous.directions.shape == (self.directions, D):
             expanded = previous
         else:
             expanded = add_directions(
-                _fit_semi_tied(counts, sample_covariances), counts, sample_covariances, self.vectors
+                _fit_semi_tied(counts, sample_covariances), counts, sample_covariances, self.directions
             )
         for _ in range(self.sweeps):
             expanded = update_directions(
@@ -88,31 +99,41 @@ class EMLLT:
         return update_weights(expanded, sample_covariances)
 
     def parameter_count(self, states: int, width: int) -> int:
-        """R D + K R."""
-        return self.vectors * (width + states)
+        """Return R D + K R.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
+        """
+        return self.directions * (width + states)
 
     def degrees_of_freedom(self, states: int, width: int) -> int:
-        """R fewer than parameters, since weights make up for the length of directions; no more than full.
+        """Return R less than the parameters, at most those of full covariances.
 
-        Rarely one too many: 5 states of 4 columns and 6 vectors move in 47 dimensions, not 48.
+        The weights absorb the lengths of the directions. The number is rarely one too large: 5 states of 4
+        columns with 6 directions have 47 degrees of freedom, not 48.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
         """
-        return min(self.vectors * (width + states - 1), states * width * (width + 1) // 2)
+        return min(self.directions * (width + states - 1), states * width * (width + 1) // 2)
 
-    def _validate_vectors(self, width: int) -> None:
-        max_vectors = width * (width + 1) // 2
-        if not width <= self.vectors <= max_vectors:
+    def _validate_directions(self, width: int) -> None:
+        maximum = width * (width + 1) // 2
+        if not width <= self.directions <= maximum:
             raise InvalidInput(
-                f"{self.label} has {self.vectors} vectors for {width} columns, expected from {width} "
-                f"(semi-tied) to {max_vectors} (full)"
+                f"{self.label} has {self.directions} directions for {width} columns, expected from {width} "
+                f"(semi-tied) to {maximum} (full)"
             )
 
 
 def update_weights(expanded: ExpandedPrecisions, S: Float[Array, "K D D"]) -> ExpandedPrecisions:
-    """The same directions, each weight in turn the likeliest there is while the others stay.
+    """Return precisions in which each weight in turn was set to its most likely value.
 
     With q = a^T Sigma a and s = a^T S a, changing a weight by c gains log(1 + c q) - c s for each datapoint
-    (twice its log-likelihood), most at c = 1/s - 1/q, where 1 + c q = q/s > 0 keeps the precision positive
-    definite.
+    (twice its log-likelihood). The maximum is at c = 1/s - 1/q, where 1 + c q = q/s > 0 keeps the precision
+    positive definite.
     """
     weights, Sigma = expanded.weights.copy(), expanded.dense
     for r, a in enumerate(expanded.directions):
@@ -121,26 +142,26 @@ def update_weights(expanded: ExpandedPrecisions, S: Float[Array, "K D D"]) -> Ex
         _validate_variance(s, r)
         change = 1.0 / s - 1.0 / q
         weights[:, r] += change
-        Sigma -= ((change * s / q)[:, None] * image)[:, :, None] * image[
-            :, None, :
-        ]  # Sherman & Morrison 1950
+        # Sherman & Morrison 1950
+        Sigma -= ((change * s / q)[:, None] * image)[:, :, None] * image[:, None, :]
     return ExpandedPrecisions(expanded.directions, weights)
 
 
 def _validate_variance(s: Float[Array, " K"], r: int) -> None:
     if (degenerate := np.flatnonzero(~(s > 0.0))).size:
         raise NotPositiveDefinite(
-            f"the covariance of state {degenerate[0]} has no variance along direction {r}; raise the regularisation"
+            f"the covariance of state {degenerate[0]} has no variance along direction {r}; "
+            "raise the regularisation"
         )
 
 
 def update_directions(
     expanded: ExpandedPrecisions, counts: Float[Array, " K"], S: Float[Array, "K D D"]
 ) -> ExpandedPrecisions:
-    """The same weights, each direction in turn moved uphill, or left where no step is found that gains.
+    """Return precisions in which each direction in turn was moved along the gradient, if that gains.
 
-    The gradient sum N_k w_k (Sigma_k - S_k) a is preconditioned by sum N_k |w_k| S_k: with as many directions
-    as columns the whole step then leads to a multiple of the semi-tied row.
+    The gradient sum_k N_k w_k (Sigma_k - S_k) a is preconditioned by sum_k N_k |w_k| S_k. With R = D the full
+    step then leads to a multiple of the semi-tied row.
     """
     A, Sigma = expanded.directions.copy(), expanded.dense
     for r in range(len(A)):
@@ -163,17 +184,16 @@ def backtracking_step(
     Sigma: Float[Array, "K D D"],
     S: Float[Array, "K D D"],
 ) -> Float[Array, " D"]:
-    """The step, halved until the likelihood gains by it; zeros when it never does."""
+    """Return the step, halved until the likelihood increases; zeros if it never does."""
     pair = np.stack([a, step])
     q, s = (pair @ M @ pair.T for M in (Sigma, S))  # (K, 2, 2)
     for halving in range(MAX_HALVINGS):
         t = 0.5**halving
-        quadratic_forms = (
-            q[:, 0, 0] + 2.0 * t * q[:, 0, 1] + t * t * q[:, 1, 1]
-        )  # (a + t step)^T Sigma (a + t step)
+        # (a + t step)^T Sigma (a + t step)
+        quadratic_forms = q[:, 0, 0] + 2.0 * t * q[:, 0, 1] + t * t * q[:, 1, 1]
         cross = q[:, 0, 0] + t * q[:, 0, 1]
         determinants = (1.0 + w * quadratic_forms) * (1.0 - w * q[:, 0, 0]) + (w * cross) ** 2
-        if determinants.min() > 0.0:  # one eigenvalue at most fell, so the precisions stay positive definite
+        if determinants.min() > 0.0:  # at most one eigenvalue decreased, so precisions stay positive definite
             trace_increase = w * (2.0 * t * s[:, 0, 1] + t * t * s[:, 1, 1])
             if counts @ (np.log(determinants) - trace_increase) > 0.0:
                 return t * step
@@ -183,7 +203,7 @@ def backtracking_step(
 def _update_covariances(
     Sigma: Float[Array, "K D D"], w: Float[Array, " K"], old: Float[Array, " D"], new: Float[Array, " D"]
 ) -> Float[Array, "K D D"]:
-    """Sigma after w old old^T in its inverse became w new new^T (Woodbury, 2 x 2)."""
+    """Return the covariances after w old old^T in the precision became w new new^T (Woodbury, 2 x 2)."""
     pair = np.stack([new, old])
     images = pair @ Sigma  # (K, 2, D)
     change = w[:, None] * np.array([1.0, -1.0])  # (K, 2)
@@ -200,14 +220,15 @@ def _fit_semi_tied(counts: Float[Array, " K"], S: Float[Array, "K D D"]) -> Expa
 
 
 def add_directions(
-    expanded: ExpandedPrecisions, counts: Float[Array, " K"], S: Float[Array, "K D D"], vectors: int
+    expanded: ExpandedPrecisions, counts: Float[Array, " K"], S: Float[Array, "K D D"], count: int
 ) -> ExpandedPrecisions:
-    """More directions, of weight zero at first, where single states are told worst by those there are.
+    """Return precisions with more directions, which improve the worst-fitted states.
 
-    Along a generalised eigenvector of S and Sigma with eigenvalue g the right weight gains g - 1 - log g, so
-    every state proposes its best, again after each round of states.
+    Along a generalised eigenvector of S and Sigma with eigenvalue g, the best weight gains g - 1 - log g.
+    Every state proposes its best eigenvector; the proposals that gain most are added with weight zero, then
+    the weights are updated. This repeats until there are enough directions.
     """
-    while (missing := vectors - len(expanded.directions)) > 0:
+    while (missing := count - len(expanded.directions)) > 0:
         W = expanded.precision_cholesky("the covariance of state")
         values, eigenvectors = np.linalg.eigh(W @ S @ W.transpose(0, 2, 1))
         gains = values - 1.0 - np.log(np.maximum(values, np.finfo(float).tiny))

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians.structures.dense import MAX_COUNT, Covariances
 from pilotfish.gaussians.structures.latent import (
     LatentCovariances,
     em_step,
@@ -14,26 +14,32 @@ from pilotfish.gaussians.structures.latent import (
     validate_factor_count,
     warm_start,
 )
+from pilotfish.gaussians.structures.structure import MAX_COUNT, Covariances, CovarianceStructure
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_number
 
-MIN_LOADING_RATIO = (
-    1e-3  # share of the noise that a factor begins with at least: one of nothing would never grow
-)
+MIN_LOADING_RATIO = 1e-3  # squared initial loading relative to the noise: a loading of zero would never grow
 
 
 @dataclass(frozen=True, slots=True)
-class MFA:
-    """Every state has factors of its own, and every column noise of its own.
+class MFA(CovarianceStructure):
+    """Structure in which every state has its own factors, and every column its own noise.
 
-    sweeps       steps in every M-step. Each raises the likelihood, so few are enough inside
-                 expectation-maximisation: the next M-step goes on from the same factors.
-    least_noise  share of a column's variance below which its noise falls no further: without, it may go to
-                 zero (a Heywood case) and the factors' precision beyond all bounds
-    What is learned does not depend on the units of the columns, unlike with MPPCA and HDDC.
-    Source: Ghahramani & Hinton 1996; Tanwani 2018, section 4.1.2.
+    The result does not depend on the units of the columns, unlike with MPPCA and HDDC.
+
+    Attributes:
+        factors: Number of factors of each state, less than the number of columns.
+        sweeps: EM steps in every M-step. Each raises the likelihood and the next M-step continues from the
+            same factors, so that few are enough.
+        min_noise: Lower bound of the noise of a column, as a fraction of its variance. Without a bound the
+            noise may go to zero (a Heywood case).
+
+    Source:
+        Ghahramani & Hinton 1996; Tanwani 2018, section 4.1.2.
     """
 
+    name: ClassVar[str] = "mfa"
+    covariances: ClassVar[type[Covariances]] = LatentCovariances
     factors: int
     sweeps: int = 5
     min_noise: float = 1e-8
@@ -52,8 +58,7 @@ class MFA:
         previous: Covariances | None,
     ) -> LatentCovariances:
         validate_factor_count(self.label, self.factors, sample_covariances.shape[1])
-        variances = np.diagonal(sample_covariances, axis1=1, axis2=2)
-        _validate_variance(variances)
+        variances = _positive_variances(sample_covariances)
         noise = partial(_floor_noise, floor=self.min_noise * variances)
         latent = warm_start(previous, sample_covariances, self.factors)
         if latent is None:
@@ -63,26 +68,44 @@ class MFA:
         return latent
 
     def parameter_count(self, states: int, width: int) -> int:
-        """D d loadings and D variances of noise for each state, as table 5.1 of the thesis counts."""
+        """Return D d loadings and D noise variances for each state, as in table 5.1 of the thesis.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
+        """
         return states * width * (self.factors + 1)
 
     def degrees_of_freedom(self, states: int, width: int) -> int:
-        """D (d - 1) / 2 fewer than parameters for each state: factors may be turned among themselves."""
+        """Return the parameters less d (d - 1) / 2 for each state: the factors may be rotated.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
+        """
         rotations = self.factors * (self.factors - 1) // 2
         return states * min(width * (self.factors + 1) - rotations, width * (width + 1) // 2)
 
 
 @dataclass(frozen=True, slots=True)
-class MPPCA:
-    """Every state has principal components of its own, and one variance of noise, the same in all columns.
+class MPPCA(CovarianceStructure):
+    """Structure in which every state has its own principal components, and one noise for all columns.
 
-    The M-step is the iteration of Tipping & Bishop 1999, without an eigendecomposition; HDDC has the same
-    covariances in closed form. sweeps and least_noise are those of MFA.
-    Columns should have comparable units, since they share their noise.
-    Source: Tipping & Bishop 1999, Mixtures of probabilistic principal component analysers; Tanwani 2018,
-    equations 4.14-4.16, corrected.
+    The M-step is the iteration of Tipping & Bishop, without an eigendecomposition; HDDC has the same
+    covariances in closed form. Columns should have comparable units, since they share their noise.
+
+    Attributes:
+        components: Number of components of each state, less than the number of columns.
+        sweeps: EM steps in every M-step, as in MFA.
+        min_noise: Lower bound of the noise, as a fraction of the mean variance of the columns.
+
+    Source:
+        Tipping & Bishop 1999, Mixtures of probabilistic principal component analysers; Tanwani 2018,
+        equations 4.14-4.16, corrected.
     """
 
+    name: ClassVar[str] = "mppca"
+    covariances: ClassVar[type[Covariances]] = LatentCovariances
     components: int
     sweeps: int = 5
     min_noise: float = 1e-8
@@ -101,8 +124,7 @@ class MPPCA:
         previous: Covariances | None,
     ) -> LatentCovariances:
         validate_factor_count(self.label, self.components, sample_covariances.shape[1])
-        variances = np.diagonal(sample_covariances, axis1=1, axis2=2)
-        _validate_variance(variances)
+        variances = _positive_variances(sample_covariances)
         noise = partial(_floor_shared_noise, floor=self.min_noise * variances)
         latent = warm_start(previous, sample_covariances, self.components)
         if latent is None:
@@ -112,20 +134,31 @@ class MPPCA:
         return latent
 
     def parameter_count(self, states: int, width: int) -> int:
-        """D d loadings and one variance of noise for each state."""
+        """Return D d loadings and one noise variance for each state.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
+        """
         return states * (width * self.components + 1)
 
     def degrees_of_freedom(self, states: int, width: int) -> int:
-        """D (d - 1) / 2 fewer than parameters for each state: components may be turned among themselves."""
+        """Return the parameters less d (d - 1) / 2 for each state: the components may be rotated.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
+        """
         return states * (width * self.components + 1 - self.components * (self.components - 1) // 2)
 
 
 def _floor_noise(
     residual: Float[Array, "K D"], previous_noise: Float[Array, "K D"], floor: Float[Array, "K D"]
 ) -> Float[Array, "K D"]:
-    """The residual, but where it is less than least: then the least of both unless it was less before.
+    """Return the residual variances, bounded below by the floor or by smaller previous noise.
 
-    The likelihood of a column's noise has one peak, at the residual, so none is lost by stopping on the way.
+    The likelihood of the noise of a column has one maximum, at the residual variance. Stopping at the floor
+    on the way to it therefore does not lower the likelihood.
     """
     return np.asarray(np.maximum(residual, np.minimum(previous_noise, floor)))
 
@@ -133,14 +166,14 @@ def _floor_noise(
 def _floor_shared_noise(
     residual: Float[Array, "K D"], previous_noise: Float[Array, "K D"], floor: Float[Array, "K D"]
 ) -> Float[Array, "K D"]:
-    """The same with one noise for all columns of a state."""
+    """Return the result of `_floor_noise` for one noise variance per state."""
     D = residual.shape[1]
     means = [np.tile(values.mean(axis=1, keepdims=True), (1, D)) for values in (residual, floor)]
     return _floor_noise(means[0], previous_noise, means[1])
 
 
 def _initial_components(S: Float[Array, "K D D"], factors: int) -> LatentCovariances:
-    """Principal components, each of at least a faint length."""
+    """Return principal components whose loadings are not zero."""
     latent = principal_components(S, np.full(len(S), factors))
     if not factors:
         return latent
@@ -153,7 +186,7 @@ def _initial_components(S: Float[Array, "K D D"], factors: int) -> LatentCovaria
 def _initial_standardised_components(
     S: Float[Array, "K D D"], factors: int, floor: float
 ) -> LatentCovariances:
-    """Principal components of the columns scaled to unit variance, in the units of the columns."""
+    """Return principal components of columns scaled to unit variance, in the units of the columns."""
     scale = np.sqrt(np.diagonal(S, axis1=1, axis2=2))  # (K, D)
     start = _initial_components(S / (scale[:, :, None] * scale[:, None, :]), factors)
     noise = np.maximum(1.0 - (start.loadings**2).sum(axis=2), floor)
@@ -164,10 +197,12 @@ def _validate_settings(name: str, factors: int, sweeps: int, min_noise: float) -
     require_count(factors, name, MAX_COUNT)
     require_count(sweeps, "sweeps", MAX_COUNT, 1)
     if not 0.0 < require_number(min_noise, "min_noise") < 1.0:
-        raise InvalidInput(f"least_noise is {min_noise}, expected a share between 0 and 1, say 1e-8")
+        raise InvalidInput(f"min_noise is {min_noise}, expected a fraction between 0 and 1, such as 1e-8")
 
 
-def _validate_variance(variances: Float[Array, "K D"]) -> None:
+def _positive_variances(S: Float[Array, "K D D"]) -> Float[Array, "K D"]:
+    """Return the variances of the columns, or raise NotPositiveDefinite."""
+    variances = np.diagonal(S, axis1=1, axis2=2)
     if (degenerate := np.argwhere(~(variances > 0.0))).size:
         k, column = degenerate[0]
         raise NotPositiveDefinite(
@@ -175,3 +210,4 @@ def _validate_variance(variances: Float[Array, "K D"]) -> None:
             f"variance {variances[k, column]:.3g}; raise the regularisation, drop constant columns, "
             "or give more data"
         )
+    return variances

@@ -1,29 +1,36 @@
-"""Covariances of few latent factors: what they are, how they start, and one sweep of maximum likelihood."""
+"""Covariances with few latent factors: their form, closed-form estimates, and one EM step.
+
+Model. x = mean + Lambda z + e with factors z ~ N(0, I) and noise e ~ N(0, Psi), Psi diagonal, so that
+Sigma = Lambda Lambda^T + Psi. MFA leaves Psi free; MPPCA and HDDC use Psi = sigma^2 I.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.gaussians.structures.structure import Covariances
 from pilotfish.types import Array, Float, Int
 
-MIN_VARIANCE_RATIO = 1e-15  # share of the largest variance below which a direction counts as having none
-MIN_CONDITIONAL_VARIANCE_RATIO = (
-    1e-29  # the same for a column given others, told by roots of variances and so to the square of rounding
-)
+MIN_VARIANCE_RATIO = 1e-15  # of the largest variance; below, a direction has no variance
+MIN_CONDITIONAL_VARIANCE_RATIO = 1e-29  # computed from square roots of variances, so rounding is squared
 
-# What is left of every column's variance, and its noise before, to its noise now; both (K, D).
+# From the residual variance of every column and its previous noise to its noise; all (K, D).
 NoiseUpdate = Callable[[Float[Array, "K D"], Float[Array, "K D"]], Float[Array, "K D"]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LatentCovariances:
-    """Sigma_k = loadings[k] loadings[k]^T + diag(noise[k]): a few factors, and noise of every column's own.
+class LatentCovariances(Covariances):
+    """Covariances Sigma_k = loadings[k] loadings[k]^T + diag(noise[k]).
 
-    A state of fewer factors than L has columns of zeros; L is at least 1.
+    Attributes:
+        loadings: Factor loadings. L is at least 1; a state with fewer than L factors has columns of zeros.
+        noise: Noise variance of each column.
     """
 
+    kind: ClassVar[str] = "latent"
     loadings: Float[Array, "K D L"]
     noise: Float[Array, "K D"]
 
@@ -34,21 +41,32 @@ class LatentCovariances:
 
     @property
     def factors(self) -> Int[Array, " K"]:
-        """How many factors each state has."""
+        """Return the number of factors of each state."""
         return np.asarray(self.loadings.any(axis=1).sum(axis=1), dtype=np.int64)
 
-    def precision_cholesky(self, name: str) -> Float[Array, "K D D"]:
-        """Lower triangular W with W^T W = covariance^-1; no matrix is inverted, only numbers are divided by.
+    def validate_parameters(self, name: str) -> None:
+        if (bad := np.argwhere(self.noise < 0.0)).size:
+            raise InvalidInput(f"noise{bad[0].tolist()} is {self.noise[tuple(bad[0])]}, expected at least 0")
 
-        Row j is the normalised surprise of a Kalman filter that is shown column j after those before it, the
-        factors being its state. The filter keeps a root of its covariance, so that noise of 1e-16 of a
-        column's variance is not lost, as it would be in the covariance written out.
-        Raises: NotPositiveDefinite, naming the first state and column that hold no surprise.
-        Source: Potter 1963, as in Bierman 1977, Factorization methods for discrete sequential estimation.
+    def precision_cholesky(self, name: str) -> Float[Array, "K D D"]:
+        """Return the lower triangular matrices W with W^T W = covariance^-1, without inverting a matrix.
+
+        Row j of W is the normalised innovation of a Kalman filter that observes the columns in order and
+        whose state is the vector of factors. The filter keeps a square root of its covariance. Noise of
+        1e-16 of a column's variance is therefore not lost, as it would be in the dense covariance.
+
+        Args:
+            name: What the covariances are; the error message begins with it.
+
+        Raises:
+            NotPositiveDefinite: If a column has no variance given the columns before it.
+
+        Source:
+            Potter 1963, as in Bierman 1977, Factorization methods for discrete sequential estimation.
         """
         K, D, L = self.loadings.shape
-        W, gains = np.zeros((K, D, D)), np.zeros((K, L, D))  # gains[k] x: the factors expected of x so far
-        root = np.tile(np.eye(L), (K, 1, 1))  # root root^T: what is not known of them yet
+        W, gains = np.zeros((K, D, D)), np.zeros((K, L, D))  # gains[k] x: expected factors given x so far
+        root = np.tile(np.eye(L), (K, 1, 1))  # root root^T: covariance of the factors given x so far
         for j in range(D):
             loading, noise = self.loadings[:, j], self.noise[:, j]
             projected_loading = np.einsum("kml,km->kl", root, loading)  # root^T loading
@@ -67,11 +85,8 @@ class LatentCovariances:
 def _validate_innovation(
     innovation_variance: Float[Array, " K"], variance: Float[Array, " K"], name: str, column: int
 ) -> None:
-    if (
-        degenerate := np.flatnonzero(
-            ~((innovation_variance > MIN_CONDITIONAL_VARIANCE_RATIO * variance) & (variance < np.inf))
-        )
-    ).size:
+    positive = innovation_variance > MIN_CONDITIONAL_VARIANCE_RATIO * variance
+    if (degenerate := np.flatnonzero(~(positive & (variance < np.inf)))).size:
         raise NotPositiveDefinite(
             f"{name} {degenerate[0]} is not positive definite: column {column} (first is 0) has the variance "
             f"{innovation_variance[degenerate[0]]:.3g} given the columns before it; raise the regularisation"
@@ -79,21 +94,29 @@ def _validate_innovation(
 
 
 def principal_components(S: Float[Array, "K D D"], factors: Int[Array, " K"]) -> LatentCovariances:
-    """The likeliest covariances of so many factors and isotropic noise, for sample covariances S.
+    """Return the most likely covariances with given numbers of factors and isotropic noise.
 
-    The leading eigenpairs are kept and every other eigenvalue is replaced by the mean of them all.
-    Raises: NotPositiveDefinite, when a sample covariance has no variance outside its leading directions.
-    Source: Tipping & Bishop 1999, equations 7-8; Tanwani 2018, equation 4.1.
+    The leading eigenpairs are kept, and every other eigenvalue is replaced by the mean of the others.
+
+    Args:
+        S: Sample covariances.
+        factors: Number of factors of each state.
+
+    Raises:
+        NotPositiveDefinite: If a sample covariance has no variance outside its leading directions.
+
+    Source:
+        Tipping & Bishop 1999, equations 7-8; Tanwani 2018, equation 4.1.
     """
     D = S.shape[1]
     values, vectors = np.linalg.eigh(S)
-    values, vectors = values[:, ::-1], vectors[:, :, ::-1]  # the largest first
+    values, vectors = values[:, ::-1], vectors[:, :, ::-1]  # in decreasing order
     kept = np.arange(D) < factors[:, None]  # (K, D)
     noise = np.where(kept, 0.0, values).sum(axis=1) / (D - factors)
     _validate_noise(noise, values[:, 0], factors)
-    spread = np.sqrt(np.where(kept, np.maximum(values - noise[:, None], 0.0), 0.0))
+    lengths = np.sqrt(np.where(kept, np.maximum(values - noise[:, None], 0.0), 0.0))
     L = max(1, int(factors.max()))
-    return LatentCovariances(vectors[:, :, :L] * spread[:, None, :L], np.tile(noise[:, None], (1, D)))
+    return LatentCovariances(vectors[:, :, :L] * lengths[:, None, :L], np.tile(noise[:, None], (1, D)))
 
 
 def _validate_noise(
@@ -109,13 +132,20 @@ def _validate_noise(
 
 
 def em_step(S: Float[Array, "K D D"], previous: LatentCovariances, noise: NoiseUpdate) -> LatentCovariances:
-    """Covariances at least as likely as old for sample covariances S, one step of expectation-maximisation.
+    """Return covariances after one EM step, which does not lower their likelihood.
 
-    With B = Lambda^T Sigma^-1 and V = I - B Lambda, the factors' covariance given x:
-    Lambda <- S B^T (V + B S B^T)^-1,  Psi <- diag(S - Lambda B S), which noise may average over columns.
-    Only d x d systems are solved (Woodbury), d being the number of factors.
-    Source: Ghahramani & Hinton 1996; Tanwani 2018, equations 4.9-4.13. With averaged noise it equals
-    (4.14)-(4.15), corrected: M = Lambda^T Lambda + sigma^2 I where the thesis prints Sigma.
+    With B = Lambda^T Sigma^-1 and V = I - B Lambda, the covariance of the factors given x:
+    Lambda <- S B^T (V + B S B^T)^-1 and Psi <- diag(S - Lambda B S), which the noise update may average over
+    columns. Only L x L systems are solved (Woodbury), for L factors.
+
+    Args:
+        S: Sample covariances.
+        previous: Covariances before the step.
+        noise: Update of the noise variances.
+
+    Source:
+        Ghahramani & Hinton 1996; Tanwani 2018, equations 4.9-4.13. With averaged noise it equals
+        (4.14)-(4.15), corrected: M = Lambda^T Lambda + sigma^2 I where the thesis prints Sigma.
     """
     weighted = (previous.loadings / previous.noise[:, :, None]).transpose(
         0, 2, 1
@@ -129,17 +159,17 @@ def em_step(S: Float[Array, "K D D"], previous: LatentCovariances, noise: NoiseU
 
 
 def validate_factor_count(name: str, factors: int, width: int) -> None:
-    """Raises: InvalidInput, when covariances of this width cannot have so many factors."""
+    """Raise InvalidInput unless there are fewer factors than columns."""
     if factors >= width:
         raise InvalidInput(
             f"{name} has {factors} factors for {width} columns, expected fewer factors than columns; "
-            "pf.structures.Full() leaves covariances free"
+            "use pf.structures.Full() for unrestricted covariances"
         )
 
 
 def warm_start(
     previous: object, sample_covariances: Float[Array, "K D D"], factors: int
 ) -> LatentCovariances | None:
-    """previous, when a fit of so many factors can go on from it."""
+    """Return previous if a fit with this number of factors can continue from it, else None."""
     shape = (*sample_covariances.shape[:2], max(1, factors))
     return previous if isinstance(previous, LatentCovariances) and previous.loadings.shape == shape else None

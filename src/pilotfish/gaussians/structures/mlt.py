@@ -1,23 +1,36 @@
-"""Multiple linear transforms (MLT): several semi-tied bases, and every state with the one that suits it."""
+"""Multiple linear transforms (MLT): several semi-tied bases, one of which each state uses."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import precision_cholesky
-from pilotfish.gaussians.structures.dense import MAX_COUNT, Covariances
+from pilotfish.gaussians.structures.structure import (
+    MAX_COUNT,
+    Covariances,
+    CovarianceStructure,
+    validate_positive,
+)
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, short_repr
 
-INITIAL_SWEEPS = 10  # of the one transform that a fit begins with
+INITIAL_SWEEPS = 10  # of the initial transform
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MultipleTransformCovariances:
-    """Sigma_k = H diag(variances[k]) H^T,  H being the basis where row k of membership holds its one."""
+class MultipleTransformCovariances(Covariances):
+    """Covariances Sigma_k = H diag(variances[k]) H^T, where H is the basis of state k.
 
+    Attributes:
+        bases: Bases, with directions as columns.
+        variances: Variances of each state along the directions of its basis.
+        membership: One-hot rows: which basis each state uses.
+    """
+
+    kind: ClassVar[str] = "multiple-transforms"
     bases: Float[Array, "C D D"]
     variances: Float[Array, "K D"]
     membership: Float[Array, "K C"]
@@ -31,17 +44,33 @@ class MultipleTransformCovariances:
     def precision_cholesky(self, name: str) -> Float[Array, "K D D"]:
         return precision_cholesky(self.dense, name)
 
+    def validate_parameters(self, name: str) -> None:
+        validate_positive(self.variances, "variances")
+        ones = self.membership == 1.0
+        if ((self.membership != 0.0) != ones).any() or (ones.sum(axis=1) != 1).any():
+            raise InvalidInput(
+                f"membership is {short_repr(self.membership.tolist())}, expected one 1 in each row, and 0 "
+                "elsewhere"
+            )
+
 
 @dataclass(frozen=True, slots=True)
-class MLT:
-    """Several semi-tied bases; in every M-step each state takes the one under which it is likeliest.
+class MLT(CovarianceStructure):
+    """Structure with several semi-tied bases; in every M-step each state chooses the most likely one.
 
-    Neither the choice nor the sweeps lower the likelihood. Simplified: a state chooses a whole basis, as with
-    the classes of Gales 1999, never single vectors out of a pool.
-    sweeps  passes over the rows of each inverse basis in every M-step, as in SemiTied
-    Source: Goel & Gopinath 2001, Multiple linear transforms.
+    Neither the choice nor the sweeps lower the likelihood.
+
+    Attributes:
+        transforms: Number of bases, at most the number of states.
+        sweeps: Passes over the rows of each inverse basis in every M-step, as in SemiTied.
+
+    Source:
+        Goel & Gopinath 2001, Multiple linear transforms. Simplified: a state chooses a whole basis, as with
+        the classes of Gales 1999, not single vectors from a pool.
     """
 
+    name: ClassVar[str] = "mlt"
+    covariances: ClassVar[type[Covariances]] = MultipleTransformCovariances
     transforms: int
     sweeps: int = 2
 
@@ -61,12 +90,9 @@ class MLT:
     ) -> MultipleTransformCovariances:
         K, D = sample_covariances.shape[:2]
         if self.transforms > K:
-            raise InvalidInput(f"{self.label} has more transforms than the {K} states there are")
-        if isinstance(previous, MultipleTransformCovariances) and previous.bases.shape == (
-            self.transforms,
-            D,
-            D,
-        ):
+            raise InvalidInput(f"{self.label} has more transforms than states, expected at most {K}")
+        shape = (self.transforms, D, D)
+        if isinstance(previous, MultipleTransformCovariances) and previous.bases.shape == shape:
             B = np.linalg.inv(previous.bases)
         else:
             B = _initial_transforms(counts, sample_covariances, self.transforms)
@@ -77,20 +103,30 @@ class MLT:
         return _diagonalise(B, choice, sample_covariances)
 
     def parameter_count(self, states: int, width: int) -> int:
-        """C D^2 + K D; which basis a state has is not counted."""
+        """Return C D^2 + K D; the choice of basis of each state is not counted.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
+        """
         return self.transforms * width * width + states * width
 
     def degrees_of_freedom(self, states: int, width: int) -> int:
-        """C D fewer than parameters, since variances make up for the length of vectors; no more than full.
+        """Return C D less than the parameters, at most those of full covariances.
 
-        Too many by what a basis has to spare that fewer than two states use.
+        The variances absorb the lengths of the directions. The number is too large if fewer than two states
+        use a basis.
+
+        Args:
+            states: Number of states, K.
+            width: Number of columns, D.
         """
         free = self.parameter_count(states, width) - self.transforms * width
         return min(free, states * width * (width + 1) // 2)
 
 
 def _log_likelihoods(B: Float[Array, "C D D"], S: Float[Array, "K D D"]) -> Float[Array, "K C"]:
-    """Twice what each state's datapoints have on average under each transform, constants left out."""
+    """Return twice the mean log-likelihood of each state under each transform, up to a constant."""
     variances = np.stack([((b @ S) * b).sum(axis=2) for b in B], axis=1)  # (K, C, D)
     with np.errstate(divide="ignore"):
         return np.asarray(2.0 * np.linalg.slogdet(B)[1] - np.log(variances).sum(axis=2))
@@ -99,7 +135,10 @@ def _log_likelihoods(B: Float[Array, "C D D"], S: Float[Array, "K D D"]) -> Floa
 def _assign_transforms(
     B: Float[Array, "C D D"], counts: Float[Array, " K"], S: Float[Array, "K D D"]
 ) -> tuple[Float[Array, "C D D"], Int[Array, " K"]]:
-    """The likeliest transform of every state. One that no state takes begins anew at the state told worst."""
+    """Return the most likely transform of every state, after re-initialising unused transforms.
+
+    An unused transform is re-initialised from the state that loses most likelihood.
+    """
     B = B.copy()
     choice = _log_likelihoods(B, S).argmax(axis=1)
     while len(unused := np.setdiff1d(np.arange(len(B)), choice)):
@@ -113,15 +152,15 @@ def _assign_transforms(
 def _likelihood_losses(
     B: Float[Array, "C D D"], counts: Float[Array, " K"], S: Float[Array, "K D D"]
 ) -> Float[Array, " K"]:
-    """What every state loses by its best transform against a covariance of its own."""
-    members = -np.linalg.slogdet(S)[1]
-    return np.asarray(counts * (members - _log_likelihoods(B, S).max(axis=1)))
+    """Return what each state loses under its best transform compared with a full covariance."""
+    full = -np.linalg.slogdet(S)[1]
+    return np.asarray(counts * (full - _log_likelihoods(B, S).max(axis=1)))
 
 
 def _initial_transforms(
     counts: Float[Array, " K"], S: Float[Array, "K D D"], transforms: int
 ) -> Float[Array, "C D D"]:
-    """One transform for all, then, as often as asked, one more that begins at the state told worst."""
+    """Return a shared transform, then add one at a time for the state that loses most likelihood."""
     B = kernels.semi_tied_sweeps(S, counts, np.eye(S.shape[1]), INITIAL_SWEEPS)[None]
     while len(B) < transforms:
         worst = int(_likelihood_losses(B, counts, S).argmax())
@@ -132,12 +171,12 @@ def _initial_transforms(
 def _initialise_transform(
     worst: int, B: Float[Array, "C D D"], counts: Float[Array, " K"], S: Float[Array, "K D D"]
 ) -> Float[Array, "D D"]:
-    """Of the transforms that make this state and one other diagonal, the one that helps all states most.
+    """Return the transform that diagonalises this state and another, and helps all states most.
 
     Two covariances have one basis in common, their generalised eigenvectors; one alone has many.
     """
     W = precision_cholesky(S[[worst]], "the covariance of state")[0]
-    pairs = np.linalg.eigh(W @ S @ W.T)[1].transpose(0, 2, 1) @ W  # (K, D, D), a candidate for each partner
+    pairs = np.linalg.eigh(W @ S @ W.T)[1].transpose(0, 2, 1) @ W  # (K, D, D), one candidate per partner
     before = _log_likelihoods(B, S).max(axis=1, keepdims=True)
     after = np.maximum(before, _log_likelihoods(pairs, S))  # (K, candidates)
     return np.asarray(pairs[(counts @ after).argmax()])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import LatentCovariances
+from pilotfish.gaussians.structures import LatentCovariances
 from pilotfish.models.durations.values import GaussianDurations
 from pilotfish.models.dynamics import Dynamics, MixtureWeights, SemiMarkovChain
 from pilotfish.models.learn import library_version

@@ -17,7 +17,7 @@ from pilotfish.demonstrations import (
     views,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import DenseCovariances
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_type
