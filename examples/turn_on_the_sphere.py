@@ -16,14 +16,14 @@ UP, HORIZONTAL = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 
 def axis_angle_quaternions(axis, radians):
     """The quaternions w x y z of turns about an axis."""
-    return geometry.quaternion_exp(0.5 * np.asarray(radians)[..., None] * axis)
+    return geometry.from_rotation_vector(np.asarray(radians)[..., None] * axis)
 
 
 def sample_pouring(cup, side, wobble):
     """The jug above the cup, held from a side [rad], tipped by 150 degrees and held there."""
     s = np.clip(np.linspace(-0.3, 1.3, STEPS), 0.0, 1.0)
     tip = axis_angle_quaternions(HORIZONTAL, np.radians(150.0) * (10 * s**3 - 15 * s**4 + 6 * s**5))
-    hand = geometry.multiply(axis_angle_quaternions(UP, side), geometry.quaternion_exp(0.5 * wobble))
+    hand = geometry.multiply(axis_angle_quaternions(UP, side), geometry.from_rotation_vector(wobble))
     q = geometry.multiply(cup.quaternion, geometry.multiply(hand, tip))
     x = np.hstack([np.tile(cup.position + 0.2 * UP, (STEPS, 1)), q])
     frames = [frame_from_pose("cup", pose_layout(), cup)]

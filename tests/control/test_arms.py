@@ -18,7 +18,7 @@ from pilotfish.control import (
     posture_torque,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import multiply, quaternion_exp, rotation_matrix
+from pilotfish.geometry import from_rotation_vector, multiply, rotation_matrix
 from pilotfish.kernels import reference
 
 ARM = 7
@@ -44,7 +44,7 @@ def reading_of(rng, *, still=False):
 
 def target_near(rng, reading, distance=0.01):
     step = distance * rng.normal(size=6)
-    turned = multiply(quaternion_exp(0.5 * step[3:]), reading.quaternion)
+    turned = multiply(from_rotation_vector(step[3:]), reading.quaternion)
     return ToolTarget(reading.position + step[:3], turned, np.zeros(6)), step
 
 

@@ -6,7 +6,13 @@ from scipy.optimize import least_squares
 
 from pilotfish.control import tool_poses
 from pilotfish.environments.baxter import arm_chain
-from pilotfish.geometry import Pose, multiply, quaternion_exp, relative_rotation_vector, rotation_matrix
+from pilotfish.geometry import (
+    Pose,
+    from_rotation_vector,
+    multiply,
+    relative_rotation_vector,
+    rotation_matrix,
+)
 
 LEVER = 0.3  # m: what a radian is worth in the fit
 ROS = [2, 3, 0, 1, 4, 5, 6]  # where s0 s1 e0 e1 w0 w1 w2 stand when names are in alphabetical order
@@ -24,7 +30,7 @@ def logged(data_folder):
 
 def offsets_of(v):
     """The pose of six numbers: a place and a rotation vector."""
-    return Pose(v[:3], quaternion_exp(0.5 * v[3:]))
+    return Pose(v[:3], from_rotation_vector(v[3:]))
 
 
 def corrected(poses, v):

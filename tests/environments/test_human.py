@@ -21,7 +21,7 @@ from pilotfish.environments.human import (
     within_tolerance,
 )
 from pilotfish.environments.human.offsets import add_offset
-from pilotfish.geometry import Pose, angle, normalise, quaternion_exp
+from pilotfish.geometry import Pose, angle, from_rotation_vector, normalise
 
 TIMESTEP = 0.025  # of which all delays are multiples
 DELAYS = [0.0, 0.25, 0.5, 1.0, 2.0]
@@ -225,7 +225,7 @@ def test_a_hand_does_not_wind_up_against_a_wall(rng: np.random.Generator):
 
 def test_a_tool_that_hangs_is_brought_to_its_goal(rng: np.random.Generator):
     """What comes of a wish may differ from it by less than the lean: the error seen is corrected still."""
-    droop = Pose(np.array([0.0, 0.0, -0.03]), quaternion_exp(0.5 * np.array([0.0, 0.1, 0.0])))
+    droop = Pose(np.array([0.0, 0.0, -0.03]), from_rotation_vector(np.array([0.0, 0.1, 0.0])))
     plan, state, tool = DemonstrationPlan(HumanModel(), (reach_frame("goal"),)), initial_state(AT, 0.0), AT
     frames = {"goal": Pose(AT.position + 0.1, AT.quaternion)}
     for n in range(1, 3000):

@@ -18,7 +18,7 @@ from pilotfish.environments.human import (
     initial_state,
     step_human,
 )
-from pilotfish.geometry import Pose, quaternion_exp
+from pilotfish.geometry import Pose, from_rotation_vector
 
 pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of looks; test_people.py checks each act
 
@@ -44,7 +44,7 @@ def shifted(pose: Pose, x: float) -> Pose:
 
 
 def turned(pose: Pose, a: float) -> Pose:
-    return Pose(pose.position, quaternion_exp(0.5 * np.array([0.0, 0.0, a])))
+    return Pose(pose.position, from_rotation_vector(np.array([0.0, 0.0, a])))
 
 
 @pytest.mark.parametrize("moved", [shifted, turned])

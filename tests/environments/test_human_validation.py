@@ -8,7 +8,7 @@ import pytest
 
 from pilotfish.environments.human import DemonstrationPlan, HumanModel, Subtask, within_tolerance
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, quaternion_exp
+from pilotfish.geometry import Pose, from_rotation_vector
 
 ACT = Subtask("go", lambda frames: frames["goal"], 0.01, 0.1)
 
@@ -71,9 +71,9 @@ def test_impossible_tasks_are_refused(subtasks: tuple[Subtask, ...], round_trip:
 def test_within_means_both_tolerances():
     """Near enough and turned enough; the sign of a quaternion does not matter."""
     goal = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    turned = quaternion_exp(0.5 * np.array([0.0, 0.09, 0.0]))
+    turned = from_rotation_vector(np.array([0.0, 0.09, 0.0]))
     assert within_tolerance(Pose(np.array([0.009, 0.0, 0.0]), -turned), goal, ACT)
     assert not within_tolerance(Pose(np.array([0.011, 0.0, 0.0]), turned), goal, ACT)
     assert not within_tolerance(
-        Pose(np.zeros(3), quaternion_exp(0.5 * np.array([0.0, 0.11, 0.0]))), goal, ACT
+        Pose(np.zeros(3), from_rotation_vector(np.array([0.0, 0.11, 0.0]))), goal, ACT
     )

@@ -20,7 +20,7 @@ from pilotfish.environments.tasks.plate import (
     plate_pose,
     situation_for_level,
 )
-from pilotfish.geometry import Pose, quaternion_exp, rotation_matrix
+from pilotfish.geometry import Pose, from_rotation_vector, rotation_matrix
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -52,7 +52,7 @@ def judged(cell: Workcell, plate: Pose, forces: dict[str, float] | None = None) 
 def moved(aside: float, lean: float, turn: float) -> Pose:
     """The cross's pose so far along x [m], leaning about x and turned about z [degrees]."""
     return goal_pose() @ Pose(
-        np.array([aside, 0.0, 0.0]), quaternion_exp(0.5 * radians(1.0) * np.array([lean, 0.0, turn]))
+        np.array([aside, 0.0, 0.0]), from_rotation_vector(radians(1.0) * np.array([lean, 0.0, turn]))
     )
 
 

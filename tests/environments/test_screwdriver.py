@@ -20,7 +20,7 @@ from pilotfish.environments.tasks.screwdriver import (
     screw_pose,
     tool_above_recess,
 )
-from pilotfish.geometry import Pose, angle, quaternion_exp
+from pilotfish.geometry import Pose, angle, from_rotation_vector
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -94,7 +94,7 @@ def test_the_verdict_is_that_of_the_tool_in_the_recess():
     goal = tool_above_recess(cell.frames(), 0.0)
 
     def moved(x: float, lean: float, twist: float) -> Outcome:
-        turn = quaternion_exp(0.5 * radians(1.0) * np.array([lean, 0.0, twist]))
+        turn = from_rotation_vector(radians(1.0) * np.array([lean, 0.0, twist]))
         return stand(cell, goal @ Pose(np.array([x, 0.0, 0.0]), turn))
 
     assert moved(0.0, 0.0, 0.0).success
@@ -109,7 +109,7 @@ def test_the_verdict_is_that_of_the_tool_in_the_recess():
 def test_a_blade_has_no_front():
     """Turned by half a turn about its axis the screwdriver is as good."""
     cell = Workcell(SCREWDRIVER, drawn(2))
-    half = Pose(np.zeros(3), quaternion_exp(0.5 * pi * np.array([0.0, 0.0, 1.0])))
+    half = Pose(np.zeros(3), from_rotation_vector(pi * np.array([0.0, 0.0, 1.0])))
     tool = tool_above_recess(cell.frames(), 0.0) @ half
     cell.arm.q[:] = solve_posture(tool_above_recess(cell.frames(), 0.0), REACH)
     cell.arm.q[6] += pi if cell.arm.q[6] < 0 else -pi

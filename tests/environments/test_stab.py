@@ -20,7 +20,7 @@ from pilotfish.environments.tasks.stab import (
     StabSituation,
     insertion_depth,
 )
-from pilotfish.geometry import Pose, quaternion_exp, rotation_matrix
+from pilotfish.geometry import Pose, from_rotation_vector, rotation_matrix
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
@@ -33,7 +33,7 @@ def drawn(seed: int) -> StabSituation:
 
 def at(situation: StabSituation, aside: float, depth: float, lean: float = 0.0) -> Pose:
     """The tool so deep beyond the mouth and so far from the axis [m], leaning [degrees] away from it."""
-    turn = quaternion_exp(0.5 * radians(lean) * np.array([0.0, 1.0, 0.0]))
+    turn = from_rotation_vector(radians(lean) * np.array([0.0, 1.0, 0.0]))
     return situation.receptacle @ Pose(np.array([aside, 0.0, depth]), turn)
 
 

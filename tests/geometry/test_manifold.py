@@ -7,6 +7,7 @@ from pilotfish.geometry import (
     angle,
     exp_map,
     exp_map_jacobian,
+    from_rotation_vector,
     inverse_right_jacobian,
     inverse_right_jacobian_derivative,
     karcher_mean,
@@ -15,7 +16,6 @@ from pilotfish.geometry import (
     multiply,
     normalise,
     parallel_transport,
-    quaternion_exp,
     relative_rotation_vector,
     right_jacobian,
     tangent_slices,
@@ -38,28 +38,30 @@ def of_length(rng, length):
 
 
 @pytest.mark.parametrize(("width", "orientation_starts"), LAYOUTS)
-def test_columns_and_tangents_are_each_named_once(width, orientation_starts):
+def test_tangent_slices_any_width_cover_each_column_once(width, orientation_starts):
     pieces = list(tangent_slices(width, orientation_starts))
-    assert [i for here, _, _ in pieces for i in range(here.start, here.stop)] == list(range(width))
-    tangents = [i for _, there, _ in pieces for i in range(there.start, there.stop)]
+    assert [i for columns, _, _ in pieces for i in range(columns.start, columns.stop)] == list(range(width))
+    tangents = [i for _, columns, _ in pieces for i in range(columns.start, columns.stop)]
     assert tangents == list(range(width - len(orientation_starts)))
-    assert [here.start for here, _, turn in pieces if turn] == sorted(orientation_starts)
+    starts = [columns.start for columns, _, is_orientation in pieces if is_orientation]
+    assert starts == sorted(orientation_starts)
 
 
 @pytest.mark.parametrize(("width", "orientation_starts"), LAYOUTS)
-def test_exp_leads_where_log_points(rng, width, orientation_starts):
-    """exp_at(base, log_at(base, x)) is x or -x on each orientation, for one base and for many."""
+def test_exp_map_of_log_map_returns_point_up_to_sign(rng, width, orientation_starts):
+    """One base or many; on each orientation the result is x or -x."""
     base, x = points(rng, width, orientation_starts, 5), points(rng, width, orientation_starts, 5)
     for b in (base, base[0]):
-        back = exp_map(b, log_map(b, x, orientation_starts), orientation_starts)
-        for here, _, turn in tangent_slices(width, orientation_starts):
-            signs = np.sign(np.sum(back[:, here] * x[:, here], axis=1, keepdims=True)) if turn else 1.0
-            np.testing.assert_allclose(back[:, here], signs * x[:, here], atol=1e-14)
+        result = exp_map(b, log_map(b, x, orientation_starts), orientation_starts)
+        for columns, _, is_orientation in tangent_slices(width, orientation_starts):
+            products = np.sum(result[:, columns] * x[:, columns], axis=1, keepdims=True)
+            signs = np.sign(products) if is_orientation else 1.0
+            np.testing.assert_allclose(result[:, columns], signs * x[:, columns], atol=1e-14)
 
 
 @pytest.mark.parametrize("length", LENGTHS)
-def test_log_finds_the_tangent_vector_that_exp_followed(rng, length):
-    """From the shortest turns to almost half a one, and the turn is as long as its vector."""
+def test_log_map_of_exp_map_returns_tangent_vector(rng, length):
+    """From tiny rotations to almost pi; the angle equals the length of the vector."""
     base, v = points(rng, 7, (3,)), np.concatenate([rng.normal(size=3), of_length(rng, length)])
     x = exp_map(base, v, (3,))
     np.testing.assert_allclose(log_map(base, x, (3,)), v, atol=1e-14)
@@ -67,14 +69,14 @@ def test_log_finds_the_tangent_vector_that_exp_followed(rng, length):
     np.testing.assert_array_equal(log_map(base, np.append(x[:3], -x[3:]), (3,)), log_map(base, x, (3,)))
 
 
-def test_turning_the_world_leaves_body_axes_alone(rng):
+def test_log_map_rotated_world_is_unchanged(rng):
     world, base, x = points(rng, 4, (0,)), points(rng, 4, (0,), 6), points(rng, 4, (0,), 6)
     turned = log_map(multiply(world, base), multiply(world, x), (0,))
     np.testing.assert_allclose(turned, log_map(base, x, (0,)), atol=1e-13)
 
 
 @pytest.mark.parametrize("length", LENGTHS)
-def test_transport_is_that_of_the_sphere_in_four_dimensions(rng, length):
+def test_parallel_transport_equals_formula_on_sphere_in_r4(rng, length):
     """W + (u.w) ((cos s - 1) u - sin s p), along the great circle from p with unit direction u through s."""
     p, d, w = points(rng, 4, (0,)), of_length(rng, length), rng.normal(size=3)
 
@@ -90,8 +92,8 @@ def test_transport_is_that_of_the_sphere_in_four_dimensions(rng, length):
 
 
 @pytest.mark.parametrize("length", [*LENGTHS[:-1], 3.1, 5.0])
-def test_the_differential_is_that_of_finite_differences(rng, length):
-    """Central differences of exp_at(base, v + h), read off in the tangent space at exp_at(base, v)."""
+def test_exp_map_jacobian_equals_finite_differences(rng, length):
+    """Central differences of exp_map(base, v + h), in the tangent space at exp_map(base, v)."""
     base, v = points(rng, 7, (3,)), np.concatenate([rng.normal(size=3), of_length(rng, length)])
     x, step = exp_map(base, v, (3,)), 1e-5
 
@@ -106,7 +108,7 @@ def test_the_differential_is_that_of_finite_differences(rng, length):
 
 
 @pytest.mark.parametrize("length", [1e-9, 1e-4, 0.29, 0.31, 1.0, 3.0, 5.0])
-def test_the_inverse_differential_changes_as_finite_differences_say(rng, length):
+def test_inverse_right_jacobian_derivative_equals_finite_differences(rng, length):
     v, w, step = of_length(rng, length), rng.normal(size=3), 1e-5
     numeric = np.stack(
         [
@@ -119,24 +121,23 @@ def test_the_inverse_differential_changes_as_finite_differences_say(rng, length)
 
 
 @pytest.mark.parametrize("of", [right_jacobian, inverse_right_jacobian])
-def test_series_and_quotients_meet(rng, of):
-    """No jump where the series takes over."""
+def test_series_at_its_maximum_angle_equals_quotient(rng, of):
     v = of_length(rng, 1.0)
     np.testing.assert_allclose(of((0.3 - 1e-12) * v), of((0.3 + 1e-12) * v), atol=1e-11)
 
 
-def test_angular_velocity_is_the_differential_times_the_speed_of_the_vector(rng):
-    """Along any curve v(t): exp(v(t) / 2) turns at J v' in body axes."""
+def test_right_jacobian_times_vector_rate_is_angular_velocity(rng):
+    """Along any curve v(t), exp(v(t) / 2) rotates at J dv/dt in body axes."""
     a, b, h = rng.normal(size=3), rng.normal(size=3), 1e-6
-    before, after = (quaternion_exp(0.5 * (a + t * b)) for t in (-h, h))
+    before, after = (from_rotation_vector(a + t * b) for t in (-h, h))
     np.testing.assert_allclose(
         relative_rotation_vector(before, after) / (2 * h), right_jacobian(a) @ b, atol=1e-8
     )
 
 
 @pytest.mark.parametrize(("width", "orientation_starts"), LAYOUTS)
-def test_tangents_to_the_karcher_mean_cancel(rng, width, orientation_starts):
-    """Whatever the signs of the quaternions; off the orientations it is the ordinary mean."""
+def test_karcher_mean_weighted_tangent_vectors_sum_to_zero(rng, width, orientation_starts):
+    """Independent of the signs of quaternions; off the orientations it is the ordinary mean."""
     spread = 0.4 * rng.normal(size=(40, width - len(orientation_starts)))
     x, weights = (
         exp_map(points(rng, width, orientation_starts), spread, orientation_starts),
@@ -149,13 +150,13 @@ def test_tangents_to_the_karcher_mean_cancel(rng, width, orientation_starts):
     np.testing.assert_allclose(karcher_mean(x, weights, orientation_starts), mean, atol=1e-11)
 
 
-def test_the_karcher_mean_of_one_point_is_that_point(rng):
+def test_karcher_mean_of_one_point_is_that_point(rng):
     x = points(rng, 7, (3,), 1)
     x[:, 3:] *= np.sign(x[:, 3:4])
     np.testing.assert_allclose(karcher_mean(x, np.array([0.3]), (3,)), x[0], atol=1e-14)
 
 
-def test_the_karcher_mean_of_nothing_is_still_a_point(rng):
-    """A state that no datapoint belongs to has a mean of unit length somewhere."""
+def test_karcher_mean_zero_weights_has_unit_quaternion(rng):
+    """A state without datapoints has a mean with quaternions of unit length."""
     mean = karcher_mean(points(rng, 7, (3,), 4), np.zeros(4), (3,))
     np.testing.assert_allclose(np.linalg.norm(mean[3:]), 1.0)

@@ -14,36 +14,34 @@ def random_pose(rng: np.random.Generator) -> Pose:
 
 
 def matrix(pose: Pose) -> np.ndarray:
-    """The same pose as a 4 x 4 matrix of homogeneous coordinates."""
+    """Return the pose as a 4 x 4 homogeneous matrix."""
     homogeneous = np.eye(4)
     homogeneous[:3, :3], homogeneous[:3, 3] = rotation_matrix(pose.quaternion), pose.position
     return homogeneous
 
 
-def test_composing_poses_multiplies_their_matrices(rng: np.random.Generator):
-    """world_from_a @ a_from_b = world_from_b."""
+def test_pose_product_equals_product_of_homogeneous_matrices(rng: np.random.Generator):
     world_from_a, a_from_b = random_pose(rng), random_pose(rng)
     expected = matrix(world_from_a) @ matrix(a_from_b)
     np.testing.assert_allclose(matrix(world_from_a @ a_from_b), expected, atol=EXACT)
 
 
-def test_composing_is_associative(rng: np.random.Generator):
-    """It does not matter which joint of a chain is closed first."""
+def test_pose_product_is_associative(rng: np.random.Generator):
     a, b, c = (random_pose(rng) for _ in range(3))
     left, right = (a @ b) @ c, a @ (b @ c)
     np.testing.assert_allclose(left.position, right.position, atol=EXACT)
     np.testing.assert_allclose(left.quaternion, right.quaternion, atol=EXACT)
 
 
-def test_a_pose_and_its_inverse_cancel(rng: np.random.Generator):
-    """Both orders give the pose that changes nothing."""
+def test_pose_times_inverse_is_identity(rng: np.random.Generator):
+    """Both orders."""
     there = random_pose(rng)
     for nothing in (there @ there.inverse(), there.inverse() @ there):
         np.testing.assert_allclose(nothing.position, 0.0, atol=EXACT)
         np.testing.assert_allclose(nothing.quaternion, [1, 0, 0, 0], atol=EXACT)
 
 
-def test_rounding_is_divided_out_at_the_door():
+def test_pose_rounded_quaternion_is_normalised():
     """Four typed digits make a unit quaternion."""
     typed = pose([1, 2, 3], [0.7071, 0.7071, 0, 0])
     np.testing.assert_allclose(np.linalg.norm(typed.quaternion), 1.0, atol=1e-15)
@@ -63,7 +61,6 @@ def test_rounding_is_divided_out_at_the_door():
         ([0, 0, 0], [[1, 0], [0]], "quaternion has rows of different lengths"),
     ],
 )
-def test_what_is_no_pose_is_refused(position: object, quaternion: object, message: str):
-    """The message gives the value, what was expected, and the nearest fix."""
+def test_pose_invalid_arguments_raise_with_value_and_fix(position: object, quaternion: object, message: str):
     with pytest.raises(InvalidInput, match=message):
         pose(position, quaternion)

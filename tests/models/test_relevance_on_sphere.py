@@ -7,7 +7,7 @@ import pytest
 
 import pilotfish as pf
 from pilotfish.demonstrations import Layout, Quantity, demonstration, frame_from_pose, pose_layout
-from pilotfish.geometry import Pose, angle, normalise, quaternion_exp
+from pilotfish.geometry import Pose, angle, from_rotation_vector, normalise
 from pilotfish.models import adapt, learn, relevance, select_frames
 
 POSE = pose_layout()
@@ -27,7 +27,7 @@ def record_demonstration(rng, name):
     frames = [frame_from_pose(each, SPHERE, random_pose(rng)) for each in NAMES]
     stops = np.repeat(KEYPOINTS + 0.03 * rng.normal(size=(2, 6)), [18, 15], axis=0)
     stops += 0.01 * rng.normal(size=stops.shape)
-    seen = np.hstack([stops[:, :3], quaternion_exp(0.5 * stops[:, 3:])])
+    seen = np.hstack([stops[:, :3], from_rotation_vector(stops[:, 3:])])
     there = [seen[:18] @ frames[0].A.T + frames[0].b, seen[18:] @ frames[1].A.T + frames[1].b]
     return demonstration(np.concatenate(there), 0.1, SPHERE, frames, name)
 

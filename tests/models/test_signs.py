@@ -14,7 +14,7 @@ from pilotfish.demonstrations import (
     pose_layout,
 )
 from pilotfish.gaussians.structures import DenseCovariances
-from pilotfish.geometry import Pose, multiply, quaternion_exp
+from pilotfish.geometry import Pose, from_rotation_vector, multiply, quaternion_exp
 from pilotfish.models import adapt, learn
 from pilotfish.planning import plan
 
@@ -28,7 +28,7 @@ def rotating_skill(rng):
     def situation():
         home = quaternion_exp(0.3 * rng.normal(size=3))
         return Pose(rng.normal(size=3), home), Pose(
-            rng.normal(size=3), multiply(quaternion_exp(0.5 * rng.normal(size=3)), home)
+            rng.normal(size=3), multiply(from_rotation_vector(rng.normal(size=3)), home)
         )
 
     def shown(a, b):

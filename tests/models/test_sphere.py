@@ -20,7 +20,16 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import RiemannianGaussian, riemannian_log_density
 from pilotfish.gaussians.structures import Full, SemiTied, Spherical
-from pilotfish.geometry import Pose, angle, exp_map, karcher_mean, log_map, multiply, quaternion_exp
+from pilotfish.geometry import (
+    Pose,
+    angle,
+    exp_map,
+    from_rotation_vector,
+    karcher_mean,
+    log_map,
+    multiply,
+    quaternion_exp,
+)
 from pilotfish.models import (
     EMSettings,
     KMeans,
@@ -168,7 +177,7 @@ def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
     vectors = [size * (stops[np.arange(40) * 3 // 40] + 0.2 * rng.normal(size=(40, 3))) for _ in range(3)]
     flat = [demonstration(v, 0.1, parts) for v in vectors]
     layout = Layout((SPHERE.parts[1],))
-    sphere = [demonstration(multiply(home, quaternion_exp(0.5 * v)), 0.1, layout) for v in vectors]
+    sphere = [demonstration(multiply(home, from_rotation_vector(v)), 0.1, layout) for v in vectors]
     fits = [
         learn_markov(d, states=3, rng=rng, settings=EMSettings(regularisation=0.0)) for d in (flat, sphere)
     ]

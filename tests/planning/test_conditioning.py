@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from pilotfish.control import Reference, double_integrator, solve_batch, track
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import angle, multiply, quaternion_exp
+from pilotfish.geometry import angle, from_rotation_vector, multiply
 from pilotfish.models import AdaptedSkill, GaussianDurations, MarkovChain, MixtureWeights, SemiMarkovChain
 from pilotfish.planning import (
     ViaPoint,
@@ -386,7 +386,7 @@ def test_a_mixture_or_an_unusable_start_is_refused():
 @pytest.fixture
 def curved(rng):
     """A pose that turns on S^3 through three states about a radian apart."""
-    q = quaternion_exp(0.5 * np.cumsum(rng.normal(size=(3, 3)), axis=0))
+    q = from_rotation_vector(np.cumsum(rng.normal(size=(3, 3)), axis=0))
     layout = replace_quaternion(pose_layout()).differentiate()
     means = np.hstack([rng.normal(size=(3, 3)), q, np.zeros((3, 6))])
     chain = SemiMarkovChain(np.eye(3)[0], np.eye(3, k=1), GaussianDurations(np.full(3, 8.0), np.ones(3)))
@@ -401,7 +401,7 @@ def replace_quaternion(layout):
 def test_orientations_on_the_sphere_are_passed_on_their_map(rng, curved, sign):
     """Wished as q or -q, near the way or half a radian off it: the body is turned so at that time."""
     here, start = tangent_chart(curved), curved.means[0]
-    q = multiply(curved.means[1, 3:7], quaternion_exp(0.25 * rng.normal(size=3)))
+    q = multiply(curved.means[1, 3:7], from_rotation_vector(0.5 * rng.normal(size=3)))
     place = curved.means[1, :3] + 0.1
     time = 1.2
     points = [

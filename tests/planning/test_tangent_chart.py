@@ -21,6 +21,7 @@ from pilotfish.geometry import (
     Pose,
     angle,
     exp_map,
+    from_rotation_vector,
     log_map,
     multiply,
     normalise,
@@ -52,7 +53,7 @@ def skill_of(rng, orientations, speeds=None):
 def model(rng):
     """Three states that turn by about a radian each, with speeds, told by q or -q."""
     q = multiply(
-        normalise(rng.normal(size=4)), quaternion_exp(0.5 * np.cumsum(rng.normal(size=(3, 3)), axis=0))
+        normalise(rng.normal(size=4)), from_rotation_vector(np.cumsum(rng.normal(size=(3, 3)), axis=0))
     )
     return skill_of(rng, rng.choice([-1.0, 1.0], size=(3, 1)) * q)
 
@@ -143,7 +144,7 @@ def test_a_movement_reaches_the_orientation_of_its_last_state(rng):
 def test_a_skill_may_turn_by_more_than_half_a_turn(rng):
     """Five states of 60 degrees each: the map follows the way round, not the short way back."""
     steps = np.radians(60.0) * np.arange(5)
-    model = skill_of(rng, quaternion_exp(0.5 * steps[:, None] * np.array([0.0, 0.0, 1.0])), np.zeros((5, 3)))
+    model = skill_of(rng, from_rotation_vector(steps[:, None] * np.array([0.0, 0.0, 1.0])), np.zeros((5, 3)))
     for here in (tangent_chart(model), tangent_chart(model, base_pose=model.means[0])):
         np.testing.assert_allclose(np.diff(here.skill.means[:, 5]), np.radians(60.0), atol=1e-9)
         np.testing.assert_allclose(here.to_tangent(model.means), here.skill.means, atol=1e-9)

@@ -8,7 +8,7 @@ from pilotfish import plots
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout
 from pilotfish.gaussians.structures import DenseCovariances
-from pilotfish.geometry import multiply, normalise, quaternion_exp
+from pilotfish.geometry import from_rotation_vector, multiply, normalise
 from pilotfish.models import AdaptedSkill
 from pilotfish.planning import observe_via_points, via_point
 from pilotfish.plots.coordinates import panel_rows
@@ -33,7 +33,7 @@ def test_the_spread_of_columns_is_that_of_many_samples(rng: np.random.Generator)
     mean = np.concatenate([normalise(rng.normal(size=4)), rng.normal(size=3)])
     covariance = 1e-4 * random_covariances(rng, 1, 6)
     deviations = rng.multivariate_normal(np.zeros(6), covariance[0], size=200_000)
-    turned = multiply(mean[:4], quaternion_exp(0.5 * deviations[:, :3]))
+    turned = multiply(mean[:4], from_rotation_vector(deviations[:, :3]))
     samples = np.hstack([turned, mean[4:] + deviations[:, 3:]])
     told = ambient_covariances(mean[None], covariance, SPHERE_LAYOUT)[0]
     np.testing.assert_allclose(told, np.cov(samples.T), atol=0.02 * np.abs(told).max())

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.control import ToolTarget
-from pilotfish.geometry import Pose, conjugate, multiply, quaternion_exp, rotation_vector_in_world
+from pilotfish.geometry import (
+    Pose,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    rotation_vector_in_world,
+)
 from pilotfish.types import Array, Float
 
 # How a person holds the knob of the arm that they lead: firmly, not stiffly.
@@ -30,7 +36,7 @@ def linear_path(a: Pose, b: Pose, n_steps: int, timestep: float) -> LinearPath:
     shares = np.arange(1, n_steps + 1)[:, None] / n_steps
     turn = rotation_vector_in_world(a.quaternion, b.quaternion)
     move = b.position - a.position
-    quaternions = multiply(quaternion_exp(0.5 * shares * turn), a.quaternion)
+    quaternions = multiply(from_rotation_vector(shares * turn), a.quaternion)
     return LinearPath(a.position + shares * move, quaternions, np.append(move, turn) / (n_steps * timestep))
 
 

@@ -1,6 +1,6 @@
-"""Rotations and poses: unit quaternions w x y z as rotations and as points of S^3, poses that compose, and
-products of flat space and S^3 with their tangent spaces.
-Names are short because the room is used by its name: `geometry.multiply(p, q)`.
+"""Rotations and poses: quaternions w x y z, rotation vectors, poses, and exponential and logarithmic maps.
+
+Names are short because the package is used by its name: `geometry.multiply(p, q)`.
 """
 
 from pilotfish.geometry.manifold import (
@@ -26,12 +26,14 @@ from pilotfish.geometry.quaternions import (
     unwrap_quaternions,
 )
 from pilotfish.geometry.rotation_vectors import (
+    from_rotation_vector,
     inverse_right_jacobian,
     inverse_right_jacobian_derivative,
     relative_rotation_vector,
     right_jacobian,
     rotation_vector_in_world,
     skew_matrix,
+    to_rotation_vector,
 )
 
 __all__ = [
@@ -40,6 +42,7 @@ __all__ = [
     "conjugate",
     "exp_map",
     "exp_map_jacobian",
+    "from_rotation_vector",
     "inverse_right_jacobian",
     "inverse_right_jacobian_derivative",
     "karcher_mean",
@@ -59,5 +62,6 @@ __all__ = [
     "rotation_vector_in_world",
     "skew_matrix",
     "tangent_slices",
+    "to_rotation_vector",
     "unwrap_quaternions",
 ]

@@ -1,8 +1,8 @@
-"""R^n x S^3 x ...: rows in which some columns, four by four, are unit quaternions, and their tangent spaces.
+"""Exponential and logarithmic maps of R^n x S^3 x ...: rows in which some columns are unit quaternions.
 
-turns holds the first column of each quaternion. A tangent vector has three columns where its point has four:
-a rotation vector [rad] in the axes of the turned body, so that x = base exp(v / 2) on an orientation and
-x = base + v elsewhere. Turning the world leaves body axes alone. q and -q are one orientation.
+`orientation_starts` holds the first column of each quaternion. A tangent vector has three columns where its
+point has four: a rotation vector [rad] in body axes. So x = base exp(v / 2) on an orientation, and x = base +
+v elsewhere. Body axes do not depend on the world frame. q and -q are the same orientation.
 """
 
 from collections.abc import Callable, Iterator
@@ -11,8 +11,9 @@ from functools import lru_cache
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry.quaternions import hamilton_product, quaternion_exp, rotation_matrix
+from pilotfish.geometry.quaternions import hamilton_product, rotation_matrix
 from pilotfish.geometry.rotation_vectors import (
+    from_rotation_vector,
     inverse_right_jacobian,
     relative_rotation_vector,
     right_jacobian,
@@ -26,15 +27,23 @@ TINY = float(np.finfo(float).tiny)
 
 
 def tangent_slices(width: int, orientation_starts: tuple[int, ...]) -> Iterator[tuple[slice, slice, bool]]:
-    """Columns of points and of tangent vectors that belong together, and whether they are an orientation."""
+    """Yield the columns of points and of tangent vectors of each part, and whether it is an orientation.
+
+    Args:
+        width: Number of columns of the points, D.
+        orientation_starts: First column of each quaternion.
+
+    Raises:
+        InvalidInput: If quaternions overlap or exceed the width.
+    """
     try:
         return iter(_tangent_slices(width, orientation_starts))
-    except TypeError:  # one of turns cannot be hashed
+    except TypeError:  # an element cannot be hashed
         require_orientation_starts(width, orientation_starts)
         raise
 
 
-@lru_cache(maxsize=256)  # a fit asks for the same ones thousands of times
+@lru_cache(maxsize=256)  # a fit calls it thousands of times with the same arguments
 def _tangent_slices(width: int, orientation_starts: tuple[int, ...]) -> tuple[tuple[slice, slice, bool], ...]:
     require_orientation_starts(width, orientation_starts)
     slices, end, tangent = [], 0, 0
@@ -50,28 +59,33 @@ def _tangent_slices(width: int, orientation_starts: tuple[int, ...]) -> tuple[tu
 
 
 def tangent_dimension(width: int, orientation_starts: tuple[int, ...]) -> int:
-    """Return how many columns tangent vectors have at points of so many.    Raises: as require_turns."""
+    """Return the number of columns of tangent vectors at points with the given width.
+
+    Args:
+        width: Number of columns of the points, D.
+        orientation_starts: First column of each quaternion.
+
+    Raises:
+        InvalidInput: If quaternions overlap or exceed the width.
+    """
     require_orientation_starts(width, orientation_starts)
     return width - len(orientation_starts)
 
 
 def require_orientation_starts(width: object, orientation_starts: object) -> None:
-    """Check that each of turns is the first of four columns among width, none of them shared.
-
-    Raises:
-        InvalidInput: If not.
-    """
+    """Raise InvalidInput unless starts are first columns of quaternions that do not overlap."""
     columns = require_count(width, "width", MAX_WIDTH)
     if not isinstance(orientation_starts, tuple):
         raise InvalidInput(
-            f"orientation_starts is {short_repr(orientation_starts)}, expected a tuple of first columns, such as (3,)"
+            f"orientation_starts is {short_repr(orientation_starts)}, expected a tuple of first columns, "
+            "such as (3,)"
         )
     end = 0
-    for start in sorted(require_count(turn, "orientation_starts", columns) for turn in orientation_starts):
+    for start in sorted(require_count(start, "orientation_starts", columns) for start in orientation_starts):
         if start < end or start + 4 > columns:
             raise InvalidInput(
-                f"orientation_starts is {short_repr(orientation_starts)}, expected first columns of quaternions, four columns each and "
-                f"none shared, among {columns}"
+                f"orientation_starts is {short_repr(orientation_starts)}, expected first columns of "
+                f"quaternions of four columns each, which do not overlap, among {columns} columns"
             )
         end = start + 4
 
@@ -79,18 +93,27 @@ def require_orientation_starts(width: object, orientation_starts: object) -> Non
 def log_map(
     base: Float[Array, "*#B D"], x: Float[Array, "*#B D"], orientation_starts: tuple[int, ...]
 ) -> Float[Array, "*B E"]:
-    """The tangent vector at base whose geodesic reaches x: x - base, and 2 log(base* x) on orientations.
+    """Return the tangent vector at base whose geodesic reaches x (logarithmic map).
 
-    Of x and -x the nearer one, so no rotation vector is longer than pi.
+    It is x - base, and 2 log(base* x) on orientations. Of x and -x it uses the nearer one, so that rotation
+    vectors are at most pi long.
+
+    Args:
+        base: Points.
+        x: Points.
+        orientation_starts: First column of each quaternion.
+
+    Raises:
+        InvalidInput: If arrays or orientation_starts do not match.
     """
     base = float_array(base, "base")
     x = float_array(x, "x", _width(base, "base"))
     require_shapes_agree(base=base, x=x)
     parts = [
         relative_rotation_vector(base[..., columns], x[..., columns])
-        if turn
+        if is_orientation
         else x[..., columns] - base[..., columns]
-        for columns, _, turn in tangent_slices(base.shape[-1], orientation_starts)
+        for columns, _, is_orientation in tangent_slices(base.shape[-1], orientation_starts)
     ]
     return np.concatenate(parts, axis=-1)
 
@@ -98,15 +121,26 @@ def log_map(
 def exp_map(
     base: Float[Array, "*#B D"], v: Float[Array, "*#B E"], orientation_starts: tuple[int, ...]
 ) -> Float[Array, "*B D"]:
-    """Where the geodesic that leaves base along v is at time one: base + v, and base exp(v / 2) on turns."""
+    """Return the point that the geodesic from base along v reaches at time one (exponential map).
+
+    It is base + v, and base exp(v / 2) on orientations.
+
+    Args:
+        base: Points.
+        v: Tangent vectors at the base points.
+        orientation_starts: First column of each quaternion.
+
+    Raises:
+        InvalidInput: If arrays or orientation_starts do not match.
+    """
     base = float_array(base, "base")
     v = float_array(v, "v", tangent_dimension(_width(base, "base"), orientation_starts))
     require_shapes_agree(base=base, v=v)
     parts = [
-        hamilton_product(base[..., columns], quaternion_exp(0.5 * v[..., tangent_columns]))
-        if turn
+        hamilton_product(base[..., columns], from_rotation_vector(v[..., tangent_columns]))
+        if is_orientation
         else base[..., columns] + v[..., tangent_columns]
-        for columns, tangent_columns, turn in tangent_slices(base.shape[-1], orientation_starts)
+        for columns, tangent_columns, is_orientation in tangent_slices(base.shape[-1], orientation_starts)
     ]
     return np.concatenate(parts, axis=-1)
 
@@ -114,40 +148,68 @@ def exp_map(
 def parallel_transport(
     d: Float[Array, "*B E"], orientation_starts: tuple[int, ...]
 ) -> Float[Array, "*B E E"]:
-    """The matrix that carries tangent vectors at a point to exp_at(point, d), parallel along the geodesic.
+    """Return the matrix that moves tangent vectors from a point to exp_map(point, d) by parallel transport.
 
-    In body axes a turn by minus half of d on each orientation: the axes themselves turn by all of d.
-    Source: do Carmo 1992, Riemannian Geometry, for the sphere; the bi-invariant metric of its group.
+    In body axes it is a rotation by -d / 2 on each orientation, because the axes themselves rotate by d.
+
+    Args:
+        d: Tangent vector from the one point to the other.
+        orientation_starts: First column of each quaternion.
+
+    Source:
+        do Carmo 1992, Riemannian Geometry, for the sphere; the bi-invariant metric of its group.
     """
-    return _block_diagonal(d, orientation_starts, lambda v: rotation_matrix(quaternion_exp(-0.25 * v)))
+    return _block_diagonal(d, orientation_starts, lambda v: rotation_matrix(from_rotation_vector(-0.5 * v)))
 
 
 def exp_map_jacobian(v: Float[Array, "*B E"], orientation_starts: tuple[int, ...]) -> Float[Array, "*B E E"]:
-    """J with exp_at(base, v + h) = exp_at(exp_at(base, v), J h) to first order in h; J v = v.
+    """Return J with exp_map(base, v + h) = exp_map(exp_map(base, v), J h) to first order in h.
 
-    See right_jacobian; the identity off the orientations.
+    It is `right_jacobian` on orientations and the identity elsewhere; J v = v.
+
+    Args:
+        v: Tangent vectors.
+        orientation_starts: First column of each quaternion.
     """
     return _block_diagonal(v, orientation_starts, right_jacobian)
 
 
 def log_map_jacobian(v: Float[Array, "*B E"], orientation_starts: tuple[int, ...]) -> Float[Array, "*B E E"]:
-    """The inverse of differential: how v = log_at(base, x) changes when x moves along a tangent vector."""
+    """Return the derivative of v = log_map(base, x) as x moves along a tangent vector.
+
+    It is the inverse of `exp_map_jacobian`.
+
+    Args:
+        v: Tangent vectors, with rotation vectors shorter than 2 pi.
+        orientation_starts: First column of each quaternion.
+    """
     return _block_diagonal(v, orientation_starts, inverse_right_jacobian)
 
 
 def karcher_mean(
     x: Float[Array, "N D"], weights: Float[Array, " N"], orientation_starts: tuple[int, ...]
 ) -> Float[Array, " D"]:
-    """The point at which the tangent vectors to all x, weighted by their shares, add up to nothing.
+    """Return the point at which the weighted tangent vectors to all x sum to zero.
 
-    Signs of quaternions do not matter; the mean has w >= 0. It is the only one where all x lie within
-    pi / 2 [rad] of it. Begins at the chordal mean, whose outer product is nearest to those of x.
-    Source: Karcher 1977; Markley et al. 2007 for the beginning.
+    Signs of quaternions do not matter; the mean has w >= 0. It is unique if all x lie within pi / 2 [rad] of
+    it. The iteration starts at the chordal mean, the leading eigenvector of the weighted sum of x x^T.
+
+    Args:
+        x: Points.
+        weights: Weight of each point, at least 0.
+        orientation_starts: First column of each quaternion.
+
+    Raises:
+        InvalidInput: If arrays or orientation_starts do not match, or a weight is negative.
+
+    Source:
+        Karcher 1977; Markley et al. 2007 for the start.
     """
-    x, weights = float_array(x, "x"), float_array(weights, "shares")
+    x, weights = float_array(x, "x"), float_array(weights, "weights")
     if x.ndim != 2 or weights.shape != x.shape[:1] or weights.min(initial=0.0) < 0.0:
         raise InvalidInput(
-            f"x has shape {x.shape} and shares {weights.shape}, expected (N, D) and (N,), no share below zero"
+            f"x has shape {x.shape} and weights {weights.shape}, expected (N, D) and (N,), no weight below "
+            "zero"
         )
     require_orientation_starts(x.shape[1], orientation_starts)
     x, weights = x[weights > 0.0], weights[weights > 0.0] / max(float(weights.sum()), TINY)
@@ -167,7 +229,7 @@ def karcher_mean(
 
 def _width(array: Float[Array, "*B D"], name: str) -> int:
     if array.ndim == 0:
-        raise InvalidInput(f"{name} is one number, expected a row or rows of them")
+        raise InvalidInput(f"{name} is a scalar, expected an array of rows")
     return int(array.shape[-1])
 
 
@@ -176,15 +238,16 @@ def _block_diagonal(
     orientation_starts: tuple[int, ...],
     block: Callable[[Float[Array, "*B 3"]], Float[Array, "*B 3 3"]],
 ) -> Float[Array, "*B E E"]:
-    """The identity, with block(v) on the tangents of every orientation."""
+    """Return the identity with block(v) in place of the columns of every orientation."""
     v = float_array(v, "v")
     E = _width(v, "v")
     if not isinstance(orientation_starts, tuple):
         raise InvalidInput(
-            f"orientation_starts is {short_repr(orientation_starts)}, expected a tuple of first columns, such as (3,)"
+            f"orientation_starts is {short_repr(orientation_starts)}, expected a tuple of first columns, "
+            "such as (3,)"
         )
     matrix = np.zeros((*v.shape, E)) + np.eye(E)
-    for _, tangent_columns, turn in tangent_slices(E + len(orientation_starts), orientation_starts):
-        if turn:
+    for _, tangent_columns, is_orientation in tangent_slices(E + len(orientation_starts), orientation_starts):
+        if is_orientation:
             matrix[..., tangent_columns, tangent_columns] = block(v[..., tangent_columns])
     return matrix

@@ -1,4 +1,4 @@
-"""Poses: where a body is and how it is turned."""
+"""Poses: position and orientation of a body."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,18 @@ from pilotfish.geometry.quaternions import conjugate, multiply, rotation_matrix
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array
 
-NORM_TOLERANCE = 1e-4  # what four typed digits leave: |(.7071, .7071, 0, 0)| = 1 - 1e-5
+NORM_TOLERANCE = 1e-4  # allows four typed digits: |(.7071, .7071, 0, 0)| = 1 - 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A place [m] and a unit quaternion; as world_from_a it takes what a sees to what the world sees.
+    """Rigid transform; as world_from_a it maps coordinates in frame a to coordinates in the world.
 
     Names cancel where poses meet: world_from_a @ a_from_b = world_from_b.
+
+    Attributes:
+        position: Origin [m].
+        quaternion: Unit quaternion w x y z.
     """
 
     position: Float[Array, " 3"]
@@ -27,15 +31,20 @@ class Pose:
         return Pose(position, multiply(self.quaternion, other.quaternion))
 
     def inverse(self) -> "Pose":
-        """a_from_world, given world_from_a."""
+        """Return a_from_world for world_from_a."""
         inverse_quaternion = conjugate(self.quaternion)
         return Pose(-rotation_matrix(inverse_quaternion) @ self.position, inverse_quaternion)
 
 
 def pose(position: object, quaternion: object) -> Pose:
-    """The door for poses: three metres and a unit quaternion w x y z, or InvalidInput.
+    """Return a validated pose.
 
-    A norm within 1e-4 of one is rounding and is divided out; further away it is refused.
+    Args:
+        position: Three coordinates [m].
+        quaternion: Unit quaternion w x y z; a norm within 1e-4 of one is rounding and is divided out.
+
+    Raises:
+        InvalidInput: If a value is not finite or has another shape, or the norm differs from one.
     """
     position_array, quaternion_array = (
         finite_array(position, "position", (3,)),
@@ -44,7 +53,8 @@ def pose(position: object, quaternion: object) -> Pose:
     norm = float(np.linalg.norm(quaternion_array))
     if abs(norm - 1) > NORM_TOLERANCE:
         raise InvalidInput(
-            f"quaternion {quaternion_array.tolist()} has norm {norm:.6g}, expected 1 within {NORM_TOLERANCE:g}; "
-            "if only its length is wrong, pass geometry.normalise(quaternion)"
+            f"quaternion {quaternion_array.tolist()} has norm {norm:.6g}, expected 1 within "
+            f"{NORM_TOLERANCE:g}; "
+            "pass geometry.normalise(quaternion)"
         )
     return Pose(position_array, quaternion_array / norm)

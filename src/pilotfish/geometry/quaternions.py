@@ -1,4 +1,9 @@
-"""Unit quaternions w x y z: rotations of space, and points of the sphere S^3. A batch leads."""
+"""Quaternions w x y z: rotations of space, and points of the sphere S^3.
+
+Leading axes are batch axes. The exponential and logarithmic map of S^3, `quaternion_exp` and
+`quaternion_log`, take half a rotation vector, because q and -q are one rotation. For the full angle, use
+`from_rotation_vector` and `to_rotation_vector`.
+"""
 
 import math
 
@@ -9,20 +14,25 @@ from pilotfish.types import Array, Bool, Float
 from pilotfish.validation import MAX_FLOAT, float_array, require_shapes_agree
 
 CONJUGATE_SIGNS = np.array([1.0, -1.0, -1.0, -1.0])
-MIN_NORM, MAX_NORM = 1e-70, 1e70  # of quaternions whose products' squares are taken
+MIN_NORM, MAX_NORM = 1e-70, 1e70  # lengths for which squares of products do not overflow or vanish
 MAX_ANGLE = 1e6  # rad; beyond, float64 leaves fewer than nine digits of the angle
 ROTATION_TOLERANCE = 1e-4  # a published rotation matrix carries about six digits
 
 
 def multiply(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 4"]:
-    """The Hamilton product p q: first turn by q, then by p."""
+    """Return the Hamilton product p q: the rotation by q, followed by that by p.
+
+    Args:
+        p: Quaternions w x y z.
+        q: Quaternions w x y z.
+    """
     p, q = float_array(p, "p", 4), float_array(q, "q", 4)
     require_shapes_agree(p=p, q=q)
     return hamilton_product(p, q)
 
 
 def hamilton_product(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 4"]:
-    """Return p q as multiply does, for arrays that were checked before."""
+    """Return p q as `multiply` does, without validation."""
     pw, px, py, pz = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
     qw, qx, qy, qz = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     w = pw * qw - px * qx - py * qy - pz * qz
@@ -33,32 +43,43 @@ def hamilton_product(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Floa
 
 
 def conjugate(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4"]:
-    """The turn back: q conjugate(q) = |q|^2."""
+    """Return the conjugate q*, with q q* = |q|^2; it is the inverse of a unit quaternion.
+
+    Args:
+        q: Quaternions w x y z.
+    """
     return np.asarray(float_array(q, "q", 4) * CONJUGATE_SIGNS)
 
 
 def normalise(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4"]:
-    """Return the nearest unit quaternions; of any length, however large or small.
+    """Return q / |q|, without overflow for large or small quaternions.
+
+    Args:
+        q: Quaternions w x y z.
 
     Raises:
-        InvalidInput: If one has no direction: it is zero or not finite.
+        InvalidInput: If a quaternion is zero or not finite.
     """
     q = float_array(q, "q", 4, maximum=MAX_FLOAT)
     if np.abs(q).max(initial=0.0) > MAX_NORM or not _norms_in_range(q):
         longest = np.abs(q).max(axis=-1, keepdims=True)
         if (bad := np.argwhere(longest == 0.0)).size:
             raise InvalidInput(
-                f"quaternion {tuple(bad[0, :-1].tolist())} has norm 0, expected a positive number"
+                f"q: quaternion {tuple(bad[0, :-1].tolist())} has norm 0, expected a positive norm"
             )
-        q = np.ldexp(q, -np.frexp(longest)[1])  # by powers of two, so that no digit is lost
+        q = np.ldexp(q, -np.frexp(longest)[1])  # powers of two: no rounding
     return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
 
 
 def validate_quaternions(value: object, name: str) -> Float[Array, "*B 4"]:
     """Return an array of quaternions whose products neither overflow nor vanish.
 
+    Args:
+        value: Array of quaternions w x y z.
+        name: Name of the argument; the error message begins with it.
+
     Raises:
-        InvalidInput: If it is something else, or one has a length below 1e-70 or beyond 1e70.
+        InvalidInput: If it is not, or a length is outside 1e-70 to 1e70.
     """
     q = float_array(value, name, 4)
     if not _norms_in_range(q):
@@ -71,28 +92,34 @@ def validate_quaternions(value: object, name: str) -> Float[Array, "*B 4"]:
 
 
 def _norms_in_range(q: Float[Array, "*B 4"]) -> bool:
-    if q.ndim == 1:  # for one quaternion, NumPy takes ten times as long
+    if q.ndim == 1:  # ten times as fast as NumPy for a single quaternion
         return MIN_NORM <= math.hypot(*q.tolist()) <= MAX_NORM
     return bool(_norm_in_range_mask(q).all())
 
 
 def _norm_in_range_mask(q: Float[Array, "*B 4"]) -> Bool[Array, "*B"]:
-    """Which lengths are from 1e-70 to 1e70."""
+    """Return which lengths are from 1e-70 to 1e70."""
     squares = np.einsum("...d,...d->...", q, q)
     return np.asarray((squares >= MIN_NORM**2) & (squares <= MAX_NORM**2))
 
 
 def relative_quaternion(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B 4"]:
-    """Return p* q, the turn from p to q times the product of their lengths."""
+    """Return p* q, the rotation from p to q times the product of their lengths."""
     p, q = validate_quaternions(p, "p"), validate_quaternions(q, "q")
     require_shapes_agree(p=p, q=q)
     return hamilton_product(p * CONJUGATE_SIGNS, q)
 
 
 def left_multiplication_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4 4"]:
-    """The matrix E of multiplying from the left: E(q) p = q p. A rotation of R^4 when q is a unit.
+    """Return the matrix E of multiplication from the left: E(q) p = q p.
 
-    Source: Tanwani 2018, eq. 3.57.
+    For a unit quaternion it is a rotation of R^4.
+
+    Args:
+        q: Quaternions w x y z.
+
+    Source:
+        Tanwani 2018, eq. 3.57.
     """
     w, x, y, z = np.moveaxis(float_array(q, "q", 4), -1, 0)
     rows = [[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]]
@@ -100,7 +127,11 @@ def left_multiplication_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 4 4"
 
 
 def rotation_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3 3"]:
-    """The matrix R with R v = q v q*, v a pure quaternion. q has norm one."""
+    """Return the matrix R with R v = q v q* for a vector v, taken as a pure quaternion.
+
+    Args:
+        q: Unit quaternions w x y z.
+    """
     w, x, y, z = np.moveaxis(float_array(q, "q", 4), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -111,11 +142,18 @@ def rotation_matrix(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3 3"]:
 
 
 def quaternion_from_rotation_matrix(R: Float[Array, "*B 3 3"]) -> Float[Array, "*B 4"]:
-    """The unit quaternion of R with w >= 0.
+    """Return the unit quaternion of R with w >= 0.
 
-    R determines 4 q q^T linearly; q is its longest column, so that nothing small is divided by.
-    Raises: InvalidInput, when R is no rotation: R^T R or det R is further than 1e-4 from one.
-    Source: Shepperd 1978, J. Guidance and Control 1(3), in matrix form.
+    R determines 4 q q^T linearly; q is its longest column, so that the division is well conditioned.
+
+    Args:
+        R: Rotation matrices.
+
+    Raises:
+        InvalidInput: If R^T R differs from the identity by more than 1e-4, or det R is negative.
+
+    Source:
+        Shepperd 1978, J. Guidance and Control 1(3), in matrix form.
     """
     R = float_array(R, "R", 3)
     _validate_rotation_matrix(R)
@@ -131,8 +169,9 @@ def _validate_rotation_matrix(R: Float[Array, "*B 3 3"]) -> None:
     deviation = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(initial=0.0)
     if deviation > ROTATION_TOLERANCE or bool((np.linalg.det(R) < 0).any()):
         raise InvalidInput(
-            f"R is no rotation matrix: R^T R differs from the identity by {deviation:.3g}, expected at most "
-            f"{ROTATION_TOLERANCE:g} and det R = 1; a mirror image or a scaled axis must be removed first"
+            f"R is not a rotation matrix: R^T R differs from the identity by {deviation:.3g}, expected at "
+            "most "
+            f"{ROTATION_TOLERANCE:g} and det R = 1; remove a reflection or a scaled axis first"
         )
 
 
@@ -150,9 +189,12 @@ def _scaled_outer_product(R: Float[Array, "*B 3 3"]) -> Float[Array, "*B 4 4"]:
 
 
 def quaternion_exp(v: Float[Array, "*B 3"]) -> Float[Array, "*B 4"]:
-    """The unit quaternion cos|v| + sin|v| v/|v|: a turn by 2|v| [rad] about v.
+    """Return the unit quaternion cos|v| + sin|v| v/|v|, the exponential map of S^3 at 1.
 
-    So v is half a rotation vector.
+    It is the rotation by the angle 2 |v| about v; `from_rotation_vector` takes the full angle.
+
+    Args:
+        v: Half rotation vectors [rad], at most 1e6 long.
     """
     v = float_array(v, "v", 3, maximum=MAX_ANGLE)
     length = np.linalg.norm(v, axis=-1, keepdims=True)
@@ -160,10 +202,13 @@ def quaternion_exp(v: Float[Array, "*B 3"]) -> Float[Array, "*B 4"]:
 
 
 def quaternion_log(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3"]:
-    """The v with exp(v) = q and |v| <= pi: half a rotation vector.
+    """Return the v with quaternion_exp(v) = q / |q| and |v| <= pi, the logarithmic map of S^3 at 1.
 
-    q and -q have different logarithms, for they are two points of S^3. At q = -1 every direction would do;
-    the answer is (pi, 0, 0).
+    It is half a rotation vector. q and -q are two points of S^3 and have different logarithms. At q = -1
+    every direction is valid; the result is (pi, 0, 0).
+
+    Args:
+        q: Quaternions w x y z.
     """
     q = validate_quaternions(q, "q")
     w, vector = q[..., :1], q[..., 1:]
@@ -174,14 +219,28 @@ def quaternion_log(q: Float[Array, "*B 4"]) -> Float[Array, "*B 3"]:
 
 
 def angle(p: Float[Array, "*#B 4"], q: Float[Array, "*#B 4"]) -> Float[Array, "*B"]:
-    """How far to turn from p to q [rad], 0 to pi. The signs of p and q do not matter."""
+    """Return the angle of the rotation from p to q [rad], from 0 to pi.
+
+    The signs and lengths of p and q do not matter.
+
+    Args:
+        p: Quaternions w x y z.
+        q: Quaternions w x y z.
+    """
     relative = relative_quaternion(p, q)
     half = np.arctan2(np.linalg.norm(relative[..., 1:], axis=-1), np.abs(relative[..., 0]))
     return np.asarray(2 * half)
 
 
 def unwrap_quaternions(q: Float[Array, "T 4"]) -> Float[Array, "T 4"]:
-    """The same rotations with no sign flip from one to the next; the first keeps its sign."""
+    """Return the same rotations with signs chosen so that neighbours are on the same half of S^3.
+
+    Args:
+        q: Quaternions w x y z, one for each step; the first keeps its sign.
+
+    Raises:
+        InvalidInput: If q is not a finite array of shape (T, 4).
+    """
     q = float_array(q, "q", 4)
     if q.ndim != 2:
         raise InvalidInput(f"q has shape {q.shape}, expected (T, 4): one quaternion for each step")

@@ -14,7 +14,13 @@ from pilotfish.demonstrations import (
     moving_frame_from_poses,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, multiply, normalise, quaternion_exp, rotation_vector_in_world
+from pilotfish.geometry import (
+    Pose,
+    from_rotation_vector,
+    multiply,
+    normalise,
+    rotation_vector_in_world,
+)
 from pilotfish.models import AdaptedSkill, Skill, adapt, align_quaternion_signs
 from pilotfish.planning.plan import CONTROL_COST, COVARIANCE_REGULARISATION, reference_from_states
 from pilotfish.planning.reproduction import coordinates_with_derivatives
@@ -143,4 +149,4 @@ def extrapolate_pose(before: Pose, now: Pose, steps: int) -> Pose:
     """Return the pose of an object after a number of periods, each of which moves it as the last did."""
     rotation = steps * rotation_vector_in_world(before.quaternion, now.quaternion)
     translation = steps * (now.position - before.position)
-    return Pose(now.position + translation, multiply(quaternion_exp(0.5 * rotation), now.quaternion))
+    return Pose(now.position + translation, multiply(from_rotation_vector(rotation), now.quaternion))

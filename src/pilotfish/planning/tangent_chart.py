@@ -8,15 +8,15 @@ from pilotfish.demonstrations import Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import (
     conjugate,
+    from_rotation_vector,
     inverse_right_jacobian,
     inverse_right_jacobian_derivative,
     karcher_mean,
     multiply,
     normalise,
-    quaternion_exp,
-    quaternion_log,
     right_jacobian,
     tangent_slices,
+    to_rotation_vector,
 )
 from pilotfish.models import AdaptedSkill
 from pilotfish.types import Array, Float
@@ -42,7 +42,7 @@ class TangentChart:
         for orientation, base in zip(
             _orientation_columns(self.manifold_skill.layout), self.bases, strict=True
         ):
-            means = multiply(base, quaternion_exp(0.5 * self.skill.means[:, orientation.vector]))
+            means = multiply(base, from_rotation_vector(self.skill.means[:, orientation.vector]))
             v = _rotation_vectors(base, _align_signs(rows[:, orientation.quaternion], means))
             tangent[:, orientation.vector] = v
             if orientation.angular_velocity and orientation.rate:
@@ -62,7 +62,7 @@ class TangentChart:
                 x[:, columns] = rows[:, tangent_columns]
         for part, base in zip(_orientation_columns(self.manifold_skill.layout), self.bases, strict=True):
             v = rows[:, part.vector]
-            x[:, part.quaternion] = multiply(base, quaternion_exp(0.5 * v))
+            x[:, part.quaternion] = multiply(base, from_rotation_vector(v))
             if part.angular_velocity and part.rate:
                 x[:, part.angular_velocity] = _apply_matrices(right_jacobian(v), rows[:, part.rate])
         return x.reshape(*y.shape[:-1], x.shape[1])
@@ -161,7 +161,7 @@ def _copy_vector_columns(x: Float[Array, "N D"], layout: Layout) -> Float[Array,
 
 def _rotation_vectors(base: Float[Array, " 4"], q: Float[Array, "N 4"]) -> Float[Array, "N 3"]:
     """Rotation vectors from the base to q, up to 2 pi long: signs of q count."""
-    return 2.0 * quaternion_log(multiply(conjugate(base), q))
+    return to_rotation_vector(multiply(conjugate(base), q))
 
 
 def _apply_matrices(matrices: Float[Array, "N 3 3"], vectors: Float[Array, "N 3"]) -> Float[Array, "N 3"]:

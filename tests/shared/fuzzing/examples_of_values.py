@@ -26,10 +26,17 @@ def geometry_examples() -> Examples:
         "unwrap_quaternions",
         "left_multiplication_matrix",
         "quaternion_log",
+        "to_rotation_vector",
         "normalise",
         "rotation_matrix",
     )
-    of_v = ("skew_matrix", "quaternion_exp", "inverse_right_jacobian", "right_jacobian")
+    of_v = (
+        "skew_matrix",
+        "from_rotation_vector",
+        "quaternion_exp",
+        "inverse_right_jacobian",
+        "right_jacobian",
+    )
     return {
         **{name: {"q": q} for name in of_q},
         **{name: {"v": v} for name in of_v},

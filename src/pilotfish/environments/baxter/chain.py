@@ -5,7 +5,7 @@ import numpy as np
 from pilotfish.control import ArmLimits, SerialChain, arm_limits, inverse_kinematics
 from pilotfish.environments.baxter.facts import HAND_FROM_WRIST, JOINTS, MOUNT, MOUNT_YAW, Triple
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, multiply, quaternion_exp
+from pilotfish.geometry import Pose, from_rotation_vector, multiply
 from pilotfish.types import Array, Float
 
 RIGHT, LEFT = "right", "left"
@@ -64,6 +64,6 @@ def mirror_posture(q: Float[Array, " 7"]) -> Float[Array, " 7"]:
 def quaternion_from_rpy(rpy: Triple) -> Float[Array, " 4"]:
     """Roll, pitch and yaw [rad] about axes that stand, in this order, as w x y z."""
     roll, pitch, yaw = (
-        quaternion_exp(0.5 * angle * axis) for angle, axis in zip(rpy, np.eye(3), strict=True)
+        from_rotation_vector(angle * axis) for angle, axis in zip(rpy, np.eye(3), strict=True)
     )
     return multiply(yaw, multiply(pitch, roll))

@@ -4,7 +4,7 @@ to the second as a rotation vector [rad] in the axes of the first.
 
 import numpy as np
 
-from pilotfish.geometry import Pose, multiply, quaternion_exp, relative_rotation_vector
+from pilotfish.geometry import Pose, from_rotation_vector, multiply, relative_rotation_vector
 from pilotfish.types import Array, Float
 
 
@@ -15,7 +15,7 @@ def pose_difference(a: Pose, b: Pose) -> Float[Array, " 6"]:
 
 def add_offset(a: Pose, offset: Float[Array, " 6"]) -> Pose:
     """The pose that lies offset from a: beyond(a, between(a, b)) is b."""
-    return Pose(a.position + offset[:3], multiply(a.quaternion, quaternion_exp(0.5 * offset[3:])))
+    return Pose(a.position + offset[:3], multiply(a.quaternion, from_rotation_vector(offset[3:])))
 
 
 def offset_norms(offset: Float[Array, " 6"]) -> tuple[float, float]:

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from pilotfish.environments.baxter import FLOOR, OBJECT, ROBOT
-from pilotfish.geometry import quaternion_exp
+from pilotfish.geometry import from_rotation_vector
 from pilotfish.types import Array, Float
 
 BOX, CYLINDER, CAPSULE, SPHERE = (
@@ -34,7 +34,7 @@ def add_solid(
 
 def axis_angle_quaternion(axis: Triple, angle: float) -> Float[Array, " 4"]:
     """The quaternion of a turn by an angle [rad] about an axis of length one."""
-    return quaternion_exp(0.5 * angle * np.array(axis))
+    return from_rotation_vector(angle * np.array(axis))
 
 
 def add_post(spec: mujoco.MjSpec, name: str, top: Float[Array, " 3"], half: float = 0.03) -> mujoco.MjsGeom:
