@@ -1,4 +1,4 @@
-"""Each oddity is found where it was put, and a good set has none."""
+"""Diagnostics: each anomaly is found at its location, and a good set has none."""
 
 from dataclasses import replace
 
@@ -7,7 +7,6 @@ import pytest
 
 from pilotfish.demonstrations import (
     Demonstration,
-    Severity,
     add_derivatives,
     demonstration,
     diagnose,
@@ -31,70 +30,70 @@ def good(rng: np.random.Generator) -> list[Demonstration]:
     return [smooth(rng, steps, name) for steps, name in [(30, "a"), (25, "b"), (40, "c")]]
 
 
-def test_a_good_set_has_no_findings(good: list[Demonstration]):
-    """Different lengths within reason, the world's frame alone, smooth movements: nothing to say."""
+def test_diagnose_good_set_is_empty(good: list[Demonstration]):
+    """Similar lengths, the world frame alone and smooth movements give no diagnostic."""
     assert diagnose(good) == ()
     assert diagnose([add_derivatives(demo) for demo in good]) == ()
 
 
-def only(found: tuple, severity: Severity, place: str, message: str) -> None:
+def require_only(found: tuple, severity: str, location: str, message: str) -> None:
     assert len(found) == 1, found
-    assert found[0].severity is severity
-    assert place in found[0].place
+    assert found[0].severity == severity
+    assert location in found[0].location
     assert message in found[0].message
 
 
-def test_a_copy_is_found(good: list[Demonstration]):
-    """Both places are named."""
+def test_diagnose_copy_is_found(good: list[Demonstration]):
+    """Both demonstrations are named."""
     found = diagnose([*good, replace(good[1], name="d")])
-    only(found, Severity.WARNING, "demonstration 3 (d)", "same rows as demonstration 1 (b)")
+    require_only(found, "warning", "demonstration 3 (d)", "same rows as demonstration 1 (b)")
 
 
-def test_a_column_that_never_changes_is_found(good: list[Demonstration]):
-    """By its name."""
+def test_diagnose_constant_column_is_found(good: list[Demonstration]):
+    """The column is named."""
     x = good[0].x.copy()
     x[:, 1] = 0.3
-    only(diagnose([with_x(good[0], x), *good[1:]]), Severity.NOTE, "demonstration 0 (a)", "'position y'")
+    require_only(diagnose([with_x(good[0], x), *good[1:]]), "note", "demonstration 0 (a)", "'position y'")
 
 
-def test_one_that_lasts_much_longer_is_found(good: list[Demonstration]):
-    """With both durations."""
+def test_diagnose_much_longer_demonstration_is_found(good: list[Demonstration]):
+    """Both durations are given."""
     long = resample(good[0], 100)
     long = demonstration(long.x, 0.1, long.layout, name="long")
-    only(
+    require_only(
         diagnose([*good, long]),
-        Severity.WARNING,
+        "warning",
         "demonstration 3 (long)",
         "lasts 10 s, demonstration 1 (b) 2.5 s",
     )
 
 
-def test_missing_rows_are_found(good: list[Demonstration]):
-    """A gap of a third of the movement shows as one jump, at the row after it."""
+def test_diagnose_missing_rows_are_found(good: list[Demonstration]):
+    """A gap of a third of the movement gives one jump, at the row after it."""
     x = np.delete(good[2].x, np.s_[10:25], axis=0)
-    only(diagnose([*good[:2], with_x(good[2], x)]), Severity.WARNING, "(c)", "position jumps at row 10")
+    require_only(diagnose([*good[:2], with_x(good[2], x)]), "warning", "(c)", "position jumps at row 10")
 
 
-def test_held_rows_are_found(good: list[Demonstration]):
-    """A sensor that repeats its last value and then catches up."""
+def test_diagnose_repeated_rows_are_found(good: list[Demonstration]):
+    """A sensor repeats its last value and then jumps."""
     x = good[2].x.copy()
     x[10:20] = x[10]
-    only(diagnose([*good[:2], with_x(good[2], x)]), Severity.WARNING, "(c)", "position jumps at row 20")
+    require_only(diagnose([*good[:2], with_x(good[2], x)]), "warning", "(c)", "position jumps at row 20")
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_a_frame_that_never_differs_is_found(make, moving: bool):
-    """One that differs anywhere is not."""
+def test_diagnose_constant_frame_is_found(make, moving: bool):
+    """A frame that differs anywhere gives no diagnostic."""
     a, b = make(moving=moving), make(moving=moving)
     b = replace(b, frames=(a.frames[0], b.frames[1]))
-    notes = [found for found in diagnose([a, b]) if found.place.startswith("frame")]
-    only(tuple(notes), Severity.NOTE, "frame 'cup'", "the same in every demonstration")
-    assert not [found for found in diagnose([a]) if found.place.startswith("frame")]
+    notes = [found for found in diagnose([a, b]) if found.location.startswith("frame")]
+    require_only(tuple(notes), "note", "frame 'cup'", "the same in every demonstration")
+    assert not [found for found in diagnose([a]) if found.location.startswith("frame")]
 
 
-def test_what_cannot_be_learned_together_is_an_error(make, good: list[Demonstration]):
-    """Disagreement is reported, not raised."""
+def test_diagnose_incompatible_demonstrations_is_error(make, good: list[Demonstration]):
+    """Incompatible demonstrations are reported, not raised."""
     found = diagnose([*good, make(name="pose")])
-    errors = [finding for finding in found if finding.severity is Severity.ERROR]
-    only(tuple(errors), Severity.ERROR, "demonstration 3 (pose)", "differ in layout")
-    only(diagnose([]), Severity.ERROR, "the set", "no demonstrations")
+    errors = [finding for finding in found if finding.severity == "error"]
+    require_only(tuple(errors), "error", "demonstration 3 (pose)", "differ in layout")
+    require_only(diagnose([]), "error", "the set", "no demonstrations")

@@ -1,11 +1,14 @@
-"""The door through which every recording comes in."""
+"""Creation of demonstrations: checks and copies of a user's arrays."""
 
 import numpy as np
 import pytest
 
 from pilotfish.demonstrations import (
     Frame,
+    Layout,
     MovingFrame,
+    Part,
+    Quantity,
     demonstration,
     frame,
     pose_layout,
@@ -19,8 +22,8 @@ LINE = np.arange(8.0).reshape(4, 2)
 PLANE = position_layout(axes=2)
 
 
-def test_the_door_owns_what_it_lets_in(make):
-    """Changing the user's array afterwards changes nothing, and nobody can change the demonstration."""
+def test_demonstration_arrays_are_read_only_copies(make):
+    """A later change of the user's array has no effect, and the copy is read-only."""
     x, A = LINE.copy(), np.eye(2)
     demo = demonstration(x, 0.1, PLANE, [Frame("cup", A, np.zeros(2))])
     x[:], A[:] = 7.0, 7.0
@@ -34,7 +37,7 @@ def test_the_door_owns_what_it_lets_in(make):
 @pytest.mark.parametrize(
     "x", [LINE.tolist(), LINE.astype(int), LINE.astype(np.float32), np.asfortranarray(LINE)]
 )
-def test_numbers_of_any_kind_are_let_in(x: object):
+def test_demonstration_any_numeric_type_is_accepted(x: object):
     """Lists, integers, single precision and any memory order give the same demonstration."""
     demo = demonstration(x, 0.1, PLANE)
     assert demo.x.dtype == np.float64
@@ -60,30 +63,30 @@ NOT_ROWS = [
 
 
 @pytest.mark.parametrize(("x", "message"), NOT_ROWS, ids=range(len(NOT_ROWS)))
-def test_what_is_not_rows_of_numbers_is_refused(x: object, message: str):
-    """The message says what was found and what was expected."""
+def test_demonstration_other_than_rows_of_numbers_is_refused(x: object, message: str):
+    """The message gives the value and what was expected."""
     with pytest.raises(InvalidInput, match=f"demonstration 'reach'.*{message}"):
         demonstration(x, 0.1, PLANE, name="reach")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_numbers_that_are_not_finite_are_located(bad: float):
-    """Row, column and how many more are named."""
+def test_demonstration_value_not_finite_is_located(bad: float):
+    """The message gives row, column and number."""
     x = LINE.copy()
     x[2, 1] = x[3, 0] = bad
-    with pytest.raises(InvalidInput, match=r"'reach': row 2 .*column 'position y' is .*and 1 more"):
+    with pytest.raises(InvalidInput, match=r"'reach': row 2 .*column 'position y' is .*2 such values"):
         demonstration(x, 0.1, PLANE, name="reach")
 
 
 @pytest.mark.parametrize("period", [0.0, -0.1, np.nan, np.inf])
-def test_time_must_go_forward(period: float):
-    """A period is a positive, finite time."""
+def test_demonstration_unusable_period_is_refused(period: float):
+    """The period must be a positive, finite time."""
     with pytest.raises(InvalidInput, match=f"period is {period}, expected a number from 1e-09"):
         demonstration(LINE, period, PLANE)
 
 
-def test_orientations_must_be_units(make):
-    """Beyond a thousandth the norm, the row and the fix are named; within, nothing is changed."""
+def test_demonstration_quaternion_norm_is_checked(make):
+    """Within a thousandth the norm is accepted; beyond, the message gives norm, row and fix."""
     x = make.x(pose_layout(), 6)
     x[4, 3:] *= 1.0009
     np.testing.assert_array_equal(demonstration(x, 0.1, pose_layout()).x, x)
@@ -95,29 +98,29 @@ def test_orientations_must_be_units(make):
         demonstration(x, 0.1, pose_layout())
 
 
-def test_orientations_must_not_flip_and_the_named_fix_works(make):
-    """The row is named, and what the message proposes lets the recording in, derivatives included."""
+def test_demonstration_sign_change_is_refused_and_unwrap_fixes_it(make):
+    """The message gives the row, and its fix works, derivatives included."""
     layout = pose_layout().differentiate()
     smooth = make.x(layout, 8)
     flipped = smooth.copy()
     flipped[3:6, 3:7] *= -1
     flipped[3:6, 10:14] *= -1
     with pytest.raises(
-        InvalidInput, match=r"flips sign at row 3 .*2 times.*continuous_quaternions\(x, layout\)"
+        InvalidInput, match=r"changes sign at row 3 .*2 times.*unwrap_orientations\(x, layout\)"
     ):
         demonstration(flipped, 0.1, layout)
-    mended = demonstration(unwrap_orientations(flipped, layout), 0.1, layout)
-    np.testing.assert_array_equal(mended.x, smooth)
+    unwrapped = demonstration(unwrap_orientations(flipped, layout), 0.1, layout)
+    np.testing.assert_array_equal(unwrapped.x, smooth)
 
 
-def test_quaternions_of_another_width_have_no_signs_to_mend():
-    """The array must fit the layout here too."""
+def test_unwrap_orientations_other_width_is_refused():
+    """The array must have the columns of the layout."""
     with pytest.raises(InvalidInput, match=r"shape \(4, 2\), expected \(T, 7\)"):
         unwrap_orientations(LINE, pose_layout())
 
 
 BAD_SETS = [
-    ([world_frame(3)], "frame 'world' is 3 wide, expected 2"),
+    ([world_frame(3)], "frame 'world' has 3 columns, expected 2"),
     ([frame("cup", np.eye(2), [0, 0]), frame("cup", np.eye(2), [1, 0])], "two frames named 'cup'"),
     (
         [MovingFrame("belt", np.tile(np.eye(2), (3, 1, 1)), np.zeros((3, 2)))],
@@ -128,7 +131,16 @@ BAD_SETS = [
 
 
 @pytest.mark.parametrize(("frames", "message"), BAD_SETS, ids=range(len(BAD_SETS)))
-def test_frames_must_fit_the_recording(frames: list[Frame], message: str):
-    """Width, length, names and invertibility, each with the demonstration and the frame named."""
+def test_demonstration_unusable_frames_are_refused(frames: list[Frame], message: str):
+    """Width, length, names and invertibility are checked; the message names recording and frame."""
     with pytest.raises(InvalidInput, match=f"demonstration 'reach'.*{message}"):
         demonstration(LINE, 0.1, PLANE, frames, "reach")
+
+
+def test_unwrap_orientations_point_of_sphere_keeps_angular_velocity(make):
+    """The sign of an orientation on S^3 is unwrapped; its angular velocity does not depend on the sign."""
+    layout = Layout((Part("tool", Quantity.ORIENTATION, 4, "1"),)).differentiate()
+    smooth = np.hstack([make.quaternions(8), make.rng.normal(size=(8, 3))])
+    flipped = smooth.copy()
+    flipped[3:6, :4] *= -1
+    np.testing.assert_array_equal(unwrap_orientations(flipped, layout), smooth)

@@ -1,4 +1,4 @@
-"""Derivatives, resampling and signs: what is made of a demonstration keeps what matters about it."""
+"""Derivatives and resampling of demonstrations."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ from pilotfish.errors import InvalidInput
 from pilotfish.geometry import multiply, quaternion_exp
 
 
-def test_derivatives_lead_from_each_row_to_the_next(make):
-    """x[t+1] = x[t] + period v[t], the last v repeats, and the rows themselves are untouched."""
+def test_add_derivatives_integrates_to_next_row(make):
+    """x[t+1] = x[t] + period v[t]; the last v is repeated, and the points are unchanged."""
     demo = make(layout=make.mixed)
     longer, D = add_derivatives(demo), make.mixed.width
     x, v = longer.x[:, :D], longer.x[:, D:]
@@ -28,15 +28,15 @@ def test_derivatives_lead_from_each_row_to_the_next(make):
     assert (longer.period, longer.name) == (demo.period, demo.name)
 
 
-def test_derivatives_are_not_taken_twice(make):
-    """A second differentiation is refused."""
+def test_add_derivatives_twice_is_refused(make):
+    """A layout has derivatives once."""
     with pytest.raises(InvalidInput, match="already"):
         add_derivatives(add_derivatives(make()))
 
 
 @pytest.mark.parametrize("steps", [2, 7, 23, 230])
-def test_resampling_keeps_start_end_and_duration(make, steps: int):
-    """The ends stay, the time between them stays, orientations stay units."""
+def test_resample_keeps_ends_duration_and_norms(make, steps: int):
+    """Ends, duration and unit norms are kept."""
     demo = make(steps=23, moving=True)
     other = resample(demo, steps)
     assert len(other.x) == steps
@@ -46,25 +46,25 @@ def test_resampling_keeps_start_end_and_duration(make, steps: int):
     np.testing.assert_allclose(other.frames[1].A[-1], demo.frames[1].A[-1], atol=1e-14)
 
 
-def test_resampling_to_the_same_steps_changes_nothing(make):
-    """As many rows as before are the rows before."""
+def test_resample_same_steps_is_identity(make):
+    """The same number of rows gives the same rows."""
     demo = make(steps=9, moving=True)
     same = resample(demo, 9)
     np.testing.assert_allclose(same.x, demo.x, atol=1e-15)
     np.testing.assert_array_equal(same.frames[1].b, demo.frames[1].b)
 
 
-def test_resampling_is_linear_in_time(make):
-    """Against NumPy's own interpolation, column by column."""
+def test_resample_columns_equal_numpy_interp(make):
+    """Every column equals numpy.interp."""
     demo = make(steps=11, layout=Layout((Part("joints", Quantity.SCALAR, 4, "rad"),)).differentiate())
     other = resample(demo, 28)
-    there, here = np.linspace(0, 1, 28), np.linspace(0, 1, 11)
-    expected = np.stack([np.interp(there, here, column) for column in demo.x.T], axis=1)
+    new_times, times = np.linspace(0, 1, 28), np.linspace(0, 1, 11)
+    expected = np.stack([np.interp(new_times, times, column) for column in demo.x.T], axis=1)
     np.testing.assert_allclose(other.x, expected, atol=1e-14)
 
 
-def test_orientations_between_rows_lie_on_the_way(make):
-    """Half way between two rows is half the turn: the great circle, by symmetry."""
+def test_resample_midpoint_of_quaternions_is_half_rotation(make):
+    """The midpoint of two quaternions is half the rotation, by symmetry."""
     p = make.quaternions(1)[0]
     q = multiply(p, quaternion_exp(np.array([0.2, -0.1, 0.3])))
     demo = demonstration([[0, 0, 0, *p], [0, 0, 0, *q]], 0.1, pose_layout())
@@ -73,7 +73,7 @@ def test_orientations_between_rows_lie_on_the_way(make):
 
 
 @pytest.mark.parametrize("steps", [1, 0, -3])
-def test_fewer_than_two_rows_are_no_movement(make, steps: int):
-    """Refused, with the number."""
+def test_resample_fewer_than_two_steps_is_refused(make, steps: int):
+    """The message gives the number."""
     with pytest.raises(InvalidInput, match=f"steps is {steps}"):
         resample(make(), steps)

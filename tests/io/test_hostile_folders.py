@@ -193,7 +193,7 @@ def test_many_demonstrations_are_compared_in_linear_time() -> None:
     begin = process_time()
     found = [finding for finding in diagnose([*made, made[7], made[7]]) if "same rows" in finding.message]
     assert process_time() - begin < 4 * QUICK
-    assert [finding.place for finding in found] == ["demonstration 3000", "demonstration 3001"]
+    assert [finding.location for finding in found] == ["demonstration 3000", "demonstration 3001"]
     assert "same rows as demonstration 7" in found[0].message
 
 

@@ -8,7 +8,6 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from pilotfish.demonstrations import (
-    Severity,
     add_derivatives,
     demonstration,
     diagnose,
@@ -76,7 +75,7 @@ def test_the_valve_recording_needs_no_mending(valve_file: Path):
     """Signs agree, nothing jumps; only the valve after, which always stands the same, is noted."""
     demonstrations = read_valve_mat(valve_file)
     (only,) = diagnose(demonstrations)
-    assert (only.severity, only.place) == (Severity.NOTE, "frame 'valve after'")
+    assert (only.severity, only.location) == ("note", "frame 'valve after'")
     for later in demonstrations[1:]:
         assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0
 

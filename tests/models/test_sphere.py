@@ -13,7 +13,6 @@ from pilotfish.demonstrations import (
     demonstration,
     frame_from_pose,
     pose_layout,
-    tangent_map,
     to_sphere,
     views,
 )
@@ -215,7 +214,7 @@ def test_the_adapted_skill_turns_along_with_the_world(rng, demos, speeds):
     np.testing.assert_allclose(
         log_map(there.means, here.means @ A.A.T + A.b, skill.layout.orientation_starts), 0.0, atol=1e-7
     )
-    carry = tangent_map(A.A, skill.layout.orientation_starts)
+    carry = A.tangent_map(skill.layout)
     np.testing.assert_allclose(there.covariances, carry @ here.covariances @ carry.T, atol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(there.means[:, 3:7], axis=1), 1.0)
 
@@ -247,9 +246,9 @@ def test_the_adapted_density_peaks_where_the_frames_densities_together_do(rng, d
         assert heights.argmax() == 0
     np.testing.assert_allclose(
         here.covariances[0],
-        tangent_map(frames[0].A, (3,))
+        frames[0].tangent_map(skill.layout)
         @ (skill.covariances[0].dense[0] / pool_weights[0, 0])
-        @ tangent_map(frames[0].A, (3,)).T,
+        @ frames[0].tangent_map(skill.layout).T,
         rtol=1e-9,
         atol=1e-12,
     )

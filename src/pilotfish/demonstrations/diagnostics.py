@@ -1,54 +1,60 @@
-"""What is odd about a set of demonstrations, though each of them is well formed."""
+"""Diagnostics: anomalies of a set of demonstrations, each of which is well formed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 from hashlib import sha256
+from typing import Literal
 
 import numpy as np
 
-from pilotfish.demonstrations.frames import Frame, MovingFrame, is_world
 from pilotfish.demonstrations.recording import Demonstration
-from pilotfish.demonstrations.signs import unwrap_orientation_starts
+from pilotfish.demonstrations.signs import unwrap_orientations
 from pilotfish.demonstrations.views import incompatibility
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import short_list
 
-MAX_DURATION_RATIO = 2.0  # times the length of the shortest
-MIN_JUMP_RATIO = 5.0  # times the steps before and after
-MIN_JUMP_FRACTION = 0.05  # of the way across all that the part ever covers
-
-
-class Severity(Enum):
-    """What to make of a finding."""
-
-    NOTE = "note"  # may be as intended
-    WARNING = "warning"  # look before learning
-    ERROR = "error"  # learning from these together is refused
+MAX_DURATION_RATIO = 2.0  # of the longest to the shortest demonstration
+MIN_JUMP_RATIO = 5.0  # of a step to the steps before and after it
+MIN_JUMP_FRACTION = 0.05  # of the diagonal of the part's range
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """Something odd: where, and what, with the nearest fix."""
+    """An anomaly of a set of demonstrations.
 
-    severity: Severity
-    place: str
+    Attributes:
+        severity: "note" if it may be intended, "warning" if it should be checked before learning, "error" if
+            learning refuses the set.
+        location: Demonstration or frame.
+        message: What was found, with the nearest fix.
+    """
+
+    severity: Literal["note", "warning", "error"]
+    location: str
     message: str
 
 
 def diagnose(demonstrations: Sequence[Demonstration]) -> tuple[Diagnostic, ...]:
-    """All that is odd: disagreement, duplicates, unequal lengths, frames that never
-    differ, constant columns, jumps and held rows. Nothing found is an empty tuple.
+    """Find anomalies of a set of demonstrations.
+
+    These are differences in layout, period or frames, duplicates, very different lengths, frames that are the
+    same everywhere, constant columns, and jumps.
+
+    Args:
+        demonstrations: Any number of demonstrations.
+
+    Returns:
+        The anomalies; empty if there are none.
     """
     if not demonstrations:
-        return (Diagnostic(Severity.ERROR, "the set", "holds no demonstrations, expected at least one"),)
+        return (Diagnostic("error", "the set", "has no demonstrations, expected at least one"),)
     found = list(_incompatibilities(demonstrations))
     if not found:
         found += [*_constant_frames(demonstrations)]
     found += [*_duplicates(demonstrations), *_lengths(demonstrations)]
     for m, demo in enumerate(demonstrations):
-        here = replace(demo, x=unwrap_orientation_starts(demo.x, demo.layout.orientation_starts))
-        found += [*_constant_columns(_label(m, demo), here), *_jumps(_label(m, demo), here)]
+        unwrapped = replace(demo, x=unwrap_orientations(demo.x, demo.layout))
+        found += [*_constant_columns(_label(m, demo), unwrapped), *_jumps(_label(m, demo), unwrapped)]
     return tuple(found)
 
 
@@ -59,31 +65,29 @@ def _label(m: int, demo: Demonstration) -> str:
 def _incompatibilities(demonstrations: Sequence[Demonstration]) -> Iterator[Diagnostic]:
     for m, demo in enumerate(demonstrations):
         if reason := incompatibility(demonstrations[0], demo):
-            yield Diagnostic(Severity.ERROR, _label(m, demo), f"it and the first {reason}")
+            yield Diagnostic("error", _label(m, demo), f"and the first demonstration {reason}")
 
 
 def _constant_frames(demonstrations: Sequence[Demonstration]) -> Iterator[Diagnostic]:
     if len(demonstrations) < 2:
         return
     for frames in zip(*(demo.frames for demo in demonstrations), strict=True):
-        if not is_world(frames[0]) and all(_equal_frames(frames[0], other) for other in frames[1:]):
-            message = "is the same in every demonstration: how the skill follows it cannot be told from these"
-            yield Diagnostic(Severity.NOTE, f"frame {frames[0].name!r}", message)
-
-
-def _equal_frames(given: Frame | MovingFrame, other: Frame | MovingFrame) -> bool:
-    return np.array_equal(given.A, other.A) and np.array_equal(given.b, other.b)
+        first = frames[0]
+        same = all(np.array_equal(first.A, f.A) and np.array_equal(first.b, f.b) for f in frames[1:])
+        if same and not first.is_world:
+            message = "is the same in every demonstration: its influence on the skill cannot be learned"
+            yield Diagnostic("note", f"frame {first.name!r}", message)
 
 
 def _duplicates(demonstrations: Sequence[Demonstration]) -> Iterator[Diagnostic]:
     first: dict[tuple[tuple[int, ...], bytes], int] = {}
-    for n, other in enumerate(demonstrations):
-        rows = other.x + 0.0  # minus zero becomes zero
+    for n, demo in enumerate(demonstrations):
+        rows = demo.x + 0.0  # minus zero becomes zero
         m = first.setdefault((rows.shape, sha256(rows.tobytes()).digest()), n)
         if m < n:
-            one = demonstrations[m]
-            message = f"has the same rows as {_label(m, one)}; a copy counts as a second showing"
-            yield Diagnostic(Severity.WARNING, _label(n, other), message)
+            original = _label(m, demonstrations[m])
+            message = f"has the same rows as {original}; a copy counts as a second demonstration"
+            yield Diagnostic("warning", _label(n, demo), message)
 
 
 def _lengths(demonstrations: Sequence[Demonstration]) -> Iterator[Diagnostic]:
@@ -92,37 +96,34 @@ def _lengths(demonstrations: Sequence[Demonstration]) -> Iterator[Diagnostic]:
     if durations[n] > MAX_DURATION_RATIO * durations[m]:
         message = (
             f"lasts {durations[n]:.3g} s, {_label(m, demonstrations[m])} {durations[m]:.3g} s; "
-            "cut what does not belong to the task"
+            "remove rows that do not belong to the task"
         )
-        yield Diagnostic(Severity.WARNING, _label(n, demonstrations[n]), message)
+        yield Diagnostic("warning", _label(n, demonstrations[n]), message)
 
 
-def _constant_columns(place: str, demo: Demonstration) -> Iterator[Diagnostic]:
+def _constant_columns(label: str, demo: Demonstration) -> Iterator[Diagnostic]:
     constant = np.flatnonzero(np.ptp(demo.x, axis=0) == 0)
     if constant.size:
-        columns = demo.layout.names
-        names = short_list([repr(columns[column]) for column in constant])
-        yield Diagnostic(
-            Severity.NOTE, place, f"never changes in {names}; learning then rests on regularisation"
-        )
+        names = short_list([repr(demo.layout.names[column]) for column in constant])
+        yield Diagnostic("note", label, f"is constant in {names}; its variance is then the regularisation")
 
 
-def _jumps(place: str, demo: Demonstration) -> Iterator[Diagnostic]:
+def _jumps(label: str, demo: Demonstration) -> Iterator[Diagnostic]:
     for part, columns in zip(demo.layout.parts, demo.layout.slices, strict=True):
         rows = _jump_rows(demo.x[:, columns]) if part.derivative == 0 else np.zeros(0, dtype=np.int64)
         if rows.size:
             message = (
                 f"{part.name} jumps at row {rows[0]} (first is 0), {rows.size} times in all; "
-                "rows may be missing or held"
+                "rows may be missing or repeated"
             )
-            yield Diagnostic(Severity.WARNING, place, message)
+            yield Diagnostic("warning", label, message)
 
 
 def _jump_rows(x: Float[Array, "T d"]) -> Int[Array, " J"]:
-    """Rows reached by a step that is far longer than the steps before and after it."""
+    """Return the rows reached by a step that is far longer than the steps before and after it."""
     steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
     before = np.concatenate([[0.0], steps[:-1]])
     after = np.concatenate([steps[1:], [0.0]])
-    covered = float(np.linalg.norm(np.ptp(x, axis=0)))
-    jumps = (steps > MIN_JUMP_RATIO * np.maximum(before, after)) & (steps > MIN_JUMP_FRACTION * covered)
+    diagonal = float(np.linalg.norm(np.ptp(x, axis=0)))
+    jumps = (steps > MIN_JUMP_RATIO * np.maximum(before, after)) & (steps > MIN_JUMP_FRACTION * diagonal)
     return np.flatnonzero(jumps).astype(np.int64) + 1

@@ -1,4 +1,4 @@
-"""What the columns of a recording mean."""
+"""Layout of a recording: the meaning of its columns, part by part."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -9,6 +9,7 @@ from pilotfish.validation import (
     first_duplicate,
     nearest_name,
     require_count,
+    require_name,
     require_printable,
     require_type,
     short_list,
@@ -20,20 +21,28 @@ MAX_DERIVATIVE = 9
 
 
 class Quantity(Enum):
-    """How a part changes when the frame it is seen from moves."""
+    """Physical kind of a part, which decides how a change of frame transforms it."""
 
-    POSITION = "position"  # turns and moves
-    QUATERNION = "quaternion"  # w x y z, multiplied from the left; four numbers like any others
-    ORIENTATION = "orientation"  # the same, as a point of the sphere S^3: differences are rotation vectors
-    VECTOR = "vector"  # turns, does not move: a force
-    SCALAR = "scalar"  # untouched: time, a joint, a gripper
+    POSITION = "position"  # rotated and translated
+    QUATERNION = "quaternion"  # w x y z, multiplied from the left; treated as four numbers in R^4
+    ORIENTATION = "orientation"  # w x y z as a point of S^3: differences are rotation vectors
+    VECTOR = "vector"  # rotated, not translated: a force
+    SCALAR = "scalar"  # unchanged: time, a joint, a gripper
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Columns that belong together. derivative counts how often they were differentiated by time.
+    """Columns that belong together.
 
-    Raises: InvalidInput, when the parts are not such that they could be the columns of something.
+    Attributes:
+        name: Name of the part, such as "position".
+        quantity: How a change of frame transforms the part.
+        size: Number of columns.
+        unit: Unit of every column.
+        derivative: Number of times that the part was differentiated with respect to time.
+
+    Raises:
+        InvalidInput: If a field cannot be used, such as a quaternion of another size than 4.
     """
 
     name: str
@@ -43,8 +52,8 @@ class Part:
     derivative: int = 0
 
     def __post_init__(self) -> None:
-        require_name(self.name, "a part")
-        require_type(self.quantity, "quantity", Quantity, "say Quantity.SCALAR")
+        require_name(self.name, "the name of a part")
+        require_type(self.quantity, "quantity", Quantity, "pass Quantity.SCALAR or another member")
         require_count(self.size, f"the size of part {self.name!r}", MAX_COLUMNS, 1)
         require_count(self.derivative, f"the derivative of part {self.name!r}", MAX_DERIVATIVE)
         require_printable(self.unit, f"the unit of part {self.name!r}")
@@ -54,14 +63,38 @@ class Part:
             )
         if self.quantity is Quantity.ORIENTATION and self.derivative:
             raise InvalidInput(
-                f"part {self.name!r} is a derivative of an orientation, which is no point of S^3; give the "
-                "angular velocity in body axes, a scalar part of size 3 [rad/s]"
+                f"part {self.name!r} is a derivative of an orientation, which is not a point of S^3; pass "
+                "the angular velocity in body axes, a scalar part of size 3 [rad/s]"
             )
 
 
 @dataclass(frozen=True, slots=True)
+class OrientationColumns:
+    """Columns of one orientation on S^3, among points (`Layout`) and among deviations (`Layout.tangent`).
+
+    Attributes:
+        quaternion: Unit quaternion, among points.
+        rotation_vector: Rotation vector [rad], among deviations.
+        angular_velocity: Angular velocity in body axes [rad/s], among points; None if there is none.
+        rotation_rate: Deviation of the angular velocity, among deviations; None if there is none.
+    """
+
+    quaternion: slice
+    rotation_vector: slice
+    angular_velocity: slice | None
+    rotation_rate: slice | None
+
+
+@dataclass(frozen=True, slots=True)
 class Layout:
-    """The parts of a row in order. Two parts may share a name when they differ in derivative."""
+    """Parts of a row, in order.
+
+    Attributes:
+        parts: At least one part; two parts may share a name if they differ in derivative.
+
+    Raises:
+        InvalidInput: If there are no parts, too many columns, or two equal parts.
+    """
 
     parts: tuple[Part, ...]
 
@@ -74,11 +107,12 @@ class Layout:
 
     @property
     def width(self) -> int:
+        """Number of columns."""
         return sum(part.size for part in self.parts)
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """The columns of each part."""
+        """Columns of each part."""
         ends = list(accumulate(part.size for part in self.parts))
         return tuple(slice(end - part.size, end) for part, end in zip(self.parts, ends, strict=True))
 
@@ -93,25 +127,51 @@ class Layout:
         return tuple(part.unit for part in self.parts for _ in range(part.size))
 
     @property
+    def coordinates(self) -> tuple[int, ...]:
+        """Columns of all parts that are not derivatives."""
+        pairs = zip(self.parts, self.slices, strict=True)
+        return tuple(c for part, columns in pairs if not part.derivative for c in _range(columns))
+
+    @property
     def quaternions(self) -> tuple[slice, ...]:
-        """The columns of each orientation (not of its derivatives)."""
-        return tuple(
-            columns
-            for part, columns in zip(self.parts, self.slices, strict=True)
-            if part.quantity is Quantity.QUATERNION and part.derivative == 0
-        )
+        """Columns of each orientation that is treated as four numbers, without its derivatives."""
+        return self._columns_of(Quantity.QUATERNION)
+
+    @property
+    def unit_quaternions(self) -> tuple[slice, ...]:
+        """Columns of each orientation, treated as four numbers or as a point of S^3."""
+        return self._columns_of(Quantity.QUATERNION, Quantity.ORIENTATION)
 
     @property
     def orientation_starts(self) -> tuple[int, ...]:
-        """The first column of each part that lives on S^3; its four columns have three tangents."""
+        """First column of each orientation on S^3, as the functions of `pilotfish.geometry` take them."""
+        return tuple(columns.start for columns in self._columns_of(Quantity.ORIENTATION))
+
+    @property
+    def orientations(self) -> tuple[OrientationColumns, ...]:
+        """Columns of each orientation on S^3 and of its angular velocity."""
+        entries = list(zip(self.parts, self.slices, self.tangent.slices, strict=True))
+        rates = {
+            part.name: (columns, tangent)
+            for part, columns, tangent in entries
+            if part.derivative == 1 and part.size == ROTATION_VECTOR_SIZE
+        }
         return tuple(
-            columns.start
-            for part, columns in zip(self.parts, self.slices, strict=True)
+            OrientationColumns(columns, tangent, *rates.get(part.name, (None, None)))
+            for part, columns, tangent in entries
             if part.quantity is Quantity.ORIENTATION
         )
 
     def columns(self, name: str, derivative: int = 0) -> slice:
-        """Raises: InvalidInput, when no part has that name and derivative."""
+        """Return the columns of a part.
+
+        Args:
+            name: Name of the part.
+            derivative: Number of times that it was differentiated.
+
+        Raises:
+            InvalidInput: If there is no such part.
+        """
         for part, columns in zip(self.parts, self.slices, strict=True):
             if (part.name, part.derivative) == (name, derivative):
                 return columns
@@ -119,47 +179,48 @@ class Layout:
         near = nearest_name(name, (part.name for part in self.parts), cutoff=0.4)
         hint = f"; did you mean {near!r}?" if near and near != name else ""
         raise InvalidInput(
-            f"no part {name!r} with derivative {derivative}; there is {short_list(known)}{hint}"
+            f"the layout has no part {name!r} with derivative {derivative}, only {short_list(known)}{hint}"
         )
 
     def differentiate(self) -> "Layout":
-        """The same parts, then their first derivatives [unit/s].
+        """Return the same parts, followed by the first derivative of each [unit/s].
 
-        That of an orientation on S^3 is an angular velocity [rad/s] in the axes of the turning body, which
-        no frame changes.
-        Raises: InvalidInput, when there are derivatives already.
+        The derivative of an orientation on S^3 is the angular velocity in body axes [rad/s], which no frame
+        changes.
+
+        Raises:
+            InvalidInput: If the layout has derivatives already.
         """
         if derived := [part.name for part in self.parts if part.derivative]:
             raise InvalidInput(f"the layout has a derivative of {derived[0]!r} already, expected none")
-        moving = tuple(replace(part, unit=f"{part.unit}/s", derivative=1) for part in self.tangent.parts)
-        return Layout(self.parts + moving)
+        rates = tuple(replace(part, unit=f"{part.unit}/s", derivative=1) for part in self.tangent.parts)
+        return Layout(self.parts + rates)
 
     @property
     def tangent(self) -> "Layout":
-        """The columns of deviations: a rotation vector [rad] in body axes for each orientation on S^3."""
+        """Columns of deviations: a rotation vector in body axes [rad] for each orientation on S^3."""
         return Layout(tuple(_tangent_part(part) for part in self.parts))
 
-
-def require_name(name: object, what: str) -> str:
-    """Return the name of a part or frame if it is printable, not empty, and has no blank ends.
-
-    Raises:
-        InvalidInput: If it is not; the message begins with what is named.
-    """
-    label = f"the name of {what}"
-    if not (text := require_printable(name, label)) or text != text.strip():
-        raise InvalidInput(f"{label} is {text!r}, expected text on one line, without blank ends")
-    return text
+    def _columns_of(self, *quantities: Quantity) -> tuple[slice, ...]:
+        pairs = zip(self.parts, self.slices, strict=True)
+        return tuple(
+            columns for part, columns in pairs if part.quantity in quantities and part.derivative == 0
+        )
 
 
 def pose_layout() -> Layout:
-    """Columns "position" [m] and "orientation", a unit quaternion w x y z: seven columns."""
+    """Return the layout of a pose: "position" [m] and "orientation", a unit quaternion w x y z."""
     position = Part("position", Quantity.POSITION, 3, "m")
     return Layout((position, Part("orientation", Quantity.QUATERNION, QUATERNION_SIZE, "1")))
 
 
 def position_layout(axes: int = 3, unit: str = "m") -> Layout:
-    """Columns "position" alone, in a space of so many axes."""
+    """Return the layout of a single part "position".
+
+    Args:
+        axes: Number of axes.
+        unit: Unit of every axis.
+    """
     return Layout((Part("position", Quantity.POSITION, axes, unit),))
 
 
@@ -170,10 +231,10 @@ def _tangent_part(part: Part) -> Part:
 
 
 def _column_names(part: Part) -> list[str]:
-    return [f"{part.name}{axis}{chr(39) * part.derivative}" for axis in _axes(part)]
+    return [f"{part.name}{axis}{chr(39) * part.derivative}" for axis in _axis_names(part)]
 
 
-def _axes(part: Part) -> list[str]:
+def _axis_names(part: Part) -> list[str]:
     if part.size == 1 and part.quantity is not Quantity.POSITION:
         return [""]
     if part.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION):
@@ -181,3 +242,7 @@ def _axes(part: Part) -> list[str]:
     if part.quantity is not Quantity.SCALAR and part.size <= len("xyz"):
         return [f" {axis}" for axis in "xyz"[: part.size]]
     return [f" {n + 1}" for n in range(part.size)]
+
+
+def _range(columns: slice) -> range:
+    return range(columns.start, columns.stop)

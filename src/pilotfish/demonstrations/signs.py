@@ -1,4 +1,4 @@
-"""q and -q are one rotation: choosing the signs so that orientations can be averaged and differenced."""
+"""Signs of quaternions: q and -q are one rotation, so a recording may change between them at any row."""
 
 import numpy as np
 
@@ -10,36 +10,41 @@ from pilotfish.validation import finite_array, require_type, short_list
 
 
 def unwrap_orientations(x: object, layout: Layout) -> Float[Array, "T D"]:
-    """The same recording with no sign flip of an orientation from one row to the next.
+    """Return a recording in which no quaternion changes sign from one row to the next.
 
-    Derivatives of an orientation change sign with it. For the door `demonstration`, which refuses flips.
+    Derivatives of a quaternion in R^4 change sign with it. `demonstration` refuses recordings with sign
+    changes.
+
+    Args:
+        x: One row per sample.
+        layout: Columns of x.
+
+    Raises:
+        InvalidInput: If x is not an array of finite numbers with the columns of the layout.
     """
-    require_type(layout, "layout", Layout, "pf.demonstrations.position_layout(3) makes one")
+    require_type(layout, "layout", Layout, "create one with demonstrations.position_layout(3)")
     points = np.array(finite_array(x, "x"))
     if points.ndim != 2 or points.shape[1] != layout.width:
         raise InvalidInput(
             f"x has shape {points.shape}, expected (T, {layout.width}): {short_list(layout.names)}"
         )
-    for columns in layout.quaternions:
+    for columns in layout.unit_quaternions:
         q = points[:, columns]
         signs = np.where(np.einsum("td,td->t", q, unwrap_quaternions(q)) < 0, -1.0, 1.0)
-        for same in _orientation_columns(layout, columns):
-            points[:, same] *= signs[:, None]
+        for signed in _columns_with_sign(layout, columns):
+            points[:, signed] *= signs[:, None]
     return points
 
 
-def unwrap_orientation_starts(
-    x: Float[Array, "T D"], orientation_starts: tuple[int, ...]
-) -> Float[Array, "T D"]:
-    """The same recording, each orientation on S^3 told by the quaternion that is nearer to the one before."""
-    x = x.copy()
-    for start in orientation_starts:
-        x[:, start : start + 4] = unwrap_quaternions(x[:, start : start + 4])
-    return x
+def has_opposite_sign(q: Float[Array, "T 4"], reference: Float[Array, "S 4"]) -> bool:
+    """Return whether -q is closer to the reference than q, after resampling to equal length."""
+    steps = np.linspace(0, len(reference) - 1, len(q)).round().astype(int)
+    return bool(np.einsum("td,td->", q, reference[steps]) < 0)
 
 
-def _orientation_columns(layout: Layout, columns: slice) -> list[slice]:
-    """The columns of an orientation and of its derivatives."""
-    parts = list(zip(layout.parts, layout.slices, strict=True))
-    name = next(part.name for part, here in parts if here == columns)
-    return [here for part, here in parts if part.name == name and part.quantity is Quantity.QUATERNION]
+def _columns_with_sign(layout: Layout, columns: slice) -> list[slice]:
+    """Return the columns of a quaternion and of its derivatives in R^4."""
+    pairs = list(zip(layout.parts, layout.slices, strict=True))
+    name = next(part.name for part, part_columns in pairs if part_columns == columns)
+    quantities = (Quantity.QUATERNION, Quantity.ORIENTATION)
+    return [part_columns for part, part_columns in pairs if part.name == name and part.quantity in quantities]

@@ -1,4 +1,4 @@
-"""From quaternions as four numbers to orientations as points of the sphere S^3."""
+"""Conversion of quaternions from four numbers in R^4 to points of S^3."""
 
 from dataclasses import replace
 
@@ -12,27 +12,35 @@ from pilotfish.geometry import conjugate, multiply, normalise
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type, short_list
 
-BLOCK_TOLERANCE = 1e-4  # between the matrices by which a frame turns a quaternion and its derivative
+BLOCK_TOLERANCE = 1e-4  # between the matrices by which a frame rotates a quaternion and its derivative
 
 
 def to_sphere(demo: Demonstration) -> Demonstration:
-    """The same movement with its quaternions as points of S^3: no sign, no length, differences in radians.
+    """Convert the quaternions of a demonstration to points of S^3.
 
-    The derivative of a quaternion becomes the angular velocity 2 q* q' [rad/s] in the axes of the body.
-    Frames turn orientations as before and leave angular velocities as they are; from a frame that moves,
-    those are seen relative to it.
-    Raises: InvalidInput, when there is no quaternion, when one has a second derivative or a derivative
-    without itself, or when a frame turns a quaternion and its derivative differently.
+    Their differences are then rotation vectors [rad], and q and -q are one point. The derivative of a
+    quaternion becomes the angular velocity 2 q* q' in body axes [rad/s]. Frames multiply orientations as
+    before and leave angular velocities unchanged; in a moving frame, angular velocities are relative to it.
+
+    Args:
+        demo: Demonstration with at least one quaternion.
+
+    Returns:
+        The converted demonstration.
+
+    Raises:
+        InvalidInput: If there is no quaternion, one has a second derivative or a derivative without itself,
+            or a frame rotates a quaternion and its derivative differently.
     """
-    require_type(demo, "demo", Demonstration, "pf.demonstration makes one of an array; of a list, one by one")
-    layout = _layout(demo.layout)
+    require_type(demo, "demo", Demonstration, "create one with pf.demonstration; convert a list one by one")
+    layout = _sphere_layout(demo.layout)
     x = _manifold_points(demo.x, demo.layout)
-    frames = [_frame(given, demo, x) for given in demo.frames]
+    frames = [_convert_frame(given, demo, x) for given in demo.frames]
     return demonstration(x, demo.period, layout, frames, demo.name)
 
 
-def _layout(layout: Layout) -> Layout:
-    if not layout.quaternions and not layout.orientation_starts:
+def _sphere_layout(layout: Layout) -> Layout:
+    if not layout.unit_quaternions:
         raise InvalidInput(
             f"the columns are {short_list(layout.names)}, expected a quaternion among them to put on S^3"
         )
@@ -57,46 +65,49 @@ def _convert_part(part: Part) -> Part:
 
 
 def _manifold_points(x: Float[Array, "T D"], layout: Layout) -> Float[Array, "T E"]:
-    """Quaternions of length one, their derivatives as angular velocities."""
-    parts = []
+    """Normalise quaternions and convert their derivatives to angular velocities."""
+    blocks = []
     for part, columns in zip(layout.parts, layout.slices, strict=True):
-        piece = x[:, columns]
+        block = x[:, columns]
         if part.quantity is Quantity.QUATERNION:
             q = normalise(x[:, layout.columns(part.name)])
-            piece = 2.0 * multiply(conjugate(q), piece)[:, 1:] if part.derivative else q
-        parts.append(piece)
-    return np.hstack(parts)
+            block = 2.0 * multiply(conjugate(q), block)[:, 1:] if part.derivative else q
+        blocks.append(block)
+    return np.hstack(blocks)
 
 
-def _frame(given: Frame | MovingFrame, demo: Demonstration, x: Float[Array, "T E"]) -> Frame | MovingFrame:
-    columns, target_columns, rates = _columns(demo.layout)
+def _convert_frame(
+    given: Frame | MovingFrame, demo: Demonstration, x: Float[Array, "T E"]
+) -> Frame | MovingFrame:
+    columns, target_columns, rates = _unchanged_and_rate_columns(demo.layout)
     E = x.shape[1]
     A, b = np.zeros((*given.A.shape[:-2], E, E)) + np.eye(E), np.zeros((*given.b.shape[:-1], E))
     A[..., target_columns[:, None], target_columns] = given.A[..., columns[:, None], columns]
     b[..., target_columns] = given.b[..., columns]
-    if isinstance(given, Frame):
+    if given.is_moving:  # add the angular velocity of the frame
+        b[:, rates] = (x - _manifold_points(given.to_local(demo.x), demo.layout))[:, rates]
+    else:
         _require_same_rotation(given, demo.layout)
-        return Frame(given.name, A, b)
-    local = np.linalg.solve(given.A, (demo.x - given.b)[..., None])[..., 0]
-    b[:, rates] = (x - _manifold_points(local, demo.layout))[:, rates]  # what the frame's own turning adds
-    return MovingFrame(given.name, A, b)
+    return replace(given, A=A, b=b)
 
 
-def _columns(layout: Layout) -> tuple[Int[Array, " F"], Int[Array, " F"], Int[Array, " R"]]:
-    """Columns that stay what they are, where they go, and where angular velocities are."""
-    kept_parts = [not (part.quantity is Quantity.QUATERNION and part.derivative) for part in layout.parts]
-    before = np.repeat(kept_parts, [part.size for part in layout.parts])
-    after = np.repeat(kept_parts, [part.size for part in _layout(layout).parts])
+def _unchanged_and_rate_columns(
+    layout: Layout,
+) -> tuple[Int[Array, " F"], Int[Array, " F"], Int[Array, " R"]]:
+    """Return the columns that stay, where they go, and the columns of angular velocities."""
+    stays = [not (part.quantity is Quantity.QUATERNION and part.derivative) for part in layout.parts]
+    before = np.repeat(stays, [part.size for part in layout.parts])
+    after = np.repeat(stays, [part.size for part in _sphere_layout(layout).parts])
     return np.flatnonzero(before), np.flatnonzero(after), np.flatnonzero(~after)
 
 
-def _require_same_rotation(given: Frame, layout: Layout) -> None:
+def _require_same_rotation(given: Frame | MovingFrame, layout: Layout) -> None:
     for part, columns in zip(layout.parts, layout.slices, strict=True):
         if part.quantity is Quantity.QUATERNION and part.derivative:
-            itself = layout.columns(part.name)
-            apart = np.abs(given.A[columns, columns] - given.A[itself, itself]).max()
-            if apart > BLOCK_TOLERANCE:
+            quaternion = layout.columns(part.name)
+            difference = np.abs(given.A[columns, columns] - given.A[quaternion, quaternion]).max()
+            if difference > BLOCK_TOLERANCE:
                 raise InvalidInput(
-                    f"frame {given.name!r} turns {part.name!r} and its derivative differently, by "
-                    f"{apart:.3g}, expected the same matrix for both; see frame_from_pose"
+                    f"frame {given.name!r} rotates {part.name!r} and its derivative differently, by "
+                    f"{difference:.3g}, expected the same matrix for both; see frame_from_pose"
                 )

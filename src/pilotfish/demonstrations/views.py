@@ -1,13 +1,13 @@
-"""Demonstrations as their frames see them: the data that skills are learned from."""
+"""Demonstrations in the coordinates of their frames: the data that skills are learned from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.demonstrations.frames import Frame, MovingFrame
 from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.demonstrations.recording import Demonstration
+from pilotfish.demonstrations.signs import has_opposite_sign
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type, short_list
@@ -15,9 +15,12 @@ from pilotfish.validation import require_type, short_list
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Views:
-    """Demonstrations one after the other, seen from each of P frames; N is the sum of their lengths.
+    """Demonstrations one after the other, in the coordinates of each of P frames.
 
-    turns holds the first column of each unit quaternion that is treated as a point of S^3 (Layout.turns).
+    Attributes:
+        x: Local points; N is the sum of the lengths.
+        lengths: Number of rows of each demonstration.
+        orientation_starts: First column of each orientation on S^3, as `Layout.orientation_starts`.
     """
 
     x: Float[Array, "P N D"]
@@ -26,43 +29,33 @@ class Views:
 
 
 def views(demonstrations: Sequence[Demonstration]) -> Views:
-    """x[j] solves A_j x[j] + b_j = world, for frame j of each demonstration.
+    """Return demonstrations in the coordinates of their frames: A_j x[j] + b_j = world for frame j.
 
-    An orientation that runs closer to the first demonstration's after a change of sign has it changed, its
-    derivatives with it: q and -q are one orientation, whether recordings or poses of frames differ so.
-    Raises: InvalidInput, when there is none, or when they differ in layout, period or names of frames.
-    Source: Tanwani 2018, eq. 3.21.
+    If a quaternion in R^4 is closer to that of the first demonstration after a change of sign, its sign and
+    that of its derivatives is changed.
+
+    Args:
+        demonstrations: At least one; all have the same layout, period and frame names.
+
+    Raises:
+        InvalidInput: If there is none, or if they differ in layout, period or frame names.
+
+    Source:
+        Tanwani 2018, eq. 3.21.
     """
-    require_compatible(demonstrations)
-    one, lengths = demonstrations[0], np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
-    x = np.empty(
-        (len(one.frames), lengths.sum(), one.layout.width)
-    )  # filled in place: each view is held once
+    _require_compatible(demonstrations)
+    first, lengths = demonstrations[0], np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
+    x = np.empty((len(first.frames), lengths.sum(), first.layout.width))  # filled in place, to save memory
     for demo, end in zip(demonstrations, np.cumsum(lengths), strict=True):
         for given, view in zip(demo.frames, x, strict=True):
             local = view[end - len(demo.x) : end]
-            local[:] = _to_frame(given, demo.x)
-            local *= _alignment_signs(
-                local, view[: lengths[0]], one.layout
-            )  # ones, for the first demonstration
-    return Views(x, lengths, one.layout.orientation_starts)
-
-
-def require_compatible(demonstrations: Sequence[Demonstration]) -> None:
-    """Raises: InvalidInput, when there is none, or when they differ in layout, period or names of frames."""
-    require_type(demonstrations, "demonstrations", Sequence, "give a list, also of one")
-    for demo in demonstrations:
-        require_type(demo, "a demonstration", Demonstration, "pf.demonstration makes one of an array")
-    if not demonstrations:
-        raise InvalidInput("there are no demonstrations, expected at least one")
-    first = demonstrations[0]
-    for m, demo in enumerate(demonstrations):
-        if reason := incompatibility(first, demo):
-            raise InvalidInput(f"demonstration {m} ({demo.name!r}) and the first ({first.name!r}) {reason}")
+            local[:] = given.to_local(demo.x)
+            local *= _alignment_signs(local, view[: lengths[0]], first.layout)
+    return Views(x, lengths, first.layout.orientation_starts)
 
 
 def incompatibility(first: Demonstration, other: Demonstration) -> str:
-    """Why the two cannot be learned from together; empty when they can."""
+    """Return why one skill cannot be learned from two demonstrations; empty if it can."""
     if first.layout != other.layout:
         return f"differ in layout: {short_list(other.layout.names)} and {short_list(first.layout.names)}"
     if first.period != other.period:
@@ -74,10 +67,22 @@ def incompatibility(first: Demonstration, other: Demonstration) -> str:
     return ""
 
 
+def _require_compatible(demonstrations: Sequence[Demonstration]) -> None:
+    require_type(demonstrations, "demonstrations", Sequence, "pass a list, also for a single one")
+    for demo in demonstrations:
+        require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
+    if not demonstrations:
+        raise InvalidInput("there are no demonstrations, expected at least one")
+    first = demonstrations[0]
+    for m, demo in enumerate(demonstrations):
+        if reason := incompatibility(first, demo):
+            raise InvalidInput(f"demonstration {m} ({demo.name!r}) and the first ({first.name!r}) {reason}")
+
+
 def _alignment_signs(
     x: Float[Array, "T D"], first: Float[Array, "S D"], layout: Layout
 ) -> Float[Array, " D"]:
-    """Minus one for the columns of orientations that run closer to the first's when negated."""
+    """Return -1 for columns of quaternions that are closer to the first demonstration when negated."""
     signs = np.ones(layout.width)
     for part, columns in zip(layout.parts, layout.slices, strict=True):
         if part.quantity is Quantity.QUATERNION and has_opposite_sign(
@@ -85,15 +90,3 @@ def _alignment_signs(
         ):
             signs[columns] = -1.0
     return signs
-
-
-def has_opposite_sign(q: Float[Array, "T 4"], reference: Float[Array, "S 4"]) -> bool:
-    """Whether -q runs closer to the reference than q, both stretched to the same duration."""
-    steps = np.linspace(0, len(reference) - 1, len(q)).round().astype(int)
-    return bool(np.einsum("td,td->", q, reference[steps]) < 0)
-
-
-def _to_frame(given: Frame | MovingFrame, x: Float[Array, "T D"]) -> Float[Array, "T D"]:
-    if isinstance(given, MovingFrame):
-        return np.asarray(np.linalg.solve(given.A, (x - given.b)[..., None])[..., 0])
-    return np.asarray(np.linalg.solve(given.A, (x - given.b).T).T)

@@ -9,9 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import moving_frame
-from pilotfish.demonstrations.frames import WORLD, Frame, MovingFrame, is_world
-from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations import (
+    Demonstration,
+    Frame,
+    MovingFrame,
+    demonstration,
+    moving_frame,
+    world_frame,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.io.atomic_folders import atomic_folder
 from pilotfish.io.manifests import (
@@ -192,7 +197,7 @@ def _require_same_layout(demonstrations: Sequence[Demonstration]) -> None:
 
 
 def _has_moving_frames(demo: Demonstration) -> bool:
-    return any(isinstance(given, MovingFrame) for given in demo.frames)
+    return any(given.is_moving for given in demo.frames)
 
 
 def _table_name(m: int, demo: Demonstration, count: int) -> str:
@@ -206,20 +211,20 @@ def _encode_rows(demo: Demonstration) -> bytes:
         return encode_csv(demo.x, demo.layout.names)
     arrays = {"x": demo.x}
     for n, given in enumerate(demo.frames):
-        if isinstance(given, MovingFrame):
+        if given.is_moving:
             arrays |= {f"A{n}": given.A, f"b{n}": given.b}
     return encode_npz(arrays)
 
 
 def _frames_to_dicts(demo: Demonstration) -> list[dict[str, Any]]:
     """None for the world's frame alone: that is what a demonstration without frames gets."""
-    if len(demo.frames) == 1 and demo.frames[0].name == WORLD and is_world(demo.frames[0]):
+    if len(demo.frames) == 1 and demo.frames[0].name == world_frame(1).name and demo.frames[0].is_world:
         return []
     return [_frame_to_dict(n, given) for n, given in enumerate(demo.frames)]
 
 
 def _frame_to_dict(n: int, given: Frame | MovingFrame) -> dict[str, Any]:
-    if isinstance(given, MovingFrame):
+    if given.is_moving:
         return {"name": given.name, "A": f"A{n}", "b": f"b{n}"}
     return {"name": given.name, "A": np.asarray(given.A).tolist(), "b": np.asarray(given.b).tolist()}
 

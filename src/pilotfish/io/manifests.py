@@ -7,17 +7,14 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-from pilotfish.demonstrations import frame
-from pilotfish.demonstrations.frames import Frame, frame_from_pose
+from pilotfish.demonstrations import Frame, frame, frame_from_pose
 from pilotfish.demonstrations.layouts import (
     MAX_COLUMNS,
     MAX_DERIVATIVE,
     Layout,
     Part,
     Quantity,
-    require_name,
 )
-from pilotfish.demonstrations.recording import require_period
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, pose
 from pilotfish.io.manifest_fields import require_list, require_table
@@ -25,6 +22,8 @@ from pilotfish.validation import (
     finite_array,
     first_duplicate,
     require_count,
+    require_name,
+    require_period,
     require_printable,
     short_repr,
 )
@@ -214,7 +213,7 @@ def _convert_part(value: object, label: str) -> Part:
     derivative = require_count(mapping.get("derivative", 0), f"{label}: derivative", MAX_DERIVATIVE)
     unit = require_printable(mapping["unit"], f"{label}: unit")
     try:
-        name = require_name(mapping["name"], "a part")
+        name = require_name(mapping["name"], "the name of a part")
         return Part(name, Quantity(mapping["quantity"]), size, unit, derivative)
     except InvalidInput as error:
         raise InvalidInput(f"{label}: {error}") from error
@@ -242,7 +241,7 @@ def _frame(value: object, label: str, layout: Layout) -> Frame | MovingFrameKeys
     needed = ("name", "position", "quaternion") if by_pose else ("name", "A", "b")
     mapping = require_table(value, label, needed, ())
     try:
-        name = require_name(mapping["name"], "a frame")
+        name = require_name(mapping["name"], "the name of a frame")
         if by_pose:
             return frame_from_pose(name, layout, _pose(mapping))
         if isinstance(mapping["A"], str):

@@ -6,7 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from pilotfish.control import Motion
-from pilotfish.demonstrations import Layout, Part, Quantity, distance_unit, distances, is_orientation
+from pilotfish.demonstrations import (
+    Layout,
+    Part,
+    Quantity,
+    distance_unit,
+    distances,
+)
 from pilotfish.models import AdaptedSkill, MixtureWeights
 from pilotfish.types import Array, Float
 
@@ -81,7 +87,7 @@ def start_notes(model: AdaptedSkill, start: Float[Array, " D"]) -> list[str]:
         deviations = np.sqrt(np.linalg.eigvalsh(model.covariances[:, there, there])[:, -1])
         if part.quantity is Quantity.QUATERNION:  # turning by an angle moves its four numbers half as far
             deviations *= 2.0
-        if is_orientation(model.layout, here):
+        if here in model.layout.unit_quaternions:
             deviations = np.degrees(deviations)
         if (gaps > extent).all() and (gaps > MAX_DEVIATIONS * deviations).all():
             notes.append(

@@ -16,15 +16,13 @@ from pilotfish.demonstrations import (
     Quantity,
     frame,
     frame_from_pose,
-    require_name,
-    tangent_map,
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
 from pilotfish.io.paths import read_file
 from pilotfish.models import AdaptedSkill, MixtureWeights, Skill
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, short_list, short_repr
+from pilotfish.validation import finite_array, require_name, short_list, short_repr
 
 MAX_FILE_SIZE = 2**24  # bytes
 MAX_FRAMES = 1000
@@ -88,7 +86,7 @@ def _to_frame(given: object, place: str, layout: Layout) -> Frame:
         has = short_list(sorted(given)) if isinstance(given, dict) else short_repr(given)
         raise InvalidInput(f"{place} has {has}, expected name, position, quaternion; or name, A, b")
     try:
-        require_name(given["name"], "a frame")
+        require_name(given["name"], "the name of a frame")
         if set(given) == POSE_KEYS:
             return frame_from_pose(given["name"], layout, pose(given["position"], given["quaternion"]))
         return _extend_to_velocities(frame(given["name"], given["A"], given["b"]), layout)
@@ -111,7 +109,7 @@ def _extend_to_velocities(given: Frame, layout: Layout) -> Frame:
         return given
     A, b = np.eye(layout.width), np.concatenate([given.b, np.zeros(layout.width - n)])
     A[:n, :n] = given.A
-    A[n:, n:] = tangent_map(given.A, layout.orientation_starts)
+    A[n:, n:] = given.tangent_map(Layout(tuple(part for part in layout.parts if not part.derivative)))
     return Frame(given.name, A, b)
 
 

@@ -4,7 +4,6 @@ from dataclasses import fields
 
 import numpy as np
 
-from pilotfish.demonstrations import require_name, require_period
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import Covariances
 from pilotfish.models import (
@@ -24,7 +23,15 @@ from pilotfish.models import (
     Skill,
 )
 from pilotfish.types import Array, Float
-from pilotfish.validation import MAX_MAGNITUDE, require_count, require_number, short_list, short_repr
+from pilotfish.validation import (
+    MAX_MAGNITUDE,
+    require_count,
+    require_name,
+    require_number,
+    require_period,
+    short_list,
+    short_repr,
+)
 
 MAX_FRAMES = 1000
 MAX_MEAN = 1e101  # datapoints have at most 1e100
@@ -48,7 +55,7 @@ def validate_dimensions(skill: Skill) -> None:
     if len(set(names)) != P:
         raise InvalidInput(f"the frames are named {short_list(names)}, expected different names")
     for name in names:
-        require_name(name, "a frame")
+        require_name(name, "the name of a frame")
     if skill.layout.width != D:
         raise InvalidInput(f"means has {D} columns, but the layout has {skill.layout.width}")
 

@@ -5,14 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.demonstrations import (
-    Frame,
-    Layout,
-    MovingFrame,
-    require_left_multiplication,
-    require_magnitudes,
-    tangent_map,
-)
+from pilotfish.demonstrations import Frame, Layout, MovingFrame
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, RiemannianGaussian, affine_transform, product, riemannian_product
 from pilotfish.gaussians.structures import DenseCovariances
@@ -90,7 +83,7 @@ def _riemannian_frame_product(
     orientation_starts, frame_gaussians = skill.layout.orientation_starts, []
     for p, frame in enumerate(frames):
         if pool_weights[p, k] > 0.0:
-            tangent_rotation = tangent_map(frame.A, orientation_starts)
+            tangent_rotation = frame.tangent_map(skill.layout)
             covariance = (
                 tangent_rotation @ (skill.covariances[p].dense[k] / pool_weights[p, k]) @ tangent_rotation.T
             )
@@ -151,14 +144,12 @@ def _match_frames(skill: Skill, frames: Sequence[Frame | MovingFrame]) -> list[F
                 f"frame {frame.name!r} has {columns} columns and A of shape {frame.A.shape}, the skill has "
                 f"{skill.width}"
             )
-        require_magnitudes(f"frame {frame.name!r}", frame.A, frame.b)
+        frame.require_magnitudes()
         if (condition := float(np.linalg.cond(frame.A))) > 1e12:
             raise InvalidInput(
                 f"frame {frame.name!r} is singular: the condition number of A is {condition:.3g}"
             )
-        require_left_multiplication(
-            f"frame {frame.name!r}", frame.A, frame.b, skill.layout.orientation_starts
-        )
+        frame.require_left_multiplication(skill.layout)
     return [by_name[name] for name in skill.frame_names]
 
 

@@ -9,7 +9,14 @@ from typing import cast
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.demonstrations import Demonstration, Frame, Layout, MovingFrame, Quantity, Views, views
+from pilotfish.demonstrations import (
+    Demonstration,
+    Frame,
+    Layout,
+    Quantity,
+    Views,
+    views,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments, moments_from_sums, precision_cholesky
 from pilotfish.models.dynamics import Dynamics, SemiMarkovChain
@@ -122,7 +129,7 @@ def _validate_demonstrations(skill: Skill, demonstrations: Sequence[Demonstratio
             f"{', '.join(skill.layout.names)}; give the demonstrations that it was learned from"
         )
     for demo in demonstrations:
-        if moving := [f.name for f in demo.frames if isinstance(f, MovingFrame)]:
+        if moving := [f.name for f in demo.frames if f.is_moving]:
             raise InvalidInput(
                 f"frame {moving[0]!r} of demonstration {demo.name!r} moves; relevance is told "
                 "for frames that stand, say frame.at(t)"

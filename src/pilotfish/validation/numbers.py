@@ -12,6 +12,7 @@ from pilotfish.validation.text import short_repr
 MAX_MAGNITUDE = 1e100  # squares of such numbers, and sums of many squares, do not overflow
 MAX_FLOAT = float(np.finfo(np.float64).max)
 MAX_DIMENSIONS = 32  # the limit of NumPy 1
+MIN_PERIOD, MAX_PERIOD = 1e-9, 1e9  # s; their squares and reciprocals do not overflow
 SMALL_ARRAY_SIZE = 16  # entries below which math.hypot is faster than NumPy
 
 
@@ -65,6 +66,22 @@ def require_number(
             f"{label} is {short_repr(value)}, expected a number from {minimum:g} to {maximum:g}"
         )
     return number
+
+
+def require_period(value: object, label: str = "period") -> float:
+    """Return the time between two samples as a float.
+
+    Args:
+        value: Time [s], from 1e-9 to 1e9.
+        label: Name of the value; the message begins with it.
+
+    Raises:
+        InvalidInput: If it is not a number in this range.
+    """
+    try:
+        return require_number(value, label, MIN_PERIOD, MAX_PERIOD)
+    except InvalidInput as error:
+        raise InvalidInput(f"{error}: a positive time [s]") from error
 
 
 def numeric_array(value: object, label: str) -> Float[Array, "..."]:

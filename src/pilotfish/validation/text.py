@@ -44,6 +44,21 @@ def require_printable(text: object, label: str, max_length: int = MAX_NAME_LENGT
     return text
 
 
+def require_name(name: object, label: str) -> str:
+    """Return a name unchanged if it is printable, not empty, and has no blanks at its ends.
+
+    Args:
+        name: Value to check.
+        label: Meaning of the name; the message begins with it.
+
+    Raises:
+        InvalidInput: If it is not.
+    """
+    if not (text := require_printable(name, label)) or text != text.strip():
+        raise InvalidInput(f"{label} is {text!r}, expected text on one line without blanks at its ends")
+    return text
+
+
 def short_repr(value: object, max_length: int = 60) -> str:
     """Return repr(value) in a bounded number of printable characters, for any value.
 

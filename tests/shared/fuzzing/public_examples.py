@@ -42,10 +42,6 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
 EXCLUDED: Mapping[str, str] = {
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
-    **{
-        f"demonstrations.{name}": "a check that `demonstration` and decoders call"
-        for name in ("require_magnitudes", "require_name", "require_period")
-    },
     "models.relevance": "takes a skill and demonstrations only, and a second per call",
     "models.fit_em": "takes functions; `learn` calls it",
     "models.maximise_likelihood": "takes functions; `learn` calls it",

@@ -15,7 +15,11 @@ from pilotfish.cli.output.answers import (
     require_writable_folder,
 )
 from pilotfish.cli.output.descriptions import format_columns
-from pilotfish.demonstrations import Demonstration, Diagnostic, MovingFrame, Severity, diagnose
+from pilotfish.demonstrations import (
+    Demonstration,
+    Diagnostic,
+    diagnose,
+)
 from pilotfish.io import datasets, write_demonstrations
 
 SYNTHETIC_DESCRIPTION = "generated openings of a valve, made by no person: a stand-in that needs no download"
@@ -67,7 +71,7 @@ def check_folder(folder: str) -> CommandResult:
     }
     text = f"{_format_demonstrations(demonstrations)}\n\n{_format_diagnostics(diagnostics)}"
     return CommandResult(
-        text, facts, exit_code=int(any(finding.severity is Severity.ERROR for finding in diagnostics))
+        text, facts, exit_code=int(any(finding.severity == "error" for finding in diagnostics))
     )
 
 
@@ -98,7 +102,7 @@ def _format_demonstrations(demonstrations: tuple[Demonstration, ...]) -> str:
 
 
 def _format_frames(demo: Demonstration) -> str:
-    return ", ".join(f"{f.name} (moving)" if isinstance(f, MovingFrame) else f.name for f in demo.frames)
+    return ", ".join(f"{f.name} (moving)" if f.is_moving else f.name for f in demo.frames)
 
 
 def _demonstration_to_json(demo: Demonstration) -> dict[str, object]:
@@ -113,9 +117,9 @@ def _demonstration_to_json(demo: Demonstration) -> dict[str, object]:
 
 
 def _format_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> str:
-    lines = [f"{finding.severity.value}: {finding.place} {finding.message}" for finding in diagnostics]
+    lines = [f"{finding.severity}: {finding.location} {finding.message}" for finding in diagnostics]
     return "\n".join(lines) or "no problems found"
 
 
 def _diagnostic_to_json(finding: Diagnostic) -> dict[str, str]:
-    return {"severity": finding.severity.value, "location": finding.place, "message": finding.message}
+    return {"severity": finding.severity, "location": finding.location, "message": finding.message}

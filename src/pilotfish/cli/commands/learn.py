@@ -34,7 +34,7 @@ from pilotfish.cli.output.answers import (
 )
 from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
 from pilotfish.cli.output.terminal import is_interactive, print_note, progress_bar
-from pilotfish.demonstrations import Demonstration, Severity, diagnose
+from pilotfish.demonstrations import Demonstration, diagnose
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.io import content_hash, save_skill
 from pilotfish.models import (
@@ -263,8 +263,8 @@ def _progress(settings: EMSettings) -> Iterator[EMSettings]:
 
 def _print_warnings(demonstrations: Sequence[Demonstration]) -> None:
     for finding in diagnose(demonstrations):
-        if finding.severity is Severity.WARNING:  # an error is refused by learning
-            print_note(f"{finding.severity.value}: {finding.place} {finding.message}")
+        if finding.severity == "warning":  # an error is refused by learning
+            print_note(f"{finding.severity}: {finding.location} {finding.message}")
 
 
 def _to_result(fit: Fit, dropped_frames: Sequence[str], arguments: LearnOptions) -> CommandResult:

@@ -9,7 +9,9 @@ import click
 import numpy as np
 
 from pilotfish.control import Motion
-from pilotfish.demonstrations import Layout, is_orientation
+from pilotfish.demonstrations import (
+    Layout,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
 from pilotfish.planning import ViaPoint, observe_via_points, via_point
@@ -81,10 +83,7 @@ def to_via_points(options: Sequence[ViaPointOption], layout: Layout) -> tuple[Vi
 
 
 def _to_via_point(option: ViaPointOption, layout: Layout) -> ViaPoint:
-    is_orientation = any(
-        option.columns == part.name and not part.derivative and is_orientation(layout, here)
-        for part, here in zip(layout.parts, layout.slices, strict=True)
-    )
+    is_orientation = option.columns in [layout.names[c.start][:-2] for c in layout.unit_quaternions]
     if is_orientation and not option.degrees:
         raise InvalidInput(
             f"--via-point {short_repr(option.text)}: the deviation of a whole orientation is an angle in degrees; "

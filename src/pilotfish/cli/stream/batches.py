@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from pilotfish.cli.stream.lines import DemonstrationBreak, DemonstrationRows, RejectedLine, Rows, StreamEvent
-from pilotfish.demonstrations import Demonstration, MovingFrame
+from pilotfish.demonstrations import (
+    Demonstration,
+)
 from pilotfish.errors import InvalidInput
 
 
@@ -38,9 +40,7 @@ def truncate_event(event: Rows | DemonstrationRows, max_rows: int) -> Rows | Dem
         return Rows(event.x[:max_rows])
     demo = event.demonstration
     frames = tuple(
-        replace(frame, A=frame.A[:max_rows], b=frame.b[:max_rows])
-        if isinstance(frame, MovingFrame)
-        else frame
+        replace(frame, A=frame.A[:max_rows], b=frame.b[:max_rows]) if frame.is_moving else frame
         for frame in demo.frames
     )
     return DemonstrationRows(replace(demo, x=demo.x[:max_rows], frames=frames))

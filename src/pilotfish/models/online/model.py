@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.demonstrations import Layout, require_name, require_period
+from pilotfish.demonstrations import (
+    Layout,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, kernel_parameters
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_type, short_list
+from pilotfish.validation import require_name, require_period, require_type, short_list
 
 Column, Head = kernels.ClusterColumn, kernels.StreamCounter
 
@@ -114,7 +116,7 @@ def online_model(
         )
     require_period(period, "period")
     require_type(frame_names, "frame_names", (tuple, list), 'give names in a tuple, say ("world",)')
-    names = tuple(require_name(name, "a frame") for name in frame_names)
+    names = tuple(require_name(name, "the name of a frame") for name in frame_names)
     if not names or len(set(names)) != len(names):
         raise InvalidInput(
             f"the frames are named {short_list(names)}, expected at least one, with different names"

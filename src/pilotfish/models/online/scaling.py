@@ -123,4 +123,4 @@ def _scale_frame(
 ) -> Frame | MovingFrame:
     """World and what is seen both divided by the scales: world' = (S^-1 A s S) seen' + S^-1 b."""
     A, b = given.A * (signs * values) / values[:, None], given.b / values
-    return moving_frame(given.name, A, b) if isinstance(given, MovingFrame) else frame(given.name, A, b)
+    return moving_frame(given.name, A, b) if given.is_moving else frame(given.name, A, b)
