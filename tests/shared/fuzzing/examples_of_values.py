@@ -74,13 +74,11 @@ def demonstrations_examples() -> Examples:
         "moving_frame_from_poses": {"name": "a", "layout": layout, "poses": [place, place]},
         "to_sphere": {"demo": demo},
         "position_layout": {"axes": 2, "unit": "m"},
-        "require_left_multiplication": {"label": "a", "A": given.A, "b": given.b, "orientation_starts": (3,)},
         "resample": {"demo": demo, "steps": 9},
-        "tangent_map": {"A": given.A, "orientation_starts": (3,)},
         "views": {"demonstrations": demos},
         "add_derivatives": {"demo": demo},
         "world_frame": {"width": 3},
-        **{name: {"layout": layout, "columns": slice(3, 7)} for name in ("distance_unit", "is_orientation")},
+        **{name: {"layout": layout, "columns": slice(3, 7)} for name in ("distance_unit",)},
         "distances": {"layout": layout, "columns": slice(3, 7), "x": demo.x, "y": demo.x[0]},
     }
 
@@ -146,6 +144,8 @@ def validation_examples() -> Examples:
         "require_shapes_agree": {"a": np.eye(2), "b": np.ones(2)},
         "numeric_array": {"value": [[1.0, 2.0], [3.0, 4.0]], "label": "x"},
         "require_type": {"value": 3, "label": "x", "types": int, "fix": "pass a number"},
+        "require_name": {"name": "cup", "label": "x"},
+        "require_period": {"value": 0.1, "label": "x"},
         "require_count": {"value": 3, "label": "x", "maximum": 5},
         "require_number": {"value": 3.0, "label": "x"},
         "require_printable": {"text": "a", "label": "x"},
