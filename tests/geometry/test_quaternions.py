@@ -37,7 +37,7 @@ def test_multiply_equals_product_of_rotation_matrices(rng: np.random.Generator, 
 
 
 def test_multiply_units_follows_hamilton():
-    """i j = k, j k = i, k i = j, i i = -1."""
+    """The products are i j = k, j k = i, k i = j, i i = -1."""
     one, i, j, k = np.eye(4)
     for p, q, r in [(i, j, k), (j, k, i), (k, i, j), (j, i, -k), (i, i, -one), (one, k, k)]:
         np.testing.assert_array_equal(multiply(p, q), r)
