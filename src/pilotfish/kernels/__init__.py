@@ -2,7 +2,17 @@
 Each exists twice, compiled and as a NumPy reference in kernels.twins; ACTIVE says which of them these names are.
 """
 
-from pilotfish.kernels.active import (
+from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
+from pilotfish.kernels.arm_types import (
+    ArmCommand,
+    ArmLimits,
+    ArmState,
+    ImpedanceParameters,
+    ToolTarget,
+    clip_torque,
+    zero_non_finite,
+)
+from pilotfish.kernels.backend import (
     BACKEND,
     SlowKernelsWarning,
     e_step,
@@ -20,16 +30,6 @@ from pilotfish.kernels.active import (
     semi_tied_sweeps,
     viterbi,
 )
-from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.arms import (
-    ArmCommand,
-    ArmLimits,
-    ArmState,
-    ImpedanceParameters,
-    ToolTarget,
-    clip_torque,
-    zero_non_finite,
-)
 from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
@@ -39,7 +39,7 @@ from pilotfish.kernels.results import (
     SemiMarkovForwardBackward,
     ViterbiPath,
 )
-from pilotfish.kernels.streams import (
+from pilotfish.kernels.stream_state import (
     MAX_VALUE,
     ClusterColumn,
     StreamCounter,

@@ -10,17 +10,17 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from pilotfish.kernels import checks
+from pilotfish.kernels import validation
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.arms import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
-from pilotfish.kernels.reference.chain import log_probability_array
-from pilotfish.kernels.refusals import (
+from pilotfish.kernels.arm_types import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
+from pilotfish.kernels.errors import (
     control_cost_error,
     covariance_error,
     datapoint_error,
     singular_transform_error,
     transform_row_error,
 )
+from pilotfish.kernels.reference.markov import log_probability_array
 from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
@@ -30,7 +30,7 @@ from pilotfish.kernels.results import (
     SemiMarkovForwardBackward,
     ViterbiPath,
 )
-from pilotfish.kernels.streams import StreamParameters, StreamState, StreamStep
+from pilotfish.kernels.stream_state import StreamParameters, StreamState, StreamStep
 from pilotfish.types import Array, Float, Int
 
 _baseline: Any = import_module("pilotfish.kernels._baseline")
@@ -104,13 +104,13 @@ def _table_arrays(
     return log_initial, log_transitions, tables.log_segment_weights, tables.log_tail_weights
 
 
-@_validate_on_failure(lambda x, emissions: checks.pack_gaussians(x, emissions, {}))
+@_validate_on_failure(lambda x, emissions: validation.pack_gaussians(x, emissions, {}))
 def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
     log_densities: Float[Array, "N K"] = _native.log_emissions(x, *_emission_arrays(emissions))
     return log_densities
 
 
-@_validate_on_failure(checks.pack_e_step)
+@_validate_on_failure(validation.pack_e_step)
 def e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -123,7 +123,7 @@ def e_step(
     return EStep(*_native.e_step(x, lengths, *logarithms, *_emission_arrays(emissions), threads))
 
 
-@_validate_on_failure(checks.pack_semi_markov_e_step)
+@_validate_on_failure(validation.pack_semi_markov_e_step)
 def semi_markov_e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -137,7 +137,7 @@ def semi_markov_e_step(
     return SemiMarkovEStep(*sums)
 
 
-@_validate_on_failure(checks.pack_markov)
+@_validate_on_failure(validation.pack_markov)
 def forward_backward(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ForwardBackward:
@@ -154,7 +154,7 @@ def impedance(
         TypeError,
         ValueError,
     ):  # checked and packed only here: a control loop calls this each millisecond
-        control_cost = _call_native(*checks.pack_arm(impedance, limits, state, target))
+        control_cost = _call_native(*validation.pack_arm(impedance, limits, state, target))
     return control_cost
 
 
@@ -188,7 +188,7 @@ def _call_native(
     return ArmCommand(torque, wrench, torque_fraction)
 
 
-@_validate_on_failure(checks.pack_markov)
+@_validate_on_failure(validation.pack_markov)
 def viterbi(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ViterbiPath:
@@ -200,17 +200,17 @@ def viterbi(
     )  # the same bits, by the name that NumPy knows them
 
 
-@_validate_on_failure(checks.pack_semi_markov)
+@_validate_on_failure(validation.pack_semi_markov)
 def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForwardBackward:
     return SemiMarkovForwardBackward(*_native.semi_markov(log_emissions, *_table_arrays(tables)))
 
 
-@_validate_on_failure(checks.pack_semi_markov)
+@_validate_on_failure(validation.pack_semi_markov)
 def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
     return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_table_arrays(tables)))
 
 
-@_validate_on_failure(checks.pack_semi_markov)
+@_validate_on_failure(validation.pack_semi_markov)
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> ViterbiPath:
     states, log_probability = _native.semi_markov_viterbi(log_emissions, *_table_arrays(tables))
     return ViterbiPath(states.view(np.int64), log_probability)
@@ -222,7 +222,7 @@ def observe(x: Float[Array, "N P D"], state: StreamState, parameters: StreamPara
             x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
         )
     except (TypeError, ValueError):  # checked and packed only here: a datapoint takes a few microseconds
-        x, state = checks.pack_stream(x, "NPD", state, parameters)
+        x, state = validation.pack_stream(x, "NPD", state, parameters)
         found = _native.observe(
             x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
         )
@@ -243,7 +243,7 @@ def observe_one(
             x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
         )
     except (TypeError, ValueError):
-        x, state = checks.pack_stream(x, "PD", state, parameters)
+        x, state = validation.pack_stream(x, "PD", state, parameters)
         found = _native.observe_one(
             x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
         )
@@ -258,7 +258,7 @@ def observe_one(
     )
 
 
-@_validate_on_failure(checks.pack_riccati)
+@_validate_on_failure(validation.pack_riccati)
 def riccati(
     A: Float[Array, "S n n"],
     B: Float[Array, "S n m"],
@@ -278,7 +278,7 @@ def semi_tied_sweeps(
     transform: Float[Array, "D D"],
     sweeps: int,
 ) -> Float[Array, "D D"]:
-    scatter_matrices, counts, transform, sweeps = checks.pack_semi_tied(
+    scatter_matrices, counts, transform, sweeps = validation.pack_semi_tied(
         scatter_matrices, counts, transform, sweeps
     )
     present = counts > 0.0
@@ -293,7 +293,7 @@ def semi_tied_sweeps(
     return result
 
 
-@_validate_on_failure(checks.pack_covariances)
+@_validate_on_failure(validation.pack_covariances)
 def precision_cholesky(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     inverses: Float[Array, "K D D"]
     failed_index, inverses = _native.precision_cholesky(covariances)

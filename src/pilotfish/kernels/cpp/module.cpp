@@ -10,15 +10,15 @@
 #include <tuple>
 
 #include "arrays.hpp"
-#include "chain.hpp"
-#include "expectation.hpp"
+#include "markov.hpp"
+#include "e_steps.hpp"
 #include "impedance.hpp"
 #include "semi_markov.hpp"
 #include "semi_tied.hpp"
 #include "streaming.hpp"
 #include "subnormals.hpp"
-#include "tracking.hpp"
-#include "whitening.hpp"
+#include "riccati.hpp"
+#include "cholesky.hpp"
 
 #ifndef PILOTFISH_MODULE
 #error "PILOTFISH_MODULE names the extension module"

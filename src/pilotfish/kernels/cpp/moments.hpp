@@ -1,7 +1,7 @@
 // Weighted first and second moments of datapoints about given means.
 #pragma once
 
-#include "views.hpp"
+#include "densities.hpp"
 
 namespace pilotfish {
 

@@ -15,7 +15,7 @@
 //      one node have the same future.
 #pragma once
 
-#include "chain.hpp"
+#include "markov.hpp"
 
 namespace pilotfish {
 

@@ -2,7 +2,7 @@
 They specify the compiled kernels, test them, and run in their place where the installation found no compiler.
 """
 
-from pilotfish.kernels.reference.checked import (
+from pilotfish.kernels.reference.validated import (
     e_step,
     forward_backward,
     impedance,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.kernels.arms import (
+from pilotfish.kernels.arm_types import (
     ArmCommand,
     ArmLimits,
     ArmState,

@@ -12,7 +12,7 @@ the most probable path: at the nodes of that path and of those close to it, all 
 import numpy as np
 
 from pilotfish.kernels.arguments import SemiMarkovTables
-from pilotfish.kernels.reference.chain import log_probability_array, subtract_best_path
+from pilotfish.kernels.reference.markov import log_probability_array, subtract_best_path
 from pilotfish.kernels.results import SemiMarkovForward, SemiMarkovForwardBackward, ViterbiPath
 from pilotfish.types import Array, Float, Int
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.kernels.refusals import singular_transform_error, transform_row_error
+from pilotfish.kernels.errors import singular_transform_error, transform_row_error
 from pilotfish.types import Array, Float
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pilotfish.kernels.errors import datapoint_error
 from pilotfish.kernels.reference.subspaces import (
     Subspace,
     initial_subspace,
@@ -16,8 +17,7 @@ from pilotfish.kernels.reference.subspaces import (
     unpack_subspace,
     update_subspace,
 )
-from pilotfish.kernels.refusals import datapoint_error
-from pilotfish.kernels.streams import (
+from pilotfish.kernels.stream_state import (
     MAX_VALUE,
     StreamParameters,
     StreamState,
@@ -26,7 +26,7 @@ from pilotfish.kernels.streams import (
     round_up_to_four,
     zero_stream,
 )
-from pilotfish.kernels.streams import ClusterColumn as Column
+from pilotfish.kernels.stream_state import ClusterColumn as Column
 from pilotfish.types import Array, Float
 
 ORTHONORMALISE_EVERY = 256  # datapoints of a cluster

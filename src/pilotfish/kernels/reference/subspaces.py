@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pilotfish.kernels.streams import StreamState
+from pilotfish.kernels.stream_state import StreamState
 from pilotfish.types import Array, Float
 
 MAX_DRIFT = 1e-8

@@ -15,8 +15,8 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.arms import ArmLimits, ArmState, ImpedanceParameters, ToolTarget
-from pilotfish.kernels.streams import StreamCounter, StreamParameters, StreamState, stream_row_length
+from pilotfish.kernels.arm_types import ArmLimits, ArmState, ImpedanceParameters, ToolTarget
+from pilotfish.kernels.stream_state import StreamCounter, StreamParameters, StreamState, stream_row_length
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import numeric_array, require_count, require_number, short_repr
 

@@ -1,8 +1,8 @@
-#include "views.hpp"
+#include "densities.hpp"
 
 #include <cmath>
 
-#include "turns.hpp"
+#include "orientations.hpp"
 
 namespace pilotfish {
 

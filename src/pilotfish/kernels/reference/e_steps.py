@@ -3,8 +3,8 @@
 import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.reference.chain import forward_backward
 from pilotfish.kernels.reference.emission import deviations, log_emissions
+from pilotfish.kernels.reference.markov import forward_backward
 from pilotfish.kernels.reference.semi_markov import semi_markov
 from pilotfish.kernels.results import EStep, SemiMarkovEStep
 from pilotfish.types import Array, Float, Int

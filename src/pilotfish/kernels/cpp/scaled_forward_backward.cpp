@@ -1,4 +1,4 @@
-#include "scaled.hpp"
+#include "scaled_forward_backward.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "semi_markov.hpp"
-#include "views.hpp"
+#include "densities.hpp"
 
 namespace pilotfish {
 

@@ -1,4 +1,4 @@
-#include "chain.hpp"
+#include "markov.hpp"
 
 #include <algorithm>
 #include <cmath>

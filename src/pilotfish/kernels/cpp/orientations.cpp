@@ -1,4 +1,4 @@
-#include "turns.hpp"
+#include "orientations.hpp"
 
 #include <cmath>
 

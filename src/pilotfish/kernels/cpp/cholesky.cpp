@@ -1,4 +1,4 @@
-#include "whitening.hpp"
+#include "cholesky.hpp"
 
 #include <algorithm>
 #include <cmath>

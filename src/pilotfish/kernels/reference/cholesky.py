@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.kernels.refusals import covariance_error
+from pilotfish.kernels.errors import covariance_error
 from pilotfish.types import Array, Float
 
 MAX_DIRECT_SIZE = 16  # columns, up to which a general solver is as quick

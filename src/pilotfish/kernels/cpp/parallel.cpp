@@ -1,4 +1,4 @@
-#include "groups.hpp"
+#include "parallel.hpp"
 
 #include <algorithm>
 #include <atomic>

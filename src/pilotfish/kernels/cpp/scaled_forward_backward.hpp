@@ -1,7 +1,7 @@
 // Posteriors along a Markov chain by scaled probabilities, where these are certain to be right.
 #pragma once
 
-#include "chain.hpp"
+#include "markov.hpp"
 
 namespace pilotfish {
 

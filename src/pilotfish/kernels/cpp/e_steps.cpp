@@ -1,10 +1,10 @@
-#include "expectation.hpp"
+#include "e_steps.hpp"
 
 #include <algorithm>
 
-#include "groups.hpp"
+#include "parallel.hpp"
 #include "moments.hpp"
-#include "scaled.hpp"
+#include "scaled_forward_backward.hpp"
 
 namespace pilotfish {
 

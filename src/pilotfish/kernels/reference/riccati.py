@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.kernels.refusals import control_cost_error
+from pilotfish.kernels.errors import control_cost_error
 from pilotfish.kernels.results import RiccatiSolution
 from pilotfish.types import Array, Float
 

@@ -1,4 +1,4 @@
-#include "tracking.hpp"
+#include "riccati.hpp"
 
 #include <Eigen/Cholesky>
 
