@@ -150,8 +150,13 @@ def training_part(dance: Demonstration) -> Demonstration:
 @cache
 def learn_skill(dance: Demonstration, label: str, states: int) -> pf.Fit:
     rng = np.random.default_rng(0)
-    return pf.models.learn_mixture(
-        [dance], states=states, rng=rng, structure=STRUCTURES[label], settings=SETTINGS
+    return pf.learn(
+        [dance],
+        states=states,
+        rng=rng,
+        dynamics="mixture",
+        structure=STRUCTURES[label],
+        settings=SETTINGS,
     )
 
 

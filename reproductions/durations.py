@@ -19,17 +19,15 @@ from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demo
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models import (
     FromModel,
-    GammaDurations,
     HiddenModel,
     MarkovChain,
     SemiMarkovChain,
     count_durations,
-    sample_states,
     viterbi,
 )
 
 COUNTS, SEEDS, LENGTH, APART = (2, 4, 8, 16, 32, 64, 128), 10, 120, 2.0
-TRUTH = GammaDurations(np.array([20.0, 9.0, 30.0]), np.array([2.0, 0.6, 1.5]))
+TRUTH = pf.durations.Gamma(np.array([20.0, 9.0, 30.0]), np.array([2.0, 0.6, 1.5]))
 CHAIN = SemiMarkovChain(np.full(3, 1 / 3), np.roll(np.eye(3), 1, axis=1), TRUTH)
 PLACE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
 METHODS = {"exact": "#004488", "counted": "#BB5566"}
@@ -70,25 +68,25 @@ def row(count: int, seeds: int) -> dict[str, float]:
 
 def errors(count: int, seed: int) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
-    paths = [sample_states(CHAIN, LENGTH, rng) for _ in range(count)]
+    paths = [CHAIN.sample(LENGTH, rng) for _ in range(count)]
     demonstrations = [recording(path, rng) for path in paths]
     initialisation = HiddenModel(
         MarkovChain(np.full(3, 1 / 3), np.full((3, 3), 0.05) + 0.85 * np.eye(3)),
         APART * np.arange(3.0)[None, :, None],
         (DenseCovariances(np.ones((3, 1, 1))),),
     )
-    fit = pf.models.learn_semi_markov(
+    fit = pf.learn(
         demonstrations,
         states=3,
         rng=rng,
         initialisation=FromModel(initialisation),
-        duration_model=pf.models.DurationModel(pf.durations.Gamma()),
+        durations=pf.models.DurationModel(pf.durations.Gamma),
         settings=pf.models.EMSettings(tolerance=1e-7),
     )
     counted = replace(
         fit.markov_skill, dynamics=count_durations(fit.markov_skill, views(demonstrations), 1.0)
     )
-    unseen = [sample_states(CHAIN, LENGTH, rng) for _ in range(10)]
+    unseen = [CHAIN.sample(LENGTH, rng) for _ in range(10)]
     tests = [recording(path, rng) for path in unseen]
     result: dict[str, np.ndarray] = {}
     for way, skill in (("exact", fit.skill), ("counted", counted)):

@@ -36,7 +36,6 @@ import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import position_layout
 from pilotfish.models import (
-    GaussianDurations,
     SemiMarkovChain,
     log_state_likelihoods,
     match_labels,
@@ -409,7 +408,9 @@ def draw_model(stage_result: StageResult) -> Figure:
     left.set_yticks(range(len(places)))
     steps = np.arange(1, 151)
     for k, place in enumerate(places):
-        distribution = GaussianDurations(chain.durations.means[[place]], chain.durations.deviations[[place]])
+        distribution = pf.durations.Gaussian(
+            chain.durations.means[[place]], chain.durations.deviations[[place]]
+        )
         density = np.exp(distribution.log_table(len(steps)))[:, 0]
         label = f"state {k}: {distribution.means[0]:.0f} ± {distribution.deviations[0]:.0f}"
         right.plot(steps, density, color=plots.state_colour(k), linewidth=1.8, label=label)

@@ -323,8 +323,12 @@ def learn_skill(experiment: OrderExperiment, x: np.ndarray, like: Demonstration)
     if experiment.initial_batch:
         seen = 2 * len(x) // 5  # as many datapoints as two demonstrations have
         first = demonstration(x[:seen], like.period, like.layout, like.frames, "the first datapoints")
-        fit = pf.models.learn_mixture(
-            [first], states=3, rng=np.random.default_rng(0), initialisation=pf.models.KMeans()
+        fit = pf.learn(
+            [first],
+            states=3,
+            rng=np.random.default_rng(0),
+            dynamics="mixture",
+            initialisation=pf.models.KMeans(),
         )
         model = from_batch_fit(fit.skill, [first], experiment.settings)
     model, _ = observe_stream(model, x[seen:])

@@ -30,9 +30,6 @@ import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, views
 from pilotfish.models import (
-    Durations,
-    SemiMarkovChain,
-    learn_semi_markov,
     log_emissions,
     log_likelihood,
     match_labels,
@@ -145,17 +142,27 @@ def choose_regularisation(seen: Sequence[Demonstration]) -> dict[float, float]:
         for seed in range(CHOOSING_SEEDS):
             for left_out in range(len(seen)):
                 others = [d for m, d in enumerate(seen) if m != left_out]
-                skill = fit_skill(pf.models.learn_markov, others, seed, value).skill
+                skill = fit_skill(others, seed, value, dynamics="markov").skill
                 totals[value] += float(log_likelihood(skill, [seen[left_out]]).sum())
     return {value: total / (steps * CHOOSING_SEEDS) for value, total in totals.items()}
 
 
 def fit_skill(
-    learn: Callable[..., pf.Fit], seen: Sequence[Demonstration], seed: int, regularisation: float
+    seen: Sequence[Demonstration],
+    seed: int,
+    regularisation: float,
+    dynamics: str = "semi-markov",
+    durations: pf.models.DurationModel | None = None,
 ) -> pf.Fit:
-    settings = pf.models.EMSettings(regularisation=regularisation)
-    rng = np.random.default_rng(seed)
-    return learn(seen, states=STATES, rng=rng, initialisation=pf.models.KMeans(), settings=settings)
+    return pf.learn(
+        seen,
+        states=STATES,
+        rng=np.random.default_rng(seed),
+        dynamics=dynamics,
+        durations=durations,
+        initialisation=pf.models.KMeans(),
+        settings=pf.models.EMSettings(regularisation=regularisation),
+    )
 
 
 def run_trial(
@@ -163,11 +170,11 @@ def run_trial(
 ) -> dict[str, dict[str, object]]:
     """Every method from one beginning: its path, its scores, and the durations that it found."""
     begin = time.process_time()
-    mixture = fit_skill(pf.models.learn_mixture, seen, seed, regularisation)
+    mixture = fit_skill(seen, seed, regularisation, dynamics="mixture")
     after_mixture = time.process_time()
-    counted = fit_skill(pf.learn, seen, seed, regularisation)
+    counted = fit_skill(seen, seed, regularisation)
     after_counted = time.process_time()
-    exact = fit_skill(learn_semi_markov, seen, seed, regularisation)
+    exact = fit_skill(seen, seed, regularisation, durations=pf.models.DurationModel())
     after_exact = time.process_time()
     skills = {
         "mixture": (mixture.skill, after_mixture - begin),
@@ -194,7 +201,7 @@ def score_skill(
         "evidence": float(np.median(densities[:, -1] - densities[:, -2])),
         "paths": paths,
         "stands_for": match_labels(found, truth),
-        "durations": skill.dynamics.durations if isinstance(skill.dynamics, SemiMarkovChain) else None,
+        "durations": skill.dynamics.durations,
     }
 
 
@@ -278,7 +285,7 @@ def draw_bar(axes: Axes, height: float, path: Labels, colours: dict[int, str], s
 
 def duration_statistics(durations: object) -> tuple[np.ndarray, np.ndarray]:
     """Mean and deviation [s] of visits in whole steps; means of a cut Gaussian are not its own."""
-    assert isinstance(durations, Durations)
+    assert isinstance(durations, pf.durations.DurationDistribution)
     table = np.exp(durations.log_table(durations.max_duration(1e-6)))  # (S, K)
     steps = np.arange(1, len(table) + 1)
     means = steps @ table

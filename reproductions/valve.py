@@ -25,7 +25,7 @@ import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
 from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
-from pilotfish.models import covariance_parameter_count, log_state_likelihoods, most_probable_states
+from pilotfish.models import covariance_parameter_count, log_state_likelihoods
 from pilotfish.planning import mean_squared_error
 
 PRINTED = ("train_mse", "test_mse", "covariance_parameters", "fit_seconds")
@@ -176,7 +176,7 @@ def pictures(fits: dict[float, pf.Fit], demonstrations: Sequence[Demonstration])
         frames = [frame for frame in demonstration.frames if isinstance(frame, pf.Frame)]
         drawn[name] = plots.reproduction(done.adapted, done.motion, frames, demonstration=demonstration)
     observed = log_state_likelihoods(done.adapted, demonstration.x[:1])
-    states = most_probable_states(done.adapted.dynamics, observed, HORIZON)
+    states = done.adapted.dynamics.most_probable_states(observed, HORIZON)
     drawn["figure-4.5-over-time"] = plots.tracked_coordinates(
         done.adapted, states, done.motion, demonstration=demonstration
     )

@@ -18,7 +18,7 @@ from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, add_derivatives
 from pilotfish.gaussians import GaussianMixture
 from pilotfish.gaussians.structures import SemiTiedCovariances, component_correlation
-from pilotfish.models import MarkovChain, MixtureWeights, SemiMarkovChain, most_probable_states, sample_states
+from pilotfish.models import MarkovChain, MixtureWeights, SemiMarkovChain
 
 NOT_REPRODUCED = (
     "figure 3.3 needs frames, the recording has none: those at each demonstration's ends are ours",
@@ -90,7 +90,7 @@ def reproduce(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
 def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Figure 3.1: three components find the strokes, narrow where the demonstrations agree."""
     rng = np.random.default_rng(0)
-    fit = pf.models.learn_mixture(demonstrations, states=STATES, rng=rng)
+    fit = pf.learn(demonstrations, states=STATES, rng=rng, dynamics="mixture")
     figure = Figure(figsize=(11, 5.2), layout="constrained")
     left, right = (figure.add_subplot(1, 2, n, projection="3d") for n in (1, 2))
     for axes in (left, right):
@@ -112,7 +112,7 @@ def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, ob
     """Figure 3.2: seven components without order, with one-step transitions, and with durations."""
     rng = np.random.default_rng(0)
     fit = pf.learn(demonstrations, states=7, rng=rng)
-    weights = pf.models.learn_mixture(demonstrations, states=7, rng=rng).skill.dynamics
+    weights = pf.learn(demonstrations, states=7, rng=rng, dynamics="mixture").skill.dynamics
     chain, semi = fit.markov_skill.dynamics, fit.skill.dynamics
     assert isinstance(weights, MixtureWeights)
     assert isinstance(chain, MarkovChain)
@@ -170,12 +170,12 @@ def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
     frames = [f for f in moving[0].frames if isinstance(f, pf.Frame)]
     here = pf.adapt(fit.skill, frames)
     nothing = np.empty((0, here.states))
-    states = most_probable_states(here.dynamics, nothing, 300)
+    states = here.dynamics.most_probable_states(nothing, 300)
     reference = pf.plan(here, horizon=300)
     system = pf.control.double_integrator(3, period=here.period)
     motion = pf.track(system, reference, control_cost=CONTROL_COST).rollout(moving[0].x[0])
     errors = [float(np.mean((motion.x[:, :3] - d.x[:, :3]) ** 2)) for d in moving]
-    drawn = [sample_states(here.dynamics, 300, np.random.default_rng(seed)) for seed in range(20)]
+    drawn = [here.dynamics.sample(300, np.random.default_rng(seed)) for seed in range(20)]
     row: dict[str, object] = {
         "figure": "3.4",
         "mean squared error to each demonstration": rounded(np.array(errors), 2),
@@ -191,8 +191,12 @@ def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
 def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Figure 4.2: one set of basis vectors for all three strokes; the first and third stroke correlate."""
     fits = [
-        pf.models.learn_mixture(
-            demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure
+        pf.learn(
+            demonstrations,
+            states=STATES,
+            rng=np.random.default_rng(0),
+            dynamics="mixture",
+            structure=structure,
         )
         for structure in (pf.structures.SemiTied(), pf.structures.Full())
     ]

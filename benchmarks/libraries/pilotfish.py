@@ -31,23 +31,18 @@ from pilotfish.models import (
     EMSettings,
     Fit,
     HiddenModel,
-    Histogram,
-    HistogramDurations,
     MarkovChain,
     MixtureWeights,
     SemiMarkovChain,
     Statistics,
     TimeBins,
     expected_statistics,
-    fit_markov_chain,
-    fit_mixture_weights,
-    fit_semi_markov_chain,
     learn,
-    learn_mixture,
     log_emissions,
     maximise_likelihood,
     viterbi,
 )
+from pilotfish.models.durations import Histogram
 
 PERIOD = 0.1  # s
 REGULARISATION = 1e-5
@@ -65,7 +60,7 @@ def em_steps(
     data: Views,
     iterations: int,
     regularisation: float,
-    chain: Chain = fit_markov_chain,
+    chain: Chain = MarkovChain.fit,
     e_step: EStep = expected_statistics,
 ) -> tuple[float, float]:
     """E- and M-steps by turns; the log-likelihood in the first E-step and in the last."""
@@ -79,29 +74,29 @@ def em_steps(
 
 def em(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
-    return _em(problem, model_of(problem), fit_markov_chain)
+    return _em(problem, model_of(problem), MarkovChain.fit)
 
 
 def em_mixture(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
     chain = model_of(problem)
     mixture = HiddenModel(MixtureWeights(problem.initial), chain.means, chain.covariances)
-    return _em(problem, mixture, fit_mixture_weights)
+    return _em(problem, mixture, MixtureWeights.fit)
 
 
 def em_all_cores(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
-    return _em(problem, model_of(problem), fit_markov_chain, partial(expected_statistics, threads=0))
+    return _em(problem, model_of(problem), MarkovChain.fit, partial(expected_statistics, threads=0))
 
 
 def em_visits(folder: Path) -> Prepared:
     problem = SegmentProblem.load(folder)
     S, shown = len(problem.durations), model_of(problem)
-    chain = SemiMarkovChain(problem.initial, problem.transitions, HistogramDurations(problem.durations))
+    chain = SemiMarkovChain(problem.initial, problem.transitions, Histogram(problem.durations))
     model = HiddenModel(chain, shown.means, shown.covariances)
     m_step = partial(
-        fit_semi_markov_chain,
-        duration_model=DurationModel(distribution=Histogram(), max_duration=S),
+        SemiMarkovChain.fit,
+        duration_model=DurationModel(Histogram, max_duration=S),
         min_variance=0.0,
     )
     return _em(problem, model, m_step, partial(expected_statistics, max_duration=S))
@@ -121,7 +116,7 @@ def em_frames(folder: Path) -> Prepared:
     problem = FrameProblem.load(folder)
     data, n = views(demonstrations_of(problem)), problem.iterations
     initial_statistics = TimeBins().initial_statistics(data, problem.states, np.random.default_rng(0))
-    model = maximise_likelihood(initial_statistics, None, Full(), REGULARISATION, fit_markov_chain)
+    model = maximise_likelihood(initial_statistics, None, Full(), REGULARISATION, MarkovChain.fit)
     run = partial(em_steps, model, data, n, REGULARISATION)
     return Prepared(run, lambda trace: CommandResult(trace[1], n, begin=trace[0]))
 
@@ -131,7 +126,7 @@ def fit_semi_markov(folder: Path) -> Prepared:
 
 
 def fit_mixture(folder: Path) -> Prepared:
-    return _fit(folder, learn_mixture)
+    return _fit(folder, partial(learn, dynamics="mixture"))
 
 
 def fit_vast(folder: Path) -> Prepared:

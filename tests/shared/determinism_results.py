@@ -22,6 +22,7 @@ from fuzzing.seeds import FAST_SETTINGS, lines, valves  # noqa: E402
 
 from pilotfish import gaussians, models  # noqa: E402
 from pilotfish.demonstrations import add_derivatives, to_sphere  # noqa: E402
+from pilotfish.models.durations import DISTRIBUTIONS  # noqa: E402
 
 PACKAGES = (
     "geometry",
@@ -48,10 +49,7 @@ STRUCTURES = (
         gaussians.structures.EMLLT(20),
     ),
 )
-DURATIONS = (
-    *(models.Gaussian(), models.LogNormal(), models.Gamma(), models.Poisson()),
-    *(models.NegativeBinomial(), models.Histogram()),
-)
+DURATIONS = tuple(models.DurationModel(distribution) for distribution in DISTRIBUTIONS.values())
 Compute = Callable[[], Any]
 
 
@@ -87,15 +85,14 @@ def learn_all_variants() -> Iterator[tuple[str, Compute]]:
             lambda structure=structure: learn(models.learn, given, structure),
         )
     flat = [add_derivatives(demo) for demo in lines()]
-    for distribution in DURATIONS:
-        duration_model = models.DurationModel(distribution)
+    for durations in DURATIONS:
         yield (
-            f"learn with {distribution.label} durations",
-            lambda duration_model=duration_model: models.learn_semi_markov(
+            f"learn with {durations.distribution.name} durations {dict(durations.options)}",
+            lambda durations=durations: models.learn(
                 flat,
                 states=3,
                 rng=np.random.default_rng(0),
-                duration_model=duration_model,
+                durations=durations,
                 settings=FAST_SETTINGS,
             ),
         )

@@ -6,14 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pilotfish.control import Motion
-from pilotfish.demonstrations import (
-    Layout,
-    Part,
-    Quantity,
-    distance_unit,
-    distances,
-)
-from pilotfish.models import AdaptedSkill, MixtureWeights
+from pilotfish.demonstrations import Layout, Part, Quantity, distance_unit, distances
+from pilotfish.models import AdaptedSkill
 from pilotfish.types import Array, Float
 
 MAX_DEVIATIONS = 6.0  # deviations of a state; beyond them nothing of it was ever shown
@@ -52,11 +46,7 @@ def round_time(seconds: float) -> float:
 
 def final_states(model: AdaptedSkill) -> list[int]:
     """Those after which nothing comes; a skill that goes round has none."""
-    if isinstance(model.dynamics, MixtureWeights):
-        return []
-    transitions = model.dynamics.transitions.copy()
-    np.fill_diagonal(transitions, 0.0)
-    return np.flatnonzero(~transitions.any(axis=1)).tolist()
+    return np.flatnonzero(model.dynamics.final_states()).tolist()
 
 
 def reaches_final_state(model: AdaptedSkill, last: int) -> bool | None:

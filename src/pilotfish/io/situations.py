@@ -20,7 +20,7 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
 from pilotfish.io.paths import read_file
-from pilotfish.models import AdaptedSkill, MixtureWeights, Skill
+from pilotfish.models import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, require_name, short_list, short_repr
 
@@ -67,9 +67,7 @@ def read_start(path: Path, model: AdaptedSkill) -> Float[Array, " D"]:
 
 def mean_of_first_state(model: AdaptedSkill) -> Float[Array, " D"]:
     """The mean of the state in which the skill most probably begins."""
-    dynamics = model.dynamics
-    shares = dynamics.weights if isinstance(dynamics, MixtureWeights) else dynamics.initial
-    return np.asarray(model.means[int(shares.argmax())])
+    return np.asarray(model.means[int(model.dynamics.initial.argmax())])
 
 
 def _file_keys(parts: Sequence[Part]) -> list[str]:

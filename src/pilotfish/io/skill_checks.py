@@ -9,19 +9,13 @@ from pilotfish.gaussians.structures import Covariances
 from pilotfish.models import (
     MAX_SKILL_NUMBERS,
     MAX_STATES,
-    Durations,
     Dynamics,
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
     MarkovChain,
     MixtureWeights,
-    NegativeBinomialDurations,
-    PoissonDurations,
     SemiMarkovChain,
     Skill,
 )
+from pilotfish.models.durations import DurationDistribution
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
     MAX_MAGNITUDE,
@@ -36,7 +30,6 @@ from pilotfish.validation import (
 MAX_FRAMES = 1000
 MAX_MEAN = 1e101  # datapoints have at most 1e100
 MAX_DURATION_STEPS = 1e12  # steps; of parameters too
-MIN_DIVISOR = 1e-12  # of parameters that are divided by
 SUM_TOLERANCE = 1e-6  # what probabilities may miss one by
 
 
@@ -101,7 +94,7 @@ def _validate_dynamics(dynamics: Dynamics) -> None:
             _validate_durations(durations)
 
 
-def _validate_durations(durations: Durations) -> None:
+def _validate_durations(durations: DurationDistribution) -> None:
     _validate_duration_parameters(durations)
     try:
         with np.errstate(over="raise", invalid="raise", divide="raise"):
@@ -113,26 +106,10 @@ def _validate_durations(durations: Durations) -> None:
         _validate_magnitude(values, f"the {name} of durations", MAX_DURATION_STEPS)
 
 
-def _validate_duration_parameters(durations: Durations) -> None:
+def _validate_duration_parameters(durations: DurationDistribution) -> None:
     for field in fields(durations):
         _validate_magnitude(getattr(durations, field.name), f"durations.{field.name}", MAX_DURATION_STEPS)
-    match durations:
-        case GaussianDurations(_, deviations):
-            _validate_positive(deviations, "durations.deviations", MIN_DIVISOR)
-        case LogNormalDurations(_, log_deviations):
-            _validate_positive(log_deviations, "durations.log_deviations", MIN_DIVISOR)
-        case PoissonDurations(rates):
-            _validate_positive(rates, "durations.rates", MIN_DIVISOR)
-        case GammaDurations(shapes, rates):
-            _validate_positive(shapes, "durations.shapes", MIN_DIVISOR)
-            _validate_positive(rates, "durations.rates", MIN_DIVISOR)
-        case NegativeBinomialDurations(shapes, exit_probs):
-            _validate_positive(shapes, "durations.shapes", MIN_DIVISOR)
-            _validate_positive(exit_probs, "durations.exit_probs", MIN_DIVISOR)
-            _validate_positive(1.0 - exit_probs, "1 - durations.exit_probs", MIN_DIVISOR)
-        case HistogramDurations(probabilities):
-            for k, column in enumerate(probabilities.T):
-                _validate_distribution(column, f"durations.probabilities[:, {k}]")
+    durations.validate()
 
 
 def _validate_transition_row(row: Float[Array, " K"], i: int) -> None:

@@ -11,15 +11,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Layout, Part
 from pilotfish.errors import InvalidInput
-from pilotfish.models import (
-    Durations,
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
-    NegativeBinomialDurations,
-    PoissonDurations,
-)
+from pilotfish.models.durations import DISTRIBUTIONS, DurationDistribution
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_number, require_printable, short_list, short_repr
 
@@ -31,17 +23,8 @@ MAX_TEXT_LENGTH = 10_000  # characters of a note
 MAX_TEXTS = 100_000  # names of demonstrations
 MAX_COUNT = 2**53  # up to here float64 counts one by one
 
-# What a field that says how long visits last may hold, by the name it has in a file. To add a kind, add a
-# line. The first has no name in a file: there was no other when files were first written.
-DURATION_TYPES: dict[str, type[Any]] = {
-    "gaussian": GaussianDurations,
-    "log-normal": LogNormalDurations,
-    "gamma": GammaDurations,
-    "poisson": PoissonDurations,
-    "negative-binomial": NegativeBinomialDurations,
-    "histogram": HistogramDurations,
-}
-TAGGED_UNIONS: dict[Any, dict[str, type[Any]]] = {Durations: DURATION_TYPES}
+# Field types that have several classes, by the name of each in a file; the first has no name in a file.
+TAGGED_UNIONS: dict[Any, dict[str, type[Any]]] = {DurationDistribution: {**DISTRIBUTIONS}}
 
 
 def encode_dataclass(value: Any, place: str, sizes: Mapping[str, int]) -> tuple[dict[str, Any], Arrays]:

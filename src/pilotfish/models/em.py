@@ -1,4 +1,27 @@
-"""Expectation-maximisation, and an honest account of how it went."""
+"""Expectation-maximisation (EM) of task-parameterised mixtures, HMMs and HSMMs (TP-GMM, TP-HMM, TP-HSMM).
+
+Model. Demonstrations are seen from P frames at once: x_t^p is datapoint t in the coordinates of frame p. A
+state k has one Gaussian in every frame, and its emission density is the product over the frames,
+
+    b_k(x_t) = prod_p N(x_t^p | mu_k^p, Sigma_k^p),
+
+so that one state sequence explains the data in all frames together.
+
+E-step (3.8-3.15, 3.22). Forward-backward gives gamma_t(k) = p(state k at t | data), the expected transitions
+and, for a semi-Markov chain, the expected segments by length. They are summed over all demonstrations into
+`Statistics`: counts sum_t gamma_t(k), and for each frame the means and scatter matrices that gamma weights.
+
+M-step (3.12-3.17, 3.23-3.25). Means are the weighted means. The weighted sample covariances, raised by
+`regularisation` on the diagonal, are the input of the covariance structure (full, semi-tied, factor
+analysers, ...). Initial and transition probabilities and durations are fitted by the `fit` of their class.
+
+Convergence. Plain maximum likelihood never lowers the log-likelihood. Regularisation, partial tying and a
+covariance structure that is fitted iteratively can: such a step is undone and ends the fit. A state with less
+than one datapoint is dropped, and EM restarts from the statistics of the other states.
+
+Keep in step: the maximum duration of a semi-Markov E-step must not shrink from one iteration to the next, or
+the likelihood may fall although the M-step is exact; see `semi_markov.py`.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -6,33 +29,39 @@ from functools import partial
 
 import numpy as np
 
+from pilotfish import kernels
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.models.segments import select_states
-from pilotfish.models.skill import HiddenModel
-from pilotfish.models.statistics import Statistics, monotone_statistics
+from pilotfish.gaussians import Moments, TangentMoments, moments_from_sums
+from pilotfish.gaussians.structures import Covariances, CovarianceStructure
+from pilotfish.models.semi_markov import TAIL_PROBABILITY, Dynamics
+from pilotfish.models.skill import HiddenModel, Skill
+from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float
 from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
 
 MAX_ITERATIONS, MAX_RESTARTS, MAX_THREADS = 1_000_000, 1000, 1024
-
+MIN_DURATION_VARIANCE = 1e-100  # steps^2
 NUMBER = (int, float, np.integer, np.floating)
-MIN_DURATION_VARIANCE = 1e-100  # steps squared
+
+FitDynamics = Callable[[Statistics, Dynamics | None], Dynamics]
 MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
 EStep = Callable[[HiddenModel, Views, Statistics], Statistics]
 
 
 @dataclass(frozen=True, slots=True)
 class EMSettings:
-    """How long and how carefully to fit.
+    """Settings of expectation-maximisation.
 
-    regularisation  added to every variance [unit of x squared]; 0 gives plain maximum likelihood
-    tolerance       converged when an iteration gains less than this share of the log-likelihood
-    restarts        how many beginnings to try; the most likely result wins
-    duration_floor  added to the variance of counted durations; what that of learned ones is kept above, where
-                    their law has a width of its own [steps squared]
-    threads         how many share the work of an E-step; 0 means all cores that this process may use
-    watch           called with (iteration, log-likelihood) after every E-step
+    Attributes:
+        regularisation: Added to every variance [unit of x squared]; 0 gives plain maximum likelihood.
+        tolerance: EM has converged when an iteration raises the log-likelihood by less than this fraction.
+        max_iterations: Upper bound of the number of iterations.
+        restarts: Number of initialisations; the fit with the highest log-likelihood is kept.
+        duration_regularisation: Lower bound of the variance of durations that have a free width; added to the
+            variance of durations counted along Viterbi paths [steps^2].
+        threads: Number of threads of an E-step; 0 uses all cores.
+        callback: Called with (iteration, log-likelihood) after every E-step.
     """
 
     regularisation: float = 1e-5
@@ -48,34 +77,34 @@ class EMSettings:
             require_type(value := getattr(self, name), name, NUMBER, "give a number")
             if not 0.0 <= value <= MAX_MAGNITUDE:
                 raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
-        require_type(self.duration_regularisation, "duration_regularisation", NUMBER, "give a number")
-        if not MIN_DURATION_VARIANCE <= self.duration_regularisation <= MAX_MAGNITUDE:
+        variance = self.duration_regularisation
+        require_type(variance, "duration_regularisation", NUMBER, "give a number")
+        if not MIN_DURATION_VARIANCE <= variance <= MAX_MAGNITUDE:
             raise InvalidInput(
-                f"duration_regularisation is {self.duration_regularisation}, expected a positive variance [steps^2]"
+                f"duration_regularisation is {variance}, expected a positive variance [steps^2]"
             )
         require_count(self.threads, "threads", MAX_THREADS)
         require_count(self.max_iterations, "max_iterations", MAX_ITERATIONS, 1)
         require_count(self.restarts, "restarts", MAX_RESTARTS, 1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Convergence:
-    """How a fit ended. reason is a sentence; dropped names the states that lost their data, and when."""
+    """How a fit ended.
 
+    Attributes:
+        log_likelihoods: Log-likelihood after every iteration, never decreasing [nats].
+        converged: Whether the last iteration gained less than the tolerance.
+        iterations: Number of iterations, including one that was undone and those before a state was dropped.
+        reason: Why EM stopped, as a sentence.
+        dropped: The states that lost their data, each described in a few words.
+    """
+
+    log_likelihoods: Float[Array, " I"]
     converged: bool
     iterations: int
     reason: str
     dropped: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EMRun:
-    """The best model met, its statistics, and the log-likelihood before every M-step."""
-
-    model: HiddenModel
-    statistics: Statistics
-    log_likelihoods: Float[Array, " I"]
-    convergence: Convergence
 
 
 def fit_em(
@@ -84,43 +113,53 @@ def fit_em(
     m_step: MStep,
     settings: EMSettings,
     e_step: EStep | None = None,
-) -> EMRun:
-    """Alternate E- and M-steps from a first guess until the likelihood stops rising.
+) -> tuple[HiddenModel, Statistics, Convergence]:
+    """Alternate M- and E-steps until the log-likelihood converges.
 
-    The log-likelihood never falls along the trace: a step that lowers it - regularisation or partial tying
-    can, plain maximum likelihood cannot - is undone and ends the fit. A state left with less than one
-    datapoint is dropped and named in the outcome; the trace then begins anew without it.
-    e_step is given the model, the data and the statistics before; by default it is further_statistics.
-    Raises: NotPositiveDefinite, when a covariance collapses and regularisation is too small to hold it.
-    Source: Tanwani 2018, sections 3.1.1, 3.2.1 and 4.2.1.
+    Args:
+        initial_statistics: Statistics of the first M-step.
+        data: Demonstrations as every frame sees them.
+        m_step: Function from statistics and the previous model to a model.
+        settings: Tolerance, iterations, threads and callback.
+        e_step: Function from a model, the data and the previous statistics to statistics; the default is
+            `expected_statistics`.
+
+    Returns:
+        The model of highest log-likelihood, its statistics, and how the fit ended.
+
+    Raises:
+        NotPositiveDefinite: If a covariance collapses; raise the regularisation.
+        InvalidInput: If the demonstrations are impossible under the model.
+
+    Source:
+        Tanwani 2018, sections 3.1.1, 3.2.1 and 4.2.1.
     """
-    e_step = e_step or partial(monotone_statistics, threads=settings.threads)
-    if (dropped_states := _has_no_data(initial_statistics)).any():
-        rest_run = fit_em(drop_states(initial_statistics, dropped_states), data, m_step, settings, e_step)
-        counts = initial_statistics.moments[0].counts
-        messages = tuple(
-            f"state {k} of {len(counts)}, left with {counts[k]:.2g} datapoints"
-            for k in np.flatnonzero(dropped_states)
-        )
-        return replace(
-            rest_run,
-            convergence=replace(rest_run.convergence, dropped=messages + rest_run.convergence.dropped),
-        )
-    run = _iterate_em(initial_statistics, data, m_step, settings, e_step)
-    remaining = settings.max_iterations - run.convergence.iterations
-    if not remaining or not _has_no_data(run.statistics).any():
-        return run
-    rest_run = fit_em(run.statistics, data, m_step, replace(settings, max_iterations=remaining), e_step)
-    iterations = run.convergence.iterations + rest_run.convergence.iterations
-    return replace(rest_run, convergence=replace(rest_run.convergence, iterations=iterations))
+    e_step = e_step or partial(expected_statistics, threads=settings.threads)
+    dropped: tuple[str, ...] = ()
+    iterations = 0
+    while True:
+        if (empty := _is_empty(initial_statistics)).any():
+            counts = initial_statistics.moments[0].counts
+            dropped += tuple(
+                f"state {k} of {len(counts)}, left with {counts[k]:.2g} datapoints"
+                for k in np.flatnonzero(empty)
+            )
+            initial_statistics = initial_statistics.drop_states(empty)
+            continue
+        remaining = replace(settings, max_iterations=settings.max_iterations - iterations)
+        model, statistics, convergence = _iterate_em(initial_statistics, data, m_step, remaining, e_step)
+        iterations += convergence.iterations
+        if iterations >= settings.max_iterations or not _is_empty(statistics).any():
+            return model, statistics, replace(convergence, iterations=iterations, dropped=dropped)
+        initial_statistics = statistics
 
 
 def _iterate_em(
-    initial_statistics: Statistics, data: Views, m_step: MStep, settings: EMSettings, e_step: EStep
-) -> EMRun:
+    statistics: Statistics, data: Views, m_step: MStep, settings: EMSettings, e_step: EStep
+) -> tuple[HiddenModel, Statistics, Convergence]:
+    """Iterate until convergence, a fall of the log-likelihood, or a state without data."""
     model: HiddenModel | None = None
-    statistics = initial_statistics
-    best: EMRun | None = None
+    best: tuple[HiddenModel, Statistics, Convergence] | None = None
     log_likelihoods: list[float] = []
     for iteration in range(1, settings.max_iterations + 1):
         model = m_step(statistics, model)
@@ -130,64 +169,119 @@ def _iterate_em(
         threshold = settings.tolerance * abs(statistics.log_likelihood)
         if best and gain < 0.0:
             reason = f"the next step would have lost {-gain:.3g} nats, as regularisation or partial tying may"
-            return replace(best, convergence=Convergence(-gain <= threshold, iteration, reason, ()))
+            trace = np.array(log_likelihoods)
+            return best[0], best[1], Convergence(trace, -gain <= threshold, iteration, reason, ())
         log_likelihoods.append(statistics.log_likelihood)
         if settings.callback:
             settings.callback(iteration, statistics.log_likelihood)
         gain_text = f"gained {gain:.3g} nats" if best else "had none before it to compare with"
         reason = f"the last of {iteration} iterations {gain_text}"
-        best = EMRun(
-            model,
-            statistics,
-            np.array(log_likelihoods),
-            Convergence(gain <= threshold, iteration, reason, ()),
-        )
-        if gain <= threshold or _has_no_data(statistics).any():
+        convergence = Convergence(np.array(log_likelihoods), gain <= threshold, iteration, reason, ())
+        best = model, statistics, convergence
+        if convergence.converged or _is_empty(statistics).any():
             break
-    assert best is not None  # settings allow at least one iteration
+    assert best is not None  # max_iterations is at least 1
     return best
 
 
-def _has_no_data(statistics: Statistics) -> Bool[Array, " K"]:
-    """States with less than one datapoint."""
-    return np.asarray(statistics.moments[0].counts < 1.0 - 1e-9)
+def expected_statistics(
+    model: HiddenModel | Skill,
+    views: Views,
+    previous: Statistics | None = None,
+    *,
+    max_duration: int | None = None,
+    threads: int = 1,
+) -> Statistics:
+    """Compute the expected statistics of all demonstrations under a model: the E-step.
+
+    Args:
+        model: Dynamics and Gaussians of the states.
+        views: Demonstrations as every frame sees them.
+        previous: Statistics of the previous EM iteration; segments of a semi-Markov model are considered at
+            least up to the same length, so that the likelihood does not fall.
+        max_duration: Longest segment of a semi-Markov model [steps]. By default every segment is longer with
+            a probability of at most 1e-8. The longest demonstration is an upper bound in any case.
+        threads: Number of threads; 0 uses all cores. The result does not depend on it.
+
+    Returns:
+        The statistics, with the log-likelihood of the demonstrations.
+
+    Raises:
+        NotPositiveDefinite: If a covariance of the model is not positive definite.
+    """
+    factors = [c.precision_cholesky("the covariance of state") for c in model.covariances]
+    W = factors[0][None] if len(factors) == 1 else np.stack(factors)  # copying one large factor would be felt
+    emissions = kernels.Emissions(model.means, W, views.orientation_starts)
+    if max_duration is None and previous and previous.segments and model.dynamics.durations is not None:
+        default = min(model.dynamics.durations.max_duration(TAIL_PROBABILITY), int(views.lengths.max()))
+        max_duration = max(default, len(previous.segments.uncensored))
+    step, segments = model.dynamics.e_step(
+        views.x, views.lengths, emissions, max_duration=max_duration, threads=threads
+    )
+    starts = views.orientation_starts
+    frames: list[Moments | TangentMoments] = [
+        TangentMoments(step.counts, means, offsets, scatter_matrices, starts)
+        if starts
+        else moments_from_sums(means, step.counts, offsets, scatter_matrices)
+        for means, offsets, scatter_matrices in zip(
+            model.means, step.offsets, step.scatter_matrices, strict=True
+        )
+    ]
+    log_likelihood = float(step.log_likelihoods.sum())
+    return Statistics(tuple(frames), step.initial_counts, step.transitions, log_likelihood, segments)
 
 
-def drop_states(statistics: Statistics, removed: Bool[Array, " K"]) -> Statistics:
-    """The statistics of the other states; steps through a state that is gone lead to where it led."""
-    transitions = statistics.transitions.copy()
-    for k in np.flatnonzero(removed):
-        next_probs = np.delete(transitions[k], k)
-        if next_probs.sum() > 0.0:
-            others = np.delete(np.arange(len(transitions)), k)
-            transitions[np.ix_(others, others)] += np.outer(
-                transitions[others, k], next_probs / next_probs.sum()
-            )
-        transitions[k], transitions[:, k] = 0.0, 0.0
-    kept = ~removed
-    frames = tuple(m[kept] for m in statistics.moments)
-    segments = select_states(statistics.segments, kept) if statistics.segments else None
-    if segments:
-        np.fill_diagonal(transitions, 0.0)  # a visit that was interrupted by a state that is gone
-    return Statistics(
-        frames,
-        statistics.initial_counts[kept],
-        transitions[np.ix_(kept, kept)],
-        statistics.log_likelihood,
-        segments,
+def maximise_likelihood(
+    statistics: Statistics,
+    previous: HiddenModel | None,
+    structure: CovarianceStructure,
+    regularisation: float,
+    fit_dynamics: FitDynamics,
+) -> HiddenModel:
+    """Compute the model of maximum likelihood for expected statistics: the M-step.
+
+    Args:
+        statistics: Expected statistics.
+        previous: Model of the previous iteration, from which iterative structures and durations continue.
+        structure: Covariance structure of the states.
+        regularisation: Added to the diagonal of every sample covariance before the structure is imposed [unit
+            of x squared].
+        fit_dynamics: M-step of the dynamics, such as `MarkovChain.fit`.
+
+    Returns:
+        The model.
+    """
+    before: tuple[Covariances | None, ...] = (
+        previous.covariances if previous else (None,) * len(statistics.moments)
+    )
+    covariances = []
+    for m, previous_covariances in zip(statistics.moments, before, strict=True):
+        sample_covariances = m.scatter_matrices / m.counts[:, None, None] + regularisation * np.eye(
+            m.scatter_matrices.shape[2]
+        )
+        symmetric = 0.5 * (sample_covariances + sample_covariances.transpose(0, 2, 1))
+        covariances.append(structure.estimate(m.counts, symmetric, previous_covariances))
+    return HiddenModel(
+        fit_dynamics(statistics, previous.dynamics if previous else None),
+        np.stack([m.means for m in statistics.moments]),
+        tuple(covariances),
     )
 
 
+def _is_empty(statistics: Statistics) -> Bool[Array, " K"]:
+    """Return whether each state has less than one datapoint."""
+    return np.asarray(statistics.moments[0].counts < 1.0 - 1e-9)
+
+
 def _validate_log_likelihood(statistics: Statistics, iteration: int) -> None:
-    if not np.isfinite(statistics.log_likelihood):
-        duration_text = (
-            f", followed for {len(statistics.segments.uncensored)} steps a visit,"
-            if statistics.segments
-            else ""
-        )
-        advice = ", raise max_duration" if statistics.segments else ""
-        raise InvalidInput(
-            f"the log-likelihood is {statistics.log_likelihood} in iteration {iteration}: the demonstrations"
-            f"{duration_text} are impossible under the model; begin from another start (pf.models.KMeans()){advice} or "
-            "raise the regularisation"
-        )
+    if np.isfinite(statistics.log_likelihood):
+        return
+    limit, advice = "", ""
+    if statistics.segments:
+        limit = f" with segments of at most {len(statistics.segments.uncensored)} steps"
+        advice = "raise max_duration, "
+    raise InvalidInput(
+        f"the log-likelihood is {statistics.log_likelihood} in iteration {iteration}: the demonstrations are "
+        f"impossible under the model{limit}; {advice}use another initialisation (pf.models.KMeans()) or "
+        "raise the regularisation"
+    )

@@ -19,7 +19,6 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments, moments_from_sums, precision_cholesky
-from pilotfish.models.dynamics import Dynamics, SemiMarkovChain
 from pilotfish.models.opinion_pools import (
     HeldOutSegment,
     Opinions,
@@ -27,9 +26,8 @@ from pilotfish.models.opinion_pools import (
     held_out_log_probs,
     pool_opinions,
 )
-from pilotfish.models.segments import segment_tables
+from pilotfish.models.semi_markov import Dynamics
 from pilotfish.models.skill import Skill
-from pilotfish.models.statistics import step_probabilities
 from pilotfish.types import Array, Bool, Float, Int
 from pilotfish.validation import require_type
 
@@ -167,10 +165,7 @@ def _demonstration_e_step(
 ) -> kernels.EStep | kernels.SemiMarkovEStep:
     """Posterior moments of one demonstration about the means of the states."""
     x, length = np.ascontiguousarray(x), np.array([x.shape[1]])
-    if isinstance(dynamics, SemiMarkovChain):
-        tables = segment_tables(dynamics, x.shape[1])
-        return kernels.semi_markov_e_step(x, length, tables, emissions)
-    return kernels.e_step(x, length, *step_probabilities(dynamics), emissions)
+    return dynamics.e_step(x, length, emissions, max_duration=x.shape[1])[0]
 
 
 def _frame_from_world(demo: Demonstration, view: Float[Array, "P T D"]) -> Float[Array, "P E E"]:

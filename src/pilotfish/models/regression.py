@@ -11,9 +11,6 @@ from pilotfish.gaussians import (
     log_input_densities,
     regress_with_responsibilities,
 )
-from pilotfish.models.dynamics import MixtureWeights
-from pilotfish.models.forward import filtered_state_probs
-from pilotfish.models.posteriors import smoothed_state_probs
 from pilotfish.models.skill import AdaptedSkill
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type
@@ -25,17 +22,17 @@ def as_mixture(model: AdaptedSkill) -> GaussianMixture:
     Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time, and for one
     with orientations on S^3.
     """
-    if not isinstance(model.dynamics, MixtureWeights):
+    if model.dynamics.has_time_order:
         raise InvalidInput(
-            f"the skill has {type(model.dynamics).__name__} dynamics, no fixed weights; learn it with "
-            "pf.models.learn_mixture, or follow the inputs in time: models.filtered_regression"
+            f"the skill has {model.dynamics.name} dynamics, expected a mixture with fixed weights; learn it with "
+            'dynamics="mixture", or use models.filtered_regression'
         )
     if model.layout.orientation_starts:
         raise InvalidInput(
             "the skill holds orientations as points of S^3, which a flat mixture cannot; use "
             "models.filtered_regression(model, inputs, x)"
         )
-    return GaussianMixture(model.dynamics.weights, model.means, model.covariances)
+    return GaussianMixture(model.dynamics.initial, model.means, model.covariances)
 
 
 def filtered_regression(
@@ -54,13 +51,12 @@ def filtered_regression(
     forward variable weighs the states; ours: explicit durations too, the covariance, the exact derivative.
     """
     conditional, log_observed = _condition_on_inputs(model, inputs, x)
-    if isinstance(model.dynamics, MixtureWeights):
+    if not model.dynamics.has_time_order:
         return regress_with_responsibilities(
-            conditional, x, smoothed_state_probs(model.dynamics, log_observed)
+            conditional, x, model.dynamics.smoothed_state_probs(log_observed)
         )
-    return regress_with_responsibilities(
-        conditional, x, filtered_state_probs(model.dynamics, log_observed, len(x))
-    )
+    filtered = model.dynamics.filtered_state_probs(log_observed, len(x))
+    return regress_with_responsibilities(conditional, x, filtered)
 
 
 def smoothed_regression(
@@ -74,7 +70,7 @@ def smoothed_regression(
     Raises: InvalidInput and NotPositiveDefinite, as filtered_regression does.
     """
     conditional, log_observed = _condition_on_inputs(model, inputs, x)
-    return regress_with_responsibilities(conditional, x, smoothed_state_probs(model.dynamics, log_observed))
+    return regress_with_responsibilities(conditional, x, model.dynamics.smoothed_state_probs(log_observed))
 
 
 def _condition_on_inputs(

@@ -2,55 +2,53 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.models.durations.distributions import DurationDistribution
 from pilotfish.models.em import EMSettings
 from pilotfish.models.freedom import degrees_of_freedom
-from pilotfish.models.learn import DEFAULT_SETTINGS, Fit
+from pilotfish.models.initialisation import Initialisation
+from pilotfish.models.learn import DEFAULT_INITIALISATION, DEFAULT_SETTINGS, learn
+from pilotfish.models.semi_markov import DurationModel, SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
-from pilotfish.models.starts import Initialisation
 from pilotfish.types import Array, Float
 
-
-@runtime_checkable
-class Learner(Protocol):
-    """learn and its kin, their further choices made: from demonstrations to a fit."""
-
-    def __call__(
-        self,
-        demonstrations: Sequence[Demonstration],
-        *,
-        states: int,
-        rng: np.random.Generator,
-        structure: CovarianceStructure,
-        initialisation: Initialisation = ...,
-        settings: EMSettings,
-    ) -> Fit: ...
+COUNTED = "counted"  # durations counted along Viterbi paths
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A model that might be learned; durations names what the learner makes of time, for tables.
+    """Arguments of `learn` that are compared by `select`.
 
-    law is the family of durations that the learner fits, if it fits one: it knows its free numbers.
+    Attributes:
+        states: Number of states.
+        structure: Covariance structure.
+        dynamics: "semi-markov", "markov" or "mixture".
+        durations: How durations of a semi-Markov skill are fitted; by default they are counted.
+        initialisation: Initial statistics of expectation-maximisation.
     """
 
     states: int
     structure: CovarianceStructure
-    durations: str
-    learner: Learner
-    distribution: DurationDistribution | None = None
+    dynamics: str = SemiMarkovChain.name
+    durations: DurationModel | None = None
+    initialisation: Initialisation = DEFAULT_INITIALISATION
+
+    @property
+    def dynamics_label(self) -> str:
+        """Return the name of the duration distribution, "counted", "markov" or "mixture"."""
+        if self.dynamics != SemiMarkovChain.name:
+            return self.dynamics
+        return self.durations.distribution.name if self.durations else COUNTED
 
     @property
     def label(self) -> str:
-        return f"{self.states} states, {self.structure.label}, {self.durations}"
+        """Return states, structure and dynamics in a few words."""
+        return f"{self.states} states, {self.structure.label}, {self.dynamics_label}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,11 +177,14 @@ def _score_candidate(
     candidate: Candidate, demonstrations: Sequence[Demonstration], seeds: Sequence[int], settings: EMSettings
 ) -> Score | FailedCandidate:
     def learn_skill(training: Sequence[Demonstration], seed: int) -> Skill:
-        return candidate.learner(
+        return learn(
             training,
             states=candidate.states,
             rng=np.random.default_rng(seed),
+            dynamics=candidate.dynamics,
+            durations=candidate.durations,
             structure=candidate.structure,
+            initialisation=candidate.initialisation,
             settings=settings,
         ).skill
 
@@ -202,7 +203,7 @@ def _score_candidate(
         training = float(log_likelihood(skill, demonstrations).sum())
     except (InvalidInput, NotPositiveDefinite) as error:
         return FailedCandidate(candidate, str(error))
-    count = degrees_of_freedom(skill, candidate.structure, candidate.distribution)
+    count = degrees_of_freedom(skill, candidate.structure, candidate.durations)
     points = sum(len(d.x) for d in demonstrations)
     return Score(candidate, skill.states, count, training, bic(training, count, points), np.array(held_out))
 

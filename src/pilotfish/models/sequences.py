@@ -1,4 +1,4 @@
-"""State sequences of a skill: the most probable at each time, random ones, and the one that explains data."""
+"""State sequences of recordings: emission densities, Viterbi paths and log-likelihoods of a skill."""
 
 from collections.abc import Sequence
 
@@ -8,137 +8,102 @@ from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import precision_cholesky
-from pilotfish.models.dynamics import Dynamics, MarkovChain, MixtureWeights, SemiMarkovChain
-from pilotfish.models.forward import MAX_HORIZON, filtered_state_probs
-from pilotfish.models.segments import extend_max_duration, log_survival, segment_tables, validate_max_duration
+from pilotfish.models.semi_markov import validate_max_duration
 from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
-from pilotfish.models.statistics import step_probabilities
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_count, require_type
-
-TAIL_PROBABILITY = 1e-12  # probability of a visit longer than what is sampled
+from pilotfish.validation import require_type
 
 
 def log_emissions(model: HiddenModel | Skill, data: Views) -> Float[Array, "N K"]:
-    """Log p(x_n | state i), frames multiplied together, of every datapoint of every demonstration."""
+    """Compute the log-density of every datapoint in every state, multiplied over the frames.
+
+    Args:
+        model: A model or skill with the frames of the data.
+        data: Demonstrations as every frame sees them.
+
+    Returns:
+        log b_k(x_n) of all demonstrations, one after another.
+
+    Raises:
+        NotPositiveDefinite: If a covariance of the model is not positive definite.
+    """
     W = np.stack([c.precision_cholesky("the covariance of state") for c in model.covariances])
     return kernels.log_emissions(data.x, kernels.Emissions(model.means, W, data.orientation_starts))
 
 
 def log_state_likelihoods(model: AdaptedSkill, x: Float[Array, "T D"]) -> Float[Array, "T K"]:
-    """Log p(x_t | state i) of an adapted skill, for points in the world."""
+    """Compute the log-density of points in the world in every state of an adapted skill.
+
+    Args:
+        model: The adapted skill.
+        x: One point per row, in the layout of the skill.
+    """
     W = precision_cholesky(model.covariances, "the adapted covariance of state")
     return kernels.log_emissions(
         x[None], kernels.Emissions(model.means[None], W[None], model.layout.orientation_starts)
     )
 
 
-def most_probable_states(
-    dynamics: Dynamics, log_observed: Float[Array, "S K"], horizon: int
-) -> Int[Array, " T"]:
-    """The state of largest occupancy at every step (3.42): a deterministic, step-wise plan."""
-    return np.asarray(filtered_state_probs(dynamics, log_observed, horizon).argmax(axis=1))
-
-
 def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Array, " T"]:
-    """The single most likely state sequence of a demonstration; of a semi-Markov skill, of its visits.
+    """Compute the most probable state sequence of a demonstration (Viterbi algorithm).
 
-    Visits are followed until to follow them twice as far finds nothing likelier by 1e-8 nats a step.
-    Cost: O(T K (K + L)), L the longest visit of a semi-Markov skill that is followed.
+    Of a semi-Markov skill this is the most probable segmentation. Cost: O(T K^2), or O(T K (K + L)) for
+    segments of up to L steps.
+
+    Args:
+        model: A model or skill with the frames of the demonstration.
+        demonstration: The recording.
+
+    Raises:
+        InvalidInput: If frames or columns are not those of the model.
     """
-    emissions = log_emissions(model, validated_views(model, [demonstration]))
-    if isinstance(chain := model.dynamics, SemiMarkovChain):
-        return extend_max_duration(
-            chain.durations,
-            len(emissions),
-            lambda max_duration: kernels.semi_markov_viterbi(emissions, segment_tables(chain, max_duration)),
-            lambda path: np.array(path.log_probability),
-        ).states
-    return kernels.viterbi(emissions, *step_probabilities(model.dynamics)).states
-
-
-def validated_views(model: HiddenModel | Skill, demonstrations: Sequence[Demonstration]) -> Views:
-    """What the model's frames see.    Raises: InvalidInput, when they or the columns are not the model's."""
-    require_type(model, "model", (HiddenModel, Skill), "a fit holds a skill: fit.skill")
-    data = views(demonstrations)
-    if (given_shape := (data.x.shape[0], data.x.shape[2])) != (
-        expected_shape := (model.means.shape[0], model.means.shape[2])
-    ):
-        raise InvalidInput(
-            f"the demonstrations have {given_shape[0]} frames of {given_shape[1]} columns, the model knows {expected_shape[0]} of "
-            f"{expected_shape[1]}; give those that it was learned from, or others of their kind"
-        )
-    return data
+    return model.dynamics.viterbi(log_emissions(model, validated_views(model, [demonstration])))
 
 
 def log_likelihood(
     model: HiddenModel | Skill, demonstrations: Sequence[Demonstration], *, max_duration: int | None = None
 ) -> Float[Array, " M"]:
-    """Log p(demonstration) under the model [nats], for each of them: over all state sequences, in all frames.
+    """Compute log p(demonstration) of each demonstration, summed over all state sequences [nats].
 
-    Densities are those of the rows as every frame sees them, multiplied. Visits of a semi-Markov skill are
-    followed up to longest steps; where that is not given, until to follow them twice as far adds no more than
-    1e-8 nats a step. Cost: O(T K (K + L)), L the longest visit that is followed.
+    The densities of all frames are multiplied, so values compare only between models with the same frames,
+    columns and units. Cost: O(T K^2), or O(T K (K + L)) for segments of up to L steps.
+
+    Args:
+        model: A model or skill with the frames of the demonstrations.
+        demonstrations: The recordings.
+        max_duration: Longest segment of a semi-Markov model [steps]. By default it is doubled until the
+            result changes by less than 1e-8 nats per step.
+
+    Raises:
+        InvalidInput: If frames or columns are not those of the model.
     """
     validate_max_duration(max_duration)
     data = validated_views(model, demonstrations)
     parts = np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])
-    if isinstance(model.dynamics, SemiMarkovChain):
-        return np.array([_log_likelihood(model.dynamics, part, max_duration) for part in parts])
-    chain = step_probabilities(model.dynamics)
-    return np.array([kernels.forward_backward(part, *chain).log_likelihood for part in parts])
+    return np.array([model.dynamics.log_likelihood(part, max_duration) for part in parts])
 
 
-def _log_likelihood(
-    chain: SemiMarkovChain, emissions: Float[Array, "T K"], max_duration: int | None
-) -> float:
-    def compute(max_duration: int) -> float:
-        return kernels.semi_markov(emissions, segment_tables(chain, max_duration)).log_likelihood
+def validated_views(model: HiddenModel | Skill, demonstrations: Sequence[Demonstration]) -> Views:
+    """Return the demonstrations as every frame sees them; raise InvalidInput if they do not fit the model."""
+    require_type(model, "model", (HiddenModel, Skill), "a fit holds a skill: fit.skill")
+    data = views(demonstrations)
+    given, expected = (data.x.shape[0], data.x.shape[2]), (model.means.shape[0], model.means.shape[2])
+    if given != expected:
+        raise InvalidInput(
+            f"the demonstrations have {given[0]} frames of {given[1]} columns, expected {expected[0]} of "
+            f"{expected[1]}; pass demonstrations like those that the model was learned from"
+        )
+    return data
 
-    if max_duration is not None:
-        return compute(min(max_duration, len(emissions)))
-    return float(extend_max_duration(chain.durations, len(emissions), compute, np.array))
 
+def state_segments(states: Int[Array, " T"]) -> tuple[Int[Array, " R"], Int[Array, " R"]]:
+    """Split a state sequence into segments, maximal runs of one state.
 
-def sample_states(dynamics: Dynamics, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
-    """A random state sequence: several ways through a movement appear with their probabilities.
+    Args:
+        states: State of every step.
 
-    Every visit lasts at least one step; a final state lasts to the end.
+    Returns:
+        The state and the length [steps] of every segment, in order.
     """
-    require_count(horizon, "horizon", MAX_HORIZON, 1)
-    if isinstance(dynamics, MixtureWeights):
-        return rng.choice(len(dynamics.weights), size=horizon, p=dynamics.weights)
-    if isinstance(dynamics, MarkovChain):
-        return _sample_markov(dynamics, horizon, rng)
-    return _sample_semi_markov(dynamics, horizon, rng)
-
-
-def _sample_markov(chain: MarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
-    K = len(chain.initial)
-    states = [rng.choice(K, p=chain.initial)]
-    while len(states) < horizon:
-        states.append(rng.choice(K, p=chain.transitions[states[-1]]))
-    return np.array(states)
-
-
-def _sample_semi_markov(chain: SemiMarkovChain, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
-    max_duration = min(chain.durations.max_duration(TAIL_PROBABILITY), horizon)
-    table = np.exp(chain.durations.log_table(max_duration))  # (S, K)
-    table[-1] = (1.0 - table[:-1].sum(axis=0)).clip(min=0.0)  # visits that go on beyond it
-    state = int(rng.choice(len(chain.initial), p=chain.initial))
-    lengths = _remaining_durations(chain, max_duration) if chain.censoring.left else table
-    states: list[int] = []
-    while len(states) < horizon:
-        next_probs = chain.transitions[state]
-        if not next_probs.any():
-            return np.array(states + [state] * (horizon - len(states)))
-        duration_probs = lengths[:, state] / lengths[:, state].sum()
-        states += [state] * int(rng.choice(len(duration_probs), p=duration_probs) + 1)
-        state, lengths = int(rng.choice(len(next_probs), p=next_probs)), table
-    return np.array(states[:horizon])
-
-
-def _remaining_durations(chain: SemiMarkovChain, max_duration: int) -> Float[Array, "S K"]:
-    """p(s steps are left of a visit that is met at a random one of its steps), up to a factor."""
-    log_tail, log_tail_sum = log_survival(chain.durations, max_duration)
-    return np.asarray(np.exp(np.concatenate([log_tail[:-1], log_tail_sum[-1:]])))
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(states)) + 1])
+    return states[starts], np.diff(np.append(starts, len(states)))

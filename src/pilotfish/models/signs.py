@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 
 from pilotfish.demonstrations import Frame, Layout, Quantity
-from pilotfish.models.dynamics import MixtureWeights
 from pilotfish.models.sequences import log_state_likelihoods
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
@@ -33,7 +32,7 @@ def align_quaternion_signs(start: Float[Array, " D"], model: AdaptedSkill) -> Ad
 
     A robot that reports -q is where one that reports q is; its plan must not make it turn all the way round.
     """
-    if isinstance(model.dynamics, MixtureWeights) or not model.layout.quaternions:
+    if not (model.dynamics.has_time_order and model.layout.quaternions):
         return model
     with np.errstate(divide="ignore"):
         log_initial = np.log(model.dynamics.initial)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pilotfish.demonstrations import Layout
 from pilotfish.gaussians.structures import Covariances
-from pilotfish.models.dynamics import Dynamics
+from pilotfish.models.semi_markov import Dynamics
 from pilotfish.types import Array, Float
 
 MAX_STATES = 1000

@@ -21,8 +21,6 @@ from pilotfish.models import (
     AdaptedSkill,
     align_quaternion_signs,
     log_state_likelihoods,
-    most_probable_states,
-    smoothed_state_probs,
 )
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
@@ -106,14 +104,14 @@ def plan_states(
         start = require_start(start, adapted)
         aligned = align_quaternion_signs(start, adapted)
         log_start = log_state_likelihoods(aligned, start[None])
-    states = most_probable_states(aligned.dynamics, log_start, horizon)
+    states = aligned.dynamics.most_probable_states(log_start, horizon)
     if not len(via_points):
         return aligned, states
     log_observed = np.zeros((horizon, aligned.states))
     log_observed[: len(log_start)] = log_start
     for observation in observe_via_points(via_points, aligned.layout, aligned.means[states], aligned.period):
         log_observed[observation.step] += _observation_log_likelihoods(aligned, observation)
-    return aligned, smoothed_state_probs(aligned.dynamics, log_observed).argmax(axis=1)
+    return aligned, aligned.dynamics.smoothed_state_probs(log_observed).argmax(axis=1)
 
 
 def reference_from_states(

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pilotfish.errors import InvalidInput
-from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill, semi_markov_forward
+from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill
 from pilotfish.plots.kinds import require_array, require_integer, require_type
 from pilotfish.plots.style import (
     FIGURE_WIDTH,
@@ -45,7 +45,7 @@ def forward_variable(
     require_states(skill.states)
     if log_observed is None:
         log_observed = np.empty((0, skill.states))
-    forward = semi_markov_forward(chain, log_observed, horizon)
+    forward = chain.forward(log_observed, horizon)
     figure = new_figure(FIGURE_WIDTH, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
     seconds = skill.period * np.arange(horizon)

@@ -15,7 +15,6 @@ from pilotfish.models import (
     AdaptedSkill,
     SemiMarkovChain,
     Skill,
-    filtered_state_probs,
 )
 from pilotfish.plots.kinds import require_number, require_type
 from pilotfish.plots.style import SMALL_FONT, add_outline, new_figure, state_colour, state_dash, style_axes
@@ -122,7 +121,7 @@ def _row(line: Int[Array, " L"], arrows: list[tuple[int, int]]) -> Row:
 def _order_by_time(chain: SemiMarkovChain) -> Int[Array, " K"]:
     """States by the average time at which the skill is in them; those never reached come last."""
     horizon = int(np.ceil(chain.durations.means.sum())) + 1
-    probabilities = filtered_state_probs(chain, np.empty((0, len(chain.initial))), horizon)  # (T, K)
+    probabilities = chain.filtered_state_probs(np.empty((0, len(chain.initial))), horizon)  # (T, K)
     expected_steps = probabilities.sum(axis=0)
     times = np.divide(
         np.arange(horizon) @ probabilities,

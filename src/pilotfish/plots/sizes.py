@@ -126,7 +126,7 @@ def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequen
 
 
 def _line_name(score: Score) -> tuple[str, str]:
-    return score.candidate.structure.label, score.candidate.durations
+    return score.candidate.structure.label, score.candidate.dynamics_label
 
 
 def _differences(score: Score, top: Score) -> Float[Array, " M"]:

@@ -24,22 +24,16 @@ def adapt_in_world(skill: models.Skill) -> models.AdaptedSkill:
 
 
 def candidate(states: int) -> models.Candidate:
-    return models.Candidate(states, gaussians.structures.Full(), "gaussian", models.learn)
+    return models.Candidate(states, gaussians.structures.Full())
 
 
 def models_examples() -> Examples:
     demos, fit = learn_lines()
     skill, data = fit.skill, demonstrations.views(demos)
     adapted = adapt_in_world(skill)
-    observed = models.log_state_likelihoods(adapted, demos[0].x)
     labels = np.arange(len(data.x[0])) % 3
-    statistics, counted = (
-        models.expected_statistics(skill, data),
-        models.expected_statistics(fit.markov_skill, data),
-    )
     full, inputs, x_inputs = gaussians.structures.Full(), np.array([0]), demos[0].x[:, :1].copy()
     learning = {"demonstrations": demos, "states": 3, "rng": new_rng(), "settings": FAST_SETTINGS}
-    chain = {"dynamics": skill.dynamics, "log_observed": observed}
     valve = [demonstrations.add_derivatives(demo) for demo in valve_demonstrations()]
     framed = models.learn(valve, states=2, rng=new_rng(), settings=FAST_SETTINGS).skill
     frame_relevance = models.relevance(framed, valve)
@@ -47,7 +41,7 @@ def models_examples() -> Examples:
     counts = {"structure": full, "states": 3, "width": 4, "frames": 2}
     return {
         "adapt": {"skill": framed, "frames": frames, "relevance": np.ones((2, 2))},
-        "as_mixture": {"model": adapt_in_world(models.learn_mixture(**learning).skill)},
+        "as_mixture": {"model": adapt_in_world(models.learn(**learning, dynamics="mixture").skill)},
         "bic": {"log_likelihood": -10.0, "parameters": 5, "datapoints": 30},
         "covariance_degrees_of_freedom": {"structure": full, "covariances": skill.covariances},
         "fitted_covariance_parameter_count": {"structure": full, "covariances": skill.covariances},
@@ -55,37 +49,18 @@ def models_examples() -> Examples:
         "semi_markov_parameter_count": counts,
         "filtered_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
         "smoothed_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
-        "dynamics_degrees_of_freedom": {"dynamics": skill.dynamics},
         "degrees_of_freedom": {"skill": skill, "structure": full},
-        "monotone_statistics": {"model": skill, "views": data, "before": statistics},
         "labelled_statistics": {"views": data, "labels": labels, "states": 3},
-        "learn": learning,
-        "learn_markov": learning,
-        "learn_mixture": learning,
-        "learn_semi_markov": {**learning, "duration_model": models.DurationModel()},
+        "learn": {**learning, "durations": models.DurationModel()},
         "log_emissions": {"model": skill, "data": data},
         "log_likelihood": {"model": skill, "demonstrations": demos, "max_duration": 20},
         "log_state_likelihoods": {"model": adapted, "x": demos[0].x},
-        "markov_forward": {"chain": fit.markov_skill.dynamics, "log_observed": observed, "horizon": 20},
-        "semi_markov_forward": {"chain": skill.dynamics, "log_observed": observed, "horizon": 20},
         "matched_accuracy": {"predicted": labels, "labels": labels[::-1].copy()},
         "match_labels": {"predicted": labels, "labels": labels[::-1].copy()},
         "normalised_mutual_information": {"predicted": labels, "labels": labels[::-1].copy()},
-        "fit_markov_chain": {"statistics": counted},
-        "fit_mixture_weights": {"statistics": counted},
-        "fit_semi_markov_chain": {
-            "statistics": statistics,
-            "previous": None,
-            "duration_model": models.DurationModel(),
-            "min_variance": 1.0,
-        },
-        "most_probable_states": {**chain, "horizon": 20},
-        "filtered_state_probs": {**chain, "horizon": 20},
-        "smoothed_state_probs": chain,
         "align_quaternion_signs": {"start": demos[0].x[0], "model": adapted},
         "select_frames": {"demonstrations": valve, "frame_relevance": frame_relevance},
         "state_segments": {"states": labels},
-        "sample_states": {"dynamics": skill.dynamics, "horizon": 12, "rng": new_rng()},
         "select": {
             "demonstrations": demos,
             "candidates": [candidate(2)],

@@ -27,7 +27,7 @@ from pilotfish.types import Array
 STRICT = {
     "geometry.pose",
     *(f"demonstrations.{n}" for n in ("unwrap_orientations", "demonstration", "frame", "moving_frame")),
-    *(f"models.{n}" for n in ("learn", "learn_markov", "learn_mixture", "learn_semi_markov", "adapt")),
+    *(f"models.{n}" for n in ("learn", "adapt")),
     *(f"models.online.{n}" for n in ("observe", "observe_stream", "online_model")),
     *(f"control.{n}" for n in ("arm_limits", "impedance", "double_integrator", "discretise", "track", "lqr")),
     *(
@@ -243,7 +243,7 @@ def require_alike(a: Any, b: Any, place: str) -> None:
 
 def _target(package: str) -> Target:
     given = _examples(package)
-    slow = {"learn_semi_markov", "select", "relevance"}
+    slow = {"select", "relevance"}
     names = [name for name in given if name.rpartition(".")[2] not in slow or package == "models"]
     bases = [Call(name, given[name]) for name in names]
 

@@ -22,6 +22,7 @@ from pilotfish.demonstrations import (
 from pilotfish.geometry import pose, quaternion_exp
 from pilotfish.io.synthetic import synthetic_valve
 from pilotfish.models import DurationModel, EMSettings, Skill, online
+from pilotfish.models.durations import DISTRIBUTIONS
 
 FAST_SETTINGS = EMSettings(regularisation=1e-4, max_iterations=8)
 STEPS = 14
@@ -85,25 +86,18 @@ def _skills() -> Iterator[Skill]:
     turning = [add_derivatives(demo) for demo in valve_demonstrations()]
     curved = [add_derivatives(to_sphere(demo)) for demo in valve_demonstrations()]
 
-    def fit(learner, data, states=3, **more):  # type: ignore[no-untyped-def] # one of several learners
-        return learner(
-            data, states=states, rng=np.random.default_rng(0), settings=FAST_SETTINGS, **more
-        ).skill
+    def fit(data, states=3, **options):  # type: ignore[no-untyped-def] # options of learn
+        rng = np.random.default_rng(0)
+        return models.learn(data, states=states, rng=rng, settings=FAST_SETTINGS, **options).skill
 
-    yield fit(models.learn_mixture, flat)
-    yield fit(models.learn_markov, turning)
-    yield fit(models.learn, turning)
-    yield fit(models.learn, curved, states=2)
-    yield fit(models.learn, gripper_demonstrations(), states=2)
-    distributions = (
-        models.Gaussian(),
-        models.LogNormal(),
-        models.Gamma(),
-        models.Poisson(),
-        models.NegativeBinomial(),
-    )
-    for distribution in (*distributions, models.Histogram(pseudocount=1.0)):
-        yield fit(models.learn_semi_markov, flat, duration_model=DurationModel(distribution))
+    yield fit(flat, dynamics="mixture")
+    yield fit(turning, dynamics="markov")
+    yield fit(turning)
+    yield fit(curved, states=2)
+    yield fit(gripper_demonstrations(), states=2)
+    for name, distribution in DISTRIBUTIONS.items():
+        options = {"pseudocount": 1.0} if name == "histogram" else {}
+        yield fit(flat, durations=DurationModel(distribution, options=options))
     structures = (
         gaussians.structures.SemiTied(0.7),
         gaussians.structures.MFA(1),
@@ -116,7 +110,7 @@ def _skills() -> Iterator[Skill]:
         gaussians.structures.MLT(2),
         gaussians.structures.Diagonal(),
     ):
-        yield fit(models.learn, flat, structure=structure)
+        yield fit(flat, structure=structure)
 
 
 @cache

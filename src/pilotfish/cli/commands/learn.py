@@ -9,13 +9,8 @@ from typing import Any
 import click
 import numpy as np
 
-from pilotfish.cli.options.learners import (
-    CENSORING_BY_NAME,
-    DISTRIBUTIONS,
-    FIT_FUNCTIONS,
-    VITERBI,
-    semi_markov_fit_function,
-)
+from pilotfish import models
+from pilotfish.cli.options.learners import VITERBI, duration_model
 from pilotfish.cli.options.sources import (
     load_demonstrations,
     prepare_demonstrations,
@@ -41,16 +36,18 @@ from pilotfish.models import (
     MAX_ITERATIONS,
     MAX_RESTARTS,
     MAX_STATES,
+    Censoring,
+    DurationModel,
     EMSettings,
     Fit,
     Initialisation,
     KMeans,
-    Learner,
     TimeBins,
     fitted_covariance_parameter_count,
     relevance,
     select_frames,
 )
+from pilotfish.models.durations import DISTRIBUTIONS
 
 SEMI_MARKOV = "semi-markov"
 DYNAMICS = (SEMI_MARKOV, "markov", "mixture")
@@ -112,8 +109,8 @@ class LearnOptions:
 )
 @click.option(
     "--censoring",
-    type=click.Choice(tuple(CENSORING_BY_NAME)),
-    help="Which visits recordings cut off, where durations are fitted.  [default: last]",
+    type=click.Choice(tuple(Censoring)),
+    help="Which visits recordings cut off, where durations are fitted.  [default: right]",
 )
 @click.option(
     "--riemannian/--euclidean",
@@ -185,23 +182,26 @@ def learn(**options: Any) -> CommandResult:
     require_writable_file(
         arguments.out, force=arguments.force, inputs=recording_files(Path(arguments.folder))
     )
-    learner = _choose_fit_function(arguments)
+    durations = _duration_model(arguments)
     demonstrations = prepare_demonstrations(
         select_demonstrations(load_demonstrations(arguments.folder), arguments.only),
         riemannian=arguments.riemannian,
         velocities=arguments.velocities,
     )
     _print_warnings(demonstrations)
-    fit = _fit(demonstrations, learner, arguments)
+    fit = _fit(demonstrations, durations, arguments)
     dropped_frames: tuple[str, ...] = ()
     if arguments.drop_distractors:
-        fit, dropped_frames = _drop_distractors(fit, demonstrations, learner, arguments)
+        fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, arguments)
     save_skill(fit.skill, arguments.out, overwrite=arguments.force, use_free_name=True)
     return _to_result(fit, dropped_frames, arguments)
 
 
 def _drop_distractors(
-    fit: Fit, demonstrations: Sequence[Demonstration], learner: Learner, arguments: LearnOptions
+    fit: Fit,
+    demonstrations: Sequence[Demonstration],
+    durations: DurationModel | None,
+    arguments: LearnOptions,
 ) -> tuple[Fit, tuple[str, ...]]:
     """Learned anew without the frames that matter at no state, which are named; the same when all matter."""
     if len(fit.skill.frame_names) < 2:
@@ -209,27 +209,29 @@ def _drop_distractors(
     frame_relevance = relevance(fit.skill, demonstrations)
     if not (dropped_frames := frame_relevance.distractors):
         return fit, ()
-    refitted = _fit(select_frames(demonstrations, frame_relevance), learner, arguments)
+    refitted = _fit(select_frames(demonstrations, frame_relevance), durations, arguments)
     note = f"dropped frames, they matter at no state: {', '.join(dropped_frames)}"
     skill = replace(refitted.skill, provenance=replace(refitted.skill.provenance, note=note))
     return replace(refitted, skill=skill), dropped_frames
 
 
-def _choose_fit_function(arguments: LearnOptions) -> Learner:
+def _duration_model(arguments: LearnOptions) -> DurationModel | None:
     duration_options = {"--durations": arguments.durations, "--censoring": arguments.censoring}
     if arguments.dynamics != SEMI_MARKOV:
         if given := [name for name, value in duration_options.items() if value]:
             raise click.UsageError(f"{given[0]} goes with --dynamics semi-markov, not {arguments.dynamics}")
-        return FIT_FUNCTIONS[arguments.dynamics]
+        return None
     durations = arguments.durations or VITERBI
     if arguments.censoring and durations == VITERBI:
         raise click.UsageError(
             f"--censoring goes with --durations {', '.join(DISTRIBUTIONS)}; counting is as it is"
         )
-    return semi_markov_fit_function(durations, arguments.censoring or "right")
+    return duration_model(durations, arguments.censoring or "right")
 
 
-def _fit(demonstrations: Sequence[Demonstration], learner: Learner, arguments: LearnOptions) -> Fit:
+def _fit(
+    demonstrations: Sequence[Demonstration], durations: DurationModel | None, arguments: LearnOptions
+) -> Fit:
     initialisation: Initialisation = (
         KMeans()
         if arguments.initialisation == "k-means"
@@ -241,10 +243,12 @@ def _fit(demonstrations: Sequence[Demonstration], learner: Learner, arguments: L
         restarts=arguments.restarts,
     )
     with _progress(settings) as monitored:
-        return learner(
+        return models.learn(
             demonstrations,
             states=arguments.states,
             rng=np.random.default_rng(arguments.seed),
+            dynamics=arguments.dynamics,
+            durations=durations,
             structure=arguments.structure,
             initialisation=initialisation,
             settings=monitored,

@@ -12,7 +12,7 @@ import click
 import numpy as np
 
 from pilotfish.cli.options.candidates import parse_candidates
-from pilotfish.cli.options.learners import FIT_FUNCTIONS
+from pilotfish.cli.options.learners import CANDIDATE_NAMES
 from pilotfish.cli.options.sources import (
     load_demonstrations,
     prepare_demonstrations,
@@ -85,7 +85,7 @@ class SelectOptions:
     "--durations",
     default="counted",
     show_default=True,
-    help=f"What is made of time, with commas between: {', '.join(FIT_FUNCTIONS)}.",
+    help=f"What is made of time, with commas between: {', '.join(CANDIDATE_NAMES)}.",
 )
 @click.option(
     "--out",
@@ -219,7 +219,7 @@ def _format_score(score: Score, seconds: float, mark: str) -> list[str]:
     return [
         f"{candidate.states}" + (f" ({dropped} dropped)" if dropped else ""),
         candidate.structure.label,
-        candidate.durations,
+        candidate.dynamics_label,
         str(score.parameters),
         f"{score.log_likelihood:.0f}",
         f"{score.bic:.0f}",
@@ -234,7 +234,7 @@ def _candidate_to_json(candidate: Candidate) -> dict[str, Any]:
     return {
         "states": candidate.states,
         "structure": candidate.structure.label,
-        "durations": candidate.durations,
+        "durations": candidate.dynamics_label,
     }
 
 

@@ -12,7 +12,7 @@ from pilotfish.cli.demo.protocol import (
 )
 from pilotfish.cli.output.report import Notice, ReportFigure, Section, Table
 from pilotfish.demonstrations import Demonstration, Frame
-from pilotfish.models import log_state_likelihoods, most_probable_states
+from pilotfish.models import log_state_likelihoods
 
 RECORDED_TEXT = (
     "A person guided a robot arm through opening a valve, which stood at another angle each time. "
@@ -113,7 +113,7 @@ def _tracking_figures(evaluation: StructureEvaluation) -> tuple[ReportFigure, ..
         evaluation.demonstrations[TRAINING_DEMONSTRATIONS],
     )
     seen = log_state_likelihoods(replay.adapted, replay.motion.x[:1])
-    states = most_probable_states(replay.adapted.dynamics, seen, len(replay.motion.x))
+    states = replay.adapted.dynamics.most_probable_states(seen, len(replay.motion.x))
     return (
         ReportFigure(
             plots.tracked_coordinates(replay.adapted, states, replay.motion, demonstration=shown),

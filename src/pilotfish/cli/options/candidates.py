@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from pilotfish.cli.options.learners import DISTRIBUTIONS, FIT_FUNCTIONS
+from pilotfish.cli.options.learners import CANDIDATE_NAMES, duration_model
 from pilotfish.cli.options.structures import parse_structure
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.models import MAX_STATES, Candidate
+from pilotfish.models import MAX_STATES, Candidate, MarkovChain, MixtureWeights
 from pilotfish.validation import first_duplicate, nearest_name, short_repr
 
 MAX_CANDIDATES = 500  # candidates of one selection
@@ -27,9 +27,14 @@ def parse_candidates(states: str, structures: str, durations: str) -> list[Candi
             f"{count} candidates were asked for, expected at most {MAX_CANDIDATES}; list fewer of each"
         )
     return [
-        Candidate(K, kind, way, FIT_FUNCTIONS[way], DISTRIBUTIONS.get(way))
+        Candidate(
+            K,
+            kind,
+            name if name in (MarkovChain.name, MixtureWeights.name) else "semi-markov",
+            duration_model(name),
+        )
         for kind in structures_tried
-        for way in durations_tried
+        for name in durations_tried
         for K in state_counts
     ]
 
@@ -43,8 +48,8 @@ def parse_durations(text: str) -> list[str]:
     """Names of what is made of durations, such as counted,markov.    Raises: InvalidInput."""
     words = _split_list("durations", text)
     for word in words:
-        if word not in FIT_FUNCTIONS:
-            raise InvalidInput(_unknown_name_message("durations", word, list(FIT_FUNCTIONS)))
+        if word not in CANDIDATE_NAMES:
+            raise InvalidInput(_unknown_name_message("durations", word, CANDIDATE_NAMES))
     return words
 
 

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.cli.options.learners import DISTRIBUTION_NAMES
 from pilotfish.cli.output.answers import format_table
 from pilotfish.demonstrations import Layout, Quantity
-from pilotfish.models import FrameRelevance, MarkovChain, MixtureWeights, SemiMarkovChain, Skill
+from pilotfish.models import FrameRelevance, Skill
 from pilotfish.types import Array, Float
 
 MAX_PARTS = 12  # on one line
@@ -26,7 +25,7 @@ def skill_to_json(skill: Skill) -> dict[str, Any]:
             for name, unit in zip(skill.layout.names, skill.layout.units, strict=True)
         ],
         "period": skill.period,
-        "dynamics": _dynamics_name(skill),
+        "dynamics": skill.dynamics.name,
         "durations": duration_distribution_name(skill),
         "structure": provenance.structure,
         "demonstrations": list(provenance.demonstrations),
@@ -54,7 +53,7 @@ def format_states(skill: Skill) -> str:
     """A line for each state: how long, what next, and how far it spreads as each frame sees it."""
     unit = _spread_unit(skill.layout.tangent)
     duration_header = {"mixture": "share", "markov": "lasts [s]", "semi-markov": "lasts [s]"}[
-        _dynamics_name(skill)
+        skill.dynamics.name
     ]
     spreads = [f"{name} [{unit}]" for name in skill.frame_names]
     durations = _durations_in_seconds(skill)
@@ -75,9 +74,8 @@ def _states_to_json(skill: Skill) -> list[dict[str, Any]]:
 
 def _durations_in_seconds(skill: Skill) -> Float[Array, "2 K"] | None:
     """Mean and deviation of the durations [s]; None where states have none of their own."""
-    if not isinstance(skill.dynamics, SemiMarkovChain):
+    if (durations := skill.dynamics.durations) is None:
         return None
-    durations = skill.dynamics.durations
     return skill.period * np.stack([durations.means, durations.deviations])
 
 
@@ -85,12 +83,12 @@ def _state_to_json(
     skill: Skill, k: int, spreads: Float[Array, " P"], durations: Float[Array, "2 K"] | None
 ) -> dict[str, Any]:
     facts: dict[str, Any] = {"state": k}
-    match skill.dynamics:
-        case MixtureWeights(weights):
-            facts["share"] = float(weights[k])
-        case MarkovChain(initial, transitions) | SemiMarkovChain(initial, transitions, _):
-            facts["initial"] = float(initial[k])
-            facts["next"] = {str(j): float(p) for j, p in enumerate(transitions[k]) if p > 0.0}
+    probability = float(skill.dynamics.initial[k])
+    if skill.dynamics.has_time_order:
+        next_probs = enumerate(skill.dynamics.transitions[k])
+        facts |= {"initial": probability, "next": {str(j): float(p) for j, p in next_probs if p > 0.0}}
+    else:
+        facts["share"] = probability
     if durations is not None:
         facts["duration"] = {"mean": float(durations[0, k]), "deviation": float(durations[1, k])}
     facts["spread"] = dict(zip(skill.frame_names, map(float, spreads), strict=True))
@@ -98,27 +96,15 @@ def _state_to_json(
     return facts
 
 
-def _dynamics_name(skill: Skill) -> str:
-    match skill.dynamics:
-        case MixtureWeights():
-            return "mixture"
-        case MarkovChain():
-            return "markov"
-        case SemiMarkovChain():
-            return "semi-markov"
-
-
 def duration_distribution_name(skill: Skill) -> str | None:
     """The law of the durations; None where states have none of their own."""
-    if isinstance(skill.dynamics, SemiMarkovChain):
-        return DISTRIBUTION_NAMES[type(skill.dynamics.durations)]
-    return None
+    return skill.dynamics.durations.name if skill.dynamics.durations is not None else None
 
 
 def format_dynamics(skill: Skill) -> str:
     """How states follow one another, and how long they last."""
     distribution = duration_distribution_name(skill)
-    return f"{_dynamics_name(skill)}, {distribution} durations" if distribution else _dynamics_name(skill)
+    return f"{skill.dynamics.name}, {distribution} durations" if distribution else skill.dynamics.name
 
 
 def format_relevance(frame_relevance: FrameRelevance) -> str:
@@ -155,14 +141,14 @@ def relevance_to_json(frame_relevance: FrameRelevance) -> dict[str, Any]:
 def _format_duration(skill: Skill, k: int, durations: Float[Array, "2 K"] | None) -> str:
     if durations is not None:
         return f"{durations[0, k]:.2f} ± {durations[1, k]:.2f}"
-    if isinstance(skill.dynamics, MixtureWeights):
-        return f"{skill.dynamics.weights[k]:.3f}"
+    if not skill.dynamics.has_time_order:
+        return f"{skill.dynamics.initial[k]:.3f}"
     exit_probability = 1.0 - skill.dynamics.transitions[k, k]
     return f"{skill.period / exit_probability:.2f}" if exit_probability > 0.0 else "to the end"
 
 
 def _format_next_states(skill: Skill, k: int) -> str:
-    if isinstance(skill.dynamics, MixtureWeights):
+    if not skill.dynamics.has_time_order:
         return "any"
     transitions = skill.dynamics.transitions[k].copy()
     transitions[k] = 0.0

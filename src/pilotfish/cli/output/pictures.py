@@ -9,7 +9,7 @@ import click
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians.structures import SemiTiedCovariances
 from pilotfish.io import atomic_file
-from pilotfish.models import FrameRelevance, SemiMarkovChain, Skill
+from pilotfish.models import FrameRelevance, Skill
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,8 +52,8 @@ def skill_figures(skill: Skill, frame_relevance: FrameRelevance | None = None) -
     from pilotfish import plots  # needs matplotlib
 
     plot_functions: dict[str, Callable[[], Figure]] = {"deviations": lambda: plots.state_deviations(skill)}
-    if isinstance(chain := skill.dynamics, SemiMarkovChain):
-        horizon = int(HORIZON_FACTOR * chain.durations.means.sum()) + 1
+    if (durations := skill.dynamics.durations) is not None:
+        horizon = int(HORIZON_FACTOR * durations.means.sum()) + 1
         plot_functions["states"] = lambda: plots.state_graph(skill)
         plot_functions["occupancy"] = lambda: plots.forward_variable(skill, horizon=horizon)
     if frame_relevance:

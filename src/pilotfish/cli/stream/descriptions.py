@@ -10,7 +10,7 @@ from pilotfish.cli.output.descriptions import format_columns, format_states
 from pilotfish.cli.stream.session import StreamSession
 from pilotfish.cli.stream.settings import LEARNERS, WEIGHTINGS
 from pilotfish.kernels import ClusterColumn
-from pilotfish.models import SemiMarkovChain, Skill, online
+from pilotfish.models import Skill, online
 
 MAX_NUMBERS_PRINTED = 16  # on one line
 
@@ -41,8 +41,8 @@ def cluster_facts(model: online.OnlineModel, skill: Skill, k: int) -> dict[str, 
         "weight": float(model.weights[k]),
         "dimensions": dict(zip(model.frame_names, model.dimensions[k].tolist(), strict=True)),
     }
-    if isinstance(skill.dynamics, SemiMarkovChain):
-        onward, durations = skill.dynamics.transitions[k], skill.dynamics.durations
+    if (durations := skill.dynamics.durations) is not None:
+        onward = skill.dynamics.transitions[k]
         facts["next"] = {str(model.cluster_ids[j]): float(onward[j]) for j in np.flatnonzero(onward)}
         facts["duration"] = {
             "mean": float(skill.period * durations.means[k]),

@@ -1,4 +1,11 @@
-"""Sums over all whole steps s = 1, 2, ... of smooth laws, from a few hundred of them."""
+"""Sums of smooth functions over all whole steps s = 1, 2, ..., evaluated at a few hundred of them.
+
+Heavy-tailed duration distributions reach far beyond the recordings, up to 2^40 steps here. Sums take steps
+one by one up to a power of two and as long as a distribution is narrow. Beyond, every octave is divided into
+four blocks of equally spaced steps. Gauss quadrature for the discrete uniform measure (Gram-Chebyshev
+polynomials) sums a block with 32 nodes exactly for polynomials of degree 63. The last octaves are left out
+where they hold less than e^-36 of the sum.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,23 +16,26 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Bool, Float
 
-MAX_TERMS = 2**22  # steps that are summed one by one, times states; an array of them takes 32 MiB
-MAX_CACHED = 16  # rules of at most 2^16 steps one by one are kept
+MAX_TERMS = 2**22  # single steps times states; an array of them takes 32 MiB
+MAX_CACHED = 16  # quadratures of at most 2^16 single steps are cached
 
 LogWeights = Callable[[Float[Array, " S"]], Float[Array, "S K"]]
 
-LOG_NEGLIGIBLE = -36.0  # log of the share of a law that sums may leave out
-NODES = 32  # that stand for a block of steps
-MAX_LOG_CHANGE = 60.0  # nats; a law that differs by more within a block is summed step by step there
+LOG_NEGLIGIBLE = -36.0  # log of the relative weight that sums may leave out
+NODES = 32  # of a block
+MAX_LOG_CHANGE = 60.0  # nats within a block; a larger change is summed step by step
 MIN_EXPONENT, MAX_EXPONENT = 7, 40  # no block begins before step 2^7, none ends after 2^40
 BLOCKS_PER_OCTAVE = 4  # blocks between a power of two and the next, of equal length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quadrature:
-    """Steps s, and logarithms of how many whole steps each of them stands for.
+    """Nodes and weights of a sum over s = 1, 2, ...
 
-    The first `whole` are s = 1 ... whole, each for itself; later ones lie between whole numbers.
+    Attributes:
+        steps: Nodes; the first `single_steps` are s = 1, 2, ..., later ones lie between whole numbers.
+        log_counts: Log of the weight of each node: the number of whole steps that it stands for.
+        single_steps: Number of steps that are summed one by one.
     """
 
     steps: Float[Array, " N"]
@@ -34,13 +44,15 @@ class Quadrature:
 
 
 def make_quadrature(log_weights: LogWeights, max_duration: int) -> Quadrature:
-    """A rule that sums the laws, their squares of s, and their tails from any step up to longest, to 1e-12.
+    """Choose nodes that sum the weights, s^2 times them, and their tails to a relative error of 1e-12.
 
-    Steps are taken one by one up to longest, and on as long as any law is narrow; from there on blocks,
-    four to each power of two, are summed by Gauss's rule for equally spaced points: exact for polynomials
-    of degree 63, where the density of a law, smooth within a block, is no different.
-    Raises: InvalidInput, when a law is so narrow so far beyond longest that the steps up to there, taken one
-    by one, would not fit in memory.
+    Args:
+        log_weights: Unnormalised log-probabilities of all states.
+        max_duration: Tails from s = 1 .. max_duration are summed; these steps are single steps.
+
+    Raises:
+        InvalidInput: If a distribution is so narrow so far beyond max_duration that the single steps up to
+            it do not fit in memory.
     """
     first = max(MIN_EXPONENT, int(max_duration - 1).bit_length())
     edges = np.append(
@@ -75,34 +87,34 @@ def make_quadrature(log_weights: LogWeights, max_duration: int) -> Quadrature:
 def _validate_length(single_steps: int, states: int) -> None:
     if 2**single_steps * states > MAX_TERMS:
         raise InvalidInput(
-            f"durations of {states} states reach {2**single_steps} steps and are too narrow there to be summed in "
+            f"durations of {states} states reach {2**single_steps} steps and are too narrow to be summed in "
             f"blocks, expected at most {MAX_TERMS // states} steps; use a longer period"
         )
 
 
 def _is_decaying(octaves: Float[Array, "E 2 B K"]) -> Bool[Array, "2 B K"]:
-    """Whether what lies beyond an octave is no more than it holds: falling at its end as s^-3 or faster."""
+    """Return whether weights fall as s^-3 or faster at the end of an octave: its tail is smaller."""
     return np.asarray(octaves[-1] - octaves[BLOCKS_PER_OCTAVE // 2] <= -3.0 * np.log(4.0 / 3.0))
 
 
-def _last_true(those: Bool[Array, " B"]) -> int:
-    where = np.flatnonzero(those)
-    return int(where[-1]) if len(where) else -1
+def _last_true(flags: Bool[Array, " B"]) -> int:
+    indices = np.flatnonzero(flags)
+    return int(indices[-1]) if len(indices) else -1
 
 
 def single_step_quadrature(max_duration: int) -> Quadrature:
-    """For laws under which nothing lasts longer."""
+    """Return the steps 1 .. max_duration, for distributions with bounded support."""
     return Quadrature(np.arange(1.0, max_duration + 1.0), np.zeros(max_duration), max_duration)
 
 
 @cache
 def _cached_block_quadrature(begin: int, end: int) -> Quadrature:
-    """Return the rule that was made before; long ones would fill the memory."""
+    """Return the same as `_block_quadrature`; long quadratures are not cached, to save memory."""
     return _block_quadrature(begin, end)
 
 
 def _block_quadrature(begin: int, end: int) -> Quadrature:
-    """One by one up to 2^begin, then blocks up to 2^end."""
+    """Return single steps up to 2^begin, then blocks up to 2^end."""
     steps, counts = [np.arange(1.0, 2.0**begin + 1.0)], [np.ones(2**begin)]
     for n in range(begin, end):
         length = 2**n // BLOCKS_PER_OCTAVE
@@ -114,11 +126,12 @@ def _block_quadrature(begin: int, end: int) -> Quadrature:
 
 @cache
 def gauss_nodes(length: int) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Nodes and weights whose weighted sum is that over 1 ... length of any polynomial of degree 63 or less.
+    """Compute nodes and weights that sum polynomials up to degree 63 over 1 .. length exactly.
 
-    Source: Golub and Welsch 1969, for the polynomials of Chebyshev 1864 and Gram 1883, orthogonal on them.
+    Source:
+        Golub & Welsch 1969, for the polynomials of Chebyshev 1864 and Gram 1883.
     """
     n = np.arange(1.0, NODES)
-    use_free_name = 0.5 * n * np.sqrt((length**2 - n**2) / (4.0 * n**2 - 1.0))
-    nodes, vectors = np.linalg.eigh(np.diag(use_free_name, 1) + np.diag(use_free_name, -1))
+    off_diagonal = 0.5 * n * np.sqrt((length**2 - n**2) / (4.0 * n**2 - 1.0))
+    nodes, vectors = np.linalg.eigh(np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1))
     return nodes + 0.5 * (length + 1), length * vectors[0] ** 2

@@ -1,4 +1,4 @@
-"""Sums of laws of durations, given up to a factor: norms, moments, quantiles and tails."""
+"""Normalisation, moments, quantiles and tails of distributions that are given by unnormalised log-weights."""
 
 import numpy as np
 
@@ -6,18 +6,18 @@ from pilotfish.models.durations.quadrature import LogWeights, Quadrature, make_q
 from pilotfish.types import Array, Float
 
 MAX_EXACT_QUANTILE = 2**20  # steps
-MAX_LOG_RANGE = 600.0  # how far apart logarithms may be for their numbers to be added as they are
+MAX_LOG_RANGE = 600.0  # range of logarithms within which their exponentials are added directly
 
 
 def log_probs(log_weights: LogWeights, max_duration: int) -> Float[Array, "S K"]:
-    """Logarithms of the laws at s = 1 ... longest, each summing to one over all s >= 1."""
+    """Return log p(s) for s = 1 .. max_duration, normalised over all s >= 1."""
     quadrature = make_quadrature(log_weights, 1)
     log_w = log_weights(np.arange(1.0, max_duration + 1.0))
     return np.asarray(log_w - log_sum_exp(log_weights(quadrature.steps) + quadrature.log_counts[:, None]))
 
 
 def mean_and_deviation(log_weights: LogWeights) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
-    """Mean and deviation of each law [steps]."""
+    """Return mean and standard deviation of each distribution [steps]."""
     quadrature = make_quadrature(log_weights, 1)
     p = _normalised_weights(log_weights, quadrature)
     means = quadrature.steps @ p
@@ -25,20 +25,19 @@ def mean_and_deviation(log_weights: LogWeights) -> tuple[Float[Array, " K"], Flo
 
 
 def _normalised_weights(log_weights: LogWeights, quadrature: Quadrature) -> Float[Array, "N K"]:
-    """The share of each law that every step of the rule stands for."""
+    """Return the probability that each node of the quadrature stands for."""
     log_w = log_weights(quadrature.steps) + quadrature.log_counts[:, None]
     return np.asarray(np.exp(log_w - log_sum_exp(log_w)))
 
 
 def max_duration_from_weights(log_weights: LogWeights, tail_probability: float) -> int:
-    """The least number of steps that a visit under any of the laws outlasts with probability at most lost.
+    """Return the smallest d with p(duration > d) <= tail_probability for all distributions.
 
-    Beyond FAR steps it is rounded up to a power of two.
+    Above 2^20 steps it is rounded up to a power of two.
     """
     quadrature = make_quadrature(log_weights, 1)
-    survival = np.cumsum(_normalised_weights(log_weights, quadrature)[::-1], axis=0)[
-        ::-1
-    ]  # p(s >= d) where a block begins
+    weights = _normalised_weights(log_weights, quadrature)
+    survival = np.cumsum(weights[::-1], axis=0)[::-1]  # p(s >= d) at the beginning of a block
     begin = quadrature.single_steps
     while begin < quadrature.steps[-1] and (survival[quadrature.steps > begin][0] > tail_probability).any():
         begin *= 2
@@ -46,24 +45,25 @@ def max_duration_from_weights(log_weights: LogWeights, tail_probability: float) 
         return max(1, int(np.count_nonzero((survival[:begin] > tail_probability).any(axis=1))))
     if begin > MAX_EXACT_QUANTILE:
         return begin
-    # Within the block that holds it, step by step.
+    # Step by step within the block that contains it.
     above = survival[quadrature.steps > begin // 2][0] > tail_probability
     steps = np.arange(begin // 2 + 1.0, begin + 1.0)
     log_w = log_weights(quadrature.steps) + quadrature.log_counts[:, None]
     p = np.exp(log_weights(steps) - log_sum_exp(log_w))[:, above]
-    beyond = survival[quadrature.steps > begin][0][above] if begin < quadrature.steps[-1] else 0.0
-    survival = np.cumsum(p[::-1], axis=0)[::-1] + beyond
+    tail = survival[quadrature.steps > begin][0][above] if begin < quadrature.steps[-1] else 0.0
+    survival = np.cumsum(p[::-1], axis=0)[::-1] + tail
     return begin // 2 + int(np.count_nonzero((survival > tail_probability).any(axis=1)))
 
 
 def max_duration_from_probs(p: Float[Array, "S K"], tail_probability: float) -> int:
+    """Return the same as `max_duration_from_weights` for normalised p(1 .. S)."""
     survival = np.cumsum(p[::-1], axis=0)[::-1]  # p(s >= d), d = 1 ... S
     outlasting = np.flatnonzero((survival > tail_probability).any(axis=1))
     return int(outlasting[-1]) + 1 if len(outlasting) else 1
 
 
 def log_sum_exp(log_w: Float[Array, "S K"]) -> Float[Array, " K"]:
-    """Log sum_s exp log_w[s], of columns that are not all -inf."""
+    """Compute log sum_s exp log_w[s] of each column; no column is -inf throughout."""
     top = log_w.max(axis=0)
     return np.asarray(top + np.log(np.exp(log_w - top).sum(axis=0)))
 
@@ -71,21 +71,20 @@ def log_sum_exp(log_w: Float[Array, "S K"]) -> Float[Array, " K"]:
 def log_survival_from_weights(
     log_weights: LogWeights, max_duration: int
 ) -> tuple[Float[Array, "S K"], Float[Array, "S K"]]:
-    """Log p(a visit lasts d steps or more), and log of that summed over d and all above, d up to longest."""
+    """Compute log S(d) = log p(s >= d) and log (S(d) + S(d + 1) + ...) for d = 1 .. max_duration."""
     quadrature = make_quadrature(log_weights, max_duration)
     log_w = log_weights(quadrature.steps) + quadrature.log_counts[:, None]
     log_p = log_w - log_sum_exp(log_w)
-    return log_reverse_cumsum(log_p, quadrature, max_duration), log_reverse_cumsum(
-        log_p, quadrature, max_duration, order=2
-    )
+    log_tail = log_reverse_cumsum(log_p, quadrature, max_duration)
+    return log_tail, log_reverse_cumsum(log_p, quadrature, max_duration, order=2)
 
 
 def log_reverse_cumsum(
     log_p: Float[Array, "N K"], quadrature: Quadrature, rows: int, order: int = 1
 ) -> Float[Array, "S K"]:
-    """Row d: log sum over s >= d of p(s), for the first rows; order 2 gives the same sum of these.
+    """Compute log sum of p(s) over s >= d for the first rows d; order 2 applies the sum twice.
 
-    exp log_p is what each step of the rule adds to a sum over all of them.
+    exp log_p is the probability that each node of the quadrature stands for.
     """
     log_p, beyond = log_p[: quadrature.single_steps], log_p[quadrature.single_steps :]
     survival = _log_cumsum(np.concatenate([_log_sum_exp_row(beyond), log_p[::-1]]), log_p[:rows])[:0:-1]
@@ -98,30 +97,30 @@ def log_reverse_cumsum(
 
 
 def log_cumsum(log_w: Float[Array, "S K"], quadrature: Quadrature, order: int = 1) -> Float[Array, "N K"]:
-    """At every step s of the rule: log sum over d <= s of exp log_w[d]; order 2 gives the same sum of these.
+    """Compute log sum of exp log_w[d] over d <= s at every node s; order 2 applies the sum twice.
 
     Beyond its rows log_w is -inf.
     """
     padding = np.full((quadrature.single_steps - len(log_w), log_w.shape[1]), -np.inf)
     log_w = np.concatenate([log_w, padding])
     first_sum = _log_cumsum(log_w, log_w)
-    further = quadrature.steps[quadrature.single_steps :, None] - quadrature.single_steps
+    excess = quadrature.steps[quadrature.single_steps :, None] - quadrature.single_steps
     if order == 1:
-        lasting = np.broadcast_to(first_sum[-1], (len(further), log_w.shape[1]))
-        return np.asarray(np.concatenate([first_sum, lasting]))
+        constant = np.broadcast_to(first_sum[-1], (len(excess), log_w.shape[1]))
+        return np.asarray(np.concatenate([first_sum, constant]))
     second_sum = _log_cumsum(first_sum, first_sum)
     return np.asarray(
-        np.concatenate([second_sum, np.logaddexp(second_sum[-1], first_sum[-1] + np.log(further))])
+        np.concatenate([second_sum, np.logaddexp(second_sum[-1], first_sum[-1] + np.log(excess))])
     )
 
 
 def _log_sum_exp_row(log_w: Float[Array, "N K"]) -> Float[Array, "1 K"]:
-    """Log sum exp of each column, -inf where it is empty or holds nothing else."""
+    """Compute log sum exp of each column; -inf if it is empty."""
     return np.asarray(np.logaddexp.reduce(log_w, axis=0)[None])
 
 
 def _log_cumsum(log_w: Float[Array, "N K"], needed: Float[Array, "S K"]) -> Float[Array, "N K"]:
-    """Running sums, in logarithms where the needed rows are too far apart for numbers: that is slow."""
+    """Compute running sums, in (slow) logarithms only if the needed rows span too wide a range."""
     top = np.where(np.isfinite(top := log_w.max(axis=0)), top, 0.0)
     if np.where(needed > -np.inf, top - needed, 0.0).max() > MAX_LOG_RANGE:
         return np.asarray(np.logaddexp.accumulate(log_w, axis=0))

@@ -8,7 +8,6 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
-from pilotfish.models.durations.counted import state_segments
 from pilotfish.models.online.model import Column, Head, OnlineModel, online_model
 from pilotfish.models.online.settings import (
     DEFAULT_MAINTENANCE,
@@ -18,7 +17,7 @@ from pilotfish.models.online.settings import (
     Maintenance,
     OnlineSettings,
 )
-from pilotfish.models.sequences import validated_views, viterbi
+from pilotfish.models.sequences import state_segments, validated_views, viterbi
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Bool, Float, Int
 from pilotfish.validation import require_type

@@ -4,11 +4,12 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import LatentCovariances
-from pilotfish.models.durations.values import GaussianDurations
-from pilotfish.models.dynamics import Dynamics, MixtureWeights, SemiMarkovChain
+from pilotfish.models.durations import Gaussian
+from pilotfish.models.dynamics import MixtureWeights
 from pilotfish.models.learn import library_version
 from pilotfish.models.online.model import Column, Head, OnlineModel
 from pilotfish.models.online.settings import DPGMM, DPMPPCA
+from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
 from pilotfish.models.skill import Provenance, Skill
 from pilotfish.types import Array, Float
 
@@ -80,7 +81,7 @@ def transitions(model: OnlineModel) -> Float[Array, "K K"]:
     return np.asarray(np.divide(leaving, departures, out=np.zeros_like(leaving), where=departures > 0.0))
 
 
-def durations(model: OnlineModel) -> GaussianDurations:
+def durations(model: OnlineModel) -> Gaussian:
     """Mean and deviation of the complete visits (5.32-5.34); the visit that goes on stands in for none."""
     rows = model.state.clusters
     visits, cut = rows[:, Column.SEGMENTS], rows[:, Column.CENSORED]
@@ -88,4 +89,4 @@ def durations(model: OnlineModel) -> GaussianDurations:
     if model.current_cluster >= 0 and visits[model.current_cluster] + cut[model.current_cluster] == 0.0:
         means[model.current_cluster] = model.state.head[Head.STEPS]
     variances = rows[:, Column.SQUARED_DEVIATIONS] / np.maximum(visits - 1.0, 1.0)
-    return GaussianDurations(np.maximum(means, 1.0), np.sqrt(variances + DURATION_VARIANCE_REGULARISATION))
+    return Gaussian(np.maximum(means, 1.0), np.sqrt(variances + DURATION_VARIANCE_REGULARISATION))

@@ -1,4 +1,4 @@
-"""Where expectation-maximisation begins: time bins, k-means over all frames at once, or a model one has."""
+"""Initialisation of expectation-maximisation: time bins, k-means over all frames, or a given model."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -8,8 +8,9 @@ import numpy as np
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import karcher_mean, log_map
+from pilotfish.models.em import expected_statistics
 from pilotfish.models.skill import HiddenModel, Skill
-from pilotfish.models.statistics import BLOCK_ROWS, Statistics, expected_statistics, labelled_statistics
+from pilotfish.models.statistics import BLOCK_ROWS, Statistics, labelled_statistics
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_number
 
@@ -18,17 +19,28 @@ MAX_ATTEMPTS = 20
 
 @runtime_checkable
 class Initialisation(Protocol):
-    """A first guess of the statistics of K states."""
+    """Initial statistics of K states; `TimeBins`, `KMeans` and `FromModel` implement it."""
 
-    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics: ...
+    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        """Compute the statistics of the first M-step.
+
+        Args:
+            views: Demonstrations as every frame sees them.
+            states: Number of states K.
+            rng: Source of randomness.
+        """
+        ...
 
 
 @dataclass(frozen=True, slots=True)
 class TimeBins:
-    """Every demonstration cut into as many equal times as there are states: a left-right skill.
+    """Cut every demonstration into K bins of equal duration: a left-right skill.
 
-    Only transitions that the cut shows are possible, so a state is never revisited.
-    jitter  moves every cut at random by up to this fraction of a bin, to give restarts different beginnings
+    Only transitions from one bin to the next are possible, so that no state is revisited.
+
+    Attributes:
+        jitter: Largest random shift of a cut, as a fraction of a bin, from 0 to 1; gives restarts different
+            initialisations.
     """
 
     jitter: float = 0.0
@@ -37,6 +49,16 @@ class TimeBins:
         require_number(self.jitter, "jitter", 0.0, 1.0)
 
     def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        """Compute the statistics of the bins.
+
+        Args:
+            views: Demonstrations as every frame sees them.
+            states: Number of bins.
+            rng: Source of the jitter.
+
+        Raises:
+            InvalidInput: If a demonstration has fewer steps than states.
+        """
         if (shortest := int(views.lengths.min())) < states:
             raise InvalidInput(
                 f"demonstration {views.lengths.argmin()} (first is 0) has {shortest} steps, which cannot "
@@ -49,17 +71,20 @@ class TimeBins:
 def _time_bins(length: int, states: int, jitter: float, rng: np.random.Generator) -> Int[Array, " T"]:
     order = np.arange(1, states)
     cuts = np.ceil((order + jitter * rng.uniform(-0.5, 0.5, states - 1)) * length / states).astype(np.int64)
-    cuts = np.maximum.accumulate(np.maximum(cuts - order, 0)) + order  # every bin keeps at least one step,
-    cuts = np.minimum(cuts, length - states + order)  # the last ones too
+    cuts = np.maximum.accumulate(np.maximum(cuts - order, 0)) + order  # every bin has at least one step,
+    cuts = np.minimum(cuts, length - states + order)  # the last bins too
     return np.searchsorted(cuts, np.arange(length), side="right").astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True)
 class KMeans:
-    """Clusters of the datapoints as all frames see them together, so that frames agree on the labels.
+    """Cluster the datapoints in the coordinates of all frames together by k-means.
 
-    Columns are scaled to unit variance first. Any state may follow any other: each gets a count of
-    pseudocount spread over all transitions on top of those seen.
+    Columns are scaled to unit variance. Every transition is possible.
+
+    Attributes:
+        pseudocount: Added to the transition counts of every state, spread evenly over its successors, and to
+            the initial counts.
     """
 
     pseudocount: float = 1.0
@@ -68,9 +93,21 @@ class KMeans:
         require_number(self.pseudocount, "pseudocount", 0.0)
 
     def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        """Compute the statistics of the clusters.
+
+        Args:
+            views: Demonstrations as every frame sees them.
+            states: Number of clusters.
+            rng: Source of the initial centres.
+
+        Raises:
+            InvalidInput: If the data has fewer distinct points than clusters, or a cluster stays empty.
+        """
         joint = _joint_features(views)
         if (distinct := _count_distinct(joint, states)) < states:
-            raise InvalidInput(f"{states} states were asked for but the data has {distinct} distinct points")
+            raise InvalidInput(
+                f"states is {states}, expected at most {distinct}, the number of distinct points in the data"
+            )
         labels = _kmeans_labels(joint, states, rng)
         statistics = labelled_statistics(views, labels, states)
         spread = self.pseudocount / states
@@ -83,14 +120,17 @@ class KMeans:
 
 
 def _kmeans_labels(x: Float[Array, "N C"], states: int, rng: np.random.Generator) -> Int[Array, " N"]:
-    from scipy.cluster.vq import ClusterError, kmeans2  # here: scipy doubles the time of importing pilotfish
+    from scipy.cluster.vq import (  # not at the top: importing scipy doubles the import time
+        ClusterError,
+        kmeans2,
+    )
 
     for _ in range(MAX_ATTEMPTS):
         try:
             return np.asarray(
                 kmeans2(x, states, minit="++", missing="raise", iter=50, rng=rng)[1], dtype=np.int64
             )
-        except ClusterError:  # a cluster lost its points
+        except ClusterError:  # a cluster became empty
             continue
     raise InvalidInput(
         f"k-means found no {states} separate clusters in {MAX_ATTEMPTS} attempts; ask for fewer states"
@@ -98,12 +138,12 @@ def _kmeans_labels(x: Float[Array, "N C"], states: int, rng: np.random.Generator
 
 
 def _joint_features(views: Views) -> Float[Array, "N C"]:
-    """All views side by side, filled in place: at the large size a copy more is felt."""
+    """Concatenate the scaled columns of all frames, in place to save memory."""
     P, N, D = views.x.shape
     E = D - len(views.orientation_starts)
     joint = np.empty((N, P * E))
     for p, x in enumerate(views.x):
-        if views.orientation_starts:  # q and -q are one point
+        if views.orientation_starts:  # in the tangent space, where q and -q are one point
             x = log_map(karcher_mean(x, np.ones(N), views.orientation_starts), x, views.orientation_starts)
         deviations = np.array([column.std() for column in x.T])
         np.divide(x, np.where(deviations > 0.0, deviations, 1.0), out=joint[:, p * E : (p + 1) * E])
@@ -111,10 +151,10 @@ def _joint_features(views: Views) -> Float[Array, "N C"]:
 
 
 def _count_distinct(x: Float[Array, "N C"], limit: int) -> int:
-    """How many different points there are, counted no further than enough."""
+    """Count the distinct rows, up to a limit."""
     points = x[:0]
-    for begin in range(0, len(x), BLOCK_ROWS):
-        points = np.unique(np.concatenate([points, x[begin : begin + BLOCK_ROWS]]), axis=0)[:limit]
+    for start in range(0, len(x), BLOCK_ROWS):
+        points = np.unique(np.concatenate([points, x[start : start + BLOCK_ROWS]]), axis=0)[:limit]
         if len(points) == limit:
             break
     return len(points)
@@ -122,16 +162,31 @@ def _count_distinct(x: Float[Array, "N C"], limit: int) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FromModel:
-    """The beliefs of a model that one already has, say one learned from other demonstrations."""
+    """Initialise by the E-step of a given model, for instance one learned from other demonstrations.
+
+    Attributes:
+        model: A model or skill with the same frames and columns.
+    """
 
     model: HiddenModel | Skill
 
     def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        """Compute the expected statistics under the given model.
+
+        Args:
+            views: Demonstrations as every frame sees them.
+            states: Number of states of the given model.
+            rng: Not used.
+
+        Raises:
+            InvalidInput: If states, frames or columns are not those of the model.
+        """
         P, K, D = self.model.means.shape
         if states != K:
-            raise InvalidInput(f"the given model has {K} states, {states} were asked for")
-        if (given_shape := (views.x.shape[0], views.x.shape[2])) != (P, D):
+            raise InvalidInput(f"states is {states}, expected {K}, the number of states of the given model")
+        if (given := (views.x.shape[0], views.x.shape[2])) != (P, D):
             raise InvalidInput(
-                f"the given model has {P} frames of {D} columns, the demonstrations {given_shape[0]} of {given_shape[1]}"
+                f"the demonstrations have {given[0]} frames of {given[1]} columns, expected {P} of {D} as in "
+                "the given model"
             )
         return expected_statistics(self.model, views)
