@@ -24,12 +24,12 @@ endif
 export PYTHONDONTWRITEBYTECODE :=# bytecode is kept, so that an import stays quick
 export OPENBLAS_NUM_THREADS ?= 1# the matrices are small: more threads are slower
 
-.PHONY: help demo test slow lint check fuzz bench reproduce clean
+.PHONY: help demo test slow lint docs check fuzz bench reproduce clean
 
 help: ## list these targets
 	@grep -hE '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
 
-demo: $(READY) ## learn the valve task, replay it in new situations, draw it: build/demo
+demo: $(READY) ## learn the valve task, reproduce it in new situations, draw it: build/demo
 	.venv/bin/pilotfish demo --out build/demo
 
 test: $(READY) ## run every test that is not slow; SEEDS=3 runs those that depend on chance with three seeds
@@ -45,6 +45,10 @@ lint: $(READY) ## format, lint, types and spelling
 	.venv/bin/codespell -D - -D .ci/british.txt
 	.venv/bin/codespell -D .ci/refused.txt $(PROSE)
 	.venv/bin/lint-imports --no-cache
+
+docs: $(READY) ## build the documentation site, warnings are errors: build/docs/index.html
+	$(PYTHON) -m sphinx -q -W --keep-going -b html -d build/doctrees docs build/docs
+	@echo "$$(find build/docs -name '*.html' | wc -l) pages, begin with build/docs/index.html"
 
 check: SEEDS = 3
 check: lint slow test ## lint, then run every test with three seeds
