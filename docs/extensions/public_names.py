@@ -11,7 +11,8 @@ from typing import Any
 PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
     "geometry", "control", "planning", "plots", "io.datasets", "io", "environments.human",
-    "environments.tasks", "environments.baxter", "environments", "simulation", "kernels", "errors", "validation",
+    "environments.tasks", "environments.baxter", "environments", "simulation", "kernels", "errors",
+    "validation",
 )  # fmt: skip
 
 
