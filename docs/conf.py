@@ -20,11 +20,13 @@ extensions = [
     "myst_parser",
     "sphinx_click",
     "sphinx_copybutton",
+    "code_links",
     "docstrings",
     "mathml",
     "package_reference",
 ]
 exclude_patterns = ["extensions"]
+suppress_warnings = ["misc.highlighting_failure"]  # `csv` is no language of Pygments
 
 html_theme = "furo"
 html_title = f"pilotfish {release}"

@@ -46,6 +46,8 @@ def summary_table(package: str, members: dict[str, Any]) -> list[str]:
 
 def constant_text(value: Any) -> str:
     """Return what a constant or a union of types is, in one short line."""
+    if callable(value):
+        return getattr(value, "__name__", "function")
     types = getattr(value, "__args__", ())
     text = " | ".join(t.__name__ for t in types) if types else repr(value)
     if isinstance(value, dict):

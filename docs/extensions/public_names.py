@@ -34,8 +34,8 @@ def defined_names(module: Any) -> list[str]:
 
 
 def has_docstring(value: Any) -> bool:
-    """Return whether a value is a function or a class, which has a docstring of its own."""
-    return inspect.isfunction(value) or inspect.isclass(value)
+    """Return whether a value is a function or a class with a docstring."""
+    return bool((inspect.isroutine(value) or inspect.isclass(value)) and inspect.getdoc(value))
 
 
 @cache
