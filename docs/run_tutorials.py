@@ -2,9 +2,9 @@
 
     python docs/run_tutorials.py [first-skill own-recordings simulated-task stream]
 
-A page is run from top to bottom in an empty folder. A `console` block has commands after `$ ` and their output.
-The `python` blocks of a page are one program; a `text` block after one of them is what it prints. Pictures that
-the page displays are made by its commands; here they are reduced to COLOURS colours and saved beside the page.
+A page is run from top to bottom in an empty folder. A `console` block has commands after `$ ` and their
+output. The `python` blocks of a page are one program; a `text` block after one of them is its output. The
+pictures of a page are made by its commands; this script reduces their colours and saves them beside the page.
 The tests run the same pages and compare the output, numbers left out (`tests/test_tutorials.py`).
 """
 
@@ -82,7 +82,8 @@ def save_pictures(text: str, folder: Path) -> None:
     for name in PICTURE.findall(text):
         with Image.open(folder / name) as picture:
             picture.thumbnail(MAX_SIZE)
-            picture.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(TUTORIALS / name, optimize=True)
+            reduced = picture.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
+            reduced.save(TUTORIALS / name, optimize=True)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Link names in backticks on Markdown pages to the API reference: `pf.learn`, `control.track`, `AdaptedSkill`.
+"""Link names in backticks on Markdown pages to the API reference: `pf.learn`, `AdaptedSkill`.
 
 Only names that are unmistakable are linked: with a dot, an underscore or a capital letter inside.
 """

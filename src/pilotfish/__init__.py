@@ -1,20 +1,17 @@
-"""pilotfish learns manipulation skills from a few demonstrations and replays them in situations never shown.
+"""Learn manipulation skills from a few demonstrations and reproduce them in new situations.
 
-record     load, demonstration, datasets -> Demonstration, with its Frame of each object; with_derivatives,
-           on_sphere
-learn      learn, learn_semi_markov, learn_markov, learn_mixture -> Fit, of a Skill
-  spread   Full, Diagonal, Spherical, SemiTied, MFA, HDDC, HDDCShare
-  last     Timing, Censoring; Normal, LogNormal, Gamma, Poisson, NegativeBinomial, Histogram
-  begin    TimeBins, KMeans, EMSettings
-stream     online.observe and its kin: models that grow datapoint by datapoint, and read out as a Skill
-compare    log_likelihood; select among Candidate models; relevance of frames, select_frames
-keep       save_skill, open_skill; save_stream, open_stream
-adapt      adapt(skill, frames now) -> AdaptedSkill; chart, when it has orientations on their sphere
-plan       plan, expected_plan; via_point, through, plan_through
-move       double_integrator, track
-refuse     SkillError, of which InvalidInput, NotPositiveDefinite and UnknownSkill are kinds
+Import it as `import pilotfish as pf`. The public names by step:
 
-The rooms behind these names (pilotfish.models, pilotfish.control, pilotfish.plots ...) hold the rest.
+    data        load, demonstration, datasets -> Demonstration with one Frame per object; add_derivatives,
+                to_sphere
+    learn       learn -> Fit, which holds a Skill; structures and durations are choices of the model
+    compare     log_likelihood, select, relevance, select_frames
+    files       save_skill, open_skill, save_stream, open_stream
+    reproduce   reproduce does adapt -> plan -> track in one call; via_point
+    stream      online: learn from one datapoint at a time
+    errors      SkillError is the base class; InvalidInput is an argument that cannot be used
+
+The packages hold the rest: `pilotfish.models`, `pilotfish.control`, `pilotfish.plots` and others.
 """
 
 from importlib import import_module
