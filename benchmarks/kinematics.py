@@ -17,9 +17,10 @@ from problems import Floats
 from workers import timed_environment
 
 from pilotfish import control
-from pilotfish.control import ArmLimits, SerialChain, inverse_kinematics
+from pilotfish.control import SerialChain, inverse_kinematics
 from pilotfish.environments.baxter import arm_chain, baxter_limits, solve_posture
 from pilotfish.geometry import Pose
+from pilotfish.kernels import ArmLimits
 
 SCRIPT = Path(__file__).parent / "kinematics_peers.py"
 EXACT = (1e-6, 1e-5)  # m, rad: what pilotfish.control calls converged

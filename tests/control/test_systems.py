@@ -1,4 +1,4 @@
-"""Laws of the linear systems."""
+"""Linear systems: discretisation and double integrators."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ from pilotfish.errors import InvalidInput
 
 
 @pytest.mark.parametrize("axes", [1, 3, 7])
-def test_a_double_integrator_moves_as_a_unit_mass(rng, axes):
-    """Under a constant push a it goes p + v t + a t^2 / 2 and gains a t, exactly at every period."""
+def test_double_integrator_constant_input_moves_as_unit_mass(rng, axes):
+    """Under a constant acceleration a, x is p + v t + a t^2 / 2, exactly at every period."""
     system = double_integrator(axes, period=0.07)
     p, v, a = rng.normal(size=(3, axes))
     x = np.concatenate([p, v])
@@ -26,8 +26,8 @@ def test_a_double_integrator_moves_as_a_unit_mass(rng, axes):
 
 
 @pytest.mark.parametrize("axes", [1, 2, 5])
-def test_the_discrete_double_integrator_is_the_continuous_one_discretised(axes):
-    """The closed form and the matrix exponential are two ways to one system."""
+def test_double_integrator_equals_discretised_continuous_one(axes):
+    """The closed form and the matrix exponential agree."""
     closed, exponential = (
         double_integrator(axes, 0.3),
         discretise(continuous_double_integrator(axes), 0.3),
@@ -38,8 +38,8 @@ def test_the_discrete_double_integrator_is_the_continuous_one_discretised(axes):
 
 
 @pytest.mark.parametrize(("n", "m", "period"), [(1, 1, 0.1), (3, 2, 1.0), (4, 6, 2.5)])
-def test_discretising_is_exact_while_the_input_is_held(rng, n, m, period):
-    """One step of the discrete system is the solution of the differential equation after a period."""
+def test_discretise_step_equals_integrated_equation(rng, n, m, period):
+    """One step equals the solution of the differential equation after a period."""
     system = ContinuousSystem(rng.normal(size=(n, n)), rng.normal(size=(n, m)))
     x, u = rng.normal(size=n), rng.normal(size=m)
     step = discretise(system, period)
@@ -49,8 +49,8 @@ def test_discretising_is_exact_while_the_input_is_held(rng, n, m, period):
     np.testing.assert_allclose(step.A @ x + step.B @ u, path.y[:, -1], rtol=1e-9, atol=1e-9)
 
 
-def test_two_short_periods_make_a_long_one(rng):
-    """Holding an input for twice the period is holding it twice."""
+def test_discretise_two_periods_equal_double_period(rng):
+    """An input held for two periods equals one held for twice the period."""
     system = ContinuousSystem(rng.normal(size=(4, 4)), rng.normal(size=(4, 2)))
     short, long = discretise(system, 0.4), discretise(system, 0.8)
     np.testing.assert_allclose(long.A, short.A @ short.A, rtol=1e-11)
@@ -58,8 +58,8 @@ def test_two_short_periods_make_a_long_one(rng):
 
 
 @pytest.mark.parametrize("period", [0.0, -0.1, np.nan, np.inf])
-def test_a_period_that_is_no_positive_time_is_refused(period):
-    """Neither system is built, and the message gives the value."""
+def test_discretise_unusable_period_is_refused(period):
+    """The message gives the value."""
     for build in (
         lambda: double_integrator(2, period),
         lambda: discretise(continuous_double_integrator(2), period),
@@ -68,7 +68,7 @@ def test_a_period_that_is_no_positive_time_is_refused(period):
             build()
 
 
-def test_a_double_integrator_without_axes_is_refused():
+def test_double_integrator_without_axes_is_refused():
     with pytest.raises(InvalidInput, match="axes is 0, expected a whole number from 1"):
         double_integrator(0, 0.1)
     with pytest.raises(InvalidInput, match="axes is -1, expected a whole number from 1"):
@@ -76,19 +76,19 @@ def test_a_double_integrator_without_axes_is_refused():
 
 
 @pytest.mark.parametrize("period", [5e-324, 1e-155, 1e155, 1e300, 10**400, True, "3"])
-def test_period_whose_square_is_lost_is_refused(period):
-    """Rather than squared to 0 or infinity."""
+def test_discretise_extreme_period_is_refused(period):
+    """A period whose square is 0 or infinite is refused."""
     for build in (double_integrator, lambda _, period: discretise(continuous_double_integrator(2), period)):
         with check_annotations(False), pytest.raises(InvalidInput, match=r"period is .* a positive time"):
             build(2, period)
 
 
 @pytest.mark.parametrize("size", [1e16, 1e49, 1e300])
-def test_system_too_fast_for_its_period_is_not_discretised(size):
-    """Its matrix exponential is not finite, or has no right digits."""
+def test_discretise_too_fast_system_is_refused(size):
+    """Its matrix exponential is not finite, or has no correct digits."""
     with pytest.raises(InvalidInput, match="expected"):
         discretise(ContinuousSystem(size * np.eye(2), np.ones((2, 1))), 1.0)
-    with pytest.raises(InvalidInput, match="outgrows"):
+    with pytest.raises(InvalidInput, match="overflows float64"):
         discretise(ContinuousSystem(1e3 * np.eye(2), np.ones((2, 1))), 1.0)
     decayed = discretise(ContinuousSystem(-1e3 * np.eye(2), np.ones((2, 1))), 1.0)
     np.testing.assert_allclose(decayed.A, np.zeros((2, 2)), atol=1e-300)

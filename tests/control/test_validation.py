@@ -1,4 +1,4 @@
-"""What a user gives is checked once: the message tells the value, what was expected and the nearest fix."""
+"""Checks of systems, references and costs."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,6 @@ import pytest
 from jaxtyping import TypeCheckError
 
 from pilotfish.control import (
-    BatchSolution,
     ContinuousSystem,
     Feedback,
     LinearSystem,
@@ -28,9 +27,9 @@ SYSTEM, START = double_integrator(2, 0.1), np.zeros(4)
 TARGETS, WEIGHTS = np.zeros((5, 4)), np.stack([np.eye(4)] * 5)
 
 
-def replaced(array: np.ndarray, place: tuple[int, ...], value: float) -> np.ndarray:
+def replace_entry(array: np.ndarray, index: tuple[int, ...], value: float) -> np.ndarray:
     copy = array.copy()
-    copy[place] = value
+    copy[index] = value
     return copy
 
 
@@ -45,37 +44,47 @@ def solvers(reference: Reference, control_cost: float | np.ndarray) -> list[Call
     ]
 
 
-NEGATIVE, TWISTED = np.diag([1.0, -0.25, 1.0, 1.0]), np.eye(4) + 0.5 * np.eye(4, k=1)
+NEGATIVE, ASYMMETRIC = np.diag([1.0, -0.25, 1.0, 1.0]), np.eye(4) + 0.5 * np.eye(4, k=1)
 REFUSED = [
     (TARGETS[:, :3], WEIGHTS[:, :3, :3], InvalidInput, r"targets has shape \(5, 3\), expected \(T, 4\)"),
     (TARGETS[:1], WEIGHTS[:1], InvalidInput, "the horizon is 1, expected 2 or more"),
     (TARGETS[:0], WEIGHTS[:0], InvalidInput, "the horizon is 0, expected 2 or more"),
     (TARGETS, WEIGHTS[:, :, :2], InvalidInput, r"weights has shape \(5, 4, 2\), expected \(5, 4, 4\)"),
     (TARGETS, WEIGHTS[:4], InvalidInput, r"weights has shape \(4, 4, 4\), expected \(5, 4, 4\)"),
-    (replaced(TARGETS, (3, 1), np.nan), WEIGHTS, InvalidInput, r"targets\[3, 1\] is nan, expected a finite"),
+    (
+        replace_entry(TARGETS, (3, 1), np.nan),
+        WEIGHTS,
+        InvalidInput,
+        r"targets\[3, 1\] is nan, expected a finite",
+    ),
     (
         TARGETS,
-        replaced(WEIGHTS, (2, 0, 0), np.inf),
+        replace_entry(WEIGHTS, (2, 0, 0), np.inf),
         InvalidInput,
         r"weights\[2, 0, 0\] is inf, expected a finite",
     ),
     (TARGETS, np.stack([*WEIGHTS[:3], NEGATIVE, NEGATIVE]), NotPositiveDefinite, r"weights\[3\] .* -0.25"),
     (TARGETS, np.stack([NEGATIVE] * 5), NotPositiveDefinite, r"weights\[0\] has the eigenvalue -0.25"),
-    (TARGETS, np.stack([*WEIGHTS[:4], TWISTED]), InvalidInput, r"weights\[4\] .* transpose by 0.5, .* W.T"),
+    (
+        TARGETS,
+        np.stack([*WEIGHTS[:4], ASYMMETRIC]),
+        InvalidInput,
+        r"weights\[4\] .* transpose by 0.5, .* W.T",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("targets", "weights", "error", "message"), REFUSED)
-@pytest.mark.parametrize("which", range(5), ids=["track", "lqr", "batch", "track_c", "regulate_c"])
-def test_a_reference_that_cannot_be_followed_is_refused(which, targets, weights, error, message):
-    """Every solver refuses it, and the message names the place."""
+@pytest.mark.parametrize("solver", range(5), ids=["track", "lqr", "batch", "track_c", "lqr_c"])
+def test_solvers_unusable_reference_is_refused(solver, targets, weights, error, message):
+    """Every solver refuses it, and the message gives the step."""
     reference = unchecked(targets, weights)
     with pytest.raises(error, match=message):
-        solvers(reference, 1.0)[which]()
+        solvers(reference, 1.0)[solver]()
 
 
 def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
-    """A Reference whose shapes need not agree, as a user's may who does not check annotations."""
+    """Return a Reference whose shapes need not agree, as without annotation checks."""
     reference = object.__new__(Reference)
     object.__setattr__(reference, "targets", targets)
     object.__setattr__(reference, "weights", weights)
@@ -86,12 +95,12 @@ def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
 @pytest.mark.parametrize(
     ("control_cost", "error", "message"),
     [
-        (0.0, InvalidInput, "control_cost is 0.0, expected .* a positive price"),
-        (-2.0, InvalidInput, "control_cost is -2.0, expected .* a positive price"),
-        (np.nan, InvalidInput, "control_cost is nan, expected .* a positive price"),
-        (np.inf, InvalidInput, "control_cost is inf, expected .* a positive price"),
+        (0.0, InvalidInput, "control_cost is 0.0, expected .* a positive cost"),
+        (-2.0, InvalidInput, "control_cost is -2.0, expected .* a positive cost"),
+        (np.nan, InvalidInput, "control_cost is nan, expected .* a positive cost"),
+        (np.inf, InvalidInput, "control_cost is inf, expected .* a positive cost"),
         (np.eye(3), InvalidInput, r"control_cost has shape \(3, 3\), expected one number or \(2, 2\)"),
-        (np.diag([1.0, np.nan]), InvalidInput, r"effort\[1, 1\] is nan"),
+        (np.diag([1.0, np.nan]), InvalidInput, r"control_cost\[1, 1\] is nan"),
         (np.array([[1.0, 0.5], [0.0, 1.0]]), InvalidInput, "control_cost differs from its transpose by 0.5"),
         (
             np.diag([1.0, 0.0]),
@@ -101,11 +110,11 @@ def unchecked(targets: np.ndarray, weights: np.ndarray) -> Reference:
         (np.diag([1.0, -3.0]), NotPositiveDefinite, "control_cost has the eigenvalue -3"),
     ],
 )
-@pytest.mark.parametrize("which", range(5), ids=["track", "lqr", "batch", "track_c", "regulate_c"])
-def test_an_effort_that_is_no_price_is_refused(which, control_cost, error, message):
-    """Every input must cost something, or the cheapest one is not defined."""
+@pytest.mark.parametrize("solver", range(5), ids=["track", "lqr", "batch", "track_c", "lqr_c"])
+def test_solvers_unusable_control_cost_is_refused(solver, control_cost, error, message):
+    """Every input has a cost; otherwise the optimum is not defined."""
     with pytest.raises(error, match=message):
-        solvers(Reference(TARGETS, WEIGHTS), control_cost)[which]()
+        solvers(Reference(TARGETS, WEIGHTS), control_cost)[solver]()
 
 
 def linear(A: np.ndarray, B: np.ndarray, period: float = 0.1) -> LinearSystem:
@@ -122,17 +131,17 @@ def linear(A: np.ndarray, B: np.ndarray, period: float = 0.1) -> LinearSystem:
         (linear(np.ones((4, 4, 4)), np.ones((4, 4, 2))), r"A has shape \(4, 4, 4\), expected \(n, n\)"),
         (linear(np.eye(4), np.ones((3, 2))), r"B has shape \(3, 2\), expected \(4, m\)"),
         (linear(np.eye(4), np.ones((4, 0))), r"B has shape \(4, 0\), expected \(4, m\)"),
-        (linear(np.eye(4), replaced(np.ones((4, 2)), (1, 1), np.nan)), r"B\[1, 1\] is nan"),
-        (linear(replaced(np.eye(4), (0, 1), -np.inf), np.ones((4, 2))), r"A\[0, 1\] is -inf"),
+        (linear(np.eye(4), replace_entry(np.ones((4, 2)), (1, 1), np.nan)), r"B\[1, 1\] is nan"),
+        (linear(replace_entry(np.eye(4), (0, 1), -np.inf), np.ones((4, 2))), r"A\[0, 1\] is -inf"),
         (linear(np.eye(4), np.ones((4, 2)), period=0.0), "period is 0.0, expected .* a positive time"),
         (
             TimeVaryingSystem(np.ones((3, 4, 4)), np.ones((3, 4, 2)), 0.1),
-            "varies over 3 periods, expected 4 between 5 targets",
+            "has 3 periods, expected 4 between 5 targets",
         ),
     ],
 )
-def test_a_system_that_is_none_is_refused(system, message):
-    """Shapes, numbers and the period are told as they came; also that a varying system fits the horizon."""
+def test_solvers_unusable_system_is_refused(system, message):
+    """The message gives shapes, numbers and period; a time-varying system must fit the horizon."""
     for solve in (
         lambda: track(system, Reference(TARGETS, WEIGHTS), 1.0),
         lambda: solve_batch(system, Reference(TARGETS, WEIGHTS), 1.0, START),
@@ -141,8 +150,8 @@ def test_a_system_that_is_none_is_refused(system, message):
             solve()
 
 
-def test_a_continuous_system_that_is_none_is_refused():
-    """Its doors are the same."""
+def test_solvers_unusable_continuous_system_is_refused():
+    """The checks are those of discrete systems."""
     broken = ContinuousSystem(np.full((4, 4), np.nan), np.ones((4, 2)))
     for use in (
         lambda: discretise(broken, 0.1),
@@ -164,7 +173,7 @@ def test_a_continuous_system_that_is_none_is_refused():
         (-np.eye(4), NotPositiveDefinite, "terminal has the eigenvalue -1"),
     ],
 )
-def test_a_terminal_weight_that_is_none_is_refused(terminal, error, message):
+def test_track_continuous_unusable_terminal_weight_is_refused(terminal, error, message):
     with pytest.raises(error, match=message):
         track_continuous(
             continuous_double_integrator(2), Reference(TARGETS, WEIGHTS), 1.0, period=0.1, terminal=terminal
@@ -178,8 +187,8 @@ def test_a_terminal_weight_that_is_none_is_refused(terminal, error, message):
         (np.array([0.0, np.nan, 0.0, 0.0]), r"start\[1\] is nan"),
     ],
 )
-def test_a_start_that_is_no_state_is_refused(start, message):
-    """A motion can only begin at a state of the system."""
+def test_rollout_unusable_start_is_refused(start, message):
+    """The start must be a state of the system."""
     reference = Reference(TARGETS, WEIGHTS)
     for begin in (
         lambda: track(SYSTEM, reference, 1.0).rollout(start),
@@ -190,36 +199,38 @@ def test_a_start_that_is_no_state_is_refused(start, message):
             begin()
 
 
-def test_a_state_without_halves_has_no_stiffness():
+def test_stiffness_odd_state_is_refused():
     """Three entries are not positions and as many velocities."""
     feedback = Feedback(
         SYSTEM, Reference(np.zeros((2, 3)), np.zeros((2, 3, 3))), np.ones((1, 1, 3)), np.ones((1, 1))
     )
-    for half in ("stiffness", "damping"):
+    for gain in ("stiffness", "damping"):
         with pytest.raises(InvalidInput, match="the state has 3 entries"):
-            getattr(feedback, half)
+            getattr(feedback, gain)
 
 
-def test_rounding_in_the_symmetry_of_prices_is_let_pass():
-    """Inverses of covariances are not exactly symmetric; every solver takes them for what they almost are."""
+def test_solvers_rounding_in_symmetry_is_accepted():
+    """Inverses of covariances are symmetric up to rounding only; every solver accepts them."""
     weights, control_cost, skew = WEIGHTS.copy(), np.eye(2), 1e-9
     exact = [solve() for solve in solvers(Reference(TARGETS, weights), control_cost)]
     weights[:, 0, 3] += skew
-    rough = [solve() for solve in solvers(Reference(TARGETS, weights), control_cost + skew * np.eye(2, k=1))]
-    for one, other in zip(exact, rough, strict=True):
-        if not isinstance(one, BatchSolution):
-            np.testing.assert_allclose(other.gains, one.gains, atol=1e-7)
+    rounded = [
+        solve() for solve in solvers(Reference(TARGETS, weights), control_cost + skew * np.eye(2, k=1))
+    ]
+    for first, second in zip(exact, rounded, strict=True):
+        if not isinstance(first, tuple):
+            np.testing.assert_allclose(second.gains, first.gains, atol=1e-7)
 
 
-def test_a_weight_of_lower_rank_is_let_pass(rng):
-    """Positive semidefinite is enough, up to rounding: a direction without price is left free."""
+def test_track_weight_of_lower_rank_is_accepted(rng):
+    """Positive semidefinite is enough, up to rounding."""
     root = rng.normal(size=(4, 2))
     track(SYSTEM, Reference(TARGETS, np.stack([1e3 * root @ root.T] * 5)), 1.0)
     track(SYSTEM, Reference(TARGETS, np.zeros((5, 4, 4))), 1.0)
 
 
-def test_a_plan_for_another_period_is_not_followed():
-    """Ten times slower is not what was shown."""
+def test_solvers_reference_of_other_period_is_refused():
+    """The period of a reference must be that of the system."""
     targets, weights = np.zeros((5, 4)), np.tile(np.eye(4), (5, 1, 1))
     planned = Reference(targets, weights, period=0.1)
     assert track(double_integrator(2, 0.1), planned, 1.0).gains.shape == (4, 2, 4)
@@ -227,19 +238,19 @@ def test_a_plan_for_another_period_is_not_followed():
         lambda: track(double_integrator(2, 1.0), planned, 1.0),
         lambda: track_continuous(continuous_double_integrator(2), planned, 1.0, period=1.0),
     ):
-        with pytest.raises(InvalidInput, match=r"every 0\.1 s, the system moves every 1 s"):
+        with pytest.raises(InvalidInput, match=r"every 0\.1 s, but the period of the system is 1 s"):
             follow()
 
 
-def test_gains_beyond_all_numbers_are_refused():
-    """An unstable motion that no input reaches outgrows float64 over a long horizon."""
+def test_track_overflowing_gains_are_refused():
+    """An unstable mode that no input controls overflows float64 over a long horizon."""
     system = LinearSystem(np.diag([10.0, 1.0]), np.array([[0.0], [1.0]]), 0.1)
     reference = Reference(np.zeros((400, 2)), np.tile(np.eye(2), (400, 1, 1)))
     with pytest.raises(InvalidInput, match="not finite"), np.errstate(all="ignore"):
         track(system, reference, 1.0)
 
 
-def test_what_varies_has_no_steady_gain():
+def test_lqr_time_varying_system_is_refused():
     system = TimeVaryingSystem(np.tile(np.eye(2), (4, 1, 1)), np.ones((4, 2, 1)), 0.1)
     reference = Reference(np.zeros((5, 2)), np.tile(np.eye(2), (5, 1, 1)))
     with pytest.raises((InvalidInput, TypeCheckError), match="LinearSystem"):

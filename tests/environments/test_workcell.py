@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pilotfish.control import ArmState, forward_kinematics, jacobian
+from pilotfish.control import forward_kinematics, jacobian
 from pilotfish.environments import TASKS, Workcell
 from pilotfish.environments.baxter import JOINTS, add_arm, arm_chain, baxter_limits, empty_world, mount_handle
 from pilotfish.environments.steering import RelativeMapping, linear_path
@@ -17,6 +17,7 @@ from pilotfish.geometry import (
     relative_rotation_vector,
     rotation_vector_in_world,
 )
+from pilotfish.kernels import ArmState
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 

@@ -1,76 +1,125 @@
-"""The controller that tracking returns, and the motion it makes."""
+"""Feedback controllers that tracking returns, and the motions that they make."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from pilotfish.control.reference import Reference
-from pilotfish.control.systems import ContinuousSystem, DiscreteSystem, broadcast_system
+from pilotfish.control.systems import ContinuousSystem, DiscreteSystem
 from pilotfish.control.validation import position_count, require_start
 from pilotfish.types import Array, Float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """States a period [s] apart, and the input at the beginning of each of the periods between them."""
+    """States of a system and the inputs between them.
+
+    Attributes:
+        x: States, a period apart.
+        u: Input at the beginning of each period.
+        period: Time between two states [s].
+    """
 
     x: Float[Array, "T n"]
     u: Float[Array, "T-1 m"]
     period: float
 
 
+class _AffineFeedback:
+    """Controller u[t] = feedforwards[t] - gains[t] (x[t] - targets[t]) over S = T - 1 periods."""
+
+    __slots__ = ()
+    reference: Reference
+    gains: Array
+    feedforwards: Array
+
+    @property
+    def stiffness(self) -> Float[Array, "S m half"]:
+        """K^P: gain on positions, the first half of a second-order state.
+
+        Raises:
+            InvalidInput: If the state has an odd number of entries.
+        """
+        return self.gains[:, :, : position_count(self.gains)]
+
+    @property
+    def damping(self) -> Float[Array, "S m half"]:
+        """K^V: gain on velocities, the second half of a second-order state.
+
+        Raises:
+            InvalidInput: If the state has an odd number of entries.
+        """
+        return self.gains[:, :, position_count(self.gains) :]
+
+    def command(self, t: int, x: Float[Array, " n"]) -> Float[Array, " m"]:
+        """Return the input at the beginning of a period.
+
+        Args:
+            t: Period, from 0.
+            x: State at its beginning.
+        """
+        command: Float[Array, " m"] = self.feedforwards[t] - self.gains[t] @ (x - self.reference.targets[t])
+        return command
+
+    def _simulate(
+        self, start: Float[Array, " n"], step: Callable[[int, Array, Array], Array], period: float
+    ) -> Motion:
+        """Roll out x[t+1] = step(t, x[t], u[t])."""
+        S, m, n = self.gains.shape
+        require_start(start, n)
+        x, u = np.empty((S + 1, n)), np.empty((S, m))
+        x[0] = start
+        for t in range(S):
+            u[t] = self.command(t, x[t])
+            x[t + 1] = step(t, x[t], u[t])
+        return Motion(x, u, period)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Feedback:
-    """The controller  u_t = feedforwards[t] - gains[t] (x_t - targets[t]),  over S = T - 1 periods."""
+class Feedback(_AffineFeedback):
+    """Discrete controller u[t] = feedforwards[t] - gains[t] (x[t] - targets[t]), with u held for a period.
+
+    Attributes:
+        system: Dynamics over each period.
+        reference: Targets and weights at T steps.
+        gains: Gain of each of the S = T - 1 periods.
+        feedforwards: Input at the target in each period.
+    """
 
     system: DiscreteSystem
     reference: Reference
     gains: Float[Array, "S m n"]
     feedforwards: Float[Array, "S m"]
 
-    @property
-    def stiffness(self) -> Float[Array, "S m half"]:
-        """K^P: the gain on positions, the first half of a second-order state.
-
-        Raises: InvalidInput, when the state has no halves.
-        """
-        return self.gains[:, :, : position_count(self.gains)]
-
-    @property
-    def damping(self) -> Float[Array, "S m half"]:
-        """K^V: the gain on velocities, the second half of a second-order state.
-
-        Raises: InvalidInput, when the state has no halves.
-        """
-        return self.gains[:, :, position_count(self.gains) :]
-
-    def command(self, t: int, x: Float[Array, " n"]) -> Float[Array, " m"]:
-        """The input to hold during the t-th period, from the state at its beginning."""
-        command: Float[Array, " m"] = self.feedforwards[t] - self.gains[t] @ (x - self.reference.targets[t])
-        return command
-
     def rollout(self, start: Float[Array, " n"]) -> Motion:
-        """How the system moves from start under this feedback.
+        """Return the motion of the system under this feedback.
 
-        Raises: InvalidInput, when start is not a finite state of the system.
+        Args:
+            start: First state.
+
+        Raises:
+            InvalidInput: If start is not a finite state of the system.
         """
-        S, m, n = self.gains.shape
-        require_start(start, n)
-        system = broadcast_system(self.system, S)
-        x, u = np.empty((S + 1, n)), np.empty((S, m))
-        x[0] = start
-        for t in range(S):
-            u[t] = self.command(t, x[t])
-            x[t + 1] = system.A[t] @ x[t] + system.B[t] @ u[t]
-        return Motion(x, u, self.system.period)
+        system = self.system.over(len(self.gains))
+        return self._simulate(start, lambda t, x, u: system.A[t] @ x + system.B[t] @ u, system.period)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ContinuousFeedback:
-    """The controller  u = feedforwards[t] - gains[t] (x - targets[t])  as period t begins.
+class ContinuousFeedback(_AffineFeedback):
+    """Continuous controller u = feedforwards[t] - gains[t] (x - targets[t]) at the beginning of period t.
 
-    Gains and feed-forwards change with time inside the period [s], which is integrated already: under them
-    the state moves to  transitions[t] x + offsets[t].
+    Within a period, gains and feedforwards change with time. The closed loop is integrated exactly: it maps
+    the state to transitions[t] x + offsets[t].
+
+    Attributes:
+        system: Continuous dynamics.
+        reference: Targets and weights at T steps.
+        period: Duration of a period [s].
+        gains: Gain at the beginning of each of the S = T - 1 periods.
+        feedforwards: Input at the target at the beginning of each period.
+        transitions: Matrix of the closed loop over each period.
+        offsets: Offset of the closed loop over each period.
     """
 
     system: ContinuousSystem
@@ -81,37 +130,13 @@ class ContinuousFeedback:
     transitions: Float[Array, "S n n"]
     offsets: Float[Array, "S n"]
 
-    @property
-    def stiffness(self) -> Float[Array, "S m half"]:
-        """K^P: the gain on positions, the first half of a second-order state.
-
-        Raises: InvalidInput, when the state has no halves.
-        """
-        return self.gains[:, :, : position_count(self.gains)]
-
-    @property
-    def damping(self) -> Float[Array, "S m half"]:
-        """K^V: the gain on velocities, the second half of a second-order state.
-
-        Raises: InvalidInput, when the state has no halves.
-        """
-        return self.gains[:, :, position_count(self.gains) :]
-
-    def command(self, t: int, x: Float[Array, " n"]) -> Float[Array, " m"]:
-        """The input at the moment the t-th period begins, from the state there."""
-        command: Float[Array, " m"] = self.feedforwards[t] - self.gains[t] @ (x - self.reference.targets[t])
-        return command
-
     def rollout(self, start: Float[Array, " n"]) -> Motion:
-        """How the system moves from start under this feedback, which acts without pause; exact.
+        """Return the motion of the system under this feedback, without discretisation error.
 
-        Raises: InvalidInput, when start is not a finite state of the system.
+        Args:
+            start: First state.
+
+        Raises:
+            InvalidInput: If start is not a finite state of the system.
         """
-        S, m, n = self.gains.shape
-        require_start(start, n)
-        x, u = np.empty((S + 1, n)), np.empty((S, m))
-        x[0] = start
-        for t in range(S):
-            u[t] = self.command(t, x[t])
-            x[t + 1] = self.transitions[t] @ x[t] + self.offsets[t]
-        return Motion(x, u, self.period)
+        return self._simulate(start, lambda t, x, _: self.transitions[t] @ x + self.offsets[t], self.period)

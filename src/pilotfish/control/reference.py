@@ -1,4 +1,4 @@
-"""What a controller is asked to follow."""
+"""Reference of linear quadratic tracking: targets and their weights."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,13 @@ from pilotfish.types import Array, Float, Int
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """Where to be at each step, and how much it matters.
+    """One target and one weight per step; from a skill, means and precision matrices.
 
-    Weights are symmetric, positive semidefinite, in one over the square of the state's unit: the precision of
-    the target, when it comes from a Gaussian. A zero weight leaves the step free. period is the time from one
-    target to the next [s], if they were planned for one: a system of another period then refuses to follow.
+    Attributes:
+        targets: Target of the state at each step.
+        weights: Symmetric positive semidefinite weight of the error [1 / unit of x squared]; zero leaves the
+            step free.
+        period: Time between two targets [s]. A system of another period is refused; None accepts any.
     """
 
     targets: Float[Array, "T n"]
@@ -22,14 +24,18 @@ class Reference:
 
 
 def unique_weights(arrays: Float[Array, "T ..."]) -> tuple[list[int], Int[Array, " T"]]:
-    """Where each value is met first, and which of these every array equals: few in a step-wise reference."""
-    positions_by_value: dict[bytes, int] = {}
+    """Return the first index of each distinct array, and for every array the number of its equal.
+
+    As `numpy.unique` with its inverse, in order of appearance. A step-wise reference has few distinct
+    weights.
+    """
+    number_by_value: dict[bytes, int] = {}
     first_indices: list[int] = []
     inverse: list[int] = []
     for t, array in enumerate(arrays):
         key = array.tobytes()
-        if key not in positions_by_value:
-            positions_by_value[key] = len(first_indices)
+        if key not in number_by_value:
+            number_by_value[key] = len(first_indices)
             first_indices.append(t)
-        inverse.append(positions_by_value[key])
+        inverse.append(number_by_value[key])
     return first_indices, np.array(inverse)

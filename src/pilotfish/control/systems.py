@@ -1,38 +1,78 @@
-"""Linear systems: what an input does to the state, in one period or in one second."""
+"""Linear systems in discrete and in continuous time."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from pilotfish.control.validation import require_axes, require_period, require_system
+from pilotfish.control.validation import require_axes, require_system
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_type
+from pilotfish.validation import require_period, require_type
 
-MAX_GENERATOR_NORM = 1e15  # beyond, float64 leaves no right digit of a matrix exponential
+MAX_GENERATOR_NORM = 1e15  # beyond it, float64 leaves no correct digit of a matrix exponential
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearSystem:
-    """One period [s] takes x to A x + B u, the input held throughout it."""
+    """Time-invariant system x[t+1] = A x[t] + B u[t], the input held for a period.
 
+    Attributes:
+        rank: Number of axes of A: 2.
+        A: State matrix.
+        B: Input matrix.
+        period: Time between two states [s].
+    """
+
+    rank: ClassVar[int] = 2
     A: Float[Array, "n n"]
     B: Float[Array, "n m"]
     period: float
 
+    def over(self, steps: int) -> "TimeVaryingSystem":
+        """Return the system over a number of periods, as views of A and B.
+
+        Args:
+            steps: Number of periods.
+        """
+        A = np.broadcast_to(self.A, (steps, *self.A.shape))
+        B = np.broadcast_to(self.B, (steps, *self.B.shape))
+        return TimeVaryingSystem(A, B, self.period)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeVaryingSystem:
-    """The t-th period [s] takes x to A[t] x + B[t] u: S periods lie between S + 1 states."""
+    """Time-varying system x[t+1] = A[t] x[t] + B[t] u[t], with S periods between S + 1 states.
 
+    Attributes:
+        rank: Number of axes of A: 3.
+        A: State matrix of each period.
+        B: Input matrix of each period.
+        period: Time between two states [s].
+    """
+
+    rank: ClassVar[int] = 3
     A: Float[Array, "S n n"]
     B: Float[Array, "S n m"]
     period: float
 
+    def over(self, steps: int) -> "TimeVaryingSystem":
+        """Return the system itself.
+
+        Args:
+            steps: Number of periods, S.
+        """
+        return self
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContinuousSystem:
-    """The state changes at A x + B u a second."""
+    """Continuous system dx/dt = A x + B u [1/s].
+
+    Attributes:
+        A: State matrix.
+        B: Input matrix.
+    """
 
     A: Float[Array, "n n"]
     B: Float[Array, "n m"]
@@ -42,10 +82,16 @@ DiscreteSystem = LinearSystem | TimeVaryingSystem
 
 
 def continuous_double_integrator(axes: int) -> ContinuousSystem:
-    """A unit mass on each axis, pushed without friction: x holds positions then velocities, u accelerations.
+    """Return a unit mass on each axis; the state holds positions, then velocities, and u accelerations.
 
-    Raises: InvalidInput, when there is no axis.
-    Source: the thesis, equation 3.44.
+    Args:
+        axes: Number of axes, at least 1.
+
+    Raises:
+        InvalidInput: If there is no axis.
+
+    Source:
+        Tanwani 2018, equation 3.44.
     """
     require_axes(axes)
     O, I = np.zeros((axes, axes)), np.eye(axes)  # noqa: E741 (the paper's letters)
@@ -53,10 +99,17 @@ def continuous_double_integrator(axes: int) -> ContinuousSystem:
 
 
 def double_integrator(axes: int, period: float) -> LinearSystem:
-    """The unit mass on each axis, its acceleration held for a period [s]; exact.
+    """Return a unit mass on each axis, with the acceleration held for a period; the discretisation is exact.
 
-    Raises: InvalidInput, when there is no axis or the period is not a positive time.
-    Source: the thesis, equation 3.51.
+    Args:
+        axes: Number of axes, at least 1.
+        period: Time between two states [s], positive.
+
+    Raises:
+        InvalidInput: If there is no axis, or the period is not a positive time.
+
+    Source:
+        Tanwani 2018, equation 3.51.
     """
     require_axes(axes)
     require_period(period)
@@ -66,10 +119,17 @@ def double_integrator(axes: int, period: float) -> LinearSystem:
 
 
 def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
-    """The same system seen every period [s], the input held in between; exact, by one matrix exponential.
+    """Return the system sampled with the input held for each period, exactly, by one matrix exponential.
 
-    Raises: InvalidInput, when the system is not one or the period is not a positive time.
-    Source: Van Loan 1978, Computing integrals involving the matrix exponential.
+    Args:
+        system: Continuous system.
+        period: Time between two states [s], positive.
+
+    Raises:
+        InvalidInput: If an argument cannot be used, or the state grows by more than float64 can represent.
+
+    Source:
+        Van Loan 1978, Computing integrals involving the matrix exponential.
     """
     require_type(system, "system", ContinuousSystem, "see control.continuous_double_integrator")
     require_system(system.A, system.B, rank=2)
@@ -81,22 +141,13 @@ def discretise(system: ContinuousSystem, period: float) -> LinearSystem:
     generator[:n] = np.hstack([system.A, system.B])
     if (norm := float(np.abs(period * generator).sum(axis=0).max())) > MAX_GENERATOR_NORM:
         raise InvalidInput(
-            f"within a period of {period} s the system moves its state by {norm:.3g} times itself, expected "
-            f"at most {MAX_GENERATOR_NORM:g}; choose a shorter period"
+            f"A and B times the period of {period} s have norm {norm:.3g}, expected at most "
+            f"{MAX_GENERATOR_NORM:g}; choose a shorter period"
         )
     with np.errstate(all="ignore"):
-        flow = expm(period * generator)
-    if not np.isfinite(flow).all():
+        transition = expm(period * generator)
+    if not np.isfinite(transition).all():
         raise InvalidInput(
-            f"within a period of {period} s the system outgrows what numbers can hold; choose a shorter one"
+            f"the state overflows float64 within the period of {period} s; choose a shorter period"
         )
-    return LinearSystem(flow[:n, :n].copy(), flow[:n, n:].copy(), float(period))
-
-
-def broadcast_system(system: DiscreteSystem, steps: int) -> TimeVaryingSystem:
-    """The system written out period by period; views of A and B where it does not vary."""
-    if isinstance(system, TimeVaryingSystem):
-        return system
-    A = np.broadcast_to(system.A, (steps, *system.A.shape))
-    B = np.broadcast_to(system.B, (steps, *system.B.shape))
-    return TimeVaryingSystem(A, B, system.period)
+    return LinearSystem(transition[:n, :n].copy(), transition[:n, n:].copy(), float(period))

@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 
-from pilotfish.control import ArmState
 from pilotfish.environments.baxter import arm_names
 from pilotfish.geometry import Pose
+from pilotfish.kernels import ArmState
 from pilotfish.types import Array, Float
 
 JOINTS = 7

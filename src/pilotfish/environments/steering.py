@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.control import ToolTarget
 from pilotfish.geometry import (
     Pose,
     conjugate,
@@ -12,6 +11,7 @@ from pilotfish.geometry import (
     multiply,
     rotation_vector_in_world,
 )
+from pilotfish.kernels import ToolTarget
 from pilotfish.types import Array, Float
 
 # How a person holds the knob of the arm that they lead: firmly, not stiffly.

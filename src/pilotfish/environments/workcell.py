@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 import mujoco
 import numpy as np
 
-from pilotfish.control import ToolTarget, impedance, impedance_torque, posture_torque
+from pilotfish.control import impedance, impedance_torque, posture_torque
 from pilotfish.environments.arms import JOINTS, SimulatedArm
 from pilotfish.environments.baxter import (
     Tool,
@@ -24,6 +24,7 @@ from pilotfish.environments.steering import RelativeMapping, guidance_wrench, li
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
+from pilotfish.kernels import ToolTarget
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, float_array, require_count, require_number, require_type
 

@@ -7,7 +7,7 @@ import numpy as np
 from fuzzing.examples_of_models import adapt_in_world, candidate, learn_lines
 from fuzzing.examples_of_values import Examples, new_rng, unit_quaternions
 from fuzzing.seeds import FAST_SETTINGS, streams, valve_demonstrations
-from pilotfish import control, demonstrations, gaussians, geometry, models, planning
+from pilotfish import control, demonstrations, gaussians, geometry, kernels, models, planning
 from pilotfish.environments import Manipulation
 
 
@@ -37,10 +37,10 @@ def control_examples() -> Examples:
     limits = control.arm_limits(-span, span, span, 10.0 * span)
     soft = control.impedance(np.zeros(n))
     tool = control.forward_kinematics(chain, q)
-    reading = control.ArmState(
+    reading = kernels.ArmState(
         q, np.zeros(n), tool.position, tool.quaternion, control.jacobian(chain, q), np.zeros(n)
     )
-    target = control.ToolTarget(tool.position + 0.01, tool.quaternion, np.zeros(6))
+    target = kernels.ToolTarget(tool.position + 0.01, tool.quaternion, np.zeros(6))
     return {
         "arm_limits": {"lower": -span, "upper": span, "velocity": span, "torque": span},
         "continuous_double_integrator": {"axes": 2},

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from pilotfish.control import ArmLimits, SerialChain, arm_limits, inverse_kinematics
+from pilotfish.control import SerialChain, arm_limits, inverse_kinematics
 from pilotfish.environments.baxter.facts import HAND_FROM_WRIST, JOINTS, MOUNT, MOUNT_YAW, Triple
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, from_rotation_vector, multiply
+from pilotfish.kernels import ArmLimits
 from pilotfish.types import Array, Float
 
 RIGHT, LEFT = "right", "left"
