@@ -13,7 +13,7 @@ from pathlib import Path
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
-from pilotfish.io.folders import read_demonstrations, write_demonstrations
+from pilotfish.io import read_demonstrations, write_demonstrations
 
 FOLDER = Path(__file__).parents[2] / "build" / "recordings"
 

@@ -11,7 +11,7 @@ import pytest
 from click.testing import Result
 
 from pilotfish.environments import TASKS, Outcome, Task
-from pilotfish.io.folders import read_demonstrations
+from pilotfish.io.demonstration_folder import read_demonstrations
 from pilotfish.io.skill_file import open_skill
 from pilotfish.simulation import recording as recorder
 from pilotfish.simulation.recording import (

@@ -17,7 +17,7 @@ from pilotfish.demonstrations import (
     position_layout,
 )
 from pilotfish.geometry import pose, quaternion_exp
-from pilotfish.io.folders import write_demonstrations
+from pilotfish.io.demonstration_folder import write_demonstrations
 from pilotfish.io.skill_file import open_skill
 from pilotfish.models import relevance
 

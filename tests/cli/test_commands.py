@@ -19,7 +19,7 @@ from pilotfish.demonstrations import (
     to_sphere,
 )
 from pilotfish.io import datasets
-from pilotfish.io.folders import read_demonstrations, write_demonstrations
+from pilotfish.io.demonstration_folder import read_demonstrations, write_demonstrations
 from pilotfish.io.skill_file import content_hash, open_skill
 from pilotfish.models import (
     Censoring,

@@ -12,7 +12,7 @@ from click.testing import Result
 import pilotfish as pf
 from pilotfish.cli.options.sources import training_demonstrations
 from pilotfish.demonstrations import Demonstration, add_derivatives, moving_frame, position_layout
-from pilotfish.io.folders import write_demonstrations
+from pilotfish.io.demonstration_folder import write_demonstrations
 from pilotfish.io.stream_file import encode_stream
 from pilotfish.models import online
 

@@ -116,7 +116,7 @@ def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
     data = bytearray(file.getvalue())
     data[132:136] = length.to_bytes(4, "little")  # of the matrix, after the header and its kind
     (tmp_path / "x.mat").write_bytes(data)
-    with pytest.raises(InvalidInput, match=f"says that it has {length} bytes"):
+    with pytest.raises(InvalidInput, match=f"has a stated length of {length} bytes"):
         read_zshape_mat(tmp_path / "x.mat")
 
 

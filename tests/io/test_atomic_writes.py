@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.io.atomic_files import atomic_file
+from pilotfish.io.atomic_writes import atomic_file
 
 
 def write_half(path: Path, trouble: type[BaseException]) -> None:
@@ -59,7 +59,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path, name: str):
     """A folder, a file in no folder, a file below a file: each named."""
     (tmp_path / "file").touch()
     with (
-        pytest.raises(InvalidInput, match=r"no regular file|cannot be written"),
+        pytest.raises(InvalidInput, match=r"not a regular file|cannot be written"),
         atomic_file(tmp_path / name) as temporary,
     ):
         temporary.write_text("x")
@@ -68,7 +68,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path, name: str):
 
 def test_a_device_is_never_replaced_by_a_file():
     """Writing to the null device as root must not remove it."""
-    with pytest.raises(InvalidInput, match="no regular file"), atomic_file("/dev/null") as temporary:
+    with pytest.raises(InvalidInput, match="not a regular file"), atomic_file("/dev/null") as temporary:
         temporary.write_text("x")
     assert Path("/dev/null").is_char_device()
 

@@ -10,8 +10,8 @@ import pytest
 
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.io import datasets
-from pilotfish.io.datasets_files import dataset_path, download, find_local_file
-from pilotfish.io.datasets_registry import DATASETS
+from pilotfish.io.dataset_files import dataset_path, download, find_local_file
+from pilotfish.io.dataset_registry import DATASETS
 
 RECORDING = b"a recording"
 COUNTS = {"valve": 8, "zshape": 5, "robotasks": 9, "helloworld": 8}
@@ -75,11 +75,11 @@ def test_every_dataset_is_in_the_folder_and_reads(
 
 def test_an_unknown_dataset_is_met_with_the_nearest(monkeypatch: pytest.MonkeyPatch):
     """The message lists what there is and guesses what was meant."""
-    with pytest.raises(InvalidInput, match=r"no dataset is named 'vale', there are valve, .*mean 'valve'\?"):
+    with pytest.raises(InvalidInput, match=r"no data set is named 'vale', there are valve, .*mean 'valve'\?"):
         datasets.info("vale")
     with pytest.raises(InvalidInput, match="mean 'robotasks openbox'"):
         datasets.robotasks("open box")
-    with pytest.raises(InvalidInput, match="no dataset is named 'helloworld x'"):
+    with pytest.raises(InvalidInput, match="no data set is named 'helloworld x'"):
         datasets.helloworld("x")
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.io.folders import read_demonstrations
+from pilotfish.io.demonstration_folder import read_demonstrations
 
 BAD_MANIFESTS = [
     ("format = ", "# ", "format is None, expected format = "),
     ("pilotfish demonstrations", "other", "format is 'other'"),
-    ("version = 1", "version = 2", r"newer pilotfish \(version 2, this one reads 1\)"),
+    ("version = 1", "version = 2", r"newer version \(format 2, this one reads 1\); upgrade"),
     ("version = 1", "version = 0", "version is 0, expected 1"),
     ("version = 1", "version = '1'", "version is '1', expected a whole number"),
     ("version = 1", "version = true", "version is True"),
@@ -37,7 +37,7 @@ BAD_MANIFESTS = [
         "A = [[1]], b = [0.5]",
         "^demonstrations.toml: demonstration 0, frame 0: .*1 wide, .*layout.* 2",
     ),
-    ("size = 2", "size = -2", "layout 0: size is -2, expected a whole number from 1"),
+    ("size = 2", "size = -2", "layout 0: the size of part 'position' is -2, expected a whole number from 1"),
     ("size = 2", "size = 2.0", "layout 0: size is 2.0, expected a whole number"),
     ('unit = "m"', "unit = 1", "layout 0: unit is 1, expected text"),
     ('"first.csv"', '"third.csv"', "third.csv cannot be read: No such file"),
@@ -99,7 +99,7 @@ BAD_TABLES = [
     ("position x,position y\n0,1\nnan,3\n", "^first.csv, line 3, column 'position x' is 'nan'"),
     ("position x,position y\n0,1\n1e999,3\n", "^first.csv, line 3, column 'position x' is '1e999'"),
     ('position x,position y\n0,1\n"2,3\n', "not CSV that can be read"),
-    (b"position x,position y\n0,1\n2,\xff\n", "first.csv: byte 28 is no UTF-8 text"),
+    (b"position x,position y\n0,1\n2,\xff\n", "first.csv: byte 28 is not UTF-8 text"),
     (b"position x,position y\n0,1\n2,\x00\n", "first.csv, line 3"),
 ]
 
@@ -152,9 +152,9 @@ def test_an_array_alone_is_no_archive(manual_folder: Path):
 
 def test_a_folder_needs_exactly_one_manifest(manual_folder: Path):
     """None, two, no folder, a file instead of one."""
-    with pytest.raises(InvalidInput, match="is no folder"):
+    with pytest.raises(InvalidInput, match="is not a folder"):
         read_demonstrations(manual_folder / "missing")
-    with pytest.raises(InvalidInput, match="is no folder"):
+    with pytest.raises(InvalidInput, match="is not a folder"):
         read_demonstrations(manual_folder / "first.csv")
     (manual_folder / "demonstrations.json").write_text("{}")
     with pytest.raises(InvalidInput, match="has both of"):

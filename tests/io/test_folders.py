@@ -27,7 +27,7 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
-from pilotfish.io.folders import read_demonstrations, write_demonstrations
+from pilotfish.io.demonstration_folder import read_demonstrations, write_demonstrations
 
 PLANE = position_layout(axes=2)
 
@@ -188,7 +188,7 @@ def test_an_edited_folder_is_noticed_and_the_named_fix_works(written: tuple[Path
 def test_nothing_is_overwritten_unless_asked_and_nothing_else_ever(manual_folder: Path, make):
     """An existing folder stays; with overwrite, only a folder of demonstrations is replaced."""
     demo = make()
-    with pytest.raises(InvalidInput, match="exists; choose another place, or say overwrite=True"):
+    with pytest.raises(InvalidInput, match="exists; choose another place, or pass overwrite=True"):
         write_demonstrations([demo], manual_folder)
     (manual_folder / "notes.txt").write_text("mine")
     with pytest.raises(InvalidInput, match=r"also holds 'notes\.txt'"):
@@ -202,7 +202,7 @@ def test_nothing_is_overwritten_unless_asked_and_nothing_else_ever(manual_folder
     (other / "precious").write_text("mine")
     with pytest.raises(InvalidInput, match="has neither of"):
         write_demonstrations([demo], other, overwrite=True)
-    with pytest.raises(InvalidInput, match="is no folder"):
+    with pytest.raises(InvalidInput, match="is not a folder"):
         write_demonstrations([demo], other / "precious", overwrite=True)
     assert (other / "precious").read_text() == "mine"
 
@@ -229,7 +229,7 @@ def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
 ):
     """Wherever writing stops, the folder that was there is there, and nothing beside it."""
     if not exchanges:
-        monkeypatch.setattr("pilotfish.io.atomic_folders.exchange_paths", lambda *_: False)
+        monkeypatch.setattr("pilotfish.io.atomic_writes.exchange_paths", lambda *_: False)
     old, new = make(), make()
     write_demonstrations([old], tmp_path / "set")
     method, *nth = moment.split()
@@ -258,7 +258,7 @@ def test_an_interrupt_at_either_rename_leaves_the_old_folder_or_the_new_one(
     make, tmp_path, monkeypatch, call, before
 ):
     """Where the system cannot exchange folders, Ctrl-C may come before each of two renames, or after it."""
-    monkeypatch.setattr("pilotfish.io.atomic_folders.exchange_paths", lambda *_: False)
+    monkeypatch.setattr("pilotfish.io.atomic_writes.exchange_paths", lambda *_: False)
     old, real, calls = make(), Path.rename, []
     write_demonstrations([old], tmp_path / "set")
 
@@ -283,7 +283,7 @@ def test_a_key_that_stands_twice_is_refused(written: tuple[Path, tuple[Demonstra
     """JSON readers would take the last without a word."""
     file = written[0] / "demonstrations.json"
     file.write_text(file.read_text().replace('"period": 0.1', '"period": 0.2, "period": 0.1'))
-    with pytest.raises(InvalidInput, match="key 'period' stands more than once"):
+    with pytest.raises(InvalidInput, match="key 'period' is given more than once"):
         read_demonstrations(written[0])
 
 

@@ -24,12 +24,12 @@ from pilotfish.demonstrations import (
     position_layout,
 )
 from pilotfish.errors import MAX_MESSAGE_LENGTH, InvalidInput
-from pilotfish.io.folders import read_demonstrations
-from pilotfish.io.manifests import parse_manifest
-from pilotfish.io.published_archives import read_chicken_dance_npz
-from pilotfish.io.published_arrays import read_robotasks_npy
+from pilotfish.io.demonstration_folder import read_demonstrations
+from pilotfish.io.manifest import parse_manifest
+from pilotfish.io.published_npz import read_chicken_dance_npz
+from pilotfish.io.published_npy import read_robotasks_npy
 from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
-from pilotfish.io.tables import MAX_ARRAYS, decode_npz, load_npz
+from pilotfish.io.demonstration_tables import MAX_ARRAYS, decode_npz, load_npz
 
 QUICK = 2.0  # s of CPU time
 CONTROL = ["\ud800", "\x1b[2J", "a\nb", "\u202e", "n" * 201]
@@ -61,9 +61,15 @@ def refused(content: dict[str, Any], message: str) -> None:
 @pytest.mark.parametrize(
     ("part", "message"),
     [
-        ({"size": 10**8}, "layout 0: size is 100000000, expected a whole number from 1 to 10000"),
+        (
+            {"size": 10**8},
+            "layout 0: the size of part 'position' is 100000000, expected a whole number from 1 to 10000",
+        ),
         ({"size": 10**400}, "layout 0: size is a whole number of 1329 bits"),
-        ({"derivative": 10**10}, "layout 0: derivative is 10000000000, expected a whole number from 0 to 9"),
+        (
+            {"derivative": 10**10},
+            "layout 0: the derivative of part 'position' is 10000000000, expected a whole number from 0 to 9",
+        ),
         ({"derivative": 10**19}, "layout 0: derivative is"),
         ({"size": 9999, "quantity": "scalar"}, ""),
     ],
@@ -174,7 +180,7 @@ def test_thousands_of_names_cost_no_more_than_linear_time() -> None:
     refused(manifest(**dict.fromkeys(names, 0)), "unknown key 'n0'")
     twice = json.dumps(manifest())[:-1] + "".join(f', "{name}": 0' for name in names) + ', "n0": 0}'
     begin = process_time()
-    with pytest.raises(InvalidInput, match="key 'n0' stands more than once"):
+    with pytest.raises(InvalidInput, match="key 'n0' is given more than once"):
         parse_manifest(twice.encode(), "demonstrations.json")
     frames = [{"name": name, "A": "A", "b": "b"} for name in names[:10_000]]
     files = [{"file": f"{name}.csv"} for name in names[:9_999]] + [{"file": "n0.csv"}]
@@ -282,8 +288,8 @@ def archive(count: int, size: int, name: str = "x{}.npy", method: int = zipfile.
         (archive(6, 10**8), "it expands to 6000007.. bytes, expected at most"),
         (archive(1, 8, "\x1b[2J{}.npy"), r"an array is named '\\x1b\[2J0.npy'"),
         (archive(1, 8, "n" * 50_000 + "{}"), "an array is named 'nnn"),
-        (archive(1, 10**6, method=zipfile.ZIP_BZIP2), "packed in an unusual way"),
-        (archive(1, 10**6, method=zipfile.ZIP_LZMA), "packed in an unusual way"),
+        (archive(1, 10**6, method=zipfile.ZIP_BZIP2), "compressed in an unsupported way"),
+        (archive(1, 10**6, method=zipfile.ZIP_LZMA), "compressed in an unsupported way"),
     ],
     ids=["many", "bomb", "name", "long name", "bzip2", "lzma"],
 )
@@ -345,7 +351,7 @@ def test_matlab_file_with_an_element_of_an_unknown_kind_is_refused(tmp_path: Pat
     at = data.index(struct.pack("<II", 9, 4 * 15 * 8))  # the tag of the doubles
     data[at] = 144
     (tmp_path / "a.mat").write_bytes(data)
-    with pytest.raises(InvalidInput, match="an element is of the unknown kind 144"):
+    with pytest.raises(InvalidInput, match="an element has the unknown type 144"):
         read_zshape_mat(tmp_path / "a.mat")
 
 

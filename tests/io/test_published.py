@@ -17,7 +17,7 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose, quaternion_from_rotation_matrix
-from pilotfish.io.published_arrays import read_helloworld_npy, read_robotasks_npy
+from pilotfish.io.published_npy import read_helloworld_npy, read_robotasks_npy
 from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
 
 
@@ -138,7 +138,7 @@ def test_files_of_other_recordings_are_refused(tmp_path: Path):
     savemat(tmp_path / "a.mat", {"q": np.zeros(3), "s": [{"Data0": np.zeros((8, 2))}] * 8})
     with pytest.raises(InvalidInput, match=r"variables q, s, expected 'Data'"):
         read_zshape_mat(tmp_path / "a.mat")
-    with pytest.raises(InvalidInput, match="not one of the valve recording: 'dData0'"):
+    with pytest.raises(InvalidInput, match="not of the valve recording: 'dData0'"):
         read_valve_mat(tmp_path / "a.mat")
     np.save(tmp_path / "a.npy", np.zeros((2, 5, 6)))
     for read, width in ((read_robotasks_npy, 7), (read_helloworld_npy, 2)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.io.published_archives import (
+from pilotfish.io.published_npz import (
     read_chicken_dance_npz,
     read_letters_npz,
     read_mocap6_labels_npz,
@@ -94,9 +94,9 @@ def test_files_that_are_no_archives_are_refused(tmp_path: Path, read, content: b
 @pytest.mark.parametrize(
     ("read", "held", "message"),
     [
-        (read_chicken_dance_npz, {}, r"not this recording: 'node_pos' \(it holds nothing\)"),
+        (read_chicken_dance_npz, {}, r"not this recording: 'node_pos' \(it has no arrays\)"),
         (read_chicken_dance_npz, {"node_pos": np.zeros((9, 2, 2)), "node_names": ["a", "b"]}, r"\(9, 2, 2\)"),
-        (read_mocap6_npz, {"A_0": np.zeros((9, 3))}, "it holds A_0, expected sequences x0"),
+        (read_mocap6_npz, {"A_0": np.zeros((9, 3))}, "it has A_0, expected sequences x0"),
         (read_mocap6_npz, {"x0": np.zeros((9, 3))}, r"x0 has shape \(9, 3\), expected \(T, 12\)"),
         (read_mocap6_npz, {"x0": np.full((9, 12), np.nan)}, "file.npz: .*'hips up' is nan"),
         (read_mocap6_labels_npz, {"x0": np.zeros((9, 12))}, "not this recording: 'label0'"),
@@ -106,7 +106,7 @@ def test_files_that_are_no_archives_are_refused(tmp_path: Path, read, content: b
             {"x0": np.zeros((9, 12)), "label0": np.ones(9)},
             "float64, expected 9 whole",
         ),
-        (read_letters_npz, {"x0": np.zeros((9, 3))}, "it holds x0, expected letters A_0"),
+        (read_letters_npz, {"x0": np.zeros((9, 3))}, "it has x0, expected letters A_0"),
         (read_letters_npz, {"A_0": np.zeros((9, 2))}, "2 columns, but its layout has 3"),
     ],
 )

@@ -26,7 +26,7 @@ from pilotfish.environments import human as human
 from pilotfish.environments.tasks.screwdriver import tool_above_recess
 from pilotfish.environments.tasks.valve import FACING, ValveSituation
 from pilotfish.geometry import Pose, multiply, pose, quaternion_exp, rotation_matrix, rotation_vector_in_world
-from pilotfish.io.folders import write_demonstrations
+from pilotfish.io.demonstration_folder import write_demonstrations
 from pilotfish.io.skill_file import save_skill
 from pilotfish.models import Skill, learn
 from pilotfish.simulation.recording import (

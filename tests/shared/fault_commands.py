@@ -92,7 +92,7 @@ def make_old(command: Command, path: Path) -> None:
     import numpy as np
 
     from pilotfish.demonstrations import demonstration, position_layout
-    from pilotfish.io.folders import write_demonstrations
+    from pilotfish.io.demonstration_folder import write_demonstrations
 
     x = np.random.default_rng(1).normal(size=(5, 2))
     write_demonstrations([demonstration(x, 0.1, position_layout(2), (), "old")], path)
@@ -103,7 +103,7 @@ def make_inputs(inputs: Path) -> None:
     import numpy as np
 
     from pilotfish.demonstrations import add_derivatives, demonstration, position_layout
-    from pilotfish.io.folders import write_demonstrations
+    from pilotfish.io.demonstration_folder import write_demonstrations
     from pilotfish.io.skill_file import save_skill
     from pilotfish.models import learn
 

@@ -12,7 +12,7 @@ from pilotfish.environments import TASKS, Outcome, Task, Workcell, human
 from pilotfish.environments.tasks.screwdriver import screw_pose
 from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose, angle
-from pilotfish.io.folders import read_demonstrations, write_demonstrations
+from pilotfish.io.demonstration_folder import read_demonstrations, write_demonstrations
 from pilotfish.simulation.recording import (
     DEMONSTRATION_STREAM,
     MAX_ATTEMPTS,

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pilotfish.errors import InvalidInput, SkillError, UnreadableFile
-from pilotfish.io.atomic_files import atomic_file
+from pilotfish.io.atomic_writes import atomic_file
 from pilotfish.io.paths import is_link, path_exists, read_file
 from pilotfish.io.skill_fields import Arrays, pop_field
 from pilotfish.types import Array
@@ -93,7 +93,7 @@ def read_format_name(data: bytes) -> str | None:
 def write_container(data: bytes, path: str | Path, *, overwrite: bool, use_free_name: bool) -> None:
     """Write a file as a whole, or leave what is there.    Raises: InvalidInput, NameTaken."""
     if not (overwrite or use_free_name) and (path_exists(path) or is_link(path)):
-        raise InvalidInput(f"{path} exists; choose another name, or say overwrite=True")
+        raise InvalidInput(f"{path} exists; choose another name, or pass overwrite=True")
     with atomic_file(path, overwrite=overwrite) as part:
         part.write_bytes(data)
 

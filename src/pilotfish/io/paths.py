@@ -1,8 +1,8 @@
-"""Guarded paths: files from outside, opened without waiting and read up to a bound.
+"""Paths and files from outside, without surprises.
 
-`Path.exists` and its relatives raise OSError or RuntimeError for a name that is too long, a link to itself
-or a folder without permission. Opening a FIFO waits for a writer, and reading a device may never end. The
-functions here turn all of that into InvalidInput, and read regular files only.
+`Path.exists` and similar functions raise OSError or RuntimeError for a name that is too long, a link to itself or a
+folder without permission. Opening a FIFO waits for a writer, and reading a device may never end. The functions in
+this module raise InvalidInput instead, and read regular files of bounded size only.
 """
 
 import os
@@ -15,38 +15,71 @@ from typing import IO
 
 from pilotfish.errors import InvalidInput, escape
 
-MAX_FILE_BYTES = 2**30  # bytes
-CHUNK_BYTES = 2**20  # bytes that are read at once
+MAX_FILE_BYTES = 2**30
+CHUNK_BYTES = 2**20  # bytes per read
 
 _MISSING = {ENOENT, ENOTDIR}
 
 
-def path_exists(path: str | Path) -> bool:
-    """Return whether something exists at path; a link whose target is missing does not.
+def path_exists(path: str | Path, *, follow_links: bool = True) -> bool:
+    """Return whether a file, folder or link exists at path.
+
+    Args:
+        path: Path to look up.
+        follow_links: Whether the target of a link must exist too. False tells whether the name is taken.
 
     Raises:
-        InvalidInput: If this cannot be found out: a name too long, no permission, a link to itself.
+        InvalidInput: If the system cannot tell: the name is too long, a folder denies permission, or a link leads
+            to itself.
     """
-    return _stat(path) is not None
+    return _stat(path, follow_links) is not None
 
 
 def is_folder(path: str | Path) -> bool:
-    """Return whether path is a folder, or a link to one.    Raises: InvalidInput, as `path_exists`."""
+    """Return whether path is a folder, or a link to one.
+
+    Args:
+        path: Path to look up.
+
+    Raises:
+        InvalidInput: As `path_exists`.
+    """
     return (status := _stat(path)) is not None and stat.S_ISDIR(status.st_mode)
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether path is a regular file, or a link to one.    Raises: InvalidInput, as `path_exists`."""
+    """Return whether path is a regular file, or a link to one.
+
+    Args:
+        path: Path to look up.
+
+    Raises:
+        InvalidInput: As `path_exists`.
+    """
     return (status := _stat(path)) is not None and stat.S_ISREG(status.st_mode)
 
 
 def is_link(path: str | Path) -> bool:
-    """Return whether path is a link, its target missing or not.    Raises: InvalidInput, as `path_exists`."""
-    return (status := _stat(path, follow=False)) is not None and stat.S_ISLNK(status.st_mode)
+    """Return whether path is a link, whether or not its target exists.
+
+    Args:
+        path: Path to look up.
+
+    Raises:
+        InvalidInput: As `path_exists`.
+    """
+    return (status := _stat(path, follow_links=False)) is not None and stat.S_ISLNK(status.st_mode)
 
 
 def resolve_path(path: str | Path) -> Path:
-    """Return the absolute path without links.    Raises: InvalidInput, as `path_exists`."""
+    """Return the absolute path without links.
+
+    Args:
+        path: Path to resolve; it need not exist.
+
+    Raises:
+        InvalidInput: As `path_exists`.
+    """
     try:
         return Path(path).resolve()
     except (OSError, RuntimeError, ValueError) as error:
@@ -55,17 +88,17 @@ def resolve_path(path: str | Path) -> Path:
 
 @contextmanager
 def open_regular_file(path: str | Path, expected: str) -> Iterator[IO[bytes]]:
-    """Open a regular file for reading; never wait for a writer.
+    """Open a regular file for reading, without waiting for a writer.
 
     Args:
-        path: The file; a link to a regular file is followed.
-        expected: What the file should be, for the message: "expected a skill file".
+        path: File to open; a link to a regular file is followed.
+        expected: What the file should be; the message ends with it, as in "expected a skill file".
 
     Yields:
         The open file, at its first byte.
 
     Raises:
-        InvalidInput: If it cannot be opened, or is a folder, a FIFO, a socket or a device.
+        InvalidInput: If the file cannot be opened, or is a folder, a FIFO, a socket or a device.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
@@ -82,12 +115,12 @@ def read_file(path: str | Path, expected: str, max_bytes: int = MAX_FILE_BYTES) 
     """Return the bytes of a regular file of bounded size.
 
     Args:
-        path: The file; a link to a regular file is followed.
-        expected: What the file should be, for the message: "expected a skill file".
-        largest: Largest number of bytes; a file that grows while it is read is refused too.
+        path: File to read; a link to a regular file is followed.
+        expected: What the file should be; the message ends with it, as in "expected a skill file".
+        max_bytes: Largest size; a file that grows beyond it while it is read is refused too.
 
     Raises:
-        InvalidInput: If it cannot be opened or read, is no regular file, or is larger.
+        InvalidInput: If the file cannot be opened or read, is not a regular file, or is larger.
     """
     with open_regular_file(path, expected) as file:
         try:
@@ -102,7 +135,7 @@ def read_file(path: str | Path, expected: str, max_bytes: int = MAX_FILE_BYTES) 
 
 
 def _read_bounded(file: IO[bytes], max_bytes: int) -> bytes | None:
-    """Return all bytes, or None when there are more; `file.read(largest)` would allocate that much first."""
+    """Return all bytes, or None if there are more; `file.read(max_bytes)` would allocate that much first."""
     parts, size = [], 0
     while part := file.read(CHUNK_BYTES):
         parts.append(part)
@@ -111,9 +144,9 @@ def _read_bounded(file: IO[bytes], max_bytes: int) -> bytes | None:
     return b"".join(parts)
 
 
-def _stat(path: str | Path, follow: bool = True) -> os.stat_result | None:
+def _stat(path: str | Path, follow_links: bool = True) -> os.stat_result | None:
     try:
-        return Path(path).stat(follow_symlinks=follow)
+        return Path(path).stat(follow_symlinks=follow_links)
     except OSError as error:
         if error.errno in _MISSING:
             return None

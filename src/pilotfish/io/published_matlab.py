@@ -1,4 +1,4 @@
-"""Doors for recordings that others have published in MATLAB files."""
+"""Readers of recordings published as MATLAB files."""
 
 import io
 from pathlib import Path
@@ -6,35 +6,47 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import frame
-from pilotfish.demonstrations.frames import Frame
-from pilotfish.demonstrations.layouts import pose_layout, position_layout
-from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations import (
+    Demonstration,
+    demonstration,
+    frame,
+    pose_layout,
+    position_layout,
+)
 from pilotfish.errors import InvalidInput
-from pilotfish.io.matlab_sizes import require_bounded_expansion
+from pilotfish.io.matlab_limits import require_bounded_expansion
 from pilotfish.io.paths import read_file
 from pilotfish.io.read_errors import READ_ERRORS
 from pilotfish.validation import short_list
 
-VALVE_PERIOD = 0.1  # s, the file's own time row
+VALVE_PERIOD = 0.1  # s, from the time row of the file
 VALVE_ANGLES = ("180", "135", "90", "45", "157.5", "112.5", "67.5", "22.5")  # degrees
 VALVE_FRAMES = ("valve before", "valve after")
-ZSHAPE_PERIOD = 0.01  # s, chosen: the file counts steps 1 to 300 and says nothing of seconds
+ZSHAPE_PERIOD = 0.01  # s, our choice: the file counts steps only
 ZSHAPE_COUNT, ZSHAPE_STEPS = 5, 300
-MAX_MATLAB_BYTES = 2**26  # bytes of a file, and of what it expands to; a number may take one byte there
+MAX_MATLAB_BYTES = 2**26  # of the file, and after expansion; a number may take one byte
 
 
 def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
-    """Eight openings of a valve by a Baxter arm, the first four to learn from, the last four to test with.
+    """Return eight openings of a valve by a Baxter arm: four for training, then four for testing.
 
-    Fourteen columns: pose, then derivatives as the file has them (forward differences; the last looks one
-    sample past the end, so with_derivatives gives another last row). Frames: the valve before and after.
-    Raises: InvalidInput, when the file is not there or not this recording.
-    Source: Tanwani & Calinon 2016, IEEE RA-L 1(1), sec. VI; the file BaxterValveDemos2.mat.
+    Fourteen columns: the pose, then its derivatives as stored (forward differences; the last one uses a sample beyond
+    the end, so `add_derivatives` gives another last row). Frames: the valve before and after.
+
+    Args:
+        path: File as its publishers provide it.
+
+    Raises:
+        InvalidInput: If the file cannot be read or is not this recording.
+
+    Source:
+        Tanwani & Calinon 2016, IEEE RA-L 1(1), section VI; the file BaxterValveDemos2.mat.
     """
-    records = _variables(path, "s")["s"]
+    records = _load_variable(path, "s")
     if not isinstance(records, list) or len(records) != len(VALVE_ANGLES):
-        raise InvalidInput(f"{path}: s is not a list of {len(VALVE_ANGLES)} records: not the valve recording")
+        raise InvalidInput(
+            f"{path}: s is not a list of {len(VALVE_ANGLES)} records, expected the valve recording"
+        )
     try:
         return tuple(
             _valve_demonstration(record, f"valve {degrees} deg")
@@ -43,56 +55,62 @@ def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from error
     except (LookupError, TypeError, ValueError) as error:
-        raise InvalidInput(f"{path}: a record of s is not one of the valve recording: {error}") from error
+        raise InvalidInput(f"{path}: a record of s is not of the valve recording: {error}") from error
 
 
 def read_zshape_mat(path: str | Path) -> tuple[Demonstration, ...]:
-    """Five Z-shaped movements of 300 steps: position x y z in a unit of its own, the world's frame alone.
+    """Return five Z-shaped movements of 300 steps: position x y z without a unit, in the world frame.
 
-    The file counts steps, not seconds: the period of .01 s is our choice.
-    Raises: InvalidInput, when the file is not there or not this recording.
-    Source: Tanwani 2018, figures 3.1 and 4.2; the file Zshape3D.mat.
+    The file counts steps, not seconds; the period of 0.01 s is our choice.
+
+    Args:
+        path: File as its publishers provide it.
+
+    Raises:
+        InvalidInput: If the file cannot be read or is not this recording.
+
+    Source:
+        Tanwani 2018, figures 3.1 and 4.2; the file Zshape3D.mat.
     """
-    data = np.asarray(_variables(path, "Data")["Data"])
+    data = np.asarray(_load_variable(path, "Data"))
     if data.shape != (4, ZSHAPE_COUNT * ZSHAPE_STEPS):
         raise InvalidInput(
             f"{path}: Data has shape {data.shape}, expected (4, {ZSHAPE_COUNT * ZSHAPE_STEPS})"
         )
-    pieces = np.split(data[1:].T, ZSHAPE_COUNT)  # the leading row is time
+    pieces = np.split(data[1:].T, ZSHAPE_COUNT)  # row 0 is time
     layout = position_layout(axes=3, unit="1")
     return tuple(
         demonstration(x, ZSHAPE_PERIOD, layout, name=f"zshape {m + 1}") for m, x in enumerate(pieces)
     )
 
 
-def _valve_demonstration(record: dict[str, Any], name: str) -> Demonstration:
+def _valve_demonstration(record: dict[str, Any], label: str) -> Demonstration:
     layout = pose_layout().differentiate()
-    x = np.vstack([record["Data0"][1:], record["dData0"]]).T  # the leading row is time
-    frames = [_drop_time(n, p["A"], p["b"]) for n, p in zip(VALVE_FRAMES, record["p"], strict=True)]
-    return demonstration(x, VALVE_PERIOD, layout, frames, name)
+    x = np.vstack([record["Data0"][1:], record["dData0"]]).T  # row 0 is time
+    frames = [
+        frame(name, p["A"][1:, 1:], p["b"][1:])  # without time
+        for name, p in zip(VALVE_FRAMES, record["p"], strict=True)
+    ]
+    return demonstration(x, VALVE_PERIOD, layout, frames, label)
 
 
-def _drop_time(name: str, A: Any, b: Any) -> Frame:
-    return frame(name, A[1:, 1:], b[1:])
+def _load_variable(path: str | Path, name: str) -> Any:
+    """Return one variable of a MATLAB file up to version 7.2, structs as dicts.
 
-
-def _variables(path: str | Path, name: str) -> dict[str, Any]:
-    """Everything in a MATLAB file (up to version 7.2), structs as dicts; it must hold the variable named.
-
-    A damaged file may crash SciPy's reader itself: compare its sha256 first, as datasets does.
+    A damaged file may crash SciPy's reader: compare its sha256 first, as `datasets` does.
     """
-    from scipy.io import loadmat  # slow to import, and only wanted here
+    from scipy.io import loadmat  # slow to import
     from scipy.io.matlab import MatReadError
 
     data = read_file(path, "a MATLAB file", MAX_MATLAB_BYTES)
     try:
         require_bounded_expansion(data, MAX_MATLAB_BYTES)
-        found: dict[str, Any] = loadmat(io.BytesIO(data), simplify_cells=True)
+        variables: dict[str, Any] = loadmat(io.BytesIO(data), simplify_cells=True)
     except InvalidInput as error:
         raise InvalidInput(f"{path}: {error}") from error
     except (*READ_ERRORS, MatReadError) as error:
         raise InvalidInput(f"{path}: not a MATLAB file that can be read: {error}") from error
-    if name not in found:
-        there = [key for key in found if not key.startswith("__")]
-        raise InvalidInput(f"{path} has the variables {short_list(there)}, expected {name!r} among them")
-    return found
+    if name not in variables:
+        known = [key for key in variables if not key.startswith("__")]
+        raise InvalidInput(f"{path} has the variables {short_list(known)}, expected {name!r} among them")
+    return variables[name]

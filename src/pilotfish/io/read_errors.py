@@ -1,4 +1,4 @@
-"""What readers of binary formats raise when a file is damaged; found by damaging files at random."""
+"""Exceptions that readers of binary formats raise for damaged files, as found by fuzzing."""
 
 import tokenize
 import zipfile
@@ -12,10 +12,10 @@ READ_ERRORS = (
     LookupError,
     ArithmeticError,
     AttributeError,
-    NameError,  # inside scipy.io, when a variable has a class it does not know
-    SyntaxError,  # with TokenError, from the header of a NumPy array
-    RuntimeError,  # an archive that is encrypted, or packed in a way zipfile lacks
-    MemoryError,  # a header that promises more numbers than fit
+    NameError,  # of scipy.io, for a variable of an unknown class
+    SyntaxError,  # as TokenError, of the header of a NumPy array
+    RuntimeError,  # of an archive that is encrypted, or compressed in a way that zipfile lacks
+    MemoryError,  # of a header that states more numbers than memory holds
     tokenize.TokenError,
     zlib.error,
     zipfile.BadZipFile,

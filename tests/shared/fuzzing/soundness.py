@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
+from pilotfish.cli.output.motion_notes import end_notes, start_notes
 from pilotfish.cli.stream.descriptions import described, online_model_facts
 from pilotfish.demonstrations import Frame, add_derivatives, frame, views
 from pilotfish.errors import SkillError
-from pilotfish.io.motions import end_notes, start_notes
 from pilotfish.io.situations import mean_of_first_state
 from pilotfish.io.skill_file import decode_skill, encode_skill
 from pilotfish.io.stream_file import decode_stream, encode_stream

@@ -18,8 +18,8 @@ from fuzzing.soundness import require_sound, use_demonstrations
 from fuzzing.target import Target
 from pilotfish import io as pilotfish_io
 from pilotfish.demonstrations import Demonstration, demonstration, moving_frame
-from pilotfish.io.manifests import content_hash, parse_manifest
-from pilotfish.io.tables import decode_csv, decode_npz, encode_csv
+from pilotfish.io.demonstration_tables import decode_csv, decode_npz, encode_csv
+from pilotfish.io.manifest import manifest_hash, parse_manifest
 from pilotfish.types import Array
 
 MAX_SIZE = 2**20
@@ -77,7 +77,7 @@ def _manifest_trees() -> list[Any]:
 def _signed(tree: Any) -> Any:
     if isinstance(tree, dict) and "sha256" in tree:
         try:
-            return {**tree, "sha256": content_hash(json.loads(json_text(tree)))}
+            return {**tree, "sha256": manifest_hash(json.loads(json_text(tree)))}
         except (ValueError, RecursionError, TypeError):
             return tree
     return tree

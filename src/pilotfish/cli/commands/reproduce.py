@@ -26,21 +26,18 @@ from pilotfish.cli.output.answers import (
     require_writable_file,
     write_all,
 )
+from pilotfish.cli.output.motion_notes import coordinate_parts, end_notes, reaches_final_state, start_notes
 from pilotfish.cli.output.pictures import require_matplotlib, save_figure, validate_figure_path
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Frame, Layout, Part, Quantity, distance_unit, distances, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.io import (
     atomic_file,
-    coordinate_parts,
-    end_notes,
     normalise_quaternions,
     open_skill,
-    reaches_final_state,
     read_frames,
     read_start,
     round_time,
-    start_notes,
     write_motion,
 )
 from pilotfish.models import MAX_HORIZON, AdaptedSkill, Skill, adapt

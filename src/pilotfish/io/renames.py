@@ -1,10 +1,16 @@
-"""Renames that refuse to replace, or that exchange two names, each in one step; and what reaches the disk."""
+"""Renames of files and folders in one step, and synchronisation with the disk.
+
+`renameat2` (Linux 3.15) renames without replacing and exchanges two names, each atomically. File systems without
+it fall back: a hard link, or an empty file, takes a free name; a folder is exchanged in two renames
+(see `atomic_writes`).
+"""
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from errno import EACCES, EINVAL, ENOSYS, ENOTSUP, EPERM
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 from pilotfish.errors import InvalidInput
@@ -15,14 +21,18 @@ _UNSUPPORTED = {EINVAL, ENOSYS, ENOTSUP}
 
 
 def rename_exclusive(source: Path, target: Path) -> None:
-    """Rename a file to a name that is free; in one step, so no other process can take the name in between.
+    """Rename a file to a free name in one step, so that no other process can take the name in between.
 
-    Without renameat2 (Linux 3.15, and a file system that knows its flags) a hard link takes the name. Without
-    hard links an empty file does, and source then replaces it.
+    Without renameat2 a hard link takes the name. Without hard links an empty file takes it, and source then
+    replaces that file.
+
+    Args:
+        source: File to rename.
+        target: Name that must be free.
 
     Raises:
         FileExistsError: If anything has that name, a link without a target included.
-        OSError: If the disk refuses.
+        OSError: If the file system refuses.
     """
     if _renameat2(source, target, _NOREPLACE):
         return
@@ -36,40 +46,54 @@ def rename_exclusive(source: Path, target: Path) -> None:
         source.unlink()
 
 
-def exchange_paths(one: Path, other: Path) -> bool:
-    """Exchange two files or folders in one step; return False where that is unsupported.
+def exchange_paths(first: Path, second: Path) -> bool:
+    """Exchange the names of two files or folders in one step.
+
+    Args:
+        first: File or folder.
+        second: File or folder that takes the name of the first.
+
+    Returns:
+        False if the system or the file system does not support it; nothing has changed then.
 
     Raises:
-        OSError: If the disk refuses.
+        OSError: If the file system refuses.
     """
-    return _renameat2(one, other, _EXCHANGE)
+    return _renameat2(first, second, _EXCHANGE)
 
 
 def rename_to_free_name(source: Path, target: Path, rename: Callable[[Path, Path], None]) -> Path:
-    """Give source a free name that resembles target, in the same folder, and return it.
+    """Rename source to a free name similar to target, in the folder of target.
 
     Args:
-        source: The file or folder to rename.
-        target: The name that was taken.
-        rename: Renames to a name that is free, and raises FileExistsError for another.
+        source: File or folder to rename.
+        target: Name that is taken.
+        rename: Function that renames to a free name and raises FileExistsError for a taken one.
+
+    Returns:
+        The new path of source.
 
     Raises:
-        OSError: If the disk refuses.
+        OSError: If the file system refuses.
     """
-    for name in _free_names(target):
+    for n in count(1):
+        free = target.with_name(f"{target.stem[:40]}-{n}{target.suffix[-10:]}")  # a name has up to 255 bytes
         try:
-            rename(source, target.with_name(name))
+            rename(source, free)
         except FileExistsError:
             continue
-        return target.with_name(name)
-    raise AssertionError("there is always another name")
+        return free
+    raise AssertionError("count() does not end")
 
 
 def fsync_path(path: Path) -> None:
-    """Wait until a file, or the names in a folder, lie on the disk.
+    """Wait until the content of a file, or the names in a folder, are on the disk.
+
+    Args:
+        path: File or folder.
 
     Raises:
-        OSError: If the disk refuses.
+        OSError: If the file system refuses.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -87,14 +111,14 @@ def fsync_path(path: Path) -> None:
 
 
 def make_folder(path: Path, fix: str = "choose another folder") -> None:
-    """Make a folder and those above it, where they do not exist.
+    """Make a folder and its parents if they do not exist.
 
     Args:
-        path: The folder.
-        fix: What to do if that is impossible, for the message.
+        path: Folder to make.
+        fix: What the user should do if that fails; the message ends with it.
 
     Raises:
-        InvalidInput: If that is impossible.
+        InvalidInput: If the folder cannot be made.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -113,7 +137,7 @@ def _rename_over_empty_file(source: Path, target: Path) -> None:
 
 
 def _renameat2(source: Path, target: Path, flag: int) -> bool:
-    """Rename with a flag; False where the system or the file system lacks it."""
+    """Return False if the system or the file system lacks the flag."""
     if (call := _libc_renameat2()) is None:
         return False
     if call(_AT_FDCWD, os.fsencode(source), _AT_FDCWD, os.fsencode(target), flag) == 0:
@@ -129,10 +153,3 @@ def _libc_renameat2() -> Callable[..., int] | None:
     if call is not None:
         call.argtypes = [ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint]
     return call
-
-
-def _free_names(target: Path) -> Iterator[str]:
-    n = 0
-    while True:
-        n += 1
-        yield f"{target.stem[:40]}-{n}{target.suffix[-10:]}"  # 255 bytes are the longest name

@@ -8,11 +8,11 @@ from typing import NoReturn
 import pytest
 
 from pilotfish.errors import InvalidInput, OutputExists
-from pilotfish.io import renaming
-from pilotfish.io.atomic_files import atomic_file
-from pilotfish.io.atomic_folders import atomic_folder
+from pilotfish.io import renames
+from pilotfish.io.atomic_writes import atomic_file
+from pilotfish.io.atomic_writes import atomic_folder
 from pilotfish.io.container_format import write_container
-from pilotfish.io.renaming import exchange_paths, make_folder, rename_exclusive
+from pilotfish.io.renames import exchange_paths, make_folder, rename_exclusive
 
 
 def unsupported(*_: object, **__: object) -> NoReturn:
@@ -23,7 +23,7 @@ def unsupported(*_: object, **__: object) -> NoReturn:
 def system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """A system with renameat2; with hard links alone; with neither."""
     if request.param != "renameat2":
-        monkeypatch.setattr(renaming, "_libc_renameat2", lambda: None)
+        monkeypatch.setattr(renames, "_libc_renameat2", lambda: None)
     if request.param == "neither":
         monkeypatch.setattr(os, "link", unsupported)
     return str(request.param)

@@ -1,4 +1,7 @@
-"""Public recordings: where the originals lie, what they must hash to, and whose they are."""
+"""Registry of public recordings: address, checksum, licence and citation of each.
+
+To add a data set, add an entry to DATASETS, a reader to a published_* module, and a function to `datasets`.
+"""
 
 from dataclasses import dataclass
 
@@ -43,10 +46,18 @@ WILLIAMS = (
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """A public file: its name here, its place in a folder of datasets, its address and its sha256.
+    """Public file with its origin.
 
-    extract  what was taken from the original at the address, where the file is not the original itself and
-             cannot be downloaded; empty otherwise
+    Attributes:
+        name: Name, as in `datasets.info(name)`.
+        description: Content in one line.
+        file: Path of the file in a folder of data sets.
+        url: Address of the original.
+        sha256: Checksum of the file.
+        licence: Licence of the original.
+        citation: Publication to cite.
+        extract: Part of the original that the file has, if it is an extract, which is not downloaded; empty
+            otherwise.
     """
 
     name: str

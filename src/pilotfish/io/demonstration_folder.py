@@ -1,0 +1,254 @@
+"""Folders of demonstrations: a manifest, and one CSV or NPZ file per demonstration (docs/folder-format.md)."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pilotfish.demonstrations import (
+    Demonstration,
+    Frame,
+    MovingFrame,
+    demonstration,
+    moving_frame,
+    world_frame,
+)
+from pilotfish.errors import InvalidInput
+from pilotfish.io.atomic_writes import atomic_folder
+from pilotfish.io.demonstration_tables import (
+    MAX_CSV_BYTES,
+    MAX_NPZ_BYTES,
+    decode_csv,
+    decode_npz,
+    encode_csv,
+    encode_npz,
+)
+from pilotfish.io.manifest import (
+    MANIFEST_NAMES,
+    MAX_MANIFEST_BYTES,
+    DemonstrationEntry,
+    Manifest,
+    MovingFrameKeys,
+    layout_to_dicts,
+    parse_manifest,
+    serialise_manifest,
+)
+from pilotfish.io.paths import is_file, is_folder, path_exists, read_file, resolve_path
+from pilotfish.types import Array, Float
+from pilotfish.validation import short_list, short_repr
+
+
+def read_demonstrations(path: str | Path) -> tuple[Demonstration, ...]:
+    """Return the demonstrations of a folder, in the order of its manifest.
+
+    Args:
+        path: Folder with demonstrations.toml or demonstrations.json.
+
+    Raises:
+        InvalidInput: If anything is wrong; the message names the file, the line or key, and the nearest fix.
+
+    Example:
+        >>> read_demonstrations("my-recordings")  # doctest: +SKIP
+    """
+    folder = Path(path)
+    manifest = _read_manifest(folder)
+    return tuple(_read_demonstration(folder, entry, manifest) for entry in manifest.entries)
+
+
+def write_demonstrations(
+    demonstrations: Sequence[Demonstration],
+    path: str | Path,
+    *,
+    overwrite: bool = False,
+    use_free_name: bool = False,
+) -> None:
+    """Write a folder from which `read_demonstrations` returns equal demonstrations, number for number.
+
+    The folder is complete or absent at every moment, even if the process is killed.
+
+    Args:
+        demonstrations: At least one; all share layout and period.
+        path: Folder to write; an empty one is filled.
+        overwrite: Whether a folder of demonstrations may be replaced; nothing else ever is.
+        use_free_name: Whether to write to a similar free name if the existing folder may not be replaced, so that
+            a result is not lost; the error states that name.
+
+    Raises:
+        InvalidInput: If the demonstrations differ in layout or period, path cannot be written, or the existing
+            folder may not be replaced.
+        OutputExists: If the existing folder may not be replaced and the result was written to the `path` of the
+            error: with use_free_name, or if the folder appeared in the meantime.
+    """
+    files = _encode_files(demonstrations)
+    if not use_free_name:
+        require_replaceable(path, overwrite=overwrite)
+    target = resolve_path(path)
+    with atomic_folder(target, partial(_require_demonstrations, target) if overwrite else None) as folder:
+        for name, data in files.items():
+            (folder / name).write_bytes(data)
+
+
+def require_replaceable(path: str | Path, *, overwrite: bool) -> None:
+    """Check that `write_demonstrations` may write to path: it is missing, empty or a folder of demonstrations.
+
+    Args:
+        path: Folder to write.
+        overwrite: Whether a folder of demonstrations may be replaced.
+
+    Raises:
+        InvalidInput: If path holds anything else, or anything at all without overwrite.
+    """
+    target = resolve_path(path)
+    if not path_exists(target) and (overwrite or not path_exists(path, follow_links=False)):
+        return
+    if is_folder(target) and not _list_folder(target):
+        return
+    if not overwrite:
+        raise InvalidInput(f"{path} exists; choose another place, or pass overwrite=True")
+    _require_demonstrations(target, target)
+
+
+def _read_manifest(folder: Path) -> Manifest:
+    if not is_folder(folder):
+        raise InvalidInput(f"{folder} is not a folder, expected one with demonstrations.toml in it")
+    present = [name for name in MANIFEST_NAMES if is_file(folder / name)]
+    if len(present) != 1:
+        found = "both" if present else "neither"
+        raise InvalidInput(f"{folder} has {found} of {' and '.join(MANIFEST_NAMES)}, expected exactly one")
+    return parse_manifest(_read_inside(folder, present[0], "a manifest", MAX_MANIFEST_BYTES), present[0])
+
+
+def _read_inside(folder: Path, name: str, expected: str, max_bytes: int) -> bytes:
+    """Return the bytes of a file in the folder; a link must not lead out of it."""
+    file = folder / name
+    if not resolve_path(file).is_relative_to(resolve_path(folder)):
+        raise InvalidInput(f"{file} is a link to a file outside the folder; copy that file into the folder")
+    return read_file(file, expected, max_bytes)
+
+
+def _read_demonstration(folder: Path, entry: DemonstrationEntry, manifest: Manifest) -> Demonstration:
+    is_csv = entry.file.endswith(".csv")
+    data = _read_inside(folder, entry.file, "a table of rows", MAX_CSV_BYTES if is_csv else MAX_NPZ_BYTES)
+    if entry.sha256 and entry.sha256 != (actual := hashlib.sha256(data).hexdigest()):
+        raise InvalidInput(
+            f"{entry.file}: changed after it was written: its sha256 is {actual[:12]}..., the manifest expects "
+            f"{entry.sha256[:12]}...; if the change is meant, delete its sha256 and the manifest's own"
+        )
+    if is_csv:
+        arrays = {"x": decode_csv(data, entry.file, manifest.layout.names)}
+    else:
+        arrays = decode_npz(data, entry.file)
+    _require_expected_arrays(arrays, entry)
+    label = f"{entry.file}{' (row 0 is line 2)' if is_csv else ''}"
+    try:
+        frames = [_build_frame(given, arrays) for given in entry.frames]
+        return demonstration(arrays["x"], manifest.period, manifest.layout, frames, entry.name)
+    except InvalidInput as error:
+        raise InvalidInput(f"{label}: {error}") from error
+
+
+def _require_expected_arrays(arrays: dict[str, Float[Array, "..."]], entry: DemonstrationEntry) -> None:
+    moving = [given for given in entry.frames if isinstance(given, MovingFrameKeys)]
+    expected = {"x", *(given.A for given in moving), *(given.b for given in moving)}
+    if missing := sorted(expected - arrays.keys()):
+        hint = "; moving frames need an NPZ file" if entry.file.endswith(".csv") else ""
+        raise InvalidInput(
+            f"{entry.file} has no array {missing[0]!r}, it has {short_list(sorted(arrays))}{hint}"
+        )
+    if extra := sorted(arrays.keys() - expected):
+        raise InvalidInput(
+            f"{entry.file} has an array {short_repr(extra[0])} that no frame names; name it or remove it"
+        )
+
+
+def _build_frame(
+    given: Frame | MovingFrameKeys, arrays: dict[str, Float[Array, "..."]]
+) -> Frame | MovingFrame:
+    return given if isinstance(given, Frame) else moving_frame(given.name, arrays[given.A], arrays[given.b])
+
+
+def _encode_files(demonstrations: Sequence[Demonstration]) -> dict[str, bytes]:
+    """Return the content of every file of the folder, by name."""
+    _require_same_layout(demonstrations)
+    files: dict[str, bytes] = {}
+    entries: list[dict[str, Any]] = []
+    for m, demo in enumerate(demonstrations):
+        file = _table_name(m, demo, len(demonstrations))
+        files[file] = _encode_rows(demo)
+        sha256 = hashlib.sha256(files[file]).hexdigest()
+        entries.append({"name": demo.name, "file": file, "sha256": sha256, "frames": _frames_to_dicts(demo)})
+    first = demonstrations[0]
+    content = {"period": first.period, "layout": layout_to_dicts(first.layout), "demonstration": entries}
+    return {**files, "demonstrations.json": serialise_manifest(content)}
+
+
+def _require_same_layout(demonstrations: Sequence[Demonstration]) -> None:
+    if not demonstrations:
+        raise InvalidInput("there are no demonstrations to write, expected at least one")
+    first = demonstrations[0]
+    for m, demo in enumerate(demonstrations):
+        if (demo.layout, demo.period) != (first.layout, first.period):
+            raise InvalidInput(
+                f"demonstration {m} ({demo.name!r}) differs from the first in layout or period "
+                f"({demo.period} s, {first.period} s); a folder has one of each: write two, or resample"
+            )
+
+
+def _has_moving_frames(demo: Demonstration) -> bool:
+    return any(given.is_moving for given in demo.frames)
+
+
+def _table_name(m: int, demo: Demonstration, count: int) -> str:
+    words = re.sub(r"[^a-z0-9]+", "-", demo.name.lower()).strip("-")[:40]
+    suffix = ".npz" if _has_moving_frames(demo) else ".csv"
+    return "-".join([f"{m + 1:0{len(str(count))}d}", *filter(None, [words])]) + suffix
+
+
+def _encode_rows(demo: Demonstration) -> bytes:
+    if not _has_moving_frames(demo):
+        return encode_csv(demo.x, demo.layout.names)
+    arrays = {"x": demo.x}
+    for n, given in enumerate(demo.frames):
+        if given.is_moving:
+            arrays |= {f"A{n}": given.A, f"b{n}": given.b}
+    return encode_npz(arrays)
+
+
+def _frames_to_dicts(demo: Demonstration) -> list[dict[str, Any]]:
+    """Return the frames as JSON values; none for the world frame, which `demonstration` adds itself."""
+    first = demo.frames[0]
+    if len(demo.frames) == 1 and first.is_world and first.name == world_frame(1).name:
+        return []
+    return [_frame_to_dict(n, given) for n, given in enumerate(demo.frames)]
+
+
+def _frame_to_dict(n: int, given: Frame | MovingFrame) -> dict[str, Any]:
+    if given.is_moving:
+        return {"name": given.name, "A": f"A{n}", "b": f"b{n}"}
+    return {"name": given.name, "A": np.asarray(given.A).tolist(), "b": np.asarray(given.b).tolist()}
+
+
+def _require_demonstrations(target: Path, folder: Path) -> None:
+    """Raise InvalidInput unless folder, whose usual name is target, holds demonstrations and nothing else."""
+    try:
+        known = {*MANIFEST_NAMES, *(entry.file for entry in _read_manifest(folder).entries)}
+        names = _list_folder(folder)
+    except InvalidInput as error:
+        raise InvalidInput(
+            f"{target} is not a folder of demonstrations and is not replaced ({error}); choose another place"
+        ) from error
+    if unknown := sorted(name for name in names if name not in known):
+        raise InvalidInput(
+            f"{target} also holds {short_repr(unknown[0])}, which its manifest does not name; move that away"
+        )
+
+
+def _list_folder(folder: Path) -> list[str]:
+    try:
+        return [file.name for file in folder.iterdir()]
+    except OSError as error:
+        raise InvalidInput(f"{folder} cannot be listed: {error.strerror}; choose another place") from error
