@@ -1,4 +1,4 @@
-"""Files: skills, online models, demonstrations, motions and situations; published data sets; atomic writes."""
+"""Files of skills, online models, demonstrations, motions and situations; published data sets."""
 
 from pilotfish.io import datasets
 from pilotfish.io.atomic_writes import atomic_file

@@ -1,15 +1,16 @@
 """Atomic writes: a file or folder is either complete or absent.
 
-The caller writes to a temporary name beside the target, `.pilotfish-*`. At the end the content is synchronised with
-the disk, the temporary name is renamed to the target in one step, and the folder is synchronised. Invariants:
+The caller writes to a temporary name beside the target, `.pilotfish-*`. At the end the content is
+synchronised with the disk, the temporary name is renamed to the target in one step, and the folder is
+synchronised. Invariants:
 
 - at every moment the target is the old content, the new content, or absent if it did not exist;
 - after an exception or an interrupt the target is unchanged and no temporary file is left;
 - a killed process may leave a hidden `.pilotfish-*`, which nothing reads;
-- a result whose name was taken by another process is kept under a free name, which `OutputExists` states.
+- a result whose name another process took is kept under a free name, which `OutputExists` states.
 
-Folders that replace others are exchanged with them in one step (`exchange_paths`). Without that system call there
-are two renames: only a process killed between them leaves the target absent. The old content is then in
+Folders that replace others are exchanged with them in one step (`exchange_paths`). Without that system call
+there are two renames: only a process killed between them leaves the target absent. The old content is then in
 `.pilotfish-*-old` beside it.
 """
 
@@ -33,8 +34,8 @@ def atomic_file(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
 
     Args:
         path: File to write. With overwrite a link is followed, and its target is replaced.
-        overwrite: Whether an existing file may be replaced. The check is part of the rename, so a file that another
-            process makes in the meantime is kept.
+        overwrite: Whether an existing file may be replaced. The check is part of the rename, so a file that
+            another process makes in the meantime is kept.
 
     Yields:
         Path in the same folder, with the same suffix.
@@ -69,9 +70,9 @@ def atomic_folder(
 
     Args:
         path: Folder to write, or a link to one. A missing or empty folder is replaced without a check.
-        require_replaceable: Function that raises InvalidInput if the content of a folder must be kept. It is called
-            again after the old folder was renamed, so files that arrive in the meantime are kept too. None
-            refuses to replace anything.
+        require_replaceable: Function that raises InvalidInput if the content of a folder must be kept. It is
+            called again after the old folder was renamed, so files that arrive in the meantime are kept too.
+            None refuses to replace anything.
 
     Yields:
         Empty folder beside path.

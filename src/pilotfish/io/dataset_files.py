@@ -54,7 +54,8 @@ def find_local_file(dataset: Dataset, folder: str) -> Path | None:
         return None
     if not is_folder(folder):
         raise InvalidInput(
-            f"{DATA_FOLDER_VARIABLE} is {short_repr(folder, 200)}, expected a folder of data sets; correct it or unset it"
+            f"{DATA_FOLDER_VARIABLE} is {short_repr(folder, 200)}, expected a folder of data sets; "
+            "correct it or unset it"
         )
     file = Path(folder) / dataset.file
     if not is_file(file):

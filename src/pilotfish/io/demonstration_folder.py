@@ -1,4 +1,4 @@
-"""Folders of demonstrations: a manifest, and one CSV or NPZ file per demonstration (docs/folder-format.md)."""
+"""Folders of demonstrations: a manifest, and a CSV or NPZ file per demonstration (docs/folder-format.md)."""
 
 import hashlib
 import re
@@ -74,14 +74,14 @@ def write_demonstrations(
         demonstrations: At least one; all share layout and period.
         path: Folder to write; an empty one is filled.
         overwrite: Whether a folder of demonstrations may be replaced; nothing else ever is.
-        use_free_name: Whether to write to a similar free name if the existing folder may not be replaced, so that
-            a result is not lost; the error states that name.
+        use_free_name: Whether to write to a similar free name if the existing folder may not be replaced, so
+            that a result is not lost; the error states that name.
 
     Raises:
-        InvalidInput: If the demonstrations differ in layout or period, path cannot be written, or the existing
-            folder may not be replaced.
-        OutputExists: If the existing folder may not be replaced and the result was written to the `path` of the
-            error: with use_free_name, or if the folder appeared in the meantime.
+        InvalidInput: If the demonstrations differ in layout or period, path cannot be written, or the
+            existing folder may not be replaced.
+        OutputExists: If the existing folder may not be replaced and the result was written to the `path` of
+            the error: with use_free_name, or if the folder appeared in the meantime.
     """
     files = _encode_files(demonstrations)
     if not use_free_name:
@@ -93,7 +93,7 @@ def write_demonstrations(
 
 
 def require_replaceable(path: str | Path, *, overwrite: bool) -> None:
-    """Check that `write_demonstrations` may write to path: it is missing, empty or a folder of demonstrations.
+    """Check that path is missing, empty or a folder of demonstrations, which may be replaced.
 
     Args:
         path: Folder to write.
@@ -135,8 +135,8 @@ def _read_demonstration(folder: Path, entry: DemonstrationEntry, manifest: Manif
     data = _read_inside(folder, entry.file, "a table of rows", MAX_CSV_BYTES if is_csv else MAX_NPZ_BYTES)
     if entry.sha256 and entry.sha256 != (actual := hashlib.sha256(data).hexdigest()):
         raise InvalidInput(
-            f"{entry.file}: changed after it was written: its sha256 is {actual[:12]}..., the manifest expects "
-            f"{entry.sha256[:12]}...; if the change is meant, delete its sha256 and the manifest's own"
+            f"{entry.file}: changed after it was written: its sha256 is {actual[:12]}..., the "
+            f"manifest expects {entry.sha256[:12]}...; if the change is meant, delete its sha256 and the manifest's own"
         )
     if is_csv:
         arrays = {"x": decode_csv(data, entry.file, manifest.layout.names)}

@@ -1,7 +1,7 @@
 """Rows of one demonstration as a CSV or NPZ file.
 
-Both formats keep every number exactly. Reading is bounded: sizes are checked before anything is expanded, and no
-pickled object is loaded.
+Both formats keep every number exactly. Reading is bounded: sizes are checked before anything is expanded, and
+no pickled object is loaded.
 """
 
 import csv
@@ -52,7 +52,8 @@ def decode_csv(data: bytes, file: str, names: Sequence[str]) -> Float[Array, "T 
         names: Column names that the header must have.
 
     Raises:
-        InvalidInput: If the header differs or a value is not a finite number; the message names line and column.
+        InvalidInput: If the header differs or a value is not a finite number; the message names line and
+            column.
     """
     try:
         lines = io.StringIO(data.decode("utf-8-sig"), newline="")
@@ -81,7 +82,7 @@ def encode_npz(arrays: Mapping[str, Float[Array, "..."]]) -> bytes:
         InvalidInput: If the file would be too large to be read again.
     """
     out = io.BytesIO()
-    np.savez(out, **dict(arrays))  # type: ignore[arg-type] # the stub takes a mapping for its flag allow_pickle
+    np.savez(out, **dict(arrays))  # type: ignore[arg-type] # the stub takes it for the flag allow_pickle
     return _require_writable_size(out.getvalue(), MAX_NPZ_BYTES)
 
 
@@ -146,7 +147,8 @@ def _require_size(members: Sequence[zipfile.ZipInfo]) -> None:
         member.filename for member in members if member.compress_type not in SUPPORTED_COMPRESSIONS
     ]:
         raise InvalidInput(
-            f"array {short_repr(unsupported[0])} is compressed in an unsupported way; write it with numpy.savez"
+            f"array {short_repr(unsupported[0])} is compressed in an unsupported way; write it with "
+            "numpy.savez"
         )
     if unprintable := [member.filename for member in members if not _is_printable(member.filename)]:
         raise InvalidInput(f"an array is named {short_repr(unprintable[0])}, expected a short printable name")

@@ -1,7 +1,8 @@
 """Manifest of a folder of demonstrations: demonstrations.toml or demonstrations.json (docs/folder-format.md).
 
-A manifest may be written by hand, so every message names the place in the file, the value and what was expected, and
-an unknown key is answered with the nearest known one. Limits are checked before anything of that size is built.
+A manifest may be written by hand, so every message names the place in the file, the value and what was
+expected, and an unknown key is answered with the nearest known one. Limits are checked before anything of
+that size is built.
 """
 
 import hashlib
@@ -101,7 +102,8 @@ def parse_manifest(data: bytes, name: str) -> Manifest:
         The manifest.
 
     Raises:
-        InvalidInput: If the manifest cannot be used; the message names the key, its value and the nearest fix.
+        InvalidInput: If the manifest cannot be used; the message names the key, its value and the nearest
+            fix.
     """
     content = _parse_text(data, name)
     _require_format(content, name)

@@ -1,8 +1,9 @@
 """Limits of MATLAB files, checked before SciPy reads them.
 
-A file of version 5 to 7.2 has a header of 128 bytes, then elements: a tag with type and length, 4 bytes each, then
-the content. A compressed element contains one matrix, which may expand a thousandfold. SciPy reserves memory for all
-items of a structure or cell array before it reads the first, so the stated sizes are compared with the bytes present.
+A file of version 5 to 7.2 has a header of 128 bytes, then elements: a tag with type and length, 4 bytes each,
+then the content. A compressed element contains one matrix, which may expand a thousandfold. SciPy reserves
+memory for all items of a structure or cell array before it reads the first, so the stated sizes are compared
+with the bytes present.
 
 Source:
     MAT-File Format, The MathWorks, chapter 1.

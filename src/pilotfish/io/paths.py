@@ -1,8 +1,8 @@
 """Paths and files from outside, without surprises.
 
-`Path.exists` and similar functions raise OSError or RuntimeError for a name that is too long, a link to itself or a
-folder without permission. Opening a FIFO waits for a writer, and reading a device may never end. The functions in
-this module raise InvalidInput instead, and read regular files of bounded size only.
+`Path.exists` and similar functions raise OSError or RuntimeError for a name that is too long, a link to
+itself or a folder without permission. Opening a FIFO waits for a writer, and reading a device may never end.
+The functions in this module raise InvalidInput instead, and read regular files of bounded size only.
 """
 
 import os
@@ -29,8 +29,8 @@ def path_exists(path: str | Path, *, follow_links: bool = True) -> bool:
         follow_links: Whether the target of a link must exist too. False tells whether the name is taken.
 
     Raises:
-        InvalidInput: If the system cannot tell: the name is too long, a folder denies permission, or a link leads
-            to itself.
+        InvalidInput: If the system cannot tell: the name is too long, a folder denies permission, or a link
+            leads to itself.
     """
     return _stat(path, follow_links) is not None
 

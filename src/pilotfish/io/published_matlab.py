@@ -30,8 +30,8 @@ MAX_MATLAB_BYTES = 2**26  # of the file, and after expansion; a number may take 
 def read_valve_mat(path: str | Path) -> tuple[Demonstration, ...]:
     """Return eight openings of a valve by a Baxter arm: four for training, then four for testing.
 
-    Fourteen columns: the pose, then its derivatives as stored (forward differences; the last one uses a sample beyond
-    the end, so `add_derivatives` gives another last row). Frames: the valve before and after.
+    Fourteen columns: the pose, then its derivatives as stored (forward differences; the last one uses a
+    sample beyond the end, so `add_derivatives` gives another last row). Frames: the valve before and after.
 
     Args:
         path: File as its publishers provide it.

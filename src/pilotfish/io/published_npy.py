@@ -28,8 +28,8 @@ CENTIMETRE = 0.01  # m
 def read_robotasks_npy(path: str | Path) -> tuple[Demonstration, ...]:
     """Return demonstrations of one household task with a Franka arm: poses in the world frame.
 
-    Centimetres are converted to metres, and sign flips of quaternions are removed. The publishers made the end points
-    equal.
+    Centimetres are converted to metres, and sign flips of quaternions are removed. The publishers made the
+    end points equal.
 
     Args:
         path: File as its publishers provide it.

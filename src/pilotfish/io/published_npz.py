@@ -55,8 +55,8 @@ def read_chicken_dance_npz(path: str | Path) -> tuple[Demonstration, ...]:
 def read_mocap6_npz(path: str | Path) -> tuple[Demonstration, ...]:
     """Return sequences of exercises of two people: height of the hips [m], then joint angles [rad].
 
-    The publishers subtracted the mean of every column and averaged blocks of 0.1 s. Each column is one part, the only
-    frame is the world, and each sequence is named after its subject and trial at CMU.
+    The publishers subtracted the mean of every column and averaged blocks of 0.1 s. Each column is one part,
+    the only frame is the world, and each sequence is named after its subject and trial at CMU.
 
     Args:
         path: File as its publishers provide it.
@@ -78,8 +78,8 @@ def read_mocap6_npz(path: str | Path) -> tuple[Demonstration, ...]:
 def read_mocap6_labels_npz(path: str | Path) -> tuple[Int[Array, " _"], ...]:
     """Return the exercise at every step of each sequence of `read_mocap6_npz`, from 1 to 12.
 
-    In order: jumping jacks, jogging, squats, knee raises, arm circles, twists, side reaches, boxing, up and down, toe
-    touches with one hand, side bends, toe touches with two hands.
+    In order: jumping jacks, jogging, squats, knee raises, arm circles, twists, side reaches, boxing, up and
+    down, toe touches with one hand, side bends, toe touches with two hands.
 
     Args:
         path: File as its publishers provide it.

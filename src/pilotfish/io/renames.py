@@ -1,7 +1,7 @@
 """Renames of files and folders in one step, and synchronisation with the disk.
 
-`renameat2` (Linux 3.15) renames without replacing and exchanges two names, each atomically. File systems without
-it fall back: a hard link, or an empty file, takes a free name; a folder is exchanged in two renames
+`renameat2` (Linux 3.15) renames without replacing and exchanges two names, each atomically. File systems
+without it fall back: a hard link, or an empty file, takes a free name; a folder is exchanged in two renames
 (see `atomic_writes`).
 """
 

@@ -136,6 +136,11 @@ def gaussians_examples() -> Examples:
     }
 
 
+def structures_examples() -> Examples:
+    root = new_rng().normal(size=(3, 3, 3))
+    return {"component_correlation": {"covariances": root @ root.transpose(0, 2, 1) + np.eye(3)}}
+
+
 def validation_examples() -> Examples:
     return {
         "finite_array": {"value": np.eye(2), "label": "x"},

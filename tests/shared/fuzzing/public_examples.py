@@ -19,6 +19,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "geometry": examples_of_values.geometry_examples,
     "demonstrations": examples_of_values.demonstrations_examples,
     "gaussians": examples_of_values.gaussians_examples,
+    "gaussians.structures": examples_of_values.structures_examples,
     "models": examples_of_models.models_examples,
     "models.online": examples_of_models.online_examples,
     "control": examples_of_motions.control_examples,

@@ -40,7 +40,8 @@ def end_notes(model: AdaptedSkill, last: int) -> list[str]:
 def start_notes(model: AdaptedSkill, start: Float[Array, " D"]) -> list[str]:
     """Return a note for each part in which the start is far from every state.
 
-    Far means farther than any two states are from each other, and more than MAX_DEVIATIONS standard deviations.
+    Far means farther than any two states are from each other, and more than MAX_DEVIATIONS standard
+    deviations.
     """
     notes = []
     for (part, columns), (_, tangent_columns) in zip(
@@ -56,8 +57,8 @@ def start_notes(model: AdaptedSkill, start: Float[Array, " D"]) -> list[str]:
             deviations = np.degrees(deviations)
         if (gaps > extent).all() and (gaps > MAX_DEVIATIONS * deviations).all():
             notes.append(
-                f"the start's {part.name} is {gaps.min():.3g} {distance_unit(model.layout, columns)} from the "
-                f"nearest state, farther than any two states are from each other ({extent:.3g}): the motion "
-                "there is extrapolation"
+                f"the start's {part.name} is {gaps.min():.3g} {distance_unit(model.layout, columns)} from "
+                "the nearest state, farther than any two states are from each other "
+                f"({extent:.3g}): the motion there is extrapolation"
             )
     return notes
