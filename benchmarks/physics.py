@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.simulation.rendering import require_mujoco
+from pilotfish.simulation import require_mujoco
 
 require_mujoco()  # it chooses what draws here, before anything else imports MuJoCo
 
@@ -31,9 +31,9 @@ from machine import load, machine  # noqa: E402
 from workers import timed_environment  # noqa: E402
 
 from pilotfish.control import impedance_torque  # noqa: E402
-from pilotfish.environments import TASKS, TIMESTEP, SceneRenderer, Workcell, camera_view  # noqa: E402
+from pilotfish.environments import TASKS, SceneRenderer, Workcell  # noqa: E402
 from pilotfish.environments.contacts import contact_forces  # noqa: E402
-from pilotfish.environments.steering import linear_path  # noqa: E402
+from pilotfish.environments.guidance import linear_path  # noqa: E402
 from pilotfish.errors import SkillError  # noqa: E402
 from pilotfish.geometry import Pose  # noqa: E402
 
@@ -129,15 +129,15 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def workcell(name: str, *, lead: bool = False) -> Workcell[Any]:
+def workcell(name: str, *, guided: bool = False) -> Workcell[Any]:
     task = TASKS[name]
-    return Workcell(task, task.sample_situation(np.random.default_rng(0)), lead=lead)
+    return Workcell(task, task.sample_situation(np.random.default_rng(0)), guided=guided)
 
 
 def speed(name: str, measurement: MeasurementSettings) -> Speed:
     print(name, file=sys.stderr, flush=True)
     taken = [cpu(lambda: workcell(name)) for _ in range(measurement.rounds)]
-    cell, both = workcell(name), workcell(name, lead=True)
+    cell, both = workcell(name), workcell(name, guided=True)
     held: list[float] = []
     moving: list[float] = []
     led: list[float] = []
@@ -164,18 +164,18 @@ def realtime_factor(
 ) -> float:
     """Simulated seconds for each of CPU; the target goes up and down unless it is held still."""
     start_pose = cell.target
-    looks = round(measurement.seconds / (STEPS_PER_OBSERVATION * TIMESTEP))
+    looks = round(measurement.seconds / (STEPS_PER_OBSERVATION * Workcell.timestep))
 
     def act() -> None:
         for n in range(1, looks + 1):
-            up = 0.0 if still else AWAY * (1.0 - np.cos(TURN * n * STEPS_PER_OBSERVATION * TIMESTEP))
+            up = 0.0 if still else AWAY * (1.0 - np.cos(TURN * n * STEPS_PER_OBSERVATION * Workcell.timestep))
             move(
                 Pose(start_pose.position + np.array([0.0, 0.0, up]), start_pose.quaternion),
                 0.0,
                 STEPS_PER_OBSERVATION,
             )
 
-    simulated = looks * STEPS_PER_OBSERVATION * TIMESTEP
+    simulated = looks * STEPS_PER_OBSERVATION * Workcell.timestep
     seconds = cpu(act)
     move(start_pose, 0.0, STEPS_PER_OBSERVATION)
     return simulated / seconds
@@ -183,7 +183,7 @@ def realtime_factor(
 
 def frame_seconds(cell: Workcell[Any], name: str, rounds: int) -> float | None:
     try:
-        with SceneRenderer(cell.model, camera_view(name)) as renderer:
+        with SceneRenderer(cell.model, cell.task.view) as renderer:
             renderer.render(cell.data)
             return median(cpu(lambda: renderer.render(cell.data)) for _ in range(rounds))
     except SkillError as error:
@@ -199,7 +199,7 @@ def tick_parts(measurement: MeasurementSettings) -> list[Part]:
     while len(stamps) < measurement.ticks:
         up = AWAY * (1.0 - np.cos(TURN * cell.time))
         target = Pose(start_pose.position + np.array([0.0, 0.0, up]), start_pose.quaternion)
-        path = linear_path(cell.target, target, STEPS_PER_OBSERVATION, TIMESTEP)
+        path = linear_path(cell.target, target, STEPS_PER_OBSERVATION, Workcell.timestep)
         stamps += [tick(cell, path, n) for n in range(STEPS_PER_OBSERVATION)]
         cell.target = target
     jacobians = [timed_jacobian(cell) for _ in range(measurement.ticks)]
@@ -215,9 +215,9 @@ def tick_parts(measurement: MeasurementSettings) -> list[Part]:
 def tick(cell: Workcell[Any], path: Any, n: int) -> tuple[int, ...]:
     """One tick; when each part of it began, and when it ended [ns]."""
     began = perf_counter_ns()
-    wanted = path.at(n)
+    wanted = path[n]
     there = perf_counter_ns()
-    reading = cell.arm.reading()
+    reading = cell.arm.read_state()
     read = perf_counter_ns()
     torque = impedance_torque(cell.impedance, cell.limits, reading, wanted).torque
     thought = perf_counter_ns()
@@ -225,7 +225,7 @@ def tick(cell: Workcell[Any], path: Any, n: int) -> tuple[int, ...]:
     written = perf_counter_ns()
     mujoco.mj_step2(cell.model, cell.data)
     moved = perf_counter_ns()
-    contact_forces(cell.model, cell.data, cell.task.contact_limits)
+    contact_forces(cell.model, cell.data, cell.task.fragile_geoms)
     felt = perf_counter_ns()
     mujoco.mj_step1(cell.model, cell.data)
     return began, there, read, thought, written, moved, felt, perf_counter_ns()

@@ -1,4 +1,4 @@
-"""The pictures of docs/online.md out of those that `make reproduce` drew, small enough to be kept.
+"""Shrink the figures of `make reproduce` to the images of docs/online.md.
 
 `python docs/online_pictures.py build/reproductions`
 """
@@ -13,10 +13,10 @@ PICTURES = {
     "online_zshape/figure-5.4-orders.png": "online-zshape.png",
     "online_dimensions/figure-5.8-dimensions.png": "online-dimensions.png",
 }
-COLOURS, LONGEST = 64, 1100  # pixels
+COLOURS, MAX_SIZE = 64, 1100  # pixels
 
-drawn = Path(sys.argv[1])
-for name, small in PICTURES.items():
-    with Image.open(drawn / name) as picture:
-        picture.thumbnail((LONGEST, LONGEST))
-        picture.convert("RGB").quantize(COLOURS).save(Path(__file__).parent / small, optimize=True)
+figures = Path(sys.argv[1])
+for figure, name in PICTURES.items():
+    with Image.open(figures / figure) as picture:
+        picture.thumbnail((MAX_SIZE, MAX_SIZE))
+        picture.convert("RGB").quantize(COLOURS).save(Path(__file__).parent / name, optimize=True)

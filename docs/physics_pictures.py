@@ -1,8 +1,8 @@
-"""The picture of docs/physics.md: every task done by a learned skill, in a situation that was never shown.
+"""Draw docs/physics.png: every task performed by a learned skill in a new situation.
 
     python docs/physics_pictures.py
 
-Four demonstrations of each task are recorded, a skill is learned, one unseen situation filmed: physics.png.
+For each task, four demonstrations are recorded, a skill is learned, and one test situation is filmed.
 """
 
 from pathlib import Path
@@ -11,47 +11,52 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import pilotfish as pf
-from pilotfish.simulation.rendering import require_renderer
+from pilotfish.simulation import (
+    FilmRecorder,
+    perform,
+    record_demonstrations,
+    require_renderer,
+    situation_from_seed,
+)
 
-require_renderer()  # before MuJoCo is imported: it chooses what draws here
+require_renderer()
 
-from pilotfish.environments import TASKS  # noqa: E402 - after the choice
-from pilotfish.simulation.execution import execute  # noqa: E402
-from pilotfish.simulation.films import FilmRecorder  # noqa: E402
-from pilotfish.simulation.recording import TEST_STREAM, record_demonstrations, situation_from_seed  # noqa: E402
+from pilotfish.environments import TASKS  # noqa: E402 - require_renderer chooses the backend first
 
 STATES, N_DEMONSTRATIONS, SEED = 7, 4, 1
 MOMENTS, WIDTH, HEIGHT, COLOURS = 5, 240, 180, 224
 
 
 def main() -> None:
-    rows = [row(name) for name in sorted(TASKS)]
+    """Draw all tasks, one row each."""
+    rows = [film_task(name) for name in sorted(TASKS)]
     sheet = Image.new("RGB", (MOMENTS * WIDTH, len(rows) * HEIGHT))
-    for n, frames in enumerate(rows):
-        for m, frame in enumerate(frames):
-            sheet.paste(frame, (m * WIDTH, n * HEIGHT))
+    for n, images in enumerate(rows):
+        for m, image in enumerate(images):
+            sheet.paste(image, (m * WIDTH, n * HEIGHT))
     sheet.quantize(COLOURS).save(Path(__file__).with_name("physics.png"), optimize=True)
 
 
-def row(name: str) -> list[Image.Image]:
-    """Moments of the task being done, each with its time."""
-    task, camera = TASKS[name], FilmRecorder(name)
+def film_task(name: str) -> list[Image.Image]:
+    """Return images of a performance of the task, each with its time."""
+    task, camera = TASKS[name], FilmRecorder()
     demonstrations = [
-        pf.add_derivatives(made.demonstration)
-        for made, _ in record_demonstrations(task, N_DEMONSTRATIONS, SEED)
+        pf.add_derivatives(recording.demonstration)
+        for recording, _ in record_demonstrations(task, N_DEMONSTRATIONS, SEED)
     ]
     skill = pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0)).skill
-    made = execute(skill, task, situation_from_seed(task, TEST_STREAM, SEED, 0), on_period=camera)
+    result = perform(skill, task, situation_from_seed(task, "test", SEED, 0), on_period=camera)
     camera.close()
-    print(f"{name}: {'done' if made.outcome.success else made.outcome.reason}")
-    chosen = np.linspace(0, len(camera.frames) - 1, MOMENTS).round().astype(int)
-    return [small(camera.frames[n], f"{name}, {camera.times[n]:.1f} s") for n in chosen]
+    print(f"{name}: {'done' if result.outcome.success else result.outcome.reason}")
+    chosen = np.linspace(0, len(camera.images) - 1, MOMENTS).round().astype(int)
+    return [thumbnail(camera.images[n], f"{name}, {camera.times[n]:.1f} s") for n in chosen]
 
 
-def small(frame: np.ndarray, text: str) -> Image.Image:
-    image = Image.fromarray(frame).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
-    ImageDraw.Draw(image).text((6, HEIGHT - 16), text, fill="black")
-    return image
+def thumbnail(image: np.ndarray, text: str) -> Image.Image:
+    """Return a small image with a caption."""
+    small = Image.fromarray(image).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS)
+    ImageDraw.Draw(small).text((6, HEIGHT - 16), text, fill="black")
+    return small
 
 
 if __name__ == "__main__":

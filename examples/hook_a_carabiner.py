@@ -7,8 +7,7 @@ import numpy as np
 
 import pilotfish as pf
 from pilotfish.environments import TASKS
-from pilotfish.simulation.execution import execute
-from pilotfish.simulation.recording import TEST_STREAM, record_demonstrations, situation_from_seed
+from pilotfish.simulation import perform, record_demonstrations, situation_from_seed
 
 task = TASKS["carabiner"]
 
@@ -16,7 +15,7 @@ task = TASKS["carabiner"]
 recordings = [recording for recording, _ in record_demonstrations(task, 4, seed=0)]
 for recording in recordings:
     print(
-        f"{recording.demonstration.name}: {recording.seconds:.1f} s, at most {recording.peak_forces['tool']:.0f} N"
+        f"{recording.demonstration.name}: {recording.duration:.1f} s, at most {recording.peak_forces['tool']:.0f} N"
     )
 
 # What was asked of the tool, seen from the rod: six states, each with a Gaussian and a duration.
@@ -25,7 +24,7 @@ fit = pf.learn(demonstrations, states=6, rng=np.random.default_rng(0))
 
 # Rods that stand elsewhere, turned by up to 25 degrees: adapt, plan, track, and springs and dampers do it.
 for n in range(3):
-    made = execute(fit.skill, task, situation_from_seed(task, TEST_STREAM, 0, n))
-    rod = made.frames["rod"].position
-    how = "hooked" if made.outcome.success else f"not hooked, {made.outcome.reason}"
-    print(f"rod at {np.round(rod, 2).tolist()} m: {how}, at most {made.peak_forces['tool']:.0f} N")
+    result = perform(fit.skill, task, situation_from_seed(task, "test", 0, n))
+    rod = result.frames["rod"].position
+    how = "hooked" if result.outcome.success else f"not hooked, {result.outcome.reason}"
+    print(f"rod at {np.round(rod, 2).tolist()} m: {how}, at most {result.peak_forces['tool']:.0f} N")

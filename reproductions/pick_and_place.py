@@ -45,30 +45,19 @@ from tqdm import tqdm
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration, Frame, Layout, resample
-from pilotfish.environments import Overlay
-from pilotfish.environments.tasks.plate import (
-    BAR,
-    HALF,
-    PLATE,
-    TABLE,
-    PlateSituation,
-    goal_pose,
-    obstacle_pose,
-    situation_for_level,
-)
+from pilotfish.environments.human import HumanModel
+from pilotfish.environments.tasks import plate
 from pilotfish.errors import SkillError
 from pilotfish.gaussians.structures import CovarianceStructure, DenseCovariances
 from pilotfish.geometry import rotation_matrix
 from pilotfish.models import covariance_parameter_count, relevance
 from pilotfish.planning import mean_squared_error
 from pilotfish.plots.ellipses import draw_ellipses
-from pilotfish.simulation.execution import ExecutionResult, ExecutionSettings, execute
-from pilotfish.simulation.films import FilmRecorder, film_strip
-from pilotfish.simulation.recording import (
-    DEFAULT_HUMAN,
-    DEMONSTRATION_STREAM,
-    MAX_ATTEMPTS,
-    TEST_STREAM,
+from pilotfish.simulation import (
+    ExecutionResult,
+    FilmRecorder,
+    film_strip,
+    perform,
     record,
     simulated_leader,
 )
@@ -85,6 +74,8 @@ LEVELS = range(8)
 LOWEST, HIGHEST = 0, 6  # levels that train; others outside are extrapolated to
 NEW_LEVELS = (1, 3, 5, -1, 7, 8, 1, 3, 5, 7, 8, 1, 3, 5, -1, 9)  # levels of the situations that nobody showed
 TIMED_FITS = 9
+MAX_ATTEMPTS = 5  # of one demonstration
+DEMONSTRATION_STREAM, TEST_STREAM = 1, 2  # of random numbers
 MIN_VARIANCE = 1e-6  # power of a frame that is not heard
 FIGURE_ALPHA, PLANE = 1.0, (1, 2)  # the structure that figure 4.7 shows; y and z
 
@@ -110,7 +101,7 @@ METHODS = (
 class SituationDemonstration:
     """What was shown where."""
 
-    where: PlateSituation
+    where: plate.PlateSituation
     demonstration: Demonstration
 
 
@@ -173,12 +164,12 @@ def record_demonstration(level: int, seed: int) -> SituationDemonstration:
 
     Raises: SkillError, when it fails again and again.
     """
-    where = situation_for_level(level, np.random.default_rng([seed, DEMONSTRATION_STREAM, level]))
+    where = plate.situation_for_level(level, np.random.default_rng([seed, DEMONSTRATION_STREAM, level]))
 
     def make() -> list[Demonstration]:
         for attempt in range(MAX_ATTEMPTS):
             rng = np.random.default_rng([seed, DEMONSTRATION_STREAM, level, attempt])
-            made = record(PLATE, where, simulated_leader(PLATE, where, DEFAULT_HUMAN, rng), f"level {level}")
+            made = record(plate.PLATE, where, simulated_leader(plate.PLATE, where, HumanModel(), rng), f"level {level}")
             if made.outcome.success:
                 return [made.demonstration]
         raise SkillError(f"level {level} failed {MAX_ATTEMPTS} times, the last because {made.outcome.reason}")
@@ -268,10 +259,10 @@ def print_table(rows: Sequence[dict[str, object]]) -> None:
 
 def group_situations(
     demonstrations_by_situation: Sequence[SituationDemonstration], seed: int, number: int
-) -> dict[str, list[PlateSituation]]:
+) -> dict[str, list[plate.PlateSituation]]:
     """Where skills are carried out: where they were tested, and where nobody showed anything."""
     new = [
-        situation_for_level(level, np.random.default_rng([seed, TEST_STREAM, n]))
+        plate.situation_for_level(level, np.random.default_rng([seed, TEST_STREAM, n]))
         for n, level in enumerate(NEW_LEVELS[:number])
     ]
     beyond = [where for where in new if not LOWEST <= where.level <= HIGHEST]
@@ -304,25 +295,36 @@ def execute_skill(
     method: Method,
     alpha: float,
     demonstrations_by_situation: Sequence[SituationDemonstration],
-    tried: dict[str, list[PlateSituation]],
+    tried: dict[str, list[plate.PlateSituation]],
 ) -> Iterator[Row]:
     skill = learn_for_execution(method, alpha, demonstrations_by_situation)
     for name, situations in tried.items():
         label = f"{method.name}, alpha {alpha}: {name}"
         bar = tqdm(situations, label, leave=False, disable=not sys.stderr.isatty())
-        settings = ExecutionSettings(
-            covariance_regularisation=method.covariance_regularisation, horizon=HORIZON
-        )
-        done = [execute(skill, PLATE, where, settings=settings) for where in bar]
+        done = [perform_plate(skill, method, where) for where in bar]
         if done:
             yield _row(method, alpha, (name, situations), done)
 
 
+def perform_plate(
+    skill: pf.Skill, method: Method, where: plate.PlateSituation, camera: FilmRecorder | None = None
+) -> ExecutionResult:
+    """Perform a skill of a method with its horizon and regularisation."""
+    return perform(
+        skill,
+        plate.PLATE,
+        where,
+        horizon=HORIZON,
+        covariance_regularisation=method.covariance_regularisation,
+        on_period=camera,
+    )
+
+
 def _row(
-    method: Method, alpha: float, where: tuple[str, list[PlateSituation]], done: Sequence[ExecutionResult]
+    method: Method, alpha: float, where: tuple[str, list[plate.PlateSituation]], done: Sequence[ExecutionResult]
 ) -> Row:
     name, situations = where
-    pushes = [max(made.peak_forces.get(thing, 0.0) for thing in PLATE.contact_limits) for made in done]
+    pushes = [max(made.peak_forces.get(thing, 0.0) for thing in plate.FRAGILE_GEOMS) for made in done]
     return Row(
         method=method.name,
         alpha=alpha,
@@ -373,39 +375,38 @@ def figure_4_7(
     return figure
 
 
-def draw(axes: Axes, skill: pf.Skill, where: PlateSituation, pose: Demonstration) -> None:
+def draw(axes: Axes, skill: pf.Skill, where: plate.PlateSituation, pose: Demonstration) -> None:
     """One situation: the bar's cross-section, the plate where it lay, the cross, and the way between."""
     done = reproduce_published(skill, pose)
     draw_ellipses(axes, done.adapted.means, done.adapted.covariances, PLANE, "adapted")
     axes.plot(*pose.x[:, PLANE].T, color="0.5", linestyle="--", linewidth=1.4, label="demonstration")
     axes.plot(*done.motion.x[:, PLANE].T, color="black", linewidth=1.6, label="reproduction")
-    _, y, z = obstacle_pose(where.level).position
-    corner, size = (y - BAR[1], z - BAR[2]), (2 * BAR[1], 2 * BAR[2])
+    _, y, z = plate.obstacle_pose(where.level).position
+    corner, size = (y - plate.BAR[1], z - plate.BAR[2]), (2 * plate.BAR[1], 2 * plate.BAR[2])
     axes.add_patch(Rectangle(corner, *size, color="#DDAA33", label="obstacle"))
-    half = float(np.abs(rotation_matrix(where.plate.quaternion)[1, :2]) @ HALF[:2])
+    half = float(np.abs(rotation_matrix(where.plate.quaternion)[1, :2]) @ plate.HALF[:2])
     ends = where.plate.position[1] + np.array([-half, half])
     axes.plot(ends, [where.plate.position[2]] * 2, color="#44AACC", linewidth=4, label="plate")
     axes.plot(
-        *goal_pose().position[1:], color="#117733", marker="x", markersize=9, linestyle="", label="cross"
+        *plate.goal_pose().position[1:], color="#117733", marker="x", markersize=9, linestyle="", label="cross"
     )
-    axes.axhline(TABLE, color="0.7", linewidth=0.8)
+    axes.axhline(plate.TABLE, color="0.7", linewidth=0.8)
     axes.set_aspect("equal")
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def record_film(
-    demonstrations_by_situation: Sequence[SituationDemonstration], tried: dict[str, list[PlateSituation]]
+    demonstrations_by_situation: Sequence[SituationDemonstration], tried: dict[str, list[plate.PlateSituation]]
 ) -> Figure:
     """Six moments of the skill at work where the obstacle stands highest among the tests."""
     method = METHODS[-1]
     skill = learn_for_execution(method, FIGURE_ALPHA, demonstrations_by_situation)
     where = max(tried["tests"], key=lambda w: w.level)
-    settings = ExecutionSettings(covariance_regularisation=method.covariance_regularisation, horizon=HORIZON)
-    path = execute(skill, PLATE, where, settings=settings).commanded[:, :3]
-    camera = FilmRecorder(PLATE.name, overlay=Overlay(path=path))
-    execute(skill, PLATE, where, settings=settings, on_period=camera)
+    path = perform_plate(skill, method, where).commanded[:, :3]
+    camera = FilmRecorder(path=path)
+    perform_plate(skill, method, where, camera)
     camera.close()
-    return film_strip(camera.frames, camera.times)
+    return film_strip(camera.images, camera.times)
 
 
 if __name__ == "__main__":

@@ -32,8 +32,7 @@ import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
 from pilotfish.environments import TASKS, Task
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.simulation.execution import ExecutionResult, ExecutionSettings, execute
-from pilotfish.simulation.recording import TEST_STREAM, record_demonstrations, situation_from_seed
+from pilotfish.simulation import ExecutionResult, perform, record_demonstrations, situation_from_seed
 
 STATES = {"valve": 7, "plate": 9, "stab": 6, "screwdriver": 6, "carabiner": 6}
 STRUCTURES = ("full", "semi-tied", "MFA(2)", "streaming")
@@ -140,9 +139,9 @@ def evaluate_skill(
 ) -> Row:
     (structure, number), (skill, steps) = what, learn_skill
     label = f"{task.name}: {structure}, {number} shown"
-    unseen = [situation_from_seed(task, TEST_STREAM, arguments.seed, n) for n in range(arguments.situations)]
+    unseen = [situation_from_seed(task, "test", arguments.seed, n) for n in range(arguments.situations)]
     bar = tqdm(unseen, label, leave=False, disable=not sys.stderr.isatty())
-    done = [execute(skill, task, where, settings=ExecutionSettings(horizon=steps)) for where in bar]
+    done = [perform(skill, task, where, horizon=steps) for where in bar]
     return Row(
         task=task.name,
         structure=structure,
@@ -152,7 +151,7 @@ def evaluate_skill(
         error=median(done, lambda made: made.outcome.error),
         unit=task.unit,
         force=median(done, lambda made: made.peak_forces["tool"]),
-        seconds=median(done, lambda made: made.seconds),
+        seconds=median(done, lambda made: made.duration),
         failures={n: made.outcome.reason for n, made in enumerate(done) if not made.outcome.success},
     )
 

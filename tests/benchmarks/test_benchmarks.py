@@ -29,8 +29,7 @@ def results(measure: ModuleType, kinds: ModuleType, case_results: dict[str, tupl
 
 
 @pytest.mark.slow  # times every problem: 26 CPU seconds
-def test_a_quick_run_of_pilotfish_alone_fills_table_and_json(tmp_path: Path):
-    """Without peers or network every case of pilotfish has figures, in Markdown and in strict JSON."""
+def test_quick_run_fills_table_and_json(tmp_path: Path):
     table, figures = tmp_path / "table.md", tmp_path / "figures.json"
     options = ["--quick", "--only", "pilotfish", "--out", str(table), "--json", str(figures)]
     command = [sys.executable, str(BENCHMARKS / "run.py"), *options]
@@ -49,8 +48,7 @@ def test_a_quick_run_of_pilotfish_alone_fills_table_and_json(tmp_path: Path):
     assert table.read_text() + "\n" == done.stdout
 
 
-def test_a_spread_holds_half_of_the_samples(benchmark_module, rng: np.random.Generator):
-    """Median and quartiles are NumPy's; one sample is its own spread."""
+def test_quartiles_contain_half_of_samples(benchmark_module, rng: np.random.Generator):
     sample_statistics = benchmark_module("measure").sample_statistics
     samples = rng.exponential(size=15)
     case_results = sample_statistics(samples.tolist())
@@ -67,8 +65,7 @@ def test_a_spread_holds_half_of_the_samples(benchmark_module, rng: np.random.Gen
 
 
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-3, "pass"), (2e-3, "pass"), (2.1e-3, "miss")])
-def test_a_ceiling_is_kept_from_below(benchmark_module, cpu: float, verdict: str):
-    """At most two milliseconds means at most two milliseconds."""
+def test_time_limit_is_upper_bound(benchmark_module, cpu: float, verdict: str):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "lqt")
     case_results = [(case, results(measure, kinds, {"pilotfish": (cpu, 1.0)}))]
@@ -79,8 +76,7 @@ def test_a_ceiling_is_kept_from_below(benchmark_module, cpu: float, verdict: str
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(4.5, "pass"), (3.5, "miss")])
-def test_a_lead_is_over_the_fastest_of_a_peers_entries(benchmark_module, slower: float, verdict: str):
-    """A peer that has a slow and a fast way is judged by the fast one."""
+def test_min_speedup_uses_fastest_entry_of_peer(benchmark_module, slower: float, verdict: str):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     own = results(measure, kinds, {"pilotfish": (1e-3, 1.0)})
@@ -95,8 +91,7 @@ def test_a_lead_is_over_the_fastest_of_a_peers_entries(benchmark_module, slower:
 
 
 @pytest.mark.parametrize("answer", [1.1, np.nan])
-def test_speed_counts_only_when_the_answers_agree(benchmark_module, answer: float):
-    """However fast, another answer than the peer's earns no verdict."""
+def test_requirements_different_answers_are_not_comparable(benchmark_module, answer: float):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     case_results = results(measure, kinds, {"pilotfish": (1e-3, 1.0), "hmmlearn": (9e-3, answer)})
@@ -107,8 +102,7 @@ def test_speed_counts_only_when_the_answers_agree(benchmark_module, answer: floa
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(3.5, "pass"), (2.5, "miss")])
-def test_a_lead_over_all_is_over_the_fastest_that_is_not_ours(benchmark_module, slower: float, verdict: str):
-    """Our own portable kernels are no peer, however quick; the verdict names the one that is."""
+def test_min_speedup_over_all_uses_fastest_peer(benchmark_module, slower: float, verdict: str):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     seconds = {"pilotfish": 1.0, "pilotfish_baseline": 1.1, "hmmlearn": 9.0, "dynamax": slower}
@@ -118,8 +112,7 @@ def test_a_lead_over_all_is_over_the_fastest_that_is_not_ours(benchmark_module, 
 
 
 @pytest.mark.parametrize(("grown", "verdict"), [(134.0, "pass"), (135.0, "miss")])
-def test_room_is_what_a_call_adds_to_the_memory(benchmark_module, grown: float, verdict: str):
-    """At most twice 67.2 MB, however much the process held before."""
+def test_memory_limit_uses_added_memory(benchmark_module, grown: float, verdict: str):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "fit_vast")
     first = measure.FirstCall(cpu=1.0, wall=1.0, result=2.0, peak_mb=1e4, grown_mb=grown)
@@ -135,10 +128,9 @@ def test_room_is_what_a_call_adds_to_the_memory(benchmark_module, grown: float, 
 
 
 @pytest.mark.parametrize(("begin", "comparable"), [(2.0, True), (2.1, False), (np.nan, False)])
-def test_a_peer_with_another_model_is_compared_where_it_begins(
+def test_agreement_different_model_compares_start(
     benchmark_module, begin: float, comparable: bool
 ):
-    """Another prior leads elsewhere; from the same parameters the likelihood is the same at first."""
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     own = measure.Result(
@@ -150,8 +142,7 @@ def test_a_peer_with_another_model_is_compared_where_it_begins(
     assert judged.verdict == ("pass" if comparable else "not comparable: the answers differ")
 
 
-def test_memory_that_was_given_back_is_not_counted(benchmark_module):
-    """The peak is counted from when it was forgotten: what was held and freed before does not hide growth."""
+def test_added_memory_ignores_released_memory(benchmark_module):
     worker = benchmark_module("worker")
     if not worker.RESET.exists():
         pytest.skip("this kernel counts one peak for the whole of a process")
@@ -164,8 +155,7 @@ def test_memory_that_was_given_back_is_not_counted(benchmark_module):
     del held
 
 
-def test_a_peer_that_cannot_be_installed_keeps_no_other_out(benchmark_module, tmp_path: Path):
-    """The others are installed one by one, it is named with the reason, and the next run tries again."""
+def test_peer_environment_failed_install_keeps_others(benchmark_module, tmp_path: Path):
     module = benchmark_module("peer_environment")
     listed, installed = tmp_path / "peers.txt", []
     listed.write_text("good==1.0\nbad==2.0\nfine==3.0\n")
@@ -182,8 +172,7 @@ def test_a_peer_that_cannot_be_installed_keeps_no_other_out(benchmark_module, tm
     assert not (tmp_path / "venv" / "installed.txt").exists()
 
 
-def test_a_library_that_is_not_there_is_reported_by_its_worker(benchmark_module):
-    """An import that fails in the worker comes back as words, not as a worker that hangs."""
+def test_worker_missing_library_is_reported(benchmark_module):
     workers = benchmark_module("workers")
     with (
         workers.Worker(Path(sys.executable), "no_such_library", workers.timed_environment()) as worker,
@@ -192,8 +181,7 @@ def test_a_library_that_is_not_there_is_reported_by_its_worker(benchmark_module)
         worker.ask("introduce")
 
 
-def test_peers_are_names_and_versions():
-    """Every line reads name==version: no address, no path, no range."""
+def test_peer_lists_are_pinned():
     lines = [line for listed in BENCHMARKS.glob("peers*.txt") for line in listed.read_text().splitlines()]
     assert len(lines) > 10
     for line in lines:
@@ -202,8 +190,7 @@ def test_peers_are_names_and_versions():
         assert version.replace(".", "").isalnum()
 
 
-def test_the_textbook_tracker_is_the_big_least_squares_solution(benchmark_module, rng: np.random.Generator):
-    """The peer that we wrote is right: its motion is that of all inputs chosen at once."""
+def test_textbook_tracker_equals_least_squares(benchmark_module, rng: np.random.Generator):
     lqt = benchmark_module("libraries.textbook").lqt
     T, n, m = 6, 3, 2
     A, B, z, x0 = (

@@ -22,9 +22,8 @@ def physics(monkeypatch: pytest.MonkeyPatch):
     return import_module("physics")
 
 
-def test_the_ticks_that_are_timed_are_those_of_the_workcell(physics):
-    """The parts of a tick leave the arm where Workcell.step_impedance leaves it, to the last bit."""
-    from pilotfish.environments.steering import linear_path
+def test_timed_steps_equal_workcell_steps(physics):
+    from pilotfish.environments.guidance import linear_path
     from pilotfish.geometry import Pose
 
     timed, followed = physics.workcell("valve"), physics.workcell("valve")
@@ -39,8 +38,7 @@ def test_the_ticks_that_are_timed_are_those_of_the_workcell(physics):
 
 
 @pytest.mark.parametrize("which", range(4))
-def test_a_promise_that_is_not_kept_is_a_miss(physics, which):
-    """Speed, step and import each have their verdict; spoiling one spoils that one alone."""
+def test_requirement_results_missed_target_is_reported(physics, which):
     held, step, import_ = [(9.0, 20.0, 0.2), (4.9, 20.0, 0.2), (9.0, 61.0, 0.2), (9.0, 20.0, 0.31)][which]
     speeds = [physics.Speed("valve", held, 9.0, 1.0, 0.1, None, 0)]
     told = list(
@@ -52,8 +50,7 @@ def test_a_promise_that_is_not_kept_is_a_miss(physics, which):
 
 
 @pytest.mark.slow  # times the physics
-def test_a_quick_run_of_the_physics_fills_tables_and_json(tmp_path):
-    """Every task has its figures, in Markdown and in strict JSON, without peers or network."""
+def test_quick_run_fills_tables_and_json(tmp_path):
     table, figures = tmp_path / "table.md", tmp_path / "figures.json"
     options = ["--quick", "--out", str(table), "--json", str(figures)]
     command = [sys.executable, str(BENCHMARKS / "physics.py"), *options]

@@ -29,10 +29,9 @@ def taken_of(kinds, measure, case_results: dict[str, tuple[float, float]]):
 
 
 @pytest.mark.parametrize(("K", "L"), [(1, 1), (1, 3), (4, 4), (6, 3)])
-def test_the_harness_measures_agreement_as_the_library_does(
+def test_mutual_information_equals_library(
     benchmark_module, rng: np.random.Generator, K: int, L: int
 ):
-    """Two programs for the normalised mutual information, written apart, agree; names do not count."""
     own = benchmark_module("streaming").normalised_mutual_information
     found, truth = rng.integers(K, size=200), rng.integers(L, size=200)
     assert own(found, truth) == pytest.approx(normalised_mutual_information(found, truth), abs=1e-12)
@@ -40,8 +39,7 @@ def test_the_harness_measures_agreement_as_the_library_does(
 
 
 @pytest.mark.parametrize("name", ["stream_14", "stream_75", "long_3", "shuffled_14"])
-def test_a_stream_is_what_its_shape_says(benchmark_module, rng: np.random.Generator, name: str):
-    """Visits last 70 to 90 steps; a cluster extends along its subspace, and is noise beside it."""
+def test_sample_stream_has_stated_shape(benchmark_module, rng: np.random.Generator, name: str):
     streams = benchmark_module("make_streams")
     shape, N = streams.SHAPES[name], 20_000
     stream = streams.sample_stream(rng, shape, N)
@@ -59,8 +57,7 @@ def test_a_stream_is_what_its_shape_says(benchmark_module, rng: np.random.Genera
         assert np.all(np.abs(deviations[~along] / stream.noise - 1.0) < 0.25)
 
 
-def test_centres_are_apart(benchmark_module, rng: np.random.Generator):
-    """No two are nearer than asked for, many in few dimensions and one alone included."""
+def test_centres_are_separated(benchmark_module, rng: np.random.Generator):
     sample_separated_centres = benchmark_module("make_streams").sample_separated_centres
     for K, D in ((1, 3), (7, 14), (50, 3), (20, 75)):
         points = sample_separated_centres(rng, K, D, 2.0)
@@ -69,8 +66,7 @@ def test_centres_are_apart(benchmark_module, rng: np.random.Generator):
         assert apart.min() >= 2.0
 
 
-def test_coordinates_wander_within_visits_and_not_between_them(benchmark_module, rng: np.random.Generator):
-    """Of unit variance, correlated as asked for from step to step, and not where a visit begins."""
+def test_coordinates_are_correlated_within_segments(benchmark_module, rng: np.random.Generator):
     begins = np.arange(0, 40_000, 4)
     c = (
         benchmark_module("make_streams")
@@ -83,8 +79,7 @@ def test_coordinates_wander_within_visits_and_not_between_them(benchmark_module,
     assert np.mean(c[:-1, 3] * c[1:, 0]) == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_peer_is_tuned_to_its_best_setting_once(benchmark_module, tmp_path: Path):
-    """The best of the grid counts, whenever its labels were read; settings that fail are passed over."""
+def test_tune_chooses_best_setting(benchmark_module, tmp_path: Path):
     streaming = benchmark_module("streaming")
     truth = np.repeat([0, 1], 150)
     points = truth.tolist()
@@ -109,8 +104,7 @@ def test_a_peer_is_tuned_to_its_best_setting_once(benchmark_module, tmp_path: Pa
 
 
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-6, "pass"), (2e-6, "pass"), (2.1e-6, "miss")])
-def test_a_rate_is_kept_from_above(benchmark_module, cpu: float, verdict: str):
-    """At least 500,000 a second means at most two microseconds each."""
+def test_min_rate_is_lower_bound(benchmark_module, cpu: float, verdict: str):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "long_3")
     case_results = [(case, taken_of(kinds, measure, {"pilotfish": (cpu, 1.0)}))]
@@ -120,8 +114,7 @@ def test_a_rate_is_kept_from_above(benchmark_module, cpu: float, verdict: str):
 @pytest.mark.parametrize(
     ("best", "verdict"), [(0.89, "pass"), (0.9, "miss"), (0.95, "miss"), (np.nan, "pass")]
 )
-def test_a_lead_in_answer_is_over_every_peer(benchmark_module, best: float, verdict: str):
-    """Equal is no lead; our portable kernels are no peer, and what is no number does not count."""
+def test_best_answer_compares_every_peer(benchmark_module, best: float, verdict: str):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "stream_14")
     answers = {"pilotfish": 0.9, "pilotfish_baseline": 0.99, "river": best, "scikit_learn": 0.5}
@@ -134,8 +127,7 @@ def test_a_lead_in_answer_is_over_every_peer(benchmark_module, best: float, verd
     )
 
 
-def test_a_ceiling_may_be_for_another_of_our_entries(benchmark_module):
-    """One datapoint at a time is judged by its own time, not by that of arrays."""
+def test_time_limit_of_labelled_entry_is_used(benchmark_module):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "stream_14")
     case_results = [
@@ -151,8 +143,7 @@ def test_a_ceiling_may_be_for_another_of_our_entries(benchmark_module):
         assert judged.verdict == verdict
 
 
-def test_every_promise_is_about_a_case_and_an_entry_that_there_are(benchmark_module):
-    """A promise that names nothing would never be judged."""
+def test_requirements_refer_to_existing_cases(benchmark_module):
     cases, kinds = map(benchmark_module, ("cases", "kinds"))
     known = {case.name: [entry.label for entry in case.entries] for case in cases.CASES}
     assert len(known) == len(cases.CASES)
@@ -162,8 +153,7 @@ def test_every_promise_is_about_a_case_and_an_entry_that_there_are(benchmark_mod
     assert {entry.library for case in cases.CASES for entry in case.entries} == set(cases.LIBRARIES)
 
 
-def test_streams_are_listed_by_rate_and_quick_runs_leave_the_endless_one_out(benchmark_module, monkeypatch):
-    """What takes minutes is not for a quick look, unless it is asked for by name."""
+def test_streams_quick_run_omits_long_case(benchmark_module, monkeypatch):
     run = benchmark_module("run")
     monkeypatch.setattr(sys, "argv", ["run.py", "--quick"])
     names = {case.name for case in run.select_cases(run.arguments())}
@@ -174,8 +164,7 @@ def test_streams_are_listed_by_rate_and_quick_runs_leave_the_endless_one_out(ben
 
 
 @pytest.mark.slow  # times streams of many sizes
-def test_the_table_of_costs_is_written_for_small_sizes(tmp_path: Path):
-    """Figures, a line through them, and a picture."""
+def test_cost_table_small_sizes_is_written(tmp_path: Path):
     picture, figures = tmp_path / "cost.png", tmp_path / "cost.json"
     command = [sys.executable, str(BENCHMARKS / "streams_cost.py"), "--quick"]
     done = subprocess.run(

@@ -10,12 +10,11 @@ from click.testing import Result
 from drawing import needs_renderer
 from PIL import Image
 
+from pilotfish import simulation
 from pilotfish.environments import TASKS, Task
 from pilotfish.io.skill_file import open_skill
 from pilotfish.planning.reproduction import mean_demonstration_length
-from pilotfish.simulation import execution
-from pilotfish.simulation.execution import execute
-from pilotfish.simulation.recording import TEST_STREAM, situation_from_seed
+from pilotfish.simulation import situation_from_seed
 
 RunCommand = Callable[..., Result]
 RunJson = Callable[..., dict[str, Any]]
@@ -31,18 +30,18 @@ def perform(alignment_skill: Path, alignment_task: Task[Any]) -> list[str]:
 def test_facts_are_those_of_the_executions(
     perform: list[str], alignment_task: Task[Any], alignment_skill: Path, run_json: RunJson
 ):
-    """Situation for situation, of the unseen ones of the seed: what execute finds is what is told."""
+    """Situation for situation, of the unseen ones of the seed: what perform finds is what is told."""
     output = run_json(*perform, "--situations", "2", "--seed", "3")
     skill = open_skill(alignment_skill / "skill")
     assert len(output["situations"]) == 2
     for n, fact in enumerate(output["situations"]):
-        made = execute(skill, alignment_task, situation_from_seed(alignment_task, TEST_STREAM, 3, n))
+        made = simulation.perform(skill, alignment_task, situation_from_seed(alignment_task, "test", 3, n))
         assert fact == {
             "success": made.outcome.success,
             "error": made.outcome.error,
             "reason": made.outcome.reason,
             "peak_forces": made.peak_forces,
-            "seconds": made.seconds,
+            "seconds": made.duration,
         }
     assert output["succeeded"] == sum(fact["success"] for fact in output["situations"])
     assert (output["unit"], output["film"]) == ("m", None)
@@ -130,7 +129,7 @@ def test_misuse_is_told_before_the_work(
     output: str,
 ):
     """Exit code 2, the option is named, and nothing is carried out."""
-    monkeypatch.setattr(execution, "execute", None)
+    monkeypatch.setattr(simulation, "perform", None)
     result = run_command_line(*perform, *option)
     assert (result.exit_code, result.stdout) == (2, "")
     assert output in " ".join(result.stderr.split())

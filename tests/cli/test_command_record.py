@@ -15,7 +15,6 @@ from pilotfish.io.demonstration_folder import read_demonstrations
 from pilotfish.io.skill_file import open_skill
 from pilotfish.simulation import recording as recorder
 from pilotfish.simulation.recording import (
-    DEMONSTRATION_STREAM,
     record,
     shown,
     simulated_leader,
@@ -55,7 +54,7 @@ def test_showings_are_written_as_a_folder(alignment_skill: Path):
     for m, demo in enumerate(demonstrations):
         assert demo.period == 0.1
         assert [frame.name for frame in demo.frames] == ["before", "after"]
-        where = situation_from_seed(TASKS["valve"], DEMONSTRATION_STREAM, 5, m)
+        where = situation_from_seed(TASKS["valve"], "demonstration", 5, m)
         np.testing.assert_allclose(demo.frames[0].b[:3], where.valve.position, atol=1e-12)
 
 
@@ -187,9 +186,9 @@ def test_the_command_records_what_the_function_does(
     """The folder holds the rows of shown, and those of its person recorded alone, to the last bit."""
     read = read_demonstrations(alignment_skill / "shown")
     made = [recording.demonstration for recording, _ in shown(alignment_task, 3, 5)]
-    where = situation_from_seed(alignment_task, DEMONSTRATION_STREAM, 5, 2)
+    where = situation_from_seed(alignment_task, "demonstration", 5, 2)
     leader = simulated_leader(
-        alignment_task, where, recorder.DEFAULT_HUMAN, np.random.default_rng([5, DEMONSTRATION_STREAM, 2, 0])
+        alignment_task, where, recorder.DEFAULT_HUMAN, np.random.default_rng([5, recorder.SPLITS["demonstration"], 2, 0])
     )
     for one, other in zip(
         [*read, read[2]], [*made, record(alignment_task, where, leader, "x").demonstration], strict=True

@@ -14,7 +14,7 @@ from pilotfish.cli.demo import demo as room
 from pilotfish.cli.demo.demo import DemoRun, demo, format_report_table
 from pilotfish.cli.main import cli
 from pilotfish.cli.output.report import Table
-from pilotfish.environments.cameras import rendering_error
+from pilotfish.environments.scene_renderer import rendering_error
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.io import datasets
 from pilotfish.io.skill_file import open_skill

@@ -1,6 +1,6 @@
-"""Physics keeps its annotations: a second of each task, led and followed, with every call checked.
+"""One second of each task with guidance and with impedance control satisfies all annotations.
 
-The other tests of physics run unchecked, because checks cost five to eight times the physics.
+Other physics tests run unchecked, because checks cost five to eight times the physics.
 """
 
 import numpy as np
@@ -19,8 +19,7 @@ def annotations_are_checked(checked):
 
 
 @pytest.mark.parametrize("name", sorted(EVERY_TASK))
-def test_a_led_second_of_each_task_keeps_its_annotations(name, rng):
-    """The person leads for a second, is judged, and has not finished."""
+def test_step_guidance_every_task_satisfies_annotations(name, rng):
     task = EVERY_TASK[name]
     cell = simulate_human_demonstration(task, task.sample_situation(rng), rng, seconds=1.0)
     assert cell.time == pytest.approx(1.0, abs=0.02)
@@ -28,8 +27,7 @@ def test_a_led_second_of_each_task_keeps_its_annotations(name, rng):
 
 
 @pytest.mark.parametrize("name", sorted(EVERY_TASK))
-def test_a_followed_second_of_each_task_keeps_its_annotations(name, rng):
-    """The arm goes to a pose 5 cm aside and is there, nearly, after a second."""
+def test_step_impedance_every_task_satisfies_annotations(name, rng):
     task = EVERY_TASK[name]
     cell = Workcell(task, task.sample_situation(rng))
     goal = type(cell.target)(cell.target.position + np.array([0.0, 0.05, 0.0]), cell.target.quaternion)

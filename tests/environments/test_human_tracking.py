@@ -1,4 +1,4 @@
-"""People follow moving goals in one closed loop where the delay lets them, and else move ahead and wait."""
+"""Simulated people track moving goals by the crossover model, or move and wait if the delay is long."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,15 +12,17 @@ from pilotfish.environments.human import (
     HumanModel,
     HumanState,
     Observation,
-    Phase,
     Subtask,
-    crossover_frequency,
     initial_state,
     step_human,
 )
+from pilotfish.environments.human.crossover_model import crossover_frequency
+from pilotfish.environments.human.human_state import Phase
 from pilotfish.geometry import Pose, from_rotation_vector
 
-pytestmark = pytest.mark.usefixtures("unchecked")  # thousands of looks; test_people.py checks each act
+pytestmark = pytest.mark.usefixtures(
+    "unchecked"
+)  # thousands of observations; test_human.py checks the annotations
 
 TIMESTEP = 0.005
 STILL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -49,14 +51,9 @@ def turned(pose: Pose, a: float) -> Pose:
 
 @pytest.mark.parametrize("moved", [shifted, turned])
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
-def test_the_open_loop_crosses_unit_gain_with_the_phase_margin(
+def test_tracking_open_loop_has_unit_gain_and_phase_margin(
     delay: float, moved: Callable[[Pose, float], Pose]
 ):
-    """With the loop cut at the tool, a sine of w_c comes back as large, its phase the margin short of -pi.
-
-    The tool in the picture goes a small sine of its own whatever the hand does; the hand's sine, seen after
-    the delay, is what the loop returns, and minus that is the open loop's transfer.
-    """
     human_model = HumanModel(max_lead=10.0, max_angular_lead=3.0)
     w, size = crossover_frequency(human_model, delay), 0.005
     plan, state = DemonstrationPlan(human_model, (follow(1.0, dwell=1000.0),), delay), initial_state(AT, 0.0)
@@ -65,12 +62,8 @@ def test_the_open_loop_crosses_unit_gain_with_the_phase_margin(
     hands = []
     for time in times:
         observation = Observation(moved(AT, size * np.sin(w * time)), {"goal": AT})
-        state, command = step_human(plan, state, time, observation, np.random.default_rng(0))
-        x = (
-            command.pose.position[0] - AT.position[0]
-            if moved is shifted
-            else 2.0 * command.pose.quaternion[3]
-        )
+        state = step_human(plan, state, time, observation, np.random.default_rng(0))
+        x = state.hand.position[0] - AT.position[0] if moved is shifted else 2.0 * state.hand.quaternion[3]
         hands.append(x)
     assert state.phase is Phase.TRACKING
     last = slice(-4 * periods, None)
@@ -81,10 +74,10 @@ def test_the_open_loop_crosses_unit_gain_with_the_phase_margin(
     assert np.angle(-returned) == pytest.approx(-pi + human_model.phase_margin, abs=0.02)
 
 
-def tracked(
+def track_ramp(
     human_model: HumanModel, speed: float, delay: float, seconds: float, subtask: Subtask
 ) -> tuple[list[HumanState], np.ndarray]:
-    """Doings, and the tool's errors, of following a goal of constant speed over a delay line."""
+    """Return states and errors of the tool while a delayed person tracks a goal of constant speed."""
     plan, state, tools, errors, states = (
         DemonstrationPlan(human_model, (subtask,), delay),
         initial_state(AT, 0.0),
@@ -97,34 +90,29 @@ def tracked(
         time = n * TIMESTEP
         tool = tools[max(0, len(tools) - 1 - round(delay / TIMESTEP))]
         observation = Observation(tool, {"goal": shifted(AT, 0.1 + speed * time)})
-        state, command = step_human(plan, state, time, observation, rng)
-        tools.append(command.pose)
+        state = step_human(plan, state, time, observation, rng)
+        tools.append(state.hand)
         errors.append(observation.frames["goal"].position[0] - tool.position[0])
         states.append(state)
     return states, np.array(errors)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.2, 0.4])
-def test_a_tracked_goal_is_trailed_by_its_speed_over_the_crossover_frequency(delay: float):
-    """A loop with one integrator follows a ramp u with the lasting error u / w_c; the tool as seen trails."""
+def test_tracking_ramp_lags_by_speed_over_crossover_frequency(delay: float):
     u = 0.02
-    states, errors = tracked(NOISELESS, u, delay, 12.0, follow(dwell=100.0))
+    states, errors = track_ramp(NOISELESS, u, delay, 12.0, follow(dwell=100.0))
     assert states[-1].phase is Phase.TRACKING
     assert errors[-1] == pytest.approx(u / crossover_frequency(NOISELESS, delay), rel=0.02)
 
 
-def test_a_goal_pursued_at_its_own_speed_is_not_trailed():
-    """With all of the goal's speed in the hand's, nothing lasting is left to answer."""
-    _, errors = tracked(replace(NOISELESS, feedforward_gain=1.0), 0.02, 0.2, 15.0, follow(dwell=100.0))
+def test_tracking_full_feedforward_has_no_lag():
+    _, errors = track_ramp(replace(NOISELESS, feedforward_gain=1.0), 0.02, 0.2, 15.0, follow(dwell=100.0))
     assert errors[-1] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_reached_means_within_tolerance_for_a_reaction_time():
-    """After a movement that fell short, the goal counts as reached when the tool, tracking, has been within
-    tolerance for a reaction time, and not before.
-    """
+def test_tracking_goal_is_reached_after_reaction_time():
     human_model, subtask = replace(NOISELESS, gain=0.8), follow(0.008, dwell=100.0)
-    states, errors = tracked(human_model, 0.02, 0.0, 8.0, subtask)
+    states, errors = track_ramp(human_model, 0.02, 0.0, 8.0, subtask)
     reached = next(n for n, state in enumerate(states) if state.dwell_end < inf)
     came = reached - round(human_model.reaction_time / TIMESTEP)
     assert states[came - 1].phase is Phase.TRACKING
@@ -132,9 +120,8 @@ def test_reached_means_within_tolerance_for_a_reaction_time():
     assert abs(errors[came - 1]) > subtask.position_tolerance
 
 
-def test_above_its_longest_delay_nobody_tracks():
-    """With a longer round trip the hand moves to where the goal will be seen: it is met at every look."""
-    states, errors = tracked(NOISELESS, 0.02, 1.0, 15.0, follow(0.003, dwell=100.0))
+def test_tracking_long_delay_moves_and_waits():
+    states, errors = track_ramp(NOISELESS, 0.02, 1.0, 15.0, follow(0.003, dwell=100.0))
     assert not [state for state in states if state.phase is Phase.TRACKING]
     looks = [
         n
@@ -147,13 +134,12 @@ def test_above_its_longest_delay_nobody_tracks():
     assert states[-1].n_timeouts == 0
 
 
-def test_people_stop_tracking_when_the_delay_grows_and_begin_again_when_it_shrinks():
-    """The round trip is the errand's, which may be another one at every step."""
+def test_tracking_changing_delay_stops_and_restarts():
     state, rng, phases = initial_state(AT, 0.0), np.random.default_rng(0), []
     for n in range(1, 2400):
         delay = 0.6 if 800 < n < 1600 else 0.1
         plan = DemonstrationPlan(HumanModel(), (follow(1.0, dwell=1000.0),), delay)
-        state, _ = step_human(plan, state, n * TIMESTEP, Observation(state.hand, {"goal": AT}), rng)
+        state = step_human(plan, state, n * TIMESTEP, Observation(state.hand, {"goal": AT}), rng)
         phases.append(state.phase)
     assert phases[700] is Phase.TRACKING
     assert phases[1200] is Phase.MOVE_AND_WAIT
@@ -161,8 +147,7 @@ def test_people_stop_tracking_when_the_delay_grows_and_begin_again_when_it_shrin
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4])
-def test_a_tracking_hand_keeps_to_its_speed_and_does_not_wind_up(delay: float):
-    """A goal that runs away from a stuck tool is not followed beyond the lean and the loop's delay."""
+def test_tracking_hand_keeps_speed_and_lead(delay: float):
     human_model, rng = HumanModel(), np.random.default_rng(0)
     plan, state, steps = (
         DemonstrationPlan(human_model, (follow(1.0, dwell=1000.0),), delay),
@@ -172,8 +157,8 @@ def test_a_tracking_hand_keeps_to_its_speed_and_does_not_wind_up(delay: float):
     for n in range(1, 1600):
         observation = Observation(AT, {"goal": shifted(AT, 0.3 * n * TIMESTEP)})
         before = state.hand
-        state, command = step_human(plan, state, n * TIMESTEP, observation, rng)
-        steps.append(float(np.linalg.norm(command.pose.position - before.position)))
+        state = step_human(plan, state, n * TIMESTEP, observation, rng)
+        steps.append(float(np.linalg.norm(state.hand.position - before.position)))
     furthest = human_model.max_lead + human_model.peak_speed * (human_model.tau_e + delay)
     assert np.linalg.norm(state.hand.position - AT.position) == pytest.approx(furthest)
     assert max(steps) <= human_model.peak_speed * TIMESTEP * (1 + 1e-9)

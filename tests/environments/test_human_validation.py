@@ -1,4 +1,4 @@
-"""People, acts and tasks that cannot be are refused in words that help."""
+"""Invalid human models, subtasks and plans are refused with the value and the expected range."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pilotfish.environments.human import DemonstrationPlan, HumanModel, Subtask, within_tolerance
+from pilotfish.environments.human import DemonstrationPlan, HumanModel, Subtask
+from pilotfish.environments.human.demonstration_plan import within_tolerance
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, from_rotation_vector
 
-ACT = Subtask("go", lambda frames: frames["goal"], 0.01, 0.1)
+SUBTASK = Subtask("go", lambda frames: frames["goal"], 0.01, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -27,8 +28,7 @@ ACT = Subtask("go", lambda frames: frames["goal"], 0.01, 0.1)
         ({"phase_margin": 35.0}, "phase_margin is 35.0 rad, .*math.radians"),
     ],
 )
-def test_impossible_people_are_refused(changes: dict[str, float], message: str):
-    """The message names the number, what was expected and the nearest fix."""
+def test_human_model_invalid_number_is_refused(changes: dict[str, float], message: str):
     with pytest.raises(InvalidInput, match=message):
         replace(HumanModel(), **changes)
 
@@ -41,39 +41,38 @@ def test_impossible_people_are_refused(changes: dict[str, float], message: str):
             "position_tolerance of subtask 'go' is 0.0, expected a positive number",
         ),
         ({"angle_tolerance": float("nan")}, "angle_tolerance of subtask 'go' is nan"),
-        ({"speed": -1.0}, "speed of subtask 'go' is -1.0"),
+        ({"speed_factor": -1.0}, "speed_factor of subtask 'go' is -1.0"),
         ({"grip": 1.5}, r"grip of subtask 'go' is 1.5, expected 0 \(open\) to 1 \(closed\)"),
         ({"dwell": -0.1}, "dwell of subtask 'go' is -0.1 s"),
         ({"passing": True, "dwell": 1.0}, "'go' is passing, expected no dwell"),
         ({"passing": True, "tracking": True}, "'go' is passing, expected no dwell and no tracking"),
     ],
 )
-def test_impossible_acts_are_refused(changes: dict[str, Any], message: str):
-    """The message names the act, the number, and what was expected."""
+def test_subtask_invalid_number_is_refused(changes: dict[str, Any], message: str):
     with pytest.raises(InvalidInput, match=message):
-        replace(ACT, **changes)
+        replace(SUBTASK, **changes)
 
 
 @pytest.mark.parametrize(
-    ("script", "round_trip", "message"),
+    ("subtasks", "round_trip", "message"),
     [
         ((), 0.0, "subtasks is empty, expected at least one Subtask"),
-        ((ACT,), -0.5, "round_trip is -0.5 s, expected 0 or more"),
-        ((ACT,), float("inf"), "round_trip is inf s"),
+        ((SUBTASK,), -0.5, "round_trip is -0.5 s, expected 0 or more"),
+        ((SUBTASK,), float("inf"), "round_trip is inf s"),
     ],
 )
-def test_impossible_tasks_are_refused(subtasks: tuple[Subtask, ...], round_trip: float, message: str):
-    """A script has acts, a round trip takes a time."""
+def test_demonstration_plan_invalid_argument_is_refused(
+    subtasks: tuple[Subtask, ...], round_trip: float, message: str
+):
     with pytest.raises(InvalidInput, match=message):
         DemonstrationPlan(HumanModel(), subtasks, round_trip)
 
 
-def test_within_means_both_tolerances():
-    """Near enough and turned enough; the sign of a quaternion does not matter."""
+def test_within_tolerance_requires_both_tolerances():
     goal = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     turned = from_rotation_vector(np.array([0.0, 0.09, 0.0]))
-    assert within_tolerance(Pose(np.array([0.009, 0.0, 0.0]), -turned), goal, ACT)
-    assert not within_tolerance(Pose(np.array([0.011, 0.0, 0.0]), turned), goal, ACT)
+    assert within_tolerance(Pose(np.array([0.009, 0.0, 0.0]), -turned), goal, SUBTASK)
+    assert not within_tolerance(Pose(np.array([0.011, 0.0, 0.0]), turned), goal, SUBTASK)
     assert not within_tolerance(
-        Pose(np.zeros(3), from_rotation_vector(np.array([0.0, 0.11, 0.0]))), goal, ACT
+        Pose(np.zeros(3), from_rotation_vector(np.array([0.0, 0.11, 0.0]))), goal, SUBTASK
     )

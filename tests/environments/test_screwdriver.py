@@ -1,4 +1,4 @@
-"""The screwdriver: only a tip that goes into a moving recess, straight and along its slot, is done."""
+"""The screwdriver task is done when the tip is in the moving recess, aligned with axis and slot."""
 
 from math import pi, radians
 
@@ -9,13 +9,13 @@ from simulated_demonstration import simulate_human_demonstration
 
 from pilotfish.environments import Outcome, Workcell
 from pilotfish.environments.baxter import solve_posture
-from pilotfish.environments.tasks import SCREWDRIVER
 from pilotfish.environments.tasks.screwdriver import (
     BORE,
     DEEP,
     HIGH,
     MOUTH,
     REACH,
+    SCREWDRIVER,
     ScrewdriverSituation,
     screw_pose,
     tool_above_recess,
@@ -24,34 +24,34 @@ from pilotfish.geometry import Pose, angle, from_rotation_vector
 
 pytestmark = pytest.mark.usefixtures("unchecked")
 
-ARM_LAG = 0.25  # s, from the leading hand to the led tool: what a person who tracks has to reckon with
-HERE = np.array([1.0, 0.0, 0.0, 0.0])
+ARM_LAG = 0.25  # s, from the guiding hand to the tool, which a tracking person expects
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 TIMES = np.linspace(0.0, SCREWDRIVER.time_limit, 301)
 
 
-def drawn(seed: int) -> ScrewdriverSituation:
+def sample_situation(seed: int) -> ScrewdriverSituation:
     return SCREWDRIVER.sample_situation(np.random.default_rng(seed))
 
 
-def stand(cell: Workcell, tool: Pose) -> Outcome:
-    """The verdict on an arm that holds the tool there."""
+def outcome_at(cell: Workcell, tool: Pose) -> Outcome:
+    """Return the outcome with the tool at a pose."""
     cell.arm.q[:] = solve_posture(tool, REACH)
     mujoco.mj_forward(cell.model, cell.data)
     return cell.outcome()
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_person_sets_the_screwdriver_in(seed):
-    """Led by a person the tip ends at the bottom of the moving recess, and nothing is pushed by 60 N."""
-    cell = simulate_human_demonstration(SCREWDRIVER, drawn(seed), np.random.default_rng(seed), lag=ARM_LAG)
+def test_demonstration_script_simulated_person_inserts_screwdriver(seed):
+    cell = simulate_human_demonstration(
+        SCREWDRIVER, sample_situation(seed), np.random.default_rng(seed), lag=ARM_LAG
+    )
     assert cell.outcome() == Outcome(True, cell.outcome().error)
     assert cell.outcome().error < 0.003
     assert 0.0 < cell.peak_forces["tool"] < 60.0
 
 
-def test_nothing_is_done_by_waiting():
-    """At the beginning and after two seconds of holding still the tip is far away, and the verdict tells."""
-    cell = Workcell(SCREWDRIVER, drawn(0))
+def test_check_success_without_motion_fails():
+    cell = Workcell(SCREWDRIVER, sample_situation(0))
     for _ in range(2):
         outcome = cell.outcome()
         assert not outcome.success
@@ -61,10 +61,9 @@ def test_nothing_is_done_by_waiting():
     assert cell.peak_forces["tool"] == 0.0
 
 
-def test_a_tip_beside_the_funnel_rests_on_the_plate():
-    """Pressed down 19 mm aside it stops as high as the plate, however long: the recess has walls."""
-    cell = Workcell(SCREWDRIVER, drawn(1))
-    aside = Pose(np.array([0.0, 0.019, 0.0]), HERE)
+def test_tip_beside_funnel_rests_on_plate():
+    cell = Workcell(SCREWDRIVER, sample_situation(1))
+    aside = Pose(np.array([0.0, 0.019, 0.0]), IDENTITY)
     for height, ticks in ((0.06, 2000), (0.002, 1500), (0.002, 1000)):
         for _ in range(ticks // 100):
             cell.step_impedance(tool_above_recess(cell.frames(), height) @ aside, 0.0, 100)
@@ -75,9 +74,8 @@ def test_a_tip_beside_the_funnel_rests_on_the_plate():
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_who_aims_at_where_the_screw_was_misses(seed):
-    """A tip that is let down where the screw stood when it was farthest away does not find the recess."""
-    situation = drawn(seed)
+def test_insertion_at_old_position_misses(seed):
+    situation = sample_situation(seed)
     cell = Workcell(SCREWDRIVER, situation)
     was = max(
         (screw_pose(situation, t) for t in TIMES),
@@ -88,14 +86,13 @@ def test_who_aims_at_where_the_screw_was_misses(seed):
     assert "the tip is" in cell.outcome().reason
 
 
-def test_the_verdict_is_that_of_the_tool_in_the_recess():
-    """In place is done; 4 mm off, 6 degrees aslant or 12 across the slot is not, each for its reason."""
-    cell = Workcell(SCREWDRIVER, drawn(2))
+def test_check_success_depends_on_tool_pose():
+    cell = Workcell(SCREWDRIVER, sample_situation(2))
     goal = tool_above_recess(cell.frames(), 0.0)
 
     def moved(x: float, lean: float, twist: float) -> Outcome:
         turn = from_rotation_vector(radians(1.0) * np.array([lean, 0.0, twist]))
-        return stand(cell, goal @ Pose(np.array([x, 0.0, 0.0]), turn))
+        return outcome_at(cell, goal @ Pose(np.array([x, 0.0, 0.0]), turn))
 
     assert moved(0.0, 0.0, 0.0).success
     assert moved(0.002, 4.0, 0.0).success
@@ -106,9 +103,8 @@ def test_the_verdict_is_that_of_the_tool_in_the_recess():
     assert "12.0 degrees across" in moved(0.0, 0.0, 12.0).reason
 
 
-def test_a_blade_has_no_front():
-    """Turned by half a turn about its axis the screwdriver is as good."""
-    cell = Workcell(SCREWDRIVER, drawn(2))
+def test_check_success_blade_rotated_by_half_turn_is_done():
+    cell = Workcell(SCREWDRIVER, sample_situation(2))
     half = Pose(np.zeros(3), from_rotation_vector(pi * np.array([0.0, 0.0, 1.0])))
     tool = tool_above_recess(cell.frames(), 0.0) @ half
     cell.arm.q[:] = solve_posture(tool_above_recess(cell.frames(), 0.0), REACH)
@@ -119,14 +115,13 @@ def test_a_blade_has_no_front():
 
 
 @pytest.mark.parametrize(("height", "radius"), [(DEEP / 2, BORE), (HIGH - 1e-4, MOUTH)])
-def test_the_recess_is_as_wide_and_as_deep_as_it_says(height, radius):
-    """Rays from its axis meet walls at the radius all around, and one straight down the bottom at zero."""
-    cell = Workcell(SCREWDRIVER, drawn(0))
+def test_recess_has_stated_dimensions(height, radius):
+    cell = Workcell(SCREWDRIVER, sample_situation(0))
     target, hit = cell.frames()["target"], np.zeros(1, dtype=np.int32)
 
     def ray(direction: np.ndarray) -> float:
-        begin = target @ Pose(np.array([0.0, 0.0, height]), HERE)
-        way = (target @ Pose(direction, HERE)).position - target.position
+        begin = target @ Pose(np.array([0.0, 0.0, height]), IDENTITY)
+        way = (target @ Pose(direction, IDENTITY)).position - target.position
         return mujoco.mj_ray(cell.model, cell.data, begin.position, way, None, 1, -1, hit)
 
     for around in np.arange(8) * pi / 4:
@@ -135,9 +130,8 @@ def test_the_recess_is_as_wide_and_as_deep_as_it_says(height, radius):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_frame_is_where_the_screw_is(seed):
-    """For two seconds the frame seen is within 1.5 mm of the path that the screw is to take, turned alike."""
-    cell = Workcell(SCREWDRIVER, drawn(seed))
+def test_frames_equal_target_body(seed):
+    cell = Workcell(SCREWDRIVER, sample_situation(seed))
     for _ in range(10):
         cell.step_impedance(cell.target, 0.0, 200)
         seen, wanted = cell.frames()["target"], screw_pose(cell.situation, cell.time)
@@ -146,9 +140,8 @@ def test_the_frame_is_where_the_screw_is(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_screw_moves_slowly_and_not_far(seed):
-    """By finite differences its fastest is 5 to 20 mm/s; it keeps to 6 cm about its middle, at its height."""
-    situation = drawn(seed)
+def test_screw_pose_speed_and_amplitude_are_bounded(seed):
+    situation = sample_situation(seed)
     path = np.array([screw_pose(situation, t).position for t in TIMES])
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / (TIMES[1] - TIMES[0])
     assert 0.0049 < speeds.max() < 0.0201
@@ -157,21 +150,21 @@ def test_the_screw_moves_slowly_and_not_far(seed):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_the_arm_reaches_the_screw_wherever_it_goes(seed):
-    """There are postures for the tool in and above the recess at both ends of the screw's way."""
-    situation = drawn(seed)
-    for away in (-situation.sway, situation.sway):
+def test_demonstration_script_every_goal_is_reachable(seed):
+    situation = sample_situation(seed)
+    for away in (-situation.amplitude, situation.amplitude):
         middle = situation.middle
         screw = Pose(middle.position + away * situation.direction, middle.quaternion)
         for height in (0.0, 0.07):
             solve_posture(tool_above_recess({"target": screw}, height), REACH)
 
 
-def test_one_seed_is_one_situation():
-    """The same seed draws the same numbers, another seed others."""
+def test_sample_situation_same_seed_is_equal():
     numbers = [
-        np.concatenate([s.middle.position, s.middle.quaternion, s.direction, [s.sway, s.pace, s.phase]])
-        for s in (drawn(5), drawn(5), drawn(6))
+        np.concatenate(
+            [s.middle.position, s.middle.quaternion, s.direction, [s.amplitude, s.frequency, s.phase]]
+        )
+        for s in (sample_situation(5), sample_situation(5), sample_situation(6))
     ]
     assert np.array_equal(numbers[0], numbers[1])
     assert np.isclose(numbers[0], numbers[2]).sum() == 1  # both move level

@@ -18,14 +18,12 @@ def dance(data_folder, chicken_dance):
     return chicken_dance.add_time_column(pf.demonstrations.resample(pf.datasets.chicken_dance()[0], 500))
 
 
-def test_parameters_of_the_dance_are_those_printed():
-    """75 components in 94 dimensions: 334,875 numbers when free, 15,886 when tied."""
+def test_parameter_counts_equal_published():
     assert covariance_parameter_count(pf.structures.Full(), states=75, width=94) == 334_875
     assert covariance_parameter_count(pf.structures.SemiTied(1.0), states=75, width=94) == 15_886
 
 
-def test_bones_keep_their_length_through_the_dance(data_folder, chicken_dance):
-    """27 bones make one tree of all 28 nodes, and none stretches by a millionth of a millimetre."""
+def test_bone_lengths_are_constant(data_folder, chicken_dance):
     (recorded,) = pf.datasets.chicken_dance()
     names = [part.name for part in recorded.layout.parts]
     bones = chicken_dance.bones()
@@ -41,8 +39,7 @@ def test_bones_keep_their_length_through_the_dance(data_folder, chicken_dance):
         assert np.ptp(lengths) < 1e-9
 
 
-def test_what_is_given_comes_back_untouched_and_left_is_left(dance, chicken_dance):
-    """Time and the left side: 34 columns, none of the right; those given are not regenerated."""
+def test_regenerate_keeps_inputs(dance, chicken_dance):
     columns = chicken_dance.input_columns("half", dance.layout)
     names = [dance.layout.names[c] for c in columns]
     assert names[0] == "time"
@@ -54,8 +51,7 @@ def test_what_is_given_comes_back_untouched_and_left_is_left(dance, chicken_danc
     assert np.abs(made - dance.x).max() > 1e-3
 
 
-def test_one_component_regenerates_by_least_squares(dance, chicken_dance):
-    """With K = 1 the body expected at a time is the ridge regression line through the recording."""
+def test_one_component_equals_least_squares(dance, chicken_dance):
     skill = chicken_dance.learn_skill(dance, "full", 1).skill
     made = chicken_dance.regenerate(skill, dance.x, np.array([0]))
     seconds, body = dance.x[:, 0] - dance.x[:, 0].mean(), dance.x[:, 1:] - dance.x[:, 1:].mean(axis=0)
@@ -63,8 +59,7 @@ def test_one_component_regenerates_by_least_squares(dance, chicken_dance):
     np.testing.assert_allclose(made[:, 1:], dance.x[:, 1:].mean(axis=0) + np.outer(seconds, slope), atol=1e-9)
 
 
-def test_more_components_follow_better_and_tying_costs_some(dance, chicken_dance):
-    """Figure 4.3: errors fall with K, and rise with tying, which needs fewer numbers and correlates more."""
+def test_more_components_reduce_error(dance, chicken_dance):
     rows = {
         (label, states): chicken_dance.measured(dance, label, states)
         for label in ("semi-tied(1)", "full")
@@ -81,8 +76,7 @@ def test_more_components_follow_better_and_tying_costs_some(dance, chicken_dance
 
 
 @pytest.mark.slow  # runs the reproduction: 21 CPU seconds
-def test_the_dance_writes_its_numbers_pictures_and_animation(data_folder, tmp_path):
-    """With few components: a row for each structure, three pictures, and an animation that moves."""
+def test_chicken_dance_writes_outputs(data_folder, tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     script = Path(__file__).parents[2] / "reproductions" / "chicken_dance.py"
     command = [sys.executable, script, "--components", "3", "--json", report, "--out", pictures]

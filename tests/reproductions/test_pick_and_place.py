@@ -52,8 +52,7 @@ def movement(level: int, rng: np.random.Generator, rows: int) -> pf.Demonstratio
     return pf.demonstration(x, 0.1, LAYOUT, frames, f"level {level}")
 
 
-def test_a_stretched_showing_begins_and_ends_where_it_did(script, rng):
-    """200 rows of 0.1 s, whatever the length; first and last row are those of the showing."""
+def test_resample_keeps_ends(script, rng):
     for rows in (120, 200, 231):
         shown = movement(3, rng, rows)
         rowed = script.resample_to_horizon(shown)
@@ -62,8 +61,7 @@ def test_a_stretched_showing_begins_and_ends_where_it_did(script, rng):
         np.testing.assert_allclose(rowed.x[[0, -1]], shown.x[[0, -1]], atol=1e-12)
 
 
-def test_without_the_grip_frames_see_the_same_pose(script, rng):
-    """What plate and obstacle see of the pose does not depend on whether the grip is a column."""
+def test_drop_grip_keeps_pose_in_frames(script, rng):
     shown = movement(2, rng, 50)
     pose = script.drop_grip(shown)
     np.testing.assert_allclose(views([pose]).x, views([shown]).x[..., :7], atol=1e-12)
@@ -71,8 +69,7 @@ def test_without_the_grip_frames_see_the_same_pose(script, rng):
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1.0])
-def test_a_skill_that_hears_by_powers_adapts_as_one_that_is_told_them(script, rng, alpha):
-    """Covariances divided by the powers and no relevance, or relevance: means agree, those unheard too."""
+def test_weighted_skill_adapts_like_weights(script, rng, alpha):
     shown = [
         pf.add_derivatives(script.resample_to_horizon(movement(level, rng, 150))) for level in (0, 2, 4, 6)
     ]
@@ -90,8 +87,7 @@ def test_a_skill_that_hears_by_powers_adapts_as_one_that_is_told_them(script, rn
     )
 
 
-def test_new_situations_were_never_shown(script):
-    """Every plate differs from those of demonstrations and from each other; no new level trains."""
+def test_new_situations_differ_from_demonstrations(script):
     where = [
         situation_for_level(level, np.random.default_rng([1, script.DEMONSTRATION_STREAM, level]))
         for level in range(8)
@@ -113,8 +109,7 @@ def test_new_situations_were_never_shown(script):
 
 
 @pytest.mark.slow  # records eight demonstrations in physics and runs the reproduction
-def test_the_rows_are_written_and_have_the_order_of_the_printed_ones(tmp_path):
-    """Parameters as printed, errors below the printed ones, and tying lowers the test error."""
+def test_pick_and_place_writes_outputs(tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     options = ["--json", report, "--out", pictures, "--situations", "0"]
     command = [sys.executable, FOLDER / "pick_and_place.py", *options]

@@ -32,14 +32,14 @@ def ask(made, tmp_path, rng):
     return lambda settings, file=script: cached_recording(str(file), settings, lambda: make(settings))[0]
 
 
-def test_the_same_code_and_settings_are_recorded_once(ask, made):
+def test_cached_recording_same_code_is_recorded_once(ask, made):
     first, again = ask("seed 0"), ask("seed 0")
     assert made == ["seed 0"]
     np.testing.assert_array_equal(first.x, again.x)
     assert first.name == again.name == "seed 0"
 
 
-def test_other_settings_or_another_script_are_recorded_anew(ask, made, tmp_path):
+def test_cached_recording_other_settings_are_recorded_again(ask, made, tmp_path):
     first, other = ask("seed 0"), ask("seed 1")
     changed = tmp_path / "changed.py"
     changed.write_text("pass # changed")
@@ -49,8 +49,7 @@ def test_other_settings_or_another_script_are_recorded_anew(ask, made, tmp_path)
     assert not np.array_equal(first.x, third.x)
 
 
-def test_a_changed_file_of_the_package_changes_the_hash(tmp_path, monkeypatch):
-    """A kernel is a file too; a file that is neither code nor kernel is not."""
+def test_code_hash_changed_file_differs(tmp_path, monkeypatch):
     script, package = tmp_path / "script.py", tmp_path / "package"
     script.write_text("pass")
     (package / "deep").mkdir(parents=True)
@@ -64,8 +63,7 @@ def test_a_changed_file_of_the_package_changes_the_hash(tmp_path, monkeypatch):
     assert hashes[0] != hashes[1] == hashes[2]
 
 
-def test_processes_that_record_at_once_get_the_same(tmp_path, monkeypatch, rng):
-    """Both record, because neither is kept yet; both return what was written first."""
+def test_cached_recording_concurrent_processes_agree(tmp_path, monkeypatch, rng):
     monkeypatch.setattr(recordings, "FOLDER", tmp_path / "recordings")
     together = Barrier(2, timeout=10.0)
     script = tmp_path / "script.py"
@@ -82,8 +80,7 @@ def test_processes_that_record_at_once_get_the_same(tmp_path, monkeypatch, rng):
     np.testing.assert_array_equal(one.x, other.x)
 
 
-def test_a_recording_that_cannot_be_written_is_an_error(ask, tmp_path, monkeypatch):
-    """Where the folder cannot be made nothing is returned as if it had been kept."""
+def test_cached_recording_unwritable_folder_fails(ask, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(recordings, "FOLDER", tmp_path / "file")
     with pytest.raises(OSError, match="file"):

@@ -14,8 +14,7 @@ FOLDER = Path(__file__).parents[2] / "reproductions"
 
 
 @pytest.mark.parametrize("sphere", [False, True])
-def test_a_test_showing_is_replayed_between_its_own_ends(data_folder, robotasks, sphere):
-    """It ends at the pose that its frame tells, and is nearer to the showing than its start or its end is."""
+def test_reproduce_starts_and_ends_at_frames(data_folder, robotasks, sphere):
     data = robotasks.to_representation(robotasks.load_demonstrations("openbox"), sphere)
     skill, demonstration = robotasks.learn_skill(data[::2]).skill, data[1]
     done = robotasks.reproduce(skill, demonstration)
@@ -27,8 +26,7 @@ def test_a_test_showing_is_replayed_between_its_own_ends(data_folder, robotasks,
         assert done.degrees < np.degrees(turned)
 
 
-def test_every_showing_begins_and_ends_at_rest_of_its_own_frames(data_folder, robotasks):
-    """Seen from the first pose, the first row is at the origin and unturned; so is the last from the last."""
+def test_demonstrations_start_and_end_at_rest(data_folder, robotasks):
     for demonstration in robotasks.load_demonstrations("pouring"):
         for frame, row in zip(demonstration.frames, (0, -1), strict=True):
             seen = np.linalg.solve(frame.A, demonstration.x[row] - frame.b)
@@ -36,7 +34,7 @@ def test_every_showing_begins_and_ends_at_rest_of_its_own_frames(data_folder, ro
 
 
 @pytest.mark.slow  # runs the reproduction
-def test_the_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path):
+def test_robotasks_writes_outputs(data_folder, tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     command = [sys.executable, FOLDER / "robotasks.py", "--json", report, "--out", pictures]
     subprocess.run(command, check=True, capture_output=True, timeout=300)

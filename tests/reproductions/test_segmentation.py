@@ -16,8 +16,7 @@ def recorded(data_folder):
     return pf.datasets.mocap6(), pf.datasets.mocap6_labels()
 
 
-def test_features_are_of_one_scale_and_keep_their_steps(recorded, segmentation):
-    """Zero mean and unit variance over all sequences together; as many rows as there are labels."""
+def test_standardise_keeps_steps(recorded, segmentation):
     for features in segmentation.FEATURES.values():
         seen = features(recorded[0])
         x = np.vstack([d.x for d in seen])
@@ -26,8 +25,7 @@ def test_features_are_of_one_scale_and_keep_their_steps(recorded, segmentation):
         assert [len(d.x) for d in seen] == [len(of) for of in recorded[1]]
 
 
-def test_the_columns_around_a_step_are_those_of_its_window(recorded, segmentation):
-    """Up to the scale of the column: mean and deviation of the eleven steps about the hundredth."""
+def test_window_features_are_shifted_rows(recorded, segmentation):
     window = segmentation.standardise(recorded[0])[2].x[95:106]
     seen = segmentation.window_features(recorded[0])
     every = np.vstack([d.x for d in seen])
@@ -46,8 +44,7 @@ def test_the_columns_around_a_step_are_those_of_its_window(recorded, segmentatio
         np.testing.assert_allclose(expected[row], there, atol=1e-12)
 
 
-def test_exact_durations_are_likelier_and_states_agree_with_labels(recorded, segmentation):
-    """The model that weighs all durations explains the angles best; every method beats chance by far."""
+def test_exact_durations_are_more_likely(recorded, segmentation):
     seen = segmentation.standardise(recorded[0])
     trials = [segmentation.run_trial(seen, recorded[1], seed, 0.1) for seed in range(2)]
     for tried in trials:
@@ -66,8 +63,7 @@ def test_exact_durations_are_likelier_and_states_agree_with_labels(recorded, seg
         assert chance < 0.6 * trials[0][method]["accuracy"]
 
 
-def test_mean_and_deviation_of_a_cut_gaussian_are_those_of_its_whole_steps(segmentation):
-    """Far from the cut they are the Gaussian's own, in seconds; at the cut the mean is longer."""
+def test_duration_statistics_of_truncated_gaussian_are_exact(segmentation):
     distribution = pf.models.GaussianDurations(np.array([60.0, 1.0]), np.array([5.0, 20.0]))
     means, deviations = segmentation.duration_statistics(distribution)
     np.testing.assert_allclose(means[0], 6.0, rtol=1e-6)
@@ -75,8 +71,7 @@ def test_mean_and_deviation_of_a_cut_gaussian_are_those_of_its_whole_steps(segme
     assert 1.4 < means[1] < 1.8  # a half normal of deviation 2 s has the mean 1.6 s
 
 
-def test_a_summary_compares_methods_seed_by_seed(segmentation):
-    """A method that is .1 better at every seed is .1 over the HMM with no error, however seeds differ."""
+def test_summary_compares_methods_by_seed(segmentation):
     scores = ("accuracy", "information", "log_likelihood", "steps_a_visit", "evidence", "seconds")
     trials = [
         {"HMM": dict.fromkeys(scores, base), "mixture": dict.fromkeys(scores, base + 0.1)}
@@ -90,8 +85,7 @@ def test_a_summary_compares_methods_seed_by_seed(segmentation):
 
 
 @pytest.mark.slow  # runs the reproduction
-def test_the_segmentation_writes_its_numbers_and_pictures(data_folder, tmp_path):
-    """Two seeds: a row for each method and set of features, two pictures for each set."""
+def test_segmentation_writes_outputs(data_folder, tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     script = Path(__file__).parents[2] / "reproductions" / "segmentation.py"
     command = [sys.executable, script, "--seeds", "2", "--json", report, "--out", pictures]

@@ -26,8 +26,7 @@ def script(name: str) -> ModuleType:
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
-def test_the_valve_rows_of_table_4_1_are_no_worse_than_printed(data_folder, alpha):
-    """Train and test error within 5 %, covariance parameters exactly."""
+def test_valve_errors_are_at_most_published(data_folder, alpha):
     valve, demonstrations = script("valve"), pf.datasets.valve()
     train, test, parameters, _ = valve.THESIS[alpha]
     skill = valve.learn_skill(demonstrations[:4], valve.structure(alpha)).skill
@@ -36,8 +35,7 @@ def test_the_valve_rows_of_table_4_1_are_no_worse_than_printed(data_folder, alph
     assert pf.models.covariance_parameter_count(valve.structure(alpha), 7, 14, frames=2) == parameters
 
 
-def test_frames_of_the_valve_are_precise_when_it_is_grasped_and_when_it_is_left(data_folder):
-    """Figure 3.7: the third state is the most precise in the frame before, the fifth in the one after."""
+def test_valve_frames_are_precise_at_grasp_and_release(data_folder):
     valve = script("valve")
     skill = valve.learn_skill(pf.datasets.valve()[:4], pf.structures.Full()).skill
     for frame, state in ((0, 2), (1, 4)):
@@ -45,8 +43,7 @@ def test_frames_of_the_valve_are_precise_when_it_is_grasped_and_when_it_is_left(
         assert log_volumes.argmin() == state
 
 
-def test_first_and_third_stroke_of_the_z_share_their_directions(data_folder):
-    """Figure 4.2: components 1 and 3 correlate highly, the second with neither."""
+def test_zshape_first_and_third_stroke_share_directions(data_folder):
     rows, _ = script("zshape").semi_tied(pf.datasets.zshape())
     assert rows[0]["semi-tied correlation 0-2"] > 0.9
     assert max(rows[0]["semi-tied correlation 0-1"], rows[0]["semi-tied correlation 1-2"]) < 0.3
@@ -54,7 +51,7 @@ def test_first_and_third_stroke_of_the_z_share_their_directions(data_folder):
 
 @pytest.mark.slow  # runs the reproduction
 @pytest.mark.parametrize("name", ["valve", "zshape"])
-def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path, name):
+def test_reproduction_writes_outputs(data_folder, tmp_path, name):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     command = [sys.executable, FOLDER / f"{name}.py", "--json", report, "--out", pictures]
     subprocess.run(command, check=True, capture_output=True, timeout=300)
@@ -63,8 +60,7 @@ def test_each_reproduction_writes_its_numbers_and_pictures(data_folder, tmp_path
 
 
 @pytest.mark.slow  # runs the reproduction
-def test_durations_come_back_exactly_and_are_counted_too_short(tmp_path):
-    """Errors shrink with the recordings where durations are learned exactly, not where they are counted."""
+def test_durations_are_recovered(tmp_path):
     report, pictures = tmp_path / "rows.json", tmp_path / "pictures"
     options = ["--json", report, "--out", pictures, "--seeds", "2"]
     command = [sys.executable, FOLDER / "durations.py", *options]
@@ -77,8 +73,7 @@ def test_durations_come_back_exactly_and_are_counted_too_short(tmp_path):
     assert (pictures / "durations.png").stat().st_size > 10_000
 
 
-def test_the_choice_of_the_valve_follows_the_protocol_of_its_table(data_folder):
-    """Unweighted, the configuration of table 4.1 has the error that valve.py prints, begun either way."""
+def test_valve_choice_follows_protocol(data_folder):
     choice, valve, demonstrations = script("valve_choice"), script("valve"), pf.datasets.valve()
     train, test = demonstrations[:4], demonstrations[4:]
     skill, powers = choice.learn_skill(train, 7, pf.structures.SemiTied(), 1e-5)

@@ -15,8 +15,7 @@ SITUATIONS = 5  # of the twenty of the whole table
 
 @pytest.mark.slow  # eight demonstrations and five executions of each task in physics: 10 to 60 CPU seconds
 @pytest.mark.parametrize("task", sorted(TASKS))
-def test_a_task_is_done_where_it_was_never_shown(tmp_path, task):
-    """With full covariances and eight demonstrations, in at least four of five unseen situations."""
+def test_evaluate_skill_new_situations_are_done(tmp_path, task):
     numbers, pictures = tmp_path / "tasks.json", tmp_path / "pictures"
     asked = ["--tasks", task, "--structures", "full", "--shown", "8", "--situations", str(SITUATIONS)]
     command = [sys.executable, SCRIPT, *asked, "--json", numbers, "--out", pictures]

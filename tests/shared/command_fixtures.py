@@ -1,4 +1,4 @@
-"""Small recordings, made by hand and in physics, skills learned from them, and commands without a process."""
+"""Fixtures: small demonstrations, skills learned from them, and commands that run in this process."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -22,20 +22,15 @@ from pilotfish.demonstrations import (
     pose_layout,
 )
 from pilotfish.environments import TASKS, Outcome, Scene, Task
-from pilotfish.environments import human as human
+from pilotfish.environments.human import Observation
 from pilotfish.environments.tasks.screwdriver import tool_above_recess
 from pilotfish.environments.tasks.valve import FACING, ValveSituation
 from pilotfish.geometry import Pose, multiply, pose, quaternion_exp, rotation_matrix, rotation_vector_in_world
 from pilotfish.io.demonstration_folder import write_demonstrations
 from pilotfish.io.skill_file import save_skill
 from pilotfish.models import Skill, learn
-from pilotfish.simulation.recording import (
-    DEMONSTRATION_STREAM,
-    Leader,
-    RecordedDemonstration,
-    record,
-    situation_from_seed,
-)
+from pilotfish.simulation import RecordedDemonstration, record, situation_from_seed
+from pilotfish.simulation.recording import Leader
 
 STEPS, PERIOD = 24, 0.1
 RunCommand = Callable[..., Result]
@@ -43,7 +38,7 @@ RunCommand = Callable[..., Result]
 
 @pytest.fixture
 def run_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunCommand:
-    """Runs a command in an empty folder. A bug is raised, not printed."""
+    """Run a command in an empty folder; an unexpected exception is raised."""
     monkeypatch.chdir(tmp_path)
 
     def run_command(*arguments: str | Path) -> Result:
@@ -57,7 +52,7 @@ def run_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunComm
 
 @pytest.fixture
 def run_json(run_command_line: RunCommand) -> Callable[..., dict[str, Any]]:
-    """Runs a command with --json and reads its answer; nothing else may stand on stdout or stderr."""
+    """Run a command with --json and return its result; stderr must be empty."""
 
     def run_command(*arguments: str | Path) -> dict[str, Any]:
         result = run_command_line(*arguments, "--json")
@@ -70,7 +65,7 @@ def run_json(run_command_line: RunCommand) -> Callable[..., dict[str, Any]]:
 
 @pytest.fixture
 def run_failing(run_command_line: RunCommand) -> Callable[..., str]:
-    """Runs a command that must be refused: exit code 1, one line on stderr, nothing on stdout."""
+    """Run a command that must fail: exit code 1, one line on stderr, nothing on stdout."""
 
     def run_command(*arguments: str | Path) -> str:
         result = run_command_line(*arguments)
@@ -83,7 +78,7 @@ def run_failing(run_command_line: RunCommand) -> Callable[..., str]:
 
 
 def reach_demonstration(rng: np.random.Generator, name: str) -> Demonstration:
-    """A hand moves from a place in the world to a cup that stands elsewhere each time, and turns with it."""
+    """Return a reach from a fixed start to a cup whose pose varies."""
     layout, s = pose_layout(), np.clip(np.linspace(0.0, 1.3, STEPS), 0.0, 1.0)
     share = (s**2 * (3.0 - 2.0 * s))[:, None]  # begins and ends at rest
     turn = quaternion_exp(np.array([0.0, 0.0, 0.3 * rng.normal()]))
@@ -101,7 +96,7 @@ def reach_demonstration(rng: np.random.Generator, name: str) -> Demonstration:
 
 @pytest.fixture(scope="session")
 def reach_demonstrations() -> tuple[Demonstration, ...]:
-    """Five reaches for a cup, without speeds."""
+    """Return five reaches for a cup, without velocities."""
     rng = np.random.default_rng(3)
     return tuple(reach_demonstration(rng, f"reach {m}") for m in range(5))
 
@@ -116,10 +111,10 @@ def folder(tmp_path: Path, reach_demonstrations: tuple[Demonstration, ...]) -> P
 def learned_skill_bytes(
     tmp_path_factory: pytest.TempPathFactory, reach_demonstrations: tuple[Demonstration, ...]
 ) -> bytes:
-    """The bytes of a skill file of three states."""
-    shown = [add_derivatives(demo) for demo in reach_demonstrations]
+    """Return the content of a skill file with three states."""
+    demonstrations = [add_derivatives(demo) for demo in reach_demonstrations]
     path = tmp_path_factory.mktemp("learned") / "skill"
-    save_skill(learn(shown, states=3, rng=np.random.default_rng(0)).skill, path)
+    save_skill(learn(demonstrations, states=3, rng=np.random.default_rng(0)).skill, path)
     return path.read_bytes()
 
 
@@ -135,13 +130,13 @@ HOME = {"name": "home", "position": [0.0, 0.0, 0.0], "quaternion": [1.0, 0.0, 0.
 
 @pytest.fixture
 def frames(tmp_path: Path) -> Path:
-    """A situation never shown."""
+    """Return a file with frames of a new situation."""
     (tmp_path / "now.json").write_text(json.dumps([HOME, CUP]))
     return tmp_path / "now.json"
 
 
 def collect_commands(group: click.Group = cli, path: str = "pilotfish") -> dict[str, click.Command]:
-    """Every command that does something, by what one types."""
+    """Return every command by its path on the command line."""
     found: dict[str, click.Command] = {}
     for name, command in group.commands.items():
         if isinstance(command, click.Group):
@@ -158,7 +153,7 @@ def all_commands() -> dict[str, click.Command]:
 
 @dataclass(frozen=True)
 class TimedSegment:
-    """Until a time [s] the hand is on its way to a goal, from where it was to be before; and the grip."""
+    """Motion of the hand from the goal before to its goal, until a time [s], with a grip."""
 
     until: float
     goal: Callable[[Mapping[str, Pose]], Pose]
@@ -166,7 +161,7 @@ class TimedSegment:
 
 
 def interpolate_pose(start: Pose, end: Pose, share: float) -> Pose:
-    """Begun and ended at rest, turning the shorter way."""
+    """Interpolate with zero velocity at both ends."""
     s = share**2 * (3.0 - 2.0 * share)
     turn = 0.5 * s * rotation_vector_in_world(start.quaternion, end.quaternion)
     return Pose(
@@ -175,29 +170,29 @@ def interpolate_pose(start: Pose, end: Pose, share: float) -> Pose:
 
 
 def timed_leader(*segments: TimedSegment) -> Leader:
-    """A leader who looks at nothing but the clock and where objects stand: quick, and always the same."""
-    homes: list[Pose] = []
+    """Return a leader that depends on time and object poses only."""
+    tools: list[Pose] = []
 
-    def lead(time: float, observation: human.Observation) -> human.HandCommand:
-        homes.append(observation.tool)
+    def lead(time: float, observation: Observation) -> tuple[Pose, float, bool]:
+        tools.append(observation.tool)
         n = next((n for n, segment in enumerate(segments) if time < segment.until), len(segments) - 1)
-        begun, before = (
-            (segments[n - 1].until, segments[n - 1].goal(observation.frames)) if n else (0.0, homes[0])
+        start, before = (
+            (segments[n - 1].until, segments[n - 1].goal(observation.frames)) if n else (0.0, tools[0])
         )
-        share = min((time - begun) / (segments[n].until - begun), 1.0)
-        wish = interpolate_pose(before, segments[n].goal(observation.frames), share)
-        return human.HandCommand(wish, segments[n].grip, n, time >= segments[-1].until)
+        share = min((time - start) / (segments[n].until - start), 1.0)
+        target = interpolate_pose(before, segments[n].goal(observation.frames), share)
+        return target, segments[n].grip, time >= segments[-1].until
 
     return lead
 
 
-def handle_approach(which: str, back: float) -> Callable[[Mapping[str, Pose]], Pose]:
-    """The tool so far [m] before the handle, as it stands or is to stand."""
-    return lambda observation: observation[which] @ Pose(np.array([-back, 0.0, 0.0]), FACING)
+def handle_approach(frame: str, distance: float) -> Callable[[Mapping[str, Pose]], Pose]:
+    """Return the tool goal at a distance before the handle [m]."""
+    return lambda frames: frames[frame] @ Pose(np.array([-distance, 0.0, 0.0]), FACING)
 
 
 def valve_leader() -> Leader:
-    """Opens any valve in five seconds."""
+    """Return a leader that opens any valve in five seconds."""
     return timed_leader(
         TimedSegment(1.0, handle_approach("before", 0.13)),
         TimedSegment(1.8, handle_approach("before", 0.0)),
@@ -212,34 +207,34 @@ def valve_leader() -> Leader:
 def _record_valve(number: int) -> RecordedDemonstration:
     task = TASKS["valve"]
     return record(
-        task, situation_from_seed(task, DEMONSTRATION_STREAM, 0, number), valve_leader(), f"opening {number}"
+        task, situation_from_seed(task, "demonstration", 0, number), valve_leader(), f"opening {number}"
     )
 
 
 @pytest.fixture(scope="session")
 def valve_recordings() -> tuple[RecordedDemonstration, ...]:
-    """Four valves opened in physics by the clock."""
+    """Return four recordings of the valve task."""
     with check_annotations(False):
         return tuple(_record_valve(number) for number in range(4))
 
 
 @pytest.fixture(scope="session")
 def valve_skill(valve_recordings: tuple[RecordedDemonstration, ...]) -> Skill:
-    """What is learned from them."""
-    shown = [add_derivatives(opening.demonstration) for opening in valve_recordings]
-    return learn(shown, states=6, rng=np.random.default_rng(0)).skill
+    """Return a skill learned from them."""
+    demonstrations = [add_derivatives(opening.demonstration) for opening in valve_recordings]
+    return learn(demonstrations, states=6, rng=np.random.default_rng(0)).skill
 
 
 def _check_alignment(scene: Scene, situation: ValveSituation) -> Outcome:
     goal = handle_approach("before", 0.13)(TASKS["valve"].observe_frames(scene.model, scene.data, situation))
     error = float(np.linalg.norm(scene.tool.position - goal.position))
-    return Outcome(error < 0.02, error, f"the tool is {error:.3f} m from its place" if error >= 0.02 else "")
+    return Outcome(error < 0.02, error, f"the tool is {error:.3f} m from its goal" if error >= 0.02 else "")
 
 
 ALIGNMENT_TASK: Task[ValveSituation] = replace(
     TASKS["valve"],
     name="lining up",
-    description="come before a valve, and no more",
+    description="bring the tool in front of a valve",
     unit="m",
     time_limit=6.0,
     demonstration_script=lambda situation: TASKS["valve"].demonstration_script(situation)[:1],
@@ -249,30 +244,30 @@ ALIGNMENT_TASK: Task[ValveSituation] = replace(
 
 @pytest.fixture
 def alignment_task(monkeypatch: pytest.MonkeyPatch) -> Task[ValveSituation]:
-    """A task that is done in two seconds, among those that commands know."""
+    """Register a task that is done in two seconds."""
     monkeypatch.setitem(TASKS, ALIGNMENT_TASK.name, ALIGNMENT_TASK)
     return ALIGNMENT_TASK
 
 
 def screwdriver_leader() -> Leader:
-    """Sets a screwdriver into any recess, as it moves, in four seconds."""
+    """Return a leader that inserts the screwdriver in four seconds."""
     return timed_leader(
-        TimedSegment(1.2, lambda observation: tool_above_recess(observation, 0.07)),
-        TimedSegment(2.0, lambda observation: tool_above_recess(observation, 0.03)),
-        TimedSegment(3.2, lambda observation: tool_above_recess(observation, -0.004)),
-        TimedSegment(4.0, lambda observation: tool_above_recess(observation, -0.004)),
+        TimedSegment(1.2, lambda frames: tool_above_recess(frames, 0.07)),
+        TimedSegment(2.0, lambda frames: tool_above_recess(frames, 0.03)),
+        TimedSegment(3.2, lambda frames: tool_above_recess(frames, -0.004)),
+        TimedSegment(4.0, lambda frames: tool_above_recess(frames, -0.004)),
     )
 
 
 @pytest.fixture(scope="session")
 def alignment_recordings() -> tuple[RecordedDemonstration, ...]:
-    """Four screwdrivers set in by the clock."""
+    """Return four recordings of the screwdriver task."""
     task = TASKS["screwdriver"]
     with check_annotations(False):
         return tuple(
             record(
                 task,
-                situation_from_seed(task, DEMONSTRATION_STREAM, 0, m),
+                situation_from_seed(task, "demonstration", 0, m),
                 screwdriver_leader(),
                 f"setting {m}",
             )
@@ -282,18 +277,18 @@ def alignment_recordings() -> tuple[RecordedDemonstration, ...]:
 
 @pytest.fixture(scope="session")
 def alignment_skill(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A place with three showings of the short task in the folder "shown", and "skill", learned from them."""
-    place = tmp_path_factory.mktemp("lined up")
+    """Return a folder with three recordings of the short task, and the skill learned from them."""
+    folder = tmp_path_factory.mktemp("lined up")
     with pytest.MonkeyPatch.context() as patch, check_annotations(False):
         patch.setitem(TASKS, ALIGNMENT_TASK.name, ALIGNMENT_TASK)
-        patch.chdir(place)
+        patch.chdir(folder)
         record_it = ["record", ALIGNMENT_TASK.name, "--demonstrations", "3", "--seed", "5", "--out", "shown"]
         for line in (record_it, ["learn", "shown", "--states", "2", "--out", "skill"]):
             CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
-    return place
+    return folder
 
 
 @pytest.fixture(scope="session")
 def demo_run(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> DemoRun:
-    """The demonstration, run once on the real recording."""
+    """Run the demo once on the real recording."""
     return run_demo(tmp_path_factory.mktemp("demonstrated"), data_folder)

@@ -2,6 +2,6 @@
 
 import pytest
 
-from pilotfish.environments.cameras import rendering_error
+from pilotfish.environments.scene_renderer import rendering_error
 
 needs_renderer = pytest.mark.skipif(bool(rendering_error()), reason=rendering_error())

@@ -144,22 +144,22 @@ class CachedCall:
 
 
 class CachedRecordings(CachedCall):
-    """recorder.shown, a generator."""
+    """simulation.record_demonstrations, a generator."""
 
     def result(self, *arguments: Any, **options: Any) -> Any:
         return list(self.real(*arguments, **options))
 
 
 class CachedExecution(CachedCall):
-    """execution.execute, which a camera films."""
+    """simulation.perform, which a FilmRecorder records."""
 
     def result(self, *arguments: Any, **options: Any) -> Any:
-        made, watch = self.real(*arguments, **options), options["watch"]
+        made, watch = self.real(*arguments, **options), options["on_period"]
         watch.close()
-        return made, watch.frames, watch.times
+        return made, watch.images, watch.times
 
     def given(self, result: Any, **options: Any) -> Any:
-        made, options["watch"].frames, options["watch"].times = result
+        made, options["on_period"].images, options["on_period"].times = result
         return made
 
 
@@ -170,9 +170,9 @@ def run_once(chosen: list[Command], inputs: Path) -> None:
     pictures.DOTS_PER_INCH = 20  # small pictures, drawn quickly
     lines = {command.name: command.line for command in chosen if not command.old}
     if {"record", "perform"} & set(lines):
-        from pilotfish.simulation import recording as recorder
+        from pilotfish import simulation
 
-        CachedRecordings(recorder, "record_demonstrations")
+        CachedRecordings(simulation, "record_demonstrations")
         record = ["record", "valve", "--demonstrations", "2", "--out", str(inputs / "valve")]
         run_here(record)
         run_here(["learn", str(inputs / "valve"), "--states", "4", "--out", str(inputs / "valve.skill")])
@@ -188,9 +188,9 @@ def cache_slow_calls(name: str) -> None:
 
         CachedCall(commands_select, "_scored")
     if name == "perform":
-        from pilotfish.simulation import execution
+        from pilotfish import simulation
 
-        CachedExecution(execution, "execute")
+        CachedExecution(simulation, "perform")
     if name == "demo":
         from pilotfish.cli.demo import demo
         from pilotfish.cli.output import report

@@ -1,4 +1,4 @@
-"""A skill learned from recordings in physics does in physics what was shown, where it was never shown."""
+"""A skill learned from recorded demonstrations performs the task in new situations."""
 
 from dataclasses import replace
 from typing import Any
@@ -33,92 +33,88 @@ from pilotfish.geometry import (
     to_rotation_vector,
 )
 from pilotfish.models import Skill, adapt, learn
-from pilotfish.planning import moving_frame_reference
-from pilotfish.planning.reproduction import mean_demonstration_length
-from pilotfish.simulation import execution
-from pilotfish.simulation.execution import (
-    DEFAULT_SETTINGS,
-    SETTLING_TIME,
-    ExecutionResult,
-    ExecutionSettings,
-    execute,
+from pilotfish.planning import (
+    CONTROL_COST,
+    COVARIANCE_REGULARISATION,
+    mean_demonstration_length,
+    moving,
+    moving_frame_reference,
     moving_frames,
 )
+from pilotfish.simulation.execution import SETTLING_TIME, perform
 from pilotfish.simulation.recording import (
-    TEST_STREAM,
     RecordedDemonstration,
     situation_from_seed,
     task_layout,
 )
 
 VALVE, SCREWDRIVER = TASKS["valve"], TASKS["screwdriver"]
-HOLD = quaternion_exp(np.array([0.2, -0.1, 0.3]))  # how a hand that holds an object is turned, seen from it
+HOLD = quaternion_exp(
+    np.array([0.2, -0.1, 0.3])
+)  # orientation of a hand in the frame of the object that it holds
 
 
-def learn_skill(shown: tuple[RecordedDemonstration, ...], *, sphere: bool = False, states: int = 5) -> Skill:
-    recordings = [made.demonstration for made in shown]
-    turned = [to_sphere(demo) if sphere else demo for demo in load_demonstrations]
+def learn_skill(
+    recordings: tuple[RecordedDemonstration, ...], *, sphere: bool = False, states: int = 5
+) -> Skill:
+    demonstrations = [recorded.demonstration for recorded in recordings]
+    converted = [to_sphere(demo) if sphere else demo for demo in demonstrations]
     return learn(
-        [add_derivatives(demo) for demo in turned], states=states, rng=np.random.default_rng(0)
+        [add_derivatives(demo) for demo in converted], states=states, rng=np.random.default_rng(0)
     ).skill
 
 
-def test_situation(number: int, task: Any = VALVE) -> Any:
-    return situation_from_seed(task, TEST_STREAM, 0, number)
+def unseen_situation(number: int, task: Any = VALVE) -> Any:
+    return situation_from_seed(task, "test", 0, number)
 
 
-def test_a_skill_opens_a_valve_where_none_stood(valve_skill: Skill, unchecked: None):
-    """Learned from four showings, it turns another valve to within the task's five degrees and leaves it."""
-    made = execute(valve_skill, VALVE, test_situation(0))
-    assert made.outcome.success, made.outcome.reason
-    assert made.outcome.error < np.radians(5.0)
-    assert 0.0 < made.peak_forces["tool"] < 60.0
+def test_perform_new_situation_opens_valve(valve_skill: Skill, unchecked: None):
+    result = perform(valve_skill, VALVE, unseen_situation(0))
+    assert result.outcome.success, result.outcome.reason
+    assert result.outcome.error < np.radians(5.0)
+    assert 0.0 < result.peak_forces["tool"] < 60.0
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_so_does_one_on_the_sphere(
+def test_perform_skill_on_sphere_opens_valve(
     valve_recordings: tuple[RecordedDemonstration, ...], number: int, unchecked: None
 ):
-    """Learned with orientations on S^3 it opens others too."""
-    made = execute(learn_skill(valve_recordings, sphere=True), VALVE, test_situation(number))
-    assert made.outcome.success, made.outcome.reason
+    result = perform(learn_skill(valve_recordings, sphere=True), VALVE, unseen_situation(number))
+    assert result.outcome.success, result.outcome.reason
 
 
-def test_what_came_of_it_is_told_row_by_row(valve_skill: Skill, unchecked: None):
-    """A row for each period of the plan and a second to settle: what was asked, what was made, the force."""
-    situation, watched = test_situation(0), []
-    made = execute(
+def test_perform_result_has_row_per_period(valve_skill: Skill, unchecked: None):
+    situation, watched = unseen_situation(0), []
+    result = perform(
         valve_skill, VALVE, situation, on_period=lambda cell: watched.append((cell.time, cell.forces["tool"]))
     )
     rows = mean_demonstration_length(valve_skill) - 1 + round(SETTLING_TIME / valve_skill.period)
-    assert len(made.commanded) == len(made.measured) == len(made.forces) == len(watched) == rows
-    assert made.seconds == pytest.approx(rows * valve_skill.period)
+    assert len(result.commanded) == len(result.measured) == len(result.forces) == len(watched) == rows
+    assert result.duration == pytest.approx(rows * valve_skill.period)
     assert [time for time, _ in watched] == pytest.approx(list(valve_skill.period * np.arange(1, rows + 1)))
-    assert made.forces.tolist() == [force for _, force in watched]
-    assert made.peak_forces["tool"] >= made.forces.max() > 0.0
-    assert np.allclose(np.linalg.norm(made.commanded[:, 3:], axis=1), 1.0)
-    assert np.linalg.norm(made.commanded[-1, :3] - made.measured[-1, :3]) < 0.01
-    assert np.array_equal(made.commanded[-1], made.commanded[-10])  # held at the end
-    began = Workcell(VALVE, situation).frames()
-    assert all(np.array_equal(made.frames[name].position, began[name].position) for name in VALVE.frames)
+    assert result.forces.tolist() == [force for _, force in watched]
+    assert result.peak_forces["tool"] >= result.forces.max() > 0.0
+    assert np.allclose(np.linalg.norm(result.commanded[:, 3:], axis=1), 1.0)
+    assert np.linalg.norm(result.commanded[-1, :3] - result.measured[-1, :3]) < 0.01
+    assert np.array_equal(result.commanded[-1], result.commanded[-10])  # held at the end
+    start = Workcell(VALVE, situation).frames()
+    assert all(np.array_equal(result.frames[name].position, start[name].position) for name in VALVE.frames)
 
 
-def test_nothing_is_done_by_a_robot_that_waits(valve_skill: Skill, unchecked: None):
-    """It is the motion that opens the valve: the arm that stays at home for as long does not."""
-    cell = Workcell(VALVE, test_situation(0))
+def test_perform_skill_at_rest_fails(valve_skill: Skill, unchecked: None):
+    cell = Workcell(VALVE, unseen_situation(0))
     for _ in range(mean_demonstration_length(valve_skill)):
         cell.step_impedance(cell.target, 0.0, 100)
     assert not cell.outcome().success
 
 
 @pytest.mark.parametrize("name", ["valve", "screwdriver"])
-def test_an_execution_repeats_bit_for_bit(
-    name: str, valve_skill: Skill, settings: tuple[RecordedDemonstration, ...], unchecked: None
+def test_perform_repeated_is_bit_identical(
+    name: str, valve_skill: Skill, alignment_recordings: tuple[RecordedDemonstration, ...], unchecked: None
 ):
-    """The same skill in the same situation gives the same rows and forces; in another one, others."""
     task = TASKS[name]
-    skill = valve_skill if name == "valve" else learn_skill(settings)
-    one, again, other = (execute(skill, task, test_situation(number, task)) for number in (0, 0, 1))
+    skill = valve_skill if name == "valve" else learn_skill(alignment_recordings)
+    one, again, other = (perform(skill, task, unseen_situation(number, task)) for number in (0, 0, 1))
     for rows in ("commanded", "measured", "forces"):
         assert getattr(one, rows).tobytes() == getattr(again, rows).tobytes()
     assert (one.outcome, one.peak_forces) == (again.outcome, again.peak_forces)
@@ -128,40 +124,33 @@ def test_an_execution_repeats_bit_for_bit(
 @pytest.mark.parametrize("horizon", [2, 4])
 @pytest.mark.parametrize("sphere", [False, True])
 @pytest.mark.parametrize("name", ["valve", "screwdriver"])
-def test_a_plan_is_as_long_as_it_is_asked_to_be(
+def test_perform_horizon_sets_length(
     name: str,
     sphere: bool,
     horizon: int,
     valve_recordings: tuple[RecordedDemonstration, ...],
-    settings: tuple[RecordedDemonstration, ...],
+    alignment_recordings: tuple[RecordedDemonstration, ...],
 ):
-    """Of so many steps the first is where the arm is; the others follow, and a second to settle."""
-    skill = learn_skill(valve_recordings if name == "valve" else settings, sphere=sphere)
-    made = execute(
-        skill, TASKS[name], test_situation(0, TASKS[name]), settings=ExecutionSettings(horizon=horizon)
-    )
-    assert len(made.commanded) == horizon - 1 + 10
+    skill = learn_skill(valve_recordings if name == "valve" else alignment_recordings, sphere=sphere)
+    result = perform(skill, TASKS[name], unseen_situation(0, TASKS[name]), horizon=horizon)
+    assert len(result.commanded) == horizon - 1 + 10
 
 
-def test_unless_told_otherwise_it_takes_as_long_as_showings_did(
+def test_perform_default_horizon_is_mean_length(
     valve_recordings: tuple[RecordedDemonstration, ...],
 ):
-    """Half of the rows in all from two of them; a skill of unknown origin has to be told."""
     rows = [len(opening.demonstration.x) for opening in valve_recordings]
     skill = learn_skill(valve_recordings)
     assert mean_demonstration_length(skill) == round(np.mean(rows))
     nothing = replace(skill.provenance, demonstrations=(), datapoints=0)
     with pytest.raises(InvalidInput, match="does not say how long its demonstrations were"):
-        execute(replace(skill, provenance=nothing), VALVE, test_situation(0))
+        perform(replace(skill, provenance=nothing), VALVE, unseen_situation(0))
     with pytest.raises(InvalidInput, match="horizon"):
-        execute(skill, VALVE, test_situation(0), settings=ExecutionSettings(horizon=0))
+        perform(skill, VALVE, unseen_situation(0), horizon=0)
 
 
 @pytest.mark.parametrize("sphere", [False, True])
-def test_skills_with_other_columns_are_refused(
-    valve_recordings: tuple[RecordedDemonstration, ...], sphere: bool
-):
-    """Without a grip, or with something else in its place, and without speeds: the fix is named."""
+def test_perform_other_columns_are_refused(valve_recordings: tuple[RecordedDemonstration, ...], sphere: bool):
     shown = [opening.demonstration for opening in valve_recordings]
     if sphere:
         shown = [to_sphere(demo) for demo in shown]
@@ -183,60 +172,56 @@ def test_skills_with_other_columns_are_refused(
             for demo in shown
         ],
     }
-    for column, load_demonstrations in others.items():
-        skill = learn(load_demonstrations, states=2, rng=rng).skill
+    for column, demonstrations in others.items():
+        skill = learn(demonstrations, states=2, rng=rng).skill
         with pytest.raises(InvalidInput, match=f"columns .*{column}.*learn it from pilotfish record valve"):
-            execute(skill, VALVE, test_situation(0))
+            perform(skill, VALVE, unseen_situation(0))
 
 
-def test_skills_that_know_other_frames_are_refused(valve_recordings: tuple[RecordedDemonstration, ...]):
-    """Frames of another name, or one of them alone: the message names both sides and the fix."""
+def test_perform_other_frames_are_refused(valve_recordings: tuple[RecordedDemonstration, ...]):
     renamed = [
         replace(demo, frames=(demo.frames[0], replace(demo.frames[1], name="later")))
         for demo in (add_derivatives(opening.demonstration) for opening in valve_recordings)
     ]
     one = [replace(demo, frames=demo.frames[:1]) for demo in renamed]
     rng = np.random.default_rng(0)
-    for load_demonstrations, names in ((renamed, r"\['before', 'later'\]"), (one, r"\['before'\]")):
-        skill = learn(load_demonstrations, states=2, rng=rng).skill
+    for demonstrations, names in ((renamed, r"\['before', 'later'\]"), (one, r"\['before'\]")):
+        skill = learn(demonstrations, states=2, rng=rng).skill
         with pytest.raises(InvalidInput, match=rf"{names}, task 'valve' has \['before', 'after'\]; learn it"):
-            execute(skill, VALVE, test_situation(0))
+            perform(skill, VALVE, unseen_situation(0))
 
 
-def test_the_order_of_frames_does_not_matter(
+def test_perform_frame_order_has_no_effect(
     valve_recordings: tuple[RecordedDemonstration, ...], unchecked: None
 ):
-    """A skill that was learned with its frames in another order makes the same motion."""
     shown = [add_derivatives(opening.demonstration) for opening in valve_recordings]
-    made = []
+    results = []
     for frames in (slice(None), slice(None, None, -1)):
-        recordings = [replace(demo, frames=demo.frames[frames]) for demo in shown]
-        skill = learn(load_demonstrations, states=5, rng=np.random.default_rng(0)).skill
-        made.append(execute(skill, VALVE, test_situation(0)))
-    np.testing.assert_allclose(made[0].commanded, made[1].commanded, atol=1e-6)
+        demonstrations = [replace(demo, frames=demo.frames[frames]) for demo in shown]
+        skill = learn(demonstrations, states=5, rng=np.random.default_rng(0)).skill
+        results.append(perform(skill, VALVE, unseen_situation(0)))
+    np.testing.assert_allclose(results[0].commanded, results[1].commanded, atol=1e-6)
 
 
 @pytest.mark.parametrize("sphere", [False, True])
-def test_a_skill_follows_what_moves(
-    settings: tuple[RecordedDemonstration, ...], sphere: bool, unchecked: None
+def test_perform_follows_moving_objects(
+    alignment_recordings: tuple[RecordedDemonstration, ...], sphere: bool, unchecked: None
 ):
-    """The screwdriver is set into a recess that never moved so, and stays in it."""
-    made = execute(learn_skill(settings, sphere=sphere), SCREWDRIVER, test_situation(0, SCREWDRIVER))
-    assert made.outcome.success, made.outcome.reason
-    assert made.outcome.error < 0.003
+    result = perform(
+        learn_skill(alignment_recordings, sphere=sphere), SCREWDRIVER, unseen_situation(0, SCREWDRIVER)
+    )
+    assert result.outcome.success, result.outcome.reason
+    assert result.outcome.error < 0.003
 
 
-def test_the_next_plan_starts_from_what_was_asked_last(
-    settings: tuple[RecordedDemonstration, ...], monkeypatch: pytest.MonkeyPatch, unchecked: None
+def test_perform_next_plan_starts_from_last_command(
+    alignment_recordings: tuple[RecordedDemonstration, ...], monkeypatch: pytest.MonkeyPatch, unchecked: None
 ):
-    """While objects move, each plan starts where the one before was to be a period later, at its speed: from
-    one period to the next nothing that is asked moves by more than the speed says.
-    """
     starts: list[np.ndarray] = []
     ends: list[np.ndarray] = []
-    track = execution.track
+    track = moving.track
 
-    class Noted:
+    class RecordingTracker:
         def __init__(self, *given: Any) -> None:
             self.feedback = track(*given)
 
@@ -246,54 +231,50 @@ def test_the_next_plan_starts_from_what_was_asked_last(
             ends.append(motion.x[1])
             return motion
 
-    monkeypatch.setattr(execution, "track", Noted)
-    skill = learn_skill(settings)
-    made = execute(skill, SCREWDRIVER, test_situation(0, SCREWDRIVER))
-    assert len(starts) == len(made.commanded)
+    monkeypatch.setattr(moving, "track", RecordingTracker)
+    skill = learn_skill(alignment_recordings)
+    result = perform(skill, SCREWDRIVER, unseen_situation(0, SCREWDRIVER))
+    assert len(starts) == len(result.commanded)
     np.testing.assert_array_equal(starts[1:], ends[:-1])
-    np.testing.assert_array_equal(made.commanded[:, :3], np.array(ends)[:, :3])
+    np.testing.assert_array_equal(result.commanded[:, :3], np.array(ends)[:, :3])
     places, speeds = np.array(starts)[:, :3], np.array(starts)[:, 7:10]
-    even = skill.period * 0.5 * (speeds[1:] + speeds[:-1])  # what speeds that change evenly make of a period
+    even = skill.period * 0.5 * (speeds[1:] + speeds[:-1])  # displacement at constant acceleration
     np.testing.assert_allclose(np.diff(places, axis=0), even, atol=1e-12)
 
 
 @pytest.mark.parametrize("sphere", [False, True])
-def test_what_is_asked_goes_on_smoothly(
-    settings: tuple[RecordedDemonstration, ...], sphere: bool, unchecked: None
+def test_perform_command_is_smooth(
+    alignment_recordings: tuple[RecordedDemonstration, ...], sphere: bool, unchecked: None
 ):
-    """From period to period the step changes by no more than 2 m/s^2 and 3 rad/s^2 are worth."""
-    skill = learn_skill(settings, sphere=sphere)
-    asked = execute(skill, SCREWDRIVER, test_situation(1, SCREWDRIVER)).commanded
+    skill = learn_skill(alignment_recordings, sphere=sphere)
+    commanded = perform(skill, SCREWDRIVER, unseen_situation(1, SCREWDRIVER)).commanded
     h2 = skill.period**2
-    assert np.linalg.norm(np.diff(asked[:, :3], n=2, axis=0), axis=1).max() < 2.0 * h2
-    turns = angle(asked[:-1, 3:], asked[1:, 3:])
+    assert np.linalg.norm(np.diff(commanded[:, :3], n=2, axis=0), axis=1).max() < 2.0 * h2
+    turns = angle(commanded[:-1, 3:], commanded[1:, 3:])
     assert np.abs(np.diff(turns)).max() < 3.0 * h2
 
 
 @pytest.mark.parametrize("sphere", [False, True])
-def test_a_plan_looks_ahead_as_far_as_it_goes(
-    settings: tuple[RecordedDemonstration, ...],
+def test_perform_plans_ahead_to_end(
+    alignment_recordings: tuple[RecordedDemonstration, ...],
     sphere: bool,
     monkeypatch: pytest.MonkeyPatch,
     unchecked: None,
 ):
-    """The skill later is the skill now, moved on by what the object will have gone at the plan's last step if
-    it goes on as in the last period; velocities are the object's in both.
-    """
     made: list[tuple[Any, Any, int]] = []
 
     def noted(now: Any, later: Any, states: np.ndarray, covariance_regularisation: float) -> Any:
         made.append((now, later, len(states)))
         return moving_frame_reference(now, later, states, covariance_regularisation)
 
-    monkeypatch.setattr(execution, "moving_frame_reference", noted)
-    situation, places = test_situation(2, SCREWDRIVER), []
-    skill = learn_skill(settings, sphere=sphere)
-    began = Workcell(SCREWDRIVER, situation).frames()["target"].position
-    execute(
+    monkeypatch.setattr(moving, "moving_frame_reference", noted)
+    situation, places = unseen_situation(2, SCREWDRIVER), []
+    skill = learn_skill(alignment_recordings, sphere=sphere)
+    start = Workcell(SCREWDRIVER, situation).frames()["target"].position
+    perform(
         skill, SCREWDRIVER, situation, on_period=lambda cell: places.append(cell.frames()["target"].position)
     )
-    seen = np.array([began, *places])
+    seen = np.array([start, *places])
     first = 6 if sphere else 7  # column of velocities: a rotation vector has three numbers
     for t in range(1, len(made)):
         now, later, steps = made[t]
@@ -309,8 +290,8 @@ def random_pose(rng: np.random.Generator) -> Pose:
     return Pose(rng.normal(size=3), normalise(rng.normal(size=4)))
 
 
-def even_motion(rng: np.random.Generator, steps: int) -> list[Pose]:
-    """An object that moves and turns by the same, in the world, each period."""
+def constant_velocity_motion(rng: np.random.Generator, steps: int) -> list[Pose]:
+    """Return the poses of an object with constant velocity in the world."""
     begun, move, turn = random_pose(rng), 0.01 * rng.normal(size=3), 0.03 * rng.normal(size=3)
     return [
         Pose(begun.position + t * move, multiply(from_rotation_vector(t * turn), begun.quaternion))
@@ -319,8 +300,8 @@ def even_motion(rng: np.random.Generator, steps: int) -> list[Pose]:
 
 
 def carried(rng: np.random.Generator, name: str) -> tuple[Demonstration, list[Pose]]:
-    """A hand that wanders about near an object that moves evenly."""
-    poses, layout, steps = even_motion(rng, 12), pose_layout(), 12
+    """Return a hand near an object with constant velocity, and the object's poses."""
+    poses, layout, steps = constant_velocity_motion(rng, 12), pose_layout(), 12
     near = [Pose(0.1 * rng.normal(size=3), quaternion_exp(0.05 * rng.normal(size=3))) for _ in range(steps)]
     hands = [pose @ close for pose, close in zip(poses, near, strict=True)]
     x = np.array([np.append(hand.position, hand.quaternion) for hand in hands])
@@ -330,18 +311,15 @@ def carried(rng: np.random.Generator, name: str) -> tuple[Demonstration, list[Po
 
 @pytest.fixture
 def carrying(rng: np.random.Generator) -> tuple[Skill, Demonstration, list[Pose]]:
-    """A skill of one state, seen from one thing that moves; a recording of it, and how the thing moved."""
+    """Return a skill of one state with one moving frame, a demonstration, and the poses of the frame."""
     made = [carried(rng, f"m{m}") for m in range(3)]
     skill = learn([add_derivatives(demo) for demo, _ in made], states=1, rng=rng).skill
     return skill, *made[0]
 
 
-def test_going_frames_are_those_of_a_recording_of_the_same_motion(
+def test_moving_frames_equal_recorded_motion(
     carrying: tuple[Skill, Demonstration, list[Pose]],
 ):
-    """Of a thing that moves evenly, frames made of the last two pictures alone equal those that a recording
-    of all of it has: places, turns, and what they add to speeds. Where the robot is does not matter.
-    """
     skill, demo, poses = carrying
     (whole,) = add_derivatives(demo).frames
     assert isinstance(whole, MovingFrame)
@@ -354,10 +332,7 @@ def test_going_frames_are_those_of_a_recording_of_the_same_motion(
         np.testing.assert_allclose(frame.b, whole.b[t], atol=1e-9)
 
 
-def test_means_go_along_with_what_moves(carrying: tuple[Skill, Demonstration, list[Pose]]):
-    """A state's mean is carried by the object: its place is where the object has it now, its velocity is the
-    way from there to where the object has it a period later.
-    """
+def test_moving_frames_means_move_with_objects(carrying: tuple[Skill, Demonstration, list[Pose]]):
     skill, demo, poses = carrying
     seen, h = skill.means[0, 0], skill.period
     for t in range(1, len(poses) - 1):
@@ -373,8 +348,7 @@ def test_means_go_along_with_what_moves(carrying: tuple[Skill, Demonstration, li
         np.testing.assert_allclose(mean[7:10], (later - now) / h + own, atol=1e-9)
 
 
-def test_on_the_sphere_means_turn_with_what_turns(carrying: tuple[Skill, Demonstration, list[Pose]]):
-    """There a hand that holds on to a turning object has its angular velocity, in the hand's own axes."""
+def test_moving_frames_on_sphere_means_rotate(carrying: tuple[Skill, Demonstration, list[Pose]]):
     _, demo, poses = carrying
     shown = to_sphere(demo)
     held = replace(
@@ -392,21 +366,19 @@ def test_on_the_sphere_means_turn_with_what_turns(carrying: tuple[Skill, Demonst
         np.testing.assert_allclose(mean[10:13], speed, atol=1e-6)
 
 
-def test_what_stands_has_frames_that_stand(carrying: tuple[Skill, Demonstration, list[Pose]]):
-    """Seen twice in the same place, an object adds nothing to speeds: the frame is that of its pose."""
+def test_moving_frames_fixed_objects_are_fixed(carrying: tuple[Skill, Demonstration, list[Pose]]):
     skill, demo, poses = carrying
-    here = {"cup": poses[0]}
-    (frame,) = moving_frames(skill, here, here, np.append(demo.x[0], np.zeros(7)))
+    fixed = {"cup": poses[0]}
+    (frame,) = moving_frames(skill, fixed, fixed, np.append(demo.x[0], np.zeros(7)))
     expected = frame_from_pose("cup", skill.layout, poses[0])
     np.testing.assert_allclose(frame.A, expected.A, atol=1e-12)
     np.testing.assert_allclose(frame.b, expected.b, atol=1e-12)
 
 
 @pytest.mark.parametrize("length", [0.7, 0.98, 1.2])
-def test_a_quaternion_on_its_way_may_be_shorter_than_one(
+def test_moving_frames_short_quaternion_is_accepted(
     carrying: tuple[Skill, Demonstration, list[Pose]], length: float
 ):
-    """Steered as four numbers it leaves unit length between two orientations; frames are the same."""
     skill, demo, poses = carrying
     x = np.append(demo.x[1], np.zeros(7))
     short = x.copy()
@@ -416,20 +388,16 @@ def test_a_quaternion_on_its_way_may_be_shorter_than_one(
     np.testing.assert_allclose(a.b, b.b, atol=1e-12)
 
 
-def test_a_pursuit_has_its_price(valve_skill: Skill, unchecked: None):
-    """Dearer acceleration gives a softer motion; the default is what is documented."""
-    assert (DEFAULT_SETTINGS.control_cost, DEFAULT_SETTINGS.covariance_regularisation) == (0.1, 1e-5)
+def test_perform_control_cost_reduces_acceleration(valve_skill: Skill, unchecked: None):
+    assert (CONTROL_COST, COVARIANCE_REGULARISATION) == (0.1, 1e-5)
     pushes = []
     for control_cost in (0.01, 0.1, 10.0):
-        made: ExecutionResult = execute(
-            valve_skill, VALVE, test_situation(0), settings=ExecutionSettings(control_cost, 1e-5, 25)
-        )
-        pushes.append(np.linalg.norm(np.diff(made.commanded[:24, :3], n=2, axis=0), axis=1).max())
+        result = perform(valve_skill, VALVE, unseen_situation(0), control_cost=control_cost, horizon=25)
+        pushes.append(np.linalg.norm(np.diff(result.commanded[:24, :3], n=2, axis=0), axis=1).max())
     assert pushes[0] > pushes[1] > pushes[2]
 
 
-def test_the_columns_of_a_task_are_those_of_its_recordings(
+def test_perform_columns_equal_recorded_columns(
     valve_recordings: tuple[RecordedDemonstration, ...],
 ):
-    """What execute expects is what record writes."""
     assert valve_recordings[0].demonstration.layout == task_layout(VALVE)

@@ -1,4 +1,4 @@
-"""The looks of the real robot are made once, kept whole, and made anew when damaged or out of date."""
+"""Visual meshes are converted once, cached, and converted again if the cache is damaged or outdated."""
 
 import sys
 from hashlib import sha256
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
-from pilotfish.environments import VisualMesh
+from pilotfish.environments.baxter import VisualMesh
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.simulation import meshes
 from pilotfish.simulation.meshes import baxter_meshes
@@ -18,7 +18,7 @@ from pilotfish.simulation.meshes import baxter_meshes
 EXTRA = r"pip install 'pilotfish\[meshes\]'"
 
 
-def invented(rng: np.random.Generator, count: int) -> tuple[VisualMesh, ...]:
+def random_meshes(rng: np.random.Generator, count: int) -> tuple[VisualMesh, ...]:
     return tuple(
         VisualMesh(
             rng.choice(["torso", "s0", "w2"]),
@@ -41,50 +41,47 @@ def same(one: tuple[VisualMesh, ...], other: tuple[VisualMesh, ...]) -> bool:
 
 
 @pytest.fixture
-def made(rng: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """A package of a version, what is made of it, and how often it was made; the cache is a folder apart."""
-    package = SimpleNamespace(version="1.0", visual_meshes=invented(rng, 12), times=0)
-    package.locate_file = lambda folder: tmp_path / folder
+def package(rng: np.random.Generator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Return a fake package with its meshes and the number of conversions; the cache is in tmp_path."""
+    fake = SimpleNamespace(version="1.0", visual_meshes=random_meshes(rng, 12), times=0)
+    fake.locate_file = lambda folder: tmp_path / folder
 
-    def make(folder: Path) -> tuple[VisualMesh, ...]:
-        package.times += 1
-        return package.surfaces
+    def convert(folder: Path) -> tuple[VisualMesh, ...]:
+        fake.times += 1
+        return fake.visual_meshes
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(meshes.metadata, "distribution", lambda name: package)
-    monkeypatch.setattr(meshes, "_convert_meshes", make)
-    return package
+    monkeypatch.setattr(meshes.metadata, "distribution", lambda name: fake)
+    monkeypatch.setattr(meshes, "_convert_meshes", convert)
+    return fake
 
 
-def test_surfaces_are_made_once(made: SimpleNamespace):
-    """The second time they come from the cache, the same bit for bit and in order, more than ten too."""
-    assert same(baxter_meshes(), made.surfaces)
-    assert same(baxter_meshes(), made.surfaces)
-    assert made.times == 1
+def test_baxter_meshes_second_call_uses_cache(package: SimpleNamespace):
+    assert same(baxter_meshes(), package.visual_meshes)
+    assert same(baxter_meshes(), package.visual_meshes)
+    assert package.times == 1
 
 
-def test_another_package_is_another_look(made: SimpleNamespace, rng: np.random.Generator):
-    """A new version of the package makes surfaces anew, and the old one still has its own."""
-    first = made.surfaces
+def test_baxter_meshes_other_package_is_converted_again(package: SimpleNamespace, rng: np.random.Generator):
+    first = package.visual_meshes
     baxter_meshes()
-    made.version, made.surfaces = "2.0", invented(rng, 3)
-    assert same(baxter_meshes(), made.surfaces)
-    made.version = "1.0"
+    package.version, package.visual_meshes = "2.0", random_meshes(rng, 3)
+    assert same(baxter_meshes(), package.visual_meshes)
+    package.version = "1.0"
     assert same(baxter_meshes(), first)
-    assert made.times == 2
+    assert package.times == 2
 
 
 @pytest.mark.parametrize("damage", ["cut", "changed", "empty"])
-def test_what_is_damaged_is_made_anew(made: SimpleNamespace, tmp_path: Path, damage: str):
-    """A file that is cut, changed by one bit or empty is never read as surfaces."""
+def test_baxter_meshes_damaged_cache_is_replaced(package: SimpleNamespace, tmp_path: Path, damage: str):
     baxter_meshes()
     (file,) = (tmp_path / "cache" / "pilotfish").iterdir()
     whole = file.read_bytes()
     changed = bytearray(whole)
     changed[len(whole) // 2] ^= 1
     file.write_bytes({"cut": whole[:-7], "changed": bytes(changed), "empty": b""}[damage])
-    assert same(baxter_meshes(), made.surfaces)
-    assert made.times == 2
+    assert same(baxter_meshes(), package.visual_meshes)
+    assert package.times == 2
     assert file.read_bytes() == whole
 
 
@@ -106,10 +103,9 @@ FORGED = {
 
 
 @pytest.mark.parametrize("forged", FORGED)
-def test_cache_of_other_content_with_the_right_hash_is_made_anew(
-    made: SimpleNamespace, tmp_path: Path, forged: str
+def test_baxter_meshes_cache_of_other_content_is_replaced(
+    package: SimpleNamespace, tmp_path: Path, forged: str
 ) -> None:
-    """The hash tells that a file is whole, not that this program wrote it."""
     baxter_meshes()
     (file,) = (tmp_path / "cache" / "pilotfish").iterdir()
     right = {
@@ -122,23 +118,20 @@ def test_cache_of_other_content_with_the_right_hash_is_made_anew(
     arrays = {k: v for k, v in right.items() if k not in missing}
     content = given if isinstance(given, bytes) else save(arrays | given)
     file.write_bytes(sha256(content).digest() + content)
-    assert same(baxter_meshes(), made.surfaces)
-    assert made.times == 2
+    assert same(baxter_meshes(), package.visual_meshes)
+    assert package.times == 2
 
 
-def test_a_cache_that_cannot_be_written_is_told(
-    made: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_baxter_meshes_unwritable_cache_is_refused(
+    package: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """The refusal names the variable to set."""
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.raises(InvalidInput, match="set XDG_CACHE_HOME to another folder"):
         baxter_meshes()
 
 
-def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
-    """The refusal tells how to install it."""
-
+def test_baxter_meshes_missing_package_names_extra(monkeypatch: pytest.MonkeyPatch):
     def none(name: str) -> None:
         raise metadata.PackageNotFoundError(name)
 
@@ -148,16 +141,14 @@ def test_without_the_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("name", ["trimesh", "collada", "fast_simplification"])
-def test_without_a_reader_the_extra_is_named(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    """What reads and thins meshes is part of the extra."""
+def test_baxter_meshes_missing_reader_names_extra(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     for module in ("trimesh", "collada", "fast_simplification"):
         monkeypatch.setitem(sys.modules, module, None if module == name else SimpleNamespace())
     with pytest.raises(SkillError, match=f"need {name}: {EXTRA}"):
         list(meshes._convert_meshes(tmp_path))
 
 
-def test_the_package_is_worn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Every part of the robot has surfaces that are as large as it, and few faces."""
+def test_baxter_meshes_installed_package_is_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for module in ("trimesh", "collada", "fast_simplification"):
         pytest.importorskip(module, reason="pilotfish[meshes] is not installed")
     try:

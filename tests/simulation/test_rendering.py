@@ -1,4 +1,4 @@
-"""What draws is chosen where nothing else says so, and what is missing is named with its remedy."""
+"""A rendering backend is chosen if none is set and no display exists."""
 
 import pytest
 
@@ -12,7 +12,7 @@ def finding(names: set[str]):
 
 
 @pytest.mark.parametrize(
-    ("variables", "there", "chosen"),
+    ("variables", "libraries", "chosen"),
     [
         ({}, BOTH, "osmesa"),
         ({}, MESA, "osmesa"),
@@ -25,8 +25,7 @@ def finding(names: set[str]):
         ({"DISPLAY": ""}, {"EGL"}, "egl"),
     ],
 )
-def test_what_draws_is_chosen_where_nobody_chose(
-    variables: dict[str, str], there: set[str], chosen: str | None
+def test_headless_backend_without_display_is_chosen(
+    variables: dict[str, str], libraries: set[str], chosen: str | None
 ):
-    """Without a screen and without MUJOCO_GL it is OSMesa, else EGL, else left to MuJoCo."""
-    assert headless_backend(variables, finding(there)) == chosen
+    assert headless_backend(variables, finding(libraries)) == chosen

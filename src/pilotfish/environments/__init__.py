@@ -1,37 +1,27 @@
-"""Worlds to act in: the two-armed robot Baxter in physics, manipulation tasks that only contact can do,
-simulated people who show them and steer, and the same tasks as Gymnasium environments.
+"""Simulate manipulation tasks in MuJoCo: the two-armed robot Baxter, tasks and human operator models.
+
+Each task is also a Gymnasium environment. A task is done only if the physics says so: a valve turns only if
+it is gripped and turned.
 """
 
 from pilotfish.environments import human
-from pilotfish.environments.baxter import VisualMesh
-from pilotfish.environments.cameras import (
-    CAMERA_VIEWS,
-    EMPTY_OVERLAY,
-    CameraView,
-    Overlay,
-    SceneRenderer,
-    camera_view,
-)
 from pilotfish.environments.manipulation import Manipulation
-from pilotfish.environments.tasks import RECORDED_VALVE, TASKS, Outcome, RecordedValve, Scene, Task
-from pilotfish.environments.workcell import TIMESTEP, Workcell
+from pilotfish.environments.scene_renderer import CameraView, SceneRenderer
+from pilotfish.environments.tasks.recorded_valve import RECORDED_VALVE, RecordedValve
+from pilotfish.environments.tasks.registry import TASKS
+from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.workcell import Workcell
 
 __all__ = [
-    "CAMERA_VIEWS",
-    "EMPTY_OVERLAY",
     "RECORDED_VALVE",
     "TASKS",
-    "TIMESTEP",
     "CameraView",
     "Manipulation",
     "Outcome",
-    "Overlay",
     "RecordedValve",
     "Scene",
     "SceneRenderer",
     "Task",
-    "VisualMesh",
     "Workcell",
-    "camera_view",
     "human",
 ]

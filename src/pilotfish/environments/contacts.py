@@ -1,45 +1,44 @@
-"""How hard things touch."""
-
-from collections.abc import Mapping
+"""Contact forces on the robot and on objects that must not be pushed."""
 
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import ROBOT
+from pilotfish.environments.baxter.body import ROBOT
 from pilotfish.types import Array, Float
 
-TOOL_FORCE = "tool"  # the sum of what pushes the robot, beside the names of fragile things
+TOOL_FORCE = "tool"  # key of the total force on the robot, beside the names of the fragile geoms
 
 
 def contact_forces(
-    model: mujoco.MjModel, data: mujoco.MjData, contact_limits: tuple[str, ...]
+    model: mujoco.MjModel, data: mujoco.MjData, fragile_geoms: tuple[str, ...]
 ) -> dict[str, float]:
-    """The force [N] of all contacts of the robot together, under "tool", and on each fragile shape.
+    """Return the total contact force on the robot under "tool", and the force on each fragile geom [N].
 
-    On a fragile shape the sizes of its contacts' forces are added: pressing it from both sides counts twice.
+    For a fragile geom the magnitudes of its contact forces are added: squeezing it from two sides counts
+    twice.
+
+    Args:
+        model: Compiled model.
+        data: State whose contacts have forces.
+        fragile_geoms: Names of the geoms to measure.
     """
-    total, on = np.zeros(3), dict.fromkeys(contact_limits, 0.0)
-    named = {int(model.geom(name).id): name for name in contact_limits}
+    total, on_geom = np.zeros(3), dict.fromkeys(fragile_geoms, 0.0)
+    names = {int(model.geom(name).id): name for name in fragile_geoms}
     for n, pair in enumerate(data.contact.geom.tolist()):
         robot = [model.geom_contype[geom] == ROBOT for geom in pair]
-        touched = [named[geom] for geom in pair if geom in named]
+        touched = [names[geom] for geom in pair if geom in names]
         if not (any(robot) or touched):
             continue
-        force = _force(model, data, n)
+        force = _force_on_second_geom(model, data, n)
         if any(robot):
             total += force if robot[1] else -force
         for name in touched:
-            on[name] += float(np.linalg.norm(force))
-    return {TOOL_FORCE: float(np.linalg.norm(total)), **on}
+            on_geom[name] += float(np.linalg.norm(force))
+    return {TOOL_FORCE: float(np.linalg.norm(total)), **on_geom}
 
 
-def elementwise_max(a: Mapping[str, float], b: Mapping[str, float]) -> dict[str, float]:
-    """Of two measurements of the same things, the larger of each."""
-    return {name: max(value, b[name]) for name, value in a.items()}
-
-
-def _force(model: mujoco.MjModel, data: mujoco.MjData, n: int) -> Float[Array, " 3"]:
-    """What the n-th contact's second shape is pushed by, in world axes."""
+def _force_on_second_geom(model: mujoco.MjModel, data: mujoco.MjData, n: int) -> Float[Array, " 3"]:
+    """Return the force of contact n in world axes [N]."""
     wrench = np.zeros(6)
     mujoco.mj_contactForce(model, data, n, wrench)
     return np.asarray(data.contact[n].frame.reshape(3, 3).T @ wrench[:3])

@@ -1,4 +1,4 @@
-"""The tasks as Gymnasium environments: an agent asks for poses of the tool, physics tells what follows."""
+"""Tasks as Gymnasium environments: an action is a tool pose, and physics gives the next observation."""
 
 from math import hypot, inf
 from types import NoneType
@@ -8,9 +8,10 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from pilotfish.environments.cameras import SceneRenderer, camera_view
-from pilotfish.environments.tasks import TASKS, Task
-from pilotfish.environments.workcell import TIMESTEP, Workcell
+from pilotfish.environments.scene_renderer import SceneRenderer
+from pilotfish.environments.tasks.registry import TASKS
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.workcell import Workcell
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
 from pilotfish.types import Array, Float
@@ -24,13 +25,13 @@ from pilotfish.validation import (
 )
 
 PERIOD = 0.02  # s between actions
-REACH = 1.6  # m: nothing that the arm can do is further away
-MIN_NORM = 1e-3  # of a quaternion: a shorter one is no direction
+REACH = 1.6  # m, beyond the reach of the arm
+MIN_NORM = 1e-3  # of a quaternion, which is normalised
 POSE = 7
 MAX_SEED = 2**64 - 1
 EXPECTED = "eight finite numbers: position [m], quaternion w x y z, grip"
 ObservationArrays = dict[str, Array]
-# Of each thing observed: the least and the most that it can be, and how many numbers it is.
+# Minimum, maximum and size of each entry of an observation.
 OBSERVATION_BOUNDS: dict[str, tuple[float, float, int]] = {
     "joints": (-inf, inf, 7),
     "velocities": (-inf, inf, 7),
@@ -42,26 +43,36 @@ OBSERVATION_BOUNDS: dict[str, tuple[float, float, int]] = {
 
 
 class Manipulation(gymnasium.Env[ObservationArrays, Array]):
-    """A manipulation task in situations drawn from a seed, an action every 20 ms; see TASKS for the names.
+    """Manipulation task with an action every 20 ms.
 
-    action        position [m] and quaternion w x y z, of any length, asked of the tool in the axes of the
-                  robot's torso, and the grip, 0 open to 1 shut. Springs and dampers draw the arm there, at
-                  1 kHz in between
-    observation   joints [rad], their velocities [rad/s], the tool's pose and twist [m/s, rad/s], the grip,
-                  the force on the tool [N], and the pose of each frame of the task, in the order of its names
-    reward        1 once the work is done, 0 before; an episode ends then, or is cut after the task's time
-    info          "success", "error" in the task's unit, "reason" it is not done, and "peak_forces", the largest forces
-                  [N] so far
-    reset takes options={"situation": one of the task's own} to set up one that is known; a grip beyond 0 or 1
-    is taken for the nearer.
-    Raises: InvalidInput, for an unknown task, or an action that is not eight finite numbers with a quaternion
-    longer than .001: the arm stays where it was.
+    An action holds the tool position [m], a quaternion w x y z of any length, both in torso axes, and the
+    grip, 0 (open) to 1 (closed). Impedance control draws the tool there at 1 kHz.
+
+    An observation is a dictionary: "joints" [rad], "velocities" [rad/s], "tool" pose, "twist" [m/s, rad/s],
+    "grip", "force" on the tool [N], and "frames", the poses of the task's frames in their order.
+
+    The reward is 1 when the task is done, and 0 before. An episode terminates then, and is truncated at the
+    task's time limit. The info dictionary holds "success", "error" in the task's unit, "reason", the reason
+    why the task is not done, and "peak_forces" [N].
+
+    Attributes:
+        task: Task of the environment.
+        render_mode: "rgb_array" or None.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, task: str, *, render_mode: str | None = None) -> None:
-        require_type(task, "task", str, f"name one of {', '.join(sorted(TASKS))}")
+        """Choose a task; `reset` builds its physics.
+
+        Args:
+            task: Name of a task in `TASKS`.
+            render_mode: "rgb_array" for images from `render`, or None.
+
+        Raises:
+            InvalidInput: If the task or the render mode is unknown.
+        """
+        require_type(task, "task", str, f"give the name of a task: {', '.join(sorted(TASKS))}")
         if task not in TASKS:
             raise InvalidInput(f"task is {short_repr(task)}, expected one of {', '.join(sorted(TASKS))}")
         require_type(render_mode, "render_mode", (str, NoneType), "give 'rgb_array' or None")
@@ -71,52 +82,79 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
         self.render_mode = render_mode
         low = np.array([-REACH] * 3 + [-1.0] * 4 + [0.0])
         self.action_space = spaces.Box(low, np.array([REACH] * 3 + [1.0] * 5), dtype=np.float64)
-        self.observation_space = spaces.Dict(_observation_spaces(len(self.task.frames)))  # type: ignore[assignment] # of whatever values
+        self.observation_space = spaces.Dict(_observation_spaces(len(self.task.frames)))  # type: ignore[assignment] # the base class names no value type
         self._cell: Workcell[Any] | None = None
         self._renderer: SceneRenderer | None = None
 
     @property
     def cell(self) -> Workcell[Any]:
-        """The physics behind.    Raises: InvalidInput, before the first reset."""
+        """Return the simulation of this episode.
+
+        Raises:
+            InvalidInput: If `reset` was not called.
+        """
         if self._cell is None:
-            raise InvalidInput("the environment has no situation yet; call reset first")
+            raise InvalidInput("the environment has no situation; call reset first")
         return self._cell
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[ObservationArrays, dict[str, Any]]:
-        """A new situation: of the seed, of the chance that went on before, or the one given in options."""
+        """Start an episode in a new situation.
+
+        Args:
+            seed: Seed of the situations; None continues with the generator of the last seed.
+            options: {"situation": situation of the task} to choose one, or None to sample one.
+
+        Returns:
+            The first observation and the info dictionary.
+
+        Raises:
+            InvalidInput: If the seed or the options cannot be used.
+        """
         if seed is not None:
             require_count(seed, "seed", MAX_SEED)
         _validate_options({} if options is None else options, self.task)
         super().reset(seed=seed)
         situation = options["situation"] if options else self.task.sample_situation(self.np_random)
-        self._close_camera()
+        self._close_renderer()
         self._cell = Workcell(self.task, situation)
         return self._observation(), self._info()
 
     def step(self, action: Array) -> tuple[ObservationArrays, float, bool, bool, dict[str, Any]]:
-        """What came of 20 ms under the action."""
+        """Simulate 20 ms under an action.
+
+        Args:
+            action: Position [m], quaternion w x y z, grip; a grip outside 0 to 1 is clipped.
+
+        Returns:
+            Observation, reward, terminated, truncated and info dictionary.
+
+        Raises:
+            InvalidInput: If the action is not eight finite numbers with a quaternion of length .001 or more;
+                the simulation is then unchanged.
+        """
         pose, grip = _parse_action(action)
-        self.cell.step_impedance(pose, grip, round(PERIOD / TIMESTEP))
+        self.cell.step_impedance(pose, grip, round(PERIOD / Workcell.timestep))
         info = self._info()
         done = bool(info["success"])
-        return self._observation(), float(done), done, self.cell.time >= self.task.time_limit - TIMESTEP, info
+        truncated = self.cell.time >= self.task.time_limit - Workcell.timestep
+        return self._observation(), float(done), done, truncated, info
 
     def render(self) -> Array | None:
-        """A picture of the scene, (480, 640, 3); None without a render mode."""
+        """Return an RGB image of the scene, 480 x 640 x 3; None without a render mode."""
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            self._renderer = SceneRenderer(self.cell.model, camera_view(self.task.name))
+            self._renderer = SceneRenderer(self.cell.model, self.task.view)
         return self._renderer.render(self.cell.data)
 
     def close(self) -> None:
-        """The physics and the renderer are let go."""
-        self._close_camera()
+        """Release the simulation and the renderer."""
+        self._close_renderer()
         self._cell = None
 
-    def _close_camera(self) -> None:
+    def _close_renderer(self) -> None:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -144,13 +182,12 @@ class Manipulation(gymnasium.Env[ObservationArrays, Array]):
         }
 
 
-def _observation_spaces(frames: int) -> dict[str, spaces.Space[Any]]:
-    """What can be observed, where the task has so many frames."""
+def _observation_spaces(n_frames: int) -> dict[str, spaces.Space[Any]]:
     boxes: dict[str, spaces.Space[Any]] = {
         name: spaces.Box(low, high, (size,), np.float64)
         for name, (low, high, size) in OBSERVATION_BOUNDS.items()
     }
-    return boxes | {"frames": spaces.Box(-inf, inf, (frames, POSE), np.float64)}
+    return boxes | {"frames": spaces.Box(-inf, inf, (n_frames, POSE), np.float64)}
 
 
 def _row(pose: Pose) -> Float[Array, " 7"]:
@@ -160,10 +197,15 @@ def _row(pose: Pose) -> Float[Array, " 7"]:
 def _validate_options(options: dict[str, Any], task: Task[Any]) -> None:
     require_type(options, "options", dict, 'give {"situation": ...} or none')
     if unknown := [key for key in options if key != "situation"]:
-        raise InvalidInput(f"reset has no option {short_repr(unknown[0])}, expected 'situation' or none")
+        raise InvalidInput(f"reset has no option {short_repr(unknown[0])}, expected 'situation' only")
     if options:
         kind = type(task.sample_situation(np.random.default_rng(0)))
-        require_type(options["situation"], "the situation", kind, f"draw one: TASKS[{task.name!r}].draw(rng)")
+        require_type(
+            "the situation",
+            options["situation"],
+            kind,
+            f"sample one: TASKS[{task.name!r}].sample_situation(rng)",
+        )
 
 
 def _parse_action(action: Array) -> tuple[Pose, float]:
@@ -175,6 +217,6 @@ def _parse_action(action: Array) -> tuple[Pose, float]:
     if (norm := hypot(*numbers[3:POSE])) < MIN_NORM:
         raise InvalidInput(
             f"the action's quaternion {numbers[3:POSE].tolist()} has length {norm:.4g}, expected at least "
-            f"{MIN_NORM:g}; 1, 0, 0, 0 asks for no turn"
+            f"{MIN_NORM:g}; the identity is 1, 0, 0, 0"
         )
     return Pose(numbers[:3], normalise(numbers[3:POSE])), float(np.clip(numbers[POSE], 0.0, 1.0))

@@ -1,4 +1,13 @@
-"""The robot at work: the physics of one task in one situation, and its arm under control at 1 kHz."""
+"""Physics of one task in one situation, with the arm under torque control at 1 kHz.
+
+A step of `Workcell` simulates a number of timesteps under one of three controllers. Impedance control draws
+the tool to a target by springs and dampers. Position control draws the joints to a posture. In guidance a
+person's hand pulls the left arm by its handle, and the right arm repeats the motion by impedance control.
+
+Each timestep runs mj_step2 (forces, integration), then mj_step1 (positions and what depends on them). So a
+controller always reads the positions of now, and contact forces are read between the two calls: after the
+first they belong to the timestep, after the second the new contacts have no forces yet.
+"""
 
 from collections.abc import Sequence
 from typing import Generic, TypeVar
@@ -7,20 +16,13 @@ import mujoco
 import numpy as np
 
 from pilotfish.control import impedance, impedance_torque, posture_torque
-from pilotfish.environments.arms import JOINTS, SimulatedArm
-from pilotfish.environments.baxter import (
-    Tool,
-    VisualMesh,
-    add_arm,
-    add_visual_meshes,
-    baxter_limits,
-    empty_world,
-    mirror_posture,
-    mount_handle,
-    solve_posture,
-)
-from pilotfish.environments.contacts import contact_forces, elementwise_max
-from pilotfish.environments.steering import RelativeMapping, guidance_wrench, linear_path
+from pilotfish.environments.baxter.body import add_arm, empty_world
+from pilotfish.environments.baxter.chain import baxter_limits, mirror_posture, solve_posture
+from pilotfish.environments.baxter.tools import Tool, mount_handle
+from pilotfish.environments.baxter.visual_meshes import VisualMesh, add_visual_meshes
+from pilotfish.environments.contacts import contact_forces
+from pilotfish.environments.guidance import follow_relative_motion, guidance_wrench, linear_path
+from pilotfish.environments.simulated_arm import JOINTS, SimulatedArm
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
@@ -29,36 +31,58 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, float_array, require_count, require_number, require_type
 
 S = TypeVar("S")
-TIMESTEP = 0.001  # s, of physics and of control
-MAX_STEPS = 10**6  # of one call: quarter of an hour
-GUIDANCE_DAMPING = 0.5  # N m s/rad, of the joints of an arm that a person leads
-# Position mode, N m/rad and N m s/rad: about 4 Hz, well damped.
+MAX_STEPS = 10**6  # of one call: a quarter of an hour
+GUIDANCE_DAMPING = 0.5  # N m s/rad, of the joints of a guided arm
+# Position control, N m/rad and N m s/rad: about 4 Hz, well damped.
 POSITION_STIFFNESS = np.array([400.0, 400.0, 200.0, 200.0, 60.0, 60.0, 40.0])
 POSITION_DAMPING = np.array([40.0, 40.0, 20.0, 20.0, 4.0, 4.0, 2.0])
-IDLE_POSTURE = (-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0)  # rad, of a left arm that nobody needs: out of the way
+IDLE_POSTURE = (-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0)  # rad, of an unused left arm: out of the way
 
 
 class Workcell(Generic[S]):
-    """The physics of a task in a situation, from the moment when the arm waits at its home.
+    """Simulation of a task in a situation; it starts with the arm at rest at the task's start pose.
 
-    With lead, the robot's left arm is free to be led by a person, and the right one follows it: see led. The
-    robot wears surfaces, if any, in pictures: they weigh nothing and touch nothing.
-    Raises: InvalidInput, when the arm does not reach its home.
+    Attributes:
+        timestep: Period of physics and control [s].
+        task: Task that is simulated.
+        situation: Situation of the task.
+        model: Compiled MuJoCo model.
+        data: State of the model.
+        arm: Right arm, which holds the tool.
+        leader_arm: Left arm that a person guides; None without one.
+        target: Last commanded tool pose.
+        grip: Last commanded grip, 0 (open) to 1 (closed).
+        forces: Contact forces of the last timestep [N]: "tool" and each fragile geom.
+        peak_forces: Largest of these forces since the start [N].
     """
 
+    timestep = 0.001
+
     def __init__(
-        self, task: Task[S], situation: S, *, lead: bool = False, visual_meshes: Sequence[VisualMesh] = ()
+        self, task: Task[S], situation: S, *, guided: bool = False, visual_meshes: Sequence[VisualMesh] = ()
     ) -> None:
-        require_type(task, "task", Task, "TASKS holds them by name")
+        """Build and compile the model, and place the arm at the start pose.
+
+        Args:
+            task: Task from `TASKS`.
+            situation: Situation from `task.sample_situation(rng)`.
+            guided: Give the left arm a handle, for `step_guidance`.
+            visual_meshes: Meshes that images show in place of the robot's simple shapes. They have no mass
+                and no contacts.
+
+        Raises:
+            InvalidInput: If the arm cannot reach the start pose, or the situation cannot be compiled.
+        """
+        require_type(task, "task", Task, "take one from TASKS")
         require_type(visual_meshes, "visual_meshes", Sequence, "give a list of them")
         self.task, self.situation, self.limits = task, situation, baxter_limits()
-        self.model, self.mounted_tool = _compile_model(task, situation, lead, visual_meshes)
+        self.model, self.mounted_tool = _compile_model(task, situation, guided, visual_meshes)
         self.data = mujoco.MjData(self.model)
         self.arm = SimulatedArm(self.model, self.data, "right", self.mounted_tool.point)
         posture = solve_posture(task.start_pose(situation), self.mounted_tool.length)
         self.impedance = impedance(posture)
         self.arm.q[:] = posture
-        self.leader_arm = SimulatedArm(self.model, self.data, "left", "left_tool") if lead else None
+        self.leader_arm = SimulatedArm(self.model, self.data, "left", "left_tool") if guided else None
         if self.leader_arm:
             self.leader_arm.q[:] = mirror_posture(posture)
         self._initialise()
@@ -69,79 +93,104 @@ class Workcell(Generic[S]):
         self.target, self.grip = self.arm.tool, 0.0
         self._command_grip(self.grip)
         if self.leader_arm:
-            self._mapping = RelativeMapping(self.leader_arm.tool, self.target)
+            self._leader_start, self._follower_start = self.leader_arm.tool, self.target
             self._hand = self.leader_arm.tool
-        self.forces = contact_forces(self.model, self.data, self.task.contact_limits)
+        self.forces = contact_forces(self.model, self.data, self.task.fragile_geoms)
         self.peak_forces = self.forces
 
     @property
     def time(self) -> float:
-        """Seconds since the beginning."""
+        """Return the simulated time since the start [s]."""
         return float(self.data.time)
 
     def frames(self) -> dict[str, Pose]:
-        """Where the objects stand now."""
+        """Return the present pose of each frame of the task, in torso axes."""
         return self.task.observe_frames(self.model, self.data, self.situation)
 
     def outcome(self) -> Outcome:
-        """Whether the work is done."""
+        """Return whether the task is done now."""
         scene = Scene(self.model, self.data, self.arm.tool, self.grip, self.peak_forces)
         return self.task.check_success(scene, self.situation)
 
     def step_impedance(self, target: Pose, grip: float, n_steps: int) -> None:
-        """So many ticks later: the arm was drawn towards a target that moved evenly to this one."""
-        path = linear_path(self.target, _validate_target(target), _validate_n_steps(n_steps), TIMESTEP)
+        """Simulate impedance control to a target that moves at constant speed from the last one.
+
+        Args:
+            target: Tool pose at the end of the steps, in torso axes.
+            grip: 0 (open) to 1 (closed); values outside are clipped.
+            n_steps: Number of timesteps of 1 ms.
+
+        Raises:
+            InvalidInput: If an argument cannot be used.
+        """
+        path = linear_path(self.target, _validate_target(target), _validate_n_steps(n_steps), self.timestep)
         self._command_grip(grip)
-        for n in range(n_steps):
-            self._step(self._impedance_torque(path.at(n)))
+        for tool_target in path:
+            self._step(self._impedance_torque(tool_target))
         self.target = target
 
     def step_position(self, posture: Float[Array, " 7"], grip: float, n_steps: int) -> None:
-        """So many ticks later: position mode, the joints were drawn to a posture [rad]."""
+        """Simulate position control to a posture.
+
+        Args:
+            posture: Joint positions [rad].
+            grip: 0 (open) to 1 (closed); values outside are clipped.
+            n_steps: Number of timesteps of 1 ms.
+
+        Raises:
+            InvalidInput: If an argument cannot be used.
+        """
         posture = finite_array(posture, "posture", (JOINTS,))
         self._command_grip(grip)
         for _ in range(_validate_n_steps(n_steps)):
             arm_command = posture_torque(
-                POSITION_STIFFNESS, POSITION_DAMPING, self.limits, self.arm.reading(), posture
+                POSITION_STIFFNESS, POSITION_DAMPING, self.limits, self.arm.read_state(), posture
             )
             self._step(arm_command.torque)
         self.target = self.arm.tool
 
     def step_guidance(self, target: Pose, grip: float, n_steps: int) -> None:
-        """So many ticks later: a person moved their hand so that the arm would be led to the wish.
+        """Simulate a hand that guides the left arm so that the right tool should reach a target.
 
-        The hand pulls the input arm by a spring; where that arm's tool goes, the other's follows.
+        The hand pulls the left arm by a spring; the right arm follows the motion of the left tool.
+
+        Args:
+            target: Pose that the person intends for the right tool, in torso axes.
+            grip: 0 (open) to 1 (closed); values outside are clipped.
+            n_steps: Number of timesteps of 1 ms.
+
+        Raises:
+            InvalidInput: If the workcell has no guided arm, or an argument cannot be used.
         """
         if self.leader_arm is None:
-            raise InvalidInput("the cell has no arm to lead; make it with lead=True")
-        hand = self._mapping.leader_pose(_validate_target(target))
-        path = linear_path(self._hand, hand, _validate_n_steps(n_steps), TIMESTEP)
+            raise InvalidInput("the workcell has no guided arm; create it with guided=True")
+        hand = follow_relative_motion(self._follower_start, _validate_target(target), self._leader_start)
+        path = linear_path(self._hand, hand, _validate_n_steps(n_steps), self.timestep)
         self._command_grip(grip)
-        for n in range(n_steps):
-            self._apply_guidance(path.at(n))
-            self.target = self._mapping.follower_pose(self.leader_arm.tool)
+        for hand_target in path:
+            self._apply_guidance(self.leader_arm, hand_target)
+            self.target = follow_relative_motion(
+                self._leader_start, self.leader_arm.tool, self._follower_start
+            )
             tool_target = ToolTarget(self.target.position, self.target.quaternion, self.leader_arm.twist)
             self._step(self._impedance_torque(tool_target))
         self._hand = hand
 
-    def _apply_guidance(self, tool_target: ToolTarget) -> None:
-        assert self.leader_arm
-        J = self.leader_arm.jacobian()
-        hand = Pose(tool_target.position, tool_target.quaternion)
-        self.leader_arm.external_torques[:] = J.T @ guidance_wrench(
-            hand, self.leader_arm.tool, J @ self.leader_arm.velocity
-        )
-        self.leader_arm.motors[:] = self.leader_arm.bias - GUIDANCE_DAMPING * self.leader_arm.velocity
+    def _apply_guidance(self, leader: SimulatedArm, hand: ToolTarget) -> None:
+        J = leader.jacobian()
+        wrench = guidance_wrench(Pose(hand.position, hand.quaternion), leader.tool, J @ leader.velocity)
+        leader.external_torques[:] = J.T @ wrench
+        leader.motors[:] = leader.bias - GUIDANCE_DAMPING * leader.velocity
 
     def _impedance_torque(self, tool_target: ToolTarget) -> Float[Array, " 7"]:
-        return impedance_torque(self.impedance, self.limits, self.arm.reading(), tool_target).torque
+        return impedance_torque(self.impedance, self.limits, self.arm.read_state(), tool_target).torque
 
     def _step(self, torque: Float[Array, " 7"]) -> None:
         self._actuate_scene()
         self.arm.motors[:] = torque
         mujoco.mj_step2(self.model, self.data)
-        self._measure_forces()  # before contacts are found anew, which have no forces yet
-        mujoco.mj_step1(self.model, self.data)  # positions and all that hangs on them are those of now
+        self._measure_forces()
+        mujoco.mj_step1(self.model, self.data)
 
     def _actuate_scene(self) -> None:
         if self.task.actuate_scene:
@@ -149,22 +198,23 @@ class Workcell(Generic[S]):
 
     def _command_grip(self, grip: float) -> None:
         self.grip = require_number(grip, "grip")
-        if self.mounted_tool.motor:
+        tool = self.mounted_tool
+        if tool.motor:
             share = min(max(grip, 0.0), 1.0)
-            command = self.mounted_tool.open + share * (self.mounted_tool.shut - self.mounted_tool.open)
-            self.data.ctrl[self.model.actuator(self.mounted_tool.motor).id] = command
+            self.data.ctrl[self.model.actuator(tool.motor).id] = tool.open + share * (tool.shut - tool.open)
 
     def _measure_forces(self) -> None:
-        self.forces = contact_forces(self.model, self.data, self.task.contact_limits)
-        self.peak_forces = elementwise_max(self.peak_forces, self.forces)
+        self.forces = contact_forces(self.model, self.data, self.task.fragile_geoms)
+        peaks = self.peak_forces
+        self.peak_forces = {name: max(peaks[name], force) for name, force in self.forces.items()}
 
 
 def _compile_model(
-    task: Task[S], situation: S, lead: bool, visual_meshes: Sequence[VisualMesh]
+    task: Task[S], situation: S, guided: bool, visual_meshes: Sequence[VisualMesh]
 ) -> tuple[mujoco.MjModel, Tool]:
-    spec = empty_world(TIMESTEP)
+    spec = empty_world(Workcell.timestep)
     tool = task.mount_tool(spec, add_arm(spec, "right"), "right")
-    if lead:
+    if guided:
         mount_handle(spec, add_arm(spec, "left"), "left")
     else:
         add_arm(spec, "left", posture=IDLE_POSTURE)
@@ -175,14 +225,14 @@ def _compile_model(
         return spec.compile(), tool
     except ValueError as error:
         raise InvalidInput(
-            f"{situation} cannot be set up: {error}; draw one: task.sample_situation(rng)"
+            f"{situation} cannot be compiled: {error}; sample one: task.sample_situation(rng)"
         ) from error
 
 
 def _validate_target(target: Pose) -> Pose:
-    require_type(target, "the pose asked for", Pose, "geometry.pose(position, quaternion) makes one")
-    float_array(target.position, "the position asked for", 3)
-    float_array(target.quaternion, "the quaternion asked for", 4)
+    require_type(target, "the target", Pose, "geometry.pose(position, quaternion) creates one")
+    float_array(target.position, "the position of the target", 3)
+    float_array(target.quaternion, "the quaternion of the target", 4)
     return target
 
 

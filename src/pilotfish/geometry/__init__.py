@@ -12,6 +12,7 @@ from pilotfish.geometry.manifold import (
     parallel_transport,
     tangent_slices,
 )
+from pilotfish.geometry.minimum_jerk import minimum_jerk
 from pilotfish.geometry.poses import Pose, pose
 from pilotfish.geometry.quaternions import (
     angle,
@@ -49,6 +50,7 @@ __all__ = [
     "left_multiplication_matrix",
     "log_map",
     "log_map_jacobian",
+    "minimum_jerk",
     "multiply",
     "normalise",
     "parallel_transport",

@@ -12,6 +12,7 @@ from pilotfish.demonstrations import (
 from pilotfish.geometry import (
     Pose,
     conjugate,
+    minimum_jerk,
     multiply,
     quaternion_exp,
     quaternion_log,
@@ -69,9 +70,8 @@ def _generate_demonstration(rng: np.random.Generator, degrees: str) -> Demonstra
 
 
 def _minimum_jerk(start: int, end: int) -> Float[Array, " T"]:
-    """From 0 at the start row to 1 at the end row, with speed and acceleration zero at both."""
-    s = np.clip((np.arange(STEPS) - start) / (end - start), 0.0, 1.0)
-    return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
+    """Return the fraction of a minimum-jerk movement between two rows at each row."""
+    return minimum_jerk((np.arange(STEPS) - start) / (end - start))
 
 
 def _handle_poses(orientation_starts: Float[Array, " T"]) -> Float[Array, "T 7"]:

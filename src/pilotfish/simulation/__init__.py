@@ -1,34 +1,33 @@
-"""Record demonstrations and execute skills in physics, with films of both."""
+"""Record demonstrations and perform skills in physics, with films of both."""
 
-from pilotfish.simulation.execution import ExecutionResult, ExecutionSettings, execute
+from pilotfish.simulation.execution import ExecutionResult, perform
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
 from pilotfish.simulation.meshes import baxter_meshes
 from pilotfish.simulation.recording import (
-    DEMONSTRATION_STREAM,
-    TEST_STREAM,
     RecordedDemonstration,
+    delay_observations,
     record,
     record_demonstrations,
+    simulated_leader,
     situation_from_seed,
 )
 from pilotfish.simulation.rendering import require_mujoco, require_renderer
 
 __all__ = [
-    "DEMONSTRATION_STREAM",
-    "TEST_STREAM",
     "ExecutionResult",
-    "ExecutionSettings",
     "FilmRecorder",
     "RecordedDemonstration",
     "baxter_meshes",
+    "delay_observations",
     "encode_film",
-    "execute",
     "film_strip",
+    "perform",
     "record",
     "record_demonstrations",
     "require_mujoco",
     "require_pillow",
     "require_renderer",
+    "simulated_leader",
     "situation_from_seed",
     "write_film",
 ]

@@ -1,13 +1,15 @@
-"""Closing the loop: a skill plans, a tracker follows, an arm of springs and dampers does it, in physics."""
+"""Perform a skill in physics: adapt, plan, track, and follow the motion by impedance control at 1 kHz."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Quantity, frame_from_pose
-from pilotfish.environments import Outcome, Task, VisualMesh, Workcell
+from pilotfish.environments import Outcome, Task, Workcell
+from pilotfish.environments.baxter import VisualMesh
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
 from pilotfish.models import Skill, adapt
@@ -22,42 +24,29 @@ from pilotfish.planning import (
     tangent_chart,
 )
 from pilotfish.simulation.recording import task_layout
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Float, Int
 
 S = TypeVar("S")
-STEPS_PER_SECOND = 1000
-SETTLING_TIME = 1.0  # s, for the arm to come to rest at the end of the plan
-HORIZON_STEPS = 30  # steps that are planned at once while objects move
+SETTLING_TIME = 1.0  # s after the end of the plan, for the arm to come to rest
+HORIZON_STEPS = 30  # steps of each plan while objects move
 POSE = 7
 
-PeriodCallback = Callable[[Workcell[S]], None]  # called after every period of the skill
-
-
-@dataclass(frozen=True, slots=True)
-class ExecutionSettings:
-    """How a plan is made and followed.
-
-    Attributes:
-        control_cost: R, the cost of squared acceleration.
-        covariance_regularisation: Variance added to every variance before it becomes a weight
-            [unit of x squared].
-        horizon: Number of steps; None takes the mean length of the demonstrations.
-    """
-
-    control_cost: float = CONTROL_COST
-    covariance_regularisation: float = COVARIANCE_REGULARISATION
-    horizon: int | None = None
-
-
-DEFAULT_SETTINGS = ExecutionSettings()
+PeriodCallback = Callable[[Workcell[S]], None]
+"""Function that is called after every period of the skill."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExecutionResult:
-    """What came of a skill in one situation.
+    """Result of a skill in one situation; rows are one period of the skill apart.
 
-    Rows are a period [s] apart: the pose that was asked of the tool and the one that it had (position, then
-    quaternion), the force on the tool [N]. peaks are the largest forces; seconds is how long it took.
+    Attributes:
+        outcome: Whether the task was done.
+        commanded: Commanded pose of the tool: position [m], quaternion.
+        measured: Pose of the tool.
+        forces: Contact force on the tool [N].
+        peak_forces: Largest contact forces [N].
+        duration: Simulated duration [s].
+        frames: Pose of each frame at the start.
     """
 
     outcome: Outcome
@@ -65,35 +54,53 @@ class ExecutionResult:
     measured: Float[Array, "T 7"]
     forces: Float[Array, " T"]
     peak_forces: dict[str, float]
-    seconds: float
-    frames: dict[str, Pose]  # at the beginning
+    duration: float
+    frames: dict[str, Pose]
 
 
-def execute(
+def perform(
     skill: Skill,
     task: Task[S],
     situation: S,
     *,
-    settings: ExecutionSettings = DEFAULT_SETTINGS,
+    horizon: int | None = None,
+    control_cost: float = CONTROL_COST,
+    covariance_regularisation: float = COVARIANCE_REGULARISATION,
     on_period: PeriodCallback[S] | None = None,
     visual_meshes: Sequence[VisualMesh] = (),
 ) -> ExecutionResult:
-    """The skill at work in a situation: adapted to where the objects stand, planned, tracked, carried out.
+    """Perform a skill in physics from the task's start pose.
 
-    The plan starts from the arm's home; where objects move, it is made again each period for where they are
-    and where they are going. Impedance follows it at 1 kHz. watch is called after each period; in its
-    pictures the robot wears surfaces, if any.
-    Raises: InvalidInput, when the skill's columns or frames are not those of the task, or it does not say how
-    long its demonstrations were and no horizon is given.
+    Where objects move, the motion is planned anew in each period for their extrapolated poses.
+
+    Args:
+        skill: Skill learned from recordings of the task, with derivatives.
+        task: Task from `TASKS`.
+        situation: Situation of the task.
+        horizon: Number of steps; None takes the mean length of the demonstrations.
+        control_cost: R, the cost of squared acceleration.
+        covariance_regularisation: Variance added to every variance before it becomes a weight
+            [unit of x squared].
+        on_period: Function that is called with the workcell after every period, such as a `FilmRecorder`.
+        visual_meshes: Meshes of the robot in images, from `baxter_meshes`.
+
+    Returns:
+        The outcome with commanded and measured poses.
+
+    Raises:
+        InvalidInput: If the skill has other columns or frames than the task, or no horizon is known.
     """
     _validate_skill(skill, task)
-    steps = mean_demonstration_length(skill) if settings.horizon is None else settings.horizon
+    n_steps = mean_demonstration_length(skill) if horizon is None else horizon
     cell = Workcell(task, situation, visual_meshes=visual_meshes)
-    initial_poses = cell.frames()
-    follow = _plan_once if task.actuate_scene is None else _plan_each_period
+    initial_frames = cell.frames()
+    plan = _plan_once if task.actuate_scene is None else _plan_each_period
+    targets = plan(
+        skill, cell, n_steps, control_cost=control_cost, covariance_regularisation=covariance_regularisation
+    )
     commanded, measured, forces = [], [], []
-    for pose, grip in follow(skill, cell, settings, steps):
-        cell.step_impedance(pose, grip, round(skill.period * STEPS_PER_SECOND))
+    for pose, grip in targets:
+        cell.step_impedance(pose, grip, round(skill.period / cell.timestep))
         tool = cell.arm.tool
         commanded.append(np.append(pose.position, pose.quaternion))
         measured.append(np.append(tool.position, tool.quaternion))
@@ -101,28 +108,28 @@ def execute(
         if on_period:
             on_period(cell)
     rows = np.array(commanded), np.array(measured), np.array(forces)
-    return ExecutionResult(cell.outcome(), *rows, dict(cell.peak_forces), cell.time, initial_poses)
+    return ExecutionResult(cell.outcome(), *rows, dict(cell.peak_forces), cell.time, initial_frames)
 
 
 def _validate_skill(skill: Skill, task: Task[S]) -> None:
     expected = task_layout(task).differentiate()
-    if skill.layout.names not in (expected.names, _on_sphere(task_layout(task)).differentiate().names):
+    if skill.layout.names not in (expected.names, _layout_on_sphere(task_layout(task)).differentiate().names):
         raise InvalidInput(
             f"the skill has the columns {', '.join(skill.layout.names)}, task {task.name!r} needs "
             f"{', '.join(expected.names)}; learn it from pilotfish record {task.name}"
         )
     if sorted(skill.frame_names) != sorted(task.frames):
         raise InvalidInput(
-            f"the skill knows the frames {list(skill.frame_names)}, task {task.name!r} has "
+            f"the skill has the frames {list(skill.frame_names)}, task {task.name!r} has "
             f"{list(task.frames)}; learn it from pilotfish record {task.name}"
         )
 
 
-def _on_sphere(layout: Layout) -> Layout:
-    """The same columns, their quaternions points of S^3."""
-    kinds = {Quantity.QUATERNION: Quantity.ORIENTATION}
+def _layout_on_sphere(layout: Layout) -> Layout:
+    """Return the layout with its quaternions as points of S^3."""
+    quantities = {Quantity.QUATERNION: Quantity.ORIENTATION}
     return Layout(
-        tuple(replace(part, quantity=kinds.get(part.quantity, part.quantity)) for part in layout.parts)
+        tuple(replace(part, quantity=quantities.get(part.quantity, part.quantity)) for part in layout.parts)
     )
 
 
@@ -131,57 +138,56 @@ def _tool_target(x: Float[Array, " D"], has_gripper: bool) -> tuple[Pose, float]
     return Pose(x[:3].copy(), normalise(x[3:POSE])), grip
 
 
-def _start(skill: Skill, cell: Workcell[S]) -> Float[Array, " D"]:
-    """The arm at rest at its home, in the skill's columns."""
-    begin = np.zeros(skill.layout.width)
-    begin[:POSE] = np.append(cell.target.position, cell.target.quaternion)
-    return begin
+def _start_state(skill: Skill, cell: Workcell[S]) -> Float[Array, " D"]:
+    """Return the state of the arm at rest, in the skill's columns."""
+    start = np.zeros(skill.layout.width)
+    start[:POSE] = np.append(cell.target.position, cell.target.quaternion)
+    return start
 
 
 def _plan_once(
-    skill: Skill, cell: Workcell[S], settings: ExecutionSettings, horizon: int
+    skill: Skill, cell: Workcell[S], horizon: int, *, control_cost: float, covariance_regularisation: float
 ) -> Iterator[tuple[Pose, float]]:
-    """Yield the pose and grip of each period, all planned at the beginning."""
+    """Yield pose and grip of each period from one plan."""
     frames = [frame_from_pose(name, skill.layout, pose) for name, pose in cell.frames().items()]
     x = reproduce(
         skill,
         frames,
-        _start(skill, cell),
+        _start_state(skill, cell),
         horizon=horizon,
-        control_cost=settings.control_cost,
-        covariance_regularisation=settings.covariance_regularisation,
+        control_cost=control_cost,
+        covariance_regularisation=covariance_regularisation,
     ).motion.x
     for row in [*x[1:], *[x[-1]] * round(SETTLING_TIME / skill.period)]:
         yield _tool_target(row, cell.task.has_gripper)
 
 
 def _plan_each_period(
-    skill: Skill, cell: Workcell[S], settings: ExecutionSettings, horizon: int
+    skill: Skill, cell: Workcell[S], horizon: int, *, control_cost: float, covariance_regularisation: float
 ) -> Iterator[tuple[Pose, float]]:
-    """Yield the pose and grip of each period, planned again each period for where the objects move.
+    """Yield pose and grip of each period from a plan of the next steps for the objects' present motion.
 
-    The next plan starts from the last commanded state, so that the command is continuous. The states are chosen
-    at the beginning.
+    Each plan starts from the last commanded state, so that the command is continuous. The states are chosen
+    once, at the start.
     """
-    x, before = _start(skill, cell), cell.frames()
-    adapted = adapt(skill, moving_frames(skill, before, before, x))
-    chart = tangent_chart(adapted) if skill.layout.orientation_starts else None
-    states = (
-        plan_states(chart.skill, chart.to_tangent(x), horizon=horizon)[1]
-        if chart
-        else plan_states(adapted, x, horizon=horizon)[1]
+    plan_next = partial(
+        reproduce_step, control_cost=control_cost, covariance_regularisation=covariance_regularisation
     )
+    x, before = _start_state(skill, cell), cell.frames()
+    states = _plan_states(skill, before, x, horizon)
     for t in range(len(states) - 1 + round(SETTLING_TIME / skill.period)):
         now = cell.frames()
-        coming = states[np.minimum(np.arange(t, t + HORIZON_STEPS), len(states) - 1)]
-        x = reproduce_step(
-            skill,
-            before,
-            now,
-            x,
-            coming,
-            control_cost=settings.control_cost,
-            covariance_regularisation=settings.covariance_regularisation,
-        )
+        next_states = states[np.minimum(np.arange(t, t + HORIZON_STEPS), len(states) - 1)]
+        x = plan_next(skill, before, now, x, next_states)
         before = now
         yield _tool_target(x, cell.task.has_gripper)
+
+
+def _plan_states(
+    skill: Skill, poses: dict[str, Pose], x: Float[Array, " D"], horizon: int
+) -> Int[Array, " T"]:
+    adapted = adapt(skill, moving_frames(skill, poses, poses, x))
+    if not skill.layout.orientation_starts:
+        return plan_states(adapted, x, horizon=horizon)[1]
+    chart = tangent_chart(adapted)
+    return plan_states(chart.skill, chart.to_tangent(x), horizon=horizon)[1]

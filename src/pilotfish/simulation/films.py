@@ -1,16 +1,17 @@
-"""Films of the physics in files that browsers show, and strips of their moments for reports."""
+"""Films of a simulation as animated images for browsers, and strips of their frames for reports."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pilotfish.environments import EMPTY_OVERLAY, Overlay, SceneRenderer, Workcell, camera_view
+from pilotfish.environments import SceneRenderer, Workcell
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.geometry import Pose
 from pilotfish.io import atomic_file
-from pilotfish.types import Array, UInt8
+from pilotfish.types import Array, Float, UInt8
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,30 +19,56 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 480, 360
 PERIOD = 0.1  # s between frames
 FORMATS = {".webp": "WEBP", ".gif": "GIF"}
-QUALITY = 70  # of WebP, 0 to 100: ten seconds take about 300 kB
-STRIP_FRAME_WIDTH = 2.4  # inches of a moment in a strip
-TIME_TOLERANCE = 1e-6  # s: a moment that is a rounding error early is not missed
-Frame = UInt8[Array, "H W 3"]
+QUALITY = 70  # of WebP, 0 to 100; ten seconds take about 300 kB
+STRIP_FRAME_WIDTH = 2.4  # inches
+TIME_TOLERANCE = 1e-6  # s, for rounding of times
+Image = UInt8[Array, "H W 3"]
 
 
 class FilmRecorder:
-    """Watches a task at work, a frame each period [s] of its time; marks are drawn into each."""
+    """Recorder of images of a workcell, from the view of its task; call it after each period.
 
-    def __init__(self, task: str, *, period: float = PERIOD, overlay: Overlay = EMPTY_OVERLAY) -> None:
-        self.task, self.period, self.overlay = task, period, overlay
-        self.frames: list[Frame] = []
+    Attributes:
+        period: Simulated time between images [s].
+        images: Recorded images.
+        times: Simulated time of each image [s].
+    """
+
+    def __init__(
+        self,
+        *,
+        period: float = PERIOD,
+        frames: Mapping[str, Pose] | None = None,
+        path: Float[Array, "T 3"] | None = None,
+    ) -> None:
+        """Create a recorder without images.
+
+        Args:
+            period: Simulated time between images [s].
+            frames: Poses that are drawn into each image as coordinate axes.
+            path: Points of a path that is drawn into each image [m].
+        """
+        self.period = period
+        self.images: list[Image] = []
         self.times: list[float] = []
+        self._frames = {} if frames is None else frames
+        self._path = np.zeros((0, 3)) if path is None else path
         self._renderer: tuple[Any, SceneRenderer] | None = None
 
     def __call__(self, cell: Workcell[Any]) -> None:
-        """One frame more, once it is time for it."""
+        """Record an image if a period has passed since the last one.
+
+        Args:
+            cell: Workcell to record.
+        """
         if self.times and cell.time < self.times[0] + len(self.times) * self.period - TIME_TOLERANCE:
             return
-        self.frames.append(self._renderer_for(cell).render(cell.data, self.overlay))
+        image = self._renderer_for(cell).render(cell.data, frames=self._frames, path=self._path)
+        self.images.append(image)
         self.times.append(cell.time)
 
     def close(self) -> None:
-        """The graphics' memory is let go; frames stay."""
+        """Release the graphics memory; the images stay."""
         if self._renderer:
             self._renderer[1].close()
         self._renderer = None
@@ -49,13 +76,17 @@ class FilmRecorder:
     def _renderer_for(self, cell: Workcell[Any]) -> SceneRenderer:
         if self._renderer is None or self._renderer[0] is not cell.model:
             self.close()
-            view = camera_view(self.task)
-            self._renderer = cell.model, SceneRenderer(cell.model, view, width=WIDTH, height=HEIGHT)
+            renderer = SceneRenderer(cell.model, cell.task.view, width=WIDTH, height=HEIGHT)
+            self._renderer = cell.model, renderer
         return self._renderer[1]
 
 
 def require_pillow() -> None:
-    """Raises: SkillError, when films cannot be made here. To be asked before the work, not after it."""
+    """Check that films can be encoded here, before a long computation.
+
+    Raises:
+        SkillError: If Pillow is not installed.
+    """
     try:
         import PIL.Image  # noqa: F401
     except ImportError as error:
@@ -63,57 +94,79 @@ def require_pillow() -> None:
 
 
 def write_film(
-    frames: Sequence[Frame], path: Path, period: float = PERIOD, *, overwrite: bool = True
+    images: Sequence[Image], path: Path, period: float = PERIOD, *, overwrite: bool = True
 ) -> None:
-    """A film of frames that are a period [s] apart, over and over, in a .webp or .gif file, whole or none.
+    """Write images as an endless film; the file is complete or not written.
 
-    Raises: InvalidInput, for another ending, no frames, frames of several sizes, or a path not to be written,
-    which one that exists is where overwrite is False.
+    Args:
+        images: Images of one size.
+        path: File with the suffix .webp or .gif.
+        period: Time between images [s].
+        overwrite: Replace an existing file.
+
+    Raises:
+        InvalidInput: If the suffix is another, there is no image, the sizes differ, or the file cannot be
+            written.
     """
-    film = encode_film(frames, path.suffix.lower(), period)
+    film = encode_film(images, path.suffix.lower(), period)
     with atomic_file(path, overwrite=overwrite) as part:
         part.write_bytes(film)
 
 
-def encode_film(frames: Sequence[Frame], kind: str = ".webp", period: float = PERIOD) -> bytes:
-    """What the file of such a film holds.    Raises: InvalidInput."""
-    from PIL import Image
+def encode_film(images: Sequence[Image], suffix: str = ".webp", period: float = PERIOD) -> bytes:
+    """Return the content of a film file.
 
-    if kind not in FORMATS:
-        raise InvalidInput(f"a film's ending is {kind!r}, expected {' or '.join(FORMATS)}")
-    _validate_frame_sizes(frames)
-    first, *others = map(Image.fromarray, frames)
+    Args:
+        images: Images of one size.
+        suffix: ".webp" or ".gif".
+        period: Time between images [s].
+
+    Raises:
+        InvalidInput: If the suffix is another, there is no image, or the sizes differ.
+    """
+    from PIL.Image import fromarray
+
+    if suffix not in FORMATS:
+        raise InvalidInput(f"the suffix of the film is {suffix!r}, expected {' or '.join(FORMATS)}")
+    _validate_sizes(images)
+    first, *others = map(fromarray, images)
     options = {"duration": max(round(1000 * period), 1), "loop": 0, "save_all": True, "append_images": others}
     film = BytesIO()
-    first.save(film, FORMATS[kind], **options, **({"quality": QUALITY} if kind == ".webp" else {}))
+    first.save(film, FORMATS[suffix], **options, **({"quality": QUALITY} if suffix == ".webp" else {}))
     return film.getvalue()
 
 
-def film_strip(frames: Sequence[Frame], times: Sequence[float], moments: int = 6) -> "Figure":
-    """A picture of so many moments side by side, evenly from first frame to last, each with its time [s].
+def film_strip(images: Sequence[Image], times: Sequence[float], n_images: int = 6) -> "Figure":
+    """Return a figure of images side by side, evenly chosen from first to last.
 
-    Raises: InvalidInput, when there is not a time for each frame.
+    Args:
+        images: Images of one size.
+        times: Time of each image [s], for the titles.
+        n_images: Number of images in the figure.
+
+    Raises:
+        InvalidInput: If there is not a time for each image.
     """
     from matplotlib.figure import Figure
 
-    _validate_frame_sizes(frames)
-    if len(times) != len(frames):
-        raise InvalidInput(f"there are {len(times)} times and {len(frames)} frames, expected as many")
-    shown = np.unique(np.linspace(0, len(frames) - 1, moments).round().astype(int))
-    height, width, _ = frames[0].shape
+    _validate_sizes(images)
+    if len(times) != len(images):
+        raise InvalidInput(f"times has {len(times)} entries, expected {len(images)}, one for each image")
+    chosen = np.unique(np.linspace(0, len(images) - 1, n_images).round().astype(int))
+    height, width, _ = images[0].shape
     figure = Figure(
-        figsize=(STRIP_FRAME_WIDTH * len(shown), STRIP_FRAME_WIDTH * height / width + 0.3),
+        figsize=(STRIP_FRAME_WIDTH * len(chosen), STRIP_FRAME_WIDTH * height / width + 0.3),
         layout="constrained",
     )
-    for axes, n in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
-        axes.imshow(frames[n])
+    for axes, n in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
+        axes.imshow(images[n])
         axes.set_title(f"{times[n]:.1f} s", fontsize=9)
         axes.axis("off")
     return figure
 
 
-def _validate_frame_sizes(frames: Sequence[Frame]) -> None:
-    sizes = sorted({frame.shape for frame in frames})
+def _validate_sizes(images: Sequence[Image]) -> None:
+    sizes = sorted({image.shape for image in images})
     if len(sizes) != 1:
-        what = f"frames of sizes {sizes}" if sizes else "no frame"
-        raise InvalidInput(f"there are {what}, expected one or more of one size")
+        problem = f"have the sizes {sizes}" if sizes else "is empty"
+        raise InvalidInput(f"images {problem}, expected one or more of one size")

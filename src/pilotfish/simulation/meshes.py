@@ -1,6 +1,5 @@
-"""The looks of the real Baxter, taken from an installed package of robot models and thinned once."""
+"""Visual meshes of the real Baxter, simplified once from an installed package of robot models."""
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
@@ -10,27 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.environments import VisualMesh
+from pilotfish.environments.baxter import VisualMesh
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.io import atomic_file, is_file, make_folder, read_file
 from pilotfish.types import Array, Float, Int
 
 PACKAGE = "example-robot-data"
 FOLDER = "cmeel.prefix/share/example-robot-data/robots/baxter_description/meshes"
-MAX_FACES_BY_PART = {"torso": 4500}  # triangles that are kept of the files of a part
-MAX_FACES, MIN_FACES = 1500, 60  # of those of the others, and at least of each colour
-CACHE_VERSION = 1  # one more whenever surfaces are made otherwise: old ones in the cache are then left alone
-DEFAULT_COLOUR = (0.25, 0.25, 0.26)  # of what has no colour
-GAMMA = 1.5  # chosen: the package tells amounts of light, of which a screen would show little
-SIMPLIFICATION_AGGRESSIVENESS = 3  # of 10: how roughly surfaces are thinned
-VERTEX_MERGE_DIGITS = 4  # digits of a metre, in which places of one vertex agree
-DIGEST = 32  # bytes, before the rest of a file in the cache
-MAX_CACHE_BYTES = 2**26  # bytes of a file in the cache
-FIELDS = ("vertices", "faces", "rgba")  # of a surface
+MAX_FACES_BY_PART = {"torso": 4500}  # triangles of a part
+MAX_FACES, MIN_FACES = 1500, 60  # triangles of the other parts, and minimum of each colour
+CACHE_VERSION = 1  # increase it when meshes are simplified differently: cached files are then ignored
+DEFAULT_COLOUR = (0.25, 0.25, 0.26)
+GAMMA = 1.5  # chosen: the package has linear colours, which would be too dark on a screen
+SIMPLIFICATION_AGGRESSIVENESS = 3  # of 10
+VERTEX_MERGE_DIGITS = 4  # vertices that agree to this many digits of a metre are merged
+DIGEST = 32  # bytes of the SHA-256 at the start of a cached file
+MAX_CACHE_BYTES = 2**26
+FIELDS = ("vertices", "faces", "rgba")
 ORIGIN = (0.0, 0.0, 0.0)
 
-# What wears each file, where it lies there [m] and how it is turned (roll, pitch, yaw [rad]), as the
-# package's URDF says; the head looks ahead.
+# Part, position [m] and roll, pitch, yaw [rad] of each file, from the package's URDF; the head looks ahead.
 MESH_PLACEMENTS = {
     "torso/base_link": ("torso", ORIGIN, ORIGIN),
     "head/H0": ("torso", (0.06, 0.0, 0.69553), ORIGIN),
@@ -44,38 +42,42 @@ MESH_PLACEMENTS = {
     "wrist/W2": ("w2", ORIGIN, ORIGIN),
 }
 
-
-# How the faces of a surface are named in the cache: its number, then what wears it.
+# Name of the faces of a mesh in a cached file: number of the mesh, then its part.
 FACES_OF = re.compile(
     rf"[0-9]{{1,4}}\.({'|'.join(sorted({part for part, _, _ in MESH_PLACEMENTS.values()}))})\.faces"
 )
 
 
 def baxter_meshes() -> tuple[VisualMesh, ...]:
-    """What Baxter may wear in pictures: from the user's cache, or made of the package's meshes, then kept.
+    """Return visual meshes of Baxter from the user's cache, or simplify the package's meshes and cache them.
 
-    Raises: SkillError, when the package, or what reads and thins its meshes, is not installed; InvalidInput,
-    when the cache cannot be written.
+    Raises:
+        SkillError: If the package, or a library that reads its meshes, is not installed.
+        InvalidInput: If the cache cannot be written.
     """
     try:
         package = metadata.distribution(PACKAGE)
     except metadata.PackageNotFoundError as error:
         raise SkillError(_install_hint(PACKAGE)) from error
-    kept = cache_folder() / f"baxter-{package.version}-{MAX_FACES}-{CACHE_VERSION}.surfaces"
-    if (found := _read_cache(kept)) is None:
+    file = cache_folder() / f"baxter-{package.version}-{MAX_FACES}-{CACHE_VERSION}.meshes"
+    if (found := _read_cache(file)) is None:
         found = tuple(_convert_meshes(Path(str(package.locate_file(FOLDER)))))
-        _write_cache(found, kept)
+        _write_cache(found, file)
     return found
 
 
 def cache_folder() -> Path:
-    """The folder of pilotfish in the user's cache.    Raises: SkillError, when the user has none."""
-    if named := os.environ.get("XDG_CACHE_HOME"):
-        return Path(named) / "pilotfish"
-    try:
-        return Path.home() / ".cache" / "pilotfish"
-    except RuntimeError as error:
-        raise SkillError("there is no home folder; set XDG_CACHE_HOME to a folder for surfaces") from error
+    """Return pilotfish's folder in the user's cache.
+
+    Raises:
+        SkillError: If the user has no home folder.
+    """
+    from platformdirs import user_cache_path
+
+    folder = user_cache_path("pilotfish", appauthor=False)
+    if not folder.is_absolute():
+        raise SkillError(f"the cache folder is {folder}, expected an absolute path; set XDG_CACHE_HOME")
+    return folder
 
 
 def _install_hint(name: str) -> str:
@@ -84,7 +86,7 @@ def _install_hint(name: str) -> str:
 
 def _convert_meshes(folder: Path) -> Iterator[VisualMesh]:
     try:
-        import collada  # noqa: F401 # trimesh reads these files by it
+        import collada  # noqa: F401 # trimesh reads these files with it
         import fast_simplification  # noqa: F401
         import trimesh
     except ImportError as error:
@@ -92,29 +94,26 @@ def _convert_meshes(folder: Path) -> Iterator[VisualMesh]:
     for name, (part, place, turn) in MESH_PLACEMENTS.items():
         file = folder / f"{name}.DAE"
         if not is_file(file):
-            raise SkillError(
-                f"{PACKAGE} has no {file}; install the version that 'pilotfish[meshes]' asks for"
-            )
+            raise SkillError(f"{PACKAGE} has no {file}; install the version of 'pilotfish[meshes]'")
         pieces = trimesh.load_scene(file).dump()
         total = sum(len(piece.faces) for piece in pieces)
-        there = trimesh.transformations.compose_matrix(translate=place, angles=turn)
+        placement = trimesh.transformations.compose_matrix(translate=place, angles=turn)
         for piece in pieces:
-            piece.apply_transform(there)
-            wanted = max(MAX_FACES_BY_PART.get(part, MAX_FACES) * len(piece.faces) // total, MIN_FACES)
-            yield VisualMesh(part, *_simplify_mesh(piece, wanted), _colour(piece))
+            piece.apply_transform(placement)
+            n_faces = max(MAX_FACES_BY_PART.get(part, MAX_FACES) * len(piece.faces) // total, MIN_FACES)
+            yield VisualMesh(part, *_simplify_mesh(piece, n_faces), _colour(piece))
 
 
-def _simplify_mesh(piece: Any, wanted: int) -> tuple[Float[Array, "V 3"], Int[Array, "F 3"]]:
-    """Vertices and faces of much the same surface with about so many faces."""
+def _simplify_mesh(piece: Any, n_faces: int) -> tuple[Float[Array, "V 3"], Int[Array, "F 3"]]:
+    """Return vertices and faces of a similar surface with about n_faces faces."""
     import fast_simplification
 
-    piece.merge_vertices(
-        merge_tex=True, merge_norm=True, digits_vertex=VERTEX_MERGE_DIGITS
-    )  # else it comes apart
+    # Without merged vertices, simplification tears the surface.
+    piece.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=VERTEX_MERGE_DIGITS)
     vertices, faces = np.asarray(piece.vertices, np.float32), np.asarray(piece.faces, np.int32)
-    if len(faces) > wanted:
+    if len(faces) > n_faces:
         vertices, faces = fast_simplification.simplify(
-            vertices, faces, target_count=wanted, agg=SIMPLIFICATION_AGGRESSIVENESS
+            vertices, faces, target_count=n_faces, agg=SIMPLIFICATION_AGGRESSIVENESS
         )
     return vertices.astype(np.float64), faces.astype(np.int32)
 
@@ -142,35 +141,35 @@ def _write_cache(visual_meshes: Sequence[VisualMesh], file: Path) -> None:
 
 
 def _read_cache(file: Path) -> tuple[VisualMesh, ...] | None:
-    """Return the surfaces in a file of the cache; None if there is none, or it is not as it was written."""
+    """Return the meshes of a cached file; None if it is missing, damaged or too large."""
     try:
-        data = read_file(file, "surfaces", MAX_CACHE_BYTES)
-    except InvalidInput:  # it is missing or too large, and is made anew
+        data = read_file(file, "meshes", MAX_CACHE_BYTES)
+    except InvalidInput:
         return None
     digest, content = data[:DIGEST], data[DIGEST:]
     return _decode_meshes(content) if sha256(content).digest() == digest else None
 
 
 def _decode_meshes(content: bytes) -> tuple[VisualMesh, ...] | None:
-    """Return the surfaces in the bytes of a safetensors file; None if it holds anything else."""
+    """Return the meshes in the bytes of a safetensors file; None if it contains anything else."""
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
     try:
         arrays = load(content)
-    except (SafetensorError, ValueError):  # ValueError: a shape that no array has
+    except (SafetensorError, ValueError):  # ValueError: an impossible shape
         return None
     names = [name.removesuffix(".faces") for name in arrays if FACES_OF.fullmatch(name)]
     names.sort(key=lambda name: int(name.split(".")[0]))
     if set(arrays) != {f"{name}.{field}" for name in names for field in FIELDS}:
         return None
     visual_meshes = [_decode_mesh(name, *(arrays[f"{name}.{field}"] for field in FIELDS)) for name in names]
-    whole = [mesh for mesh in visual_meshes if mesh is not None]
-    return tuple(whole) if len(whole) == len(visual_meshes) else None
+    valid = [mesh for mesh in visual_meshes if mesh is not None]
+    return tuple(valid) if len(valid) == len(visual_meshes) else None
 
 
 def _decode_mesh(name: str, vertices: Array, faces: Array, rgba: Array) -> VisualMesh | None:
-    """Return a surface if the arrays are those of one: finite numbers, and faces of its vertices."""
+    """Return a mesh if its numbers are finite and its faces have vertices; None otherwise."""
     shapes = vertices.shape[1:] == faces.shape[1:] == (3,) and rgba.shape == (4,)
     kinds = vertices.dtype == rgba.dtype == np.float64 and faces.dtype == np.int32
     if not shapes or not kinds or not np.isfinite(vertices).all() or not np.isfinite(rgba).all():

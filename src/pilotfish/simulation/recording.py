@@ -1,8 +1,14 @@
-"""Recording demonstrations: someone leads the robot's arm through a task, and what they asked for is kept."""
+"""Record demonstrations: a leader guides the robot's arm through a task in physics.
+
+Rows of a recording hold the pose that the leader's tool commands, not the pose that the arm reaches. In
+contact the command goes further than the tool, and so does a reproduction.
+
+All randomness comes from (seed, split, number, attempt): a recording does not depend on those before it.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -20,127 +26,161 @@ from pilotfish.demonstrations import (
     unwrap_orientations,
 )
 from pilotfish.environments import Outcome, Task, Workcell
-from pilotfish.environments import human as human
+from pilotfish.environments.human import (
+    DemonstrationPlan,
+    HumanModel,
+    HumanState,
+    Observation,
+    initial_state,
+    step_human,
+)
 from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
 
 S = TypeVar("S")
-PERIOD, OBSERVATION_PERIOD = 0.1, 0.02  # s between rows of a recording; between looks of whoever leads
-ARM_LAG = 0.25  # s, at most, from a move of the hand to that of the tool: two arms on springs lie between
-STEPS_PER_OBSERVATION, OBSERVATIONS_PER_ROW = (
-    round(OBSERVATION_PERIOD * 1000),
-    round(PERIOD / OBSERVATION_PERIOD),
-)
-EXTRA_TIME_PER_DELAY = 40.0  # s more for each second of delay: so many looks a task may need
+PERIOD, OBSERVATION_PERIOD = 0.1, 0.02  # s between rows of a recording; between observations of the leader
+ARM_LAG = 0.25  # s, at most, from a movement of the hand to that of the tool, which follows by two springs
+STEPS_PER_OBSERVATION = round(OBSERVATION_PERIOD / Workcell.timestep)
+OBSERVATIONS_PER_ROW = round(PERIOD / OBSERVATION_PERIOD)
+EXTRA_TIME_PER_DELAY = 40.0  # s for each second of delay: the number of observations that a task may need
 TIME_TOLERANCE = 1e-9  # s
-MAX_ATTEMPTS = 5  # of one demonstration, before something must be wrong
-DEMONSTRATION_STREAM, TEST_STREAM = 1, 2  # streams of situations that never meet
+MAX_ATTEMPTS = 5  # of one demonstration
+SPLITS = {"demonstration": 1, "test": 2}  # independent streams of situations
+DEFAULT_HUMAN = HumanModel()
 
-DEFAULT_HUMAN = human.HumanModel()
-
-Leader = Callable[
-    [float, human.Observation], human.HandCommand
-]  # time [s] and picture -> what their hand asks for
+Leader = Callable[[float, Observation], tuple[Pose, float, bool]]
+"""Function (time [s], observation) that returns the commanded tool pose, the grip, and whether it ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedDemonstration:
-    """One showing: what was asked for, whether it did the work, largest forces [N], how long it took [s]."""
+    """Demonstration recorded in physics.
+
+    Attributes:
+        demonstration: Commanded poses and the frames of the task.
+        outcome: Whether the task was done.
+        peak_forces: Largest contact forces [N].
+        duration: Simulated duration [s].
+    """
 
     demonstration: Demonstration
     outcome: Outcome
     peak_forces: dict[str, float]
-    seconds: float
+    duration: float
 
 
 def task_layout(task: Task[S]) -> Layout:
-    """The columns of a recording: the tool's pose, and the grip where there is one, from 0, open, to 1."""
+    """Return the columns of a recording: tool pose, then the grip, 0 (open) to 1, if the tool has one."""
     grip = (Part("grip", Quantity.SCALAR, 1, "1"),) if task.has_gripper else ()
     return Layout(pose_layout().parts + grip)
 
 
-def situation_from_seed(task: Task[S], stream: int, seed: int, number: int) -> S:
-    """The situation of that number, among those to be shown or those unseen; every number its own."""
-    return task.sample_situation(np.random.default_rng([seed, stream, number]))
+def situation_from_seed(task: Task[S], split: Literal["demonstration", "test"], seed: int, number: int) -> S:
+    """Return a sampled situation; the two splits are independent.
+
+    Args:
+        task: Task from `TASKS`.
+        split: "demonstration" for those of `record_demonstrations`, "test" for others.
+        seed: Seed of the situations, at least 0.
+        number: Index of the situation in the split.
+    """
+    return task.sample_situation(np.random.default_rng([seed, SPLITS[split], number]))
 
 
 def record(
     task: Task[S], situation: S, leader: Leader, name: str, *, time_limit: float | None = None
 ) -> RecordedDemonstration:
-    """What the leader asks of the right arm by leading the left one, until they are done or time is up.
+    """Record a leader who guides the left arm, whose motion the right arm follows, until the task is over.
 
-    That is after the task's own time, or the longest [s] that is given.
+    Objects that move become moving frames.
 
-    Rows hold the pose that the leader's tool asks for, not the one that the arm reached: it goes further
-    where it presses, and so does a replay. A task in which things move has frames that move.
+    Args:
+        task: Task from `TASKS`.
+        situation: Situation of the task.
+        leader: Who guides the arm.
+        name: Name of the demonstration.
+        time_limit: Longest duration [s]; None takes that of the task.
+
+    Returns:
+        The demonstration, which may have failed; see its outcome.
     """
-    cell = Workcell(task, situation, lead=True)
-    rows, observation, done = [], [], False
+    cell = Workcell(task, situation, guided=True)
+    rows, poses_by_row, done = [], [], False
     for n in range(round((time_limit or task.time_limit) / OBSERVATION_PERIOD)):
         poses = cell.frames()
         if n % OBSERVATIONS_PER_ROW == 0:
             rows.append(pose_row(task, cell.target, cell.grip))
-            observation.append(poses)
+            poses_by_row.append(poses)
             if done:
                 break
-        command = leader(cell.time, human.Observation(cell.arm.tool, poses))
-        cell.step_guidance(command.pose, command.grip, STEPS_PER_OBSERVATION)
-        done = done or command.done
+        target, grip, is_last = leader(cell.time, Observation(cell.arm.tool, poses))
+        cell.step_guidance(target, grip, STEPS_PER_OBSERVATION)
+        done = done or is_last
     layout = task_layout(task)
     x = unwrap_orientations(np.array(rows), layout)
-    frames = recorded_frames(task, layout, observation)
-    recorded = demonstration(x, PERIOD, layout, frames, name)
+    recorded = demonstration(x, PERIOD, layout, recorded_frames(task, layout, poses_by_row), name)
     return RecordedDemonstration(recorded, cell.outcome(), dict(cell.peak_forces), cell.time)
 
 
 def pose_row(task: Task[S], tool: Pose, grip: float) -> Float[Array, " D"]:
-    """A row of a recording."""
+    """Return a row of a recording."""
     return np.concatenate([tool.position, tool.quaternion, [grip] * task.has_gripper])
 
 
 def recorded_frames(
-    task: Task[S], layout: Layout, observation: list[dict[str, Pose]]
+    task: Task[S], layout: Layout, poses_by_row: list[dict[str, Pose]]
 ) -> list[Frame | MovingFrame]:
-    """The task's frames where they stood; those of a task in which things move, row by row."""
+    """Return the frames of a recording: fixed at their first pose, or moving if objects of the task move."""
     if task.actuate_scene is None:
-        return [frame_from_pose(name, layout, observation[0][name]) for name in task.frames]
+        return [frame_from_pose(name, layout, poses_by_row[0][name]) for name in task.frames]
     return [
-        moving_frame_from_poses(name, layout, [poses[name] for poses in observation]) for name in task.frames
+        moving_frame_from_poses(name, layout, [poses[name] for poses in poses_by_row]) for name in task.frames
     ]
 
 
 def simulated_leader(
     task: Task[S],
     situation: S,
-    human_model: human.HumanModel,
+    human_model: HumanModel,
     rng: np.random.Generator,
     *,
     delay: float = 0.0,
 ) -> Leader:
-    """A simulated person who performs the task's script and knows how late the picture is [s]."""
-    plan = human.DemonstrationPlan(human_model, task.demonstration_script(situation), ARM_LAG + delay)
-    state: human.HumanState | None = None
+    """Return a leader that simulates a person who follows the task's script and knows the delay.
 
-    def lead(time: float, observation: human.Observation) -> human.HandCommand:
+    Args:
+        task: Task from `TASKS`.
+        situation: Situation of the task.
+        human_model: Parameters of the person.
+        rng: Generator of the motor noise.
+        delay: Delay of the observations [s]; `delay_observations` makes them late.
+    """
+    plan = DemonstrationPlan(human_model, task.demonstration_script(situation), ARM_LAG + delay)
+    state: HumanState | None = None
+
+    def lead(time: float, observation: Observation) -> tuple[Pose, float, bool]:
         nonlocal state
-        state, command = human.step_human(
-            plan, state or human.initial_state(observation.tool, time), time, observation, rng
-        )
-        return command
+        state = step_human(plan, state or initial_state(observation.tool, time), time, observation, rng)
+        return state.hand, state.grip, state.done
 
     return lead
 
 
 def delay_observations(leader: Leader, delay: float) -> Leader:
-    """A leader who sees every picture so many seconds late, and the first one until then."""
-    pictures: list[tuple[float, human.Observation]] = []
+    """Return a leader that gets each observation late, and the first one until then.
 
-    def lead(time: float, observation: human.Observation) -> human.HandCommand:
-        pictures.append((time, observation))
-        while len(pictures) > 1 and pictures[1][0] <= time - delay + TIME_TOLERANCE:
-            pictures.pop(0)
-        return leader(time, pictures[0][1])
+    Args:
+        leader: Leader that acts on the late observations.
+        delay: Delay [s].
+    """
+    observations: list[tuple[float, Observation]] = []
+
+    def lead(time: float, observation: Observation) -> tuple[Pose, float, bool]:
+        observations.append((time, observation))
+        while len(observations) > 1 and observations[1][0] <= time - delay + TIME_TOLERANCE:
+            observations.pop(0)
+        return leader(time, observations[0][1])
 
     return lead
 
@@ -149,29 +189,38 @@ def record_demonstrations(
     task: Task[S],
     number: int,
     seed: int,
-    human_model: human.HumanModel = DEFAULT_HUMAN,
+    human_model: HumanModel = DEFAULT_HUMAN,
     *,
     delay: float = 0.0,
 ) -> Iterator[tuple[RecordedDemonstration, int]]:
-    """So many showings that did the work, and how many tries each took: who fails, shows it again.
+    """Yield successful demonstrations of a simulated person, each with its number of attempts.
 
-    delay is how late the person sees what the tool does [s]; they then move and wait, and have more time.
-    Raises: SkillError, when one fails again and again.
+    With a delay the person moves and waits, and gets more time.
+
+    Args:
+        task: Task from `TASKS`.
+        number: Number of demonstrations.
+        seed: Seed of situations and motor noise, at least 0.
+        human_model: Parameters of the person.
+        delay: Delay of the observations [s].
+
+    Raises:
+        SkillError: If a demonstration fails repeatedly.
     """
     time_limit = task.time_limit + EXTRA_TIME_PER_DELAY * delay
     for m in range(number):
-        situation = situation_from_seed(task, DEMONSTRATION_STREAM, seed, m)
+        situation = situation_from_seed(task, "demonstration", seed, m)
         for attempt in range(MAX_ATTEMPTS):
-            rng = np.random.default_rng([seed, DEMONSTRATION_STREAM, m, attempt])
-            leader = delay_observations(
-                simulated_leader(task, situation, human_model, rng, delay=delay), delay
+            rng = np.random.default_rng([seed, SPLITS["demonstration"], m, attempt])
+            leader = simulated_leader(task, situation, human_model, rng, delay=delay)
+            recorded = record(
+                task, situation, delay_observations(leader, delay), f"{task.name} {m}", time_limit=time_limit
             )
-            made = record(task, situation, leader, f"{task.name} {m}", time_limit=time_limit)
-            if made.outcome.success:
-                yield made, attempt + 1
+            if recorded.outcome.success:
+                yield recorded, attempt + 1
                 break
         else:
             raise SkillError(
-                f"showing {m} of {task.name!r} failed {MAX_ATTEMPTS} times, the last because {made.outcome.reason}; "
-                "choose another seed, or a steadier person"
+                f"demonstration {m} of {task.name!r} failed {MAX_ATTEMPTS} times, the last time because "
+                f"{recorded.outcome.reason}; choose another seed or a human model with less noise"
             )

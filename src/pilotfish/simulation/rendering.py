@@ -1,4 +1,4 @@
-"""What draws pictures of the physics on this machine; MuJoCo decides that when it is imported."""
+"""Choice of MuJoCo's rendering backend, which MuJoCo reads once, when it is imported."""
 
 import os
 import sys
@@ -9,24 +9,23 @@ from pilotfish.errors import SkillError
 
 VARIABLE = "MUJOCO_GL"
 DISPLAY_VARIABLES = ("DISPLAY", "WAYLAND_DISPLAY")
-HEADLESS_BACKENDS = {
-    "osmesa": "OSMesa",
-    "egl": "EGL",
-}  # what draws without a screen, the quicker one first; its library
+# Backends that need no display, the faster one first, and their libraries.
+HEADLESS_BACKENDS = {"osmesa": "OSMesa", "egl": "EGL"}
 REMEDY = "leave it unset, or set it to osmesa (apt-get install libosmesa6)"
 
 
 def headless_backend(variables: Mapping[str, str], find: Callable[[str], str | None]) -> str | None:
-    """What MUJOCO_GL is to be; None where it is set already, a screen is there, or nothing is found."""
-    if variables.get(VARIABLE) or any(variables.get(screen) for screen in DISPLAY_VARIABLES):
+    """Return a value for MUJOCO_GL; None if it is set, a display exists, or no library is found."""
+    if variables.get(VARIABLE) or any(variables.get(display) for display in DISPLAY_VARIABLES):
         return None
     return next((name for name, library in HEADLESS_BACKENDS.items() if find(library)), None)
 
 
 def require_mujoco() -> None:
-    """MuJoCo is imported, with what can draw here. To be asked before anything else imports it.
+    """Import MuJoCo with a rendering backend that works here; call it before anything else imports MuJoCo.
 
-    Raises: SkillError, when it is not installed, or MUJOCO_GL names what is not there.
+    Raises:
+        SkillError: If MuJoCo is not installed, or MUJOCO_GL names a missing backend.
     """
     if (
         "mujoco" not in sys.modules
@@ -38,16 +37,17 @@ def require_mujoco() -> None:
         import mujoco  # noqa: F401
     except ImportError as error:
         raise SkillError(f"simulation needs {error.name or error}: pip install 'pilotfish[sim]'") from error
-    except (
-        RuntimeError,
-        AttributeError,
-    ) as error:  # so it ends where MUJOCO_GL names a library that is missing
+    except (RuntimeError, AttributeError) as error:  # MuJoCo's errors for a missing library
         chosen = os.environ.get(VARIABLE)
-        raise SkillError(f"MuJoCo does not start with {VARIABLE}={chosen} ({error}): {REMEDY}") from error
+        raise SkillError(f"MuJoCo cannot be imported with {VARIABLE}={chosen} ({error}): {REMEDY}") from error
 
 
 def require_renderer() -> None:
-    """Raises: SkillError, when the physics cannot be drawn here. To be asked before the work."""
+    """Check that MuJoCo can render here, before a long computation.
+
+    Raises:
+        SkillError: If it cannot.
+    """
     require_mujoco()
     import mujoco
 

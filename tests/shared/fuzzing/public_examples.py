@@ -46,7 +46,6 @@ EXCLUDED: Mapping[str, str] = {
     "models.relevance": "takes a skill and demonstrations only, and a second per call",
     "models.fit_em": "takes functions; `learn` calls it",
     "models.maximise_likelihood": "takes functions; `learn` calls it",
-    "environments.camera_view": "takes the name of a task only",
     "plots.state_colour": "takes the index of a state only",
 }
 

@@ -92,34 +92,36 @@ def perform(
         raise click.UsageError("--meshes is how the robot looks in a film; name one: --film FILE")
     require_mujoco()
     from pilotfish.simulation import (  # needs MuJoCo
-        TEST_STREAM,
-        ExecutionSettings,
         FilmRecorder,
         baxter_meshes,
-        execute,
         require_pillow,
         situation_from_seed,
         write_film,
     )
+    from pilotfish.simulation import perform as simulate
 
     require_writable_file(film, force=options["force"], inputs=(skill,))
     if film:
         require_pillow()
         require_renderer()
     chosen_task, learned = find_task(task), open_skill(skill)
-    settings = ExecutionSettings(
-        options["control_cost"], options["covariance_regularisation"], options["horizon"]
-    )
     visual_meshes = baxter_meshes() if options["meshes"] else ()
     executions = []
     for n in range(situations):
-        camera = FilmRecorder(chosen_task.name) if film and n == 0 else None
-        situation = situation_from_seed(chosen_task, TEST_STREAM, seed, n)
-        execution = execute(
-            learned, chosen_task, situation, settings=settings, on_period=camera, visual_meshes=visual_meshes
+        camera = FilmRecorder() if film and n == 0 else None
+        situation = situation_from_seed(chosen_task, "test", seed, n)
+        execution = simulate(
+            learned,
+            chosen_task,
+            situation,
+            horizon=options["horizon"],
+            control_cost=options["control_cost"],
+            covariance_regularisation=options["covariance_regularisation"],
+            on_period=camera,
+            visual_meshes=visual_meshes,
         )
         if camera and film:
-            write_film(camera.frames, film, camera.period, overwrite=options["force"])
+            write_film(camera.images, film, camera.period, overwrite=options["force"])
             camera.close()
         executions.append(execution)
         if is_interactive():
@@ -129,7 +131,7 @@ def perform(
 
 def _describe_execution(execution: "ExecutionResult", unit: str) -> str:
     how = "done" if execution.outcome.success else f"not done, {execution.outcome.reason}"
-    numbers = f"error {execution.outcome.error:.2g} {unit}, at most {execution.peak_forces['tool']:.0f} N, {execution.seconds:.1f} s"
+    numbers = f"error {execution.outcome.error:.2g} {unit}, at most {execution.peak_forces['tool']:.0f} N, {execution.duration:.1f} s"
     return f"{how}; {numbers}"
 
 
@@ -143,7 +145,7 @@ def _to_result(executions: "list[ExecutionResult]", unit: str, film: Path | None
             "largest force, median",
             f"{median(execution.peak_forces['tool'] for execution in executions):.1f} N",
         ),
-        ("time, median", f"{median(execution.seconds for execution in executions):.1f} s"),
+        ("time, median", f"{median(execution.duration for execution in executions):.1f} s"),
     ]
     failures = [
         f"situation {n}: {execution.outcome.reason}"
@@ -166,5 +168,5 @@ def _execution_to_json(execution: "ExecutionResult") -> dict[str, object]:
         "error": outcome.error,
         "reason": outcome.reason,
         "peak_forces": execution.peak_forces,
-        "seconds": execution.seconds,
+        "seconds": execution.duration,
     }

@@ -72,7 +72,7 @@ def record(task: str, demonstrations: int, seed: int, delay: float, **files: Any
     for recording, attempts in record_demonstrations(chosen_task, demonstrations, seed, delay=delay):
         recordings.append((recording, attempts))
         if is_interactive():
-            print_note(f"shown {len(recordings)} of {demonstrations}, {recording.seconds:.1f} s")
+            print_note(f"shown {len(recordings)} of {demonstrations}, {recording.duration:.1f} s")
     write_demonstrations(
         [recording.demonstration for recording, _ in recordings], folder, overwrite=force, use_free_name=True
     )
@@ -119,7 +119,7 @@ def _format_recordings(recordings: "list[tuple[RecordedDemonstration, int]]", un
     rows = [
         (
             recording.demonstration.name,
-            f"{recording.seconds:.1f}",
+            f"{recording.duration:.1f}",
             str(len(recording.demonstration.x)),
             f"{recording.outcome.error:.2g}",
             f"{recording.peak_forces['tool']:.0f}",
@@ -135,7 +135,7 @@ def _format_recordings(recordings: "list[tuple[RecordedDemonstration, int]]", un
 def _recording_to_json(recording: "RecordedDemonstration", attempts: int) -> dict[str, object]:
     return {
         "name": recording.demonstration.name,
-        "seconds": recording.seconds,
+        "seconds": recording.duration,
         "steps": len(recording.demonstration.x),
         "error": recording.outcome.error,
         "peak_forces": recording.peak_forces,

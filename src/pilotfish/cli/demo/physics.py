@@ -10,7 +10,7 @@ from pilotfish.cli.demo.demonstrations import StructureEvaluation
 from pilotfish.cli.demo.protocol import TRAINING_DEMONSTRATIONS
 from pilotfish.cli.output.report import Film, ReportFigure, Section, Table
 from pilotfish.demonstrations import Demonstration, Frame
-from pilotfish.environments import RECORDED_VALVE, Outcome, Overlay, RecordedValve, Workcell
+from pilotfish.environments import RECORDED_VALVE, Outcome, RecordedValve, Workcell
 from pilotfish.geometry import Pose, normalise
 from pilotfish.planning import Reproduction
 from pilotfish.simulation import FilmRecorder, encode_film, film_strip
@@ -47,7 +47,7 @@ def simulate_reproductions(evaluation: StructureEvaluation, *, pictures: bool) -
     with a film of the first new one where pictures can be drawn, and its table.
     """
     filmed = evaluation.from_first_point[TRAINING_DEMONSTRATIONS].motion.x[:, :3]
-    camera = FilmRecorder(RECORDED_VALVE.name, overlay=Overlay(path=filmed)) if pictures else None
+    camera = FilmRecorder(path=filmed) if pictures else None
     done = [
         simulate_reproduction(
             reproduction,
@@ -68,13 +68,13 @@ def _films(camera: FilmRecorder, name: str) -> tuple[Film | ReportFigure, ...]:
     camera.close()
     return (
         Film(
-            encode_film(camera.frames),
+            encode_film(camera.images),
             f"{name}, new to the skill, as it was carried out; the planned path of the tool in orange.",
             "The robot's right arm reaches for the lever of a valve, shuts its gripper around it, turns it "
             "to a green mark, lets go and withdraws.",
         ),
         ReportFigure(
-            film_strip(camera.frames, camera.times),
+            film_strip(camera.images, camera.times),
             "The same at six moments.",
             "Six pictures of the robot and the valve, with the time of each.",
         ),

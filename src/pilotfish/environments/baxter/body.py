@@ -1,11 +1,9 @@
-"""Baxter as MuJoCo simulates it: joints, masses and torques of the robot, in shapes of our own."""
-
-from dataclasses import dataclass
+"""MuJoCo model of Baxter: joints, inertias and torque limits of the robot, with simple shapes."""
 
 import mujoco
 
 from pilotfish.environments.baxter.chain import quaternion_from_rpy
-from pilotfish.environments.baxter.facts import (
+from pilotfish.environments.baxter.parameters import (
     COVER_RADIUS,
     HAND,
     HAND_FROM_WRIST,
@@ -23,13 +21,13 @@ from pilotfish.geometry import multiply
 
 RED, DARK, GREY = (0.62, 0.09, 0.11, 1.0), (0.17, 0.18, 0.2, 1.0), (0.45, 0.46, 0.48, 1.0)
 PALE = (0.62, 0.64, 0.66, 1.0)
-ROBOT, OBJECT = 1, 2  # kinds of shapes that touch: the robot touches things, and things each other
-FLOOR = -0.93  # m, seen from the torso
+ROBOT, OBJECT = 1, 2  # contact types: the robot collides with objects, objects with each other too
+FLOOR = -0.93  # m, height in torso axes
 SKY = (0.9, 0.92, 0.94, 1.0), (0.62, 0.71, 0.8, 1.0)  # at the horizon and above
-ROTOR = (0.08, 0.08, 0.06, 0.06, 0.02, 0.02, 0.02)  # kg m^2 behind the gears; chosen, the maker gives none
+ROTOR = (0.08, 0.08, 0.06, 0.06, 0.02, 0.02, 0.02)  # kg m^2 at the joint; chosen, none is published
 FRICTION = 0.7  # N m s/rad, of each joint, as published
 
-# Capsules along the links: from, to and radius [m], in the axes of the joint that turns them.
+# Capsules along the links: ends and radius [m], in the frame of the joint that moves them.
 COVERS = (
     ((0.0, 0.0, 0.08), (0.0, 0.0, 0.24), 0.075),
     ((0.0, 0.0, 0.0), (0.102, 0.0, 0.0), 0.075),
@@ -41,7 +39,7 @@ COVERS = (
 )
 
 BOX, CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
-# What stands still: kind, size, place [m] and colour of each shape; none of them touches anything.
+# Fixed shapes without contacts: type, size, position [m] and colour.
 Shape = tuple[mujoco.mjtGeom, Triple, Triple, tuple[float, ...]]
 STAND: dict[str, Shape] = {
     "pedestal": (CYLINDER, (0.1, 0.25, 0.0), (-0.06, 0.0, -0.35), GREY),
@@ -56,37 +54,44 @@ UPPER_BODY: dict[str, Shape] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ArmNames:
-    """The names in a model of what belongs to one arm: its joints and motors in order, and its hand."""
+def joint_names(side: str) -> tuple[str, ...]:
+    """Return the names of an arm's joints, which are also those of its motors, in order.
 
-    side: str
-    joints: tuple[str, ...]
-    hand: str
-
-
-def arm_names(side: str) -> ArmNames:
-    """The names of the arm on that side, "left" or "right"."""
-    return ArmNames(side, tuple(f"{side}_{joint.name}" for joint in JOINTS), f"{side}_hand")
+    Args:
+        side: "left" or "right".
+    """
+    return tuple(f"{side}_{joint.name}" for joint in JOINTS)
 
 
 def empty_world(timestep: float) -> mujoco.MjSpec:
-    """A floor, light, and the torso of the robot in whose axes the world is; no arm yet."""
+    """Return a model of floor, light and torso, without arms; the world axes are the torso axes.
+
+    Args:
+        timestep: Timestep of the physics [s].
+    """
     spec = mujoco.MjSpec()
     spec.modelname, spec.compiler.degree = "baxter", False
     spec.option.timestep = timestep
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10.0  # friction holds what is gripped
-    _light(spec)
-    _add(spec.worldbody, "floor", mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 0.1), (0.0, 0.0, FLOOR), PALE)
+    spec.option.impratio = 10.0  # less slip of gripped objects
+    _add_light(spec)
+    _add_fixed_geom(
+        spec.worldbody, "floor", mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 0.1), (0.0, 0.0, FLOOR), PALE
+    )
     spec.geom("floor").material = "dull"
-    _torso(spec.worldbody)
+    _add_torso(spec.worldbody)
     return spec
 
 
 def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None = None) -> mujoco.MjsBody:
-    """The hand of a new arm on that side: torque motors at its joints, or stiff in a posture [rad] given."""
+    """Add an arm with torque motors, or a rigid one in a fixed posture, and return its hand.
+
+    Args:
+        spec: Model that is extended.
+        side: "left" or "right".
+        posture: Joint positions of a rigid arm [rad]; None adds joints and motors.
+    """
     sign = 1.0 if side == "left" else -1.0
     x, y, z = MOUNT
     parent = spec.worldbody.add_body(
@@ -97,7 +102,9 @@ def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None
             name=f"{side}_{joint.name}_link", pos=joint.xyz, quat=quaternion_from_rpy(joint.rpy)
         )
         _set_inertial(parent, mass)
-        _cover(parent, f"{side}_{joint.name}_cover", (start, end), radius, RED if n in (0, 2, 4) else DARK)
+        _add_cover(
+            parent, f"{side}_{joint.name}_cover", (start, end), radius, RED if n in (0, 2, 4) else DARK
+        )
         if posture is not None:
             parent.quat = multiply(
                 quaternion_from_rpy(joint.rpy), quaternion_from_rpy((0.0, 0.0, posture[n]))
@@ -107,7 +114,7 @@ def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None
             name=f"{side}_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1]
         )
         hinge.range, hinge.armature = (joint.lower, joint.upper), ROTOR[n]
-        hinge.damping[0] = FRICTION  # of the first power of the speed
+        hinge.damping[0] = FRICTION  # the linear term
         if joint.name == SPRING_JOINT:
             hinge.stiffness[0], hinge.springref = SPRING, SPRING_REST
         motor = spec.add_actuator(name=f"{side}_{joint.name}", target=hinge.name)
@@ -117,15 +124,15 @@ def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None
     return hand
 
 
-def _light(spec: mujoco.MjSpec) -> None:
-    """A bright room under a pale sky, without shadows: a frame costs little, and nothing is black."""
+def _add_light(spec: mujoco.MjSpec) -> None:
+    """Add bright light and a pale sky, without shadows, so that images render fast."""
     spec.visual.quality.offsamples = 0
     spec.visual.map.znear, spec.visual.map.fogstart, spec.visual.map.fogend = 0.01, 3.0, 8.0
     spec.visual.rgba.fog = spec.visual.rgba.haze = SKY[0]
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.35] * 3
     spec.visual.headlight.specular = [0.1] * 3
     size = getattr(spec.visual, "global")
-    size.offwidth, size.offheight = 960, 720  # the largest pictures
+    size.offwidth, size.offheight = 960, 720  # largest image
     for aim, strength in (((-0.5, 0.4, -1.0), 0.4), ((0.3, 0.8, -0.6), 0.25)):
         lamp = spec.worldbody.add_light(
             dir=aim, diffuse=[strength] * 3, specular=[0.15] * 3, castshadow=False
@@ -137,19 +144,19 @@ def _light(spec: mujoco.MjSpec) -> None:
     spec.add_material(name="dull", specular=0.0, shininess=0.0)
 
 
-def _torso(world: mujoco.MjsBody) -> None:
+def _add_torso(world: mujoco.MjsBody) -> None:
     for name, (kind, size, pos, rgba) in (STAND | UPPER_BODY).items():
-        _add(world, name, kind, size, pos, rgba)
+        _add_fixed_geom(world, name, kind, size, pos, rgba)
 
 
-def _add(
+def _add_fixed_geom(
     body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: Triple, pos: Triple, rgba: tuple[float, ...]
 ) -> None:
     geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba)
     geom.contype, geom.conaffinity = (OBJECT, ROBOT | OBJECT) if name == "floor" else (0, 0)
 
 
-def _cover(
+def _add_cover(
     body: mujoco.MjsBody, name: str, ends: tuple[Triple, Triple], radius: float, rgba: tuple[float, ...]
 ) -> None:
     geom = body.add_geom(

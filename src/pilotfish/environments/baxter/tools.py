@@ -1,4 +1,7 @@
-"""What Baxter is fitted with. A tool's point lies on the hand's z axis, its axes are those of the hand."""
+"""Tools for Baxter's hands: gripper, suction cup and handle.
+
+The tool point lies on the z axis of the hand, and its axes are parallel to those of the hand.
+"""
 
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -15,9 +18,9 @@ BOX, CYLINDER, SPHERE = (
 )
 STEEL, ORANGE, RUBBER = (0.7, 0.72, 0.75, 1.0), (0.93, 0.45, 0.1, 1.0), (0.12, 0.12, 0.12, 1.0)
 FINGERS_OPEN, FINGERS_SHUT = 0.034, 0.001  # m from the middle to the face of each finger
-SQUEEZE = 60.0  # N, of each finger at most
-SUCTION, LIP = 30.0, 8  # N at most; balls of a cup's lip
-# Joints of a suction cup's bellows: axis, stiffness [N/m, N m/rad], damping, and how far they go [m, rad].
+SQUEEZE = 60.0  # N, largest force of each finger
+SUCTION, LIP = 30.0, 8  # largest force [N]; number of spheres of the lip
+# Joints of the bellows of a suction cup: axis, stiffness [N/m, N m/rad], damping, range [m, rad].
 BELLOWS = (
     ("press", (0.0, 0.0, -1.0), 600.0, 12.0, (0.0, 0.01)),
     ("lean_x", (1.0, 0.0, 0.0), 2.0, 0.06, (-0.2, 0.2)),
@@ -27,9 +30,15 @@ BELLOWS = (
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """A mounted tool: the name of its point, how far that is from the hand [m], and what drives its grip.
+    """Tool mounted on a hand.
 
-    motor is empty where there is nothing to grip with; open and shut are its commands at grip 0 and 1.
+    Attributes:
+        point: Name of the site at the tool point.
+        length: Distance of the tool point from the hand [m].
+        bodies: Names of the tool's bodies.
+        motor: Name of the actuator of the grip; empty for a tool that does not grip.
+        open: Command at grip 0.
+        shut: Command at grip 1.
     """
 
     point: str
@@ -41,24 +50,27 @@ class Tool:
 
 
 def add_tool_body(hand: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
-    """A body that is fixed to the hand, with masses of its own."""
+    """Add a body that is fixed to the hand, and return it."""
     return hand.add_body(name=f"{side}_held")
 
 
 def add_tool_point(held: mujoco.MjsBody, length: float, side: str) -> str:
-    """The tool point, so far [m] from the hand; the name of its site."""
+    """Add the site of the tool point at a distance from the hand [m], and return its name."""
     name = f"{side}_{TOOL_POINT}"
     held.add_site(name=name, pos=[0.0, 0.0, length], size=[0.004, 0.004, 0.004], rgba=[0.1, 0.8, 0.2, 1.0])
     return name
 
 
 def mount_gripper(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str, length: float = 0.15) -> Tool:
-    """Two parallel fingers that close along y; the point, so far [m] from the hand, is between their tips."""
+    """Mount two parallel fingers that close along y, with the tool point between their tips."""
     held, palm = add_tool_body(hand, side), 0.5 * (length - 0.07)
     add_tool_geom(held, f"{side}_palm", CYLINDER, (0.03, palm, 0.0), (0.0, 0.0, palm), DARK).mass = 0.3
     point = add_tool_point(held, length, side)
-    fingers = [_finger(held, f"{side}_left", 1.0, 2 * palm), _finger(held, f"{side}_right", -1.0, 2 * palm)]
-    # One motor for both fingers, which move alike.
+    fingers = [
+        _add_finger(held, f"{side}_left", 1.0, 2 * palm),
+        _add_finger(held, f"{side}_right", -1.0, 2 * palm),
+    ]
+    # One motor moves both fingers by the same distance.
     spec.add_equality(
         name=f"{side}_fingers",
         type=mujoco.mjtEq.mjEQ_JOINT,
@@ -74,8 +86,8 @@ def mount_gripper(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str, length: 
     return Tool(point, length, (held.name, *fingers), motor.name, open=FINGERS_OPEN, shut=0.0)
 
 
-def _finger(held: mujoco.MjsBody, name: str, sign: float, height: float) -> str:
-    """The name of a finger that slides along y, sign [1 or -1] away from the middle."""
+def _add_finger(held: mujoco.MjsBody, name: str, sign: float, height: float) -> str:
+    """Add a finger that slides along y, outward in the direction of sign, and return its name."""
     body = held.add_body(name=f"{name}_finger", pos=[0.0, 0.0, height])
     slide = body.add_joint(name=f"{name}_slide", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
     slide.range, slide.armature = (FINGERS_SHUT, FINGERS_OPEN + 0.002), 0.1
@@ -86,15 +98,15 @@ def _finger(held: mujoco.MjsBody, name: str, sign: float, height: float) -> str:
 
 
 def mount_suction(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
-    """A suction cup on bellows, sucking from grip 0.5 on; the point is its lip's middle, pressed in 4 mm.
+    """Mount a suction cup on bellows; it sucks at a grip above 0.5.
 
-    The bellows give 10 mm and lean by 12 degrees. Suction is MuJoCo's adhesion: up to 30 N between the lip
-    and all that it touches or nearly touches, by 4 mm, however little of the lip that is.
+    The tool point is the middle of the lip when it is pressed in by 4 mm. The bellows yield by 10 mm and tilt
+    by 12 degrees. Suction is MuJoCo's adhesion: up to 30 N between the lip and every geom within 4 mm.
     """
     cylinder, held = mujoco.mjtGeom.mjGEOM_CYLINDER, add_tool_body(hand, side)
     add_tool_geom(held, f"{side}_palm", cylinder, (0.03, 0.03, 0.0), (0.0, 0.0, 0.03), DARK)
     add_tool_geom(held, f"{side}_tube", cylinder, (0.01, 0.033, 0.0), (0.0, 0.0, 0.093), STEEL)
-    cup = _cup(held, side)
+    cup = _add_cup(held, side)
     motor = spec.add_actuator(name=f"{side}_suction", target=cup.name)
     motor.trntype, motor.ctrlrange = mujoco.mjtTrn.mjTRN_BODY, (0.0, 1.0)
     motor.set_to_adhesion(gain=SUCTION)
@@ -103,8 +115,8 @@ def mount_suction(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
     )
 
 
-def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
-    """Bellows that yield along z and lean about x and y, and a lip of small balls: contacts all around."""
+def _add_cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
+    """Add bellows that yield along z and tilt about x and y, with a lip of small spheres."""
     cup = held.add_body(name=f"{side}_cup", pos=[0.0, 0.0, 0.154])
     for name, axis, stiffness, damping, limits in BELLOWS:
         joint = cup.add_joint(name=f"{side}_{name}", axis=axis)
@@ -128,7 +140,7 @@ def _cup(held: mujoco.MjsBody, side: str) -> mujoco.MjsBody:
 
 
 def mount_handle(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
-    """A knob for a person to lead the arm by; the point is its middle."""
+    """Mount a spherical handle by which a person guides the arm; the tool point is its centre."""
     del spec
     held = add_tool_body(hand, side)
     add_tool_geom(
@@ -145,7 +157,7 @@ def add_tool_geom(
     pos: tuple[float, float, float],
     rgba: tuple[float, float, float, float],
 ) -> mujoco.MjsGeom:
-    """A solid piece of a tool [m] that weighs 100 g until told otherwise, and touches things."""
+    """Add a solid geom of 100 g to a tool, which collides with objects, and return it."""
     geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba, mass=0.1)
     geom.contype, geom.conaffinity = ROBOT, OBJECT
     return geom

@@ -1,8 +1,7 @@
-"""Hot-stab: push a plug, as robots under water couple hoses with, into a receptacle on a sloping panel.
+"""Hot-stab task: push the plug of an underwater hydraulic coupling into a receptacle on a sloping panel.
 
-The stab is 24 mm thick, the bore 28 mm wide and 80 mm deep behind a funnel of 53 mm. What is simpler than in
-life: there is no water and no current, the receptacle has twelve flat sides and stands still, and nothing
-locks.
+The stab is 24 mm thick; the bore is 28 mm wide and 80 mm deep, behind a funnel of 53 mm. Simplifications:
+no water and no current; the receptacle has twelve flat sides and does not move; nothing locks.
 """
 
 from collections.abc import Mapping
@@ -13,9 +12,11 @@ from math import degrees, pi, radians, tan
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import FLOOR, Tool, add_tool_body, add_tool_geom, add_tool_point
+from pilotfish.environments.baxter.body import FLOOR
+from pilotfish.environments.baxter.tools import Tool, add_tool_body, add_tool_geom, add_tool_point
 from pilotfish.environments.human import Subtask
-from pilotfish.environments.tasks.furniture import (
+from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.scene_objects import (
     BLUE,
     BOX,
     CAPSULE,
@@ -26,34 +27,39 @@ from pilotfish.environments.tasks.furniture import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.situation_checks import validate_object_pose
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
 
 LENGTH = 0.2  # m, from the hand to the tip of the stab
-RADIUS, BORE, MOUTH = 0.012, 0.014, 0.0265  # m: of the stab, of the bore, and where its funnel begins
-FUNNEL, BOTTOM = 0.0125, 0.08  # m, from the mouth: where the funnel ends, and the bore
-SEATED, DEEP = 0.07, 0.06  # m, from the mouth to the tip: where a person takes it, and what is enough
-AXIS = radians(4.0)  # between stab and bore: what the play allows at that depth, and a little
-STILL = 0.01  # m/s
+RADIUS, BORE, MOUTH = 0.012, 0.014, 0.0265  # m: radii of stab, bore and mouth of the funnel
+FUNNEL, BOTTOM = 0.0125, 0.08  # m, depth of the ends of funnel and bore below the mouth
+SEATED, DEEP = 0.07, 0.06  # m, depth of the tip in a demonstration, and smallest depth for success
+AXIS = radians(4.0)  # largest angle between stab and bore: slightly above the play at that depth
+STILL = 0.01  # m/s, largest speed at the end
 WALL, SIDES = 0.008, 12
-# Looking down and a little ahead, 60 degrees below the horizon; the tool's z axis points into the bore.
+# Tool z axis 60 degrees below the horizontal, ahead of the robot: into the bore.
 SLOPE = axis_angle_quaternion((0.0, 1.0, 0.0), radians(150.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StabSituation:
-    """Where the mouth of the receptacle is, its z axis pointing into the bore."""
+    """Situation of the receptacle.
+
+    Attributes:
+        receptacle: Pose of the mouth; its z axis points into the bore.
+    """
 
     receptacle: Pose
 
     def __post_init__(self) -> None:
+        """Check the poses and ranges."""
         validate_object_pose(self.receptacle, "the receptacle", FLOOR + 0.2)
 
 
-def mount_stab(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
-    """A stab held by its T handle, 12 mm in radius, with a round end; the point is its tip."""
+def _mount_tool(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
+    """Mount a stab with a T handle and a round end; the tool point is its tip."""
     del spec
     held = add_tool_body(hand, side)
     add_tool_geom(
@@ -70,44 +76,45 @@ def mount_stab(spec: mujoco.MjSpec, hand: mujoco.MjsBody, side: str) -> Tool:
 
 
 def _sample_situation(rng: np.random.Generator) -> StabSituation:
-    place = np.array([0.86, -0.38, 0.02]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.06, 0.1, 0.08])
+    position = np.array([0.86, -0.38, 0.02]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.06, 0.1, 0.08])
     yaw, tilt = rng.uniform(-1.0, 1.0, 2) * np.radians([20.0, 10.0])
-    turn = multiply(
+    rotation = multiply(
         axis_angle_quaternion((0.0, 0.0, 1.0), yaw),
         multiply(axis_angle_quaternion((0.0, 1.0, 0.0), tilt), SLOPE),
     )
-    return StabSituation(Pose(place, turn))
+    return StabSituation(Pose(position, rotation))
 
 
 def _add_objects(spec: mujoco.MjSpec, situation: StabSituation) -> None:
-    at = situation.receptacle
-    body = spec.worldbody.add_body(name="receptacle", pos=at.position, quat=at.quaternion)
+    pose = situation.receptacle
+    body = spec.worldbody.add_body(name="receptacle", pos=pose.position, quat=pose.quaternion)
     for n in range(SIDES):
-        _wall(body, n)
-        _funnel(body, n)
+        _add_bore_side(body, n)
+        _add_funnel_side(body, n)
     add_solid(body, "bottom", CYLINDER, (BORE + WALL, 0.005, 0.0), (0.0, 0.0, BOTTOM + 0.005), STEEL)
     panel = add_solid(
         body, "panel", BOX, (0.1, 0.13, 0.006), (0.0, 0.0, BOTTOM + 0.014), (0.35, 0.42, 0.5, 1.0)
     )
-    add_post(spec, "post", at.position + rotation_matrix(at.quaternion) @ panel.pos + [0.03, 0.0, -0.02])
+    top = pose.position + rotation_matrix(pose.quaternion) @ panel.pos + [0.03, 0.0, -0.02]
+    add_post(spec, "post", top)
 
 
-def _wall(body: mujoco.MjsBody, n: int) -> None:
+def _add_bore_side(body: mujoco.MjsBody, n: int) -> None:
     angle, middle, half = 2 * pi * n / SIDES, BORE + WALL / 2, (BOTTOM - FUNNEL) / 2
     pos = middle * np.cos(angle), middle * np.sin(angle), FUNNEL + half
-    wide = (BORE + WALL) * tan(pi / SIDES)
-    add_solid(body, f"wall_{n}", BOX, (WALL / 2, wide, half), pos, BLUE).quat = axis_angle_quaternion(
+    half_width = (BORE + WALL) * tan(pi / SIDES)
+    add_solid(body, f"wall_{n}", BOX, (WALL / 2, half_width, half), pos, BLUE).quat = axis_angle_quaternion(
         (0.0, 0.0, 1.0), angle
     )
 
 
-def _funnel(body: mujoco.MjsBody, n: int) -> None:
-    """One side of the funnel: its inner face leads from the mouth's edge to the bore's, at 45 degrees."""
+def _add_funnel_side(body: mujoco.MjsBody, n: int) -> None:
+    """Add a plate whose inner face leads from the edge of the mouth to the bore at 45 degrees."""
     angle, middle = 2 * pi * n / SIDES, (BORE + MOUTH + WALL / 2**0.5) / 2
     pos = middle * np.cos(angle), middle * np.sin(angle), (FUNNEL + WALL / 2**0.5) / 2
-    long = FUNNEL / 2**0.5
-    wide = (MOUTH + WALL / 2) * tan(pi / SIDES)
-    plate = add_solid(body, f"funnel_{n}", BOX, (WALL / 2, wide, long), pos, YELLOW)
+    half_length = FUNNEL / 2**0.5
+    half_width = (MOUTH + WALL / 2) * tan(pi / SIDES)
+    plate = add_solid(body, f"funnel_{n}", BOX, (WALL / 2, half_width, half_length), pos, YELLOW)
     plate.quat = multiply(
         axis_angle_quaternion((0.0, 0.0, 1.0), angle), axis_angle_quaternion((0.0, 1.0, 0.0), -pi / 4)
     )
@@ -119,24 +126,24 @@ def _observe_frames(model: mujoco.MjModel, data: mujoco.MjData, situation: StabS
 
 
 def insertion_depth(receptacle: Pose, tool: Pose) -> tuple[float, float, float]:
-    """How deep the tip is in and how far from the axis [m], and the angle between axes [rad]."""
+    """Return the depth of the tip, its distance from the bore axis [m], and the angle of the axes [rad]."""
     tip = rotation_matrix(receptacle.quaternion).T @ (tool.position - receptacle.position)
     axes = rotation_matrix(receptacle.quaternion)[:, 2] @ rotation_matrix(tool.quaternion)[:, 2]
     return float(tip[2]), float(np.hypot(tip[0], tip[1])), float(np.arccos(np.clip(axes, -1.0, 1.0)))
 
 
 def _check_success(scene: Scene, situation: StabSituation) -> Outcome:
-    depth, beside, angle = insertion_depth(situation.receptacle, scene.tool)
-    error = float(np.hypot(max(0.0, DEEP - depth), max(0.0, beside - (BORE - RADIUS))))
+    depth, distance, angle = insertion_depth(situation.receptacle, scene.tool)
+    error = float(np.hypot(max(0.0, DEEP - depth), max(0.0, distance - (BORE - RADIUS))))
     speed = float(np.linalg.norm(_tip_velocity(scene)))
-    if beside > BORE:
-        return Outcome(False, error, f"the tip is {beside:.3f} m beside the bore's axis: not in it")
+    if distance > BORE:
+        return Outcome(False, error, f"the tip is {distance:.3f} m from the axis of the bore, not in it")
     if depth < DEEP:
         return Outcome(False, error, f"the tip is {1e3 * depth:.0f} mm deep, expected {1e3 * DEEP:.0f}")
     if angle > AXIS:
-        return Outcome(False, error, f"the stab leans {degrees(angle):.1f} degrees in its bore")
+        return Outcome(False, error, f"the stab is tilted by {degrees(angle):.1f} degrees in the bore")
     if speed > STILL:
-        return Outcome(False, error, f"the stab still moves, at {speed:.3f} m/s")
+        return Outcome(False, error, f"the stab still moves at {speed:.3f} m/s")
     return Outcome(True, error)
 
 
@@ -152,8 +159,8 @@ def _start_pose(situation: StabSituation) -> Pose:
     return Pose(np.array([0.75, -0.4, 0.2]), SLOPE)
 
 
-def _along(frames: Mapping[str, Pose], depth: float) -> Pose:
-    """The tip on the bore's axis, so deep beyond the mouth."""
+def _pose_at_depth(frames: Mapping[str, Pose], depth: float) -> Pose:
+    """Return the pose with the tip on the bore axis at a depth below the mouth [m]."""
     return frames["receptacle"] @ Pose(np.array([0.0, 0.0, depth]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
@@ -162,9 +169,9 @@ def _demonstration_script(situation: StabSituation) -> tuple[Subtask, ...]:
     near = partial(Subtask, position_tolerance=0.008, angle_tolerance=radians(3.0))
     exact = partial(Subtask, position_tolerance=0.005, angle_tolerance=radians(2.5))
     return (
-        near("line up", lambda f: _along(f, -0.1), dwell=0.1),
-        exact("approach", lambda f: _along(f, -0.015), speed=0.5, dwell=0.1),
-        exact("insert", lambda f: _along(f, SEATED), speed=0.3, dwell=0.6),
+        near("line up", lambda f: _pose_at_depth(f, -0.1), dwell=0.1),
+        exact("approach", lambda f: _pose_at_depth(f, -0.015), speed_factor=0.5, dwell=0.1),
+        exact("insert", lambda f: _pose_at_depth(f, SEATED), speed_factor=0.3, dwell=0.6),
     )
 
 
@@ -175,12 +182,12 @@ STAB: Task[StabSituation] = Task(
     has_gripper=False,
     unit="m",
     time_limit=30.0,
-    contact_limits=(),
-    mount_tool=mount_stab,
+    mount_tool=_mount_tool,
     sample_situation=_sample_situation,
     add_objects=_add_objects,
     start_pose=_start_pose,
     observe_frames=_observe_frames,
     check_success=_check_success,
     demonstration_script=_demonstration_script,
+    view=CameraView((0.66, -0.28, 0.07), 1.3, 65.0, -20.0),
 )

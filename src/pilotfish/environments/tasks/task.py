@@ -1,4 +1,4 @@
-"""What a manipulation task is: things in a workcell, where they may stand, and when the work is done."""
+"""What a task is: objects in a workcell, where they may be, and when the task is done."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,8 +7,9 @@ from typing import Generic, TypeVar
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import Tool
+from pilotfish.environments.baxter.tools import Tool
 from pilotfish.environments.human import Subtask
+from pilotfish.environments.scene_renderer import FRONT_RIGHT, CameraView
 from pilotfish.geometry import Pose
 
 S = TypeVar("S")
@@ -16,7 +17,13 @@ S = TypeVar("S")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Whether the work is done, and how far it is from that, in the task's unit."""
+    """Result of a task.
+
+    Attributes:
+        success: Whether the task is done.
+        error: Remaining error in the unit of the task.
+        reason: Why the task is not done; empty on success.
+    """
 
     success: bool
     error: float
@@ -25,7 +32,15 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What may be judged: the physics now, the tool and its grip, the largest force [N] on fragile things."""
+    """State of the physics that decides about success.
+
+    Attributes:
+        model: Compiled model.
+        data: State of the model.
+        tool: Pose of the tool in torso axes.
+        grip: Commanded grip, 0 to 1.
+        forces: Largest forces since the start [N]: "tool" and each fragile geom.
+    """
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -36,10 +51,25 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task(Generic[S]):
-    """A task whose situations are values of a kind S of its own; poses are seen from the torso of the robot.
+    """Manipulation task whose situations are values of type S; poses are in torso axes.
 
-    frames are the names of what it is seen from; grips tells whether the tool opens and closes; unit is that
-    of the error; seconds are what an attempt may take; fragile are the shapes that nothing may push.
+    Attributes:
+        name: Name on the command line.
+        description: What is to be done.
+        frames: Names of the task's frames.
+        has_gripper: Whether the tool opens and closes.
+        unit: Unit of the error.
+        time_limit: Longest duration of an attempt [s].
+        mount_tool: Function (model, hand, side) that mounts the tool.
+        sample_situation: Function that samples a situation.
+        add_objects: Function (model, situation) that adds the objects.
+        start_pose: Function from the situation to the tool pose at the start.
+        observe_frames: Function (model, state, situation) that returns the pose of each frame.
+        check_success: Function (scene, situation) that returns the outcome.
+        demonstration_script: Function from the situation to the subtasks of a demonstration.
+        fragile_geoms: Names of geoms whose contact forces are measured.
+        view: Camera for images of the task.
+        actuate_scene: Function (model, state, situation, time) that moves objects; None if nothing moves.
     """
 
     name: str
@@ -48,7 +78,6 @@ class Task(Generic[S]):
     has_gripper: bool
     unit: str
     time_limit: float
-    contact_limits: tuple[str, ...]
     mount_tool: Callable[[mujoco.MjSpec, mujoco.MjsBody, str], Tool]
     sample_situation: Callable[[np.random.Generator], S]
     add_objects: Callable[[mujoco.MjSpec, S], None]
@@ -56,4 +85,6 @@ class Task(Generic[S]):
     observe_frames: Callable[[mujoco.MjModel, mujoco.MjData, S], dict[str, Pose]]
     check_success: Callable[[Scene, S], Outcome]
     demonstration_script: Callable[[S], tuple[Subtask, ...]]
+    fragile_geoms: tuple[str, ...] = ()
+    view: CameraView = FRONT_RIGHT
     actuate_scene: Callable[[mujoco.MjModel, mujoco.MjData, S, float], None] | None = None

@@ -1,4 +1,4 @@
-"""Opening a valve: grip its handle, turn it, let go. The valve turns only if it is turned."""
+"""Valve task: grip the handle, turn it to a mark, release it. Friction holds the valve where it is left."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,9 +7,11 @@ from math import degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import FLOOR, mount_gripper
+from pilotfish.environments.baxter.body import FLOOR
+from pilotfish.environments.baxter.tools import mount_gripper
 from pilotfish.environments.human import Subtask
-from pilotfish.environments.tasks.furniture import (
+from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.scene_objects import (
     BOX,
     CYLINDER,
     GREEN,
@@ -18,40 +20,44 @@ from pilotfish.environments.tasks.furniture import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.situation_checks import MAX_ANGLE, validate_object_pose
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_pose
 from pilotfish.geometry import Pose
 from pilotfish.validation import require_number
 
 TOLERANCE = radians(5.0)
-CLEAR = 0.08  # m, from handle to tool when it is done
+CLEAR = 0.08  # m, smallest distance from handle to tool at the end
 STICTION, DRAG = 0.3, 0.3  # N m; N m s/rad
-# Looking along x, as the tool does when it grips: its z axis ahead, its fingers closing level.
+# Orientation of the tool at the grasp: z ahead along x, fingers closing horizontally.
 FACING = axis_angle_quaternion((0.0, 1.0, 0.0), pi / 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ValveSituation:
-    """Where the valve stands, its axis pointing away from the robot along x of its axes.
+    """Situation of the valve.
 
-    The handle is to be turned from begin to end [rad] about that axis; begin is what it stands at.
+    Attributes:
+        valve: Pose of the valve; its axis is x and points away from the robot.
+        start_angle: Angle of the handle about the axis at the start [rad].
+        goal_angle: Angle to which the handle must be turned [rad].
     """
 
     valve: Pose
-    begin: float
-    end: float
+    start_angle: float
+    goal_angle: float
 
     def __post_init__(self) -> None:
+        """Check the poses and ranges."""
         validate_object_pose(self.valve, "the valve", FLOOR + 0.01)
-        for name in ("begin", "end"):
-            require_number(getattr(self, name), f"the handle's angle {name}", -MAX_ANGLE, MAX_ANGLE)
+        for name in ("start_angle", "goal_angle"):
+            require_number(getattr(self, name), f"the {name} of the handle", -MAX_ANGLE, MAX_ANGLE)
 
 
 def _sample_situation(rng: np.random.Generator) -> ValveSituation:
-    place = np.array([0.86, -0.3, 0.12]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.05, 0.1, 0.08])
-    turn = axis_angle_quaternion((0.0, 0.0, 1.0), rng.uniform(-0.25, 0.25))
-    begin = rng.uniform(-0.5, 0.3)
-    return ValveSituation(Pose(place, turn), begin, begin + rng.uniform(1.0, 1.4))
+    position = np.array([0.86, -0.3, 0.12]) + rng.uniform(-1.0, 1.0, 3) * np.array([0.05, 0.1, 0.08])
+    rotation = axis_angle_quaternion((0.0, 0.0, 1.0), rng.uniform(-0.25, 0.25))
+    start_angle = rng.uniform(-0.5, 0.3)
+    return ValveSituation(Pose(position, rotation), start_angle, start_angle + rng.uniform(1.0, 1.4))
 
 
 def _add_objects(spec: mujoco.MjSpec, situation: ValveSituation) -> None:
@@ -59,15 +65,15 @@ def _add_objects(spec: mujoco.MjSpec, situation: ValveSituation) -> None:
     stand = spec.worldbody.add_body(name="stand", pos=at, quat=situation.valve.quaternion)
     add_solid(stand, "panel", BOX, (0.01, 0.14, 0.14), (0.085, 0.0, 0.0), (0.35, 0.42, 0.5, 1.0))
     add_solid(stand, "post", BOX, (0.03, 0.03, (at[2] - FLOOR) / 2), (0.125, 0.0, (FLOOR - at[2]) / 2), STEEL)
-    # The mark that the handle is to point to.
+    # The mark shows the goal of the handle.
     mark = add_solid(stand, "mark", BOX, (0.002, 0.012, 0.012), (0.074, 0.0, 0.0), GREEN)
-    mark.pos = 0.074, -0.12 * np.sin(situation.end), 0.12 * np.cos(situation.end)
+    mark.pos = 0.074, -0.12 * np.sin(situation.goal_angle), 0.12 * np.cos(situation.goal_angle)
     mark.contype = mark.conaffinity = 0
     valve = spec.worldbody.add_body(
-        name="valve", pos=at, quat=handle_pose(situation, situation.begin).quaternion
+        name="valve", pos=at, quat=handle_pose(situation, situation.start_angle).quaternion
     )
     hinge = valve.add_joint(name="valve", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
-    hinge.ref, hinge.frictionloss, hinge.armature = situation.begin, STICTION, 0.002
+    hinge.ref, hinge.frictionloss, hinge.armature = situation.start_angle, STICTION, 0.002
     hinge.damping[0] = DRAG
     stem = add_solid(valve, "stem", CYLINDER, (0.008, 0.035, 0.0), (0.04, 0.0, 0.0), STEEL)
     stem.quat, stem.mass = FACING, 0.2
@@ -76,26 +82,31 @@ def _add_objects(spec: mujoco.MjSpec, situation: ValveSituation) -> None:
 
 
 def handle_pose(situation: ValveSituation, angle: float) -> Pose:
-    """Where the handle stands when it is turned to an angle [rad]: x along the axis, z along its bar."""
+    """Return the pose of the handle at an angle [rad]: x along the axis, z along its bar."""
     return situation.valve @ Pose(np.zeros(3), axis_angle_quaternion((1.0, 0.0, 0.0), angle))
 
 
 def _observe_frames(model: mujoco.MjModel, data: mujoco.MjData, situation: ValveSituation) -> dict[str, Pose]:
     del model, data
-    return {"before": handle_pose(situation, situation.begin), "after": handle_pose(situation, situation.end)}
+    return {
+        "before": handle_pose(situation, situation.start_angle),
+        "after": handle_pose(situation, situation.goal_angle),
+    }
 
 
-def _angle(scene: Scene) -> float:
+def _valve_angle(scene: Scene) -> float:
     return float(scene.data.qpos[scene.model.joint("valve").qposadr[0]])
 
 
 def _check_success(scene: Scene, situation: ValveSituation) -> Outcome:
-    error = abs(_angle(scene) - situation.end)
-    away = float(np.linalg.norm(scene.tool.position - situation.valve.position))
+    error = abs(_valve_angle(scene) - situation.goal_angle)
+    distance = float(np.linalg.norm(scene.tool.position - situation.valve.position))
     if error > TOLERANCE:
-        return Outcome(False, error, f"the valve stands {degrees(error):.1f} degrees from where it was to be")
-    if away < CLEAR:
-        return Outcome(False, error, f"the hand is still {away:.3f} m from the handle")
+        return Outcome(False, error, f"the valve is {degrees(error):.1f} degrees from its goal")
+    if distance < CLEAR:
+        return Outcome(
+            False, error, f"the tool is still {distance:.3f} m from the handle, expected {CLEAR:g} m"
+        )
     return Outcome(True, error)
 
 
@@ -104,29 +115,29 @@ def _start_pose(situation: ValveSituation) -> Pose:
     return Pose(np.array([0.62, -0.35, 0.15]), FACING)
 
 
-def _grip(frames: Mapping[str, Pose], which: str, back: float) -> Pose:
-    return frames[which] @ Pose(np.array([-back, 0.0, 0.0]), FACING)
+def _grasp_pose(frames: Mapping[str, Pose], frame: str, distance: float) -> Pose:
+    """Return the tool pose in front of the handle at a distance [m]."""
+    return frames[frame] @ Pose(np.array([-distance, 0.0, 0.0]), FACING)
 
 
 def _demonstration_script(situation: ValveSituation) -> tuple[Subtask, ...]:
     del situation
     near, exact = (0.012, radians(5.0)), (0.005, radians(2.5))  # m, rad
     return (
-        Subtask("line up", lambda f: _grip(f, "before", 0.13), *near, grip=0.0, dwell=0.1),
-        Subtask("reach", lambda f: _grip(f, "before", 0.0), *exact, grip=1.0, dwell=0.6),
-        Subtask("turn", lambda f: _grip(f, "after", 0.0), *exact, grip=0.0, dwell=0.5),
-        Subtask("leave", lambda f: _grip(f, "after", 0.15), *near, grip=0.0, dwell=0.3),
+        Subtask("line up", lambda f: _grasp_pose(f, "before", 0.13), *near, grip=0.0, dwell=0.1),
+        Subtask("reach", lambda f: _grasp_pose(f, "before", 0.0), *exact, grip=1.0, dwell=0.6),
+        Subtask("turn", lambda f: _grasp_pose(f, "after", 0.0), *exact, grip=0.0, dwell=0.5),
+        Subtask("leave", lambda f: _grasp_pose(f, "after", 0.15), *near, grip=0.0, dwell=0.3),
     )
 
 
 VALVE: Task[ValveSituation] = Task(
     name="valve",
-    description="grip the handle of a valve, turn it to a mark, let go",
+    description="grip the handle of a valve, turn it to a mark, release it",
     frames=("before", "after"),
     has_gripper=True,
     unit="rad",
     time_limit=30.0,
-    contact_limits=(),
     mount_tool=mount_gripper,
     sample_situation=_sample_situation,
     add_objects=_add_objects,
@@ -134,4 +145,5 @@ VALVE: Task[ValveSituation] = Task(
     observe_frames=_observe_frames,
     check_success=_check_success,
     demonstration_script=_demonstration_script,
+    view=CameraView((0.68, -0.3, 0.12), 1.25, 62.0, -18.0),
 )

@@ -1,11 +1,11 @@
-"""What a person sets out to do: a script of acts, each with a goal for the tool among the objects seen."""
+"""Plan of a demonstration: a sequence of subtasks, each with a goal pose relative to observed objects."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 
-from pilotfish.environments.human.offsets import offset_norms, pose_difference
-from pilotfish.environments.human.person import HumanModel
+from pilotfish.environments.human.human_model import HumanModel
+from pilotfish.environments.human.pose_offsets import offset_norms, pose_difference
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
 from pilotfish.validation import require_type
@@ -13,17 +13,19 @@ from pilotfish.validation import require_type
 
 @dataclass(frozen=True, slots=True)
 class Subtask:
-    """One thing to do: bring the tool to a goal, change the grip, stay a while.
+    """One step of a demonstration: bring the tool to a goal, set the grip, then wait.
 
-    goal                world_from_tool wanted, from the poses of the objects as they are seen
-    position_tolerance  within which the goal counts as reached [m]
-    angle_tolerance     likewise [rad]
-    grip                what the hand asks of the gripper from then on, 0 to 1
-    dwell               time to stay after that [s]
-    tracking            the goal moves: once near, follow it continuously where the delay lets one
-    speed               share of the person's peak speeds; little for careful contact
-    passing             a goal on the way: when what is left of the movement is within the tolerances the next
-                        act begins, and the two movements blend. Nothing is corrected; no dwell, no tracking
+    Attributes:
+        name: Name for messages.
+        goal: Function from the observed poses of the objects to the goal of the tool.
+        position_tolerance: Distance within which the goal counts as reached [m].
+        angle_tolerance: Angle within which the goal counts as reached [rad].
+        grip: Grip that is commanded once the goal is reached, 0 to 1.
+        dwell: Time to wait after that [s].
+        tracking: The goal moves; once near it, track it continuously if the delay allows.
+        speed_factor: Share of the person's peak speeds; small for careful contact.
+        passing: The goal is a via-point. The next subtask begins when the rest of the movement is within the
+            tolerances, so that the two movements blend. Errors are not corrected; no dwell, no tracking.
     """
 
     name: str
@@ -33,11 +35,12 @@ class Subtask:
     grip: float = 0.0
     dwell: float = 0.0
     tracking: bool = False
-    speed: float = 1.0
+    speed_factor: float = 1.0
     passing: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("position_tolerance", "angle_tolerance", "speed"):
+        """Check the ranges of the numbers."""
+        for name in ("position_tolerance", "angle_tolerance", "speed_factor"):
             if not 0.0 < getattr(self, name) < inf:
                 raise InvalidInput(
                     f"{name} of subtask {self.name!r} is {getattr(self, name)}, expected a positive number"
@@ -50,19 +53,26 @@ class Subtask:
             raise InvalidInput(f"dwell of subtask {self.name!r} is {self.dwell} s, expected 0 or more")
         if self.passing and (self.dwell > 0.0 or self.tracking):
             raise InvalidInput(
-                f"subtask {self.name!r} is passing, expected no dwell and no tracking; set passing=False to stay"
+                f"subtask {self.name!r} is passing, expected no dwell and no tracking; set passing=False"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class DemonstrationPlan:
-    """Who does what, and the time round_trip from moving the hand to seeing the tool move [s]."""
+    """Person, subtasks and delay of a demonstration.
+
+    Attributes:
+        human_model: Parameters of the person.
+        subtasks: Subtasks in their order.
+        round_trip: Time from a movement of the hand until its effect on the tool is observed [s].
+    """
 
     human_model: HumanModel
     subtasks: tuple[Subtask, ...]
     round_trip: float = 0.0
 
     def __post_init__(self) -> None:
+        """Check types and ranges."""
         require_type(self.human_model, "human_model", HumanModel, "give HumanModel()")
         require_type(self.subtasks, "subtasks", tuple, "give a tuple of subtasks")
         if not self.subtasks:
@@ -75,26 +85,18 @@ class DemonstrationPlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """The picture as it arrives: where the tool and the objects were when it was taken, all in the world."""
+    """Picture that the person sees; with a delay it shows the past.
+
+    Attributes:
+        tool: Pose of the tool.
+        frames: Poses of the objects by name.
+    """
 
     tool: Pose
     frames: Mapping[str, Pose]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HandCommand:
-    """What the hand asks: where the tool shall be, and how closed the gripper, 0 to 1.
-
-    act is the index of the act in the script, done tells that all are over.
-    """
-
-    pose: Pose
-    grip: float
-    subtask: int
-    done: bool
-
-
 def within_tolerance(tool: Pose, goal: Pose, subtask: Subtask) -> bool:
-    """Whether the tool is at the goal, to the act's tolerances."""
+    """Return whether the tool is at the goal within the tolerances of the subtask."""
     distance, angle = offset_norms(pose_difference(tool, goal))
     return distance <= subtask.position_tolerance and angle <= subtask.angle_tolerance

@@ -1,10 +1,10 @@
-"""Pictures of the physics: from where one looks at each task, and what may be drawn into them."""
+"""Offscreen rendering of a simulated scene, with coordinate axes and a path drawn into the image."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from warnings import catch_warnings
 from weakref import finalize
 
@@ -20,61 +20,38 @@ REMEDY = (
     "pip install 'pilotfish[sim]', apt-get install libosmesa6, and set MUJOCO_GL=osmesa before Python starts"
 )
 AXIS, AXIS_RADIUS, PATH_RADIUS = 0.06, 0.003, 0.003  # m
-MAX_PATH_SEGMENTS = 400  # of a path at most: more are not to be told apart
+MAX_PATH_SEGMENTS = 400  # more segments look the same
 AXES = np.array(
     [[0.85, 0.1, 0.1, 1.0], [0.1, 0.65, 0.15, 1.0], [0.15, 0.3, 0.9, 1.0]]
 )  # x red, y green, z blue
 ORANGE = np.array([0.95, 0.5, 0.05, 1.0])
+NO_FRAMES: Mapping[str, Pose] = {}
+NO_PATH = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, slots=True)
 class CameraView:
-    """From where one looks: at a point [m], from a distance [m], in a direction [degrees].
+    """Position and direction of the camera.
 
-    Azimuth 0 looks ahead as the robot does and 90 to its left; a negative elevation looks down.
+    Attributes:
+        look_at: Point in the middle of the image, in torso axes [m].
+        distance: Distance of the camera from that point [m].
+        azimuth: Direction of view about the vertical [degrees]; 0 looks ahead of the robot, 90 to its left.
+        elevation: Direction of view above the horizontal [degrees]; negative values look down.
     """
 
-    at: tuple[float, float, float]
+    look_at: tuple[float, float, float]
     distance: float
     azimuth: float
     elevation: float
 
 
-# From the robot's right, so that tool and thing are seen, and no panel hides them.
+# From the right of the robot: tool and object are visible, and no panel hides them.
 FRONT_RIGHT = CameraView((0.66, -0.28, 0.05), 1.4, 75.0, -22.0)
-CAMERA_VIEWS: Mapping[str, CameraView] = MappingProxyType(
-    {
-        "carabiner": CameraView((0.66, -0.3, 0.1), 1.05, 95.0, -18.0),
-        "plate": CameraView((0.66, -0.3, 0.1), 1.2, 75.0, -25.0),
-        "recorded valve": CameraView((0.55, -0.95, 0.2), 1.15, 28.0, -14.0),
-        "screwdriver": CameraView((0.66, -0.3, 0.07), 1.05, 80.0, -22.0),
-        "stab": CameraView((0.66, -0.28, 0.07), 1.3, 65.0, -20.0),
-        "valve": CameraView((0.68, -0.3, 0.12), 1.25, 62.0, -18.0),
-    }
-)
-
-
-def camera_view(task: str) -> CameraView:
-    """From where a task of that name is seen well; any other is seen as a whole."""
-    return CAMERA_VIEWS.get(task, FRONT_RIGHT)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Overlay:
-    """What is drawn into a picture though it is not there: frames as axes red, green, blue; a path [m]."""
-
-    frames: Mapping[str, Pose] = field(default_factory=lambda: MappingProxyType({}))
-    path: Float[Array, "T 3"] = field(default_factory=lambda: np.zeros((0, 3)))
-
-
-EMPTY_OVERLAY = Overlay()
 
 
 class SceneRenderer:
-    """Takes pictures of a model from a view. Each holds memory of the graphics until it is closed.
-
-    Raises: InvalidInput, when pictures of this size are not to be had; SkillError, when nothing draws here.
-    """
+    """Renderer of one model from one view; it holds graphics memory until it is closed."""
 
     def __init__(
         self,
@@ -84,66 +61,96 @@ class SceneRenderer:
         width: int = WIDTH,
         height: int = HEIGHT,
     ) -> None:
+        """Create the graphics context.
+
+        Args:
+            model: Compiled model.
+            view: Position and direction of the camera.
+            width: Width of the images [pixels].
+            height: Height of the images [pixels].
+
+        Raises:
+            InvalidInput: If the size is not positive or larger than the model's offscreen buffer.
+            SkillError: If MuJoCo cannot render on this machine.
+        """
         size = model.vis.global_
         if not (0 < width <= size.offwidth and 0 < height <= size.offheight):
             raise InvalidInput(
-                f"pictures of {width} x {height} were asked for, expected from 1 x 1 to "
-                f"{size.offwidth} x {size.offheight}; ask for smaller ones"
+                f"the image size is {width} x {height}, expected 1 x 1 to {size.offwidth} x "
+                f"{size.offheight} pixels; choose a smaller one"
             )
-        self._camera = _camera(view)
+        self._camera = _free_camera(view)
         if reason := rendering_error():
-            raise SkillError(f"nothing draws pictures of the physics here ({reason}): {REMEDY}")
+            raise SkillError(f"MuJoCo cannot render on this machine ({reason}): {REMEDY}")
         self._renderer = mujoco.Renderer(model, height, width)
         self._finalizer = finalize(self, self._renderer.close)  # at the latest before the interpreter ends
 
     def __enter__(self) -> "SceneRenderer":
+        """Return this renderer."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Release the graphics memory."""
         self.close()
 
     def close(self) -> None:
-        """Nothing is held any more, and no picture taken."""
+        """Release the graphics memory; the renderer cannot be used afterwards."""
         self._finalizer()
 
-    def render(self, data: mujoco.MjData, overlay: Overlay = EMPTY_OVERLAY) -> UInt8[Array, "H W 3"]:
-        """The picture of what is there now, red, green, blue; with marks drawn into it."""
+    def render(
+        self,
+        data: mujoco.MjData,
+        *,
+        frames: Mapping[str, Pose] = NO_FRAMES,
+        path: Float[Array, "T 3"] = NO_PATH,
+    ) -> UInt8[Array, "H W 3"]:
+        """Return an RGB image of the present state.
+
+        Args:
+            data: State of the model.
+            frames: Poses that are drawn as red, green and blue axes, in torso axes.
+            path: Points of a path that is drawn in orange, in torso axes [m].
+        """
         self._renderer.update_scene(data, self._camera)
-        _add_overlay(self._renderer.scene, overlay)
+        _draw_frames(self._renderer.scene, frames)
+        _draw_path(self._renderer.scene, path)
         return np.asarray(self._renderer.render())
 
 
-@cache  # MuJoCo ends the process when it fails a second time
+@cache  # MuJoCo aborts the process when it fails a second time
 def rendering_error() -> str:
-    """What keeps MuJoCo from drawing pictures in this process; empty when it draws."""
+    """Return why MuJoCo cannot render in this process, or an empty string if it can."""
     try:
-        with catch_warnings(action="ignore"):  # of what looks for a screen; the error tells enough
+        with catch_warnings(action="ignore"):  # warnings about a missing display; the error is enough
             mujoco.Renderer(mujoco.MjSpec().compile(), 1, 1).close()
     except (ImportError, RuntimeError, AttributeError, mujoco.FatalError) as error:
         return str(error)
     return ""
 
 
-def _camera(view: CameraView) -> mujoco.MjvCamera:
+def _free_camera(view: CameraView) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = view.at
+    camera.lookat[:] = view.look_at
     camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
     return camera
 
 
-def _add_overlay(scene: mujoco.MjvScene, overlay: Overlay) -> None:
-    for pose in overlay.frames.values():
+def _draw_frames(scene: mujoco.MjvScene, frames: Mapping[str, Pose]) -> None:
+    for pose in frames.values():
         ends = pose.position + AXIS * rotation_matrix(pose.quaternion).T
         for end, colour in zip(ends, AXES, strict=True):
             _add_capsule(scene, (pose.position, end), AXIS_RADIUS, colour)
-    for begin, end in pairwise(_subsample_path(overlay.path)):
-        _add_capsule(scene, (begin, end), PATH_RADIUS, ORANGE)
+
+
+def _draw_path(scene: mujoco.MjvScene, path: Float[Array, "T 3"]) -> None:
+    for ends in pairwise(_subsample_path(path)):
+        _add_capsule(scene, ends, PATH_RADIUS, ORANGE)
 
 
 def _subsample_path(path: Float[Array, "T 3"]) -> Float[Array, "L 3"]:
-    """Points of the path from its first to its last, no more than make so many links."""
+    """Return points of the path from first to last, for at most MAX_PATH_SEGMENTS segments."""
     kept = np.linspace(0, len(path) - 1, min(len(path), MAX_PATH_SEGMENTS + 1)).round().astype(int)
     return np.asarray(path[kept])
 
@@ -154,7 +161,7 @@ def _add_capsule(
     radius: float,
     colour: Float[Array, " 4"],
 ) -> None:
-    """A capsule from end to end, unless the scene is full."""
+    """Draw a capsule between two points, unless the scene is full."""
     if scene.ngeom >= scene.maxgeom:
         return
     geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE

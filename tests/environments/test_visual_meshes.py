@@ -1,4 +1,4 @@
-"""What the robot wears is seen, and neither weighs, touches nor changes anything."""
+"""Visual meshes are visible and change neither masses, contacts nor motion."""
 
 import mujoco
 import numpy as np
@@ -6,9 +6,9 @@ import pytest
 from drawing import needs_renderer
 
 from pilotfish.environments import TASKS
-from pilotfish.environments.baxter import OBJECT, ROBOT, add_arm, empty_world
-from pilotfish.environments.baxter.dress import PARTS, VisualMesh, add_visual_meshes
-from pilotfish.environments.cameras import CameraView, SceneRenderer
+from pilotfish.environments.baxter.body import OBJECT, ROBOT, add_arm, empty_world
+from pilotfish.environments.baxter.visual_meshes import PARTS, VisualMesh, add_visual_meshes
+from pilotfish.environments.scene_renderer import CameraView, SceneRenderer
 from pilotfish.errors import InvalidInput
 
 pytestmark = pytest.mark.usefixtures("unchecked")
@@ -19,13 +19,12 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 WHOLE = CameraView((0.3, 0.0, 0.0), 3.0, 140.0, -15.0)
 
 
-def test_mesh(part: str, rgba: tuple[float, float, float, float] = GREEN) -> VisualMesh:
-    """A tetrahedron on a part, larger than the part, so that it would touch things if it could."""
+def tetrahedron(part: str, rgba: tuple[float, float, float, float] = GREEN) -> VisualMesh:
     return VisualMesh(part, CORNERS, SIDES, rgba)
 
 
-def at_work(visual_meshes: list[VisualMesh]) -> mujoco.MjModel:
-    """The robot with a gripper, a valve within reach, and a rain of balls; the left arm is still."""
+def compile_scene(visual_meshes: list[VisualMesh]) -> mujoco.MjModel:
+    """Return a model of the robot with a gripper, a valve within reach, and falling spheres."""
     spec, task = empty_world(0.001), TASKS["valve"]
     task.mount_tool(spec, add_arm(spec, "right"), "right")
     add_arm(spec, "left", posture=(-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0))
@@ -40,14 +39,13 @@ def at_work(visual_meshes: list[VisualMesh]) -> mujoco.MjModel:
     return spec.compile()
 
 
-def test_dressing_changes_no_physics(rng: np.random.Generator):
-    """An arm under random torques in a rain of balls moves the same bit for bit, and meets as many."""
-    plain, dressed = at_work([]), at_work([test_mesh(part) for part in PARTS])
-    assert dressed.ngeom == plain.ngeom + 1 + 7 * 2
+def test_add_visual_meshes_physics_is_unchanged(rng: np.random.Generator):
+    plain, meshed = compile_scene([]), compile_scene([tetrahedron(part) for part in PARTS])
+    assert meshed.ngeom == plain.ngeom + 1 + 7 * 2
     torques, met = rng.normal(scale=20.0, size=(600, plain.nu)), 0
-    runs = [mujoco.MjData(model) for model in (plain, dressed)]
+    runs = [mujoco.MjData(model) for model in (plain, meshed)]
     for torque in torques:
-        for model, data in zip((plain, dressed), runs, strict=True):
+        for model, data in zip((plain, meshed), runs, strict=True):
             data.ctrl[:] = torque
             mujoco.mj_step(model, data)
         one, other = runs
@@ -55,31 +53,29 @@ def test_dressing_changes_no_physics(rng: np.random.Generator):
         np.testing.assert_array_equal(one.qvel, other.qvel)
         assert one.ncon == other.ncon
         met += one.ncon
-    assert met > 0, "nothing touched anything: the law was not tried"
+    assert met > 0, "no contact occurred, so that the test shows nothing"
 
 
-def test_nothing_worn_weighs_or_touches():
-    """Masses and inertias are those of the plain robot, and no surface is of a kind that touches."""
-    plain, dressed = at_work([]), at_work([test_mesh(part) for part in PARTS])
-    np.testing.assert_array_equal(plain.body_mass, dressed.body_mass)
-    np.testing.assert_array_equal(plain.body_inertia, dressed.body_inertia)
-    visual_meshes = dressed.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+def test_add_visual_meshes_have_no_mass_and_contacts():
+    plain, meshed = compile_scene([]), compile_scene([tetrahedron(part) for part in PARTS])
+    np.testing.assert_array_equal(plain.body_mass, meshed.body_mass)
+    np.testing.assert_array_equal(plain.body_inertia, meshed.body_inertia)
+    visual_meshes = meshed.geom_type == mujoco.mjtGeom.mjGEOM_MESH
     assert visual_meshes.sum() == 15
-    assert not dressed.geom_contype[visual_meshes].any()
-    assert not dressed.geom_conaffinity[visual_meshes].any()
+    assert not meshed.geom_contype[visual_meshes].any()
+    assert not meshed.geom_conaffinity[visual_meshes].any()
 
 
 @needs_renderer
 @pytest.mark.parametrize("part", PARTS)
-def test_what_is_worn_is_seen_instead_of_what_is_under_it(part: str):
-    """A picture has the surface's colour only when it is worn, and what is under it is left out."""
+def test_add_visual_meshes_replace_shapes_in_images(part: str):
     pictures = []
     for visual_meshes in (
         [],
-        [test_mesh(part)],
-        [test_mesh(part, (0.0, 1.0, 0.0, 0.0))],
-    ):  # the last one is as clear as air
-        model = at_work(visual_meshes)
+        [tetrahedron(part)],
+        [tetrahedron(part, (0.0, 1.0, 0.0, 0.0))],
+    ):  # the last one is transparent
+        model = compile_scene(visual_meshes)
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         with SceneRenderer(model, WHOLE, width=320, height=240) as renderer:
@@ -87,12 +83,13 @@ def test_what_is_worn_is_seen_instead_of_what_is_under_it(part: str):
     green = [int((taken[..., 1] - taken[..., 0] > 60).sum()) for taken in pictures]
     assert green[0] == green[2] == 0
     assert green[1] > 50
-    assert (np.abs(pictures[0] - pictures[2]).max(axis=2) > 20).any(), "what is under it is still seen"
+    assert (np.abs(pictures[0] - pictures[2]).max(axis=2) > 20).any(), (
+        "the shapes below the mesh are still visible"
+    )
 
 
-def test_a_surface_lies_in_the_axes_of_its_part():
-    """Corners of what is worn stand where the axes of the part put them, in either arm."""
-    model = at_work([test_mesh("w0")])
+def test_add_visual_meshes_vertices_are_in_part_axes():
+    model = compile_scene([tetrahedron("w0")])
     data = mujoco.MjData(model)
     data.qpos[:7] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
     mujoco.mj_forward(model, data)
@@ -109,25 +106,23 @@ def test_a_surface_lies_in_the_axes_of_its_part():
         )  # single precision
 
 
-def test_an_arm_that_is_not_there_wears_nothing():
-    """A robot with one arm is dressed as well."""
+def test_add_visual_meshes_single_arm_is_accepted():
     spec = empty_world(0.001)
     add_arm(spec, "right")
-    add_visual_meshes(spec, [test_mesh("s0")])
+    add_visual_meshes(spec, [tetrahedron("s0")])
     assert spec.compile().nmesh == 1
 
 
 @pytest.mark.parametrize(
-    ("surface", "words"),
+    ("mesh", "words"),
     [
         (VisualMesh("elbow", CORNERS, SIDES, GREEN), "'elbow', expected one of torso, s0"),
-        (VisualMesh("s0", CORNERS, SIDES[:0], GREEN), "some of its 4 vertices"),
-        (VisualMesh("s0", CORNERS, SIDES + 1, GREEN), "some of its 4 vertices"),
-        (VisualMesh("s0", CORNERS, SIDES - 1, GREEN), "some of its 4 vertices"),
+        (VisualMesh("s0", CORNERS, SIDES[:0], GREEN), "expected one or more with indices from 0 to 3"),
+        (VisualMesh("s0", CORNERS, SIDES + 1, GREEN), "expected one or more with indices from 0 to 3"),
+        (VisualMesh("s0", CORNERS, SIDES - 1, GREEN), "expected one or more with indices from 0 to 3"),
         (VisualMesh("s0", CORNERS * np.nan, SIDES, GREEN), "not finite"),
     ],
 )
-def test_what_cannot_be_worn_is_refused(mesh: VisualMesh, words: str):
-    """The refusal tells the part and what was expected."""
+def test_add_visual_meshes_invalid_mesh_is_refused(mesh: VisualMesh, words: str):
     with pytest.raises(InvalidInput, match=words):
         add_visual_meshes(empty_world(0.001), [mesh])

@@ -1,4 +1,4 @@
-"""Every task there is, by name."""
+"""All tasks that need no recording, by name."""
 
 from typing import Any
 

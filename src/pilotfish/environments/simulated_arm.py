@@ -1,9 +1,9 @@
-"""One simulated arm: what its sensors read, and its motors."""
+"""Sensors and motors of one simulated arm."""
 
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import arm_names
+from pilotfish.environments.baxter.body import joint_names
 from pilotfish.geometry import Pose
 from pilotfish.kernels import ArmState
 from pilotfish.types import Array, Float
@@ -12,13 +12,28 @@ JOINTS = 7
 
 
 class SimulatedArm:
-    """The joints of one arm in a running simulation; readings are views of what it holds now."""
+    """Joints of one arm in a running simulation; the arrays are views of the simulation's memory.
+
+    Attributes:
+        q: Joint positions [rad].
+        velocity: Joint velocities [rad/s].
+        motors: Commanded torques [N m], to be written.
+        external_torques: Torques that others apply to the joints [N m], to be written.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, side: str, point: str) -> None:
-        names = arm_names(side)
-        first = model.joint(names.joints[0])
+        """Find the joints of an arm in a compiled model.
+
+        Args:
+            model: Compiled model.
+            data: State of the model.
+            side: "left" or "right".
+            point: Name of the site at the tool point.
+        """
+        name = joint_names(side)[0]
+        first = model.joint(name)
         q, v = int(first.qposadr[0]), int(first.dofadr[0])
-        motor = int(model.actuator(names.joints[0]).id)
+        motor = int(model.actuator(name).id)
         self._model, self._data = model, data
         self._site = int(model.site(point).id)
         self._dofs = slice(v, v + JOINTS)
@@ -34,25 +49,25 @@ class SimulatedArm:
 
     @property
     def tool(self) -> Pose:
-        """Where the tool point is, in the axes of the torso."""
+        """Return the pose of the tool point in torso axes."""
         return Pose(self._position.copy(), self._quaternion.copy())
 
     @property
     def twist(self) -> Float[Array, " 6"]:
-        """The velocity of the tool point [m/s] and of its turning [rad/s], in the axes of the torso."""
+        """Return linear [m/s] and angular velocity [rad/s] of the tool point in torso axes."""
         return np.asarray(self.jacobian() @ self.velocity)
 
     @property
     def bias(self) -> Float[Array, " n"]:
-        """What it takes to carry the arm [N m]: against gravity and motion, less what its springs carry."""
+        """Return gravity and Coriolis torques minus the torques of the arm's springs [N m]."""
         return np.asarray(self._inertial - self._spring)
 
     def jacobian(self) -> Float[Array, "6 n"]:
-        """What each joint's speed adds to the twist."""
+        """Return the Jacobian of the tool point, linear rows first."""
         linear, angular = self._jacobian
         mujoco.mj_jacSite(self._model, self._data, linear, angular, self._site)
         return self._jacobian.reshape(6, -1)[:, self._dofs].copy()
 
-    def reading(self) -> ArmState:
-        """Joints, tool point, Jacobian and what it takes to carry the arm, of the last positions computed."""
+    def read_state(self) -> ArmState:
+        """Return joints, tool pose, Jacobian and bias at the positions that MuJoCo computed last."""
         return ArmState(self.q, self.velocity, self._position, self._quaternion, self.jacobian(), self.bias)

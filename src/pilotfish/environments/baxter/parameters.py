@@ -1,7 +1,7 @@
-"""What Baxter's arms are: where joints and masses lie, and what motors can do.
+"""Parameters of Baxter's arms: joint placements and limits, masses and inertias.
 
-Lengths, masses and inertias are those that the maker published for the Research Robot. The left arm is the
-right one, mounted on the other side; its joints turn alike.
+Source: the manufacturer's published description (URDF) of the Research Robot. Both arms are the same, mounted
+on opposite sides.
 """
 
 from dataclasses import dataclass
@@ -12,9 +12,16 @@ HALF_PI = 1.5707963267948966  # rad
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A hinge about z of its own axes, which lie at xyz [m] turned by roll, pitch, yaw [rad] in those before.
+    """Hinge about the z axis of its own frame.
 
-    It turns between lower and upper [rad], at most at velocity [rad/s], by at most torque [N m].
+    Attributes:
+        name: Name of the joint without its side.
+        xyz: Origin of its frame in the frame of the joint before it [m].
+        rpy: Roll, pitch and yaw of its frame there [rad].
+        lower: Lower limit [rad].
+        upper: Upper limit [rad].
+        velocity: Largest speed [rad/s].
+        torque: Largest torque [N m].
     """
 
     name: str
@@ -28,16 +35,22 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """A body's mass [kg], its centre [m], and its inertia about it: xx, yy, zz, xy, xz, yz [kg m^2]."""
+    """Mass and inertia of a link.
+
+    Attributes:
+        mass: Mass [kg].
+        centre: Centre of mass [m].
+        inertia: xx, yy, zz, xy, xz, yz about the centre of mass [kg m^2].
+    """
 
     mass: float
     centre: Triple
     inertia: tuple[float, float, float, float, float, float]
 
 
-# In the axes of the torso: x ahead, z up, the origin .93 m above the floor.
-MOUNT = (0.024645, 0.219645, 0.118588)  # of the left arm; y changes sign for the right one
-MOUNT_YAW = 0.7854  # of the left arm; that of the right is the negative
+# In torso axes: x ahead, z up, the origin .93 m above the floor.
+MOUNT = (0.024645, 0.219645, 0.118588)  # m, of the left arm; y changes sign for the right arm
+MOUNT_YAW = 0.7854  # rad, of the left arm; the right arm has the negative
 
 JOINTS = (
     Joint("s0", (0.055695, 0.0, 0.011038), (0.0, 0.0, 0.0), -1.70167993878, 1.70167993878, 1.5, 50.0),
@@ -49,7 +62,7 @@ JOINTS = (
     Joint("w2", (0.115975, 0.0, 0.0), (HALF_PI, 0.0, HALF_PI), -3.059, 3.059, 4.0, 15.0),
 )
 
-# Of the body that each joint turns, in the axes of the joint.
+# Of the link that each joint moves, in the frame of the joint.
 INERTIALS = (
     Inertial(
         5.70044,
@@ -87,13 +100,13 @@ INERTIALS = (
         (0.00025289155, 0.0002688601, 0.0003074118, 0.00000575311, -0.00000159345, -0.00000519818),
     ),
 )
-HAND_FROM_WRIST = 0.11355  # m along z of the last joint, where tools are mounted
+HAND_FROM_WRIST = 0.11355  # m along z of the last joint: the mounting face of tools
 HAND = Inertial(
     0.19125,
     (0.01093, 0.00042, -0.01532),
     (0.00017588, 0.00021166377, 0.00023745397, 0.00000147073, 0.0000243633, 0.00000172689),
 )
-# Baxter's second joint has springs that carry part of the arm's weight. How strong they are is not published:
-# chosen so that they carry about half of it with the arm stretched out level.
-SPRING_JOINT, SPRING, SPRING_REST = "s1", 12.0, -2.147  # N m/rad, and where it is at rest [rad]
-COVER_RADIUS = 0.06  # m, the radius of the arm's covers
+# Springs at Baxter's second joint carry part of the arm's weight. Their stiffness is not published; this one
+# carries about half of the weight of the horizontally extended arm.
+SPRING_JOINT, SPRING, SPRING_REST = "s1", 12.0, -2.147  # stiffness [N m/rad], rest position [rad]
+COVER_RADIUS = 0.06  # m, of the arm's covers

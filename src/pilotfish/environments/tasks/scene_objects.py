@@ -1,9 +1,9 @@
-"""Pieces that things in a workcell are made of."""
+"""Geoms, colours and rotations of which the objects of tasks are made."""
 
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter import FLOOR, OBJECT, ROBOT
+from pilotfish.environments.baxter.body import FLOOR, OBJECT, ROBOT
 from pilotfish.geometry import from_rotation_vector
 from pilotfish.types import Array, Float
 
@@ -26,18 +26,18 @@ def add_solid(
     pos: Triple,
     rgba: tuple[float, float, float, float],
 ) -> mujoco.MjsGeom:
-    """A solid piece [m] of a thing, which touches the robot and other things; it has no mass yet."""
+    """Add a geom without mass that collides with the robot and with objects, and return it."""
     geom = body.add_geom(name=name, type=kind, size=size, pos=pos, rgba=rgba, mass=0.0)
     geom.contype, geom.conaffinity = OBJECT, ROBOT | OBJECT
     return geom
 
 
 def axis_angle_quaternion(axis: Triple, angle: float) -> Float[Array, " 4"]:
-    """The quaternion of a turn by an angle [rad] about an axis of length one."""
+    """Return the quaternion of a rotation about a unit axis [rad]."""
     return from_rotation_vector(angle * np.array(axis))
 
 
 def add_post(spec: mujoco.MjSpec, name: str, top: Float[Array, " 3"], half: float = 0.03) -> mujoco.MjsGeom:
-    """A square post that stands on the floor and ends at its top [m]; half of its width is half."""
+    """Add a square post from the floor to a point [m], and return it; half is half of its width [m]."""
     x, y, z = (float(value) for value in top)
     return add_solid(spec.worldbody, name, BOX, (half, half, (z - FLOOR) / 2), (x, y, (z + FLOOR) / 2), STEEL)

@@ -1,14 +1,14 @@
-"""Pictures show what stands where, look as they did, and change nothing of the physics."""
+"""Rendered images show the scene, equal the references, and do not change the physics."""
 
 import mujoco
 import numpy as np
 import pytest
 from drawing import needs_renderer
-from reference_images import TOLERANCE, image_difference, initial_workcell, load_reference, render_workcell
+from reference_images import TOLERANCE, compare_images, initial_workcell, load_reference, render_workcell
 
 from pilotfish.environments import TASKS
-from pilotfish.environments.baxter import empty_world
-from pilotfish.environments.cameras import FRONT_RIGHT, CameraView, Overlay, SceneRenderer, camera_view
+from pilotfish.environments.baxter.body import empty_world
+from pilotfish.environments.scene_renderer import FRONT_RIGHT, CameraView, SceneRenderer
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, quaternion_exp
 
@@ -31,71 +31,67 @@ def at_rest(model: mujoco.MjModel) -> mujoco.MjData:
 
 
 def middle(changed: np.ndarray) -> tuple[float, float]:
-    """Row and column in the middle of what is true."""
+    """Return the mean row and column of the true pixels."""
     row, column = np.nonzero(changed)
     return float(row.mean()), float(column.mean())
 
 
 @pytest.mark.parametrize("task", NAMES)
-def test_a_task_looks_as_it_did(task: str):
-    """The beginning of each task is the picture that was kept of it, as far as another Mesa draws it."""
-    apart = image_difference(render_workcell(initial_workcell(task)), load_reference(task))
-    assert apart <= TOLERANCE, f"{task}: {apart}; look at both, and make it anew if it is meant to look so"
+def test_render_task_equals_reference(task: str):
+    difference = compare_images(render_workcell(initial_workcell(task)), load_reference(task))
+    assert difference <= TOLERANCE, (
+        f"{task}: {difference}; compare both, and write a new reference if the change is intended"
+    )
 
 
 @pytest.mark.parametrize("task", NAMES)
-def test_an_arm_that_is_elsewhere_is_seen(task: str):
-    """A shoulder or an elbow that is turned by 6 degrees is more than the tolerance."""
+def test_render_moved_arm_differs(task: str):
     for joint in (0, 1, 3):
         cell = initial_workcell(task)
         cell.arm.q[joint] += 0.1
         mujoco.mj_forward(cell.model, cell.data)
-        assert not image_difference(render_workcell(cell), load_reference(task)) <= TOLERANCE, (
-            f"joint {joint} moved and nobody saw it"
+        assert not compare_images(render_workcell(cell), load_reference(task)) <= TOLERANCE, (
+            f"joint {joint} moved without a visible change"
         )
 
 
 @pytest.mark.parametrize("task", NAMES)
-def test_a_thing_that_is_missing_is_seen(task: str):
-    """Each body that the task brings, and what the hand holds, is more than the tolerance when it is gone."""
+def test_render_missing_object_differs(task: str):
     cell = initial_workcell(task)
     for body in map(cell.model.body, range(1, cell.model.nbody)):
         shapes = np.flatnonzero(cell.model.geom_bodyid == body.id)
-        of_the_robot = body.name.startswith(("left_", "right_")) and body.name != "right_held"
-        if of_the_robot or not shapes.size:
+        is_robot = body.name.startswith(("left_", "right_")) and body.name != "right_held"
+        if is_robot or not shapes.size:
             continue
         groups = cell.model.geom_group[shapes].copy()
-        cell.model.geom_group[shapes] = 5  # which pictures leave out
-        assert not image_difference(render_workcell(cell), load_reference(task)) <= TOLERANCE, (
-            f"{body.name} is gone and nobody saw it"
+        cell.model.geom_group[shapes] = 5  # which the renderer leaves out
+        assert not compare_images(render_workcell(cell), load_reference(task)) <= TOLERANCE, (
+            f"{body.name} is hidden without a visible change"
         )
         cell.model.geom_group[shapes] = groups
 
 
 @pytest.mark.parametrize("task", NAMES)
-def test_another_mesa_would_pass(task: str):
-    """Edges that lie half a pixel aside, and colours two steps brighter, are within the tolerance."""
-    seen = load_reference(task).astype(float)
-    aside = (seen + np.roll(seen, 1, axis=1)) / 2.0
-    assert image_difference(np.minimum(aside + 2.0, 255.0), load_reference(task)) <= TOLERANCE
+def test_render_small_differences_are_tolerated(task: str):
+    reference = load_reference(task).astype(float)
+    shifted = (reference + np.roll(reference, 1, axis=1)) / 2.0
+    assert compare_images(np.minimum(shifted + 2.0, 255.0), load_reference(task)) <= TOLERANCE
 
 
-def test_directions_are_those_of_the_robot():
-    """Seen from above with azimuth 90, what is ahead of the robot is to the right, and its left is up."""
+def test_camera_view_directions_match_robot():
     green = (0.0, 1.0, 0.0, 1.0)
     at = {}
-    for name, place in (("here", (0.5, 0, 0)), ("ahead", (0.8, 0, 0)), ("left", (0.5, 0.3, 0))):
+    for name, place in (("middle", (0.5, 0, 0)), ("ahead", (0.8, 0, 0)), ("left", (0.5, 0.3, 0))):
         with SceneRenderer(model := box_at(place, green), ABOVE) as renderer:
             taken = renderer.render(at_rest(model)).astype(int)
         at[name] = middle(taken[..., 1] - taken[..., 0] > 60)
-    assert at["ahead"][1] > at["here"][1] + 50
-    assert at["ahead"][0] == pytest.approx(at["here"][0], abs=3)
-    assert at["left"][0] < at["here"][0] - 50
-    assert at["left"][1] == pytest.approx(at["here"][1], abs=3)
+    assert at["ahead"][1] > at["middle"][1] + 50
+    assert at["ahead"][0] == pytest.approx(at["middle"][0], abs=3)
+    assert at["left"][0] < at["middle"][0] - 50
+    assert at["left"][1] == pytest.approx(at["middle"][1], abs=3)
 
 
-def test_pictures_have_the_size_asked_for():
-    """Rows, columns, three colours; the background is not black."""
+def test_render_has_requested_size():
     model = empty_world(0.001).compile()
     with SceneRenderer(model, FRONT_RIGHT, width=64, height=48) as renderer:
         taken = renderer.render(at_rest(model))
@@ -105,25 +101,23 @@ def test_pictures_have_the_size_asked_for():
 
 
 @pytest.mark.parametrize(("width", "height"), [(0, 10), (10, 0), (961, 10), (10, 721)])
-def test_pictures_of_another_size_are_refused(width: int, height: int):
-    """The refusal tells which sizes there are."""
-    with pytest.raises(InvalidInput, match=r"expected from 1 x 1 to 960 x 720"):
+def test_renderer_invalid_size_is_refused(width: int, height: int):
+    with pytest.raises(InvalidInput, match=r"expected 1 x 1 to 960 x 720"):
         SceneRenderer(empty_world(0.001).compile(), width=width, height=height)
 
 
-def test_marks_stand_where_they_are_told():
-    """The axes of a frame start where it stands, red along x, green along y; a path goes from end to end."""
+def test_render_frames_and_path_are_drawn_in_place():
     model = box_at((0.5, 0.0, -5.0), (1.0, 0.0, 0.0, 1.0))  # below the floor
     pose = Pose(
         np.array([0.5, 0.0, 0.0]), quaternion_exp(np.array([0.0, 0.0, np.pi / 4]))
     )  # x to the left, y back
     with SceneRenderer(model, ABOVE) as renderer:
         plain = renderer.render(at_rest(model)).astype(int)
-        marked = renderer.render(at_rest(model), Overlay({"it": pose})).astype(int)
+        marked = renderer.render(at_rest(model), frames={"it": pose}).astype(int)
         ends = np.array([[0.5, 0.0, 0.0], [0.8, 0.0, 0.0]])
-        path = renderer.render(at_rest(model), Overlay(path=ends)).astype(int)
+        path = renderer.render(at_rest(model), path=ends).astype(int)
     change = marked - plain
-    row, column = 240.0, 320.0  # what is looked at is in the middle
+    row, column = 240.0, 320.0  # the camera looks at the middle
     up, aside = middle(change[..., 1] - change[..., 0] < -40)  # red
     assert (up, aside) == (pytest.approx(row - 7, abs=6), pytest.approx(column, abs=4))
     across = middle(change[..., 1] - change[..., 0] > 40)  # green
@@ -133,50 +127,44 @@ def test_marks_stand_where_they_are_told():
     assert columns.max() > column + 50
 
 
-def test_marks_are_drawn_once(rng: np.random.Generator):
-    """A picture without marks after one with them is what it was before; long paths and many frames fit."""
+def test_render_overlay_is_drawn_once(rng: np.random.Generator):
     model = empty_world(0.001).compile()
     path = rng.normal(size=(20_000, 3))
     frames = {str(n): Pose(rng.normal(size=3), np.array([1.0, 0.0, 0.0, 0.0])) for n in range(50)}
     with SceneRenderer(model) as renderer:
         before = renderer.render(at_rest(model))
-        marked = renderer.render(at_rest(model), Overlay(frames, path))
+        marked = renderer.render(at_rest(model), frames=frames, path=path)
         after = renderer.render(at_rest(model))
     np.testing.assert_array_equal(before, after)
     assert (before != marked).any()
 
 
 @pytest.mark.parametrize("points", [0, 1])
-def test_a_path_without_a_way_is_nothing(points: int):
-    """A path of no or one point leaves the picture as it is."""
+def test_render_path_of_one_point_is_not_drawn(points: int):
     model = empty_world(0.001).compile()
     with SceneRenderer(model) as renderer:
         plain = renderer.render(at_rest(model))
-        marked = renderer.render(at_rest(model), Overlay(path=np.zeros((points, 3))))
+        marked = renderer.render(at_rest(model), path=np.zeros((points, 3)))
     np.testing.assert_array_equal(plain, marked)
 
 
-def test_pictures_change_nothing():
-    """A workcell that is photographed at each step moves bit for bit as one that nobody looks at."""
+def test_render_does_not_change_physics():
     cells = [initial_workcell("valve") for _ in range(2)]
     with SceneRenderer(cells[0].model) as renderer:
         for _ in range(5):
             for cell in cells:
                 target = Pose(cell.target.position + 0.01, cell.target.quaternion)
                 cell.step_impedance(target, 1.0, 20)
-            renderer.render(cells[0].data, Overlay(cells[0].frames()))
+            renderer.render(cells[0].data, frames=cells[0].frames())
     np.testing.assert_array_equal(cells[0].data.qpos, cells[1].data.qpos)
     np.testing.assert_array_equal(cells[0].data.qvel, cells[1].data.qvel)
 
 
-def test_what_was_closed_may_be_closed_again():
-    """Closing twice, and leaving after closing, are no mistakes."""
+def test_close_twice_is_allowed():
     with SceneRenderer(empty_world(0.001).compile(), width=8, height=8) as renderer:
         renderer.close()
         renderer.close()
 
 
-def test_a_task_that_has_no_view_is_seen_as_a_whole():
-    """Any name has a view; those of the tasks are their own."""
-    assert camera_view("something else") == FRONT_RIGHT
-    assert len({camera_view(name) for name in NAMES}) == len(NAMES)
+def test_task_views_are_distinct():
+    assert len({TASKS[name].view for name in NAMES}) == len(NAMES)
