@@ -59,13 +59,13 @@ class RemoteTool:
     def follow(self, command: Pose) -> Pose:
         """Return the tool one step later; it cannot pass the wall in x."""
         self.commands.append(command)
-        delayed = self.states[max(0, len(self.commands) - 1 - round(self.delay / TIMESTEP))]
+        delayed = self.commands[max(0, len(self.commands) - 1 - round(self.delay / TIMESTEP))]
         share = 1.0 if self.lag == 0.0 else 1.0 - np.exp(-TIMESTEP / self.lag)
         position = self.tool.position + share * (delayed.position - self.tool.position)
         position[0] = min(position[0], self.wall)
-        turned = self.tool.quaternion if share < 1.0 else delayed.quaternion
-        turned = turned if turned @ delayed.quaternion >= 0 else -turned
-        self.tool = Pose(position, normalise(turned + share * (delayed.quaternion - turned)))
+        start = self.tool.quaternion if share < 1.0 else delayed.quaternion
+        start = start if start @ delayed.quaternion >= 0 else -start
+        self.tool = Pose(position, normalise(start + share * (delayed.quaternion - start)))
         return self.tool
 
 

@@ -78,7 +78,7 @@ def test_workcell_lever_starts_at_start_angle(recorded: list[RecordedValve]):
 
 
 def test_check_success_without_motion_fails(recorded: list[RecordedValve]):
-    for valve in [*recorded, *map(drawn, range(3))]:
+    for valve in [*recorded, *map(sample_situation, range(3))]:
         cell = Workcell(RECORDED_VALVE, valve)
         cell.step_impedance(cell.target, 1.0, 300)
         outcome = cell.outcome()

@@ -67,8 +67,8 @@ def test_tip_beside_funnel_rests_on_plate():
     for height, ticks in ((0.06, 2000), (0.002, 1500), (0.002, 1000)):
         for _ in range(ticks // 100):
             cell.step_impedance(tool_above_recess(cell.frames(), height) @ aside, 0.0, 100)
-    seen = cell.frames()["target"].inverse() @ cell.arm.tool
-    assert HIGH - 0.001 < seen.position[2] < HIGH + 0.003
+    local = cell.frames()["target"].inverse() @ cell.arm.tool
+    assert HIGH - 0.001 < local.position[2] < HIGH + 0.003
     assert not cell.outcome().success
     assert cell.forces["tool"] > 5.0
 
@@ -99,7 +99,7 @@ def test_check_success_depends_on_tool_pose():
     assert moved(0.0, 0.0, -9.0).success
     assert moved(0.002, 0.0, 0.0).error == pytest.approx(0.002, abs=1e-4)
     assert "the tip is 4.0 mm" in moved(0.004, 0.0, 0.0).reason
-    assert "leans by 6.0 degrees" in moved(0.0, 6.0, 0.0).reason
+    assert "tilted by 6.0 degrees" in moved(0.0, 6.0, 0.0).reason
     assert "12.0 degrees across" in moved(0.0, 0.0, 12.0).reason
 
 
@@ -134,9 +134,9 @@ def test_frames_equal_target_body(seed):
     cell = Workcell(SCREWDRIVER, sample_situation(seed))
     for _ in range(10):
         cell.step_impedance(cell.target, 0.0, 200)
-        seen, wanted = cell.frames()["target"], screw_pose(cell.situation, cell.time)
-        assert np.linalg.norm(seen.position - wanted.position) < 0.0015
-        assert angle(seen.quaternion, wanted.quaternion) < 1e-6
+        local, wanted = cell.frames()["target"], screw_pose(cell.situation, cell.time)
+        assert np.linalg.norm(local.position - wanted.position) < 0.0015
+        assert angle(local.quaternion, wanted.quaternion) < 1e-6
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -79,7 +79,7 @@ def test_demonstration_script_every_goal_is_reachable():
     for seed in range(50):
         situation, again = (VALVE.sample_situation(np.random.default_rng(seed)) for _ in range(2))
         assert np.array_equal(situation.valve.position, again.valve.position)
-        assert (situation.start_angle, situation.goal_angle) == (again.begin, again.end)
+        assert (situation.start_angle, situation.goal_angle) == (again.start_angle, again.goal_angle)
         frames = {
             "before": handle_pose(situation, situation.start_angle),
             "after": handle_pose(situation, situation.goal_angle),

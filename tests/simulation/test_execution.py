@@ -151,15 +151,15 @@ def test_perform_default_horizon_is_mean_length(
 
 @pytest.mark.parametrize("sphere", [False, True])
 def test_perform_other_columns_are_refused(valve_recordings: tuple[RecordedDemonstration, ...], sphere: bool):
-    shown = [opening.demonstration for opening in valve_recordings]
+    recorded = [opening.demonstration for opening in valve_recordings]
     if sphere:
-        shown = [to_sphere(demo) for demo in shown]
-    layout = shown[0].layout
+        recorded = [to_sphere(demo) for demo in recorded]
+    layout = recorded[0].layout
     pushed = Layout((*layout.parts[:-1], Part("push", Quantity.SCALAR, 1, "N")))
     rng = np.random.default_rng(0)
     others = {
-        "push": [add_derivatives(replace(demo, layout=pushed)) for demo in shown],
-        "grip": shown,
+        "push": [add_derivatives(replace(demo, layout=pushed)) for demo in recorded],
+        "grip": recorded,
         "orientation": [
             add_derivatives(
                 demonstration(
@@ -169,7 +169,7 @@ def test_perform_other_columns_are_refused(valve_recordings: tuple[RecordedDemon
                     [replace(frame, A=frame.A[:7, :7], b=frame.b[:7]) for frame in demo.frames],
                 )
             )
-            for demo in shown
+            for demo in recorded
         ],
     }
     for column, demonstrations in others.items():
@@ -194,10 +194,10 @@ def test_perform_other_frames_are_refused(valve_recordings: tuple[RecordedDemons
 def test_perform_frame_order_has_no_effect(
     valve_recordings: tuple[RecordedDemonstration, ...], unchecked: None
 ):
-    shown = [add_derivatives(opening.demonstration) for opening in valve_recordings]
+    recorded = [add_derivatives(opening.demonstration) for opening in valve_recordings]
     results = []
     for frames in (slice(None), slice(None, None, -1)):
-        demonstrations = [replace(demo, frames=demo.frames[frames]) for demo in shown]
+        demonstrations = [replace(demo, frames=demo.frames[frames]) for demo in recorded]
         skill = learn(demonstrations, states=5, rng=np.random.default_rng(0)).skill
         results.append(perform(skill, VALVE, unseen_situation(0)))
     np.testing.assert_allclose(results[0].commanded, results[1].commanded, atol=1e-6)
@@ -274,12 +274,12 @@ def test_perform_plans_ahead_to_end(
     perform(
         skill, SCREWDRIVER, situation, on_period=lambda cell: places.append(cell.frames()["target"].position)
     )
-    seen = np.array([start, *places])
+    positions = np.array([start, *places])
     first = 6 if sphere else 7  # column of velocities: a rotation vector has three numbers
     for t in range(1, len(made)):
         now, later, steps = made[t]
-        gone = seen[t] - seen[t - 1]
-        expected = now.means[:, :3] + (steps - 1) * gone
+        displacement = positions[t] - positions[t - 1]
+        expected = now.means[:, :3] + (steps - 1) * displacement
         np.testing.assert_allclose(later.means[:, :3], expected, atol=1e-9)
         np.testing.assert_allclose(later.means[:, first:], now.means[:, first:], atol=1e-6)
     drift = [np.ptp(now.means[0, first : first + 3]) for now, _, _ in made[1:]]
@@ -334,25 +334,25 @@ def test_moving_frames_equal_recorded_motion(
 
 def test_moving_frames_means_move_with_objects(carrying: tuple[Skill, Demonstration, list[Pose]]):
     skill, demo, poses = carrying
-    seen, h = skill.means[0, 0], skill.period
+    local_mean, h = skill.means[0, 0], skill.period
     for t in range(1, len(poses) - 1):
         frames = moving_frames(
             skill, {"cup": poses[t - 1]}, {"cup": poses[t]}, np.append(demo.x[t], np.zeros(7))
         )
         mean = adapt(skill, frames).means[0]
-        now, later = (poses[s].position + rotation_matrix(poses[s].quaternion) @ seen[:3] for s in (t, t + 1))
+        now, later = (poses[s].position + rotation_matrix(poses[s].quaternion) @ local_mean[:3] for s in (t, t + 1))
         own = (
-            rotation_matrix(poses[t + 1].quaternion) @ seen[7:10]
-        )  # the hand's velocity, seen from the object
+            rotation_matrix(poses[t + 1].quaternion) @ local_mean[7:10]
+        )  # the hand's velocity, local_mean from the object
         np.testing.assert_allclose(mean[:3], now, atol=1e-9)
         np.testing.assert_allclose(mean[7:10], (later - now) / h + own, atol=1e-9)
 
 
 def test_moving_frames_on_sphere_means_rotate(carrying: tuple[Skill, Demonstration, list[Pose]]):
     _, demo, poses = carrying
-    shown = to_sphere(demo)
+    converted = to_sphere(demo)
     held = replace(
-        shown, x=np.hstack([shown.x[:, :3], [(p @ Pose(np.zeros(3), HOLD)).quaternion for p in poses]])
+        converted, x=np.hstack([converted.x[:, :3], [(p @ Pose(np.zeros(3), HOLD)).quaternion for p in poses]])
     )
     skill = learn([add_derivatives(held)], states=1, rng=np.random.default_rng(0)).skill
     for t in range(1, len(poses) - 1):

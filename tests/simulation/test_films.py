@@ -78,13 +78,13 @@ def test_require_pillow_missing_is_refused(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.parametrize(
-    ("count", "moments", "shown"), [(11, 6, (0, 2, 4, 6, 8, 10)), (3, 6, (0, 1, 2)), (1, 6, (0,))]
+    ("count", "moments", "chosen"), [(11, 6, (0, 2, 4, 6, 8, 10)), (3, 6, (0, 1, 2)), (1, 6, (0,))]
 )
-def test_film_strip_shows_first_to_last(count: int, moments: int, shown: tuple[int, ...]):
+def test_film_strip_shows_first_to_last(count: int, moments: int, chosen: tuple[int, ...]):
     frames = plain(count)
     figure = film_strip(frames, [0.5 * n for n in range(count)], moments)
-    assert [axes.get_title() for axes in figure.axes] == [f"{0.5 * n:.1f} s" for n in shown]
-    for axes, n in zip(figure.axes, shown, strict=True):
+    assert [axes.get_title() for axes in figure.axes] == [f"{0.5 * n:.1f} s" for n in chosen]
+    for axes, n in zip(figure.axes, chosen, strict=True):
         np.testing.assert_array_equal(axes.images[0].get_array(), frames[n])
 
 

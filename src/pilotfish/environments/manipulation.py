@@ -201,8 +201,8 @@ def _validate_options(options: dict[str, Any], task: Task[Any]) -> None:
     if options:
         kind = type(task.sample_situation(np.random.default_rng(0)))
         require_type(
-            "the situation",
             options["situation"],
+            "the situation",
             kind,
             f"sample one: TASKS[{task.name!r}].sample_situation(rng)",
         )

@@ -71,7 +71,7 @@ def perform(
 ) -> ExecutionResult:
     """Perform a skill in physics from the task's start pose.
 
-    Where objects move, the motion is planned anew in each period for their extrapolated poses.
+    Where objects move, the motion is planned again in each period for their extrapolated poses.
 
     Args:
         skill: Skill learned from recordings of the task, with derivatives.
