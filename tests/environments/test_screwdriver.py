@@ -100,7 +100,7 @@ def test_check_success_depends_on_tool_pose():
     assert moved(0.002, 0.0, 0.0).error == pytest.approx(0.002, abs=1e-4)
     assert "the tip is 4.0 mm" in moved(0.004, 0.0, 0.0).reason
     assert "tilted by 6.0 degrees" in moved(0.0, 6.0, 0.0).reason
-    assert "12.0 degrees across" in moved(0.0, 0.0, 12.0).reason
+    assert "12.0 degrees from the direction" in moved(0.0, 0.0, 12.0).reason
 
 
 def test_check_success_blade_rotated_by_half_turn_is_done():
