@@ -46,7 +46,7 @@ def test_forward_backward_agrees_with_listing_every_path(kernels, chain, T, K, s
         )
         for j in range(K):
             steps = ((every[:, :-1] == j) & (every[:, 1:] == k)).sum(axis=1)
-            np.testing.assert_allclose(result.transitions[j, k], share @ steps, rtol=1e-8, atol=1e-11)
+            np.testing.assert_allclose(result.transition_counts[j, k], share @ steps, rtol=1e-8, atol=1e-11)
     for t in range(T):
         heads, log_heads = enumerate_paths(problem[0][: t + 1], *problem[1:])
         for k in range(K):
@@ -89,7 +89,7 @@ def test_what_no_path_explains_has_likelihood_zero(kernels):
         result = kernels.forward_backward(log_emissions, initial, dead_end)
         assert result.log_likelihood == -np.inf
         assert not result.smoothed_state_probs.any()
-        assert not result.transitions.any()
+        assert not result.transition_counts.any()
         assert not np.isnan(result.log_forward).any()
         assert kernels.viterbi(log_emissions, initial, dead_end).log_probability == -np.inf
 
@@ -114,7 +114,7 @@ def test_a_path_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
     transitions = np.array([[1.0, rare], [0.0, 1.0]])  # rows need not sum to one
     result = kernels.forward_backward(log_emissions, np.array([1.0, 0.0]), transitions)
     np.testing.assert_allclose(result.log_likelihood, np.log(rare), rtol=1e-12)  # change exactly at the turn
-    np.testing.assert_allclose(result.transitions[0, 1], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(result.transition_counts[0, 1], 1.0, rtol=1e-9)
     assert kernels.viterbi(log_emissions, np.array([1.0, 0.0]), transitions).states.sum() == T - turn
 
 
@@ -130,9 +130,9 @@ def test_a_hundred_thousand_steps_lose_nothing(compiled, chain, spread):
     assert np.isfinite(result.log_likelihood)
     np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-11)
     np.testing.assert_allclose(result.smoothed_state_probs.sum(axis=1), 1.0, rtol=1e-12)
-    np.testing.assert_allclose(result.transitions.sum(), 99_999, rtol=1e-12)
+    np.testing.assert_allclose(result.transition_counts.sum(), 99_999, rtol=1e-12)
     np.testing.assert_allclose(
-        result.transitions.sum(axis=1), result.smoothed_state_probs[:-1].sum(axis=0), rtol=1e-9
+        result.transition_counts.sum(axis=1), result.smoothed_state_probs[:-1].sum(axis=0), rtol=1e-9
     )
     np.testing.assert_allclose(result.smoothed_state_probs, reference_result.smoothed_state_probs, atol=1e-6)
     np.testing.assert_allclose(result.log_forward, reference_result.log_forward, rtol=1e-11)
@@ -152,7 +152,7 @@ def test_compiled_chain_agrees_with_the_reference(compiled, chain, K, spread, ze
     np.testing.assert_allclose(
         result.smoothed_state_probs, reference_result.smoothed_state_probs, rtol=1e-7, atol=1e-30
     )
-    np.testing.assert_allclose(result.transitions, reference_result.transitions, rtol=1e-7, atol=1e-25)
+    np.testing.assert_allclose(result.transition_counts, reference_result.transition_counts, rtol=1e-7, atol=1e-25)
     found, expected = compiled.viterbi(*problem), reference.viterbi(*problem)
     np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-13)
     np.testing.assert_array_equal(found.states, expected.states)

@@ -8,9 +8,9 @@ from pilotfish.kernels import Emissions, reference
 
 SUMS = (
     "log_likelihoods",
-    "transition_counts",
+    "counts",
     "initial_counts",
-    "transitions",
+    "transition_counts",
     "offsets",
     "scatter_matrices",
 )
@@ -53,9 +53,9 @@ def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, 
     error = given.x[:, :, None] - given.means[:, None]  # (P, N, K, D)
     expected = {
         "log_likelihoods": [chain.log_likelihood for chain in chains],
-        "transition_counts": gamma.sum(axis=0),
+        "counts": gamma.sum(axis=0),
         "initial_counts": sum(chain.smoothed_state_probs[0] for chain in chains),
-        "transitions": sum(chain.transitions for chain in chains),
+        "transition_counts": sum(chain.transition_counts for chain in chains),
         "offsets": np.einsum("nk,pnki->pki", gamma, error),
         "scatter_matrices": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
     }
@@ -122,7 +122,7 @@ def test_a_hundred_thousand_steps_add_up(compiled, case):
     given = case(1, [100_000], 2, 3)
     result, reference_result = compiled.e_step(*given.arguments), reference.e_step(*given.arguments)
     np.testing.assert_allclose(result.counts.sum(), 100_000, rtol=1e-12)
-    np.testing.assert_allclose(result.transitions.sum(), 99_999, rtol=1e-12)
+    np.testing.assert_allclose(result.transition_counts.sum(), 99_999, rtol=1e-12)
     for name in SUMS:
         np.testing.assert_allclose(
             getattr(result, name), getattr(reference_result, name), rtol=1e-7, err_msg=name

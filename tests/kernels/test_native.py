@@ -16,26 +16,12 @@ from pilotfish.kernels import (
     Emissions,
     SlowKernelsWarning,
     StreamParameters,
-    active,
+    backend,
     empty_stream,
     reference,
 )
+from pilotfish.kernels.validation import KERNELS
 
-NATIVE = (
-    "log_emissions",
-    "e_step",
-    "forward_backward",
-    "viterbi",
-    "precision_cholesky",
-    "semi_markov",
-    "semi_markov_viterbi",
-    "semi_markov_forward",
-    "semi_markov_e_step",
-    "riccati",
-    "semi_tied_sweeps",
-    "observe",
-    "observe_one",
-)
 ULP = np.finfo(float).eps
 
 
@@ -48,19 +34,19 @@ def test_the_compiled_kernels_run_wherever_they_exist(compiled):
     """ACTIVE names the instruction set, and the room's functions are the compiled ones."""
     assert compiled.INSTRUCTION_SET == BACKEND
     assert BACKEND in {"x86-64-v3", "baseline"}
-    assert all(getattr(pilotfish.kernels, name) is getattr(compiled, name) for name in NATIVE)
+    assert all(getattr(pilotfish.kernels, name) is getattr(compiled, name) for name in KERNELS)
 
 
 def test_without_them_the_reference_runs_after_one_warning(monkeypatch):
     """The warning names what is missing and the remedy; the numbers are the twins'."""
     monkeypatch.setitem(sys.modules, "pilotfish.kernels.compiled", None)
-    spec = importlib.util.spec_from_file_location("without_compiler", active.__file__)
+    spec = importlib.util.spec_from_file_location("without_compiler", backend.__file__)
     without = importlib.util.module_from_spec(spec)
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         spec.loader.exec_module(without)
     assert without.BACKEND == "numpy"
-    assert all(getattr(without, name) is getattr(reference, name) for name in NATIVE)
+    assert all(getattr(without, name) is getattr(reference, name) for name in KERNELS)
     (warning,) = seen
     assert warning.category.__name__ == SlowKernelsWarning.__name__
     assert "install a C++17 compiler" in str(warning.message)
@@ -174,24 +160,24 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
     for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
         with pytest.raises(ValueError, match="lengths"):
             baseline.e_step(x, np.array(lengths), *chain, means, precision_cholesky, no_turns, 1)
-    with pytest.raises(ValueError, match="whiteners has 2 entries along axis 1, expected 3"):
+    with pytest.raises(ValueError, match="precision_cholesky has 2 entries along axis 1, expected 3"):
         baseline.log_emissions(x, means, precision_cholesky[:, :2], no_turns)
     for orientation_starts in ([0], [-1], [2**40]):
-        with pytest.raises(ValueError, match="turns are not columns"):
+        with pytest.raises(ValueError, match="orientation_starts are not"):
             baseline.log_emissions(x, means, precision_cholesky, np.array(orientation_starts))
-    with pytest.raises(ValueError, match="turns are not columns"):  # they overlap
+    with pytest.raises(ValueError, match="orientation_starts are not"):  # they overlap
         baseline.log_emissions(np.zeros((1, 5, 8)), np.zeros((1, 3, 8)), precision_cholesky, np.array([0, 3]))
     with pytest.raises(ValueError, match="threads is -1, expected"):
         baseline.e_step(x, np.array([5]), *chain, means, precision_cholesky, no_turns, -1)
-    with pytest.raises(ValueError, match="log_visits has 5 entries along axis 0, expected 4"):
-        baseline.semi_markov(np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="second axis of log_visits is empty"):
+    with pytest.raises(ValueError, match="log_segment_weights has 5 entries along axis 0, expected 4"):
+        baseline.semi_markov_forward_backward(np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="second axis of log_segment_weights is empty"):
         baseline.semi_markov_viterbi(np.zeros((9, 3)), *chain[:2], np.zeros((4, 0, 3)), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="transitions has 3 entries along axis 0, expected 4"):
         baseline.forward_backward(np.zeros((2, 4)), np.zeros(4), chain[1], np.zeros((4, 4)))
     with pytest.raises(ValueError, match="log_emissions is empty"):
         baseline.viterbi(np.zeros((0, 3)), np.zeros(3), chain[1])
-    with pytest.raises(ValueError, match="A and B hold neither"):
+    with pytest.raises(ValueError, match="A and B have neither"):
         baseline.riccati(
             np.zeros((2, 2, 2)), np.zeros((2, 2, 1)), np.zeros((9, 2, 2)), np.zeros((9, 2)), np.eye(1)
         )
@@ -225,10 +211,10 @@ def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(base
         ({"head": np.array([np.nan, 1, 9, 30, -1, 0])}, "head names a cluster"),
         ({"head": np.array([0.0, 1, 9, 30, len(rows), 1])}, "head names a cluster"),
         ({"head": np.zeros(3)}, "head has 3 entries"),
-        ({"capacity": 3}, "room is no multiple of 4"),
-        ({"capacity": -4}, "room is no multiple of 4"),
-        ({"capacity": 400}, "room is no multiple of 4"),
-        ({"numbers": parameters.numbers[:-1].copy()}, "rules has 12 entries"),
+        ({"capacity": 3}, "capacity is not a multiple of 4"),
+        ({"capacity": -4}, "capacity is not a multiple of 4"),
+        ({"capacity": 400}, "capacity is not a multiple of 4"),
+        ({"numbers": parameters.numbers[:-1].copy()}, "parameters has 12 entries"),
         ({"numbers": np.where(np.arange(13) == 12, 0.0, parameters.numbers)}, "batch"),
     ]:
         with pytest.raises(ValueError, match=words):

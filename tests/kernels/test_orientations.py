@@ -94,7 +94,7 @@ def test_compiled_kernels_turn_as_the_references_do(compiled, turning, P, length
     markov = given.x, given.lengths, given.initial, given.transitions, emissions
     for name, arguments in [("e_step", markov), ("semi_markov_e_step", (*markov[:2], tables, emissions))]:
         result, reference_result = getattr(compiled, name)(*arguments), getattr(reference, name)(*arguments)
-        for sums in type(reference_result).__dataclass_fields__:
+        for sums in type(reference_result)._fields:
             found, expected = getattr(result, sums), getattr(reference_result, sums)
             scale = np.abs(expected).max()
             np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-11 * scale, err_msg=sums)
@@ -111,7 +111,7 @@ def test_the_sign_of_a_quaternion_says_nothing(kernels, turning, rng):
     other = kernels.e_step(
         flipped, *rest, Emissions(means, emissions.precision_cholesky, emissions.orientation_starts)
     )
-    for sums in type(result).__dataclass_fields__:
+    for sums in type(result)._fields:
         np.testing.assert_allclose(getattr(other, sums), getattr(result, sums), rtol=1e-9, atol=1e-11)
 
 

@@ -26,7 +26,7 @@ def assert_equal_sums(compiled, problem, atol=1e-12):
             getattr(found, name), getattr(reference_result, name), rtol=1e-7, atol=atol, err_msg=name
         )
     assert not found.initial_counts[np.asarray(problem[1]) == 0.0].any()
-    assert not found.transitions[np.asarray(problem[2]) == 0.0].any()
+    assert not found.transition_counts[np.asarray(problem[2]) == 0.0].any()
 
 
 @pytest.mark.parametrize("zeros", [0.0, 0.5])
@@ -91,7 +91,7 @@ def test_a_recording_that_no_path_explains_adds_nothing(compiled):
     found = expected_sums(compiled, np.zeros((5, 2)), np.array([1.0, 0.0]), dead_end, np.array([3, 2]))
     assert found.log_likelihoods[0] == -np.inf
     np.testing.assert_allclose(found.counts, [1.0, 1.0])
-    np.testing.assert_allclose(found.transitions, [[0.0, 1.0], [0.0, 0.0]])
+    np.testing.assert_allclose(found.transition_counts, [[0.0, 1.0], [0.0, 0.0]])
 
 
 def test_a_state_of_hardly_any_mass_keeps_its_moments(compiled, rng):

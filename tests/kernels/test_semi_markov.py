@@ -9,12 +9,12 @@ from scipy.special import logsumexp
 from pilotfish.kernels import SemiMarkovTables, reference
 
 SHORT = [(1, 1), (1, 3), (4, 1), (2, 2), (6, 2), (5, 3)]
-EXPECTED = ("smoothed_state_probs", "transitions", "segments", "tail_counts")
+EXPECTED = ("smoothed_state_probs", "transition_counts", "segments", "tail_counts")
 SUMS = (
     "log_likelihoods",
-    "transition_counts",
+    "counts",
     "initial_counts",
-    "transitions",
+    "transition_counts",
     "segments",
     "tail_counts",
     "offsets",
@@ -69,7 +69,7 @@ def path_log_weight(log_emissions, tables, path, counts):
         counts["smoothed_state_probs"][begin:end, state] = 1.0
     for (j, *_), (k, *_) in itertools.pairwise(segments):
         log_p += log_of(tables.transitions)[j, k]
-        counts["transitions"][j, k] += 1.0
+        counts["transition_counts"][j, k] += 1.0
     return log_p
 
 
@@ -77,7 +77,7 @@ def enumerate_paths(log_emissions, tables):
     """Every path, log p(emissions, path), and what each counts."""
     shapes = {
         "smoothed_state_probs": log_emissions.shape,
-        "transitions": tables.transitions.shape,
+        "transition_counts": tables.transitions.shape,
         "segments": tables.log_segment_weights.shape,
         "tail_counts": tables.log_tail_weights.shape,
     }
@@ -102,7 +102,7 @@ def test_semi_markov_agrees_with_listing_every_path(kernels, problem, T, K, S, s
     """
     given = problem(T, K, S, spread, zeros)
     _, log_p, counts = enumerate_paths(*given)
-    result = kernels.semi_markov(*given)
+    result = kernels.semi_markov_forward_backward(*given)
     log_likelihood = logsumexp(log_p) if np.isfinite(log_p).any() else -np.inf
     np.testing.assert_allclose(result.log_likelihood, log_likelihood, rtol=1e-12, atol=1e-12)
     share = np.exp(log_p - log_likelihood) if np.isfinite(log_likelihood) else np.zeros(len(log_p))
@@ -126,7 +126,8 @@ def test_semi_markov_forward_agrees_with_recordings_that_end_earlier(
     followed = SemiMarkovTables(tables.initial, tables.transitions, inside, np.full((2, K), -np.inf))
     result = kernels.semi_markov_forward(log_emissions, tables)
     for t in range(T):
-        for chain, found in [(tables, result.log_forward), (followed, result.log_segment_ends)]:
+        log_segment_ends, log_forward = result
+        for chain, found in [(tables, log_forward), (followed, log_segment_ends)]:
             paths, log_p, _ = enumerate_paths(log_emissions[: t + 1], chain)
             ends = np.array(paths)[:, -1]
             expected = [np.logaddexp.reduce(log_p[ends == k]) for k in range(K)]
@@ -187,13 +188,13 @@ def test_with_geometric_lengths_it_is_a_markov_chain(kernels, chain, T, K):
     transitions = 0.5 * (transitions + np.eye(K))
     tables = geometric(initial, transitions / transitions.sum(axis=1, keepdims=True), T)
     markov = reference.forward_backward(log_emissions, initial, transitions)
-    result = kernels.semi_markov(log_emissions, tables)
+    result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.log_likelihood, markov.log_likelihood, rtol=1e-12)
     np.testing.assert_allclose(
         result.smoothed_state_probs, markov.smoothed_state_probs, rtol=1e-8, atol=1e-12
     )
-    changes = markov.transitions * (1.0 - np.eye(K))
-    np.testing.assert_allclose(result.transitions, changes, rtol=1e-8, atol=1e-12)
+    changes = markov.transition_counts * (1.0 - np.eye(K))
+    np.testing.assert_allclose(result.transition_counts, changes, rtol=1e-8, atol=1e-12)
     best, expected = (
         kernels.semi_markov_viterbi(log_emissions, tables),
         reference.viterbi(log_emissions, initial, transitions),
@@ -209,11 +210,11 @@ def test_what_is_counted_adds_up(kernels, problem, T, S, spread):
     more than changes of state; the posteriors' sum is each state's share of the recording.
     """
     log_emissions, tables = problem(T, 4, S, spread)
-    result = kernels.semi_markov(log_emissions, tables)
+    result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.smoothed_state_probs.sum(axis=1), 1.0, rtol=1e-12)
     inside = np.einsum("csk,s->k", result.segments, np.arange(1.0, S + 1.0))
     np.testing.assert_allclose(
-        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transitions.sum(), rtol=1e-10
+        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transition_counts.sum(), rtol=1e-10
     )
     np.testing.assert_allclose(result.segments[2:].sum() + result.tail_counts.sum(), 1.0, rtol=1e-10)
     if S >= T:
@@ -234,7 +235,7 @@ def test_a_state_that_is_never_left_keeps_the_rest(kernels):
         np.full((4, S, 2), np.log(0.25)),
         np.zeros((2, 2)),
     )
-    result = kernels.semi_markov(log_emissions, tables)
+    result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.smoothed_state_probs[:, 1], np.arange(T) >= 3, atol=1e-12)
     np.testing.assert_allclose(result.tail_counts, [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(result.log_likelihood, np.log(0.25), atol=1e-12)
@@ -254,7 +255,7 @@ def test_what_no_path_explains_has_likelihood_zero(kernels):
             SemiMarkovTables(np.zeros(2), np.zeros((2, 2)), np.zeros((4, 1, 2)), np.zeros((2, 2))),
         ),
     ]:
-        result = kernels.semi_markov(log_emissions, chain)
+        result = kernels.semi_markov_forward_backward(log_emissions, chain)
         assert result.log_likelihood == -np.inf
         assert not any(getattr(result, name).any() for name in EXPECTED)
         assert kernels.semi_markov_viterbi(log_emissions, chain).log_probability == -np.inf
@@ -272,9 +273,9 @@ def test_a_segment_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare
         np.full((4, S, 2), -800.0),
         np.zeros((2, 2)),
     )
-    result = kernels.semi_markov(log_emissions, tables)
+    result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.log_likelihood, np.log(rare) - 1600.0, rtol=1e-12)  # change at the turn
-    np.testing.assert_allclose(result.transitions[0, 1], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(result.transition_counts[0, 1], 1.0, rtol=1e-9)
     np.testing.assert_allclose(result.segments[1, turn - 1, 0], 1.0, rtol=1e-9)
     assert kernels.semi_markov_viterbi(log_emissions, tables).states.sum() == T - turn
 
@@ -292,14 +293,14 @@ def test_semi_markov_e_step_sums_what_is_found_in_each_demonstration(kernels, ca
     tables = tables_for(given, rng, 6)
     result = kernels.semi_markov_e_step(given.x, given.lengths, tables, given.emissions)
     parts = np.split(reference.log_emissions(given.x, given.emissions), np.cumsum(given.lengths)[:-1])
-    chains = [reference.semi_markov(part, tables) for part in parts]
+    chains = [reference.semi_markov_forward_backward(part, tables) for part in parts]
     gamma = np.concatenate([chain.smoothed_state_probs for chain in chains])
     error = given.x[:, :, None] - given.means[:, None]  # (P, N, K, D)
     expected = {
         "log_likelihoods": [chain.log_likelihood for chain in chains],
-        "transition_counts": gamma.sum(axis=0),
+        "counts": gamma.sum(axis=0),
         "initial_counts": sum(chain.smoothed_state_probs[0] for chain in chains),
-        "transitions": sum(chain.transitions for chain in chains),
+        "transition_counts": sum(chain.transition_counts for chain in chains),
         "segments": sum(chain.segments for chain in chains),
         "tail_counts": sum(chain.tail_counts for chain in chains),
         "offsets": np.einsum("nk,pnki->pki", gamma, error),
@@ -328,17 +329,16 @@ def test_a_demonstration_that_no_segments_explain_adds_nothing(kernels, case):
 def test_compiled_semi_markov_chain_agrees_with_the_reference(compiled, problem, T, K, S, spread, zeros):
     """Any number of states and steps, also around the multiples of eight that registers hold."""
     given = problem(T, K, S, spread, zeros)
-    result, reference_result = compiled.semi_markov(*given), reference.semi_markov(*given)
+    result, reference_result = compiled.semi_markov_forward_backward(*given), reference.semi_markov_forward_backward(*given)
     np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-11, atol=1e-11)
     for name in EXPECTED:
         np.testing.assert_allclose(
             getattr(result, name), getattr(reference_result, name), rtol=1e-7, atol=1e-10, err_msg=name
         )
-    forward, reference_result = compiled.semi_markov_forward(*given), reference.semi_markov_forward(*given)
-    np.testing.assert_allclose(
-        forward.log_segment_ends, reference_result.log_segment_ends, rtol=1e-11, atol=1e-10
-    )
-    np.testing.assert_allclose(forward.log_forward, reference_result.log_forward, rtol=1e-11, atol=1e-10)
+    for compiled_array, reference_array in zip(
+        compiled.semi_markov_forward(*given), reference.semi_markov_forward(*given), strict=True
+    ):
+        np.testing.assert_allclose(compiled_array, reference_array, rtol=1e-11, atol=1e-10)
     found, expected = compiled.semi_markov_viterbi(*given), reference.semi_markov_viterbi(*given)
     np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-11, atol=1e-11)
     if np.isfinite(expected.log_probability):
@@ -353,12 +353,12 @@ def test_a_hundred_thousand_steps_of_segments_lose_nothing(compiled, problem, sp
     None of the numbers kept grows with time: in the twin, log probabilities reach 1e8.
     """
     T, S = 100_000, 30
-    result = compiled.semi_markov(*problem(T, 3, S, spread))
+    result = compiled.semi_markov_forward_backward(*problem(T, 3, S, spread))
     assert np.isfinite(result.log_likelihood)
     lasted = np.einsum("csk,s->", result.segments, np.arange(1.0, S + 1.0))
     np.testing.assert_allclose(lasted + result.tail_counts.sum() * S, T, rtol=1e-9)
     np.testing.assert_allclose(
-        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transitions.sum()
+        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transition_counts.sum()
     )
     np.testing.assert_allclose(result.segments[2:].sum() + result.tail_counts.sum(), 1.0, rtol=1e-8)
     np.testing.assert_allclose(result.segments[1::2].sum() + result.tail_counts[1].sum(), 1.0, rtol=1e-8)

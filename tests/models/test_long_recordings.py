@@ -65,7 +65,7 @@ def test_extended_max_duration_equals_full_length(model, rng, still):
     T, log_b = len(demo.x), log_emissions(model, views([demo]))
     assert FULL_LENGTH_FACTOR * model.dynamics.durations.max_duration(TAIL_PROBABILITY) < T
     tables = segment_tables(model.dynamics, T)
-    full = kernels.semi_markov(log_b, tables)
+    full = kernels.semi_markov_forward_backward(log_b, tables)
     np.testing.assert_allclose(
         log_likelihood(model, [demo]), full.log_likelihood, rtol=0, atol=T * TAIL_PROBABILITY
     )
@@ -81,7 +81,7 @@ def test_extended_max_duration_equals_full_length(model, rng, still):
     if still:  # and the law alone would not do
         brief = segment_tables(model.dynamics, model.dynamics.durations.max_duration(TAIL_PROBABILITY))
         assert (
-            kernels.semi_markov(log_b, brief).log_likelihood
+            kernels.semi_markov_forward_backward(log_b, brief).log_likelihood
             < full.log_likelihood - 100 * T * TAIL_PROBABILITY
         )
 

@@ -21,7 +21,7 @@ class ExactInference:
 
     log_likelihood: float
     smoothed_state_probs: np.ndarray  # (T, K)
-    transitions: np.ndarray  # (K, K)
+    transition_counts: np.ndarray  # (K, K)
     log_forward: np.ndarray  # (T, K), log p(steps 0 to t, state k at t)
     best_log_probability: float  # log-probability of the most probable path
     path: list[int]

@@ -45,9 +45,9 @@ def impedance_torque(
 
     Source:
         Tanwani 2018, eq. 6.11, with the orientation error on S^3; Chiaverini 1997 for J^+ near singular
-        postures, as in the kernel `impedance`.
+        postures, as in the kernel `impedance_torque`.
     """
-    return kernels.impedance(impedance, limits, reading, target)
+    return kernels.impedance_torque(impedance, limits, reading, target)
 
 
 def posture_torque(

@@ -1,8 +1,8 @@
 """Gaussian mixture regression (GMR): some columns given the others.
 
 With responsibilities h_k(x) and conditional densities N(y | m_k(x), C_k), the prediction has the mean
-sum_k h_k m_k and the covariance sum_k h_k (C_k + (m_k - mean)(m_k - mean)^T). Its derivative by x contains the
-derivative of the responsibilities, h_k (s_k - sum_j h_j s_j), where s_k = d log N_k(x) / dx is the score.
+sum_k h_k m_k and the covariance sum_k h_k (C_k + (m_k - mean)(m_k - mean)^T). Its derivative by x contains
+the derivative of the responsibilities, h_k (s_k - sum_j h_j s_j), where s_k = d log N_k(x) / dx is the score.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,9 @@
 """Gaussian mixture regression on R^n x S^3 x ..., called by `regress_with_responsibilities`.
 
-Every component predicts in the tangent space at its own output mean. The predicted mean is the weighted Karcher
-mean of the predictions: the point at which their weighted logarithmic maps cancel. Covariances are moved to the
-tangent space of that mean by the differentials of the exponential and logarithmic maps. The derivative by the
-input follows from the implicit function theorem.
+Every component predicts in the tangent space at its own output mean. The predicted mean is the weighted
+Karcher mean of the predictions: the point at which their weighted logarithmic maps cancel. Covariances are
+moved to the tangent space of that mean by the differentials of the exponential and logarithmic maps. The
+derivative by the input follows from the implicit function theorem.
 """
 
 import numpy as np

@@ -1,5 +1,7 @@
-"""The few loops that decide how long learning and planning take: arrays in, arrays out, no state.
-Each exists twice, compiled and as a NumPy reference in kernels.twins; ACTIVE says which of them these names are.
+"""The loops that dominate the time of learning and planning: arrays in, arrays out, no state.
+
+Each kernel exists twice, compiled and as a NumPy reference in kernels.reference; BACKEND names the one in
+use.
 """
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
@@ -17,28 +19,20 @@ from pilotfish.kernels.backend import (
     SlowKernelsWarning,
     e_step,
     forward_backward,
-    impedance,
+    impedance_torque,
     log_emissions,
     observe,
     observe_one,
     precision_cholesky,
     riccati,
-    semi_markov,
     semi_markov_e_step,
     semi_markov_forward,
+    semi_markov_forward_backward,
     semi_markov_viterbi,
     semi_tied_sweeps,
     viterbi,
 )
-from pilotfish.kernels.results import (
-    EStep,
-    ForwardBackward,
-    RiccatiSolution,
-    SemiMarkovEStep,
-    SemiMarkovForward,
-    SemiMarkovForwardBackward,
-    ViterbiPath,
-)
+from pilotfish.kernels.results import EStep, SemiMarkovForward
 from pilotfish.kernels.stream_state import (
     MAX_VALUE,
     ClusterColumn,
@@ -62,12 +56,8 @@ __all__ = [
     "ClusterColumn",
     "EStep",
     "Emissions",
-    "ForwardBackward",
     "ImpedanceParameters",
-    "RiccatiSolution",
-    "SemiMarkovEStep",
     "SemiMarkovForward",
-    "SemiMarkovForwardBackward",
     "SemiMarkovTables",
     "SlowKernelsWarning",
     "StreamCounter",
@@ -75,22 +65,21 @@ __all__ = [
     "StreamState",
     "StreamStep",
     "ToolTarget",
-    "ViterbiPath",
     "Weighting",
     "clip_torque",
     "e_step",
     "empty_stream",
     "forward_backward",
-    "impedance",
+    "impedance_torque",
     "log_emissions",
     "observe",
     "observe_one",
     "precision_cholesky",
     "riccati",
     "round_up_to_four",
-    "semi_markov",
     "semi_markov_e_step",
     "semi_markov_forward",
+    "semi_markov_forward_backward",
     "semi_markov_viterbi",
     "semi_tied_sweeps",
     "stream_row_length",

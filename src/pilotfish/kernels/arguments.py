@@ -1,4 +1,4 @@
-"""What the kernels are given, where it takes several arrays to say one thing."""
+"""Arguments of the kernels that consist of several arrays."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,14 @@ from pilotfish.types import Array, Float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Emissions:
-    """Gaussians of K states in each of P frames.
+    """Gaussian emissions of K states in each of P frames.
 
-    whiteners[p, k] = W is the inverse of the lower Cholesky factor of Sigma[p, k], so that Sigma^-1 = W^T W;
-    only its lower triangle is read. turns holds the first column of each unit quaternion that is a point of
-    S^3: its deviations have three columns for its four, so E = D - len(turns).
+    Attributes:
+        means: Mean of each state in each frame.
+        precision_cholesky: Lower triangular W = inverse of the lower Cholesky factor of Sigma, so that
+            W^T W = Sigma^-1. Entries above the diagonal are not read.
+        orientation_starts: First column of each unit quaternion, which is a point of S^3. Its deviations have
+            three columns instead of four, so that E = D - len(orientation_starts).
     """
 
     means: Float[Array, "P K D"]
@@ -21,13 +24,17 @@ class Emissions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SemiMarkovTables:
-    """A semi-Markov chain as its kernels read it: probabilities, and logarithms of how long visits last.
+    """Semi-Markov chain: probabilities, and log-weights of segment durations.
 
-    transitions has a zero diagonal; a row of zeros is a state that is never left.
-    log_visits[c, s - 1, k] is the log weight of a visit to k of which s steps were recorded:
-    c = 0 with both ends inside the recording, 1 it began with the recording, 2 the recording ended it,
-    3 it fills the recording. log_beyond[0] continues kind 2 and log_beyond[1] kind 3 to any s > S; kinds 0
-    and 1 never last longer than S.
+    A segment is a maximal run of steps in one state. Its kind c is 0 if both ends are inside the recording,
+    1 if it begins with the recording (left-censored), 2 if it ends with the recording (right-censored), and 3
+    if it fills the recording. Kinds 0 and 1 last at most S steps.
+
+    Attributes:
+        initial: Probability of each state at the first step.
+        transitions: Transition probabilities with a zero diagonal; a final state has a row of zeros.
+        log_segment_weights: Log-weight [c, s - 1, k] of a segment of kind c in state k with s recorded steps.
+        log_tail_weights: Log-weights of the segments of kinds 2 and 3 with more than S recorded steps.
     """
 
     initial: Float[Array, " K"]

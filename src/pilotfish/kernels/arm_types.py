@@ -1,4 +1,4 @@
-"""What the arm controller is given and gives back: n joints, at most 16, the tool in world axes."""
+"""Arguments and results of the arm controller, for n joints (at most 16) and a tool in world axes."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,14 @@ from pilotfish.types import Array, Float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmLimits:
-    """How far [rad], how fast [rad/s] and how hard [N m] each joint goes; the last two either way."""
+    """Limits of the joints.
+
+    Attributes:
+        lower: Lowest positions [rad].
+        upper: Highest positions [rad].
+        velocity: Largest speeds, in both directions [rad/s].
+        torque: Largest torques, in both directions [N m].
+    """
 
     lower: Float[Array, " n"]
     upper: Float[Array, " n"]
@@ -19,19 +26,26 @@ class ArmLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImpedanceParameters:
-    """Springs and dampers that hold a tool, along and about the world's axes, and its arm in shape.
+    """Cartesian impedance of the tool in world axes, and joint impedance in its null space.
 
-    force_limit       of springs and of springs with dampers: longer forces are shortened [N]
-    moment_limit      likewise of moments [N m]
-    singular_value    directions of the Jacobian below it count less as task, more as null space
-    limit_margin      how near a joint's limits a spring pushes it back [rad], of limit_stiffness [N m/rad]
+    Attributes:
+        stiffness: Translational stiffness [N/m], then rotational stiffness [N m/rad].
+        damping: Translational damping [N s/m], then rotational damping [N m s/rad].
+        posture: Preferred joint positions q_neutral [rad].
+        posture_stiffness: Stiffness towards the posture in the null space, k_q [N m/rad].
+        joint_damping: Damping of every joint, k_v [N m s/rad].
+        force_limit: Largest force of the spring, and of spring and damper together [N].
+        moment_limit: Largest moment of the spring, and of spring and damper together [N m].
+        min_singular_value: Directions of the Jacobian with smaller singular values fade into the null space.
+        limit_margin: Distance to a joint limit at which a spring begins to push back [rad].
+        limit_stiffness: Stiffness of that spring [N m/rad].
     """
 
-    stiffness: Float[Array, " 6"]  # N/m along x y z, N m/rad about them
-    damping: Float[Array, " 6"]  # N s/m, N m s/rad
-    posture: Float[Array, " n"]  # rad, q_neutral
-    posture_stiffness: float  # N m/rad, in the null space: k_q
-    joint_damping: float  # N m s/rad: k_v
+    stiffness: Float[Array, " 6"]
+    damping: Float[Array, " 6"]
+    posture: Float[Array, " n"]
+    posture_stiffness: float
+    joint_damping: float
     force_limit: float
     moment_limit: float
     min_singular_value: float
@@ -41,19 +55,34 @@ class ImpedanceParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmState:
-    """An arm now: joints, its tool in the world, and what both have to do with each other."""
+    """Measured state of an arm.
 
-    q: Float[Array, " n"]  # rad
-    velocity: Float[Array, " n"]  # rad/s
-    position: Float[Array, " 3"]  # m
+    Attributes:
+        q: Joint positions [rad].
+        velocity: Joint velocities [rad/s].
+        position: Tool position in the world [m].
+        quaternion: Tool orientation, w x y z.
+        jacobian: Maps joint velocities to the twist of the tool, in world axes: [m/s], then [rad/s].
+        bias: Gravity and Coriolis torques [N m], which compensate the motion of the arm.
+    """
+
+    q: Float[Array, " n"]
+    velocity: Float[Array, " n"]
+    position: Float[Array, " 3"]
     quaternion: Float[Array, " 4"]
-    jacobian: Float[Array, "6 n"]  # velocity to twist of the tool's point: m/s, then rad/s
-    bias: Float[Array, " n"]  # gravity and Coriolis [N m]: what holds the arm as it moves
+    jacobian: Float[Array, "6 n"]
+    bias: Float[Array, " n"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolTarget:
-    """Where a tool is wanted, and how it is to move there: m/s, then rad/s, world axes."""
+    """Desired pose and twist of a tool, in world axes.
+
+    Attributes:
+        position: Desired position [m].
+        quaternion: Desired orientation, w x y z.
+        twist: Desired velocity [m/s], then angular velocity [rad/s].
+    """
 
     position: Float[Array, " 3"]
     quaternion: Float[Array, " 4"]
@@ -62,10 +91,13 @@ class ToolTarget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmCommand:
-    """Torques [N m] within their limits, and how they came about.
+    """Joint torques within their limits.
 
-    wrench is what spring and damper ask for, within its own limits [N, N m]; share, 0 to 1, is the least part
-    that a joint could give of what was asked of it beyond the bias: 1 when no limit on torque was met.
+    Attributes:
+        torque: Joint torques [N m].
+        wrench: Force and moment of spring and damper, within their limits [N, N m].
+        torque_fraction: Smallest fraction of its requested torque beyond the bias that a joint could apply,
+            from 0 to 1; 1 if no torque limit was active.
     """
 
     torque: Float[Array, " n"]
@@ -76,18 +108,27 @@ class ArmCommand:
 def clip_torque(
     limit: Float[Array, " n"], bias: Float[Array, " n"], joint_torque: Float[Array, " n"]
 ) -> tuple[Float[Array, " n"], float]:
-    """Bias + push, each cut to its limit, and the least share of its push that any joint could give.
+    """Return bias + joint_torque clipped to the limits, and the smallest fraction of joint_torque applied.
 
-    Every joint for itself: one that hardly carries its own weight must not stop the others.
+    Every joint is clipped on its own: a joint that can hardly carry its weight must not stop the others.
+
+    Args:
+        limit: Largest torques, in both directions [N m].
+        bias: Gravity and Coriolis torques [N m].
+        joint_torque: Requested torques beyond the bias [N m].
     """
     torque, clipped_bias = np.clip(bias + joint_torque, -limit, limit), np.clip(bias, -limit, limit)
     saturated = torque != bias + joint_torque
-    shares = (torque[saturated] - clipped_bias[saturated]) / np.where(
+    fractions = (torque[saturated] - clipped_bias[saturated]) / np.where(
         joint_torque[saturated] == 0.0, np.inf, joint_torque[saturated]
     )
-    return torque, float(shares.min(initial=1.0))
+    return torque, float(fractions.min(initial=1.0))
 
 
 def zero_non_finite(values: Float[Array, " n"]) -> Float[Array, " n"]:
-    """The same, but zero where it is no finite number: what is not known pushes nothing."""
+    """Return the values, with zero in place of NaN and infinities.
+
+    Args:
+        values: Torques [N m].
+    """
     return np.where(np.isfinite(values), values, 0.0)

@@ -1,48 +1,23 @@
-"""The compiled kernels where they exist, their NumPy references elsewhere."""
+"""Choice of the implementation: the compiled kernels if they were built, else their NumPy references."""
 
 import warnings
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from pilotfish.kernels import reference
+from pilotfish.kernels.validation import KERNELS
 
 
 class SlowKernelsWarning(UserWarning):
-    """The compiled kernels are missing: the same numbers, an order of magnitude later."""
+    """Warning that the compiled kernels are missing: same results, about ten times slower."""
 
 
+_implementation: Any
 try:
-    from pilotfish.kernels.compiled import INSTRUCTION_SET as BACKEND
-    from pilotfish.kernels.compiled import (
-        e_step,
-        forward_backward,
-        impedance,
-        log_emissions,
-        observe,
-        observe_one,
-        precision_cholesky,
-        riccati,
-        semi_markov,
-        semi_markov_e_step,
-        semi_markov_forward,
-        semi_markov_viterbi,
-        semi_tied_sweeps,
-        viterbi,
-    )
+    _implementation = import_module("pilotfish.kernels.compiled")
+    BACKEND: str = _implementation.INSTRUCTION_SET
 except ImportError as reason:
-    from pilotfish.kernels.reference import (
-        e_step,
-        forward_backward,
-        impedance,
-        log_emissions,
-        observe,
-        observe_one,
-        precision_cholesky,
-        riccati,
-        semi_markov,
-        semi_markov_e_step,
-        semi_markov_forward,
-        semi_markov_viterbi,
-        semi_tied_sweeps,
-        viterbi,
-    )
-
+    _implementation = reference
     BACKEND = "numpy"
     warnings.warn(
         f"pilotfish runs on NumPy, without its compiled kernels ({reason}): same results, but learning "
@@ -52,21 +27,9 @@ except ImportError as reason:
         stacklevel=2,
     )
 
-__all__ = [
-    "BACKEND",
-    "SlowKernelsWarning",
-    "e_step",
-    "forward_backward",
-    "impedance",
-    "log_emissions",
-    "observe",
-    "observe_one",
-    "precision_cholesky",
-    "riccati",
-    "semi_markov",
-    "semi_markov_e_step",
-    "semi_markov_forward",
-    "semi_markov_viterbi",
-    "semi_tied_sweeps",
-    "viterbi",
-]
+if TYPE_CHECKING:
+    from pilotfish.kernels.compiled import *  # noqa: F403 (signatures of all kernels)
+else:
+    for name in KERNELS:
+        globals()[name] = getattr(_implementation, name)
+        globals()[name].__doc__ = getattr(reference, name).__doc__

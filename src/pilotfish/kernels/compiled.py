@@ -1,9 +1,9 @@
-"""The compiled kernels, for the newest instruction set that this processor has. Twins say what they compute.
+"""Compiled kernels, for the newest instruction set of this processor.
 
-Importing this module raises ImportError where they could not be built.
+kernels.reference defines what they compute. Importing this module raises ImportError if they were not built.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
 from typing import Any, ParamSpec, TypeVar
@@ -25,7 +25,6 @@ from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
     RiccatiSolution,
-    SemiMarkovEStep,
     SemiMarkovForward,
     SemiMarkovForwardBackward,
     ViterbiPath,
@@ -37,23 +36,7 @@ _baseline: Any = import_module("pilotfish.kernels._baseline")
 INSTRUCTION_SET: str = "x86-64-v3" if _baseline.supports_v3() else "baseline"
 _native: Any = import_module("pilotfish.kernels._v3") if INSTRUCTION_SET == "x86-64-v3" else _baseline
 
-KERNELS = (
-    "e_step",
-    "forward_backward",
-    "impedance",
-    "log_emissions",
-    "observe",
-    "observe_one",
-    "riccati",
-    "semi_markov",
-    "semi_markov_e_step",
-    "semi_markov_forward",
-    "semi_markov_viterbi",
-    "semi_tied_sweeps",
-    "viterbi",
-    "precision_cholesky",
-)
-if missing_kernels := sorted(set(KERNELS) - set(dir(_native))):
+if missing_kernels := sorted(set(validation.KERNELS) - set(dir(_native))):
     raise ImportError(f"they were built from older sources and lack {', '.join(missing_kernels)}")
 
 
@@ -61,27 +44,23 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-def _validate_on_failure(
-    check: Callable[..., Iterable[Any]],
-) -> Callable[[Callable[Arguments, Result]], Callable[Arguments, Result]]:
-    """Return a decorator that runs a kernel again, with the arguments that check returns, where it refuses.
+def _validate_on_failure(kernel: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Return the kernel, which validates and packs its arguments only if the native function rejects them.
 
-    A kernel itself accepts nothing but packed arrays of the right shapes and numbers; to check them in Python
-    each time would take as long as a small problem does.
+    The native functions accept only packed arrays of matching shapes and valid numbers. To validate in Python
+    at every call would take as long as a small problem does.
     """
+    pack = validation.KERNELS[kernel.__name__]
 
-    def decorate(kernel: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-        @wraps(kernel)
-        def run(*arguments: Arguments.args, **keywords: Arguments.kwargs) -> Result:
-            try:
-                return kernel(*arguments, **keywords)
-            except (TypeError, ValueError, OverflowError, IndexError):
-                checked = check(*arguments, **keywords)
-            return kernel(*checked)  # type: ignore[call-arg]  # check returns them all
+    @wraps(kernel)
+    def run(*arguments: Arguments.args, **keywords: Arguments.kwargs) -> Result:
+        try:
+            return kernel(*arguments, **keywords)
+        except (TypeError, ValueError, OverflowError, IndexError):
+            packed = pack(*arguments, **keywords)
+        return kernel(*packed)  # type: ignore[call-arg]  # pack returns all arguments
 
-        return run
-
-    return decorate
+    return run
 
 
 def _emission_arrays(
@@ -104,13 +83,13 @@ def _table_arrays(
     return log_initial, log_transitions, tables.log_segment_weights, tables.log_tail_weights
 
 
-@_validate_on_failure(lambda x, emissions: validation.pack_gaussians(x, emissions, {}))
+@_validate_on_failure
 def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
     log_densities: Float[Array, "N K"] = _native.log_emissions(x, *_emission_arrays(emissions))
     return log_densities
 
 
-@_validate_on_failure(validation.pack_e_step)
+@_validate_on_failure
 def e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
@@ -120,24 +99,26 @@ def e_step(
     threads: int = 1,
 ) -> EStep:
     logarithms = log_probability_array(initial), transitions, log_probability_array(transitions)
-    return EStep(*_native.e_step(x, lengths, *logarithms, *_emission_arrays(emissions), threads))
+    sums = _native.e_step(x, lengths, *logarithms, *_emission_arrays(emissions), threads)
+    no_segments, no_tails = np.zeros((4, 0, len(initial))), np.zeros((2, len(initial)))
+    return EStep(*(*sums[:4], no_segments, no_tails, *sums[4:]))
 
 
-@_validate_on_failure(validation.pack_semi_markov_e_step)
+@_validate_on_failure
 def semi_markov_e_step(
     x: Float[Array, "P N D"],
     lengths: Int[Array, " M"],
     tables: SemiMarkovTables,
     emissions: Emissions,
     threads: int = 1,
-) -> SemiMarkovEStep:
+) -> EStep:
     sums = _native.semi_markov_e_step(
         x, lengths, *_table_arrays(tables), *_emission_arrays(emissions), threads
     )
-    return SemiMarkovEStep(*sums)
+    return EStep(*sums)
 
 
-@_validate_on_failure(validation.pack_markov)
+@_validate_on_failure
 def forward_backward(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ForwardBackward:
@@ -145,33 +126,29 @@ def forward_backward(
     return ForwardBackward(*_native.forward_backward(log_emissions, *logarithms))
 
 
-def impedance(
-    impedance: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
+def impedance_torque(
+    parameters: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
 ) -> ArmCommand:
-    try:
-        control_cost = _call_native(impedance, limits, state, target)
-    except (
-        TypeError,
-        ValueError,
-    ):  # checked and packed only here: a control loop calls this each millisecond
-        control_cost = _call_native(*validation.pack_arm(impedance, limits, state, target))
-    return control_cost
+    try:  # without the decorator: a control loop calls this every millisecond
+        return _impedance_torque(parameters, limits, state, target)
+    except (TypeError, ValueError):
+        return _impedance_torque(*validation.pack_arm(parameters, limits, state, target))
 
 
-def _call_native(
-    impedance: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
+def _impedance_torque(
+    parameters: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
 ) -> ArmCommand:
-    torque, wrench, torque_fraction = _native.impedance(
-        impedance.stiffness,
-        impedance.damping,
-        impedance.posture,
-        impedance.posture_stiffness,
-        impedance.joint_damping,
-        impedance.force_limit,
-        impedance.moment_limit,
-        impedance.min_singular_value,
-        impedance.limit_margin,
-        impedance.limit_stiffness,
+    torque, wrench, torque_fraction = _native.impedance_torque(
+        parameters.stiffness,
+        parameters.damping,
+        parameters.posture,
+        parameters.posture_stiffness,
+        parameters.joint_damping,
+        parameters.force_limit,
+        parameters.moment_limit,
+        parameters.min_singular_value,
+        parameters.limit_margin,
+        parameters.limit_stiffness,
         limits.lower,
         limits.upper,
         limits.torque,
@@ -188,29 +165,31 @@ def _call_native(
     return ArmCommand(torque, wrench, torque_fraction)
 
 
-@_validate_on_failure(validation.pack_markov)
+@_validate_on_failure
 def viterbi(
     log_emissions: Float[Array, "T K"], initial: Float[Array, " K"], transitions: Float[Array, "K K"]
 ) -> ViterbiPath:
     states, log_probability = _native.viterbi(
         log_emissions, log_probability_array(initial), log_probability_array(transitions)
     )
-    return ViterbiPath(
-        states.view(np.int64), log_probability
-    )  # the same bits, by the name that NumPy knows them
+    return ViterbiPath(states.view(np.int64), log_probability)  # int64 under NumPy's own type
 
 
-@_validate_on_failure(validation.pack_semi_markov)
-def semi_markov(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForwardBackward:
-    return SemiMarkovForwardBackward(*_native.semi_markov(log_emissions, *_table_arrays(tables)))
+@_validate_on_failure
+def semi_markov_forward_backward(
+    log_emissions: Float[Array, "T K"], tables: SemiMarkovTables
+) -> SemiMarkovForwardBackward:
+    return SemiMarkovForwardBackward(
+        *_native.semi_markov_forward_backward(log_emissions, *_table_arrays(tables))
+    )
 
 
-@_validate_on_failure(validation.pack_semi_markov)
+@_validate_on_failure
 def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
     return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_table_arrays(tables)))
 
 
-@_validate_on_failure(validation.pack_semi_markov)
+@_validate_on_failure
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> ViterbiPath:
     states, log_probability = _native.semi_markov_viterbi(log_emissions, *_table_arrays(tables))
     return ViterbiPath(states.view(np.int64), log_probability)
@@ -258,7 +237,7 @@ def observe_one(
     )
 
 
-@_validate_on_failure(validation.pack_riccati)
+@_validate_on_failure
 def riccati(
     A: Float[Array, "S n n"],
     B: Float[Array, "S n m"],
@@ -293,7 +272,7 @@ def semi_tied_sweeps(
     return result
 
 
-@_validate_on_failure(validation.pack_covariances)
+@_validate_on_failure
 def precision_cholesky(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
     inverses: Float[Array, "K D D"]
     failed_index, inverses = _native.precision_cholesky(covariances)

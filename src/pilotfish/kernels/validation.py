@@ -1,11 +1,15 @@
-"""What every kernel requires of its arguments, compiled or not.
+"""Validation of the arguments of every kernel, for both implementations.
 
-`fit` packs arrays as the compiled kernels read them: float64 in native byte order, C-contiguous and aligned.
-It refuses shapes that do not belong together and numbers that no kernel is defined for. The NumPy references
-call the functions below for all arguments. The compiled kernels make the same checks themselves, and call
-these functions where they refuse, to pack the arguments or to say in the same words what is wrong with them.
+The `pack_` functions return arrays as the compiled kernels read them: float64 in native byte order,
+C-contiguous and aligned. They raise InvalidInput for shapes that do not match and numbers for which no kernel
+is defined.
+
+The NumPy references call them for all arguments. The compiled kernels make the same checks in C++, where they
+cost nothing. Only if those fail does compiled.py call these functions, either to pack the arguments or to
+raise the same message. `KERNELS`, at the end, lists the function of every kernel.
 """
 
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import fields, replace
 from math import inf
@@ -21,10 +25,10 @@ from pilotfish.types import Array, Float, Int
 from pilotfish.validation import numeric_array, require_count, require_number, short_repr
 
 MAX_NUMBER = 1e150  # sums of squares do not overflow
-MAX_COUNT = 2**53  # up to here float64 counts one by one
+MAX_EXACT_INTEGER = 2**53  # float64 represents every integer up to here
 MAX_INT = 2**31 - 1
 MAX_JOINTS = 16
-MIN_DIAGONAL = float(np.finfo(np.float64).tiny)  # compiled kernels take smaller numbers for 0
+MIN_DIAGONAL = float(np.finfo(np.float64).tiny)  # compiled kernels flush smaller numbers to 0
 
 Dataclass = TypeVar(
     "Dataclass", SemiMarkovTables, Emissions, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
@@ -32,11 +36,13 @@ Dataclass = TypeVar(
 
 
 class ArgumentSpec(NamedTuple):
-    """An array argument of a kernel.
+    """Specification of an array argument of a kernel.
 
-    axes holds a letter for each axis, equal letters for equal sizes, or a digit for a fixed size.
-    kind is "finite" (at most LARGEST_NUMBER), "probability" (at least 0, finite), "logarithm" (below +inf)
-    or "any" (NaN and infinities have a meaning).
+    Attributes:
+        name: Name of the argument.
+        axes: A letter for each axis, equal letters for equal sizes, or a digit for a fixed size.
+        domain: "finite" (at most MAX_NUMBER in magnitude), "probability" (at least 0, finite), "logarithm"
+            (below +inf) or "any" (NaN and infinities have a meaning).
     """
 
     name: str
@@ -44,18 +50,22 @@ class ArgumentSpec(NamedTuple):
     domain: str = "finite"
 
 
-CHAIN = (
+MARKOV = (
     ArgumentSpec("log_emissions", "TK", "logarithm"),
     ArgumentSpec("initial", "K", "probability"),
     ArgumentSpec("transitions", "KK", "probability"),
 )
-TABLES = (
-    *CHAIN[1:],
-    ArgumentSpec("log_segments", "4SK", "logarithm"),
+SEMI_MARKOV = (
+    *MARKOV[1:],
+    ArgumentSpec("log_segment_weights", "4SK", "logarithm"),
     ArgumentSpec("log_tail_weights", "2K", "logarithm"),
 )
-POINTS = (ArgumentSpec("x", "PND"), ArgumentSpec("means", "PKD"), ArgumentSpec("precision_cholesky", "PKEE"))
-TRACKING = (
+EMISSIONS = (
+    ArgumentSpec("x", "PND"),
+    ArgumentSpec("means", "PKD"),
+    ArgumentSpec("precision_cholesky", "PKEE"),
+)
+RICCATI = (
     ArgumentSpec("A", "Snn"),
     ArgumentSpec("B", "Snm"),
     ArgumentSpec("weights", "Tnn"),
@@ -64,7 +74,7 @@ TRACKING = (
 )
 SEMI_TIED = (
     ArgumentSpec("scatter_matrices", "KDD"),
-    ArgumentSpec("transition_counts", "K"),
+    ArgumentSpec("counts", "K"),
     ArgumentSpec("transform", "DD"),
 )
 COVARIANCES = (ArgumentSpec("covariances", "KDD", "any"),)
@@ -88,8 +98,8 @@ ARM = (
         ArgumentSpec("twist", "6", "any"),
     ),
 )
-ARM_NUMBERS = tuple(field.name for field in fields(ImpedanceParameters) if field.type in (float, "float"))
-EMPTY_AXES = "N"  # axes
+ARM_SCALARS = tuple(field.name for field in fields(ImpedanceParameters) if field.type in (float, "float"))
+EMPTY_AXES = "N"  # axes that may have size 0
 
 
 def pack_arguments(
@@ -98,12 +108,12 @@ def pack_arguments(
     """Return the values packed for the compiled kernels.
 
     Args:
-        arguments: What is expected of each value.
+        arguments: Specification of each value.
         values: Arrays or nested lists of numbers.
-        sizes: Sizes of axes that are known already; those of the values are added.
+        sizes: Known sizes of axes; those of the values are added.
 
     Raises:
-        InvalidInput: If a value is no array of real numbers, or its shape or numbers are not as expected.
+        InvalidInput: If a value is not an array of real numbers, or its shape or domain is wrong.
     """
     arrays = []
     for argument, value in zip(arguments, values, strict=True):
@@ -117,7 +127,7 @@ def pack_arguments(
 
 
 def pack_array(value: object, name: str) -> Float[Array, "..."]:
-    """Return value itself if the compiled kernels can read it where it is, a packed copy otherwise."""
+    """Return value itself if the compiled kernels can read it in place, else a packed copy."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         flags = value.flags
         if flags.c_contiguous and flags.aligned and value.dtype.isnative:
@@ -162,64 +172,66 @@ def _domain_error(argument: ArgumentSpec, array: Array) -> InvalidInput:
 
 
 def pack_markov(log_emissions: object, initial: object, transitions: object) -> list[Array]:
-    """Return the arguments of forward_backward and viterbi, packed.    Raises: InvalidInput."""
-    return pack_arguments(CHAIN, (log_emissions, initial, transitions), {})
+    """Return the packed arguments of forward_backward and viterbi."""
+    return pack_arguments(MARKOV, (log_emissions, initial, transitions), {})
 
 
 def pack_semi_markov(log_emissions: object, tables: SemiMarkovTables) -> tuple[Array, SemiMarkovTables]:
-    """Return the arguments of the semi-Markov kernels, packed.    Raises: InvalidInput."""
+    """Return the packed arguments of the semi-Markov kernels."""
     sizes: dict[str, int] = {}
-    (packed,) = pack_arguments(CHAIN[:1], (log_emissions,), sizes)
-    return packed, _pack_fields(tables, TABLES, sizes)
+    (packed,) = pack_arguments(MARKOV[:1], (log_emissions,), sizes)
+    return packed, _pack_fields(tables, SEMI_MARKOV, sizes)
 
 
-def pack_gaussians(x: object, emissions: Emissions, sizes: dict[str, int]) -> tuple[Array, Emissions]:
-    """Return datapoints and Gaussians, packed; sizes gains P, N, K, D and E.    Raises: InvalidInput."""
-    (points,) = pack_arguments(POINTS[:1], (x,), sizes)
+def pack_emissions(x: object, emissions: Emissions, sizes: dict[str, int]) -> tuple[Array, Emissions]:
+    """Return packed datapoints and Gaussians; add P, N, K, D and E to sizes."""
+    (points,) = pack_arguments(EMISSIONS[:1], (x,), sizes)
     orientation_starts = _validate_orientation_starts(emissions.orientation_starts, sizes["D"])
     sizes["E"] = sizes["D"] - len(orientation_starts)
     means, precision_cholesky = pack_arguments(
-        POINTS[1:], (emissions.means, emissions.precision_cholesky), sizes
+        EMISSIONS[1:], (emissions.means, emissions.precision_cholesky), sizes
     )
-    if not (least := np.einsum("pkii->pki", precision_cholesky).min()) >= MIN_DIAGONAL:
+    if not (smallest := np.einsum("pkii->pki", precision_cholesky).min()) >= MIN_DIAGONAL:
         raise InvalidInput(
-            f"precision_cholesky has {least} on a diagonal, expected at least {MIN_DIAGONAL:g}"
+            f"precision_cholesky has {smallest} on a diagonal, expected at least {MIN_DIAGONAL:g}"
         )
     return points, Emissions(means, precision_cholesky, orientation_starts)
 
 
 def _validate_orientation_starts(orientation_starts: tuple[int, ...], D: int) -> tuple[int, ...]:
-    columns = sorted(require_count(turn, "orientation_starts", MAX_INT) for turn in orientation_starts)
-    free = 0
-    for turn in columns:
-        if not free <= turn <= D - 4:
+    columns = sorted(require_count(start, "orientation_starts", MAX_INT) for start in orientation_starts)
+    end = 0
+    for start in columns:
+        if not end <= start <= D - 4:
             raise InvalidInput(
-                f"orientation_starts is {short_repr(orientation_starts)}, expected first columns of four each, apart, of {D} in all"
+                f"orientation_starts is {short_repr(orientation_starts)}, expected first columns of "
+                f"quaternions of four columns each, which do not overlap, among {D} columns"
             )
-        free = turn + 4
+        end = start + 4
     return tuple(columns)
 
 
 def pack_e_step(
     x: object, lengths: object, initial: object, transitions: object, emissions: Emissions, threads: int = 1
 ) -> tuple[Array, Array, Array, Array, Emissions, int]:
-    """Return the arguments of e_step, packed.    Raises: InvalidInput."""
+    """Return the packed arguments of e_step."""
     sizes: dict[str, int] = {}
-    points, packed = pack_gaussians(x, emissions, sizes)
-    first, onward = pack_arguments(CHAIN[1:], (initial, transitions), sizes)
-    return points, _validate_lengths(lengths, sizes["N"]), first, onward, packed, _validate_threads(threads)
+    points, packed = pack_emissions(x, emissions, sizes)
+    initial_array, transitions_array = pack_arguments(MARKOV[1:], (initial, transitions), sizes)
+    lengths_array = _validate_lengths(lengths, sizes["N"])
+    return points, lengths_array, initial_array, transitions_array, packed, _validate_threads(threads)
 
 
 def pack_semi_markov_e_step(
     x: object, lengths: object, tables: SemiMarkovTables, emissions: Emissions, threads: int = 1
 ) -> tuple[Array, Array, SemiMarkovTables, Emissions, int]:
-    """Return the arguments of semi_markov_e_step, packed.    Raises: InvalidInput."""
+    """Return the packed arguments of semi_markov_e_step."""
     sizes: dict[str, int] = {}
-    points, packed = pack_gaussians(x, emissions, sizes)
+    points, packed = pack_emissions(x, emissions, sizes)
     return (
         points,
         _validate_lengths(lengths, sizes["N"]),
-        _pack_fields(tables, TABLES, sizes),
+        _pack_fields(tables, SEMI_MARKOV, sizes),
         packed,
         _validate_threads(threads),
     )
@@ -229,11 +241,11 @@ def _validate_lengths(lengths: object, N: int) -> Int[Array, " M"]:
     array = np.asarray(lengths)
     if array.dtype.kind not in "iu" or array.ndim != 1 or not array.size:
         raise InvalidInput(
-            f"lengths are {short_repr(lengths)}, expected one whole number for each demonstration"
+            f"lengths is {short_repr(lengths)}, expected one whole number for each demonstration"
         )
-    if array.min() < 1 or array.max() > N or (counted := np.array(array, dtype=np.int64)).sum() != N:
-        raise InvalidInput(f"lengths are {short_repr(lengths)}, expected 1 or more each, {N} in all")
-    return counted
+    if array.min() < 1 or array.max() > N or (checked := np.array(array, dtype=np.int64)).sum() != N:
+        raise InvalidInput(f"lengths is {short_repr(lengths)}, expected numbers of at least 1 with sum {N}")
+    return checked
 
 
 def _validate_threads(threads: object) -> int:
@@ -241,44 +253,42 @@ def _validate_threads(threads: object) -> int:
 
 
 def pack_riccati(A: object, B: object, weights: object, targets: object, control_cost: object) -> list[Array]:
-    """Return the arguments of riccati, packed.    Raises: InvalidInput."""
+    """Return the packed arguments of riccati."""
     sizes: dict[str, int] = {}
-    arrays = pack_arguments(TRACKING, (A, B, weights, targets, control_cost), sizes)
+    arrays = pack_arguments(RICCATI, (A, B, weights, targets, control_cost), sizes)
     S, T = sizes["S"], sizes["T"]
     if S not in (1, T - 1):
-        raise InvalidInput(f"A and B hold {S} matrices, expected 1 or, for {T} targets, {T - 1}")
+        raise InvalidInput(f"A and B have {S} matrices, expected 1 or {T - 1}, one less than targets")
     return arrays
 
 
 def pack_semi_tied(
     scatter_matrices: object, counts: object, transform: object, sweeps: int
 ) -> tuple[Array, Array, Array, int]:
-    """Return the arguments of semi_tied_sweeps, packed.    Raises: InvalidInput."""
+    """Return the packed arguments of semi_tied_sweeps."""
     S, N, B = pack_arguments(SEMI_TIED, (scatter_matrices, counts, transform), {})
     return S, N, B, require_count(sweeps, "sweeps", MAX_INT)
 
 
 def pack_covariances(values: object) -> list[Array]:
-    """Return the argument of whiteners, packed.    Raises: InvalidInput."""
+    """Return the packed argument of precision_cholesky."""
     return pack_arguments(COVARIANCES, (values,), {})
 
 
 def pack_arm(
-    impedance: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
+    parameters: ImpedanceParameters, limits: ArmLimits, state: ArmState, target: ToolTarget
 ) -> tuple[ImpedanceParameters, ArmLimits, ArmState, ToolTarget]:
-    """Return the arguments of impedance, packed.    Raises: InvalidInput.
+    """Return the packed arguments of impedance_torque.
 
     Numbers that are not finite are allowed: the torque is defined for them.
     """
     sizes: dict[str, int] = {}
     (q,) = pack_arguments(ARM[2][:1], (state.q,), sizes)
     if len(q) > MAX_JOINTS:
-        raise InvalidInput(
-            f"q has {len(q)} entries, expected as many as an arm has joints: 1 to {MAX_JOINTS}"
-        )
-    numbers: dict[str, Any] = {name: _validate_real(getattr(impedance, name), name) for name in ARM_NUMBERS}
+        raise InvalidInput(f"q has {len(q)} entries, expected one for each joint: 1 to {MAX_JOINTS}")
+    scalars: dict[str, Any] = {name: _validate_real(getattr(parameters, name), name) for name in ARM_SCALARS}
     return (
-        replace(_pack_fields(impedance, ARM[0], sizes), **numbers),
+        replace(_pack_fields(parameters, ARM[0], sizes), **scalars),
         _pack_fields(limits, ARM[1], sizes),
         _pack_fields(state, ARM[2], sizes),
         _pack_fields(target, ARM[3], sizes),
@@ -289,14 +299,14 @@ def _validate_real(value: object, name: str) -> float:
     if isinstance(value, int | float | np.integer | np.floating):
         with suppress(OverflowError):
             return float(value)
-    raise InvalidInput(f"{name} is {short_repr(value)}, expected a number that float64 holds")
+    raise InvalidInput(f"{name} is {short_repr(value)}, expected a number within the range of float64")
 
 
 def _pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: dict[str, int]) -> Dataclass:
     names = [argument.name for argument in arguments]
-    given = [getattr(value, name) for name in names]
-    arrays = pack_arguments(arguments, tuple(given), sizes)
-    if all(array is one for array, one in zip(arrays, given, strict=True)):
+    originals = [getattr(value, name) for name in names]
+    arrays = pack_arguments(arguments, tuple(originals), sizes)
+    if all(array is original for array, original in zip(arrays, originals, strict=True)):
         return value
     packed: dict[str, Any] = dict(zip(names, arrays, strict=True))
     return replace(value, **packed)
@@ -344,8 +354,8 @@ def _validate_parameters(parameters: StreamParameters) -> None:
         ("weighting", 0, 2),
         ("extra_directions", 0, MAX_INT),
         ("directions", 0, MAX_INT),
-        ("clusters", 1, MAX_COUNT),
-        ("batch", 1, MAX_COUNT),
+        ("clusters", 1, MAX_EXACT_INTEGER),
+        ("batch", 1, MAX_EXACT_INTEGER),
     ):
         require_count(getattr(parameters, name), name, largest, lowest)
 
@@ -354,7 +364,9 @@ def _validate_head(head: Float[Array, " 6"], K: int) -> None:
     for place in StreamCounter:
         name, number = place.name.lower(), float(head[place])
         row = place in (StreamCounter.CURRENT, StreamCounter.PREVIOUS)
-        require_number(number, f"head's {name}", -1.0 if row else 0.0, K - 1.0 if row else float(MAX_COUNT))
+        require_number(
+            number, f"head's {name}", -1.0 if row else 0.0, K - 1.0 if row else float(MAX_EXACT_INTEGER)
+        )
         if number != np.floor(number):
             raise InvalidInput(f"head's {name} is {number}, expected a whole number")
 
@@ -368,3 +380,21 @@ def _validate_ranks(state: StreamState, most: int) -> None:
             f"cluster {k} has dimension {d[k, p]} and {r[k, p]} directions in frame {p}, expected whole "
             f"numbers 0 <= dimension <= directions <= {most}"
         )
+
+
+KERNELS: dict[str, Callable[..., Iterable[Any]]] = {
+    "e_step": pack_e_step,
+    "forward_backward": pack_markov,
+    "impedance_torque": pack_arm,
+    "log_emissions": lambda x, emissions: pack_emissions(x, emissions, {}),
+    "observe": lambda x, state, parameters: (*pack_stream(x, "NPD", state, parameters), parameters),
+    "observe_one": lambda x, state, parameters: (*pack_stream(x, "PD", state, parameters), parameters),
+    "precision_cholesky": pack_covariances,
+    "riccati": pack_riccati,
+    "semi_markov_e_step": pack_semi_markov_e_step,
+    "semi_markov_forward": pack_semi_markov,
+    "semi_markov_forward_backward": pack_semi_markov,
+    "semi_markov_viterbi": pack_semi_markov,
+    "semi_tied_sweeps": pack_semi_tied,
+    "viterbi": pack_markov,
+}

@@ -28,7 +28,7 @@ from pilotfish.validation import require_count
 MAX_HORIZON = 1_000_000  # steps
 MAX_STATE_PROBS = 2**24  # numbers for every step and state; a few arrays of them are held at a time
 
-EStep = tuple[kernels.EStep | kernels.SemiMarkovEStep, Segments | None]
+EStep = tuple[kernels.EStep, Segments | None]
 
 
 class StateDynamics(ABC):

@@ -228,7 +228,7 @@ def expected_statistics(
         )
     ]
     log_likelihood = float(step.log_likelihoods.sum())
-    return Statistics(tuple(frames), step.initial_counts, step.transitions, log_likelihood, segments)
+    return Statistics(tuple(frames), step.initial_counts, step.transition_counts, log_likelihood, segments)
 
 
 def maximise_likelihood(

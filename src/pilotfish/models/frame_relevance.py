@@ -162,7 +162,7 @@ def _segment_moments(skill: Skill, data: Views) -> list[tuple[Moments, ...]]:
 
 def _demonstration_e_step(
     dynamics: Dynamics, x: Float[Array, "P T D"], emissions: kernels.Emissions
-) -> kernels.EStep | kernels.SemiMarkovEStep:
+) -> kernels.EStep:
     """Posterior moments of one demonstration about the means of the states."""
     x, length = np.ascontiguousarray(x), np.array([x.shape[1]])
     return dynamics.e_step(x, length, emissions, max_duration=x.shape[1])[0]

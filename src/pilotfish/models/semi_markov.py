@@ -235,7 +235,9 @@ class SemiMarkovChain(StateDynamics):
 
     def log_likelihood(self, log_emissions: Float[Array, "T K"], max_duration: int | None = None) -> float:
         def compute(limit: int) -> float:
-            return kernels.semi_markov(log_emissions, self.segment_tables(limit)).log_likelihood
+            return kernels.semi_markov_forward_backward(
+                log_emissions, self.segment_tables(limit)
+            ).log_likelihood
 
         if max_duration is not None:
             return compute(min(max_duration, len(log_emissions)))
@@ -329,7 +331,7 @@ class SemiMarkovChain(StateDynamics):
         chain = self._right_censored()
         return self._extend_max_duration(
             len(relative),
-            lambda limit: kernels.semi_markov(relative, chain.segment_tables(limit)),
+            lambda limit: kernels.semi_markov_forward_backward(relative, chain.segment_tables(limit)),
             lambda result: np.array(result.log_likelihood),
         ).smoothed_state_probs
 

@@ -1,4 +1,4 @@
-// Arrays between Python and the kernels: which are taken, how results are made, and checks of shapes.
+// Arrays exchanged with Python: accepted types, allocation of results, and checks of shapes and numbers.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,7 +16,7 @@ namespace pilotfish::python {
 template <typename Number, int Axes>
 using Given = nb::ndarray<const Number, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
 
-// An array that a kernel reads where it is. See its caster below.
+// Array that a kernel reads in place; its type caster is below.
 template <typename Number, int Axes>
 struct In : Given<Number, Axes> {
   In() = default;
@@ -30,8 +30,8 @@ using States = nb::ndarray<nb::numpy, int64_t, nb::c_contig>;
 
 namespace nanobind::detail {
 
-// Only arrays of exactly these numbers are taken: of native byte order, contiguous, and aligned, because to read
-// a double at an odd address is undefined. Nothing is converted here; kernels/compiled.py does it.
+// Accepts only arrays of this type, in native byte order, contiguous and aligned: to read an unaligned double is
+// undefined behaviour. Nothing is converted here; kernels/compiled.py does that.
 template <typename Number, int Axes>
 struct type_caster<pilotfish::python::In<Number, Axes>> {
   using Array = pilotfish::python::In<Number, Axes>;
@@ -59,7 +59,7 @@ Array empty(std::initializer_list<size_t> shape) {
   return Array(data, shape.size(), shape.begin(), owner);
 }
 
-// No kernel reads beyond an array, whatever it was given.
+// Throws unless the array has the given shape, so that no kernel reads beyond an array.
 template <typename Array>
 void expect(const Array& array, const char* name, std::initializer_list<size_t> shape) {
   size_t axis = 0;
@@ -73,10 +73,10 @@ void expect(const Array& array, const char* name, std::initializer_list<size_t> 
   }
 }
 
-// Numbers that no kernel is defined for are refused here; kernels/checks.py then names them. Doubles are compared
-// as the integers that their bits are, which are in the same order: such a loop vectorises.
-constexpr double LARGEST_NUMBER = 1e150;  // as in checks.py: sums of squares do not overflow
-constexpr int64_t MAGNITUDE = 0x7fffffffffffffff, INFINITE = 0x7ff0000000000000;  // bits
+// Throws for numbers for which no kernel is defined; kernels/validation.py then writes the message. Doubles are
+// compared through their bits as integers, which have the same order: such a loop vectorises.
+constexpr double LARGEST_NUMBER = 1e150;  // as in validation.py: sums of squares do not overflow
+constexpr int64_t MAGNITUDE = 0x7fffffffffffffff, INFINITE = 0x7ff0000000000000;  // as bits
 
 inline int64_t bits_of(double number) {
   int64_t bits;
@@ -93,7 +93,7 @@ void expect_finite(const Array& array, const char* name) {
   if (bad) throw nb::value_error((std::string(name) + " holds a number that is not finite").c_str());
 }
 
-// -inf is a logarithm, NaN and inf are not.
+// Throws for NaN and +inf; -inf is a valid logarithm.
 template <typename Array>
 void expect_logarithms(const Array& array, const char* name) {
   const double* numbers = array.data();

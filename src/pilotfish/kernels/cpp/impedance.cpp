@@ -18,18 +18,18 @@ using Joints = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, MAX_JOI
 using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor, 6, MAX_JOINTS>;
 
 Eigen::Map<const Joints> joints(const double* values, int n) { return {values, n}; }
-Eigen::Map<const Vector6> six(const double* values) { return Eigen::Map<const Vector6>(values); }
-Eigen::Map<const Vector3> three(const double* values) { return Eigen::Map<const Vector3>(values); }
+Eigen::Map<const Vector6> vector6(const double* values) { return Eigen::Map<const Vector6>(values); }
+Eigen::Map<const Vector3> vector3(const double* values) { return Eigen::Map<const Vector3>(values); }
 
-Joints finite(Joints values) {
-  for (double& one : values)
-    if (!std::isfinite(one)) one = 0.0;
+Joints zero_non_finite(Joints values) {
+  for (double& value : values)
+    if (!std::isfinite(value)) value = 0.0;
   return values;
 }
 
-// The rotation vector of q p^-1 in world axes, of q or -q the nearer one; not a number where one is zero.
-Vector3 turn_to(const double* p, const double* q) {
-  const auto from = three(p + 1), to = three(q + 1);
+// Returns the rotation vector of q p^-1 in world axes, for the nearer of q and -q; NaN if a quaternion is zero.
+Vector3 rotation_error(const double* p, const double* q) {
+  const auto from = vector3(p + 1), to = vector3(q + 1);
   const double w = p[0] * q[0] + from.dot(to);
   const Vector3 vector = p[0] * to - q[0] * from - to.cross(from);
   const double sine = std::sqrt(vector.squaredNorm());
@@ -38,8 +38,8 @@ Vector3 turn_to(const double* p, const double* q) {
   return vector * (sine > 0.0 ? std::copysign(angle / sine, w) : 0.0);
 }
 
-// Force and moment no longer than their limits; not a number where a norm is not finite.
-Vector6 shortened(const Arm& arm, Vector6 wrench) {
+// Scales force and moment down to their limits; NaN if a norm is not finite.
+Vector6 limit_wrench(const Arm& arm, Vector6 wrench) {
   const double force = std::sqrt(wrench.head<3>().squaredNorm());
   const double moment = std::sqrt(wrench.tail<3>().squaredNorm());
   if (!std::isfinite(force + moment)) return Vector6::Constant(std::numeric_limits<double>::quiet_NaN());
@@ -48,18 +48,18 @@ Vector6 shortened(const Arm& arm, Vector6 wrench) {
   return wrench;
 }
 
-Vector6 wrench_of(const Arm& arm, const Jacobian& J) {
+Vector6 impedance_wrench(const Arm& arm, const Jacobian& J) {
   Vector6 error;
-  error << three(arm.target_position) - three(arm.position), turn_to(arm.quaternion, arm.target_quaternion);
-  const Vector6 spring = shortened(arm, six(arm.stiffness).cwiseProduct(error));
-  const Vector6 slip = J * joints(arm.velocity, arm.n) - six(arm.twist);
-  return shortened(arm, spring - six(arm.damping).cwiseProduct(slip));
+  error << vector3(arm.target_position) - vector3(arm.position), rotation_error(arm.quaternion, arm.target_quaternion);
+  const Vector6 spring = limit_wrench(arm, vector6(arm.stiffness).cwiseProduct(error));
+  const Vector6 twist_error = J * joints(arm.velocity, arm.n) - vector6(arm.twist);
+  return limit_wrench(arm, spring - vector6(arm.damping).cwiseProduct(twist_error));
 }
 
-// J^T F + (I - J^T J^+T) k_q (q_neutral - q), false when it or F is not finite.
-bool task_of(const Arm& arm, Vector6& F, Joints& task) {
+// Computes F and J^T F + (I - J^T J^+T) k_q (q_neutral - q); returns false if one of them is not finite.
+bool task_torque(const Arm& arm, Vector6& F, Joints& task) {
   const Jacobian J = Eigen::Map<const Jacobian>(arm.jacobian, 6, arm.n);
-  F = wrench_of(arm, J);
+  F = impedance_wrench(arm, J);
   const Matrix6 gram = J * J.transpose();
   if (!F.allFinite() || !gram.allFinite()) return false;
   const Eigen::SelfAdjointEigenSolver<Matrix6> solver(gram);  // squared singular values of J
@@ -71,7 +71,7 @@ bool task_of(const Arm& arm, Vector6& F, Joints& task) {
   return task.allFinite();
 }
 
-Joints off_limits(const Arm& arm) {
+Joints joint_limit_torque(const Arm& arm) {
   const auto q = joints(arm.q, arm.n);
   Joints push(arm.n);
   for (int i = 0; i < arm.n; ++i) {
@@ -82,32 +82,32 @@ Joints off_limits(const Arm& arm) {
   return push;
 }
 
-// torque = bias + push, each cut to its limit, and the least share of its push that a joint could give; see
-// kernels/arms.py.
-double within(const Arm& arm, const Joints& bias, const Joints& push, double* torque) {
-  double run_groups = 1.0;
+// Clips bias + push to the limits; returns the smallest fraction of its push that a joint could apply. See
+// clip_torque in kernels/arm_types.py.
+double clip_torque(const Arm& arm, const Joints& bias, const Joints& push, double* torque) {
+  double fraction = 1.0;
   for (int i = 0; i < arm.n; ++i) {
-    const double limit = arm.torque[i], wanted = bias[i] + push[i];
-    torque[i] = std::min(std::max(wanted, -limit), limit);
-    if (torque[i] == wanted) continue;
-    const double carried = std::min(std::max(bias[i], -limit), limit);
-    run_groups = std::min(run_groups, push[i] == 0.0 ? 0.0 : (torque[i] - carried) / push[i]);
+    const double limit = arm.torque[i], requested = bias[i] + push[i];
+    torque[i] = std::min(std::max(requested, -limit), limit);
+    if (torque[i] == requested) continue;
+    const double clipped_bias = std::min(std::max(bias[i], -limit), limit);
+    fraction = std::min(fraction, push[i] == 0.0 ? 0.0 : (torque[i] - clipped_bias) / push[i]);
   }
-  return run_groups;
+  return fraction;
 }
 
 }  // namespace
 
-double impedance(const Arm& arm, double* torque, double* wrench) {
-  Joints push = finite(off_limits(arm)) - finite(arm.joint_damping * joints(arm.velocity, arm.n));
+double impedance_torque(const Arm& arm, double* torque, double* wrench) {
+  Joints push = zero_non_finite(joint_limit_torque(arm)) - zero_non_finite(arm.joint_damping * joints(arm.velocity, arm.n));
   Vector6 F;
   Joints task(arm.n);
-  if (!task_of(arm, F, task)) {
+  if (!task_torque(arm, F, task)) {
     F.setZero();
     task.setZero();
   }
   Eigen::Map<Vector6>{wrench} = F;
-  return within(arm, finite(joints(arm.bias, arm.n)), finite(push + task), torque);
+  return clip_torque(arm, zero_non_finite(joints(arm.bias, arm.n)), zero_non_finite(push + task), torque);
 }
 
 }  // namespace pilotfish

@@ -1,5 +1,5 @@
-// The kernels as Python sees them: C-contiguous arrays in, arrays out, the interpreter's lock released
-// between. Built twice, for two instruction sets: kernels/compiled.py picks one, and names its results.
+// Python bindings of the kernels. They take and return C-contiguous arrays and release the GIL in between.
+// The module is built for two instruction sets; kernels/compiled.py selects one and names the results.
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
@@ -29,7 +29,8 @@ namespace nb = nanobind;
 namespace pilotfish::python {
 namespace {
 
-struct ReleasedInterpreter {  // the interpreter while a kernel runs
+// Releases the GIL and flushes subnormal numbers while a kernel runs.
+struct ReleasedInterpreter {
   nb::gil_scoped_release others;
   SubnormalsFlushed subnormals;
 };
@@ -44,7 +45,7 @@ Sizes read_sizes(const In<double, 3>& x, const In<double, 3>& means, const In<do
   int64_t free = 0;
   for (size_t i = 0; i < orientation_starts.shape(0); free = orientation_starts(i++) + 4) {
     if (orientation_starts(i) < free || orientation_starts(i) > int64_t(D) - 4)
-      throw nb::value_error("turns are not columns in rising order with four columns each");
+      throw nb::value_error("orientation_starts are not increasing columns with four columns each");
     sizes.orientation_starts.push_back(int(orientation_starts(i)));
   }
   const size_t E = sizes.E();
@@ -68,7 +69,7 @@ Demonstrations demonstrations(const In<double, 3>& x, const In<int64_t, 1>& leng
     if (lengths(m) < 1 || lengths(m) > N) throw nb::value_error("lengths are not between 1 and N");
     sum += lengths(m);
   }
-  if (sum != N) throw nb::value_error("lengths do not add up to the N datapoints of x");
+  if (sum != N) throw nb::value_error("the sum of lengths is not the number of datapoints of x");
   return {x.data(), lengths.data(), long(M)};
 }
 
@@ -82,12 +83,12 @@ void expect_chain(size_t K, const In<double, 1>& log_initial, const In<double, 2
 SemiMarkovTables read_tables(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions,
                            const In<double, 3>& log_segment_weights, const In<double, 2>& log_tail_weights) {
   const size_t S = log_segment_weights.shape(1);
-  expect_some(S, "the second axis of log_visits");
+  expect_some(S, "the second axis of log_segment_weights");
   expect_chain(K, log_initial, log_transitions);
-  expect(log_segment_weights, "log_visits", {4, S, K});
-  expect(log_tail_weights, "log_beyond", {2, K});
-  expect_logarithms(log_segment_weights, "log_visits");
-  expect_logarithms(log_tail_weights, "log_beyond");
+  expect(log_segment_weights, "log_segment_weights", {4, S, K});
+  expect(log_tail_weights, "log_tail_weights", {2, K});
+  expect_logarithms(log_segment_weights, "log_segment_weights");
+  expect_logarithms(log_tail_weights, "log_tail_weights");
   return {int(K), long(S), log_initial.data(), log_transitions.data(), log_segment_weights.data(), log_tail_weights.data()};
 }
 
@@ -110,16 +111,16 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
   expect(transitions, "transitions", {K, K});
   expect_chain(K, log_initial, log_transitions);
-  Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), first = empty<Out>({K});
+  Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), initial_counts = empty<Out>({K});
   Out transition_counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
-  const Sums sums{log_likelihoods.data(), counts.data(),     first.data(), transition_counts.data(),
+  const Sums sums{log_likelihoods.data(), counts.data(),     initial_counts.data(), transition_counts.data(),
                   offsets.data(),         scatter_matrices.data(), nullptr,      nullptr};
   {
     ReleasedInterpreter run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
     pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, counts, first, transition_counts, offsets, scatter_matrices);
+  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, offsets, scatter_matrices);
 }
 
 auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial,
@@ -130,17 +131,17 @@ auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> l
   expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E(), S = log_segment_weights.shape(1);
   const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
-  Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), first = empty<Out>({K});
+  Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), initial_counts = empty<Out>({K});
   Out transition_counts = empty<Out>({K, K}), segments = empty<Out>({4, S, K}), tail_counts = empty<Out>({2, K});
   Out offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
-  const Sums sums{log_likelihoods.data(), counts.data(),     first.data(),  transition_counts.data(),
+  const Sums sums{log_likelihoods.data(), counts.data(),     initial_counts.data(),  transition_counts.data(),
                   offsets.data(),         scatter_matrices.data(), segments.data(), tail_counts.data()};
   {
     ReleasedInterpreter run;
     const SemiMarkovChain chain(tables);
     pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, counts, first, transition_counts, segments, tail_counts, offsets, scatter_matrices);
+  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, segments, tail_counts, offsets, scatter_matrices);
 }
 
 auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> transitions,
@@ -178,8 +179,8 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   return std::make_tuple(states, log_probability);
 }
 
-auto semi_markov(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions,
-                 In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
+auto semi_markov_forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions,
+                                  In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1), S = log_segment_weights.shape(1);
   expect_some(T, "log_emissions");
   expect_some(K, "the last axis of log_emissions");
@@ -240,16 +241,16 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
   expect_some(n, "the last axis of targets");
   expect_some(m, "the last axis of B");
   if (S != 1 && S + 1 != T)
-    throw nb::value_error("A and B hold neither one matrix nor one for each step but the last");
+    throw nb::value_error("A and B have neither one matrix nor one for each step but the last");
   expect(A, "A", {S, n, n});
   expect(B, "B", {S, n, m});
   expect(weights, "weights", {T, n, n});
-  expect(control_cost, "effort", {m, m});
+  expect(control_cost, "control_cost", {m, m});
   expect_finite(A, "A");
   expect_finite(B, "B");
   expect_finite(weights, "weights");
   expect_finite(targets, "targets");
-  expect_finite(control_cost, "effort");
+  expect_finite(control_cost, "control_cost");
   Out gains = empty<Out>({T - 1, m, n}), feedforwards = empty<Out>({T - 1, m});
   Out values = empty<Out>({T, n, n}), gradients = empty<Out>({T, n});
   const Tracking problem{long(T),  int(n),         int(m),         S != 1,       A.data(),
@@ -268,9 +269,9 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> counts, In<double
   expect_some(D, "transform");
   expect(transform, "transform", {D, D});
   expect(covariances, "covariances", {K, D, D});
-  expect(counts, "mass", {K});
+  expect(counts, "counts", {K});
   expect_finite(covariances, "covariances");
-  expect_finite(counts, "mass");
+  expect_finite(counts, "counts");
   expect_finite(transform, "transform");
   Out result = empty<Out>({D, D});
   std::copy_n(transform.data(), D * D, result.data());
@@ -283,31 +284,31 @@ auto semi_tied_sweeps(In<double, 3> covariances, In<double, 1> counts, In<double
   return std::make_tuple(failed_index, result);
 }
 
-// The place of the first number that no stream takes: not finite, or so large that its square is not; or -1.
+// Returns the index of the first value that is not finite or whose square overflows, or -1.
 long first_invalid(const double* x, long size) {
   constexpr double MAX_VALUE = 1e100;
-  bool fine = true;
-  for (long i = 0; i < size; ++i) fine &= std::abs(x[i]) <= MAX_VALUE;
-  if (fine) return -1;
-  return std::find_if(x, x + size, [](double one) { return !(std::abs(one) <= MAX_VALUE); }) - x;
+  bool valid = true;
+  for (long i = 0; i < size; ++i) valid &= std::abs(x[i]) <= MAX_VALUE;
+  if (valid) return -1;
+  return std::find_if(x, x + size, [](double value) { return !(std::abs(value) <= MAX_VALUE); }) - x;
 }
 
-constexpr double MAX_COUNT = 9007199254740992.0;  // 2^53: one more is another double
+constexpr double MAX_EXACT_INTEGER = 9007199254740992.0;  // 2^53
 constexpr double MAX_INT = 2147483647.0;
-constexpr double LARGEST_RULE[] = {2.0, MAX_INT, MAX_INT, MAX_COUNT, MAX_COUNT};
-constexpr int WHOLE_RULE[] = {6, 9, 10, 11, 12};
+constexpr double MAX_PARAMETER[] = {2.0, MAX_INT, MAX_INT, MAX_EXACT_INTEGER, MAX_EXACT_INTEGER};
+constexpr int INTEGER_PARAMETER[] = {6, 9, 10, 11, 12};
 
-// Rules in the order of StreamRules' fields.
+// Reads the parameters, which are in the order of the fields of StreamParameters.
 StreamParameters read_parameters(const In<double, 1>& r) {
-  expect(r, "rules", {13});
+  expect(r, "parameters", {13});
   for (int i = 0; i < 5; ++i) {
-    const double number = r(WHOLE_RULE[i]);
-    if (!(number >= 0.0 && number <= LARGEST_RULE[i] && number == std::floor(number)))
-      throw nb::value_error("weighting, spare, directions, clusters or batch is no whole number");
+    const double number = r(INTEGER_PARAMETER[i]);
+    if (!(number >= 0.0 && number <= MAX_PARAMETER[i] && number == std::floor(number)))
+      throw nb::value_error("weighting, extra_directions, max_dimension, max_clusters or batch is not a valid whole number");
   }
   const StreamParameters parameters{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
                           r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
-  if (parameters.clusters < 1 || parameters.batch < 1) throw nb::value_error("clusters or batch are not positive");
+  if (parameters.clusters < 1 || parameters.batch < 1) throw nb::value_error("max_clusters or batch is not positive");
   return parameters;
 }
 
@@ -315,7 +316,7 @@ size_t row_length(size_t P, size_t D, size_t capacity) {
   return NUMBERS + P * Layout{int(D), round_up_to_four(int(D)), int(capacity)}.block();
 }
 
-// Memory for updates, one for each thread: to allocate it would take as long as a datapoint does.
+// Returns the work memory of this thread: to allocate it would take as long as the update for a datapoint.
 Subspaces& workspace(size_t D) {
   static thread_local std::unique_ptr<Subspaces> work;
   static thread_local size_t width = 0;
@@ -326,19 +327,19 @@ Subspaces& workspace(size_t D) {
   return *work;
 }
 
-// The state of a stream as Python holds it, checked, and read into stream.
+// Validates the packed state and loads it into the stream.
 void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const In<double, 2>& rows,
           const In<double, 2>& transition_counts, int capacity) {
   const size_t K = rows.shape(0);
   if (capacity < 0 || capacity % 4 || size_t(capacity) > D + 3)
-    throw nb::value_error("room is no multiple of 4 up to the columns of x");
+    throw nb::value_error("capacity is not a multiple of 4 up to the columns of x");
   expect(head, "head", {HEADS});
   expect(rows, "clusters", {K, row_length(P, D, capacity)});
   expect(transition_counts, "counts", {K, K});
   if (!(head(CURRENT) < double(K) && head(PREVIOUS) < double(K)))
     throw nb::value_error("head names a cluster that is not there");
   for (int i = 0; i < HEADS; ++i)
-    if (!(head(i) >= (i == CURRENT || i == PREVIOUS ? -1.0 : 0.0) && head(i) <= MAX_COUNT &&
+    if (!(head(i) >= (i == CURRENT || i == PREVIOUS ? -1.0 : 0.0) && head(i) <= MAX_EXACT_INTEGER &&
           head(i) == std::floor(head(i))))
       throw nb::value_error("head holds a number that counts nothing");
   const size_t block = (rows.shape(1) - NUMBERS) / P;
@@ -387,7 +388,7 @@ auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double,
   return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity, cluster_ids, costs, changes, removed);
 }
 
-// The same for one datapoint; the interpreter's lock would take longer to change hands than this takes.
+// As observe, for one datapoint. It keeps the GIL: to release and acquire it would take longer than the work.
 auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts, int capacity,
                  In<double, 1> parameters) {
   const size_t P = x.shape(0), D = x.shape(1);
@@ -420,8 +421,8 @@ auto precision_cholesky(In<double, 3> covariances) {
   return std::make_tuple(failed_index, result);
 }
 
-// The interpreter's lock is kept: to wait for it again would cost a control loop more than the work does.
-auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> posture,
+// Keeps the GIL: in a control loop, to acquire it again would take longer than the work.
+auto impedance_torque(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> posture,
                double posture_stiffness, double joint_damping, double force_limit, double moment_limit,
                double min_singular_value, double limit_margin, double limit_stiffness, In<double, 1> lower,
                In<double, 1> upper, In<double, 1> torque_limit, In<double, 1> q, In<double, 1> velocity,
@@ -429,12 +430,12 @@ auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> pos
                In<double, 1> target_position, In<double, 1> target_quaternion, In<double, 1> twist) {
   const size_t n = q.shape(0);
   expect_some(n, "q");
-  if (n > MAX_JOINTS) throw nb::value_error("q has more entries than an arm has joints: 1 to 16");
-  for (const auto* six : {&stiffness, &damping, &twist}) expect(*six, "stiffness, damping or twist", {6});
-  for (const auto* three : {&position, &target_position}) expect(*three, "position", {3});
-  for (const auto* four : {&quaternion, &target_quaternion}) expect(*four, "quaternion", {4});
-  for (const auto* one : {&posture, &lower, &upper, &torque_limit, &velocity, &bias})
-    expect(*one, "posture, a limit, velocity or bias", {n});
+  if (n > MAX_JOINTS) throw nb::value_error("q has more than 16 entries");
+  for (const auto* vector : {&stiffness, &damping, &twist}) expect(*vector, "stiffness, damping or twist", {6});
+  for (const auto* vector : {&position, &target_position}) expect(*vector, "position", {3});
+  for (const auto* vector : {&quaternion, &target_quaternion}) expect(*vector, "quaternion", {4});
+  for (const auto* vector : {&posture, &lower, &upper, &torque_limit, &velocity, &bias})
+    expect(*vector, "posture, a limit, velocity or bias", {n});
   expect(jacobian, "jacobian", {6, n});
   const Arm arm{int(n),
                 stiffness.data(),
@@ -460,13 +461,13 @@ auto impedance(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> pos
                 target_quaternion.data(),
                 twist.data()};
   Out torque = empty<Out>({n}), wrench = empty<Out>({6});
-  const double run_groups = pilotfish::impedance(arm, torque.data(), wrench.data());
-  return std::make_tuple(torque, wrench, run_groups);
+  const double torque_fraction = pilotfish::impedance_torque(arm, torque.data(), wrench.data());
+  return std::make_tuple(torque, wrench, torque_fraction);
 }
 
 #ifdef PILOTFISH_KNOWS_V3
 bool supports_v3() {
-  // All that x86-64-v3 may use beyond the baseline; a hypervisor may mask any of these.
+  // All extensions of x86-64-v3 beyond the baseline; a hypervisor may mask any of them.
   return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi") &&
          __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("f16c") &&
          __builtin_cpu_supports("lzcnt") && __builtin_cpu_supports("movbe");
@@ -483,9 +484,9 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("log_emissions", &python::log_emissions);
   module.def("e_step", &python::e_step);
   module.def("forward_backward", &python::forward_backward);
-  module.def("impedance", &python::impedance);
+  module.def("impedance_torque", &python::impedance_torque);
   module.def("viterbi", &python::viterbi);
-  module.def("semi_markov", &python::semi_markov);
+  module.def("semi_markov_forward_backward", &python::semi_markov_forward_backward);
   module.def("semi_markov_viterbi", &python::semi_markov_viterbi);
   module.def("semi_markov_forward", &python::semi_markov_forward);
   module.def("semi_markov_e_step", &python::semi_markov_e_step);

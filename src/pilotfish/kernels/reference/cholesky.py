@@ -1,17 +1,23 @@
-"""Inverses of the Cholesky factors of covariances."""
+"""Cholesky factors of precisions: inverses of the Cholesky factors of covariances."""
 
 import numpy as np
 
 from pilotfish.kernels.errors import covariance_error
 from pilotfish.types import Array, Float
 
-MAX_DIRECT_SIZE = 16  # columns, up to which a general solver is as quick
+MAX_DIRECT_SIZE = 16  # columns; up to here a general solver is as fast
 
 
 def precision_cholesky(covariances: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
-    """Lower triangular W with W^T W = covariance^-1. Only lower triangles of covariances are read.
+    """Return the lower triangular matrices W with W^T W = covariance^-1.
 
-    Raises: NotPositiveDefinite, naming the first that has no Cholesky factor, or one that is not finite.
+    Args:
+        covariances: Covariances; entries above the diagonal are not read.
+
+    Raises:
+        NotPositiveDefinite: If a covariance is not positive definite or not finite; the message gives the
+        index of
+            the first.
     """
     factors = np.stack([_cholesky_factor(covariance, k) for k, covariance in enumerate(covariances)])
     return _invert_lower_triangular(factors)
@@ -28,7 +34,7 @@ def _cholesky_factor(covariance: Float[Array, "D D"], k: int) -> Float[Array, "D
 
 
 def _invert_lower_triangular(L: Float[Array, "K D D"]) -> Float[Array, "K D D"]:
-    """Inverses of lower triangular matrices: of large ones by halves, at a third of the cost of a solver."""
+    """Return inverses of lower triangular matrices, by blocks: three times as fast as a solver."""
     D = L.shape[-1]
     if D <= MAX_DIRECT_SIZE:
         return np.tril(np.linalg.solve(L, np.broadcast_to(np.eye(D), L.shape)))

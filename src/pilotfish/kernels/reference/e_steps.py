@@ -1,12 +1,12 @@
-"""The expectation steps of task-parameterised hidden Markov and semi-Markov models."""
+"""E-steps of task-parameterised hidden Markov and semi-Markov models (TP-HMM, TP-HSMM)."""
 
 import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.reference.emission import deviations, log_emissions
 from pilotfish.kernels.reference.markov import forward_backward
-from pilotfish.kernels.reference.semi_markov import semi_markov
-from pilotfish.kernels.results import EStep, SemiMarkovEStep
+from pilotfish.kernels.reference.semi_markov import semi_markov_forward_backward
+from pilotfish.kernels.results import EStep
 from pilotfish.types import Array, Float, Int
 
 
@@ -18,11 +18,21 @@ def e_step(
     emissions: Emissions,
     threads: int = 1,
 ) -> EStep:
-    """Expected sufficient statistics of M demonstrations laid end to end: N = lengths.sum().
+    """Return the expected sufficient statistics of M demonstrations under a hidden Markov model.
 
-    Moments are taken about the means given, close to the new ones: nothing cancels when they are shifted.
-    threads bounds how many share the work of the compiled kernel; the sums do not depend on it.
-    Source: Rabiner 1989; Tanwani 2018, eqs. 3.8-3.17, 3.22-3.25.
+    Moments are about the given means, which are close to the new ones, so that shifting them does not cancel.
+
+    Args:
+        x: Demonstrations one after the other, in every frame.
+        lengths: Number of steps of each demonstration, of sum N.
+        initial: Initial probabilities.
+        transitions: Transition probabilities.
+        emissions: Gaussians in every frame.
+        threads: Largest number of threads of the compiled kernel, 0 for all cores; the sums do not depend on
+            it.
+
+    Source:
+        Rabiner 1989; Tanwani 2018, eqs. 3.8-3.17, 3.22-3.25.
     """
     K, log_likelihoods, smoothed_state_probs = len(initial), [], []
     initial_counts, transition_counts = np.zeros(K), np.zeros((K, K))
@@ -31,7 +41,7 @@ def e_step(
         log_likelihoods.append(chain.log_likelihood)
         smoothed_state_probs.append(chain.smoothed_state_probs)
         initial_counts += chain.smoothed_state_probs[0]
-        transition_counts += chain.transitions
+        transition_counts += chain.transition_counts
     gamma = np.concatenate(smoothed_state_probs)  # (N, K)
     offsets, scatter_matrices = deviation_moments(x, gamma, emissions)
     return EStep(
@@ -39,6 +49,8 @@ def e_step(
         gamma.sum(axis=0),
         initial_counts,
         transition_counts,
+        np.zeros((4, 0, K)),
+        np.zeros((2, K)),
         offsets,
         scatter_matrices,
     )
@@ -50,19 +62,25 @@ def semi_markov_e_step(
     tables: SemiMarkovTables,
     emissions: Emissions,
     threads: int = 1,
-) -> SemiMarkovEStep:
-    """The same of a semi-Markov chain, and how long its visits are expected to have lasted.
+) -> EStep:
+    """Return the expected sufficient statistics of M demonstrations under a hidden semi-Markov model.
 
-    threads bounds how many share the work of the compiled kernel; the sums do not depend on it.
+    Args:
+        x: Demonstrations one after the other, in every frame.
+        lengths: Number of steps of each demonstration, of sum N.
+        tables: Semi-Markov chain.
+        emissions: Gaussians in every frame.
+        threads: Largest number of threads of the compiled kernel, 0 for all cores; the sums do not depend on
+            it.
     """
     parts = np.split(x, np.cumsum(lengths)[:-1], axis=1)
-    chains = [semi_markov(log_emissions(part, emissions), tables) for part in parts]
+    chains = [semi_markov_forward_backward(log_emissions(part, emissions), tables) for part in parts]
     gamma = np.concatenate([chain.smoothed_state_probs for chain in chains])  # (N, K)
-    return SemiMarkovEStep(
+    return EStep(
         np.array([chain.log_likelihood for chain in chains]),
         gamma.sum(axis=0),
         np.sum([chain.smoothed_state_probs[0] for chain in chains], axis=0),
-        np.sum([chain.transitions for chain in chains], axis=0),
+        np.sum([chain.transition_counts for chain in chains], axis=0),
         np.sum([chain.segments for chain in chains], axis=0),
         np.sum([chain.tail_counts for chain in chains], axis=0),
         *deviation_moments(x, gamma, emissions),
@@ -74,7 +92,7 @@ def deviation_moments(
     gamma: Float[Array, "N K"],
     emissions: Emissions,
 ) -> tuple[Float[Array, "P K E"], Float[Array, "P K E E"]]:
-    """Sum of gamma e and of gamma e e^T, e the deviation from the mean, for every frame and state."""
+    """Return the sums of gamma e and gamma e e^T, e = deviation from the mean, per frame and state."""
     P, K, E, _ = emissions.precision_cholesky.shape
     offsets, scatter_matrices = np.empty((P, K, E)), np.empty((P, K, E, E))
     for p in range(P):

@@ -1,4 +1,4 @@
-"""Gaussian emissions seen from several frames."""
+"""Log-densities of Gaussian emissions in several frames, with orientations on S^3."""
 
 import numpy as np
 
@@ -9,9 +9,16 @@ LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
 def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array, "N K"]:
-    """Log b_k(x_n) = sum over frames p of log N(deviation of x[p, n] from means[p, k] | 0, Sigma[p, k]).
+    """Return log b_k(x_n), the sum over frames p of log N(x[p, n] - means[p, k] | 0, Sigma[p, k]).
 
-    Source: Tanwani 2018, eq. 3.22.
+    On unit quaternions the difference is a rotation vector, see `deviations`.
+
+    Args:
+        x: Datapoints in every frame.
+        emissions: Gaussians in every frame.
+
+    Source:
+        Tanwani 2018, eq. 3.22.
     """
     P, N, _ = x.shape
     means, E = emissions.means, emissions.precision_cholesky.shape[-1]
@@ -20,9 +27,8 @@ def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array
         for k, (mean, precision_factor) in enumerate(
             zip(means[p], np.tril(emissions.precision_cholesky[p]), strict=True)
         ):
-            whitened = (
-                deviations(x[p], mean, emissions.orientation_starts) @ precision_factor.T
-            )  # (N, E), of unit covariance
+            errors = deviations(x[p], mean, emissions.orientation_starts)
+            whitened = errors @ precision_factor.T  # (N, E), of unit covariance
             half_log_det = np.log(np.diag(precision_factor)).sum()  # -log |Sigma| / 2
             total[:, k] += half_log_det - 0.5 * E * LOG_TWO_PI - 0.5 * np.square(whitened).sum(axis=1)
     return total
@@ -31,10 +37,7 @@ def log_emissions(x: Float[Array, "P N D"], emissions: Emissions) -> Float[Array
 def deviations(
     x: Float[Array, "N D"], mean: Float[Array, " D"], orientation_starts: tuple[int, ...] = ()
 ) -> Float[Array, "N E"]:
-    """X - mean; the rotation vector [rad] instead for unit quaternions, which begin at the columns of turns.
-
-    It turns mean to x in the axes of the turned body, 2 log(mean* x), by at most pi: q and -q deviate alike.
-    """
+    """Return x - mean, and on unit quaternions the rotation vector 2 log(mean* x) [rad] in body axes."""
     parts, end = [], 0
     for start in sorted(orientation_starts):
         parts += [
@@ -46,11 +49,10 @@ def deviations(
 
 
 def rotation_vectors(mean: Float[Array, " 4"], q: Float[Array, "N 4"]) -> Float[Array, "N 3"]:
-    """2 log(mean* q), of q or -q, whichever is nearer."""
+    """Return 2 log(mean* q), for the nearer of q and -q, so that it is at most pi long."""
     w, x, y, z = mean
-    conjugate_matrix = np.array(
-        [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
-    )  # of multiplying by mean*
+    # multiplication by mean* from the left
+    conjugate_matrix = np.array([[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
     relative = q @ conjugate_matrix.T
     relative = np.where(relative[:, :1] < 0.0, -relative, relative)
     sine = np.linalg.norm(relative[:, 1:], axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The Riccati recursion of the finite-horizon tracker."""
+"""Riccati recursion of finite-horizon linear-quadratic tracking (LQT)."""
 
 import numpy as np
 
@@ -14,11 +14,20 @@ def riccati(
     targets: Float[Array, "T n"],
     control_cost: Float[Array, "m m"],
 ) -> RiccatiSolution:
-    """Feedback at least cost sum_t |x_t - targets_t|^2_weights_t + |u_t|^2_effort, x_t+1 = A_t x_t + B_t u_t.
+    """Return the feedback that minimises sum_t |x_t - r_t|^2_W_t + |u_t|^2_R for x_t+1 = A_t x_t + B_t u_t.
 
-    S is 1 (time-invariant) or T - 1. Weights are symmetric.
-    Raises: NotPositiveDefinite, when pushing costs nothing along some direction.
-    Source: Tanwani 2018, eqs. 3.50-3.53, indices made explicit; Anderson & Moore 1990.
+    Args:
+        A: System matrices: S = 1 for a time-invariant system, or S = T - 1.
+        B: Input matrices, as A.
+        weights: State costs W_t, symmetric positive semidefinite.
+        targets: Targets r_t.
+        control_cost: R, symmetric positive definite.
+
+    Raises:
+        NotPositiveDefinite: If control along some direction costs nothing.
+
+    Source:
+        Tanwani 2018, eqs. 3.50-3.53, with explicit indices; Anderson & Moore 1990.
     """
     T, n = targets.shape
     A, B = (np.broadcast_to(stack, (T - 1, *stack.shape[1:])) for stack in (A, B))
@@ -28,19 +37,18 @@ def riccati(
     for t in range(T - 2, -1, -1):
         PB = P[t + 1] @ B[t]
         L = control_hessian_factor(control_cost + B[t].T @ PB, t)
-        gradient = (
-            P[t + 1] @ (A[t] @ targets[t] - targets[t + 1]) + d[t + 1]
-        )  # gradient where the drift alone leads
+        # gradient of the cost-to-go at the state that follows without control
+        gradient = P[t + 1] @ (A[t] @ targets[t] - targets[t + 1]) + d[t + 1]
         gains[t] = solve(L, PB.T @ A[t])
         feedforwards[t] = -solve(L, B[t].T @ gradient)
-        closed = A[t] - B[t] @ gains[t]  # (n, n), the system under feedback
-        value = weights[t] + A[t].T @ P[t + 1] @ closed
-        P[t], d[t] = 0.5 * (value + value.T), closed.T @ gradient
+        closed_loop = A[t] - B[t] @ gains[t]  # (n, n)
+        value = weights[t] + A[t].T @ P[t + 1] @ closed_loop
+        P[t], d[t] = 0.5 * (value + value.T), closed_loop.T @ gradient
     return RiccatiSolution(gains, feedforwards, P, d)
 
 
 def control_hessian_factor(S: Float[Array, "m m"], t: int) -> Float[Array, "m m"]:
-    """Cholesky factor of the cost of pushing at step t, S = R + B^T P B."""
+    """Return the Cholesky factor of the control Hessian at step t, R + B^T P B."""
     try:
         return np.linalg.cholesky(S)
     except np.linalg.LinAlgError:
@@ -48,5 +56,5 @@ def control_hessian_factor(S: Float[Array, "m m"], t: int) -> Float[Array, "m m"
 
 
 def solve(L: Float[Array, "m m"], right: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
-    """(L L^T)^-1 right."""
+    """Return (L L^T)^-1 right."""
     return np.linalg.solve(L.T, np.linalg.solve(L, right))
