@@ -36,7 +36,7 @@ settings = pf.online.SOSC(
     bandwidth=0.5**2,
     transition=1e-5,
     new_transition=1e-5,
-    maintenance=pf.online.Maintenance(pf.online.ExponentialDecay(0.998)),
+    maintenance=pf.online.Maintenance(discount=0.998),
 )
 rng = np.random.default_rng(0)
 model = pf.online.online_model(settings, position_layout(), PERIOD)
@@ -45,7 +45,7 @@ print("showing  states  dimensions")
 for n in range(16):
     model = pf.online.begin_demonstration(model)
     for x in sample_demonstration(WAY if n < 8 else DETOUR, rng):  # as they come from a sensor
-        model, went = pf.online.observe(model, x)
+        model, *_ = pf.online.observe(model, x)
     print(f"{n + 1:>7}  {model.clusters:>6}  {' '.join(map(str, model.dimensions[:, 0]))}")
 
 # At any moment the model reads out as a skill like those that are learned from recordings.

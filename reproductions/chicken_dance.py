@@ -32,7 +32,7 @@ from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, resample
 from pilotfish.gaussians import regress
 from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
-from pilotfish.models import as_mixture, covariance_parameter_count
+from pilotfish.models import as_mixture
 
 POINTS, TRAINED = 500, 375  # datapoints; those that are shown where the last quarter is not
 FACTORS = 4  # of MFA and HDDC; the thesis names no number
@@ -131,7 +131,7 @@ def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]
         "structure": label,
         "components": states,
         "kept": fit.skill.states,
-        "covariance_parameters": covariance_parameter_count(STRUCTURES[label], states, fit.skill.width),
+        "covariance_parameters": STRUCTURES[label].parameter_count(states, fit.skill.width),
         "mse": errors,
         "rms_cm": {task: 100 * float(np.sqrt(error)) for task, error in errors.items()},
         "mean_component_correlation": float(correlations[apart].mean()),
@@ -206,7 +206,7 @@ def counts() -> list[str]:
     """The thesis' parameter counts, by the library."""
     return [
         f"parameters at K = 75, D = {THESIS_WIDTH}, {label}: "
-        f"{covariance_parameter_count(STRUCTURES[label], 75, THESIS_WIDTH)} (thesis {count})"
+        f"{STRUCTURES[label].parameter_count(75, THESIS_WIDTH)} (thesis {count})"
         for label, count in THESIS_COUNTS.items()
     ]
 

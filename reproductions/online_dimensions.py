@@ -37,7 +37,6 @@ from pilotfish.models.online import (
     SOSC,
     Maintenance,
     OnlineModel,
-    current_cluster_ids,
     observe_stream,
     online_model,
 )
@@ -150,8 +149,8 @@ def learn_skill(stream_data: Stream, sosc_settings: SOSC) -> tuple[OnlineModel, 
     """The model of the stream, the cluster of every datapoint, and seconds of CPU."""
     model = online_model(sosc_settings, position_layout(stream_data.x.shape[1], "1"), 1.0)
     begin = time.process_time()
-    model, went = observe_stream(model, stream_data.x)
-    return model, current_cluster_ids(went), time.process_time() - begin
+    model, assignments = observe_stream(model, stream_data.x)
+    return model, assignments.current_cluster_ids(), time.process_time() - begin
 
 
 def row(D: int, T: int, repeats: int) -> dict[str, float]:

@@ -44,10 +44,8 @@ from pilotfish.models import (
 )
 from pilotfish.models.online import (
     SOSC,
-    ExponentialDecay,
     Maintenance,
     OnlineModel,
-    current_cluster_ids,
     observe_stream,
     online_model,
     to_skill,
@@ -61,9 +59,9 @@ MEAN_DURATION, DEVIATION_OF_DURATIONS = (
 )
 SEEDS, SHOWN, PERIOD = 20, 2, 1.0  # a step is taken for a second: the thesis names no time
 UPKEEPS = {
-    "thesis": Maintenance(ExponentialDecay(0.995), merge_distance=3.6),
-    "apart": Maintenance(ExponentialDecay(0.995)),
-    "forgetting": Maintenance(ExponentialDecay(0.995, forget_below=0.3)),
+    "thesis": Maintenance(discount=0.995, merge_distance=3.6),
+    "apart": Maintenance(discount=0.995),
+    "forgetting": Maintenance(discount=0.995, forget_below=0.3),
 }
 NOTES = (
     "traces make subspaces forget, not transitions or durations: that the first followed the fourth before",
@@ -200,8 +198,8 @@ def stage_results(way: str, seed: int) -> tuple[StageResult, ...]:
     model, made = empty_model(way), []
     for stage in stages(seed):
         begin = time.process_time()
-        model, went = observe_stream(model, stage.x)
-        made.append(StageResult(stage, model, current_cluster_ids(went), time.process_time() - begin))
+        model, assignments = observe_stream(model, stage.x)
+        made.append(StageResult(stage, model, assignments.current_cluster_ids(), time.process_time() - begin))
     return tuple(made)
 
 

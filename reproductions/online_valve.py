@@ -44,8 +44,8 @@ from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models import semi_markov_parameter_count, state_segments, viterbi
 from pilotfish.models.online import (
     OnlineModel,
+    column_scales,
     estimate_penalties,
-    estimate_scales,
     from_batch_fit,
     observe_demonstration,
     online_model,
@@ -218,11 +218,11 @@ def learn_scaled(
     first: pf.Skill, train: Sequence[Demonstration], test: Sequence[Demonstration]
 ) -> dict[str, object]:
     """The stream begun from two in columns of one scale, read out in their own units; nothing is chosen."""
-    scales = estimate_scales(first)
-    shown = [scale_demonstration(demonstration, scales) for demonstration in train]
+    scales = column_scales(first)
+    shown = [scale_demonstration(demonstration, scales, first) for demonstration in train]
     start = begin_from_batch(learn_skill(shown[:FIRST]), shown[:FIRST], DEFAULT)
     model, seconds = time_call(lambda: learn_stream(start, shown[FIRST:]))
-    skill = unscale_skill(to_skill(model), scales)
+    skill = unscale_skill(to_skill(model), scales, first.layout)
     made = row(f"begun, one scale, {DEFAULT:g}", skill, stream_parameters(model), seconds, (train, test))
     return made | {"dimensions": model.dimensions.T.tolist()}
 

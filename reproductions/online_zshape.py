@@ -151,7 +151,7 @@ def squared_distances(model: OnlineModel, x: np.ndarray, bandwidth: float = np.i
     """From every datapoint to every cluster's subspace (5.13), (N, K)."""
     columns = []
     for mean, basis, d in zip(
-        model.means[:, 0], model.bases[:, 0], model.dimensions[:, 0].tolist(), strict=True
+        model.means[:, 0], model.state.bases[:, 0], model.dimensions[:, 0].tolist(), strict=True
     ):
         errors = x - mean
         squares = np.sum(errors**2, axis=1)

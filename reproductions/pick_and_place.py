@@ -50,7 +50,7 @@ from pilotfish.environments.tasks import plate
 from pilotfish.errors import SkillError
 from pilotfish.gaussians.structures import CovarianceStructure, DenseCovariances
 from pilotfish.geometry import rotation_matrix
-from pilotfish.models import covariance_parameter_count, relevance
+from pilotfish.models import relevance
 from pilotfish.planning import mean_squared_error
 from pilotfish.plots.ellipses import draw_ellipses
 from pilotfish.simulation import (
@@ -230,9 +230,7 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
         "test_mse": mean_error(fit.skill, test),
         "train_mse_own_start": mean_error(fit.skill, train, own_start=True),
         "test_mse_own_start": mean_error(fit.skill, test, own_start=True),
-        "covariance_parameters": covariance_parameter_count(
-            structure(alpha), STATES, fit.skill.width, frames=2
-        ),
+        "covariance_parameters": 2 * structure(alpha).parameter_count(STATES, fit.skill.width),
         "fit_seconds": float(np.median(spent)),
         "iterations": fit.convergence.iterations,
         "converged": fit.convergence.converged,

@@ -123,15 +123,16 @@ def learn_from_stream(
 ) -> pf.Skill:
     """Half at once, the other half datapoint by datapoint, columns at one scale: a stream has one noise."""
     half = len(demonstrations) // 2
-    scales = pf.online.estimate_scales(pf.learn(demonstrations[:half], states=states, rng=rng).skill)
-    scaled = [pf.online.scale_demonstration(d, scales) for d in demonstrations]
+    unscaled = pf.learn(demonstrations[:half], states=states, rng=rng).skill
+    scales = pf.online.column_scales(unscaled)
+    scaled = [pf.online.scale_demonstration(d, scales, unscaled) for d in demonstrations]
     first, later = scaled[:half], scaled[half:]
     batch = pf.learn(first, states=states, rng=rng).skill
     penalties = pf.online.estimate_penalties(batch, first, explained_variance=EXPLAINED)
     model = pf.online.from_batch_fit(batch, first, penalties)
     for demonstration in later:
         model, _ = pf.online.observe_demonstration(model, demonstration)
-    return pf.online.unscale_skill(pf.online.to_skill(model), scales)
+    return pf.online.unscale_skill(pf.online.to_skill(model), scales, unscaled.layout)
 
 
 def evaluate_skill(

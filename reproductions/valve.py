@@ -25,7 +25,7 @@ import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
 from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
-from pilotfish.models import covariance_parameter_count, log_state_likelihoods
+from pilotfish.models import log_state_likelihoods
 from pilotfish.planning import mean_squared_error
 
 PRINTED = ("train_mse", "test_mse", "covariance_parameters", "fit_seconds")
@@ -103,9 +103,7 @@ def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]
         "test_mse": mean_error(fit.skill, test),
         "train_mse_own_start": mean_error(fit.skill, train, own_start=True),
         "test_mse_own_start": mean_error(fit.skill, test, own_start=True),
-        "covariance_parameters": covariance_parameter_count(
-            structure(alpha), STATES, fit.skill.width, frames=2
-        ),
+        "covariance_parameters": 2 * structure(alpha).parameter_count(STATES, fit.skill.width),
         "fit_seconds": float(np.median(spent)),
         "iterations": fit.convergence.iterations,
         "converged": fit.convergence.converged,

@@ -115,8 +115,8 @@ def small_calls() -> list[Call]:
         (pf.models.DurationModel, {"longest": 10}),
         (pf.models.Censoring, {"first": True, "last": False}),
         (pf.online.DPGMM, {"cluster": 1.0, "noise": 0.1}),
-        (pf.online.ExponentialDecay, {"discount": 0.9, "forget_below": 0.0}),
-        (pf.online.ConstantWeight, {"weight": 1.0}),
+        (pf.online.Maintenance, {"discount": 0.9, "forget_below": 0.0}),
+        (pf.online.Maintenance, {"constant_weight": 1.0}),
         (
             pf.online.Maintenance,
             {"merge_distance": 1.0, "extra_directions": 1, "max_clusters": 5, "batch": 1},

@@ -11,6 +11,7 @@ from problems import Floats, Stream
 from streaming import normalised_mutual_information
 
 from pilotfish.demonstrations import position_layout
+from pilotfish.kernels import Assignments
 from pilotfish.models import online
 
 PERIOD = 0.1  # s
@@ -19,7 +20,7 @@ CHUNK, CHUNKS = 100_000, 100  # 10^7 datapoints
 VISIT = 80  # steps, on average
 NEW_CLUSTER_DISTANCE = 0.025 / 3.6  # lambda_2 and lambda_3 as shares of lambda, in the thesis' experiment
 
-Labelled = tuple[online.OnlineModel, online.Assignments]
+Labelled = tuple[online.OnlineModel, Assignments]
 
 
 def settings_of(problem: Stream) -> online.SOSC:
@@ -32,7 +33,6 @@ def settings_of(problem: Stream) -> online.SOSC:
     """
     variance = problem.radius**2
     cluster = max(0.4 * variance, 0.25 * problem.apart**2)
-    trace = online.ExponentialDecay(1.0 - 1.0 / (VISIT * problem.clusters), forget_below=0.3)
     return online.SOSC(
         cluster=cluster,
         dimension=problem.extent * problem.noise,
@@ -40,7 +40,11 @@ def settings_of(problem: Stream) -> online.SOSC:
         bandwidth=2.0 * variance / -log(0.9),
         transition=NEW_CLUSTER_DISTANCE * cluster,
         new_transition=NEW_CLUSTER_DISTANCE * cluster,
-        maintenance=online.Maintenance(trace, merge_distance=0.25 * problem.apart),
+        maintenance=online.Maintenance(
+            discount=1.0 - 1.0 / (VISIT * problem.clusters),
+            forget_below=0.3,
+            merge_distance=0.25 * problem.apart,
+        ),
     )
 
 
@@ -60,10 +64,9 @@ def one_by_one(folder: Path) -> Prepared:
 def _one_by_one(model: online.OnlineModel, x: Floats) -> Labelled:
     cluster_ids = np.empty(len(x), dtype=np.int64)
     for n, point in enumerate(x):
-        model, went = online.observe(model, point)
-        cluster_ids[n] = went.cluster_id
+        model, cluster_ids[n], _, _ = online.observe(model, point)
     nothing = np.zeros(len(x))
-    return model, online.Assignments(cluster_ids, nothing, nothing, np.empty((0, 3), dtype=np.int64))
+    return model, Assignments(cluster_ids, nothing, nothing, np.empty((0, 3), dtype=np.int64))
 
 
 def worst_case(folder: Path) -> Prepared:
@@ -91,8 +94,8 @@ def _from(
     learn: Callable[[online.OnlineModel, Floats], Labelled],
 ) -> Prepared:
     def answer(result: Labelled) -> CommandResult:
-        model, went = result
-        nmi = normalised_mutual_information(online.current_cluster_ids(went), problem.labels)
+        model, assignments = result
+        nmi = normalised_mutual_information(assignments.current_cluster_ids(), problem.labels)
         return CommandResult(nmi, len(problem.x), _describe_clusters(model))
 
     return Prepared(lambda: learn(start, problem.x), answer)
@@ -106,12 +109,12 @@ def endless(folder: Path) -> Prepared:
     def run() -> Labelled:
         model = start
         for chunk in _over_and_over(x):
-            model, went = online.observe_stream(model, chunk)
-        return model, went
+            model, assignments = online.observe_stream(model, chunk)
+        return model, assignments
 
     def answer(result: Labelled) -> CommandResult:
-        model, went = result
-        nmi = normalised_mutual_information(online.current_cluster_ids(went), problem.labels[:CHUNK])
+        model, assignments = result
+        nmi = normalised_mutual_information(assignments.current_cluster_ids(), problem.labels[:CHUNK])
         return CommandResult(
             nmi, CHUNKS * len(x), f"{model.datapoints:,} datapoints; {_describe_clusters(model)}"
         )

@@ -255,7 +255,7 @@ def test_the_answer_for_programs_tells_all_of_every_cluster(run_json: RunJson, r
                 "--weighting trace --discount .9 --forget-below .1 --extra-directions 2"
             ),
             online.DPMPPCA(
-                1.0, 0.1, 0.1, 2.0, online.Maintenance(online.ExponentialDecay(0.9, 0.1), extra_directions=2)
+                1.0, 0.1, 0.1, 2.0, online.Maintenance(discount=0.9, forget_below=0.1, extra_directions=2)
             ),
         ),
         (
@@ -264,7 +264,11 @@ def test_the_answer_for_programs_tells_all_of_every_cluster(run_json: RunJson, r
                 "--weighting constant --weight 9 --merge-distance 0 --max-clusters 3"
             ),
             online.HDPHSMM(
-                1.0, 0.1, 0.0, 0.2, online.Maintenance(online.ConstantWeight(9.0), 0.0, max_clusters=3)
+                1.0,
+                0.1,
+                0.0,
+                0.2,
+                online.Maintenance(constant_weight=9.0, merge_distance=0.0, max_clusters=3),
             ),
         ),
     ],

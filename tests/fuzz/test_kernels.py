@@ -16,7 +16,8 @@ import pytest
 from kernel_arguments import DRAW_ARGUMENTS, Mutant, draw_mutant
 
 from pilotfish.errors import NotPositiveDefinite, SkillError
-from pilotfish.kernels import ClusterColumn, Emissions, SemiMarkovTables, reference
+from pilotfish.kernels import Emissions, SemiMarkovTables, reference
+from pilotfish.kernels.stream_state import STATISTICS
 
 MUTANTS = int(os.environ.get("PILOTFISH_FUZZ", "4200")) // len(DRAW_ARGUMENTS)
 ERRORS = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RuntimeError, MemoryError)
@@ -102,8 +103,8 @@ def difference(mutated: Mutant, kernel: str, one: Any, other: Any) -> str:
             continue
         if tolerance > 0.01 and not name.startswith("log_"):  # posteriors that rounding decides
             continue
-        if name == "clusters":  # directions beyond these columns are the same but for their signs
-            a, b = a[:, : len(ClusterColumn)], b[:, : len(ClusterColumn)]
+        if name == "rows":  # directions beyond these columns are the same but for their signs
+            a, b = a[:, : len(STATISTICS)], b[:, : len(STATISTICS)]
         if a.shape != b.shape:
             return f"{name} has shapes {a.shape} and {b.shape}"
         size = min(np.abs(a[np.isfinite(a)]).max(initial=1.0), 1e200)

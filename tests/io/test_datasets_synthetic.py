@@ -47,9 +47,7 @@ def test_the_hand_grasps_at_the_first_frame_and_lets_go_at_the_second(rng: np.ra
 def test_it_is_smooth_and_well_formed(rng: np.random.Generator):
     """Nothing but the fixed second frame is noted; speeds stay those of a calm hand."""
     made = synthetic_valve(rng)
-    assert [(found.severity, found.location) for found in diagnose(made)] == [
-        ("note", "frame 'valve after'")
-    ]
+    assert [(found.severity, found.location) for found in diagnose(made)] == [("note", "frame 'valve after'")]
     for demo in made:
         assert np.linalg.norm(demo.x[:, 7:10], axis=1).max() < 1.0  # m/s
         assert angle(demo.x[:-1, 3:7], demo.x[1:, 3:7]).max() / demo.period < 2.5  # rad/s

@@ -1,4 +1,4 @@
-"""Growing models in files: opened, they go on as if never away; nothing damaged comes through."""
+"""Files of online models: they continue to the last bit, and damaged files are refused."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from container_by_spec import documented_hash, split_container
+from container_by_spec import documented_hash, split_container, with_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors.numpy import save
@@ -25,14 +25,15 @@ from pilotfish.models import online
 MAINTENANCES = {
     "count": online.Maintenance(),
     "exponential-decay": online.Maintenance(
-        online.ExponentialDecay(0.97, 0.2), merge_distance=0.3, extra_directions=2, max_clusters=5
+        discount=0.97, forget_below=0.2, merge_distance=0.3, extra_directions=2, max_clusters=5
     ),
-    "constant": online.Maintenance(
-        online.ConstantWeight(20.0), merge_distance=0.0, extra_directions=0, batch=7
-    ),
+    "constant": online.Maintenance(constant_weight=20.0, merge_distance=0.0, extra_directions=0, batch=7),
 }
-ARRAYS = {"head", "counts", "numbers", "dimensions", "ranks"}
-ARRAYS |= {"means", "variances", "distances", "bases"}
+ARRAYS = {"cluster_ids", "weights", "points", "demonstration_starts", "segments", "mean_durations"}
+ARRAYS |= {"squared_deviations", "censored", "mean_censored_durations", "transition_counts"}
+ARRAYS |= {"dimensions", "ranks", "means", "variances", "distances", "bases"}
+COUNTERS = {"current_cluster", "steps_in_cluster", "next_cluster_id", "datapoints"}
+COUNTERS |= {"previous_cluster", "previous_steps"}
 Header = dict[str, Any]
 Arrays = dict[str, np.ndarray]
 LEARNER_TYPES: dict[str, Callable[[online.Maintenance], online.OnlineSettings]] = {
@@ -47,7 +48,7 @@ FRAMES = ("world", "cup")
 
 
 def walk(seed: int, n: int) -> np.ndarray:
-    """Datapoints that come by the same places again and again, as two frames see them."""
+    """Return datapoints of a periodic motion in two frames."""
     rng, t = np.random.default_rng(seed), np.arange(n) / 9.0
     x = np.stack([np.cos(t), np.sin(t), 0.3 * np.sin(2 * t)], axis=1) + 0.05 * rng.normal(size=(n, 3))
     return np.stack([x, 0.5 - x], axis=1)
@@ -55,7 +56,7 @@ def walk(seed: int, n: int) -> np.ndarray:
 
 @cache
 def trained_model(learner: str, maintenance: str, seed: int = 0, n: int = 60) -> online.OnlineModel:
-    """One that has met two demonstrations, the second going on."""
+    """Return a model in the middle of its second demonstration."""
     model = online.online_model(LEARNER_TYPES[learner](MAINTENANCES[maintenance]), LAYOUT, 0.02, FRAMES)
     for part in np.array_split(walk(seed, n), 2):
         model, _ = online.observe_stream(online.begin_demonstration(model), part)
@@ -63,11 +64,11 @@ def trained_model(learner: str, maintenance: str, seed: int = 0, n: int = 60) ->
 
 
 def models_equal(one: online.OnlineModel, other: online.OnlineModel) -> bool:
-    """Equal to the last bit."""
+    """Return whether two models are equal to the last bit."""
     arrays = all(
         getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes()
         and getattr(one.state, name).shape == getattr(other.state, name).shape
-        for name in ("head", "clusters", "transition_counts")
+        for name in ("counters", "rows", "transition_counts")
     )
     plain = [
         (
@@ -85,8 +86,8 @@ def models_equal(one: online.OnlineModel, other: online.OnlineModel) -> bool:
     return arrays and plain[0] == plain[1]
 
 
-def opens_the_same_or_is_refused(data: bytes, model: online.OnlineModel) -> bool:
-    """True when it was refused. Anything but a refusal or the same model fails."""
+def is_refused_or_equal(data: bytes, model: online.OnlineModel) -> bool:
+    """Return whether the file is refused; fail if it opens as another model."""
     try:
         opened = decode_stream(data)
     except UnreadableFile:
@@ -96,95 +97,94 @@ def opens_the_same_or_is_refused(data: bytes, model: online.OnlineModel) -> bool
 
 
 @pytest.mark.parametrize(("learner", "maintenance"), KINDS)
-def test_what_was_saved_is_what_is_opened_and_it_goes_on_bit_for_bit(
-    learner: str, maintenance: str, tmp_path: Path
-):
-    """For every learner and weighting the next datapoints make the same of both, and of both files."""
+def test_open_stream_saved_model_continues_bit_for_bit(learner: str, maintenance: str, tmp_path: Path):
+    """For every learner and maintenance, both models and both files are equal after further datapoints."""
     model = trained_model(learner, maintenance)
     pf.save_stream(model, tmp_path / "model.stream")
     opened = pf.open_stream(tmp_path / "model.stream")
     assert models_equal(opened, model)
     assert encode_stream(opened) == (tmp_path / "model.stream").read_bytes() == encode_stream(model)
-    after, went = online.observe_stream(model, walk(1, 25))
-    again, went_again = online.observe_stream(opened, walk(1, 25))
+    after, assignments = online.observe_stream(model, walk(1, 25))
+    again, assignments_again = online.observe_stream(opened, walk(1, 25))
     assert models_equal(again, after)
-    np.testing.assert_array_equal(went_again.costs, went.costs)
+    np.testing.assert_array_equal(assignments_again.costs, assignments.costs)
     assert encode_stream(again) == encode_stream(after)
 
 
 @pytest.mark.parametrize(("learner", "maintenance"), KINDS)
-def test_a_model_before_its_first_datapoint_saves_and_opens(learner: str, maintenance: str):
-    """Arrays of no cluster are empty, and they are arrays all the same."""
+def test_decode_stream_empty_model_equals_original(learner: str, maintenance: str):
+    """A model without clusters has empty arrays."""
     empty = online.online_model(LEARNER_TYPES[learner](MAINTENANCES[maintenance]), LAYOUT, 0.02, FRAMES)
     opened = decode_stream(encode_stream(empty))
     assert models_equal(opened, empty)
     assert models_equal(*(online.observe_stream(model, walk(0, 10))[0] for model in (opened, empty)))
 
 
-def test_a_model_that_began_with_a_batch_saves_and_opens(rng: np.random.Generator):
-    """There subspaces have more room than any of them needs yet."""
+def test_decode_stream_model_from_batch_fit_equals_original(rng: np.random.Generator):
+    """Its subspaces have a larger capacity than any of them needs."""
     layout = position_layout(2).differentiate()
-    shown = [
+    demos = [
         pf.demonstration(np.cumsum(rng.normal(size=(40, 4)), axis=0), 0.1, layout, name=f"{m}")
         for m in range(2)
     ]
-    skill = pf.learn(shown, states=3, rng=rng).skill
-    model = online.from_batch_fit(skill, shown, online.estimate_penalties(skill, shown))
+    skill = pf.learn(demos, states=3, rng=rng).skill
+    model = online.from_batch_fit(skill, demos, online.estimate_penalties(skill, demos))
     assert models_equal(decode_stream(encode_stream(model)), model)
-    after, _ = online.observe_demonstration(model, shown[0])
+    after, _ = online.observe_demonstration(model, demos[0])
     assert models_equal(decode_stream(encode_stream(after)), after)
 
 
-def test_trace_weights_that_wore_off_to_nothing_are_kept():
-    """After long enough a weight that nothing renews is 0 in floating point; that is no damage."""
+def test_decode_stream_underflowed_weight_equals_original():
+    """A weight that decays without datapoints becomes 0 in floating point, which is valid."""
     model = online.online_model(
-        online.DPGMM(1.0, 0.1, online.Maintenance(online.ExponentialDecay(0.1))), LAYOUT, 0.02, FRAMES
+        online.DPGMM(1.0, 0.1, online.Maintenance(discount=0.1)), LAYOUT, 0.02, FRAMES
     )
     model, _ = online.observe_stream(model, np.concatenate([np.full((1, 2, 3), 9.0), np.zeros((400, 2, 3))]))
     assert model.weights.min() == 0.0
     assert models_equal(decode_stream(encode_stream(model)), model)
 
 
-def test_the_hash_is_the_documented_one():
-    """A reader that has only docs/stream-file.md finds the hash that stands in the file."""
+def test_encode_stream_hash_and_fields_equal_documentation():
+    """The hash, counters and arrays are those that docs/stream-file.md specifies."""
     for learner, maintenance in KINDS:
         header, arrays = split_container(encode_stream(trained_model(learner, maintenance)))
         assert header["content"] == documented_hash(header, arrays)
         assert header["format"] == "pilotfish-stream"
         assert header["settings"]["kind"] == learner
-        assert header["settings"]["maintenance"]["weighting"]["kind"] == maintenance
+        assert header["settings"]["maintenance"]["batch"] == MAINTENANCES[maintenance].batch
+        assert set(header["counters"]) == COUNTERS
         assert set(arrays) == ARRAYS
 
 
 @given(kind=st.sampled_from(KINDS), place=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
 @settings(max_examples=200)
-def test_a_changed_byte_never_opens_as_another_model(kind: tuple[str, str], place: float, flip: int):
-    """Whichever byte is hit, the file is refused as UnknownSkill or holds the model still."""
+def test_decode_stream_changed_byte_is_refused_or_harmless(kind: tuple[str, str], place: float, flip: int):
+    """A file with a changed byte is refused, or gives the same model."""
     model = trained_model(*kind)
     data = bytearray(encode_stream(model))
     data[int(place * len(data))] ^= flip
-    opens_the_same_or_is_refused(bytes(data), model)
+    is_refused_or_equal(bytes(data), model)
 
 
-def test_a_truncated_or_lengthened_file_is_refused():
-    """However much is missing or too much."""
+def test_decode_stream_wrong_length_is_refused():
+    """Truncated and extended files are refused."""
     model = trained_model("sosc", "exponential-decay")
     data = encode_stream(model)
     for length in [*range(0, len(data), 131), len(data) - 1]:
-        assert opens_the_same_or_is_refused(data[:length], model)
+        assert is_refused_or_equal(data[:length], model)
     for more in (b"\0", data):
-        assert opens_the_same_or_is_refused(data + more, model)
+        assert is_refused_or_equal(data + more, model)
 
 
 @given(data=st.binary(max_size=200))
-def test_noise_is_refused(data: bytes):
-    """No bytes make decoding fail in another way than by UnknownSkill."""
+def test_decode_stream_random_bytes_are_refused(data: bytes):
+    """Decoding fails with UnreadableFile only."""
     with pytest.raises(UnreadableFile):
         decode_stream(data)
 
 
-def test_an_altered_file_is_called_altered():
-    """A number changed by hand, its hash left as it was."""
+def test_decode_stream_altered_header_is_refused_by_hash():
+    """The period is changed, and the hash is not."""
     header, arrays = split_container(encode_stream(trained_model("sosc", "count")))
     with pytest.raises(UnreadableFile, match="the file was altered"):
         decode_stream(bytes(save(arrays, {"pilotfish": json.dumps({**header, "period": 9.0})})))
@@ -195,16 +195,23 @@ def with_arrays(model: online.OnlineModel, **arrays: Any) -> online.OnlineModel:
     return replace(model, state=state)
 
 
-def test_nothing_is_written_that_could_not_be_opened(tmp_path: Path):
-    """A model whose numbers are none is refused by the door it leaves by."""
+def test_save_stream_invalid_model_is_refused(tmp_path: Path):
+    """No file is left behind."""
     model = trained_model("sosc", "count")
     with pytest.raises(InvalidInput, match="counts"):
         pf.save_stream(with_arrays(model, transition_counts=-model.transition_counts), tmp_path / "file")
     assert not list(tmp_path.iterdir())
 
 
-def test_skills_and_streams_are_told_apart(tmp_path: Path):
-    """Each door refuses the other's file and names the remedy; one door opens both."""
+def test_decode_stream_older_version_is_refused():
+    """The message says to learn again."""
+    header, arrays = split_container(encode_stream(trained_model("sosc", "count")))
+    with pytest.raises(UnreadableFile, match=r"older pilotfish \(format 1.*learn it again"):
+        decode_stream(with_hash({**header, "version": 1}, arrays))
+
+
+def test_load_any_skill_and_stream_are_distinguished(tmp_path: Path):
+    """Each function refuses the file of the other and names the fix; load_any opens both."""
     model = trained_model("sosc", "count")
     pf.save_stream(model, tmp_path / "stream")
     pf.save_skill(online.to_skill(model), tmp_path / "skill")
@@ -216,15 +223,15 @@ def test_skills_and_streams_are_told_apart(tmp_path: Path):
     assert isinstance(load_any(tmp_path / "stream"), online.OnlineModel)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path):
-    """And so is a folder: each with what was expected."""
+def test_open_stream_missing_file_is_refused(tmp_path: Path):
+    """A folder is refused as well; the message says what was expected."""
     for place in (tmp_path / "none", tmp_path):
         with pytest.raises(InvalidInput, match="expected a stream file"):
             pf.open_stream(place)
 
 
-def test_the_program_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Kept after one datapoint, gone on with at the next."""
+def test_documentation_program_continues_stream(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The model is saved after one datapoint and continued with the next."""
     monkeypatch.chdir(tmp_path)
     text = (Path(__file__).parents[2] / "docs" / "stream-file.md").read_text(encoding="utf-8")
     names: dict[str, Any] = {}

@@ -121,7 +121,9 @@ def test_arguments_that_no_kernel_takes_are_refused_with_a_message(check, argume
 @pytest.mark.parametrize("tail_counts", [(4, 3), (2, 4), (2,)])
 def test_semi_markov_refuses_tables_of_other_shapes(kernels, tail_counts):
     """NumPy references read no more of a table than the compiled kernels do."""
-    tables = validation.SemiMarkovTables(np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(tail_counts))
+    tables = validation.SemiMarkovTables(
+        np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(tail_counts)
+    )
     with pytest.raises(InvalidInput, match=r"log_tail_weights has shape .*, expected \(2, K\) with K = 3"):
         kernels.semi_markov_forward_backward(np.zeros((6, 3)), tables)
 

@@ -152,7 +152,9 @@ def test_compiled_chain_agrees_with_the_reference(compiled, chain, K, spread, ze
     np.testing.assert_allclose(
         result.smoothed_state_probs, reference_result.smoothed_state_probs, rtol=1e-7, atol=1e-30
     )
-    np.testing.assert_allclose(result.transition_counts, reference_result.transition_counts, rtol=1e-7, atol=1e-25)
+    np.testing.assert_allclose(
+        result.transition_counts, reference_result.transition_counts, rtol=1e-7, atol=1e-25
+    )
     found, expected = compiled.viterbi(*problem), reference.viterbi(*problem)
     np.testing.assert_allclose(found.log_probability, expected.log_probability, rtol=1e-13)
     np.testing.assert_array_equal(found.states, expected.states)

@@ -93,7 +93,9 @@ def test_compiled_torques_agree_with_the_reference(compiled, rng, n):
         given = parameters(rng, n, force_limit=force, moment_limit=0.2 * force, min_singular_value=0.3)
         limits = dataclasses.replace(limits_of(n, strength), lower=np.full(n, -edge), upper=np.full(n, edge))
         reading, target = arm(rng, n)
-        one, other = (module.impedance_torque(given, limits, reading, target) for module in (compiled, reference))
+        one, other = (
+            module.impedance_torque(given, limits, reading, target) for module in (compiled, reference)
+        )
         scale = max(float(np.abs(other.torque).max()), 1.0)
         np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=1e-12 * scale)
         np.testing.assert_allclose(one.wrench, other.wrench, rtol=1e-12, atol=1e-12)
@@ -117,7 +119,8 @@ def test_compiled_torques_agree_with_the_reference_on_what_no_arm_sends(compiled
         spoilt[..., -1] = value
         reading = dataclasses.replace(reading, **{part: spoilt})
     one, other = (
-        module.impedance_torque(given, limits_of(7, 50.0), reading, target) for module in (compiled, reference)
+        module.impedance_torque(given, limits_of(7, 50.0), reading, target)
+        for module in (compiled, reference)
     )
     np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=1e-10)
     np.testing.assert_allclose(one.wrench, other.wrench, rtol=0, atol=1e-10)
@@ -207,7 +210,9 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(compiled, rng):
         first, middle, end = (
             [np.ones(wrong.get(name, size)) for name, size in some.items()] for some in (sizes, later, last)
         )
-        return baseline.impedance_torque(*first, *numbers, *middle, np.ones(wrong.get("jacobian", (6, n))), *end)
+        return baseline.impedance_torque(
+            *first, *numbers, *middle, np.ones(wrong.get("jacobian", (6, n))), *end
+        )
 
     call()
     call(16)

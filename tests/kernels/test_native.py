@@ -16,8 +16,8 @@ from pilotfish.kernels import (
     Emissions,
     SlowKernelsWarning,
     StreamParameters,
+    StreamState,
     backend,
-    empty_stream,
     reference,
 )
 from pilotfish.kernels.validation import KERNELS
@@ -69,16 +69,16 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
         one, other = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
         for old, new in zip(one, other, strict=True):
             np.testing.assert_allclose(old, new, rtol=1e-10, atol=1e-10, err_msg=name)
-    empty = empty_stream(2, 9)
+    empty = StreamState.empty(2, 9)
     parameters = StreamParameters(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 8, 50, 1)
     stream = (
         np.ascontiguousarray(given.x.transpose(1, 0, 2)),
-        empty.head,
-        empty.clusters,
+        empty.counters,
+        empty.rows,
         empty.transition_counts,
         0,
     )
-    old, new = (module.observe(*stream, parameters.numbers) for module in (baseline, newer))
+    old, new = (module.observe(*stream, parameters.packed) for module in (baseline, newer))
     for name, place in [("cluster_ids", 5), ("costs", 6), ("changes", 7), ("removed", 8)]:
         np.testing.assert_allclose(old[place], new[place], rtol=1e-9, atol=1e-9, err_msg=name)
     covariances = given.precision_cholesky[0] @ given.precision_cholesky[0].transpose(0, 2, 1)
@@ -170,7 +170,9 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
     with pytest.raises(ValueError, match="threads is -1, expected"):
         baseline.e_step(x, np.array([5]), *chain, means, precision_cholesky, no_turns, -1)
     with pytest.raises(ValueError, match="log_segment_weights has 5 entries along axis 0, expected 4"):
-        baseline.semi_markov_forward_backward(np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3)))
+        baseline.semi_markov_forward_backward(
+            np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3))
+        )
     with pytest.raises(ValueError, match="second axis of log_segment_weights is empty"):
         baseline.semi_markov_viterbi(np.zeros((9, 3)), *chain[:2], np.zeros((4, 0, 3)), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="transitions has 3 entries along axis 0, expected 4"):
@@ -192,30 +194,30 @@ def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(base
     parameters = StreamParameters(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 4, 50, 1)
     x = np.ascontiguousarray(rng.normal(size=(30, 1, 5)))
     state = compiled_state(baseline, x, parameters)
-    head, rows, transition_counts, capacity = state
+    counters, rows, transition_counts, capacity = state
 
     def observe(
-        head=head,
+        counters=counters,
         rows=rows,
         transition_counts=transition_counts,
         capacity=capacity,
-        numbers=parameters.numbers,
+        numbers=parameters.packed,
     ):
-        return baseline.observe(x, head, rows, transition_counts, capacity, numbers)
+        return baseline.observe(x, counters, rows, transition_counts, capacity, numbers)
 
     observe()
     for wrong, words in [
-        ({"rows": rows[:, :-1].copy()}, "clusters has"),
-        ({"transition_counts": np.zeros((len(rows) + 1,) * 2)}, "counts has"),
-        ({"head": np.array([float(len(rows)), 1, 9, 30, -1, 0])}, "head names a cluster"),
-        ({"head": np.array([np.nan, 1, 9, 30, -1, 0])}, "head names a cluster"),
-        ({"head": np.array([0.0, 1, 9, 30, len(rows), 1])}, "head names a cluster"),
-        ({"head": np.zeros(3)}, "head has 3 entries"),
+        ({"rows": rows[:, :-1].copy()}, "rows has"),
+        ({"transition_counts": np.zeros((len(rows) + 1,) * 2)}, "transition_counts has"),
+        ({"counters": np.array([float(len(rows)), 1, 9, 30, -1, 0])}, "counters name a cluster"),
+        ({"counters": np.array([np.nan, 1, 9, 30, -1, 0])}, "counters name a cluster"),
+        ({"counters": np.array([0.0, 1, 9, 30, len(rows), 1])}, "counters name a cluster"),
+        ({"counters": np.zeros(3)}, "counters has 3 entries"),
         ({"capacity": 3}, "capacity is not a multiple of 4"),
         ({"capacity": -4}, "capacity is not a multiple of 4"),
         ({"capacity": 400}, "capacity is not a multiple of 4"),
-        ({"numbers": parameters.numbers[:-1].copy()}, "parameters has 12 entries"),
-        ({"numbers": np.where(np.arange(13) == 12, 0.0, parameters.numbers)}, "batch"),
+        ({"numbers": parameters.packed[:-1].copy()}, "parameters has 12 entries"),
+        ({"numbers": np.where(np.arange(13) == 12, 0.0, parameters.packed)}, "batch"),
     ]:
         with pytest.raises(ValueError, match=words):
             observe(**wrong)
@@ -229,6 +231,6 @@ def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(base
 
 def compiled_state(module, x, parameters):
     """Head, rows, counts and room after the datapoints."""
-    empty = empty_stream(*x.shape[1:])
-    _, *state = module.observe(x, empty.head, empty.clusters, empty.transition_counts, 0, parameters.numbers)
+    empty = StreamState.empty(*x.shape[1:])
+    _, *state = module.observe(x, empty.counters, empty.rows, empty.transition_counts, 0, parameters.packed)
     return state[:4]

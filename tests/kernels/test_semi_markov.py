@@ -329,7 +329,10 @@ def test_a_demonstration_that_no_segments_explain_adds_nothing(kernels, case):
 def test_compiled_semi_markov_chain_agrees_with_the_reference(compiled, problem, T, K, S, spread, zeros):
     """Any number of states and steps, also around the multiples of eight that registers hold."""
     given = problem(T, K, S, spread, zeros)
-    result, reference_result = compiled.semi_markov_forward_backward(*given), reference.semi_markov_forward_backward(*given)
+    result, reference_result = (
+        compiled.semi_markov_forward_backward(*given),
+        reference.semi_markov_forward_backward(*given),
+    )
     np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-11, atol=1e-11)
     for name in EXPECTED:
         np.testing.assert_allclose(

@@ -7,15 +7,13 @@ import pytest
 
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels import (
-    ClusterColumn,
     StreamParameters,
     StreamState,
     Weighting,
-    empty_stream,
     reference,
-    round_up_to_four,
-    zero_stream,
+    zero_arrays,
 )
+from pilotfish.kernels.stream_state import STATISTICS
 
 PARAMETERS = StreamParameters(
     cluster=9.0,
@@ -29,7 +27,7 @@ PARAMETERS = StreamParameters(
     forget_below=0.0,
     extra_directions=1,
     max_dimension=100,
-    clusters=100,
+    max_clusters=100,
     batch=1,
 )
 VARIANTS = {
@@ -42,9 +40,9 @@ VARIANTS = {
     "constant": replace(PARAMETERS, weighting=int(Weighting.CONSTANT), weight=20.0),
     "untruncated": replace(PARAMETERS, extra_directions=100),
     "no spare": replace(PARAMETERS, extra_directions=0),
-    "few clusters": replace(PARAMETERS, clusters=3, cluster=2.0, merge_distance=0.0),
+    "few clusters": replace(PARAMETERS, max_clusters=3, cluster=2.0, merge_distance=0.0),
     "batches": replace(PARAMETERS, batch=7),
-    "batches, few clusters": replace(PARAMETERS, batch=50, clusters=2, cluster=2.0, merge_distance=0.5),
+    "batches, few clusters": replace(PARAMETERS, batch=50, max_clusters=2, cluster=2.0, merge_distance=0.5),
 }
 
 
@@ -71,18 +69,19 @@ def drift(state: StreamState):
     return np.abs(np.einsum("kpdc,kpde->kpce", U, U) - there[..., None] * np.eye(C)).max(initial=0.0)
 
 
-def assert_same(one, other, atol=1e-9):
+def assert_same(first, second, atol=1e-9):
+    (a, one), (b, other) = first, second
     np.testing.assert_array_equal(one.cluster_ids, other.cluster_ids)
     np.testing.assert_array_equal(one.removed, other.removed)
     np.testing.assert_allclose(one.costs, other.costs, rtol=1e-9, atol=atol)
     np.testing.assert_allclose(one.loss_changes, other.loss_changes, rtol=1e-9, atol=atol)
-    a, b = one.state, other.state
     assert (a.frames, a.width, a.capacity) == (b.frames, b.width, b.capacity)
-    np.testing.assert_allclose(a.head, b.head)
+    np.testing.assert_allclose(a.counters, b.counters)
     np.testing.assert_allclose(a.transition_counts, b.transition_counts)
-    columns = slice(0, len(ClusterColumn))
-    np.testing.assert_allclose(a.clusters[:, columns], b.clusters[:, columns], rtol=1e-10)
-    np.testing.assert_array_equal(a.blocks()[..., :2], b.blocks()[..., :2])
+    for name in STATISTICS:
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-10, err_msg=name)
+    np.testing.assert_array_equal(a.dimensions, b.dimensions)
+    np.testing.assert_array_equal(a.ranks, b.ranks)
     np.testing.assert_allclose(a.means, b.means, atol=atol)
     np.testing.assert_allclose(covariances(a), covariances(b), atol=atol)
     np.testing.assert_allclose(a.distances, b.distances, atol=atol)
@@ -93,7 +92,7 @@ def assert_same(one, other, atol=1e-9):
 def test_compiled_and_twin_agree(compiled, rng, variant, shape):
     """The same assignments, merges and models, for every policy, number of frames and width."""
     x = blobs(rng, 160, *shape)
-    parameters, state = VARIANTS[variant], empty_stream(*shape)
+    parameters, state = VARIANTS[variant], StreamState.empty(*shape)
     assert_same(compiled.observe(x, state, parameters), reference.observe(x, state, parameters))
 
 
@@ -101,7 +100,7 @@ def test_both_go_on_from_the_same_state(compiled, rng):
     """A state of one is read by the other."""
     x = blobs(rng, 200, 2, 5)
     for first, second in [(compiled, reference), (reference, compiled)]:
-        state = first.observe(x[:120], empty_stream(2, 5), PARAMETERS).state
+        state = first.observe(x[:120], StreamState.empty(2, 5), PARAMETERS)[0]
         assert_same(first.observe(x[120:], state, PARAMETERS), second.observe(x[120:], state, PARAMETERS))
 
 
@@ -111,15 +110,15 @@ def test_a_stream_may_be_cut_anywhere(request, rng, kernel, variant):
     """One by one, in pieces or whole: the same model to the last bit."""
     observe = request.getfixturevalue("compiled").observe if kernel == "compiled" else reference.observe
     x, parameters = blobs(rng, 90, 2, 4), VARIANTS[variant]
-    whole = observe(x, empty_stream(2, 4), parameters)
-    state = empty_stream(2, 4)
+    whole, assignments = observe(x, StreamState.empty(2, 4), parameters)
+    state = StreamState.empty(2, 4)
     cluster_ids = []
     for piece in [*np.split(x[:20], 20), *np.split(x[20:], np.sort(rng.integers(70, size=3)))]:
-        step = observe(piece, state, parameters)
-        state, cluster_ids = step.state, [*cluster_ids, *step.cluster_ids.tolist()]
-    assert cluster_ids == whole.cluster_ids.tolist()
-    for name in ("head", "clusters", "transition_counts"):
-        assert getattr(state, name).tobytes() == getattr(whole.state, name).tobytes()
+        state, step = observe(piece, state, parameters)
+        cluster_ids += step.cluster_ids.tolist()
+    assert cluster_ids == assignments.cluster_ids.tolist()
+    for name in ("counters", "rows", "transition_counts"):
+        assert getattr(state, name).tobytes() == getattr(whole, name).tobytes()
 
 
 @pytest.mark.parametrize("D", [1, 2, 3, 7, 20])
@@ -128,8 +127,8 @@ def test_without_truncation_a_cluster_has_the_moments_of_its_datapoints(compiled
     x = 100.0 + rng.normal(size=(400, 1, D)) @ rng.normal(size=(D, D))
     parameters = replace(PARAMETERS, cluster=1e9, extra_directions=D, merge_distance=0.0)
     for kernel in (compiled, reference):
-        state = kernel.observe(x, empty_stream(1, D), parameters).state
-        assert len(state.clusters) == 1
+        state = kernel.observe(x, StreamState.empty(1, D), parameters)[0]
+        assert state.clusters == 1
         np.testing.assert_allclose(state.means[0, 0], x[:, 0].mean(axis=0), rtol=0, atol=1e-10)
         expected = np.cov(x[:, 0].T, bias=True).reshape(D, D)
         np.testing.assert_allclose(covariances(state)[0, 0], expected, rtol=0, atol=1e-10)
@@ -145,22 +144,22 @@ def test_merged_clusters_have_the_moments_of_all_their_datapoints(compiled, rng)
     )
     bridge = np.zeros((1, 1, 4))
     for kernel in (compiled, reference):
-        apart = kernel.observe(x, empty_stream(1, 4), parameters).state
-        assert len(apart.clusters) == 2
-        step = kernel.observe(bridge, apart, replace(parameters, merge_distance=100.0, cluster=1e9))
+        apart = kernel.observe(x, StreamState.empty(1, 4), parameters)[0]
+        assert apart.clusters == 2
+        merging = replace(parameters, merge_distance=100.0, cluster=1e9)
+        merged, assignments = kernel.observe(bridge, apart, merging)
         every = np.concatenate([x, bridge])[:, 0]
-        (row,) = step.state.clusters
-        assert row[ClusterColumn.WEIGHT] == row[ClusterColumn.POINTS] == 61
-        np.testing.assert_allclose(step.state.means[0, 0], every.mean(axis=0), atol=1e-10)
-        np.testing.assert_allclose(covariances(step.state)[0, 0], np.cov(every.T, bias=True), atol=1e-10)
-        assert step.removed.shape == (1, 3)
+        assert merged.weights.tolist() == merged.points.tolist() == [61.0]
+        np.testing.assert_allclose(merged.means[0, 0], every.mean(axis=0), atol=1e-10)
+        np.testing.assert_allclose(covariances(merged)[0, 0], np.cov(every.T, bias=True), atol=1e-10)
+        assert assignments.removed.shape == (1, 3)
 
 
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
 def test_the_loss_at_a_datapoint_never_rises(compiled, rng, variant):
     """Assignment, update and dimension together never make the loss at the datapoint larger (5.35)."""
     x = blobs(rng, 2000, 2, 6)
-    loss_changes = compiled.observe(x, empty_stream(2, 6), VARIANTS[variant]).loss_changes
+    loss_changes = compiled.observe(x, StreamState.empty(2, 6), VARIANTS[variant])[1].loss_changes
     assert loss_changes.max() <= 1e-12
     assert loss_changes.min() < -1e-3
 
@@ -173,18 +172,18 @@ def test_directions_stay_orthonormal(compiled):
         parameters = replace(
             PARAMETERS, cluster=1e9, extra_directions=extra_directions, dimension=0.05, bandwidth=1e6
         )
-        assert drift(compiled.observe(x, empty_stream(1, 6), parameters).state) < 1e-8
+        assert drift(compiled.observe(x, StreamState.empty(1, 6), parameters)[0]) < 1e-8
 
 
 def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
     """A state whose directions are bent by 1e-4 has straight ones within 256 datapoints."""
     parameters = replace(PARAMETERS, cluster=1e9)
-    state = reference.observe(blobs(rng, 300, 1, 5, K=1), empty_stream(1, 5), parameters).state
-    bent = replace(state, clusters=state.clusters.copy())
+    state = reference.observe(blobs(rng, 300, 1, 5, K=1), StreamState.empty(1, 5), parameters)[0]
+    bent = replace(state, rows=state.rows.copy())
     bent.bases[:] += 1e-4 * rng.normal(size=bent.bases.shape) * (bent.bases != 0.0)
     assert drift(bent) > 1e-5
     for kernel in (compiled, reference):
-        assert drift(kernel.observe(blobs(rng, 300, 1, 5, K=1), bent, parameters).state) < 1e-8
+        assert drift(kernel.observe(blobs(rng, 300, 1, 5, K=1), bent, parameters)[0]) < 1e-8
 
 
 @pytest.mark.parametrize(
@@ -203,42 +202,44 @@ def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
 def test_degenerate_streams_leave_finite_models(compiled, x):
     """Constant, huge, tiny, repeated and single datapoints: finite numbers, and both kernels agree."""
     for parameters in VARIANTS.values():
-        state = empty_stream(*x.shape[1:])
-        step = compiled.observe(x, state, parameters)
-        for values in (step.state.clusters, step.state.transition_counts, step.costs, step.loss_changes):
+        state = StreamState.empty(*x.shape[1:])
+        after, step = compiled.observe(x, state, parameters)
+        for values in (after.rows, after.transition_counts, step.costs, step.loss_changes):
             assert np.isfinite(values).all()
-        np.testing.assert_array_equal(step.cluster_ids, reference.observe(x, state, parameters).cluster_ids)
+        np.testing.assert_array_equal(
+            step.cluster_ids, reference.observe(x, state, parameters)[1].cluster_ids
+        )
 
 
 def test_a_jump_of_1e12_is_a_cluster_of_its_own(compiled, rng):
     """The clusters that were there are as they were, and the stream goes on in them."""
     x = blobs(rng, 100, 1, 3, K=2)
-    before = compiled.observe(x, empty_stream(1, 3), PARAMETERS)
-    jump = compiled.observe(np.full((1, 1, 3), 1e12), before.state, PARAMETERS)
-    assert len(jump.state.clusters) == len(before.state.clusters) + 1
-    np.testing.assert_array_equal(jump.state.means[:-1], before.state.means)
-    after = compiled.observe(x[-1:], jump.state, PARAMETERS)
-    assert after.cluster_ids[0] == before.cluster_ids[-1]
+    before, assignments = compiled.observe(x, StreamState.empty(1, 3), PARAMETERS)
+    after, _ = compiled.observe(np.full((1, 1, 3), 1e12), before, PARAMETERS)
+    assert after.clusters == before.clusters + 1
+    np.testing.assert_array_equal(after.means[:-1], before.means)
+    _, last = compiled.observe(x[-1:], after, PARAMETERS)
+    assert last.cluster_ids[0] == assignments.cluster_ids[-1]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.1e100])
 def test_what_is_not_finite_is_refused_and_nothing_learned(compiled, rng, bad):
     """Both kernels name the place; arrays given are untouched."""
     x = blobs(rng, 20, 2, 3)
-    state = compiled.observe(x, empty_stream(2, 3), PARAMETERS).state
-    before = [array.tobytes() for array in (state.head, state.clusters, state.transition_counts)]
+    state = compiled.observe(x, StreamState.empty(2, 3), PARAMETERS)[0]
+    before = [array.tobytes() for array in (state.counters, state.rows, state.transition_counts)]
     x[7, 1, 2] = bad
     for kernel in (compiled, reference):
         with pytest.raises(InvalidInput, match="datapoint 7, frame 1, column 2"):
             kernel.observe(x, state, PARAMETERS)
-    assert before == [array.tobytes() for array in (state.head, state.clusters, state.transition_counts)]
+    assert before == [array.tobytes() for array in (state.counters, state.rows, state.transition_counts)]
 
 
 def test_no_datapoints_change_nothing(compiled):
     """An empty batch gives the model back."""
     for kernel in (compiled, reference):
-        step = kernel.observe(np.empty((0, 1, 3)), empty_stream(1, 3), PARAMETERS)
-        assert len(step.cluster_ids) == len(step.state.clusters) == 0
+        state, assignments = kernel.observe(np.empty((0, 1, 3)), StreamState.empty(1, 3), PARAMETERS)
+        assert len(assignments.cluster_ids) == state.clusters == 0
 
 
 def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(compiled):
@@ -246,7 +247,7 @@ def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(com
     parameters = replace(PARAMETERS, cluster=1e6, bandwidth=1e6)
     x = np.zeros((40, 1, 3))
     x[::2, 0, 0], x[1::2, 0, 0] = 3.0, -3.0
-    state = reference.observe(x, empty_stream(1, 3), parameters).state
+    state = reference.observe(x, StreamState.empty(1, 3), parameters)[0]
     state.dimensions[0, 0], state.ranks[0, 0] = 2, 2  # as if a second one had been worth it
     state.bases[0, 0, :, :2] = np.eye(3)[:, :2]
     state.variances[0, 0, :2] = [9.0, 0.01]
@@ -254,10 +255,9 @@ def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(com
     far, near = np.array([[[0.0, 2.0, 0.0]]]), np.array([[[0.0, 0.1, 0.0]]])
     for kernel in (compiled, reference):
         stays, goes = (kernel.observe(point, state, parameters) for point in (far, near))
-        assert stays.state.dimensions[0, 0] == 2
-        assert goes.state.dimensions[0, 0] == 1
-        assert stays.loss_changes[0] <= 0.0
-        assert goes.loss_changes[0] <= 0.0
+        for (after, assignments), dimension in ((stays, 2), (goes, 1)):
+            assert after.dimensions[0, 0] == dimension
+            assert assignments.loss_changes[0] <= 0.0
 
 
 def test_one_update_is_the_definition_for_any_spectrum(compiled, rng):
@@ -275,17 +275,17 @@ def test_one_update_is_the_definition_for_any_spectrum(compiled, rng):
         U = np.linalg.qr(rng.normal(size=(D, D)))[0][:, :r]
         e = U @ (np.sqrt(v) * rng.normal(size=r) * rng.choice([1.0, 0.0, 1e-8], size=r))
         e = e + rng.choice([0.0, 1e-9, 1.0, 1e4]) * rng.normal(size=D)
-        state = zero_stream(1, 1, D, round_up_to_four(r))
-        state.head[:] = 0, 1, 1, 5, -1, 0
-        state.clusters[
-            0, [ClusterColumn.WEIGHT, ClusterColumn.POINTS, ClusterColumn.DEMONSTRATION_STARTS]
-        ] = w, 5, 1
-        state.transition_counts[0, 0] = 4
-        state.dimensions[0, 0], state.ranks[0, 0] = min(r, D - 1), r
-        state.variances[0, 0, :r], state.bases[0, 0, :, :r] = v, U
+        arrays = zero_arrays(1, 1, D, r)
+        arrays["weights"][0], arrays["points"][0], arrays["demonstration_starts"][0] = w, 5, 1
+        arrays["transition_counts"][0, 0] = 4
+        arrays["dimensions"][0, 0], arrays["ranks"][0, 0] = min(r, D - 1), r
+        arrays["variances"][0, 0], arrays["bases"][0, 0] = v, U
+        counters = StreamState.empty(1, D).to_counters()
+        counters |= {"current_cluster": 0, "steps_in_cluster": 1, "next_cluster_id": 1, "datapoints": 5}
+        state = StreamState.from_arrays(arrays, counters)
         parameters = replace(PARAMETERS, cluster=1e300, extra_directions=D, merge_distance=0.0)
         expected = w / (w + 1) * (U * v) @ U.T + w / (w + 1) ** 2 * np.outer(e, e)
-        after = compiled.observe(e.reshape(1, 1, D), state, parameters).state
+        after = compiled.observe(e.reshape(1, 1, D), state, parameters)[0]
         close = 1e-13 * np.abs(expected).max()
         np.testing.assert_allclose(covariances(after)[0, 0], expected, rtol=0, atol=close)
         assert drift(after) < 1e-14

@@ -4,6 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from pilotfish.models.durations.distributions import _completed
+from pilotfish.models.segments import recorded_length_moments, uncensored_segments
 from scipy import optimize, stats
 from scipy.special import logsumexp
 
@@ -22,10 +24,8 @@ from pilotfish.models import (
     PoissonDurations,
     Segments,
 )
-from pilotfish.models.durations.distributions import _completed
 from pilotfish.models.durations.fit import ExponentialFamily, complete_segments, evaluate_likelihood
 from pilotfish.models.durations.negative_binomial import _best_shapes
-from pilotfish.models.segments import recorded_length_moments, uncensored_segments
 
 DISTRIBUTIONS = [
     Gaussian(),

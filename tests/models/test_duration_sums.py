@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pilotfish.models.segments import log_survival
 from scipy.special import logsumexp, psi
 
 from pilotfish.errors import InvalidInput
@@ -19,7 +20,6 @@ from pilotfish.models.durations.fit import ExponentialFamily, complete_segments,
 from pilotfish.models.durations.negative_binomial import _decreasing_root
 from pilotfish.models.durations.quadrature import gauss_nodes, make_quadrature, single_step_quadrature
 from pilotfish.models.durations.sums import log_cumsum, log_reverse_cumsum, log_sum_exp
-from pilotfish.models.segments import log_survival
 
 LONG = 2**19
 WIDE_DURATIONS = {

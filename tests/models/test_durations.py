@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pilotfish.models.segments import log_survival
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -13,7 +14,6 @@ from pilotfish.models import (
     NegativeBinomialDurations,
     PoissonDurations,
 )
-from pilotfish.models.segments import log_survival
 
 STEPS = np.arange(1, 20_001)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pilotfish.models.segments import TAIL_PROBABILITY
 from scipy.special import logsumexp
 
 from pilotfish.errors import InvalidInput
@@ -19,7 +20,6 @@ from pilotfish.models import (
     sample_states,
     semi_markov_forward,
 )
-from pilotfish.models.segments import TAIL_PROBABILITY
 
 
 def left_right(means, deviations):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pilotfish.models.segments import FULL_LENGTH_FACTOR, TAIL_PROBABILITY, segment_tables
 from scipy.special import logsumexp
 
 from pilotfish import kernels
@@ -25,7 +26,6 @@ from pilotfish.models import (
     smoothed_state_probs,
     viterbi,
 )
-from pilotfish.models.segments import FULL_LENGTH_FACTOR, TAIL_PROBABILITY, segment_tables
 
 PLACE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
 DISTRIBUTIONS = {

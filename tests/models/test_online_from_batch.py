@@ -1,4 +1,4 @@
-"""A stream that begins where a batch fit ended, and the penalties that such a fit suggests."""
+"""Online models from a batch fit, and the penalties that are estimated from it."""
 
 import itertools
 from dataclasses import replace
@@ -9,8 +9,8 @@ import pytest
 import pilotfish as pf
 from pilotfish.errors import InvalidInput
 from pilotfish.io.synthetic import synthetic_valve
-from pilotfish.models import MarkovChain, online, runs, viterbi
-from pilotfish.models.online import DPGMM, ConstantWeight, ExponentialDecay, Maintenance
+from pilotfish.models import MarkovChain, online, state_segments, viterbi
+from pilotfish.models.online import DPGMM, Maintenance
 
 
 @pytest.fixture(scope="module")
@@ -23,67 +23,67 @@ def skill(demonstrations):
     return pf.learn(demonstrations, states=5, rng=np.random.default_rng(0)).skill
 
 
-def test_the_model_is_the_skill_before_the_first_datapoint(demonstrations, skill):
-    """Means are the skill's, and with every direction remembered so are covariances."""
+def test_from_batch_fit_means_and_covariances_equal_skill(demonstrations, skill):
+    """With every direction stored, covariances are those of the skill."""
     settings = online.estimate_penalties(
         skill, demonstrations, maintenance=Maintenance(extra_directions=skill.width)
     )
     model = online.from_batch_fit(skill, demonstrations, settings)
     np.testing.assert_array_equal(model.means.transpose(1, 0, 2), skill.means)
-    remembered = np.einsum("kpdc,kpc,kpec->pkde", model.bases, model.variances, model.bases)
+    stored = np.einsum("kpdc,kpc,kpec->pkde", model.state.bases, model.state.variances, model.state.bases)
     for p, covariances in enumerate(skill.covariances):
-        np.testing.assert_allclose(remembered[p], covariances.dense, atol=1e-12)
+        np.testing.assert_allclose(stored[p], covariances.dense, atol=1e-12)
     ranks = model.state.ranks[..., None]
     for k in range(skill.states):  # mean squared distances to the first k directions, by their definition
-        U, S = model.bases[k, 0], skill.covariances[0].dense[k]
+        U, S = model.state.bases[k, 0], skill.covariances[0].dense[k]
         for d in range(int(ranks[k, 0, 0]) + 1):
-            use_free_name = np.eye(skill.width) - U[:, :d] @ U[:, :d].T
+            outside = np.eye(skill.width) - U[:, :d] @ U[:, :d].T
             np.testing.assert_allclose(
-                model.distances[k, 0, d],
-                np.log_likelihoods(use_free_name @ S @ use_free_name),
+                model.state.distances[k, 0, d],
+                np.trace(outside @ S @ outside),
                 rtol=1e-6,
                 atol=1e-9,
             )
 
 
-def test_visits_and_transitions_are_those_of_the_most_likely_states(demonstrations, skill):
-    """Counted by brute force; the last visit of each demonstration is cut off, the first one begins there."""
+def test_from_batch_fit_segments_and_transitions_equal_enumeration(demonstrations, skill):
+    """Counted from the most probable state sequences; the last segment is censored."""
     model = online.from_batch_fit(skill, demonstrations, online.estimate_penalties(skill, demonstrations))
     K = skill.states
-    counts, lengths, begun = np.zeros((K, K)), [[] for _ in range(K)], np.zeros(K)
+    counts, lengths, starts = np.zeros((K, K)), [[] for _ in range(K)], np.zeros(K)
     points = np.zeros(K)
     for demonstration in demonstrations:
         states = viterbi(skill, demonstration)
         points += np.bincount(states, minlength=K)
         for i, j in itertools.pairwise(states):
             counts[i, j] += 1
-        visited, steps = runs(states)
-        begun[visited[0]] += 1
-        for k, n in zip(visited[:-1], steps[:-1], strict=True):
+        segment_states, steps = state_segments(states)
+        starts[segment_states[0]] += 1
+        for k, n in zip(segment_states[:-1], steps[:-1], strict=True):
             lengths[k].append(n)
-    np.testing.assert_array_equal(model.counts, counts)
+    np.testing.assert_array_equal(model.transition_counts, counts)
     np.testing.assert_allclose(model.priors, points / points.sum())
     chain = online.to_skill(model).dynamics
-    np.testing.assert_allclose(chain.initial, begun / 3)
-    seen = [k for k in range(K) if lengths[k]]
-    np.testing.assert_allclose(chain.durations.means[seen], [np.mean(lengths[k]) for k in seen])
+    np.testing.assert_allclose(chain.initial, starts / 3)
+    complete = [k for k in range(K) if lengths[k]]
+    np.testing.assert_allclose(chain.durations.means[complete], [np.mean(lengths[k]) for k in complete])
     assert model.datapoints == sum(len(d.x) for d in demonstrations)
 
 
-def test_no_datapoint_that_the_skill_learned_from_would_begin_a_cluster(demonstrations, skill):
-    """Each of them alone, met where a demonstration begins, goes to a cluster that is there."""
+def test_estimate_penalties_training_data_start_no_cluster(demonstrations, skill):
+    """Each datapoint alone, at the start of a demonstration, goes to an existing cluster."""
     model = online.from_batch_fit(skill, demonstrations, online.estimate_penalties(skill, demonstrations))
     assert model.clusters == skill.states
     for demonstration in demonstrations:
-        seen = pf.demonstrations.views([demonstration]).x.transpose(1, 0, 2)
-        for point in seen[::5]:
-            _, went = online.observe(model, point)
-            assert went.cluster_id < skill.states
-            assert went.cost <= model.settings.cluster
+        points = pf.demonstrations.views([demonstration]).x.transpose(1, 0, 2)
+        for point in points[::5]:
+            _, cluster_id, cost, _ = online.observe(model, point)
+            assert cluster_id < skill.states
+            assert cost <= model.settings.cluster
 
 
-def test_more_explained_means_more_dimensions_and_less_noise(demonstrations, skill):
-    """lambda_1 and sigma^2 fall as the share rises, and subspaces never get smaller."""
+def test_estimate_penalties_larger_share_gives_more_dimensions(demonstrations, skill):
+    """lambda_1 and sigma^2 decrease with the share, and dimensions do not."""
     found = [
         online.estimate_penalties(skill, demonstrations, explained_variance=share)
         for share in (0.6, 0.8, 0.95, 0.99)
@@ -97,9 +97,11 @@ def test_more_explained_means_more_dimensions_and_less_noise(demonstrations, ski
         assert (many >= few).all()
 
 
-@pytest.mark.parametrize("explained", [0.5, 0.9])
-def test_the_directions_above_lambda_1_explain_the_share(demonstrations, skill, explained_variance):
-    """By brute force over all eigenvalues, weighted by how many datapoints each state has."""
+@pytest.mark.parametrize("explained_variance", [0.5, 0.9])
+def test_estimate_penalties_directions_above_lambda_1_explain_share(
+    demonstrations, skill, explained_variance
+):
+    """Enumerated over all eigenvalues, weighted by the datapoints of each state."""
     settings = online.estimate_penalties(skill, demonstrations, explained_variance=explained_variance)
     states = np.concatenate([viterbi(skill, d) for d in demonstrations])
     shares = np.bincount(states, minlength=skill.states) / len(states)
@@ -115,12 +117,12 @@ def test_the_directions_above_lambda_1_explain_the_share(demonstrations, skill, 
     np.testing.assert_allclose(settings.noise, rest / weight, rtol=1e-9)
 
 
-def test_states_of_the_skill_stay_apart(demonstrations, skill):
-    """No two are closer than the merge distance, unless one is named."""
+def test_estimate_penalties_merge_distance_separates_states(demonstrations, skill):
+    """No two states are closer than the merge distance, unless it is given."""
     settings = online.estimate_penalties(skill, demonstrations)
     means = skill.means.transpose(1, 0, 2).reshape(skill.states, -1)
-    apart = [np.linalg.norm(a - b) for n, a in enumerate(means) for b in means[:n]]
-    np.testing.assert_allclose(settings.maintenance.merge_distance, 0.5 * min(apart))
+    distances = [np.linalg.norm(a - b) for n, a in enumerate(means) for b in means[:n]]
+    np.testing.assert_allclose(settings.maintenance.merge_distance, 0.5 * min(distances))
     named = online.estimate_penalties(
         skill, demonstrations, maintenance=Maintenance(merge_distance=0.1, batch=3)
     )
@@ -128,17 +130,17 @@ def test_states_of_the_skill_stay_apart(demonstrations, skill):
 
 
 @pytest.mark.parametrize(
-    ("weighting", "largest"),
-    [(ExponentialDecay(0.98), 50.0), (ConstantWeight(7.0), 7.0)],
-    ids=["trace", "constant"],
+    ("maintenance", "largest"),
+    [(Maintenance(discount=0.98), 50.0), (Maintenance(constant_weight=7.0), 7.0)],
+    ids=["decay", "constant"],
 )
-def test_weights_are_what_the_weighting_can_hold(demonstrations, skill, weighting, largest):
-    settings = online.estimate_penalties(skill, demonstrations, maintenance=Maintenance(weighting))
+def test_from_batch_fit_weights_have_their_upper_bound(demonstrations, skill, maintenance, largest):
+    settings = online.estimate_penalties(skill, demonstrations, maintenance=maintenance)
     np.testing.assert_allclose(online.from_batch_fit(skill, demonstrations, settings).weights, largest)
 
 
-def test_the_stream_goes_on_from_there(demonstrations, skill):
-    """One more demonstration adds its datapoints; the skill read out adapts to where none was shown."""
+def test_observe_demonstration_after_batch_fit_adds_datapoints(demonstrations, skill):
+    """The skill can then be adapted to a new situation."""
     fourth = synthetic_valve(np.random.default_rng(1))[3]
     model = online.from_batch_fit(skill, demonstrations, online.estimate_penalties(skill, demonstrations))
     after, _ = online.observe_demonstration(model, fourth)
@@ -147,15 +149,15 @@ def test_the_stream_goes_on_from_there(demonstrations, skill):
     assert np.isfinite(pf.adapt(online.to_skill(after), fourth.frames).means).all()
 
 
-def test_spheres_may_begin_from_a_fit_too(demonstrations, skill):
+def test_from_batch_fit_spheres_have_no_dimensions(demonstrations, skill):
     settings = DPGMM(cluster=1.0, noise=0.01)
     model = online.from_batch_fit(skill, demonstrations, settings)
     assert not model.dimensions.any()
     np.testing.assert_array_equal(model.means.transpose(1, 0, 2), skill.means)
 
 
-def test_a_state_that_is_never_visited_is_left_out(demonstrations, skill):
-    """A state so far away that no datapoint is in it."""
+def test_from_batch_fit_state_without_datapoints_is_left_out(demonstrations, skill):
+    """The state is far from all datapoints."""
     means = skill.means.copy()
     means[:, 2] += 1e3
     anywhere = MarkovChain(np.full(5, 0.2), np.full((5, 5), 0.2))
@@ -165,11 +167,11 @@ def test_a_state_that_is_never_visited_is_left_out(demonstrations, skill):
     assert model.cluster_ids.tolist() == list(range(skill.states - 1))
 
 
-def test_what_does_not_belong_together_is_refused(demonstrations, skill):
+def test_from_batch_fit_incompatible_arguments_are_refused(demonstrations, skill):
     short = [replace(d, frames=d.frames[:1]) for d in demonstrations]
     with pytest.raises(InvalidInput, match="1 frames of 14 columns, the model knows 2"):
         online.from_batch_fit(skill, short, DPGMM(1.0, 0.1))
-    with pytest.raises(InvalidInput, match="explained is 1"):
+    with pytest.raises(InvalidInput, match="explained_variance is 1"):
         online.estimate_penalties(skill, demonstrations, explained_variance=1.0)
     turned = pf.learn([pf.to_sphere(d) for d in demonstrations], states=3, rng=np.random.default_rng(0)).skill
     with pytest.raises(InvalidInput, match="without on_sphere"):

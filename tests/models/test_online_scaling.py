@@ -1,4 +1,4 @@
-"""Scaling the columns for a stream changes units and nothing else."""
+"""Scaling of columns for online learning changes units only."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def random_pose(rng: np.random.Generator) -> Pose:
 
 
 def random_demonstrations(rng: np.random.Generator, *, moving: bool) -> list[pf.Demonstration]:
-    """Six short pose movements with their speeds, seen from an object that stands elsewhere each time."""
+    """Return six short pose movements with velocities, in the frame of an object at random poses."""
     layout, made = pose_layout(), []
     for m in range(6):
         steps = np.linspace(0.0, 1.0, 20)[:, None]
@@ -40,23 +40,20 @@ def random_demonstrations(rng: np.random.Generator, *, moving: bool) -> list[pf.
 
 
 @pytest.mark.parametrize("moving", [False, True])
-def test_what_a_frame_sees_is_scaled_like_the_world(rng, moving):
-    """A scaled showing seen from its scaled frames is the showing seen from its frames, divided by scales,
-    whatever the signs in which poses tell their quaternions.
-    """
-    shown = random_demonstrations(rng, moving=moving)
-    scales = pf.online.estimate_scales(pf.learn(shown, states=2, rng=rng).skill)
-    seen = views(shown).x
-    again = views([pf.online.scale_demonstration(d, scales) for d in shown]).x * scales.values
-    np.testing.assert_allclose(np.abs(again), np.abs(seen), atol=1e-9)
+def test_scale_demonstration_views_equal_scaled_views(rng, moving):
+    """Views of the scaled demonstration are the scaled views, up to the signs of quaternions."""
+    demos = random_demonstrations(rng, moving=moving)
+    skill = pf.learn(demos, states=2, rng=rng).skill
+    scales = pf.online.column_scales(skill)
+    expected = views(demos).x
+    actual = views([pf.online.scale_demonstration(d, scales, skill) for d in demos]).x * scales
+    np.testing.assert_allclose(np.abs(actual), np.abs(expected), atol=1e-9)
     flat = [c for c in range(14) if c not in (3, 4, 5, 6, 10, 11, 12, 13)]
-    np.testing.assert_allclose(again[..., flat], seen[..., flat], atol=1e-9)
+    np.testing.assert_allclose(actual[..., flat], expected[..., flat], atol=1e-9)
 
 
-def test_signs_follow_the_states_of_the_skill(rng):
-    """Movements whose orientations stay within half a turn of each other are seen with one sign, whichever
-    they were recorded with: the same numbers as without the flips.
-    """
+def test_scale_demonstration_negated_quaternions_give_same_views(rng):
+    """Recordings that differ in the sign of quaternions give the same numbers."""
     layout, turn, level = pose_layout(), normalise(rng.normal(size=4)), np.array([1.0, 0.0, 0.0, 0.0])
     flip = np.array([1.0] * 3 + [-1.0] * 4)  # of the quaternion
     made = []
@@ -66,39 +63,39 @@ def test_signs_follow_the_states_of_the_skill(rng):
         made.append([add_derivatives(demonstration(y, 0.1, layout, [thing], f"{m}")) for y in (x, flip * x)])
     straight = [pair[0] for pair in made]
     mixed = [pair[m % 2] for m, pair in enumerate(made)]
-    scales = pf.online.estimate_scales(pf.learn(straight, states=2, rng=rng).skill)
+    skill = pf.learn(straight, states=2, rng=rng).skill
+    scales = pf.online.column_scales(skill)
     one, other = (
-        views([pf.online.scale_demonstration(d, scales) for d in some]).x for some in (straight, mixed)
+        views([pf.online.scale_demonstration(d, scales, skill) for d in some]).x for some in (straight, mixed)
     )
     np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-def test_scales_are_the_deviations_within_states_part_by_part(rng):
-    """Each part has the root of its mean variance, over columns, states and frames, in all its columns."""
-    shown = random_demonstrations(rng, moving=False)
-    skill = pf.learn(shown, states=3, rng=rng).skill
-    scales = pf.online.estimate_scales(skill)
+def test_column_scales_equal_deviation_of_each_part(rng):
+    """Each part has the root of its mean variance over columns, states and frames."""
+    demos = random_demonstrations(rng, moving=False)
+    skill = pf.learn(demos, states=3, rng=rng).skill
+    scales = pf.online.column_scales(skill)
     (covariances,) = skill.covariances
     for columns in skill.layout.slices:
         inside = [covariances.dense[k, c, c] for k in range(3) for c in range(columns.start, columns.stop)]
-        np.testing.assert_allclose(scales.values[columns], np.sqrt(np.mean(inside)))
+        np.testing.assert_allclose(scales[columns], np.sqrt(np.mean(inside)))
 
 
-def test_a_scaled_skill_comes_back(rng):
-    """Learned of scaled showings and unscaled, a skill of places is the one that was learned of the showings
-    themselves: the same means and covariances, where regularisation, which has a unit, is nothing.
-    """
-    shown = [
+def test_unscale_skill_equals_skill_of_original(rng):
+    """Without regularisation, which has a unit, means and covariances are equal."""
+    demos = [
         add_derivatives(demonstration(d.x[:, :3], 0.1, position_layout()))
         for d in random_demonstrations(rng, moving=False)
     ]
-    scales = pf.online.estimate_scales(pf.learn(shown, states=2, rng=rng).skill)
+    reference = pf.learn(demos, states=2, rng=rng).skill
+    scales = pf.online.column_scales(reference)
     settings = pf.models.EMSettings(regularisation=0.0, max_iterations=5)
     plain, again = (
         pf.learn(some, states=2, rng=np.random.default_rng(0), settings=settings).skill
-        for some in (shown, [pf.online.scale_demonstration(d, scales) for d in shown])
+        for some in (demos, [pf.online.scale_demonstration(d, scales, reference) for d in demos])
     )
-    back = pf.online.unscale_skill(again, scales)
+    back = pf.online.unscale_skill(again, scales, plain.layout)
     assert back.layout == plain.layout
     np.testing.assert_allclose(back.means, plain.means, atol=1e-7)
     for ours, theirs in zip(back.covariances, plain.covariances, strict=True):
@@ -106,18 +103,20 @@ def test_a_scaled_skill_comes_back(rng):
         np.testing.assert_allclose(ours.dense, theirs.dense, atol=1e-7)
 
 
-def test_other_columns_are_refused(rng):
-    """Scales belong to a layout; a skill that was not scaled cannot be unscaled; S^3 has no scale."""
-    shown = random_demonstrations(rng, moving=False)
-    skill = pf.learn(shown, states=2, rng=rng).skill
-    scales = pf.online.estimate_scales(skill)
-    with pytest.raises(InvalidInput, match="the scales are of"):
-        pf.online.scale_demonstration(pf.online.scale_demonstration(shown[0], scales), scales)
-    with pytest.raises(InvalidInput, match="were scaled by these scales"):
-        pf.online.unscale_skill(skill, scales)
+def test_scaling_incompatible_layout_is_refused(rng):
+    """The number of columns and their quantities must fit."""
+    demos = random_demonstrations(rng, moving=False)
+    skill = pf.learn(demos, states=2, rng=rng).skill
+    scales = pf.online.column_scales(skill)
+    with pytest.raises(InvalidInput, match="as the reference has"):
+        pf.online.scale_demonstration(pf.online.scale_demonstration(demos[0], scales, skill), scales, skill)
+    with pytest.raises(InvalidInput, match=r"scales has shape \(3,\)"):
+        pf.online.scale_demonstration(demos[0], np.ones(3), skill)
+    with pytest.raises(InvalidInput, match="expected the scaled columns"):
+        pf.online.unscale_skill(skill, scales, skill.layout)
     layout = pose_layout()
-    things = [frame_from_pose("thing", layout, random_pose(rng)) for _ in shown]
-    poses = [demonstration(d.x[:, :7], 0.1, layout, [f]) for d, f in zip(shown, things, strict=True)]
-    curved = [add_derivatives(pf.to_sphere(d)) for d in poses]
+    things = [frame_from_pose("thing", layout, random_pose(rng)) for _ in demos]
+    poses = [demonstration(d.x[:, :7], 0.1, layout, [f]) for d, f in zip(demos, things, strict=True)]
+    spherical = [add_derivatives(pf.to_sphere(d)) for d in poses]
     with pytest.raises(InvalidInput, match="orientations on S"):
-        pf.online.estimate_scales(pf.learn(curved, states=2, rng=rng).skill)
+        pf.online.column_scales(pf.learn(spherical, states=2, rng=rng).skill)

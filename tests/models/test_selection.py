@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from pilotfish.models.segments import uncensored_segments
 
 from pilotfish.demonstrations import views, world_frame
 from pilotfish.errors import InvalidInput
@@ -12,7 +13,6 @@ from pilotfish.gaussians.structures import Diagonal, Full, SemiTied
 from pilotfish.models import (
     Candidate,
     EMSettings,
-    FailedCandidate,
     Gamma,
     Gaussian,
     HistogramDurations,
@@ -27,14 +27,13 @@ from pilotfish.models import (
     SemiMarkovChain,
     bic,
     degrees_of_freedom,
-    dynamics_degrees_of_freedom,
     learn,
     learn_markov,
     learn_mixture,
     log_likelihood,
     select,
 )
-from pilotfish.models.segments import uncensored_segments
+from pilotfish.models.degrees_of_freedom import dynamics_degrees_of_freedom
 
 LEARNERS = {"counted": learn, "markov": learn_markov, "mixture": learn_mixture}
 
@@ -73,7 +72,7 @@ def test_probabilities_that_are_zero_were_not_free():
 
 
 @pytest.mark.parametrize(
-    ("law", "each"),
+    ("distribution", "each"),
     [(Gaussian(), 2), (LogNormal(), 2), (Gamma(), 2), (Poisson(), 1), (NegativeBinomial(), 2)],
     ids=lambda value: getattr(value, "label", None),
 )
@@ -111,7 +110,7 @@ def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, make_demonstr
         others = [d for n, d in enumerate(demos) if n != m]
         skill = LEARNERS[durations](others, states=3, rng=rng).skill
         np.testing.assert_allclose(nats, log_likelihood(skill, [demos[m]])[0] / len(demos[m].x))
-    np.testing.assert_allclose(score.mean, score.held_out.mean())
+    np.testing.assert_allclose(score.held_out_mean, score.held_out.mean())
     np.testing.assert_allclose(score.standard_error, score.held_out.std(ddof=1) / np.sqrt(3))
 
 
@@ -138,11 +137,10 @@ def test_failed_candidate_is_reported(rng, make_demonstrations):
     found = select(
         make_demonstrations(lengths=(30, 42, 37)), tried, rng=rng, settings=rough, callback=heard.append
     )
-    assert [f.candidate.states for f in found.failures] == [35, 12]
-    assert "35 states" in found.failures[0].reason
-    assert "positive definite" in found.failures[1].reason
-    assert [r.candidate for r in heard] == tried
-    assert isinstance(heard[1], FailedCandidate)
+    assert [failed.states for failed, _ in found.failures] == [35, 12]
+    assert "35 states" in found.failures[0][1]
+    assert "positive definite" in found.failures[1][1]
+    assert heard == tried
     with pytest.raises(InvalidInput, match=r"no candidate.*35 states"):
         _ = Selection((), found.failures).best
 

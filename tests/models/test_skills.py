@@ -29,7 +29,6 @@ from pilotfish.models import (
     adapt,
     as_mixture,
     count_durations,
-    covariance_parameter_count,
     learn,
     learn_markov,
     learn_mixture,
@@ -168,7 +167,7 @@ def test_whole_models_have_the_sizes_of_table_5_1(structure, states, count):
 
 @pytest.mark.parametrize(("tying", "count"), [(0.0, 1470), (0.5, 1470), (1.0, 588)])
 def test_valve_covariances_have_the_sizes_of_table_4_1(tying, count):
-    assert covariance_parameter_count(SemiTied(tying), 7, 14, frames=2) == count
+    assert 2 * SemiTied(tying).parameter_count(7, 14) == count
 
 
 def test_provenance_says_what_was_learned_from(rng, make_demonstrations):

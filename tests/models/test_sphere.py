@@ -119,7 +119,7 @@ def assert_same_skill(one, other, tolerance=1e-9):
         np.testing.assert_allclose(a.dense, b.dense, atol=tolerance)
 
 
-@pytest.mark.parametrize("start", [TimeBins(), KMeans()], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize("initialisation", [TimeBins(), KMeans()], ids=lambda s: type(s).__name__)
 @pytest.mark.parametrize("speeds", [False, True])
 def test_learn_is_invariant_to_quaternion_signs(rng, demos, initialisation, speeds):
     """Any rows, any frames: the same trace and the same Gaussians."""

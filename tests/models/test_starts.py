@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from pilotfish.models.starts import _count_distinct, _joint_features
 
 from pilotfish.demonstrations import Views, views
 from pilotfish.gaussians import moments
 from pilotfish.models import KMeans, TimeBins, fit_markov_chain, labelled_statistics
 from pilotfish.models.em import drop_states
-from pilotfish.models.starts import _count_distinct, _joint_features
 from pilotfish.models.statistics import BLOCK_ROWS
 
 

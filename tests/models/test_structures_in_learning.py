@@ -24,8 +24,6 @@ from pilotfish.models import (
     KMeans,
     TimeBins,
     adapt,
-    covariance_degrees_of_freedom,
-    covariance_parameter_count,
     expected_statistics,
     fit_markov_chain,
     fit_mixture_weights,
@@ -36,6 +34,7 @@ from pilotfish.models import (
     maximise_likelihood,
     semi_markov_parameter_count,
 )
+from pilotfish.models.degrees_of_freedom import degrees_of_freedom, dynamics_degrees_of_freedom
 
 STRUCTURES = [
     MFA(1),
@@ -127,11 +126,11 @@ def test_sizes_of_a_fit_are_those_of_its_frames(rng, make_demonstrations):
     demos = make_demonstrations(width=4, noise=0.3)
     for structure in (MFA(2), SemiTied(), Full()):
         skill = learn(demos, states=3, rng=rng, structure=structure).skill
-        known = covariance_parameter_count(structure, 3, 4, frames=2)
+        known = 2 * structure.parameter_count(3, 4)
         assert fitted_covariance_parameter_count(structure, skill.covariances) == known
-        assert covariance_degrees_of_freedom(
-            structure, skill.covariances
-        ) == 2 * structure.degrees_of_freedom(3, 4)
+        dynamics = dynamics_degrees_of_freedom(skill.dynamics)
+        covariances = degrees_of_freedom(skill, structure) - dynamics - skill.means.size
+        assert covariances == 2 * structure.degrees_of_freedom(3, 4)
     skill = learn(demos, states=3, rng=rng, structure=HDDC(0.8)).skill
     expected = 0
     for c in skill.covariances:
@@ -139,4 +138,4 @@ def test_sizes_of_a_fit_are_those_of_its_frames(rng, make_demonstrations):
         expected += int((4 * c.factors + 1).sum())
     assert fitted_covariance_parameter_count(HDDC(0.8), skill.covariances) == expected
     with pytest.raises(InvalidInput, match="fitted_parameters"):
-        covariance_parameter_count(HDDC(0.8), 3, 4)
+        HDDC(0.8).parameter_count(3, 4)

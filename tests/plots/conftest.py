@@ -23,7 +23,6 @@ from pilotfish.models import (
     AdaptedSkill,
     Candidate,
     Convergence,
-    FailedCandidate,
     Fit,
     FrameRelevance,
     GaussianDurations,
@@ -37,7 +36,6 @@ from pilotfish.models import (
 )
 from pilotfish.models.online import (
     SOSC,
-    ExponentialDecay,
     Maintenance,
     OnlineModel,
     observe_stream,
@@ -120,7 +118,7 @@ def make_selection(rng: np.random.Generator) -> Selection:
         Score(c, c.states, 100 * c.states + n, 5e3, -1e4 + n, rng.normal(20.0 - (c.states - 5) ** 2, 3.0, 4))
         for n, c in enumerate(tried)
     ]
-    return Selection(tuple(scores), (FailedCandidate(tried[0], "it collapsed"),))
+    return Selection(tuple(scores), ((tried[0], "it collapsed"),))
 
 
 def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
@@ -132,7 +130,7 @@ def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
 
 def make_online_models(rng: np.random.Generator) -> list[OnlineModel]:
     """Two frames, five places on lines and planes; one is left early and forgotten."""
-    maintenance = Maintenance(ExponentialDecay(0.98, forget_below=0.3))
+    maintenance = Maintenance(discount=0.98, forget_below=0.3)
     model = online_model(
         SOSC(2.0, 0.1, 0.01, 50.0, maintenance=maintenance), position_layout(3), PERIOD, FRAMES
     )

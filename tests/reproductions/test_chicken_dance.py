@@ -10,7 +10,6 @@ import pytest
 from PIL import Image, ImageChops
 
 import pilotfish as pf
-from pilotfish.models import covariance_parameter_count
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +18,8 @@ def dance(data_folder, chicken_dance):
 
 
 def test_parameter_counts_equal_published():
-    assert covariance_parameter_count(pf.structures.Full(), states=75, width=94) == 334_875
-    assert covariance_parameter_count(pf.structures.SemiTied(1.0), states=75, width=94) == 15_886
+    assert pf.structures.Full().parameter_count(75, 94) == 334_875
+    assert pf.structures.SemiTied(1.0).parameter_count(75, 94) == 15_886
 
 
 def test_bone_lengths_are_constant(data_folder, chicken_dance):

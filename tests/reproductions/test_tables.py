@@ -32,7 +32,7 @@ def test_valve_errors_are_at_most_published(data_folder, alpha):
     skill = valve.learn_skill(demonstrations[:4], valve.structure(alpha)).skill
     assert valve.mean_error(skill, demonstrations[:4]) <= SLACK * train
     assert valve.mean_error(skill, demonstrations[4:]) <= SLACK * test
-    assert pf.models.covariance_parameter_count(valve.structure(alpha), 7, 14, frames=2) == parameters
+    assert 2 * valve.structure(alpha).parameter_count(7, 14) == parameters
 
 
 def test_valve_frames_are_precise_at_grasp_and_release(data_folder):

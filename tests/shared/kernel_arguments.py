@@ -15,7 +15,6 @@ from pilotfish.kernels import (
     StreamParameters,
     StreamState,
     ToolTarget,
-    empty_stream,
     reference,
 )
 
@@ -142,7 +141,7 @@ def stream(rng: Generator) -> Arguments:
     parameters = StreamParameters(
         40.0, 0.5, 0.1, 0.1, 90.0, 2.0, weighting, weight, 0.0, 2, max(D - 1, 0), most, batch
     )
-    state: StreamState = reference.observe(x[:12], empty_stream(P, D), parameters).state
+    state, _ = reference.observe(x[:12], StreamState.empty(P, D), parameters)
     return [x[12:], state, parameters]
 
 

@@ -33,7 +33,7 @@ class ContainerFormat:
 
 
 SKILL_FORMAT = ContainerFormat("pilotfish-skill", 1)
-STREAM_FORMAT = ContainerFormat("pilotfish-stream", 1)
+STREAM_FORMAT = ContainerFormat("pilotfish-stream", 2)
 # What to do with a file of one kind where another is expected.
 WRONG_FORMAT_HINTS = {
     SKILL_FORMAT.name: "it is a skill: open_skill opens it, `pilotfish show` shows it",
@@ -158,6 +158,11 @@ def _validate_format(kind: ContainerFormat, header: Any) -> None:
         raise UnreadableFile(
             f"written by a newer pilotfish (format {short_repr(version)}, this one reads {kind.version}); "
             "upgrade pilotfish"
+        )
+    if version < kind.version:
+        raise UnreadableFile(
+            f"written by an older pilotfish (format {version}, this one reads {kind.version}); learn it again "
+            "from the demonstrations or the stream"
         )
 
 

@@ -29,7 +29,7 @@ from pilotfish.kernels.results import (
     SemiMarkovForwardBackward,
     ViterbiPath,
 )
-from pilotfish.kernels.stream_state import StreamParameters, StreamState, StreamStep
+from pilotfish.kernels.stream_state import Assignments, StreamParameters, StreamState
 from pilotfish.types import Array, Float, Int
 
 _baseline: Any = import_module("pilotfish.kernels._baseline")
@@ -195,23 +195,25 @@ def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
     return ViterbiPath(states.view(np.int64), log_probability)
 
 
-def observe(x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters) -> StreamStep:
+def observe(
+    x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters
+) -> tuple[StreamState, Assignments]:
     try:
         found = _native.observe(
-            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+            x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
     except (TypeError, ValueError):  # checked and packed only here: a datapoint takes a few microseconds
         x, state = validation.pack_stream(x, "NPD", state, parameters)
         found = _native.observe(
-            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+            x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
-    failed_index, head, clusters, transition_counts, capacity, cluster_ids, costs, loss_changes, removed = (
+    failed_index, counters, rows, transition_counts, capacity, cluster_ids, costs, loss_changes, removed = (
         found
     )
     if failed_index >= 0:
         raise datapoint_error(x, failed_index)
-    now = StreamState(head, clusters, transition_counts, state.frames, state.width, capacity)
-    return StreamStep(now, cluster_ids.view(np.int64), costs, loss_changes, removed.view(np.int64))
+    after = StreamState(counters, rows, transition_counts, state.frames, state.width, capacity)
+    return after, Assignments(cluster_ids.view(np.int64), costs, loss_changes, removed.view(np.int64))
 
 
 def observe_one(
@@ -219,22 +221,18 @@ def observe_one(
 ) -> tuple[StreamState, int, float, float]:
     try:
         found = _native.observe_one(
-            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+            x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
     except (TypeError, ValueError):
         x, state = validation.pack_stream(x, "PD", state, parameters)
         found = _native.observe_one(
-            x, state.head, state.clusters, state.transition_counts, state.capacity, parameters.numbers
+            x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
-    failed_index, head, clusters, transition_counts, capacity, cluster_id, cost, loss_change = found
+    failed_index, counters, rows, transition_counts, capacity, cluster_id, cost, loss_change = found
     if failed_index >= 0:
         raise datapoint_error(x[None], failed_index)
-    return (
-        StreamState(head, clusters, transition_counts, state.frames, state.width, capacity),
-        cluster_id,
-        cost,
-        loss_change,
-    )
+    after = StreamState(counters, rows, transition_counts, state.frames, state.width, capacity)
+    return after, cluster_id, cost, loss_change
 
 
 @_validate_on_failure

@@ -20,7 +20,7 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.arm_types import ArmLimits, ArmState, ImpedanceParameters, ToolTarget
-from pilotfish.kernels.stream_state import StreamCounter, StreamParameters, StreamState, stream_row_length
+from pilotfish.kernels.stream_state import INITIAL_COUNTERS, StreamParameters, StreamState, stream_row_length
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import numeric_array, require_count, require_number, short_repr
 
@@ -335,40 +335,39 @@ def pack_stream(
     capacity = require_count(state.capacity, "capacity", (D + 3) // 4 * 4)
     if capacity % 4:
         raise InvalidInput(f"room is {capacity}, expected a multiple of 4")
-    head, clusters, transition_counts = (
-        pack_array(getattr(state, name), name) for name in ("head", "clusters", "transition_counts")
+    counters, rows, transition_counts = (
+        pack_array(getattr(state, name), name) for name in ("counters", "rows", "transition_counts")
     )
-    K = len(clusters) if clusters.ndim else 0
-    expected = {"head": (6,), "clusters": (K, stream_row_length(P, D, capacity)), "transition_counts": (K, K)}
-    for name, array in (("head", head), ("clusters", clusters), ("transition_counts", transition_counts)):
+    K = len(rows) if rows.ndim else 0
+    expected = {"counters": (6,), "rows": (K, stream_row_length(P, D, capacity)), "transition_counts": (K, K)}
+    for name, array in (("counters", counters), ("rows", rows), ("transition_counts", transition_counts)):
         if array.shape != expected[name]:
             raise InvalidInput(f"{name} has shape {array.shape}, expected {expected[name]}")
-    _validate_head(head, K)
-    now = replace(state, head=head, clusters=clusters, transition_counts=transition_counts)
-    _validate_ranks(now, min(capacity, D))
-    return points, now
+    _validate_counters(counters, K)
+    packed = replace(state, counters=counters, rows=rows, transition_counts=transition_counts)
+    _validate_ranks(packed, min(capacity, D))
+    return points, packed
 
 
 def _validate_parameters(parameters: StreamParameters) -> None:
     for name, lowest, largest in (
         ("weighting", 0, 2),
         ("extra_directions", 0, MAX_INT),
-        ("directions", 0, MAX_INT),
-        ("clusters", 1, MAX_EXACT_INTEGER),
+        ("max_dimension", 0, MAX_INT),
+        ("max_clusters", 1, MAX_EXACT_INTEGER),
         ("batch", 1, MAX_EXACT_INTEGER),
     ):
         require_count(getattr(parameters, name), name, largest, lowest)
 
 
-def _validate_head(head: Float[Array, " 6"], K: int) -> None:
-    for place in StreamCounter:
-        name, number = place.name.lower(), float(head[place])
-        row = place in (StreamCounter.CURRENT, StreamCounter.PREVIOUS)
+def _validate_counters(counters: Float[Array, " 6"], K: int) -> None:
+    for name, value in zip(INITIAL_COUNTERS, counters.tolist(), strict=True):
+        is_index = name in ("current_cluster", "previous_cluster")
         require_number(
-            number, f"head's {name}", -1.0 if row else 0.0, K - 1.0 if row else float(MAX_EXACT_INTEGER)
+            value, name, -1.0 if is_index else 0.0, K - 1.0 if is_index else float(MAX_EXACT_INTEGER)
         )
-        if number != np.floor(number):
-            raise InvalidInput(f"head's {name} is {number}, expected a whole number")
+        if value != np.floor(value):
+            raise InvalidInput(f"{name} is {value}, expected a whole number")
 
 
 def _validate_ranks(state: StreamState, most: int) -> None:

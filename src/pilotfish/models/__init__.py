@@ -7,6 +7,11 @@ They are learned by expectation-maximisation, adapted to new frames, and evaluat
 from pilotfish.models import durations, online
 from pilotfish.models.adapt import adapt
 from pilotfish.models.agreement import match_labels, matched_accuracy, normalised_mutual_information
+from pilotfish.models.degrees_of_freedom import (
+    degrees_of_freedom,
+    fitted_covariance_parameter_count,
+    semi_markov_parameter_count,
+)
 from pilotfish.models.dynamics import MAX_HORIZON, MarkovChain, MixtureWeights
 from pilotfish.models.em import (
     MAX_ITERATIONS,
@@ -18,11 +23,10 @@ from pilotfish.models.em import (
     maximise_likelihood,
 )
 from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
-from pilotfish.models.freedom import degrees_of_freedom
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.learn import Fit, learn
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
-from pilotfish.models.selection import COUNTED, Candidate, FailedCandidate, Score, Selection, bic, select
+from pilotfish.models.selection import COUNTED, Candidate, Score, Selection, bic, select
 from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain
 from pilotfish.models.sequences import (
     log_emissions,
@@ -32,37 +36,30 @@ from pilotfish.models.sequences import (
     viterbi,
 )
 from pilotfish.models.signs import align_quaternion_signs
-from pilotfish.models.size import (
-    covariance_degrees_of_freedom,
-    covariance_parameter_count,
-    fitted_covariance_parameter_count,
-    semi_markov_parameter_count,
-)
 from pilotfish.models.skill import MAX_SKILL_NUMBERS, MAX_STATES, AdaptedSkill, HiddenModel, Provenance, Skill
 from pilotfish.models.statistics import Statistics, labelled_statistics
 from pilotfish.models.viterbi_durations import count_durations
 
 __all__ = [
-    "AdaptedSkill",
     "COUNTED",
+    "MAX_HORIZON",
+    "MAX_ITERATIONS",
+    "MAX_RESTARTS",
+    "MAX_SKILL_NUMBERS",
+    "MAX_STATES",
+    "AdaptedSkill",
     "Candidate",
     "Censoring",
     "Convergence",
     "DurationModel",
     "Dynamics",
     "EMSettings",
-    "FailedCandidate",
     "Fit",
     "FrameRelevance",
     "FromModel",
     "HiddenModel",
     "Initialisation",
     "KMeans",
-    "MAX_HORIZON",
-    "MAX_ITERATIONS",
-    "MAX_RESTARTS",
-    "MAX_SKILL_NUMBERS",
-    "MAX_STATES",
     "MarkovChain",
     "MixtureWeights",
     "Provenance",
@@ -77,8 +74,6 @@ __all__ = [
     "as_mixture",
     "bic",
     "count_durations",
-    "covariance_degrees_of_freedom",
-    "covariance_parameter_count",
     "degrees_of_freedom",
     "durations",
     "expected_statistics",

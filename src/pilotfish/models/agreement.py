@@ -1,4 +1,4 @@
-"""How far two labellings of the same datapoints agree, whatever their names: states and a person's labels."""
+"""Agreement of two labellings of the same datapoints, such as states and a person's labels, whatever their names."""
 
 import numpy as np
 
@@ -7,63 +7,81 @@ from pilotfish.types import Array, Float, Int
 
 
 def match_labels(predicted: Int[Array, " N"], labels: Int[Array, " M"]) -> dict[int, int]:
-    """The label that each state found stands for, one to one, such that the most datapoints agree.
+    """Match states and labels one to one such that most datapoints agree (assignment problem).
 
-    States that get no label, because there are more states than labels, are not in it.
-    Raises: InvalidInput, when the two differ in length or are empty.
-    Source: Kuhn 1955, the assignment problem.
+    Args:
+        predicted: State of each datapoint.
+        labels: Label of each datapoint.
+
+    Returns:
+        The label of each state; states without a label are missing if there are more states than labels.
+
+    Raises:
+        InvalidInput: If the two differ in length or are empty.
+
+    Source:
+        Kuhn 1955, The Hungarian method for the assignment problem.
     """
-    from scipy.optimize import linear_sum_assignment  # here: scipy doubles the time of importing pilotfish
+    from scipy.optimize import linear_sum_assignment  # here: SciPy doubles the time of importing pilotfish
 
     counts, states, label_values = _contingency_table(predicted, labels)
-    rows, columns = linear_sum_assignment(-counts)  # the most agreements
+    rows, columns = linear_sum_assignment(counts, maximize=True)
     return {int(states[i]): int(label_values[j]) for i, j in zip(rows, columns, strict=True)}
 
 
 def matched_accuracy(predicted: Int[Array, " N"], labels: Int[Array, " M"]) -> float:
-    """The share of datapoints whose state stands for their label, under the best matching one to one.
+    """Return the share of datapoints whose state matches their label, under the best one-to-one matching.
 
-    Raises: as matching does.
+    Args:
+        predicted: State of each datapoint.
+        labels: Label of each datapoint.
+
+    Raises:
+        InvalidInput: If the two differ in length or are empty.
     """
-    label_of_state = match_labels(predicted, labels)
+    matching = match_labels(predicted, labels)
     predicted, labels = np.asarray(predicted), np.asarray(labels)
-    agree = sum(
-        int(np.sum((predicted == state) & (labels == name))) for state, name in label_of_state.items()
-    )
-    return agree / len(labels)
+    agreements = sum(int(np.sum((predicted == state) & (labels == name))) for state, name in matching.items())
+    return agreements / len(labels)
 
 
 def normalised_mutual_information(predicted: Int[Array, " N"], labels: Int[Array, " M"]) -> float:
-    """What knowing one labelling tells of the other, over the mean of their entropies: 0 nothing, 1 all.
+    """Return the mutual information of two labellings over the mean of their entropies, between 0 and 1.
 
-    Unlike matched accuracy it forgives a label that several states share. Two labellings of one name each
-    agree fully.
-    Raises: as matching does.
-    Source: Strehl & Ghosh 2002, section 2.2, with the arithmetic mean in place of the geometric one.
+    Unlike `matched_accuracy` it does not penalise a label that several states share. Two constant labellings have
+    the value 1.
+
+    Args:
+        predicted: State of each datapoint.
+        labels: Label of each datapoint.
+
+    Raises:
+        InvalidInput: If the two differ in length or are empty.
+
+    Source:
+        Strehl & Ghosh 2002, section 2.2, with the arithmetic instead of the geometric mean.
     """
     counts, _, _ = _contingency_table(predicted, labels)
     joint = counts / counts.sum()
-    state_index, label_index = joint.sum(axis=1), joint.sum(axis=0)
-    entropies = _entropy(state_index) + _entropy(label_index)
+    entropies = _entropy(joint.sum(axis=1)) + _entropy(joint.sum(axis=0))
     if entropies == 0.0:
         return 1.0
-    shared = entropies - _entropy(joint.ravel())
-    return float(np.clip(2.0 * shared / entropies, 0.0, 1.0))
+    return float(np.clip(2.0 * (entropies - _entropy(joint.ravel())) / entropies, 0.0, 1.0))
 
 
-def _entropy(shares: Float[Array, " _"]) -> float:
-    """In nats."""
-    positive = shares[shares > 0.0]
+def _entropy(probabilities: Float[Array, " _"]) -> float:
+    """Return the entropy [nats]."""
+    positive = probabilities[probabilities > 0.0]
     return float(-np.sum(positive * np.log(positive)))
 
 
 def _contingency_table(
     predicted: Int[Array, " N"], labels: Int[Array, " M"]
 ) -> tuple[Float[Array, "K L"], Int[Array, " K"], Int[Array, " L"]]:
-    """How many datapoints have each pair of a state and a label; the states; the labels."""
+    """Count the datapoints of each pair of state and label; return counts, states and labels."""
     if len(predicted) != len(labels) or not len(predicted):
         raise InvalidInput(
-            f"there are {len(predicted)} states and {len(labels)} labels, expected one of each a datapoint"
+            f"there are {len(predicted)} states and {len(labels)} labels, expected one of each per datapoint"
         )
     states, state_index = np.unique(predicted, return_inverse=True)
     label_values, label_index = np.unique(labels, return_inverse=True)

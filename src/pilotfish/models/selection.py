@@ -1,4 +1,4 @@
-"""How large a model should be: candidates compared on demonstrations that they did not learn from."""
+"""Model selection: compare candidates by the log-likelihood of demonstrations that were held out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,8 +8,8 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.structures import CovarianceStructure
+from pilotfish.models.degrees_of_freedom import degrees_of_freedom
 from pilotfish.models.em import EMSettings
-from pilotfish.models.freedom import degrees_of_freedom
 from pilotfish.models.initialisation import Initialisation
 from pilotfish.models.learn import DEFAULT_INITIALISATION, DEFAULT_SETTINGS, learn
 from pilotfish.models.semi_markov import DurationModel, SemiMarkovChain
@@ -40,26 +40,28 @@ class Candidate:
 
     @property
     def dynamics_label(self) -> str:
-        """Return the name of the duration distribution, "counted", "markov" or "mixture"."""
+        """Name of the duration distribution, "counted", "markov" or "mixture"."""
         if self.dynamics != SemiMarkovChain.name:
             return self.dynamics
         return self.durations.distribution.name if self.durations else COUNTED
 
     @property
     def label(self) -> str:
-        """Return states, structure and dynamics in a few words."""
+        """States, structure and dynamics, for tables."""
         return f"{self.states} states, {self.structure.label}, {self.dynamics_label}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
-    """How a candidate did.
+    """Result of one candidate.
 
-    states          that were learned; collapsed ones are dropped by learning
-    parameters      free numbers of the model that all demonstrations give
-    log_likelihood  of all demonstrations under it [nats]
-    bic             -2 log-likelihood + parameters log(datapoints); low is good
-    held_out        log-likelihood per datapoint [nats] of each demonstration under the model of the others
+    Attributes:
+        candidate: The candidate.
+        states: Number of states of the model of all demonstrations, without states that collapsed.
+        parameters: Degrees of freedom of that model.
+        log_likelihood: Log-likelihood of all demonstrations under that model [nats].
+        bic: Bayesian information criterion; lower is better.
+        held_out: Log-likelihood per datapoint of each demonstration under the model of the others [nats].
     """
 
     candidate: Candidate
@@ -70,38 +72,40 @@ class Score:
     held_out: Float[Array, " M"]
 
     @property
-    def mean(self) -> float:
+    def held_out_mean(self) -> float:
+        """Mean of the held-out log-likelihood over demonstrations [nats per datapoint]."""
         return float(self.held_out.mean())
 
     @property
     def standard_error(self) -> float:
-        """Of the mean over demonstrations."""
+        """Standard error of that mean."""
         return _standard_error(self.held_out)
-
-
-@dataclass(frozen=True, slots=True)
-class FailedCandidate:
-    """A candidate that could not be learned, and why."""
-
-    candidate: Candidate
-    reason: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Selection:
-    """Candidates in the order given: those that could be scored, and those that could not."""
+    """Scores of all candidates, in the order given.
+
+    Attributes:
+        scores: Results of the candidates that could be learned.
+        failures: Candidates that could not be learned, each with the reason.
+    """
 
     scores: tuple[Score, ...]
-    failures: tuple[FailedCandidate, ...]
+    failures: tuple[tuple[Candidate, str], ...]
 
     @property
     def best(self) -> Score:
-        """The fewest parameters among those that explain held-out demonstrations about as well as any.
+        """Score with the fewest parameters among those whose held-out log-likelihood is not significantly lower.
 
-        About as well: the mean over demonstrations of what is lost against the highest score is at most its
-        standard error, demonstration by demonstration.
-        Raises: InvalidInput, when every candidate failed.
-        Source: the one-standard-error rule, Breiman et al. 1984, on paired differences.
+        A score is not significantly lower if its mean loss against the highest score is at most the standard
+        error of that loss, paired by demonstration.
+
+        Raises:
+            InvalidInput: If every candidate failed.
+
+        Source:
+            Breiman et al. 1984, the one-standard-error rule; here on paired differences.
         """
         reference = self.highest_held_out
         losses = [reference.held_out - score.held_out for score in self.scores]
@@ -110,19 +114,27 @@ class Selection:
             for score, loss in zip(self.scores, losses, strict=True)
             if score is reference or (np.isfinite(loss).all() and loss.mean() <= _standard_error(loss))
         ]
-        return min(eligible, key=lambda score: (score.parameters, -score.mean))
+        return min(eligible, key=lambda score: (score.parameters, -score.held_out_mean))
 
     @property
     def highest_held_out(self) -> Score:
-        """The highest held-out log-likelihood.    Raises: InvalidInput, when every candidate failed."""
+        """Score with the highest held-out log-likelihood.
+
+        Raises:
+            InvalidInput: If every candidate failed.
+        """
         if not self.scores:
-            reasons = {failure.reason for failure in self.failures}
+            reasons = {reason for _, reason in self.failures}
             raise InvalidInput(f"no candidate could be learned: {'; '.join(sorted(reasons))}")
-        return max(self.scores, key=lambda score: score.mean)
+        return max(self.scores, key=lambda score: score.held_out_mean)
 
     @property
     def lowest_bic(self) -> Score:
-        """The lowest Bayesian information criterion.    Raises: InvalidInput, when every candidate failed."""
+        """Score with the lowest Bayesian information criterion.
+
+        Raises:
+            InvalidInput: If every candidate failed.
+        """
         _ = self.highest_held_out
         return min(self.scores, key=lambda score: score.bic)
 
@@ -133,16 +145,26 @@ def select(
     *,
     rng: np.random.Generator,
     settings: EMSettings = DEFAULT_SETTINGS,
-    callback: Callable[[Score | FailedCandidate], None] | None = None,
+    callback: Callable[[Candidate], None] | None = None,
 ) -> Selection:
-    """Every candidate learned from all demonstrations, and again without each of them in turn.
+    """Score every candidate by leave-one-out cross-validation over demonstrations.
 
-    All candidates begin with the same seeds, so that the score of one does not depend on the others. One that
-    collapses or asks for more than the data has is a failure, not an error; watch hears of each as it ends.
-    Log-likelihoods multiply the densities of all frames, so scores compare only between candidates that see
-    the same frames, columns and units.
-    Cost: one fit more than there are demonstrations, for each candidate.
-    Raises: InvalidInput, when there are fewer than two demonstrations or no candidates.
+    Each candidate is learned from all demonstrations, and without each of them in turn. All candidates use the
+    same seeds, so the score of one does not depend on the others. Log-likelihoods multiply the densities of all
+    frames: compare only candidates with the same frames, columns and units.
+
+    Args:
+        demonstrations: At least two.
+        candidates: Models to compare; one that collapses or needs more data is reported as a failure.
+        rng: Source of the seeds.
+        settings: Settings of expectation-maximisation.
+        callback: Called with each candidate when it is finished.
+
+    Returns:
+        Scores and failures. The cost is one fit more than there are demonstrations, for each candidate.
+
+    Raises:
+        InvalidInput: If there are fewer than two demonstrations or no candidates.
     """
     if len(demonstrations) < 2:
         raise InvalidInput(
@@ -150,32 +172,39 @@ def select(
         )
     if not candidates:
         raise InvalidInput("there are no candidates, expected at least one")
-    seeds = rng.integers(2**63, size=len(demonstrations) + 1)
+    seeds = rng.integers(2**63, size=len(demonstrations) + 1).tolist()
     scores: list[Score] = []
-    failures: list[FailedCandidate] = []
+    failures: list[tuple[Candidate, str]] = []
     for candidate in candidates:
-        result = _score_candidate(candidate, demonstrations, seeds.tolist(), settings)
-        if isinstance(result, Score):
-            scores.append(result)
-        else:
-            failures.append(result)
+        try:
+            scores.append(_score_candidate(candidate, demonstrations, seeds, settings))
+        except (InvalidInput, NotPositiveDefinite) as error:
+            failures.append((candidate, str(error)))
         if callback:
-            callback(result)
+            callback(candidate)
     return Selection(tuple(scores), tuple(failures))
 
 
 def bic(log_likelihood: float, parameters: int, datapoints: int) -> float:
-    """-2 log-likelihood + parameters log(datapoints): low is good.
+    """Return the Bayesian information criterion, -2 log-likelihood + parameters log(datapoints).
 
-    Rows of one demonstration follow each other closely and tell less than as many independent ones, so the
-    criterion is milder with large models than it should be.    Source: Schwarz 1978.
+    Rows of one demonstration are correlated and carry less information than independent ones. The criterion
+    therefore penalises large models too little.
+
+    Args:
+        log_likelihood: Log-likelihood of all datapoints [nats].
+        parameters: Degrees of freedom.
+        datapoints: Number of datapoints.
+
+    Source:
+        Schwarz 1978, Estimating the dimension of a model.
     """
     return -2.0 * log_likelihood + parameters * float(np.log(datapoints))
 
 
 def _score_candidate(
     candidate: Candidate, demonstrations: Sequence[Demonstration], seeds: Sequence[int], settings: EMSettings
-) -> Score | FailedCandidate:
+) -> Score:
     def learn_skill(training: Sequence[Demonstration], seed: int) -> Skill:
         return learn(
             training,
@@ -188,28 +217,19 @@ def _score_candidate(
             settings=settings,
         ).skill
 
-    try:
-        skill = learn_skill(demonstrations, seeds[-1])
-        held_out = [
-            float(
-                log_likelihood(
-                    learn_skill([*demonstrations[:m], *demonstrations[m + 1 :]], seed),
-                    [held_out_demonstration],
-                )[0]
-            )
-            / len(held_out_demonstration.x)
-            for m, (held_out_demonstration, seed) in enumerate(zip(demonstrations, seeds, strict=False))
-        ]
-        training = float(log_likelihood(skill, demonstrations).sum())
-    except (InvalidInput, NotPositiveDefinite) as error:
-        return FailedCandidate(candidate, str(error))
+    skill = learn_skill(demonstrations, seeds[-1])
+    held_out = []
+    for m, (demo, seed) in enumerate(zip(demonstrations, seeds[:-1], strict=True)):
+        others = learn_skill([*demonstrations[:m], *demonstrations[m + 1 :]], seed)
+        held_out.append(float(log_likelihood(others, [demo])[0]) / len(demo.x))
+    total = float(log_likelihood(skill, demonstrations).sum())
     count = degrees_of_freedom(skill, candidate.structure, candidate.durations)
-    points = sum(len(d.x) for d in demonstrations)
-    return Score(candidate, skill.states, count, training, bic(training, count, points), np.array(held_out))
+    criterion = bic(total, count, sum(len(demo.x) for demo in demonstrations))
+    return Score(candidate, skill.states, count, total, criterion, np.array(held_out))
 
 
 def _standard_error(values: Float[Array, " M"]) -> float:
-    """Of the mean; infinite values have none."""
+    """Return the standard error of the mean, or NaN for infinite values."""
     if not np.isfinite(values).all():
         return float("nan")
     return float(values.std(ddof=1) / np.sqrt(len(values)))

@@ -1,8 +1,12 @@
-"""q and -q are one orientation: the signs in which frames, skill and start speak of it alike."""
+"""Signs of quaternions: q and -q are the same orientation, and frames, skill and start must agree on one.
 
-from collections.abc import Iterator, Sequence
+A sign applies to a quaternion and its derivatives. It is represented by a row of signs, one per column, that
+multiplies datapoints.
+"""
+
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import compress, product
 
 import numpy as np
 
@@ -13,24 +17,28 @@ from pilotfish.types import Array, Float
 
 
 def align_frame_signs(
-    frames: Sequence[Frame], skill: Skill, pool_weights: Float[Array, "P K"]
+    frames: Sequence[Frame], skill: Skill, frame_weights: Float[Array, "P K"]
 ) -> list[Frame]:
-    """The same poses of the skill's objects, quaternions with the sign that agrees with the frames before.
+    """Return the frames, with quaternions in the sign that agrees with the frames before.
 
-    Frames agree when they carry the states' orientations to the same half of S^3, states counting as much as
-    both are precise about them, to the powers given. Without this, fusing q with -q would average them to
-    nothing.
+    Frames agree when they map the orientations of the states to the same half of S^3. States count in proportion
+    to the precision of both frames. Without this, the product of q and -q would average to zero.
     """
     aligned: list[Frame] = []
     for frame in frames:
-        aligned.append(_apply_signs(frame, _frame_signs([*aligned, frame], skill, pool_weights)))
+        signs = _frame_signs([*aligned, frame], skill, frame_weights)
+        aligned.append(replace(frame, A=signs[:, None] * frame.A))
     return aligned
 
 
 def align_quaternion_signs(start: Float[Array, " D"], model: AdaptedSkill) -> AdaptedSkill:
-    """The same skill, its orientations on the half of S^3 on which it most probably begins at start.
+    """Return the skill with the quaternion signs under which it most probably begins at start.
 
-    A robot that reports -q is where one that reports q is; its plan must not make it turn all the way round.
+    A robot that reports -q is where one that reports q is; without this its plan would rotate by 360 degrees.
+
+    Args:
+        start: First state of the robot.
+        model: Adapted skill; a mixture has no first state and is returned unchanged.
     """
     if not (model.dynamics.has_time_order and model.layout.quaternions):
         return model
@@ -46,53 +54,60 @@ def align_quaternion_signs(start: Float[Array, " D"], model: AdaptedSkill) -> Ad
     return replace(model, means=signs * model.means, covariances=np.outer(signs, signs) * model.covariances)
 
 
+def nearest_quaternion_signs(
+    x: Float[Array, "T D"], means: Float[Array, "K D"], layout: Layout
+) -> Float[Array, " D"]:
+    """Return the signs under which the sum of squared distances to the nearest means is smallest."""
+    if not layout.quaternions or not len(means):
+        return np.ones(layout.width)
+
+    def distance(signs: Float[Array, " D"]) -> float:
+        squares = [np.sum((signs * x - mean) ** 2, axis=1) for mean in means]
+        return float(np.min(squares, axis=0).sum())
+
+    return min(sign_combinations(layout), key=distance)
+
+
 def sign_combinations(layout: Layout) -> Iterator[Float[Array, " D"]]:
-    """Ones, and every way to negate quaternions together with their derivatives; ones come first."""
-    names = [
-        part.name for part in layout.parts if part.quantity is Quantity.QUATERNION and not part.derivative
-    ]
-    for chosen in product((1.0, -1.0), repeat=len(names)):
-        yield _column_signs(layout, dict(zip(names, chosen, strict=True)))
+    """Yield every combination of signs of the quaternions of a layout, ones first."""
+    for negated in product((False, True), repeat=len(layout.quaternions)):
+        yield column_signs(layout, list(compress(layout.quaternions, negated)))
 
 
-def _column_signs(layout: Layout, sign_of: dict[str, float]) -> Float[Array, " D"]:
-    orientation_starts = [
-        sign_of.get(p.name, 1.0) if p.quantity is Quantity.QUATERNION else 1.0 for p in layout.parts
-    ]
-    return np.repeat(orientation_starts, [part.size for part in layout.parts])
+def column_signs(layout: Layout, negated: Collection[slice]) -> Float[Array, " D"]:
+    """Return -1 for the columns of the negated quaternions and of their derivatives, and 1 for all others."""
+    names = {p.name for p, columns in zip(layout.parts, layout.slices, strict=True) if columns in negated}
+    signs = [-1.0 if p.quantity is Quantity.QUATERNION and p.name in names else 1.0 for p in layout.parts]
+    return np.repeat(signs, [part.size for part in layout.parts])
 
 
 def _frame_signs(
-    frames: Sequence[Frame], skill: Skill, pool_weights: Float[Array, "P K"]
+    frames: Sequence[Frame], skill: Skill, frame_weights: Float[Array, "P K"]
 ) -> Float[Array, " D"]:
-    """Those of the last frame that agree with the others, which agree already."""
-    *others, last = range(len(frames))
-    sign_of = {}
-    for part, columns in zip(skill.layout.parts, skill.layout.slices, strict=True):
-        if part.quantity is Quantity.QUATERNION and part.derivative == 0:
-            q, spread = _orientations_in_world(frames[last], last, skill, columns, pool_weights)
-            agreement = 0.0
-            for p in others:
-                other, spread_other = _orientations_in_world(frames[p], p, skill, columns, pool_weights)
-                agreement += float((np.sum(q * other, axis=1) / (spread + spread_other)).sum())
-            sign_of[part.name] = -1.0 if agreement < 0.0 else 1.0
-    return _column_signs(skill.layout, sign_of)
+    """Return the signs of the last frame that agree with the others, which agree already."""
+    *aligned, last = range(len(frames))
+    negated = []
+    for columns in skill.layout.quaternions:
+        q, variances = _world_orientations(frames[last], last, skill, columns, frame_weights)
+        agreement = 0.0
+        for p in aligned:
+            q_p, variances_p = _world_orientations(frames[p], p, skill, columns, frame_weights)
+            agreement += float((np.sum(q * q_p, axis=1) / (variances + variances_p)).sum())
+        if agreement < 0.0:
+            negated.append(columns)
+    return column_signs(skill.layout, negated)
 
 
-def _orientations_in_world(
-    frame: Frame, p: int, skill: Skill, columns: slice, pool_weights: Float[Array, "P K"]
+def _world_orientations(
+    frame: Frame, p: int, skill: Skill, columns: slice, frame_weights: Float[Array, "P K"]
 ) -> tuple[Float[Array, "K 4"], Float[Array, " K"]]:
-    """The states' orientations as frame p carries them into the world, and how uncertain they are there."""
-    before = sum(
-        start < columns.start for start in skill.layout.orientation_starts
-    )  # each has one deviation less
-    own = slice(columns.start - before, columns.stop - before)
-    variances = np.trace(skill.covariances[p].dense[:, own, own], axis1=1, axis2=2)
-    spread = np.divide(
-        variances, pool_weights[p], out=np.full_like(variances, np.inf), where=pool_weights[p] > 0.0
+    """Return the orientations of the states in the world as frame p maps them, and their total variance."""
+    before = sum(start < columns.start for start in skill.layout.orientation_starts)
+    tangent = slice(
+        columns.start - before, columns.stop - before
+    )  # each orientation has a tangent column less
+    variances = np.trace(skill.covariances[p].dense[:, tangent, tangent], axis1=1, axis2=2)
+    weighted = np.divide(
+        variances, frame_weights[p], out=np.full_like(variances, np.inf), where=frame_weights[p] > 0.0
     )
-    return skill.means[p][:, columns] @ frame.A[columns, columns].T, spread
-
-
-def _apply_signs(frame: Frame, signs: Float[Array, " D"]) -> Frame:
-    return replace(frame, A=signs[:, None] * frame.A)
+    return skill.means[p][:, columns] @ frame.A[columns, columns].T, weighted

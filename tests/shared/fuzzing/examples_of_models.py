@@ -76,13 +76,11 @@ def models_examples() -> Examples:
 def online_examples() -> Examples:
     demos, fit = learn_lines()
     model = streams()[6]
-    settings, scales = model.settings, online.estimate_scales(fit.skill)
-    same = [online.scale_demonstration(demo, scales) for demo in demos]
-    _, assigned = online.observe_stream(model, lines()[0].x)
+    settings, scales = model.settings, online.column_scales(fit.skill)
+    same = [online.scale_demonstration(demo, scales, fit.skill) for demo in demos]
     return {
         "begin_demonstration": {"model": model},
         "from_batch_fit": {"skill": fit.skill, "demonstrations": demos, "settings": settings},
-        "current_cluster_ids": {"assignments": assigned},
         "observe": {"model": model, "x": np.array([0.1, 0.2])},
         "observe_stream": {"model": model, "x": lines()[0].x},
         "observe_demonstration": {"model": model, "demonstration": lines()[0]},
@@ -94,10 +92,11 @@ def online_examples() -> Examples:
         },
         "estimate_penalties": {"skill": fit.skill, "demonstrations": demos, "explained_variance": 0.9},
         "to_skill": {"model": model, "note": "a"},
-        "scale_demonstration": {"shown": demos[0], "scales": scales},
-        "estimate_scales": {"skill": fit.skill},
+        "scale_demonstration": {"original": demos[0], "scales": scales, "reference": fit.skill},
+        "column_scales": {"skill": fit.skill},
         "unscale_skill": {
             "skill": models.learn(same, states=3, rng=new_rng(), settings=FAST_SETTINGS).skill,
             "scales": scales,
+            "layout": fit.skill.layout,
         },
     }

@@ -125,7 +125,7 @@ def streams() -> tuple[online.OnlineModel, ...]:
             transition=0.1,
             new_transition=0.1,
             maintenance=online.Maintenance(
-                online.ExponentialDecay(0.9, 0.01), extra_directions=2, max_clusters=8
+                discount=0.9, forget_below=0.01, extra_directions=2, max_clusters=8
             ),
         ),
         online.SOSC(
@@ -133,7 +133,7 @@ def streams() -> tuple[online.OnlineModel, ...]:
             dimension=1e-4,
             noise=1e-3,
             bandwidth=0.1,
-            maintenance=online.Maintenance(online.ConstantWeight(5.0), 0.05, batch=4),
+            maintenance=online.Maintenance(constant_weight=5.0, merge_distance=0.05, batch=4),
         ),
     )
     return tuple(_grow_stream(one, data) for one in settings for data in (lines(), valve_demonstrations()))

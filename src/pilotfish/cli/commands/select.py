@@ -32,7 +32,7 @@ from pilotfish.cli.output.answers import (
 from pilotfish.cli.output.pictures import require_matplotlib, save_figure, validate_figure_path
 from pilotfish.cli.output.terminal import is_interactive, progress_bar
 from pilotfish.demonstrations import Demonstration
-from pilotfish.models import MAX_ITERATIONS, Candidate, EMSettings, FailedCandidate, Score, Selection
+from pilotfish.models import MAX_ITERATIONS, Candidate, EMSettings, Score, Selection
 from pilotfish.models import select as score_candidates
 
 HEADER = (
@@ -169,11 +169,11 @@ def _score_candidates(
     with _progress(len(candidates)) as advance:
         last_time = [time.process_time()]
 
-        def record_time(result: Score | FailedCandidate) -> None:
+        def record_time(candidate: Candidate) -> None:
             now = time.process_time()
-            seconds[result.candidate] = now - last_time.pop()
+            seconds[candidate] = now - last_time.pop()
             last_time.append(now)
-            advance(result.candidate.label)
+            advance(candidate.label)
 
         rng = np.random.default_rng(arguments.seed)
         return score_candidates(
@@ -200,14 +200,19 @@ def _to_result(
         _format_score(score, seconds[score.candidate], marks.get(id(score), "")) for score in selection.scores
     ]
     notes = [("selected", best.candidate.label)]
-    notes += [("failed", f"{f.candidate.label}: {' '.join(f.reason.split())}") for f in selection.failures]
+    notes += [
+        ("failed", f"{candidate.label}: {' '.join(reason.split())}")
+        for candidate, reason in selection.failures
+    ]
     notes += [("plot", str(arguments.out))] if arguments.out else []
     facts = {
         "selected": _score_to_json(best, seconds),
         "highest_likelihood": selection.highest_held_out.candidate.label,
         "lowest_bic": selection.lowest_bic.candidate.label,
         "scores": [_score_to_json(score, seconds) for score in selection.scores],
-        "failures": [{**_candidate_to_json(f.candidate), "reason": f.reason} for f in selection.failures],
+        "failures": [
+            {**_candidate_to_json(candidate), "reason": reason} for candidate, reason in selection.failures
+        ],
         "plot": str(arguments.out) if arguments.out else None,
     }
     return CommandResult(f"{format_table(HEADER, rows)}\n\n{format_key_values(notes)}", facts)
@@ -223,7 +228,7 @@ def _format_score(score: Score, seconds: float, mark: str) -> list[str]:
         str(score.parameters),
         f"{score.log_likelihood:.0f}",
         f"{score.bic:.0f}",
-        f"{score.mean:.2f}",
+        f"{score.held_out_mean:.2f}",
         f"{score.standard_error:.2f}",
         f"{seconds:.2f}",
         mark,
@@ -246,7 +251,7 @@ def _score_to_json(score: Score, seconds: dict[Candidate, float]) -> dict[str, A
         "log_likelihood": _finite_or_none(score.log_likelihood),
         "bic": _finite_or_none(score.bic),
         "held_out_log_likelihood": [_finite_or_none(value) for value in score.held_out.tolist()],
-        "mean": _finite_or_none(score.mean),
+        "mean": _finite_or_none(score.held_out_mean),
         "standard_error": _finite_or_none(score.standard_error),
         "cpu_seconds": seconds[score.candidate],
     }

@@ -9,7 +9,7 @@ from pilotfish.cli.demo.protocol import TRAINING_DEMONSTRATIONS
 from pilotfish.cli.output.report import Table
 from pilotfish.demonstrations import Demonstration
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.models import Fit, covariance_parameter_count
+from pilotfish.models import Fit
 from pilotfish.planning import (
     Reproduction,
     end_orientation_error,
@@ -69,9 +69,7 @@ def summary_table(evaluations: Sequence[StructureEvaluation], published: bool) -
     rows = []
     for evaluation in evaluations:
         skill, label = evaluation.fit.skill, evaluation.structure.label
-        count = covariance_parameter_count(
-            evaluation.structure, skill.states, skill.width, len(skill.frame_names)
-        )
+        count = len(skill.frame_names) * evaluation.structure.parameter_count(skill.states, skill.width)
         for start_name, reproductions in (
             ("first mean", evaluation.mean),
             ("first point", evaluation.from_first_point),

@@ -8,8 +8,6 @@ import numpy as np
 from pilotfish.cli.output.answers import format_key_values
 from pilotfish.cli.output.descriptions import format_columns, format_states
 from pilotfish.cli.stream.session import StreamSession
-from pilotfish.cli.stream.settings import LEARNERS, WEIGHTINGS
-from pilotfish.kernels import ClusterColumn
 from pilotfish.models import Skill, online
 
 MAX_NUMBERS_PRINTED = 16  # on one line
@@ -18,7 +16,7 @@ MAX_NUMBERS_PRINTED = 16  # on one line
 def online_model_facts(model: online.OnlineModel, skill: Skill) -> dict[str, Any]:
     """The model for programs; skill is what it reads out as."""
     return {
-        "learner": next(name for name, kind in LEARNERS.items() if type(model.settings) is kind),
+        "learner": model.settings.name,
         "penalties": penalties(model.settings),
         "maintenance": maintenance_facts(model.settings.maintenance),
         "datapoints": model.datapoints,
@@ -86,7 +84,7 @@ def session_rows(session: StreamSession) -> list[tuple[str, str]]:
 
 def datapoints_per_cluster(model: online.OnlineModel) -> list[int]:
     """How many datapoints each cluster took."""
-    return [int(points) for points in model.state.clusters[:, ClusterColumn.POINTS]]
+    return [int(points) for points in model.state.points]
 
 
 def shorten_list(numbers: list[int]) -> str:
@@ -100,8 +98,4 @@ def penalties(settings: online.OnlineSettings) -> dict[str, float]:
 
 
 def maintenance_facts(maintenance: online.Maintenance) -> dict[str, Any]:
-    kinds = dict(
-        zip((online.DatapointCount, online.ExponentialDecay, online.ConstantWeight), WEIGHTINGS, strict=True)
-    )
-    facts = {f.name: getattr(maintenance, f.name) for f in fields(maintenance) if f.name != "weighting"}
-    return facts | {"weighting": kinds[type(maintenance.weighting)], **asdict(maintenance.weighting)}
+    return asdict(maintenance)

@@ -46,7 +46,7 @@ MAINTENANCE_OPTIONS = (
     ),
     click.option(
         "--extra-directions",
-        type=click.IntRange(0, online.MAX_EXTRA_DIRECTIONS),
+        type=click.IntRange(0, online.Maintenance.MAX_EXTRA_DIRECTIONS),
         help="Directions that a subspace remembers beyond its dimension.  [default: 1]",
     ),
     click.option(
@@ -56,7 +56,7 @@ MAINTENANCE_OPTIONS = (
     ),
     click.option(
         "--batch",
-        type=click.IntRange(1, online.MAX_BATCH_SIZE),
+        type=click.IntRange(1, online.Maintenance.MAX_BATCH),
         help="So many datapoints are assigned before one of them changes a subspace.  [default: 1]",
     ),
 )

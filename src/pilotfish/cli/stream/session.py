@@ -32,6 +32,7 @@ from pilotfish.cli.stream.lines import (
 from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.errors import InvalidInput, OutputExists, SkillError
 from pilotfish.io import save_skill, save_stream
+from pilotfish.kernels import Assignments
 from pilotfish.models import online
 from pilotfish.types import Array, Float
 from pilotfish.validation import short_list
@@ -224,7 +225,7 @@ def require_model(monitor: SessionMonitor) -> online.OnlineModel:
     return session.model
 
 
-def record_update(monitor: SessionMonitor, model: online.OnlineModel, went: online.Assignments) -> None:
+def record_update(monitor: SessionMonitor, model: online.OnlineModel, went: Assignments) -> None:
     """The model is now this one, whose last datapoints went there."""
     session, count = monitor.session, len(went.cluster_ids)
     session.model, session.ended = model, time.monotonic()

@@ -7,12 +7,7 @@ import click
 
 from pilotfish.models import online
 
-LEARNERS: dict[str, type[Any]] = {
-    "sosc": online.SOSC,
-    "dp-mppca": online.DPMPPCA,
-    "dp-gmm": online.DPGMM,
-    "hdp-hsmm": online.HDPHSMM,
-}
+LEARNERS: dict[str, type[Any]] = dict(online.LEARNERS)
 # What each penalty means, in squared units of the columns but for what is said.
 PENALTIES = {
     "cluster": "squared distance at which a datapoint begins a cluster of its own (lambda)",
@@ -23,6 +18,7 @@ PENALTIES = {
     "bandwidth": "squared distance from a mean over which its subspace fades (b_m)",
 }
 OPTIONAL = {"sosc": ("transition", "new_transition")}  # 0, where they are not given
+DEFAULT_DISCOUNT = 0.995  # with --weighting exponential-decay
 WEIGHTINGS = ("count", "exponential-decay", "constant")
 
 
@@ -95,10 +91,11 @@ def build_maintenance(learner_choice: LearnerOptions) -> online.Maintenance:
         for name in ("merge_distance", "extra_directions", "max_clusters", "batch")
         if (value := getattr(learner_choice, name)) is not None
     }
-    return replace(online.Maintenance(**chosen), weighting=_weighting(learner_choice))
+    return replace(online.Maintenance(**chosen), **_weighting(learner_choice))
 
 
-def _weighting(learner_choice: LearnerOptions) -> online.Weighting:
+def _weighting(learner_choice: LearnerOptions) -> dict[str, Any]:
+    """Return the arguments of Maintenance that set the weights of clusters."""
     kind = learner_choice.weighting or "count"
     owners = {"discount": "exponential-decay", "forget_below": "exponential-decay", "weight": "constant"}
     values = {name: value for name in owners if (value := getattr(learner_choice, name)) is not None}
@@ -110,13 +107,9 @@ def _weighting(learner_choice: LearnerOptions) -> online.Weighting:
         raise click.UsageError(
             "--weighting constant needs --weight: what every cluster weighs, in datapoints"
         )
-    weightings: dict[str, type[Any]] = {
-        "count": online.DatapointCount,
-        "exponential-decay": online.ExponentialDecay,
-        "constant": online.ConstantWeight,
-    }
-    weighting: online.Weighting = weightings[kind](**values)
-    return weighting
+    if kind == "constant":
+        return {"constant_weight": values["weight"]}
+    return {"discount": DEFAULT_DISCOUNT} | values if kind == "exponential-decay" else {}
 
 
 def _options(names: list[str]) -> str:

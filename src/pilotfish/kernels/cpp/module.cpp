@@ -333,15 +333,15 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
   const size_t K = rows.shape(0);
   if (capacity < 0 || capacity % 4 || size_t(capacity) > D + 3)
     throw nb::value_error("capacity is not a multiple of 4 up to the columns of x");
-  expect(head, "head", {HEADS});
-  expect(rows, "clusters", {K, row_length(P, D, capacity)});
-  expect(transition_counts, "counts", {K, K});
+  expect(head, "counters", {HEADS});
+  expect(rows, "rows", {K, row_length(P, D, capacity)});
+  expect(transition_counts, "transition_counts", {K, K});
   if (!(head(CURRENT) < double(K) && head(PREVIOUS) < double(K)))
-    throw nb::value_error("head names a cluster that is not there");
+    throw nb::value_error("counters name a cluster that does not exist");
   for (int i = 0; i < HEADS; ++i)
     if (!(head(i) >= (i == CURRENT || i == PREVIOUS ? -1.0 : 0.0) && head(i) <= MAX_EXACT_INTEGER &&
           head(i) == std::floor(head(i))))
-      throw nb::value_error("head holds a number that counts nothing");
+      throw nb::value_error("a counter is not a whole number");
   const size_t block = (rows.shape(1) - NUMBERS) / P;
   for (size_t k = 0; k < K; ++k)
     for (size_t p = 0; p < P; ++p) {

@@ -19,12 +19,12 @@ from pilotfish.kernels.reference.subspaces import (
 )
 from pilotfish.kernels.stream_state import (
     MAX_VALUE,
+    STATISTICS,
+    Assignments,
     StreamParameters,
     StreamState,
-    StreamStep,
     Weighting,
-    round_up_to_four,
-    zero_stream,
+    zero_arrays,
 )
 from pilotfish.kernels.stream_state import ClusterColumn as Column
 from pilotfish.types import Array, Float
@@ -56,7 +56,9 @@ class MutableState:
     removed: list[tuple[int, int, int]] = field(default_factory=list)
 
 
-def observe(x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters) -> StreamStep:
+def observe(
+    x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters
+) -> tuple[StreamState, Assignments]:
     """The model after N datapoints, each seen from P frames, taken one after the other.
 
     Assignments are made rules.batch at a time; subspaces then learn from their datapoints in order.
@@ -85,15 +87,16 @@ def observe(x: Float[Array, "N P D"], state: StreamState, parameters: StreamPara
         for cluster_id in dict.fromkeys(cluster_ids[batch].tolist()):
             merge_close_clusters(stream, cluster_id, last)
     removed = np.array(stream.removed, dtype=np.int64).reshape(-1, 3)
-    return StreamStep(pack(stream, state.frames, state.width), cluster_ids, costs, loss_changes, removed)
+    assignments = Assignments(cluster_ids, costs, loss_changes, removed)
+    return pack(stream, state.frames, state.width), assignments
 
 
 def observe_one(
     x: Float[Array, "P D"], state: StreamState, parameters: StreamParameters
 ) -> tuple[StreamState, int, float, float]:
     """The same for one datapoint: the state, and the identity, cost and change of this one."""
-    step = observe(x[None], state, parameters)
-    return step.state, int(step.cluster_ids[0]), float(step.costs[0]), float(step.loss_changes[0])
+    after, step = observe(x[None], state, parameters)
+    return after, int(step.cluster_ids[0]), float(step.costs[0]), float(step.loss_changes[0])
 
 
 def assign_point(stream: MutableState, x: Float[Array, "P D"]) -> tuple[int, float, float]:
@@ -143,7 +146,7 @@ def transition_costs(stream: MutableState) -> Float[Array, " K"]:
 
 def create_cluster(stream: MutableState, x: Float[Array, "P D"], n: int) -> int:
     """The row of a new cluster at x; where no more may be, the lightest but the current makes room."""
-    if len(stream.clusters) >= stream.parameters.clusters:
+    if len(stream.clusters) >= stream.parameters.max_clusters:
         weights = np.array([cluster.statistics[Column.WEIGHT] for cluster in stream.clusters])
         if len(weights) > 1 and stream.current_cluster >= 0:
             weights[stream.current_cluster] = np.inf
@@ -326,40 +329,39 @@ def _index_after_removal(place: int, k: int) -> int:
 
 
 def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
-    clusters = []
-    for k, row in enumerate(state.clusters):
-        clusters.append(
-            Cluster(row[: len(Column)].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
-        )
-    current_cluster, steps, following, points, previous, lasted = (int(number) for number in state.head)
+    statistics = np.stack([getattr(state, name) for name in STATISTICS], axis=1)  # in the order of Column
+    clusters = [
+        Cluster(statistics[k].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
+        for k in range(state.clusters)
+    ]
     return MutableState(
         parameters,
         clusters,
         state.transition_counts.copy(),
-        current_cluster,
-        steps,
-        following,
-        points,
-        previous,
-        lasted,
+        state.current_cluster,
+        state.steps_in_cluster,
+        state.next_cluster_id,
+        state.datapoints,
+        state.previous_cluster,
+        state.previous_steps,
     )
 
 
 def pack(stream: MutableState, frames: int, width: int) -> StreamState:
-    ranks = [len(subspaces.variances) for cluster in stream.clusters for subspaces in cluster.subspaces]
-    state = zero_stream(len(stream.clusters), frames, width, round_up_to_four(max(ranks, default=0)))
-    head = (
-        stream.current_cluster,
-        stream.steps,
-        stream.next_cluster_id,
-        stream.points,
-        stream.previous,
-        stream.previous_steps,
-    )
-    state.head[:] = head
-    state.transition_counts[:] = stream.transition_counts
+    ranks = [len(subspace.variances) for cluster in stream.clusters for subspace in cluster.subspaces]
+    arrays = zero_arrays(len(stream.clusters), frames, width, max(ranks, default=0))
+    arrays["transition_counts"][:] = stream.transition_counts
     for k, cluster in enumerate(stream.clusters):
-        state.clusters[k, : len(Column)] = cluster.statistics
-        for p, subspaces in enumerate(cluster.subspaces):
-            pack_subspace(subspaces, state, k, p)
-    return state
+        for name, column in STATISTICS.items():
+            arrays[name][k] = cluster.statistics[column]
+        for p, subspace in enumerate(cluster.subspaces):
+            pack_subspace(subspace, arrays, k, p)
+    counters = {
+        "current_cluster": stream.current_cluster,
+        "steps_in_cluster": stream.steps,
+        "next_cluster_id": stream.next_cluster_id,
+        "datapoints": stream.points,
+        "previous_cluster": stream.previous,
+        "previous_steps": stream.previous_steps,
+    }
+    return StreamState.from_arrays(arrays, counters)

@@ -41,14 +41,14 @@ def unpack_subspace(state: StreamState, k: int, p: int) -> Subspace:
     )
 
 
-def pack_subspace(subspace: Subspace, state: StreamState, k: int, p: int) -> None:
-    """Into the row of cluster k, whose block of frame p is zero."""
+def pack_subspace(subspace: Subspace, arrays: dict[str, Float[Array, "..."]], k: int, p: int) -> None:
+    """Write the subspace of cluster k in frame p into the named arrays of a state, which are zero there."""
     r = len(subspace.variances)
-    state.dimensions[k, p], state.ranks[k, p] = subspace.dimension, r
-    state.means[k, p] = subspace.mean
-    state.bases[k, p, :, :r] = subspace.U
-    state.variances[k, p, :r] = subspace.variances
-    state.distances[k, p, : r + 1] = subspace.distances
+    arrays["dimensions"][k, p], arrays["ranks"][k, p] = subspace.dimension, r
+    arrays["means"][k, p] = subspace.mean
+    arrays["bases"][k, p, :, :r] = subspace.U
+    arrays["variances"][k, p, :r] = subspace.variances
+    arrays["distances"][k, p, : r + 1] = subspace.distances
 
 
 def projection_weight(square: float, bandwidth: float) -> float:

@@ -1,54 +1,36 @@
-"""Learning from a stream: datapoints are used once and dropped, and clusters, subspaces, transitions and
-durations grow with them. A model is a value; what it has learned reads out as a skill like any other.
+"""Online learning from a stream: every datapoint is used once and not stored.
+
+`online_model` creates an empty model, `observe` and its variants update it, `to_skill` converts it to a skill.
+observe.py explains the method.
 """
 
-from pilotfish.models.online.assignments import Assignment, Assignments, current_cluster_ids
 from pilotfish.models.online.from_batch import estimate_penalties, from_batch_fit
-from pilotfish.models.online.model import OnlineModel, online_model
-from pilotfish.models.online.observe import (
-    begin_demonstration,
-    observe,
-    observe_demonstration,
-    observe_stream,
-)
-from pilotfish.models.online.read_out import to_skill
-from pilotfish.models.online.scaling import ColumnScales, estimate_scales, scale_demonstration, unscale_skill
+from pilotfish.models.online.model import OnlineModel, begin_demonstration, online_model
+from pilotfish.models.online.observe import observe, observe_demonstration, observe_stream
+from pilotfish.models.online.scaling import column_scales, scale_demonstration, unscale_skill
 from pilotfish.models.online.settings import (
     DPGMM,
     DPMPPCA,
     HDPHSMM,
-    MAX_BATCH_SIZE,
-    MAX_EXTRA_DIRECTIONS,
+    LEARNERS,
     SOSC,
-    ConstantWeight,
-    DatapointCount,
-    ExponentialDecay,
     Maintenance,
     OnlineSettings,
-    Weighting,
 )
+from pilotfish.models.online.to_skill import to_skill
 
 __all__ = [
     "DPGMM",
     "DPMPPCA",
     "HDPHSMM",
-    "MAX_BATCH_SIZE",
-    "MAX_EXTRA_DIRECTIONS",
+    "LEARNERS",
     "SOSC",
-    "Assignment",
-    "Assignments",
-    "ColumnScales",
-    "ConstantWeight",
-    "DatapointCount",
-    "ExponentialDecay",
     "Maintenance",
     "OnlineModel",
     "OnlineSettings",
-    "Weighting",
     "begin_demonstration",
-    "current_cluster_ids",
+    "column_scales",
     "estimate_penalties",
-    "estimate_scales",
     "from_batch_fit",
     "observe",
     "observe_demonstration",

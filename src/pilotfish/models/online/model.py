@@ -1,6 +1,6 @@
-"""A model that grows with a stream: a plain value, whole at every moment."""
+"""State of an online learner with its settings: an immutable value that can be used after every datapoint."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,19 +9,25 @@ from pilotfish.demonstrations import (
     Layout,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.models.online.settings import DPGMM, DPMPPCA, HDPHSMM, SOSC, OnlineSettings, kernel_parameters
+from pilotfish.models.online.settings import LEARNERS, OnlineSettings, kernel_parameters
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_name, require_period, require_type, short_list
-
-Column, Head = kernels.ClusterColumn, kernels.StreamCounter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnlineModel:
-    """K clusters, each seen from P frames, and how they have followed one another.
+    """K clusters in P frames, and the transitions and durations between them.
 
-    period is the time of one step [s]; state holds all that was learned, rules what decides (see kernels).
-    Arrays are views of it, K first, in the order of clusters' birth.
+    Clusters are in the order of their creation. `state` holds further arrays by name: variances, distances and
+    bases of the subspaces, segments and their durations.
+
+    Attributes:
+        settings: Learner and penalties.
+        layout: Columns of a datapoint.
+        period: Time between datapoints [s].
+        frame_names: Name of each frame.
+        parameters: The settings in the form of the kernel.
+        state: Everything that was learned, as named arrays.
     """
 
     settings: OnlineSettings
@@ -33,95 +39,112 @@ class OnlineModel:
 
     @property
     def clusters(self) -> int:
-        return len(self.state.clusters)
+        """Number of clusters K."""
+        return self.state.clusters
 
     @property
     def datapoints(self) -> int:
-        """How many were observed, those of clusters that are no more included."""
-        return int(self.state.head[Head.POINTS])
+        """Number of datapoints observed, including those of removed clusters."""
+        return int(self.state.datapoints)
 
     @property
     def current_cluster(self) -> int:
-        """The place of the last datapoint's cluster among the K; -1 where a demonstration begins."""
-        return int(self.state.head[Head.CURRENT])
+        """Index of the cluster of the last datapoint; -1 where a demonstration begins."""
+        return int(self.state.current_cluster)
 
     @property
     def cluster_ids(self) -> Int[Array, " K"]:
-        """Clusters are numbered by birth, and no number is used twice."""
-        return self.state.clusters[:, Column.CLUSTER_ID].astype(np.int64)
+        """Identifiers of the clusters in the order of creation; none is used twice."""
+        return np.asarray(self.state.cluster_ids.astype(np.int64))
 
     @property
     def weights(self) -> Float[Array, " K"]:
-        """What each cluster's past weighs against its next datapoint, w."""
-        return self.state.clusters[:, Column.WEIGHT]
+        """Weight w of the past of each cluster relative to its next datapoint."""
+        return np.asarray(self.state.weights)
 
     @property
     def priors(self) -> Float[Array, " K"]:
-        """Pi (5.8): the share of datapoints that each took, of those that are not forgotten."""
-        points = self.state.clusters[:, Column.POINTS]
-        return np.asarray(points / points.sum())
+        """Mixture weights pi (5.8): the share of the datapoints of each cluster, without removed clusters."""
+        return np.asarray(self.state.points / self.state.points.sum())
 
     @property
     def means(self) -> Float[Array, "K P D"]:
+        """Mean of each cluster in each frame."""
         return self.state.means
 
     @property
     def dimensions(self) -> Int[Array, "K P"]:
-        """d, the dimension of each subspace."""
+        """Dimension d of each subspace."""
         return self.state.dimensions.astype(np.int64)
 
     @property
-    def variances(self) -> Float[Array, "K P C"]:
-        """Along each remembered direction, the largest first; zero beyond those that there are."""
-        return self.state.variances
-
-    @property
-    def distances(self) -> Float[Array, "K P _"]:
-        """Mean squared distances to the subspaces of the first 0 ... C directions (5.22)."""
-        return self.state.distances
-
-    @property
-    def bases(self) -> Float[Array, "K P D C"]:
-        """Remembered directions, orthonormal columns; zero beyond those that there are."""
-        return self.state.bases
+    def demonstrations(self) -> int:
+        """Number of demonstrations begun, without those whose first cluster was removed."""
+        return int(self.state.demonstration_starts.sum())
 
     @property
     def transition_counts(self) -> Float[Array, "K K"]:
-        """How many datapoints in j came right after one in i, i = j included (5.29)."""
+        """Number of times a datapoint in cluster j followed one in cluster i, i = j included (5.29)."""
         return self.state.transition_counts
-
-    @property
-    def demonstrations(self) -> int:
-        """How many were begun, those that began in clusters that are no more left out."""
-        return int(self.state.clusters[:, Column.DEMONSTRATION_STARTS].sum())
 
 
 def online_model(
     settings: OnlineSettings, layout: Layout, period: float, frame_names: tuple[str, ...] = ("world",)
 ) -> OnlineModel:
-    """A model before its first datapoint.
+    """Create a model before its first datapoint.
 
-    layout says what the columns are, period [s] is the time between datapoints.
-    Raises: InvalidInput, when these cannot be, or when an orientation of the layout is on its sphere: a
-    stream learns quaternions as four numbers.
+    Args:
+        settings: Learner and penalties, for example `SOSC(...)`.
+        layout: Columns of a datapoint. Quaternions are four numbers; orientations on S^3 are not supported.
+        period: Time between datapoints [s].
+        frame_names: Name of each frame, all different.
+
+    Returns:
+        A model without clusters.
+
+    Raises:
+        InvalidInput: If an argument is invalid, or the layout has orientations on S^3.
     """
-    require_type(
-        settings, "settings", (DPGMM, DPMPPCA, HDPHSMM, SOSC), "say SOSC(cluster=..., dimension=..., ...)"
-    )
+    require_type(settings, "settings", tuple(LEARNERS.values()), "give SOSC(cluster=..., dimension=..., ...)")
     require_type(layout, "layout", Layout, "position_layout(3) makes one")
     if layout.orientation_starts:
         raise InvalidInput(
-            "the layout has orientations on their sphere, and streams learn quaternions as four numbers; "
-            "give demonstrations as they are recorded, without on_sphere"
+            "the layout has orientations on S^3, and online learners take quaternions as four numbers; give "
+            "demonstrations as recorded, without on_sphere"
         )
     require_period(period, "period")
-    require_type(frame_names, "frame_names", (tuple, list), 'give names in a tuple, say ("world",)')
+    require_type(frame_names, "frame_names", (tuple, list), 'give a tuple of names, say ("world",)')
     names = tuple(require_name(name, "the name of a frame") for name in frame_names)
     if not names or len(set(names)) != len(names):
         raise InvalidInput(
-            f"the frames are named {short_list(names)}, expected at least one, with different names"
+            f"frame_names is {short_list(names)}, expected at least one name and no duplicates"
         )
-    state = kernels.empty_stream(len(names), layout.width)
-    return OnlineModel(
-        settings, layout, float(period), names, kernel_parameters(settings, layout.width), state
+    state = kernels.StreamState.empty(len(names), layout.width)
+    parameters = kernel_parameters(settings, layout.width)
+    return OnlineModel(settings, layout, float(period), names, parameters, state)
+
+
+def begin_demonstration(model: OnlineModel) -> OnlineModel:
+    """Return the model in a state where the next datapoint begins a demonstration.
+
+    No transition leads to that datapoint. The segment of the last datapoint is right-censored: it does not
+    count as completed.
+
+    Args:
+        model: Model after any datapoint.
+    """
+    state, k = model.state, model.current_cluster
+    if k < 0:
+        return model
+    censored, means = state.censored.copy(), state.mean_censored_durations.copy()
+    censored[k] += 1.0
+    means[k] += (state.steps_in_cluster - means[k]) / censored[k]
+    after = state.with_changes(
+        current_cluster=-1,
+        steps_in_cluster=0,
+        previous_cluster=-1,
+        previous_steps=0,
+        censored=censored,
+        mean_censored_durations=means,
     )
+    return replace(model, state=after)

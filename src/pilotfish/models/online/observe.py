@@ -1,28 +1,63 @@
-"""(model, datapoint) -> (model, where it went): for one, for many, for a demonstration and its frames."""
+"""Online learning by small-variance asymptotics: assign one datapoint, then update one cluster.
 
-from dataclasses import replace
+Idea. Let the emission covariances of a Bayesian nonparametric model shrink to zero, and scale its concentration
+parameters with them. The posterior then has a deterministic minimiser: k-means with a penalty on the number of
+clusters (DP-means, Kulis & Jordan 2012). With subspaces, transitions and durations this is scalable online
+sequence clustering (SOSC, Tanwani 2018, chapter 5). Every datapoint is used once; none is stored.
+
+Assignment. Cluster k has mean mu and directions U (the first d of its basis) in each of P frames. Let e = x - mu
+and rho = exp(-|e|^2 / b_m), i the cluster of the last datapoint, n_ik the transition counts, n_i their sum over k:
+
+    distance_k = sum over frames of |e|^2 - (2 rho - rho^2) |U^T e|^2                          (5.13)
+    cost_k     = distance_k + lambda_2 log(n_i / n_ik)              if n_ik > 0                (5.26)
+               = distance_k + lambda_2 log(n_i + 1) + lambda_3      otherwise                  (5.27)
+    cost_new   = lambda + lambda_2 log(n_i + 1) + lambda_3                                     (5.28)
+
+The datapoint goes to the cheapest. Where a demonstration begins, the terms of the transition are zero.
+
+Update. With the weight w of the cluster, mu moves by e / (w + 1), and the covariance becomes
+w / (w + 1) Sigma + w / (w + 1)^2 e e^T, a rank-one update of U and its variances. The dimension d minimises
+lambda_1 d plus the mean squared distance to the first d directions, among the dimensions that do not increase
+the loss at this datapoint. Then n_ik grows by one. If k differs from i, the completed segment of i updates the
+mean and variance of its duration. Durations do not enter the assignment.
+
+Invariants. The loss at a datapoint never increases by its update (5.35). `observe_stream` equals repeated
+`observe` to the last bit if the batch is 1. The argument is not modified. With weights by count and as many
+extra directions as columns, means and covariances are those of the assigned datapoints.
+
+Keep in step: kernels/reference/streaming.py and kernels/cpp/streaming.cpp implement the equations;
+`from_batch_fit` fills the same state; io/stream_file.py stores it.
+"""
 
 import numpy as np
 
 from pilotfish import kernels
-from pilotfish.demonstrations import Demonstration, Layout, views
+from pilotfish.demonstrations import Demonstration, views
 from pilotfish.errors import InvalidInput
-from pilotfish.models.online.assignments import Assignment, Assignments
-from pilotfish.models.online.model import Head, OnlineModel
-from pilotfish.models.signs import sign_combinations
+from pilotfish.models.online.model import OnlineModel, begin_demonstration
+from pilotfish.models.signs import nearest_quaternion_signs
 from pilotfish.types import Array, Float
 from pilotfish.validation import numeric_array, require_type
 
-MAX_VALUE = kernels.MAX_VALUE
-MODEL_HINT = "online.online_model makes one, and online.observe gives the next"
+MODEL_HINT = "online.online_model makes one, and online.observe returns the next"
 
 
-def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, Assignment]:
-    """The model after one datapoint (D,), or (P, D) as each of P frames sees it; and where it went.
+def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, int, float, float]:
+    """Update a model with one datapoint.
 
-    The model given is as it was. A step costs O(K P D d + d^3), and copies the model's O(K P D d) numbers;
-    observe_stream copies them once for many datapoints.
-    Raises: InvalidInput, when x is not finite, beyond 1e100 or of another width.
+    A step costs O(K P D d + d^3), and copies the O(K P D d) numbers of the model; `observe_stream` copies them
+    once for many datapoints.
+
+    Args:
+        model: Model before the datapoint; it is not modified.
+        x: Datapoint (D,), or (P, D) with one row per frame.
+
+    Returns:
+        The model after the datapoint, the identifier of its cluster, the cost of the assignment, and the change
+        of the loss at the datapoint by the update, at most 0 up to rounding.
+
+    Raises:
+        InvalidInput: If x has another width, or a value that is not finite or beyond 1e100.
     """
     require_type(model, "model", OnlineModel, MODEL_HINT)
     point, state = _as_float_array(x), model.state
@@ -31,16 +66,25 @@ def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, As
     try:
         after, cluster_id, cost, loss_change = kernels.observe_one(point, state, model.parameters)
     except InvalidInput as error:
-        raise _non_finite_error(point[None], model) from error
-    return _replace_state(model, after), Assignment(cluster_id, cost, loss_change)
+        raise _datapoint_error(point[None], model) from error
+    return _replace_state(model, after), cluster_id, cost, loss_change
 
 
-def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[OnlineModel, Assignments]:
-    """The model after N datapoints (N, D), or (N, P, D) as each of P frames sees them; and where they went.
+def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[OnlineModel, kernels.Assignments]:
+    """Update a model with N datapoints in order.
 
-    The same as one after the other, to the last bit, where Upkeep.batch is 1; otherwise batches begin anew
-    with every call. The model given is as it was, and no datapoint is learned when one is refused.
-    Raises: InvalidInput, when a datapoint is not finite, beyond 1e100 or of another width.
+    The result equals that of `observe` for one after the other, to the last bit, if `Maintenance.batch` is 1.
+    Otherwise batches start anew with every call.
+
+    Args:
+        model: Model before the datapoints; it is not modified.
+        x: Datapoints (N, D), or (N, P, D) with one row per frame.
+
+    Returns:
+        The model after all datapoints, and their assignments.
+
+    Raises:
+        InvalidInput: If x has another width, or a value that is not finite or beyond 1e100.
     """
     require_type(model, "model", OnlineModel, MODEL_HINT)
     P, D = len(model.frame_names), model.layout.width
@@ -51,74 +95,50 @@ def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[Onli
         )
     points = points.reshape(len(points), P, D)
     try:
-        step = kernels.observe(points, model.state, model.parameters)
+        state, assignments = kernels.observe(points, model.state, model.parameters)
     except InvalidInput as error:
-        raise _non_finite_error(points, model) from error
-    went = Assignments(step.cluster_ids, step.costs, step.loss_changes, step.removed)
-    return _replace_state(model, step.state), went
+        raise _datapoint_error(points, model) from error
+    return _replace_state(model, state), assignments
 
 
 def observe_demonstration(
     model: OnlineModel, demonstration: Demonstration
-) -> tuple[OnlineModel, Assignments]:
-    """The model after one more demonstration, as its frames see it; and where its datapoints went.
+) -> tuple[OnlineModel, kernels.Assignments]:
+    """Update a model with one demonstration, in the frames of the demonstration.
 
-    Quaternions that run closer to what the model knows after a change of sign have it changed, their
-    derivatives with them: q and -q are one orientation.
-    Raises: InvalidInput, when it differs from the model in layout, period or names of frames.
+    q and -q are the same orientation: a quaternion changes its sign, with its derivatives, if it is then closer
+    to the means of the clusters.
+
+    Args:
+        model: Model before the demonstration; it is not modified.
+        demonstration: Recording with the layout, period and frame names of the model.
+
+    Returns:
+        The model after the demonstration, and the assignments of its datapoints.
+
+    Raises:
+        InvalidInput: If the demonstration differs from the model in layout, period or frame names.
     """
     require_type(model, "model", OnlineModel, MODEL_HINT)
     require_type(demonstration, "demonstration", Demonstration, "pf.demonstration makes one of an array")
-    for what, given, known in (
+    for what, given, expected in (
         ("layout", demonstration.layout, model.layout),
         ("period [s]", demonstration.period, model.period),
         ("frames", tuple(f.name for f in demonstration.frames), model.frame_names),
     ):
-        if given != known:
+        if given != expected:
             raise InvalidInput(
-                f"demonstration {demonstration.name!r} differs from the model in {what}: {_display_value(given)}, "
-                f"expected {_display_value(known)}"
+                f"demonstration {demonstration.name!r} differs from the model in {what}: "
+                f"{_display_value(given)}, expected {_display_value(expected)}"
             )
-    seen = views([demonstration]).x
-    for p, x in enumerate(seen):
-        x *= _choose_quaternion_signs(x, model.means[:, p], model.layout)
-    return observe_stream(begin_demonstration(model), seen.transpose(1, 0, 2))
-
-
-def begin_demonstration(model: OnlineModel) -> OnlineModel:
-    """The same model, whose next datapoint begins a demonstration: no transition leads to it.
-
-    The visit that the last datapoint was in is cut off here, and does not count as a complete one.
-    """
-    state = model.state
-    k, steps = int(state.head[Head.CURRENT]), state.head[Head.STEPS]
-    if k < 0:
-        return model
-    head, clusters = state.head.copy(), state.clusters.copy()
-    head[Head.CURRENT], head[Head.STEPS] = -1.0, 0.0
-    head[Head.PREVIOUS], head[Head.PREVIOUS_STEPS] = -1.0, 0.0
-    row, C = clusters[k], kernels.ClusterColumn
-    row[C.CENSORED] += 1.0
-    row[C.MEAN_CENSORED_DURATION] += (steps - row[C.MEAN_CENSORED_DURATION]) / row[C.CENSORED]
-    return _replace_state(model, replace(state, head=head, clusters=clusters))
-
-
-def _choose_quaternion_signs(
-    x: Float[Array, "T D"], means: Float[Array, "K D"], layout: Layout
-) -> Float[Array, " D"]:
-    """Those of orientations under which the datapoints lie closest to the means, squared and added."""
-    if not layout.quaternions or not len(means):
-        return np.ones(layout.width)
-
-    def distance(signs: Float[Array, " D"]) -> float:
-        squares = [np.sum((signs * x - mean) ** 2, axis=1) for mean in means]
-        return float(np.min(squares, axis=0).sum())
-
-    return min(sign_combinations(layout), key=distance)
+    x = views([demonstration]).x
+    for p, view in enumerate(x):
+        view *= nearest_quaternion_signs(view, model.means[:, p], model.layout)
+    return observe_stream(begin_demonstration(model), x.transpose(1, 0, 2))
 
 
 def _replace_state(model: OnlineModel, state: kernels.StreamState) -> OnlineModel:
-    """The model with another state; dataclasses.replace would take half the time of a step."""
+    # dataclasses.replace takes half the time of a step
     return OnlineModel(model.settings, model.layout, model.period, model.frame_names, model.parameters, state)
 
 
@@ -129,7 +149,7 @@ def _add_frame_axis(x: Float[Array, "..."], model: OnlineModel) -> Float[Array, 
 
 
 def _as_float_array(x: object) -> Float[Array, "..."]:
-    if type(x) is np.ndarray and x.dtype == np.float64:  # a stream is one datapoint after another
+    if type(x) is np.ndarray and x.dtype == np.float64:  # the usual case, without the cost of the checks
         return np.ascontiguousarray(x)
     return numeric_array(x, "the datapoint")
 
@@ -137,15 +157,15 @@ def _as_float_array(x: object) -> Float[Array, "..."]:
 def _expected_shape(model: OnlineModel) -> str:
     P, D = len(model.frame_names), model.layout.width
     columns = ", ".join(model.layout.names) if D <= 16 else f"{D} columns"
-    return f"({D},): {columns}" if P == 1 else f"({P}, {D}): {columns}, as each frame sees them"
+    return f"({D},): {columns}" if P == 1 else f"({P}, {D}): {columns}, one row per frame"
 
 
-def _non_finite_error(points: Float[Array, "N P D"], model: OnlineModel) -> InvalidInput:
-    n, p, d = np.argwhere(~(np.abs(points) <= MAX_VALUE))[0].tolist()
+def _datapoint_error(points: Float[Array, "N P D"], model: OnlineModel) -> InvalidInput:
+    n, p, d = np.argwhere(~(np.abs(points) <= kernels.MAX_VALUE))[0].tolist()
     return InvalidInput(
-        f"datapoint {n} (first is 0), column {model.layout.names[d]!r} as frame {model.frame_names[p]!r} "
-        f"sees it, is {points[n, p, d]}, expected a number of at most {MAX_VALUE:g}; leave it out: the "
-        "model is as it was"
+        f"datapoint {n} (first is 0), column {model.layout.names[d]!r} in frame {model.frame_names[p]!r}, is "
+        f"{points[n, p, d]}, expected a number of at most {kernels.MAX_VALUE:g}; leave it out: the model has "
+        "not changed"
     )
 
 

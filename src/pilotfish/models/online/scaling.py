@@ -1,6 +1,6 @@
-"""Columns of different units and sizes, brought to one scale for streams, which have one noise."""
+"""Scaling of columns with different units for online learners, which have one noise variance for all columns."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,83 +18,96 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import DenseCovariances
+from pilotfish.models.signs import nearest_quaternion_signs
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_type
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ColumnScales:
-    """What one is in each column of a layout; columns of a part share theirs, so that frames still turn them.
+def column_scales(skill: Skill) -> Float[Array, " D"]:
+    """Return the standard deviation within states of each column, over all states and frames.
 
-    means are those of the skill that tells the scales, [frame, state]: signs of quaternions follow them.
-    """
+    Columns of one part of the layout share a scale, so that the rotations of frames still apply.
 
-    layout: Layout
-    values: Float[Array, " D"]
-    means: Float[Array, "P K D"]
+    Args:
+        skill: Batch fit of a few demonstrations.
 
-
-def estimate_scales(skill: Skill) -> ColumnScales:
-    """The deviation within states of each part, over all states and frames.
-
-    So a batch fit of a few demonstrations tells by how much each quantity varies where the task is the same.
-    Raises: InvalidInput, when the skill has orientations on S^3, or a part never varies.
+    Raises:
+        InvalidInput: If the skill has orientations on S^3, or a part has no variance.
     """
     require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     if skill.layout.orientation_starts:
         raise InvalidInput(
-            "the skill has orientations on S^3, which streams take as four numbers; learn it from "
-            "demonstrations that have them so"
+            "the skill has orientations on S^3, and online learners take quaternions as four numbers; learn it "
+            "from demonstrations without on_sphere"
         )
     variances = np.mean([np.diagonal(c.dense, axis1=1, axis2=2) for c in skill.covariances], axis=(0, 1))
-    values = np.empty(skill.width)
+    scales = np.empty(skill.width)
     for part, columns in zip(skill.layout.parts, skill.layout.slices, strict=True):
-        if not (spread := float(np.sqrt(variances[columns].mean()))) > 0.0:
-            raise InvalidInput(f"part {part.name!r} never varies within states; leave it out, or regularise")
-        values[columns] = spread
-    return ColumnScales(skill.layout, values, skill.means)
+        if not (deviation := float(np.sqrt(variances[columns].mean()))) > 0.0:
+            raise InvalidInput(
+                f"part {part.name!r} has no variance within states; leave it out, or regularise"
+            )
+        scales[columns] = deviation
+    return scales
 
 
-def scale_demonstration(shown: Demonstration, scales: ColumnScales) -> Demonstration:
-    """The same showing in units of the scales, seen from the same frames; its columns are plain numbers.
+def scale_demonstration(
+    original: Demonstration, scales: Float[Array, " D"], reference: Skill
+) -> Demonstration:
+    """Divide the columns of a demonstration by their scales.
 
-    What each frame sees has the sign of quaternions that runs closer to the skill's states.
-    Raises: InvalidInput, when its columns or the number of its frames are not those of the scales.
+    In each frame, quaternions have the sign that is closer to the means of the reference.
+
+    Args:
+        original: Demonstration with the layout and the number of frames of the reference.
+        scales: Scale of each column, from `column_scales(reference)`.
+        reference: Batch fit.
+
+    Returns:
+        A demonstration whose columns are dimensionless scalars, with frames that map between scaled columns.
+
+    Raises:
+        InvalidInput: If the layout, the number of frames or the number of scales does not fit.
     """
-    if scales.values.shape != (scales.layout.width,):
+    if scales.shape != (reference.width,):
+        raise InvalidInput(f"scales has shape {scales.shape}, expected ({reference.width},)")
+    if original.layout != reference.layout or len(original.frames) != len(reference.means):
         raise InvalidInput(
-            f"the scales have values of shape {scales.values.shape}, expected ({scales.layout.width},)"
+            f"demonstration {original.name!r} has the columns {', '.join(original.layout.names)} and "
+            f"{len(original.frames)} frames, expected {', '.join(reference.layout.names)} and "
+            f"{len(reference.means)} frames as the reference has"
         )
-    if shown.layout != scales.layout or len(shown.frames) != len(scales.means):
-        raise InvalidInput(
-            f"demonstration {shown.name!r} has the columns {', '.join(shown.layout.names)} and "
-            f"{len(shown.frames)} frames, the scales are of {', '.join(scales.layout.names)} and "
-            f"{len(scales.means)} frames"
-        )
-    seen = views([shown]).x
     frames = [
-        _scale_frame(given, scales.values, _choose_quaternion_signs(x, means, shown.layout))
-        for given, x, means in zip(shown.frames, seen, scales.means, strict=True)
+        _scale_frame(given, scales, nearest_quaternion_signs(x, means, original.layout))
+        for given, x, means in zip(original.frames, views([original]).x, reference.means, strict=True)
     ]
-    return demonstration(
-        shown.x / scales.values, shown.period, _scalar_layout(shown.layout), frames, shown.name
-    )
+    layout = _scalar_layout(original.layout)
+    return demonstration(original.x / scales, original.period, layout, frames, original.name)
 
 
-def unscale_skill(skill: Skill, scales: ColumnScales) -> Skill:
-    """A skill that was learned of scaled demonstrations, in the columns that they had before.
+def unscale_skill(skill: Skill, scales: Float[Array, " D"], layout: Layout) -> Skill:
+    """Convert a skill learned from scaled demonstrations back to the original columns.
 
-    Raises: InvalidInput, when its columns are not those that scaling by these scales leaves.
+    Args:
+        skill: Skill of scaled demonstrations.
+        scales: Scale of each column.
+        layout: Original layout.
+
+    Returns:
+        The skill with means and covariances in the units of the layout.
+
+    Raises:
+        InvalidInput: If the columns of the skill are not the scaled columns of the layout.
     """
-    if skill.layout != _scalar_layout(scales.layout):
+    if skill.layout != _scalar_layout(layout):
         raise InvalidInput(
-            f"the skill has the columns {', '.join(skill.layout.names)}, expected those of demonstrations "
-            "that were scaled by these scales"
+            f"the skill has the columns {', '.join(skill.layout.names)}, expected the scaled columns of "
+            f"{', '.join(layout.names)}; learn it from scale_demonstration"
         )
-    squares = np.outer(scales.values, scales.values)
+    squares = np.outer(scales, scales)
     covariances = tuple(DenseCovariances(c.dense * squares) for c in skill.covariances)
-    return replace(skill, means=skill.means * scales.values, covariances=covariances, layout=scales.layout)
+    return replace(skill, means=skill.means * scales, covariances=covariances, layout=layout)
 
 
 def _scalar_layout(layout: Layout) -> Layout:
@@ -103,24 +116,9 @@ def _scalar_layout(layout: Layout) -> Layout:
     )
 
 
-def _choose_quaternion_signs(
-    x: Float[Array, "T D"], means: Float[Array, "K D"], layout: Layout
-) -> Float[Array, " D"]:
-    """Minus one for the columns of orientations that run closer to the states' means when negated."""
-    signs = np.ones(layout.width)
-    for part, columns in zip(layout.parts, layout.slices, strict=True):
-        if part.quantity is Quantity.QUATERNION:
-            here = layout.columns(part.name)
-            similarity = x[:, here] @ means[:, here].T  # of each step and state
-            nearest = np.abs(similarity).argmax(axis=1)
-            if similarity[np.arange(len(x)), nearest].sum() < 0.0:
-                signs[columns] = -1.0
-    return signs
-
-
 def _scale_frame(
-    given: Frame | MovingFrame, values: Float[Array, " D"], signs: Float[Array, " D"]
+    given: Frame | MovingFrame, scales: Float[Array, " D"], signs: Float[Array, " D"]
 ) -> Frame | MovingFrame:
-    """World and what is seen both divided by the scales: world' = (S^-1 A s S) seen' + S^-1 b."""
-    A, b = given.A * (signs * values) / values[:, None], given.b / values
+    """Return the frame between scaled columns: world' = (S^-1 A s S) view' + S^-1 b."""
+    A, b = given.A * (signs * scales) / scales[:, None], given.b / scales
     return moving_frame(given.name, A, b) if given.is_moving else frame(given.name, A, b)

@@ -1,98 +1,106 @@
-"""The four online learners by their penalties, each a special case of the next, and how the past is kept.
+"""Penalties of the four online learners, and the maintenance of their clusters.
 
-A squared distance is in squared units of the columns, and so is every penalty that it is weighed against.
+Each learner is a special case of the next: DP-GMM (spheres), DP-MPPCA (subspaces), HDP-HSMM (spheres with
+transitions and durations), SOSC (subspaces with transitions and durations). To add a learner, add a class and
+its line in `LEARNERS`: the command line and the stream file derive their names from that table.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import sqrt
+from typing import Any, ClassVar
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
 from pilotfish.models.skill import MAX_STATES
 from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
 
-MAX_EXTRA_DIRECTIONS, MAX_BATCH_SIZE = 10_000, 100_000
-
-
-@dataclass(frozen=True, slots=True)
-class DatapointCount:
-    """A cluster weighs as much as it has datapoints: for streams of one distribution (5.15)."""
-
-
-@dataclass(frozen=True, slots=True)
-class ExponentialDecay:
-    """Eligibility traces: with every datapoint all weights shrink by the discount, the visited one gains 1.
-
-    For streams that change: a cluster remembers about 1 / (1 - discount) datapoints (5.16).
-    A cluster whose weight falls below forget_below, unless it is the current one, is forgotten. At 0, the
-    thesis' way, none is; at 0.3 so are clusters that a passing change left behind and nothing visits again,
-    those of n datapoints after about log(n / forget_below) / (1 - discount) steps.
-    """
-
-    discount: float = 0.995
-    forget_below: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("discount", "forget_below"):
-            require_type(getattr(self, name), name, (int, float), "give a number")
-        if not 0.0 < self.discount < 1.0:
-            raise InvalidInput(f"discount is {self.discount}, expected a number between 0 and 1, say 0.995")
-        if not 0.0 <= self.forget_below < 1.0:
-            raise InvalidInput(
-                f"forget_below is {self.forget_below}, expected 0 or more and less than 1, the weight of "
-                "a new cluster"
-            )
-
-
-@dataclass(frozen=True, slots=True)
-class ConstantWeight:
-    """Every cluster weighs the same for ever: each datapoint is a step of 1 / (weight + 1)."""
-
-    weight: float
-
-    def __post_init__(self) -> None:
-        require_type(self.weight, "weight", (int, float), "give a number")
-        if not 0.0 < self.weight <= MAX_MAGNITUDE:
-            raise InvalidInput(f"weight is {self.weight}, expected a positive number")
-
-
-Weighting = DatapointCount | ExponentialDecay | ConstantWeight
-DEFAULT_WEIGHTING = DatapointCount()
-
 
 @dataclass(frozen=True, slots=True)
 class Maintenance:
-    """How the past is kept.
+    """Weights, number and merging of the clusters of an online learner.
 
-    weighting       what a cluster's past weighs against a datapoint
-    merge_distance  clusters whose means come closer become one; None is the square root of the cluster
-                    penalty, 0 merges none. Of several frames, distances are squared and added
-    spare           directions that a subspace remembers beyond its dimension, so as to know when it should
-                    grow; with as many as columns nothing is truncated, and covariances are exact
-    most_clusters   there are never more: the lightest (of equals the oldest) is forgotten for a new one
-    batch           so many datapoints are assigned before any of them changes a subspace
+    The weight w of a cluster is what its past counts against the next datapoint, whose share is 1 / (w + 1).
+    By default it is the number of datapoints (5.15), for streams of one distribution. With `discount` it decays
+    exponentially (5.16), for streams that change. With `constant_weight` every datapoint has the same share.
+
+    Attributes:
+        discount: Factor between 0 and 1 on all weights with every datapoint; the cluster of the datapoint gains
+            1. A cluster remembers about 1 / (1 - discount) datapoints. None: no decay.
+        forget_below: A cluster whose weight falls below this value is removed, except the current one. It needs
+            `discount`; 0 removes none (thesis). At 0.3, a cluster of n datapoints that receives none is removed
+            after about log(n / 0.3) / (1 - discount) steps.
+        constant_weight: Weight of every cluster at all times [datapoints]; excludes `discount`.
+        merge_distance: Clusters whose means are closer than this are merged; squared distances add over frames.
+            None: the square root of the cluster penalty. 0 merges none.
+        extra_directions: Directions stored beyond the dimension of a subspace, by which its growth is detected.
+            With as many as columns, covariances are exact.
+        max_clusters: Largest number of clusters; the lightest (the oldest of equals) makes place for a new one.
+        batch: Mini-batch size: number of datapoints that are assigned before subspaces are updated.
     """
 
-    weighting: Weighting = DEFAULT_WEIGHTING
+    MAX_EXTRA_DIRECTIONS: ClassVar[int] = 10_000
+    MAX_BATCH: ClassVar[int] = 100_000
+
+    discount: float | None = None
+    forget_below: float = 0.0
+    constant_weight: float | None = None
     merge_distance: float | None = None
     extra_directions: int = 1
     max_clusters: int = 256
     batch: int = 1
 
     def __post_init__(self) -> None:
-        require_type(
-            self.weighting,
-            "weighting",
-            (DatapointCount, ExponentialDecay, ConstantWeight),
-            "give an instance, say Count()",
-        )
-        if self.merge_distance is not None:
-            require_type(self.merge_distance, "merge_distance", (int, float), "give a number or None")
+        for name in ("discount", "constant_weight", "merge_distance"):
+            if getattr(self, name) is not None:
+                require_type(getattr(self, name), name, (int, float), "give a number or None")
+        require_type(self.forget_below, "forget_below", (int, float), "give a number")
+        self._validate_weighting()
         if self.merge_distance is not None and not 0.0 <= self.merge_distance <= MAX_MAGNITUDE:
             raise InvalidInput(f"merge_distance is {self.merge_distance}, expected 0 or more, or None")
-        require_count(self.extra_directions, "extra_directions", MAX_EXTRA_DIRECTIONS)
+        require_count(self.extra_directions, "extra_directions", self.MAX_EXTRA_DIRECTIONS)
         require_count(self.max_clusters, "max_clusters", MAX_STATES, 1)
-        require_count(self.batch, "batch", MAX_BATCH_SIZE, 1)
+        require_count(self.batch, "batch", self.MAX_BATCH, 1)
+
+    def _validate_weighting(self) -> None:
+        if self.discount is not None and not 0.0 < self.discount < 1.0:
+            raise InvalidInput(f"discount is {self.discount}, expected a number between 0 and 1, say 0.995")
+        if not 0.0 <= self.forget_below < 1.0:
+            raise InvalidInput(
+                f"forget_below is {self.forget_below}, expected 0 or more and less than 1, the weight of a "
+                "new cluster"
+            )
+        if self.forget_below and self.discount is None:
+            raise InvalidInput(
+                f"forget_below is {self.forget_below} without a discount, but only weights that decay fall; "
+                "give discount, say 0.995"
+            )
+        if self.constant_weight is None:
+            return
+        if not 0.0 < self.constant_weight <= MAX_MAGNITUDE:
+            raise InvalidInput(f"constant_weight is {self.constant_weight}, expected a positive number")
+        if self.discount is not None:
+            raise InvalidInput(
+                f"discount is {self.discount} and constant_weight is {self.constant_weight}, expected at most "
+                "one of them; leave out the other"
+            )
+
+    def initial_weight(self, points: float) -> float:
+        """Return the weight of a cluster that was learned from so many datapoints before the stream.
+
+        Args:
+            points: Number of datapoints.
+        """
+        if self.constant_weight is not None:
+            return float(self.constant_weight)
+        return points if self.discount is None else min(points, 1.0 / (1.0 - self.discount))
+
+    def kernel_weighting(self) -> tuple[kernels.Weighting, float]:
+        """Return the kind of weights, and the discount or the constant weight."""
+        if self.discount is not None:
+            return kernels.Weighting.EXPONENTIAL_DECAY, float(self.discount)
+        if self.constant_weight is not None:
+            return kernels.Weighting.CONSTANT, float(self.constant_weight)
+        return kernels.Weighting.COUNT, 0.0
 
 
 DEFAULT_MAINTENANCE = Maintenance()
@@ -100,36 +108,53 @@ DEFAULT_MAINTENANCE = Maintenance()
 
 @dataclass(frozen=True, slots=True)
 class DPGMM:
-    """Dirichlet process mixture of spheres under small variance asymptotics, online (DP-means).
+    """Online Dirichlet process mixture of spheres under small-variance asymptotics (DP-means).
 
-    cluster  penalty lambda of one more cluster: a datapoint whose squared distance to every mean is not less
-             begins one
-    noise    variance sigma^2 in every column, of the model that is read out
-    Source: Kulis & Jordan 2012; Tanwani 2018, equations 5.7-5.9.
+    Attributes:
+        cluster: Penalty lambda of a new cluster: a datapoint whose squared distance to every mean is at least
+            this starts one [squared units of the columns].
+        noise: Variance sigma^2 of every column in the skill.
+        maintenance: Weights, number and merging of the clusters.
+
+    Source:
+        Kulis & Jordan 2012, Revisiting k-means; Tanwani 2018, equations 5.7-5.9.
     """
+
+    name: ClassVar[str] = "dp-gmm"
+    has_subspaces: ClassVar[bool] = False
+    has_dynamics: ClassVar[bool] = False
 
     cluster: float
     noise: float
     maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _validate_penalties(self, ("cluster", "noise"), ())
+        _validate_settings(self)
 
     @property
     def label(self) -> str:
+        """Name and penalties, for tables."""
         return f"DP-GMM({self.cluster:g})"
 
 
 @dataclass(frozen=True, slots=True)
 class DPMPPCA:
-    """Dirichlet process mixture of probabilistic principal component analysers, online.
+    """Online Dirichlet process mixture of probabilistic principal component analysers.
 
-    cluster    penalty lambda of one more cluster, against squared distances to subspaces
-    dimension  penalty lambda_1 of one more dimension of a subspace: it must explain more variance than this
-    noise      variance sigma^2 in every column beside the subspace, of the model that is read out
-    bandwidth  b_m, the squared distance from a mean at which its subspace has faded to 1 / e: rho (5.13)
-    Source: Tanwani 2018, equations 5.12-5.25, as specification 2 corrects them.
+    Attributes:
+        cluster: Penalty lambda of a new cluster, compared with squared distances to subspaces.
+        dimension: Penalty lambda_1 of a dimension of a subspace: a direction must explain more variance.
+        noise: Variance sigma^2 in every column outside the subspace, in the skill.
+        bandwidth: Squared distance b_m from the mean at which rho, the influence of the subspace, is 1 / e (5.13).
+        maintenance: Weights, number and merging of the clusters.
+
+    Source:
+        Tanwani 2018, equations 5.12-5.25, as specification 2 corrects them.
     """
+
+    name: ClassVar[str] = "dp-mppca"
+    has_subspaces: ClassVar[bool] = True
+    has_dynamics: ClassVar[bool] = False
 
     cluster: float
     dimension: float
@@ -138,23 +163,32 @@ class DPMPPCA:
     maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _validate_penalties(self, ("cluster", "dimension", "noise", "bandwidth"), ())
+        _validate_settings(self)
 
     @property
     def label(self) -> str:
+        """Name and penalties, for tables."""
         return f"DP-MPPCA({self.cluster:g}, {self.dimension:g})"
 
 
 @dataclass(frozen=True, slots=True)
 class HDPHSMM:
-    """Hierarchical Dirichlet process hidden semi-Markov model of spheres, online.
+    """Online hierarchical Dirichlet process hidden semi-Markov model of spheres.
 
-    cluster         penalty lambda of one more state
-    noise           variance sigma^2 in every column, of the model that is read out
-    transition      penalty lambda_2 of a transition, for each nat of its surprise
-    new_transition  penalty lambda_3 of a transition never taken before
-    Source: Roychowdhury et al. 2013; Tanwani 2018, equations 5.26-5.35 with d = 0 (footnote 5).
+    Attributes:
+        cluster: Penalty lambda of a new state.
+        noise: Variance sigma^2 of every column in the skill.
+        transition: Penalty lambda_2 of a transition, per nat of its negative log-probability.
+        new_transition: Penalty lambda_3 of a transition that has not occurred before.
+        maintenance: Weights, number and merging of the clusters.
+
+    Source:
+        Roychowdhury et al. 2013; Tanwani 2018, equations 5.26-5.35 with d = 0 (footnote 5).
     """
+
+    name: ClassVar[str] = "hdp-hsmm"
+    has_subspaces: ClassVar[bool] = False
+    has_dynamics: ClassVar[bool] = True
 
     cluster: float
     noise: float
@@ -163,21 +197,37 @@ class HDPHSMM:
     maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _validate_penalties(self, ("cluster", "noise"), ("transition", "new_transition"))
+        _validate_settings(self)
 
     @property
     def label(self) -> str:
+        """Name and penalties, for tables."""
         return f"HDP-HSMM({self.cluster:g}, {self.transition:g}, {self.new_transition:g})"
 
 
 @dataclass(frozen=True, slots=True)
 class SOSC:
-    """Scalable online sequence clustering: states that are subspaces, in an order, with durations.
+    """Scalable online sequence clustering: subspaces with transitions and durations.
 
-    Penalties are those of DPMPPCA and of HDPHSMM together; with transition and new_transition 0 it clusters
-    as DPMPPCA does, and learns transitions and durations beside.
-    Source: Tanwani 2018, algorithm 5, as specification 2 corrects it.
+    With transition and new_transition 0 it assigns datapoints as DPMPPCA does, and still learns transitions and
+    durations.
+
+    Attributes:
+        cluster: Penalty lambda of a new cluster, as in `DPMPPCA`.
+        dimension: Penalty lambda_1 of a dimension of a subspace.
+        noise: Variance sigma^2 in every column outside the subspace, in the skill.
+        bandwidth: Squared distance b_m from the mean at which the influence of the subspace is 1 / e.
+        transition: Penalty lambda_2 of a transition, as in `HDPHSMM`.
+        new_transition: Penalty lambda_3 of a transition that has not occurred before.
+        maintenance: Weights, number and merging of the clusters.
+
+    Source:
+        Tanwani 2018, algorithm 5, as specification 2 corrects it.
     """
+
+    name: ClassVar[str] = "sosc"
+    has_subspaces: ClassVar[bool] = True
+    has_dynamics: ClassVar[bool] = True
 
     cluster: float
     dimension: float
@@ -188,56 +238,56 @@ class SOSC:
     maintenance: Maintenance = DEFAULT_MAINTENANCE
 
     def __post_init__(self) -> None:
-        _validate_penalties(
-            self, ("cluster", "dimension", "noise", "bandwidth"), ("transition", "new_transition")
-        )
+        _validate_settings(self)
 
     @property
     def label(self) -> str:
+        """Name and penalties, for tables."""
         return f"SOSC({self.cluster:g}, {self.dimension:g}, {self.transition:g}, {self.new_transition:g})"
 
 
 OnlineSettings = DPGMM | DPMPPCA | HDPHSMM | SOSC
+LEARNERS: dict[str, type[OnlineSettings]] = {
+    learner.name: learner for learner in (DPGMM, DPMPPCA, HDPHSMM, SOSC)
+}
+
+
+def penalties(settings: OnlineSettings) -> dict[str, float]:
+    """Return the penalties of a learner by name."""
+    return {f.name: float(getattr(settings, f.name)) for f in fields(settings) if f.name != "maintenance"}
 
 
 def kernel_parameters(settings: OnlineSettings, width: int) -> kernels.StreamParameters:
-    """The settings as the kernel reads them, for so many columns. Spheres are subspaces of no dimension."""
-    is_spherical = isinstance(settings, DPGMM | HDPHSMM)
-    maintenance, weighting = settings.maintenance, settings.maintenance.weighting
-    kind, weight, forget_below = _weighting(weighting)
-    apart = maintenance.merge_distance
+    """Return the settings as the kernel reads them for a number of columns; spheres have dimension 0."""
+    spherical = {"dimension": 0.0, "bandwidth": 1.0}
+    values = spherical | {"transition": 0.0, "new_transition": 0.0} | penalties(settings)
+    del values["noise"]
+    maintenance, extends = settings.maintenance, settings.has_subspaces
+    weighting, weight = maintenance.kernel_weighting()
+    distance = maintenance.merge_distance
     return kernels.StreamParameters(
-        cluster=float(settings.cluster),
-        dimension=0.0 if isinstance(settings, DPGMM | HDPHSMM) else float(settings.dimension),
-        transition=float(settings.transition) if isinstance(settings, HDPHSMM | SOSC) else 0.0,
-        new_transition=float(settings.new_transition) if isinstance(settings, HDPHSMM | SOSC) else 0.0,
-        bandwidth=1.0 if isinstance(settings, DPGMM | HDPHSMM) else float(settings.bandwidth),
-        merge_distance=float(sqrt(settings.cluster) if apart is None else apart),
-        weighting=kind,
+        **values,
+        merge_distance=float(sqrt(settings.cluster) if distance is None else distance),
+        weighting=int(weighting),
         weight=weight,
-        forget_below=forget_below,
-        extra_directions=0 if is_spherical else min(maintenance.extra_directions, width),
-        max_dimension=0 if is_spherical else width - 1,
-        clusters=maintenance.max_clusters,
+        forget_below=float(maintenance.forget_below),
+        extra_directions=min(maintenance.extra_directions, width) if extends else 0,
+        max_dimension=width - 1 if extends else 0,
+        max_clusters=maintenance.max_clusters,
         batch=maintenance.batch,
     )
 
 
-def _weighting(weighting: Weighting) -> tuple[int, float, float]:
-    match weighting:
-        case ExponentialDecay(discount, forget_below):
-            return int(kernels.Weighting.EXPONENTIAL_DECAY), float(discount), float(forget_below)
-        case ConstantWeight(weight):
-            return int(kernels.Weighting.CONSTANT), float(weight), 0.0
-        case _:
-            return int(kernels.Weighting.COUNT), 0.0, 0.0
-
-
-def _validate_penalties(settings: object, positive: tuple[str, ...], nonnegative: tuple[str, ...]) -> None:
-    for name in (*positive, *nonnegative):
-        value = getattr(settings, name)
-        require_type(value, name, (int, float), "give a number")
-        least = "more than 0" if name in positive else "0 or more"
-        if not value <= MAX_MAGNITUDE or value < 0 or (name in positive and value == 0):
-            raise InvalidInput(f"{name} is {value}, expected {least}, in squared units of the columns")
-    require_type(settings.maintenance, "maintenance", Maintenance, "give an instance, say Upkeep(batch=50)")  # type: ignore[attr-defined]
+def _validate_settings(settings: Any) -> None:
+    for f in fields(settings):
+        if f.name == "maintenance":
+            continue
+        value = getattr(settings, f.name)
+        require_type(value, f.name, (int, float), "give a number")
+        positive = f.name not in ("transition", "new_transition")
+        if not value <= MAX_MAGNITUDE or value < 0 or (positive and value == 0):
+            expected = "more than 0" if positive else "0 or more"
+            raise InvalidInput(f"{f.name} is {value}, expected {expected}, in squared units of the columns")
+    require_type(
+        settings.maintenance, "maintenance", Maintenance, "give an instance, say Maintenance(batch=50)"
+    )
