@@ -10,7 +10,7 @@ from pilotfish.demonstrations import Frame, MovingFrame, frame_from_pose
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, affine_transform, log_density, product
 from pilotfish.geometry import normalise, pose
-from pilotfish.models import adapt, learn, learn_markov, learn_mixture, relevance, select_frames
+from pilotfish.models import adapt, learn, relevance, select_frames
 from pilotfish.models.opinion_pools import (
     FrameOpinions,
     fit_pool_weights,
@@ -120,7 +120,7 @@ def test_one_frame_alone_matters_everywhere(make_two_object_demonstrations, rng)
     assert np.isposinf(found.costs).all()
 
 
-@pytest.mark.parametrize("learner", [learn, learn_markov, learn_mixture])
+@pytest.mark.parametrize("learner", [learn, learn_mixture])
 def test_every_dynamics_tells_the_same_frames(make_two_object_demonstrations, rng, learner):
     demos = make_two_object_demonstrations(count=5, distractors=1)
     assert relevance(learner(demos, states=3, rng=rng).skill, demos).distractors == ("distractor 0",)
@@ -242,7 +242,7 @@ def test_costs_are_those_of_holding_each_demonstration_out(make_two_object_demon
         replace(d, frames=d.frames[:2], x=d.x[:18])
         for d in make_two_object_demonstrations(count=4, noise=0.5)
     ]
-    skill = learn_mixture(demos, states=1, rng=rng).skill
+    skill = learn(demos, states=1, rng=rng, dynamics="mixture").skill
     found = relevance(skill, demos)
 
     def pooled_segments(m, p):

@@ -16,7 +16,7 @@ from pilotfish.models import adapt, learn_markov
 
 @pytest.fixture
 def skill(make_demonstrations, rng):
-    return learn_markov(make_demonstrations(frames=3), states=3, rng=rng).skill
+    return learn(make_demonstrations(frames=3), states=3, rng=rng, dynamics="markov").skill
 
 
 def test_relevance_one_changes_nothing(skill, make_demonstrations):

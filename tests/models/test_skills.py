@@ -30,8 +30,6 @@ from pilotfish.models import (
     as_mixture,
     count_durations,
     learn,
-    learn_markov,
-    learn_mixture,
     log_emissions,
     log_likelihood,
     log_state_likelihoods,
@@ -75,7 +73,7 @@ def test_a_known_chain_is_recovered_from_its_own_samples(rng):
         (),
         "to and fro",
     )
-    fit = learn_markov([demo], states=2, rng=rng, initialisation=KMeans())
+    fit = learn([demo], states=2, rng=rng, initialisation=KMeans(), dynamics="markov")
     chain = count_durations(fit.markov_skill, views([demo]), 1e-6)
     order = np.argsort(fit.markov_skill.means[0, :, 0])
     np.testing.assert_allclose(chain.durations.means[order], [8.0, 20.0])
@@ -136,7 +134,7 @@ def test_frames_may_come_in_any_order_but_must_be_the_right_ones(rng, make_demon
 
 def test_emissions_multiply_the_frames(rng, make_demonstrations):
     demos = make_demonstrations()
-    skill = learn_mixture(demos, states=2, rng=rng).skill
+    skill = learn(demos, states=2, rng=rng, dynamics="mixture").skill
     data = views(demos[:1])
     for k in range(2):
         expected = sum(
@@ -192,7 +190,7 @@ def test_a_mixture_skill_regresses_time_to_place(rng):
     t = np.linspace(0.0, 4.0, 200)
     x = np.stack([t, 3.0 * t + 0.01 * rng.normal(size=200)], axis=1)
     demo = demonstration(x, 0.02, Layout((Part("ramp", Quantity.SCALAR, 2, "1"),)))
-    fit = learn_mixture([demo], states=4, rng=rng)
+    fit = learn([demo], states=4, rng=rng, dynamics="mixture")
     regression = regress(as_mixture(adapt(fit.skill, demo.frames)), np.array([0]), np.array([[1.0], [2.5]]))
     np.testing.assert_allclose(regression.means[:, 0], [3.0, 7.5], atol=0.05)
     np.testing.assert_allclose(regression.jacobians[:, 0, 0], 3.0, atol=0.2)
@@ -203,7 +201,7 @@ def test_a_mixture_skill_regresses_time_to_place(rng):
 def test_a_state_that_is_never_visited_lasts_as_long_as_it_would_stay(rng, make_demonstrations):
     """Viterbi may pass a state by; its duration is then that of its self-transition, 1 / (1 - a)."""
     demos = make_demonstrations(stops=2)
-    model = learn_markov(demos, states=2, rng=rng).markov_skill
+    model = learn(demos, states=2, rng=rng, dynamics="markov").markov_skill
     third = HiddenModel(
         MarkovChain(np.array([0.5, 0.5, 0.0]), np.array([[0.9, 0.1, 0], [0.1, 0.9, 0], [0.1, 0.1, 0.8]])),
         np.concatenate([model.means, model.means[:, :1] + 1e3], axis=1),

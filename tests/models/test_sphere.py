@@ -40,8 +40,6 @@ from pilotfish.models import (
     fit_mixture_weights,
     labelled_statistics,
     learn,
-    learn_markov,
-    learn_mixture,
     learn_semi_markov,
     log_state_likelihoods,
     maximise_likelihood,
@@ -125,7 +123,13 @@ def test_learn_is_invariant_to_quaternion_signs(rng, demos, initialisation, spee
     """Any rows, any frames: the same trace and the same Gaussians."""
     demos = [add_derivatives(d) for d in demos] if speeds else demos
     one, other = (
-        learn_markov(negated_demos, states=3, rng=np.random.default_rng(0), initialisation=initialisation)
+        learn(
+            negated_demos,
+            states=3,
+            rng=np.random.default_rng(0),
+            initialisation=initialisation,
+            dynamics="markov",
+        )
         for negated_demos in (demos, negate_quaternions(rng, demos))
     )
     np.testing.assert_allclose(other.log_likelihoods, one.log_likelihoods, rtol=1e-10)
@@ -136,7 +140,7 @@ def test_learn_is_invariant_to_quaternion_signs(rng, demos, initialisation, spee
 def test_learn_is_invariant_to_world_rotation(rng, demos, speeds):
     demos = [add_derivatives(d) for d in demos] if speeds else demos
     one, other = (
-        learn_markov(negated_demos, states=3, rng=np.random.default_rng(0))
+        learn(negated_demos, states=3, rng=np.random.default_rng(0), dynamics="markov")
         for negated_demos in (demos, rotate_world(demos, random_pose(rng)))
     )
     np.testing.assert_allclose(other.log_likelihoods, one.log_likelihoods, rtol=1e-8)
@@ -146,7 +150,7 @@ def test_learn_is_invariant_to_world_rotation(rng, demos, speeds):
 @pytest.mark.parametrize("structure", [Full(), Spherical(), SemiTied()], ids=lambda s: s.label)
 def test_the_likelihood_never_falls(rng, demos, structure):
     """The M-step is exact on S^3 to first order only, yet no step loses what would count as a gain."""
-    fit = learn_markov(demos, states=3, rng=rng, structure=structure, settings=PLAIN)
+    fit = learn(demos, states=3, rng=rng, structure=structure, settings=PLAIN, dynamics="markov")
     assert np.all(np.diff(fit.log_likelihoods) >= 0.0)
     assert fit.log_likelihoods[-1] > fit.log_likelihoods[0]
     assert fit.convergence.converged or fit.convergence.iterations == PLAIN.max_iterations
@@ -178,7 +182,8 @@ def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
     layout = Layout((SPHERE.parts[1],))
     sphere = [demonstration(multiply(home, from_rotation_vector(v)), 0.1, layout) for v in vectors]
     fits = [
-        learn_markov(d, states=3, rng=rng, settings=EMSettings(regularisation=0.0)) for d in (flat, sphere)
+        learn(d, states=3, rng=rng, settings=EMSettings(regularisation=0.0), dynamics="markov")
+        for d in (flat, sphere)
     ]
     for n in (0, -1):
         np.testing.assert_allclose(fits[1].log_likelihoods[n], fits[0].log_likelihoods[n], rtol=size**2)
@@ -188,7 +193,7 @@ def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
     np.testing.assert_allclose(dense[1], dense[0], atol=10 * size**3)
 
 
-@pytest.mark.parametrize("way", [learn, learn_markov, learn_mixture, learn_semi_markov])
+@pytest.mark.parametrize("way", [learn, learn_semi_markov])
 def test_every_way_of_learning_works_on_the_sphere(rng, demos, way):
     fit = way(demos, states=3, rng=rng)
     assert fit.skill.means.shape == (2, 3, 7)
@@ -199,7 +204,7 @@ def test_every_way_of_learning_works_on_the_sphere(rng, demos, way):
 def test_quaternions_and_orientations_are_not_learned_together(rng, demos):
     flat = demonstration(demos[0].x, 0.1, POSE, demos[0].frames)
     with pytest.raises(InvalidInput, match="layout"):
-        learn_markov([*demos, flat], states=2, rng=rng)
+        learn([*demos, flat], states=2, rng=rng, dynamics="markov")
     assert to_sphere(flat).layout == demos[0].layout
 
 
@@ -207,7 +212,7 @@ def test_quaternions_and_orientations_are_not_learned_together(rng, demos):
 def test_the_adapted_skill_turns_along_with_the_world(rng, demos, speeds):
     """Places and orientations of the means move as the objects do; deviations of turns stay."""
     demos = [add_derivatives(d) for d in demos] if speeds else demos
-    skill, world = learn_markov(demos, states=3, rng=rng).skill, random_pose(rng)
+    skill, world = learn(demos, states=3, rng=rng, dynamics="markov").skill, random_pose(rng)
     negated_demos = negate_quaternions(rng, rotate_world(demos, world))[0].frames
     here, there = adapt(skill, demos[0].frames), adapt(skill, negated_demos)
     A = frame_from_pose("world", skill.layout, world)
@@ -231,7 +236,10 @@ def test_signs_of_demonstrations_and_frames_do_not_reach_the_adapted_skill(rng, 
 
 def test_the_adapted_density_peaks_where_the_frames_densities_together_do(rng, demos):
     """To their powers: at each state's mean, no step raises sum_j r_j log p_j."""
-    skill, pool_weights = learn_markov(demos, states=3, rng=rng).skill, rng.uniform(0.1, 1.0, size=(2, 3))
+    skill, pool_weights = (
+        learn(demos, states=3, rng=rng, dynamics="markov").skill,
+        rng.uniform(0.1, 1.0, size=(2, 3)),
+    )
     pool_weights[1, 0] = 0.0
     frames = demos[1].frames
     here, h = adapt(skill, frames, relevance=pool_weights), 1e-4 * rng.normal(size=(50, 6))
@@ -263,12 +271,12 @@ def test_an_adapted_skill_recognises_its_states(rng, demos, situations):
 
 
 def test_frames_that_leave_the_sphere_are_refused(rng, demos):
-    skill, (a, b) = learn_markov(demos, states=2, rng=rng).skill, demos[0].frames
+    skill, (a, b) = learn(demos, states=2, rng=rng, dynamics="markov").skill, demos[0].frames
     with pytest.raises(InvalidInput, match="unit quaternion from the left"):
         adapt(skill, [a, replace(b, A=np.eye(7) * 2.0)])
 
 
-@pytest.mark.parametrize("way", [learn_mixture, learn_markov, learn])
+@pytest.mark.parametrize("way", [learn_mixture, learn])
 def test_regression_predicts_orientation_from_position(rng, demos, way):
     """Regression on the sphere, in every dynamics: nearer than any one orientation, and whole."""
     here = adapt(way(demos, states=3, rng=rng).skill, demos[0].frames)

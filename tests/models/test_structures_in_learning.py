@@ -34,7 +34,7 @@ from pilotfish.models import (
     maximise_likelihood,
     semi_markov_parameter_count,
 )
-from pilotfish.models.degrees_of_freedom import degrees_of_freedom, dynamics_degrees_of_freedom
+from pilotfish.models.degrees_of_freedom import degrees_of_freedom
 
 STRUCTURES = [
     MFA(1),
@@ -128,7 +128,7 @@ def test_sizes_of_a_fit_are_those_of_its_frames(rng, make_demonstrations):
         skill = learn(demos, states=3, rng=rng, structure=structure).skill
         known = 2 * structure.parameter_count(3, 4)
         assert fitted_covariance_parameter_count(structure, skill.covariances) == known
-        dynamics = dynamics_degrees_of_freedom(skill.dynamics)
+        dynamics = skill.dynamics.degrees_of_freedom()
         covariances = degrees_of_freedom(skill, structure) - dynamics - skill.means.size
         assert covariances == 2 * structure.degrees_of_freedom(3, 4)
     skill = learn(demos, states=3, rng=rng, structure=HDDC(0.8)).skill
