@@ -1,4 +1,8 @@
-"""Planning: an adapted skill and a horizon become targets and weights, and `reproduce` a whole motion."""
+"""Planning: from an adapted skill to targets and weights (`plan`), and to a whole motion (`reproduce`).
+
+`via_point` and `condition_on` draw a plan through given points, `tangent_chart` plans orientations on S^3,
+and `reproduce_step` plans again each period while the objects move.
+"""
 
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.evaluation import (
@@ -8,23 +12,11 @@ from pilotfish.planning.evaluation import (
     mean_squared_error,
     reproduce_demonstration,
 )
-from pilotfish.planning.moving import extrapolate_pose, moving_frame_reference, moving_frames, reproduce_step
-from pilotfish.planning.plan import (
-    CONTROL_COST,
-    COVARIANCE_REGULARISATION,
-    plan,
-    plan_states,
-    reference_from_states,
-)
+from pilotfish.planning.moving import moving_frames, reproduce_step
+from pilotfish.planning.plan import CONTROL_COST, COVARIANCE_REGULARISATION, plan, plan_states
 from pilotfish.planning.reproduction import Reproduction, mean_demonstration_length, reproduce
 from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
-from pilotfish.planning.via_points import (
-    ViaPoint,
-    ViaPointObservation,
-    observe_via_points,
-    via_point,
-    via_point_to_tangent,
-)
+from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points, via_point
 
 __all__ = [
     "CONTROL_COST",
@@ -36,20 +28,16 @@ __all__ = [
     "condition_on",
     "end_orientation_error",
     "end_position_error",
-    "extrapolate_pose",
     "largest_acceleration",
     "mean_demonstration_length",
     "mean_squared_error",
-    "moving_frame_reference",
     "moving_frames",
     "observe_via_points",
     "plan",
     "plan_states",
-    "reference_from_states",
     "reproduce",
     "reproduce_demonstration",
     "reproduce_step",
     "tangent_chart",
     "via_point",
-    "via_point_to_tangent",
 ]

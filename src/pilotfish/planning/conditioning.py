@@ -1,4 +1,16 @@
-"""Condition a reference on points that the motion is to pass at given times."""
+"""Condition a reference on via-points.
+
+Tracking a reference gives the mean of the trajectory distribution exp(-cost / 2) (`control.solve_batch`). A
+via-point is a measurement of some columns at one step with standard deviations s. It adds |x - value|^2 / s^2
+to the cost of that step, so that tracking gives the mean of the conditioned distribution: the motion deviates
+before and returns after the via-point, as smoothly as the control cost asks. The remaining error is the
+fraction s^2 / (S + s^2) of the original distance, where S is the variance of motions at that step. A
+deviation ten times smaller thus reduces the error a hundredfold.
+
+In precision form, a Gaussian with mean m and precision Q conditioned on a measurement z of the columns C with
+precision W = diag(1 / s^2) has precision Q + C' W C and mean m + (Q + C' W C)^-1 C' W (z - C m). Q may be
+singular; the minimum-norm solution then keeps the target along directions that neither constrains.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,31 +24,36 @@ from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe
 from pilotfish.types import Array, Float
 from pilotfish.validation import float_array, require_type
 
-MIN_RELATIVE_DEVIATION = (
-    1e-8  # of the plan's smallest deviation: the square of it is what float64 resolves beside 1
-)
-SEMIDEFINITE_TOLERANCE = 1e-6  # by how much rounding may let an entry exceed what the diagonal allows
+MIN_RELATIVE_DEVIATION = 1e-8  # of the plan's smallest: its square is what float64 resolves beside 1
+SEMIDEFINITE_TOLERANCE = 1e-6  # by which rounding may let an entry exceed the bound of the diagonal
 
 
 def condition_on(reference: Reference, points: Sequence[ViaPoint], layout: Layout) -> Reference:
-    """The same plan, drawn to pass through the points at their times.
+    """Return a reference conditioned on via-points.
 
-    At its step each point joins the cost as |x - value|^2 / deviation^2, so that tracking gives the mean of
-    the trajectory distribution exp(-cost / 2), conditioned on having measured the points with these
-    deviations: the motion bends early and comes back late, as smoothly as the effort asks. It misses a
-    point by deviation^2 / (S + deviation^2) of the way there, S the variance of motions at that step
-    (control.solve_batch): a deviation ten times smaller brings it a hundred times closer.
-    Raises: InvalidInput, when points cannot be at any step of the plan, or contradict each other.
-    Source: conditioning as in Paraschos et al. 2013, Probabilistic movement primitives, of the distribution
-    that Calinon 2016 (see control.solve_batch) gives a tracking problem.
+    Args:
+        reference: Targets and weights with a period, from `plan`.
+        points: Via-points.
+        layout: Columns of the reference.
+
+    Returns:
+        The reference with other targets and weights at the steps of the via-points.
+
+    Raises:
+        InvalidInput: If a point is at no step of the plan, points contradict each other, or a deviation is
+            too small beside the weights.
+
+    Source:
+        Conditioning as in Paraschos et al. 2013, Probabilistic movement primitives, of the trajectory
+        distribution of Calinon 2016 (`control.solve_batch`).
     """
     require_type(reference, "reference", Reference, "pf.plan makes one from an adapted skill")
-    require_type(layout, "layout", Layout, "a skill holds one: skill.layout")
+    require_type(layout, "layout", Layout, "a skill has one: skill.layout")
     targets, weights = _copy_validated_arrays(reference, layout)
-    found = observe_via_points(points, layout, targets, reference.period)
-    for point, observation in zip(points, found, strict=True):
+    observations = observe_via_points(points, layout, targets, reference.period)
+    for point, observation in zip(points, observations, strict=True):
         _require_resolvable_deviation(point, observation, weights)
-    for observation in found:
+    for observation in observations:
         targets[observation.step], weights[observation.step] = _condition_step(
             targets[observation.step], weights[observation.step], observation
         )
@@ -46,7 +63,6 @@ def condition_on(reference: Reference, points: Sequence[ViaPoint], layout: Layou
 def _copy_validated_arrays(
     reference: Reference, layout: Layout
 ) -> tuple[Float[Array, "T n"], Float[Array, "T n n"]]:
-    """Copies of targets and weights.    Raises: InvalidInput, when they are not finite or of other shapes."""
     targets = np.array(float_array(reference.targets, "the reference's targets"))
     weights = np.array(float_array(reference.weights, "the reference's weights"))
     width = layout.width
@@ -61,40 +77,35 @@ def _copy_validated_arrays(
 def _require_resolvable_deviation(
     point: ViaPoint, observation: ViaPointObservation, weights: Float[Array, "T n n"]
 ) -> None:
-    """A deviation far below the plan's own leaves no digits of the plan's weights beside its own.
-
-    Raises: InvalidInput, naming the smallest that does.
-    """
+    """Refuse a deviation so far below that of the plan that no digits of its weights would remain."""
     largest = float(np.abs(np.diagonal(weights, axis1=1, axis2=2)).max(initial=0.0))
-    least = MIN_RELATIVE_DEVIATION / np.sqrt(largest) if largest > 0.0 else 0.0
-    if (given := float(observation.deviations.min())) < least:
-        whole = point.deviation.min() / given  # the angle of an orientation is twice that of its quaternion
+    smallest = MIN_RELATIVE_DEVIATION / np.sqrt(largest) if largest > 0.0 else 0.0
+    if (given := float(observation.deviations.min())) < smallest:
+        scale = point.deviation.min() / given  # 2 for an orientation, whose deviation is an angle
         raise InvalidInput(
-            f"the deviation of {point.what!r} is {whole * given:g}, expected at least {whole * least:.3g}, "
-            f"{MIN_RELATIVE_DEVIATION:g} of the plan's own: a smaller one is lost in rounding"
+            f"the deviation of {point.name!r} is {scale * given:g}, expected at least "
+            f"{scale * smallest:.3g}, {MIN_RELATIVE_DEVIATION:g} of that of the plan; a smaller one is lost "
+            "in rounding"
         )
 
 
 def _condition_step(
     target: Float[Array, " n"], weight: Float[Array, "n n"], observation: ViaPointObservation
 ) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    """The Gaussian of one step, in terms of its precision, given a measurement of some columns.
-
-    A weight may leave directions free; the target then keeps its place along those not measured either.
-    """
-    measurement_precisions = 1.0 / observation.deviations**2
+    """Condition the Gaussian of one step on a measurement, as at the head of this file."""
+    columns, precisions = observation.columns, 1.0 / observation.deviations**2
     total = weight.copy()
-    total[observation.columns, observation.columns] += measurement_precisions
-    pull = np.zeros(len(target))
-    pull[observation.columns] = measurement_precisions * (observation.values - target[observation.columns])
-    # In units of each column's own precision nothing small is lost beside something large.
+    total[columns, columns] += precisions
+    information = np.zeros(len(target))
+    information[columns] = precisions * (observation.values - target[columns])
+    # In units of each column's own precision, small entries are not lost beside large ones.
     diagonal = np.diag(total)
     unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = unit[:, None] * total * unit
     if not np.abs(scaled).max() <= 1.0 + SEMIDEFINITE_TOLERANCE:
         raise InvalidInput(
-            f"weights[{observation.step}] of the reference has an entry larger than its diagonal allows, expected a "
-            "positive semidefinite matrix"
+            f"weights[{observation.step}] of the reference has an entry larger than its diagonal allows, "
+            "expected a positive semidefinite matrix"
         )
-    shift = unit * np.linalg.lstsq(scaled, unit * pull)[0]
+    shift = unit * np.linalg.lstsq(scaled, unit * information)[0]
     return target + shift, total

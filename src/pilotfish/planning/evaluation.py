@@ -25,7 +25,8 @@ def reproduce_demonstration(
     Args:
         skill: Learned skill.
         demonstration: Demonstration with frames that do not move.
-        from_first_state: Start at the mean of the skill's first state instead of the demonstration's first point.
+        from_first_state: Start at the mean of the skill's first state instead of the demonstration's first
+            point.
         control_cost: R, the cost of squared acceleration.
         covariance_regularisation: Variance added to every variance before it becomes a weight
             [unit of x squared].
@@ -46,22 +47,33 @@ def reproduce_demonstration(
 
 
 def mean_squared_error(motion: Motion, demonstration: Demonstration) -> float:
-    """The mean over steps and coordinates of the squared difference; derivatives are left out.
+    """Return the mean over steps and coordinates of the squared difference, without derivatives.
 
-    For a pose this mixes m^2 and squared quaternion entries, as the published figures do. Of q and -q, where
-    orientations are on S^3, the nearer counts.
-    Raises: InvalidInput, when the two differ in shape.
+    For a pose this mixes m^2 and squared quaternion entries, as the published figures do. On S^3 the nearer
+    of q and -q counts.
+
+    Args:
+        motion: Reproduced motion.
+        demonstration: Demonstration with the same number of steps and columns.
+
+    Raises:
+        InvalidInput: If the two differ in shape.
     """
     _require_same_shape(motion, demonstration)
-    columns = _coordinates(demonstration.layout)
+    columns = list(demonstration.layout.coordinates)
     x = _align_signs(motion.x, demonstration)
     return float(np.mean((x[:, columns] - demonstration.x[:, columns]) ** 2))
 
 
 def end_position_error(motion: Motion, demonstration: Demonstration) -> float:
-    """The distance between the last positions [unit of the position].
+    """Return the distance between the last positions [unit of the position].
 
-    Raises: InvalidInput, when the two differ in shape or have no position.
+    Args:
+        motion: Reproduced motion.
+        demonstration: Demonstration with the same number of steps and columns.
+
+    Raises:
+        InvalidInput: If the two differ in shape or have no position.
     """
     _require_same_shape(motion, demonstration)
     columns = _find_part(demonstration.layout, Quantity.POSITION)
@@ -69,9 +81,14 @@ def end_position_error(motion: Motion, demonstration: Demonstration) -> float:
 
 
 def end_orientation_error(motion: Motion, demonstration: Demonstration) -> float:
-    """The angle [rad] between the last orientations, whatever the length of the motion's quaternion.
+    """Return the angle between the last orientations [rad]; the norm of the quaternions does not matter.
 
-    Raises: InvalidInput, when the two differ in shape or have no orientation.
+    Args:
+        motion: Reproduced motion.
+        demonstration: Demonstration with the same number of steps and columns.
+
+    Raises:
+        InvalidInput: If the two differ in shape or have no orientation.
     """
     _require_same_shape(motion, demonstration)
     columns = _find_part(demonstration.layout, Quantity.QUATERNION, Quantity.ORIENTATION)
@@ -79,9 +96,14 @@ def end_orientation_error(motion: Motion, demonstration: Demonstration) -> float
 
 
 def largest_acceleration(motion: Motion, layout: Layout) -> float:
-    """The largest acceleration of the position that the motion was given [unit of the position/s^2].
+    """Return the largest commanded acceleration of the position [unit of the position/s^2].
 
-    Raises: InvalidInput, when there is no position.
+    Args:
+        motion: Reproduced motion; its inputs are accelerations in tangent columns.
+        layout: Columns of the states.
+
+    Raises:
+        InvalidInput: If there is no position.
     """
     columns = _find_part(layout.tangent, Quantity.POSITION)
     return float(np.linalg.norm(motion.u[:, columns], axis=1).max())
@@ -90,31 +112,27 @@ def largest_acceleration(motion: Motion, layout: Layout) -> float:
 def _require_same_columns(skill: Skill, demonstration: Demonstration) -> None:
     if (demonstration.layout, demonstration.period) != (skill.layout, skill.period):
         raise InvalidInput(
-            f"demonstration {demonstration.name!r} has the columns {', '.join(demonstration.layout.names)} every "
-            f"{demonstration.period} s, the skill {', '.join(skill.layout.names)} every {skill.period} s"
+            f"demonstration {demonstration.name!r} has the columns "
+            f"{', '.join(demonstration.layout.names)} every {demonstration.period} s, the skill "
+            f"{', '.join(skill.layout.names)} every {skill.period} s"
         )
 
 
-def _coordinates(layout: Layout) -> list[int]:
-    parts = zip(layout.parts, layout.slices, strict=True)
-    return [i for part, here in parts if part.derivative == 0 for i in range(here.start, here.stop)]
-
-
 def _align_signs(x: Float[Array, "T D"], demonstration: Demonstration) -> Float[Array, "T D"]:
-    signed = x.copy()
-    for first in demonstration.layout.orientation_starts:
-        here = slice(first, first + 4)
-        away = np.sum(x[:, here] * demonstration.x[:, here], axis=1, keepdims=True) < 0.0
-        signed[:, here] = np.where(away, -x[:, here], x[:, here])
-    return signed
+    aligned = x.copy()
+    for orientation in demonstration.layout.orientations:
+        q, reference = x[:, orientation.quaternion], demonstration.x[:, orientation.quaternion]
+        opposite = np.sum(q * reference, axis=1, keepdims=True) < 0.0
+        aligned[:, orientation.quaternion] = np.where(opposite, -q, q)
+    return aligned
 
 
 def _find_part(layout: Layout, *quantities: Quantity) -> slice:
     for part, columns in zip(layout.parts, layout.slices, strict=True):
         if part.quantity in quantities and part.derivative == 0:
             return columns
-    wanted = " or ".join(quantity.value for quantity in quantities)
-    raise InvalidInput(f"the columns are {', '.join(layout.names)}, expected a {wanted} among them")
+    expected = " or ".join(quantity.value for quantity in quantities)
+    raise InvalidInput(f"the columns are {', '.join(layout.names)}, expected a {expected} among them")
 
 
 def _require_same_shape(motion: Motion, demonstration: Demonstration) -> None:

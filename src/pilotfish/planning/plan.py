@@ -1,13 +1,14 @@
 """From an adapted skill to a step-wise reference: a target and a weight at every step.
 
-A plan has two parts. First the state of every step is chosen: the most probable one given the start, or the most
-probable one given the start and all via-points. Then the targets are the means of those states, and the weights
+A plan has two parts. First the state of every step is chosen: the most probable one given the start, or the
+most probable one given the start and all via-points. Then the targets are the means of those states, and the
+weights
 are the inverses of their covariances:
 
     target_t = mean of state_t,    Q_t = (Sigma of state_t + r I)^-1,    r the covariance regularisation.
 
-Tracking these targets (`pilotfish.control.track`) minimises the sum of (x_t - target_t)' Q_t (x_t - target_t) and
-u_t' R u_t, so that precise states are followed closely and variable ones loosely.
+Tracking these targets (`pilotfish.control.track`) minimises the sum of (x_t - target_t)' Q_t (x_t - target_t)
+and u_t' R u_t, so that precise states are followed closely and variable ones loosely.
 """
 
 from collections.abc import Sequence
@@ -28,7 +29,7 @@ from pilotfish.types import Array, Float, Int
 from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type, short_repr
 
 MAX_HORIZON = 10**6  # steps
-MAX_WEIGHTS = 2**26  # numbers in the weights of all steps: 512 MiB
+MAX_WEIGHTS = 2**26  # entries of the weights of all steps: 512 MiB
 
 # One set of defaults for every reproduction: plan, reproduce, and the commands `reproduce` and `perform`.
 CONTROL_COST = 0.1  # R, the cost of squared acceleration
@@ -45,30 +46,30 @@ def plan(
 ) -> Reference:
     """Plan the targets and weights of a motion of an adapted skill.
 
-    The start is the first observation: of the states in which the skill may begin, the one that explains it is
-    first. Via-points choose the states too, before and after their times, and the reference is then conditioned
-    on them (`condition_on`). Targets have the sign of the start's quaternions.
+    The start is the first observation: of the states in which the skill may begin, the one that explains it
+    is first. Via-points choose the states too, before and after their times, and the reference is then
+    conditioned on them (`condition_on`). Targets have the sign of the start's quaternions.
 
     Args:
         adapted: Skill adapted to the frames, from `adapt`.
         start: Current state of the robot; None if it is unknown, so that the skill's own beginning is used.
         horizon: Number of steps.
         via_points: Points that the motion passes, from `via_point`.
-        covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared], so
-            that no direction has a weight above its inverse.
+        covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared],
+            so that no direction has a weight above its inverse.
 
     Returns:
         One target and one weight per step.
 
     Raises:
-        InvalidInput: If an argument cannot be used, or if the skill has orientations on S^3; use `reproduce`, or
-            plan on a `tangent_chart`.
+        InvalidInput: If an argument cannot be used, or if the skill has orientations on S^3; use `reproduce`,
+            or plan on a `tangent_chart`.
 
     Source:
-        Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + r I)^-1. With via-points, (3.42) has the posterior
-        of the state in place of its prediction.
+        Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + r I)^-1. With via-points, (3.42) has the
+        posterior of the state in place of its prediction.
     """
-    refuse_orientations(adapted)
+    _require_no_orientations(adapted)
     aligned, states = plan_states(adapted, start, horizon=horizon, via_points=via_points)
     reference = reference_from_states(aligned, states, covariance_regularisation)
     return condition_on(reference, via_points, adapted.layout) if len(via_points) else reference
@@ -95,9 +96,9 @@ def plan_states(
     Raises:
         InvalidInput: If an argument cannot be used.
     """
-    require_type(adapted, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+    require_type(adapted, "adapted", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     require_count(horizon, "horizon", MAX_HORIZON, minimum=1)
-    require_type(via_points, "via_points", Sequence, "give a list: [pf.via_point(...)]")
+    require_type(via_points, "via_points", Sequence, "pass a list: [pf.via_point(...)]")
     if start is None:
         aligned, log_start = adapted, np.empty((0, adapted.states))
     else:
@@ -131,7 +132,7 @@ def reference_from_states(
         InvalidInput: If an argument cannot be used.
         NotPositiveDefinite: If a regularised covariance has no Cholesky factor.
     """
-    refuse_orientations(adapted)
+    _require_no_orientations(adapted)
     _require_variance(covariance_regularisation)
     _require_states(states, adapted)
     D = adapted.means.shape[1]
@@ -142,23 +143,20 @@ def reference_from_states(
     return Reference(adapted.means[states], weights[states], adapted.period)
 
 
-def refuse_orientations(adapted: AdaptedSkill) -> None:
-    """Check that a linear system can follow an adapted skill.
-
-    Raises:
-        InvalidInput: If the skill has orientations on S^3.
-    """
-    require_type(adapted, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
+def _require_no_orientations(adapted: AdaptedSkill) -> None:
+    """Check that a linear system can track an adapted skill."""
+    require_type(adapted, "adapted", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
     if adapted.layout.orientation_starts:
         raise InvalidInput(
-            "the skill has orientations on S^3, which a linear system cannot follow; call pf.reproduce, or plan "
-            "in a tangent space: chart = planning.tangent_chart(model), then pf.plan(chart.skill, "
+            "the skill has orientations on S^3, which a linear system cannot track; call pf.reproduce, or "
+            "plan in a tangent space: chart = planning.tangent_chart(adapted), then pf.plan(chart.skill, "
             "chart.to_tangent(start), ...), and chart.to_manifold(motion.x) are the poses"
         )
 
 
 def require_start(start: Float[Array, " D"], adapted: AdaptedSkill) -> Float[Array, " D"]:
-    require_type(start, "initialisation", np.ndarray, "give np.array(start)")
+    """Return start as an array if it is a finite state of the skill."""
+    require_type(start, "start", np.ndarray, "pass np.array(start)")
     start = numeric_array(start, "start")
     if start.shape != (width := adapted.means.shape[1],):
         names = ", ".join(adapted.layout.names)
@@ -169,7 +167,7 @@ def require_start(start: Float[Array, " D"], adapted: AdaptedSkill) -> Float[Arr
 
 
 def _require_variance(variance: float) -> None:
-    require_type(variance, "covariance_regularisation", (float, int), "give a variance")
+    require_type(variance, "covariance_regularisation", (float, int), "pass a variance")
     if not 0.0 <= variance <= MAX_MAGNITUDE:
         raise InvalidInput(
             f"covariance_regularisation is {variance}, expected a finite variance of at least 0"
@@ -177,19 +175,21 @@ def _require_variance(variance: float) -> None:
 
 
 def _require_states(states: Int[Array, " T"], adapted: AdaptedSkill) -> None:
-    require_type(states, "states", np.ndarray, "give np.array(states)")
+    require_type(states, "states", np.ndarray, "pass np.array(states)")
     if states.dtype.kind not in "iu" or states.ndim != 1:
         raise InvalidInput(f"states is {short_repr(states)}, expected an array of integers, one per step")
     if not (states.size and 0 <= states.min() <= states.max() < adapted.states):
         raise InvalidInput(f"states is {short_repr(states)}, expected numbers from 0 to {adapted.states - 1}")
     if (numbers := states.size * adapted.means.shape[1] ** 2) > MAX_WEIGHTS:
         raise InvalidInput(
-            f"the weights of {states.size} steps have {numbers} numbers, expected at most {MAX_WEIGHTS}; "
+            f"the weights of {states.size} steps have {numbers} entries, expected at most {MAX_WEIGHTS}; "
             "plan fewer steps at a time"
         )
 
 
-def _observation_log_likelihoods(model: AdaptedSkill, observation: ViaPointObservation) -> Float[Array, " K"]:
+def _observation_log_likelihoods(
+    adapted: AdaptedSkill, observation: ViaPointObservation
+) -> Float[Array, " K"]:
     """Return log p(observed columns | state) of each state."""
     columns, noise = observation.columns, np.diag(observation.deviations**2)
     return np.array(
@@ -197,6 +197,6 @@ def _observation_log_likelihoods(model: AdaptedSkill, observation: ViaPointObser
             log_density(
                 Gaussian(mean[columns], S[np.ix_(columns, columns)] + noise), observation.values[None]
             )[0]
-            for mean, S in zip(model.means, model.covariances, strict=True)
+            for mean, S in zip(adapted.means, adapted.covariances, strict=True)
         ]
     )

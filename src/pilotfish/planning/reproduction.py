@@ -1,7 +1,8 @@
 """Reproduce a skill in a new situation: adapt, plan, track and roll out in one call.
 
-A linear controller needs columns in R^n. Where a skill has orientations on S^3, the plan and the controller are
-those of a tangent chart, and the motion is mapped back to S^3; no caller sees the chart unless it asks for it.
+A linear controller needs columns in R^n. Where a skill has orientations on S^3, the plan and the controller
+are those of a tangent chart, and the motion is mapped back to S^3; no caller sees the chart unless it asks
+for it.
 """
 
 from collections.abc import Sequence
@@ -20,11 +21,11 @@ from pilotfish.planning.plan import (
     require_start,
 )
 from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
-from pilotfish.planning.via_points import ViaPoint, via_point_to_tangent
+from pilotfish.planning.via_points import ViaPoint
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type, short_list
 
-MAX_DEFAULT_WORK = 2**34  # squared steps times states of a plan whose horizon was not asked for: some seconds
+MAX_DEFAULT_WORK = 2**34  # squared steps times states of a plan of default horizon: a few seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +49,7 @@ class Reproduction:
     motion: Motion
 
     @property
-    def planar(self) -> AdaptedSkill:
+    def tangent_skill(self) -> AdaptedSkill:
         """The adapted skill in tangent columns; the adapted skill itself if it has no orientation on S^3."""
         return self.tangent_chart.skill if self.tangent_chart else self.adapted
 
@@ -101,15 +102,15 @@ def reproduce(
     adapted = adapt(skill, frames)
     axes = coordinates_with_derivatives(adapted.layout)
     steps = mean_demonstration_length(skill) if horizon is None else horizon
-    chart = tangent_chart(adapted) if adapted.layout.orientation_starts else None
-    planar = chart.skill if chart else adapted
-    points = [via_point_to_tangent(point, chart) if chart else point for point in via_points]
+    chart = tangent_chart(adapted) if adapted.layout.orientations else None
+    tangent_skill = chart.skill if chart else adapted
+    points = [chart.via_point(point) if chart else point for point in via_points]
     if start is not None and chart:
         start = chart.to_tangent(require_start(start, adapted))
-    aligned, states = plan_states(planar, start, horizon=steps, via_points=points)
+    aligned, states = plan_states(tangent_skill, start, horizon=steps, via_points=points)
     reference = reference_from_states(aligned, states, covariance_regularisation)
     if points:
-        reference = condition_on(reference, points, planar.layout)
+        reference = condition_on(reference, points, tangent_skill.layout)
     feedback = track(double_integrator(axes, skill.period), reference, control_cost)
     motion = feedback.rollout(reference.targets[0] if start is None else start)
     x = chart.to_manifold(motion.x) if chart else motion.x
@@ -137,7 +138,7 @@ def coordinates_with_derivatives(layout: Layout) -> int:
         fix = (
             "learn from recordings that have both"
             if any(part.derivative for part in tangent.parts)
-            else "learn it again with them: pf.with_derivatives, or pilotfish learn --velocities"
+            else "learn it again with them: pf.add_derivatives, or pilotfish learn --velocities"
         )
         raise InvalidInput(
             f"the columns are {short_list(layout.names)}, expected coordinates, then the derivative of each; "
@@ -153,15 +154,15 @@ def mean_demonstration_length(skill: Skill) -> int:
         skill: Learned skill.
 
     Raises:
-        InvalidInput: If the skill does not say, or if a plan of this length would take long.
+        InvalidInput: If the skill does not state it, or a plan of this length would take long.
     """
     source = skill.provenance
     if not source.demonstrations or source.datapoints < 2 * len(source.demonstrations):
-        raise InvalidInput("the skill does not say how long its demonstrations were; give a horizon")
+        raise InvalidInput("the skill does not state the length of its demonstrations; pass a horizon")
     steps = round(source.datapoints / len(source.demonstrations))
     if steps**2 * skill.states > MAX_DEFAULT_WORK:
         raise InvalidInput(
-            f"the skill says that its demonstrations had {steps} steps on average, which would take long to "
-            "plan; give a horizon"
+            f"the demonstrations of the skill have {steps} steps on average, which would take long to plan; "
+            "pass a horizon"
         )
     return steps

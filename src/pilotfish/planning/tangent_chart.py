@@ -1,4 +1,26 @@
-"""A flat map of a skill with orientations on S^3, in which plans are made and followed as on R^n."""
+"""Tangent chart: an adapted skill with orientations on S^3, in columns of R^n where linear planning applies.
+
+Map. Let q_0 be the base of an orientation. The logarithmic map writes q as the rotation vector v in body axes
+of the base, q = q_0 exp(v / 2); the exponential map inverts it. Signs of q count, so that v can be up to 2 pi
+long and a movement of more than half a turn stays continuous. All other columns are unchanged.
+
+Velocities. The body turns with the angular velocity w = J_r(v) dv/dt in body axes, where J_r is the right
+Jacobian. The chart therefore has the rate dv/dt = J_r(v)^-1 w in place of w.
+
+Covariances. A small deviation d in body axes changes v by J_r(v)^-1 d. The rate changes with v as well, so
+that
+the differential M of the map has one block below its diagonal:
+
+    M = [ J_r^-1                       0      ]    for the columns (v, dv/dt),
+        [ (d J_r^-1 / d v)(w) J_r^-1   J_r^-1 ]
+
+and a covariance S becomes M S M'. This is exact for small deviations; it couples rotations and their rates.
+
+Invariants. `to_manifold` inverts `to_tangent`. At the base, M is the identity for a skill at rest. A skill
+transformed in the world gives the same chart up to the base.
+
+Keep in step: `to_tangent`, `to_manifold`, the differential and `via_point` use the same rotation vector.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -19,16 +41,19 @@ from pilotfish.geometry import (
     to_rotation_vector,
 )
 from pilotfish.models import AdaptedSkill
+from pilotfish.planning.via_points import ViaPoint, named_columns, unit_quaternion
 from pilotfish.types import Array, Float
 from pilotfish.validation import numeric_array, require_type
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentChart:
-    """Orientations as rotation vectors [rad] from a base, angular velocities as the rates of these [rad/s].
+    """Adapted skill with rotation vectors [rad] and their rates [rad/s] in place of orientations on S^3.
 
-    skill is the adapted skill in these columns, an ordinary one: plan and track it as any other. Other
-    columns are what they were. manifold_skill is the skill on S^3, bases a unit quaternion for each orientation.
+    Attributes:
+        skill: The skill in the columns of the chart; plan and track it like any skill in R^n.
+        manifold_skill: The skill on S^3.
+        bases: Base of each orientation.
     """
 
     skill: AdaptedSkill
@@ -36,131 +61,159 @@ class TangentChart:
     bases: Float[Array, "R 4"]
 
     def to_tangent(self, x: Float[Array, "*B D"]) -> Float[Array, "*B E"]:
-        """Points of the curved skill as the flat one has them; of q and -q, that nearer to a state's mean."""
-        rows = x.reshape(-1, x.shape[-1])
-        tangent = _copy_vector_columns(rows, self.manifold_skill.layout)
-        for orientation, base in zip(
-            _orientation_columns(self.manifold_skill.layout), self.bases, strict=True
-        ):
-            means = multiply(base, from_rotation_vector(self.skill.means[:, orientation.vector]))
-            v = _rotation_vectors(base, _align_signs(rows[:, orientation.quaternion], means))
-            tangent[:, orientation.vector] = v
-            if orientation.angular_velocity and orientation.rate:
-                tangent[:, orientation.rate] = _apply_matrices(
-                    inverse_right_jacobian(v), rows[:, orientation.angular_velocity]
+        """Return points of S^3 in the columns of the chart (logarithmic map).
+
+        Args:
+            x: Points; of q and -q the one closer to the mean of a state is used.
+        """
+        rows, layout = x.reshape(-1, x.shape[-1]), self.manifold_skill.layout
+        tangent = _copy_vector_columns(rows, layout)
+        for columns, base in zip(layout.orientations, self.bases, strict=True):
+            means = multiply(base, from_rotation_vector(self.skill.means[:, columns.rotation_vector]))
+            v = _rotation_vectors(base, _align_signs(rows[:, columns.quaternion], means))
+            tangent[:, columns.rotation_vector] = v
+            if columns.angular_velocity and columns.rotation_rate:
+                tangent[:, columns.rotation_rate] = _apply_matrices(
+                    inverse_right_jacobian(v), rows[:, columns.angular_velocity]
                 )
         return tangent.reshape(*x.shape[:-1], tangent.shape[1])
 
     def to_manifold(self, y: Float[Array, "*B E"]) -> Float[Array, "*B D"]:
-        """Points of the flat skill, say of a tracked motion, as poses of the world."""
-        rows = y.reshape(-1, y.shape[-1])
-        x = np.zeros((len(rows), self.manifold_skill.layout.width))
-        for columns, tangent_columns, orientation in tangent_slices(
-            x.shape[1], self.manifold_skill.layout.orientation_starts
-        ):
-            if not orientation:
-                x[:, columns] = rows[:, tangent_columns]
-        for part, base in zip(_orientation_columns(self.manifold_skill.layout), self.bases, strict=True):
-            v = rows[:, part.vector]
-            x[:, part.quaternion] = multiply(base, from_rotation_vector(v))
-            if part.angular_velocity and part.rate:
-                x[:, part.angular_velocity] = _apply_matrices(right_jacobian(v), rows[:, part.rate])
+        """Return points of the chart as points of S^3 (exponential map).
+
+        Args:
+            y: Points in the columns of the chart, such as a tracked motion.
+        """
+        rows, layout = y.reshape(-1, y.shape[-1]), self.manifold_skill.layout
+        x = np.zeros((len(rows), layout.width))
+        for point, tangent, is_orientation in tangent_slices(layout.width, layout.orientation_starts):
+            if not is_orientation:
+                x[:, point] = rows[:, tangent]
+        for columns, base in zip(layout.orientations, self.bases, strict=True):
+            v = rows[:, columns.rotation_vector]
+            x[:, columns.quaternion] = multiply(base, from_rotation_vector(v))
+            if columns.angular_velocity and columns.rotation_rate:
+                x[:, columns.angular_velocity] = _apply_matrices(
+                    right_jacobian(v), rows[:, columns.rotation_rate]
+                )
         return x.reshape(*y.shape[:-1], x.shape[1])
 
+    def via_point(self, point: ViaPoint) -> ViaPoint:
+        """Return a via-point in the columns of the chart.
 
-@dataclass(frozen=True, slots=True)
-class _OrientationColumns:
-    """Where an orientation and its angular velocity are, in points and in their flat image."""
+        The deviation of an orientation is kept; far from the base the chart stretches rotations about other
+        axes than that of v, by less than two within half a turn.
 
-    quaternion: slice
-    vector: slice
-    angular_velocity: slice | None
-    rate: slice | None
+        Args:
+            point: Via-point in the columns of the skill on S^3.
+
+        Raises:
+            InvalidInput: If an orientation is not a whole unit quaternion with one deviation, or an angular
+                velocity is not zero: its rate in the chart depends on the orientation.
+        """
+        require_type(point, "the via-point", ViaPoint, 'pf.via_point("position", ...) makes one')
+        layout = self.manifold_skill.layout
+        columns, _ = named_columns(point.name, layout)
+        part = next(p for p, c in zip(layout.parts, layout.slices, strict=True) if columns[0] < c.stop)
+        is_rotation = part.name in {p.name for p in layout.parts if p.quantity is Quantity.ORIENTATION}
+        if is_rotation and part.derivative and point.value.any():
+            raise InvalidInput(
+                f"{point.name!r} is {point.value.tolist()} rad/s, expected 0: in the chart the rate depends "
+                "on the orientation; take chart.to_tangent of a whole pose with its velocities"
+            )
+        if not is_rotation or part.derivative:
+            return point
+        if len(point.value) != len(columns) or len(set(point.deviation)) > 1 or len(columns) == 1:
+            raise InvalidInput(
+                f"{point.name!r} is {point.value.tolist()} with deviation {point.deviation.tolist()}, "
+                f"expected a whole unit quaternion of {part.name!r} and one angle [rad]"
+            )
+        pose = self.manifold_skill.means[0].copy()
+        pose[columns] = unit_quaternion(point)
+        vector = self.to_tangent(pose)[self.skill.layout.columns(part.name)]
+        return ViaPoint(point.name, vector, point.time, point.deviation[:1].repeat(len(vector)))
 
 
 def tangent_chart(model: AdaptedSkill, *, base_pose: Float[Array, " D"] | None = None) -> TangentChart:
-    """The adapted skill on a flat map: means by the logarithm, covariances by the map's exact differential.
+    """Create the tangent chart of an adapted skill.
 
-    The base is the pose given, or the Karcher mean of the states' means: the farther from it, the more the
-    map distorts, so that a steady push there is a slightly uneven one of the body. States farther than half
-    a turn from the base lie beyond it on the map, next to those that they are nearest to; a skill that goes
-    once round or more is not continuous on any map.
-    Raises: InvalidInput, when the skill has no orientation on S^3, or at is no pose of its layout.
-    Source: Zeestraten et al. 2017, IEEE RA-L 2(3), section V, for tracking in a tangent space; the
-    differential, and with it the coupling of turns and their speeds, is exact where they transport.
+    The farther from the base, the more the chart distorts: a constant acceleration there is slightly uneven
+    for the body. States more than half a turn from the base are placed next to their nearest states. A skill
+    of a full turn or more is not continuous in any chart.
+
+    Args:
+        model: Adapted skill with orientations on S^3.
+        base_pose: Point whose orientations are the bases; None for the Karcher means of the states.
+
+    Raises:
+        InvalidInput: If the skill has no orientation on S^3, one has other derivatives than an angular
+            velocity, or base_pose is not a point of its layout.
+
+    Source:
+        Zeestraten et al. 2017, IEEE RA-L 2(3), section V, for tracking in a tangent space; here covariances
+        are transformed by the exact differential instead of parallel transport.
     """
     require_type(model, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    orientation_starts = _orientation_columns(model.layout)
-    if not orientation_starts:
-        raise InvalidInput("the skill has no orientation on S^3, it is flat already: plan it as it is")
-    q = np.stack([model.means[:, orientation.quaternion] for orientation in orientation_starts])
-    bases = _base_orientations(q, orientation_starts, base_pose, model.layout)
-    means = _copy_vector_columns(model.means, model.layout)
+    layout = model.layout
+    _require_angular_velocities(layout)
+    if not (orientations := layout.orientations):
+        raise InvalidInput("the skill has no orientation on S^3, expected one; plan it without a chart")
+    q = np.stack([model.means[:, columns.quaternion] for columns in orientations])
+    bases = _base_quaternions(q, base_pose, layout)
+    means = _copy_vector_columns(model.means, layout)
     M = np.zeros((*means.shape, means.shape[1])) + np.eye(means.shape[1])
-    for orientation, base, orientations in zip(orientation_starts, bases, q, strict=True):
-        v = _rotation_vectors(base, _align_sign_chain(orientations, base))
+    for columns, base, quaternions in zip(orientations, bases, q, strict=True):
+        v = _rotation_vectors(base, _align_sign_chain(quaternions, base))
         J = inverse_right_jacobian(v)
-        means[:, orientation.vector], M[:, orientation.vector, orientation.vector] = v, J
-        if orientation.angular_velocity and orientation.rate:
-            speeds = model.means[:, orientation.angular_velocity]
-            means[:, orientation.rate], M[:, orientation.rate, orientation.rate] = (
-                _apply_matrices(J, speeds),
-                J,
-            )
-            M[:, orientation.rate, orientation.vector] = inverse_right_jacobian_derivative(v, speeds) @ J
+        vector, rate = columns.rotation_vector, columns.rotation_rate
+        means[:, vector], M[:, vector, vector] = v, J
+        if columns.angular_velocity and rate:
+            w = model.means[:, columns.angular_velocity]
+            means[:, rate], M[:, rate, rate] = _apply_matrices(J, w), J
+            M[:, rate, vector] = inverse_right_jacobian_derivative(v, w) @ J
     transformed = M @ model.covariances @ M.transpose(0, 2, 1)
     covariances = 0.5 * (transformed + transformed.transpose(0, 2, 1))
-    tangent = replace(model, means=means, covariances=covariances, layout=model.layout.tangent)
-    return TangentChart(tangent, model, bases)
+    return TangentChart(
+        replace(model, means=means, covariances=covariances, layout=layout.tangent), model, bases
+    )
 
 
-def _orientation_columns(layout: Layout) -> tuple[_OrientationColumns, ...]:
-    parts = list(zip(layout.parts, layout.slices, layout.tangent.slices, strict=True))
-    found = []
-    for part, columns, tangent_columns in parts:
-        if part.quantity is Quantity.ORIENTATION:
-            rates = [entry for entry in parts if entry[0].name == part.name and entry[0].derivative]
-            if any(
-                rate.derivative > 1 or rate.size != tangent_columns.stop - tangent_columns.start
-                for rate, _, _ in rates
-            ):
-                raise InvalidInput(
-                    f"part {part.name!r} has derivatives other than an angular velocity of three columns; "
-                    "expected those of pf.on_sphere or pf.with_derivatives"
-                )
-            angular_velocity, rate = (rates[0][1], rates[0][2]) if rates else (None, None)
-            found.append(_OrientationColumns(columns, tangent_columns, angular_velocity, rate))
-    return tuple(found)
+def _require_angular_velocities(layout: Layout) -> None:
+    orientations = {part.name for part in layout.parts if part.quantity is Quantity.ORIENTATION}
+    for part in layout.parts:
+        if part.name in orientations and part.derivative and (part.derivative, part.size) != (1, 3):
+            raise InvalidInput(
+                f"part {part.name!r} has derivatives other than an angular velocity of three columns; "
+                "expected those of pf.to_sphere or pf.add_derivatives"
+            )
 
 
-def _base_orientations(
-    q: Float[Array, "R K 4"],
-    orientation_starts: tuple[_OrientationColumns, ...],
-    base_pose: Float[Array, " D"] | None,
-    layout: Layout,
+def _base_quaternions(
+    q: Float[Array, "R K 4"], base_pose: Float[Array, " D"] | None, layout: Layout
 ) -> Float[Array, "R 4"]:
     if base_pose is None:
         return np.stack([karcher_mean(means, np.ones(len(means)), (0,)) for means in q])
-    require_type(base_pose, "at", np.ndarray, "give np.array(pose)")
-    base_pose = numeric_array(base_pose, "at")
+    require_type(base_pose, "base_pose", np.ndarray, "pass np.array(pose)")
+    base_pose = numeric_array(base_pose, "base_pose")
     if base_pose.shape != (layout.width,) or not np.isfinite(base_pose).all():
         raise InvalidInput(
-            f"at is {base_pose.tolist()}, expected {layout.width} finite numbers: {', '.join(layout.names)}"
+            f"base_pose is {base_pose.tolist()}, expected {layout.width} finite numbers: "
+            f"{', '.join(layout.names)}"
         )
-    return normalise(np.stack([base_pose[orientation.quaternion] for orientation in orientation_starts]))
+    return normalise(np.stack([base_pose[columns.quaternion] for columns in layout.orientations]))
 
 
 def _copy_vector_columns(x: Float[Array, "N D"], layout: Layout) -> Float[Array, "N E"]:
-    """What is no orientation, in its place; zeros where rotation vectors go."""
+    """Copy the columns outside orientations; rotation vectors are zero."""
     tangent = np.zeros((len(x), layout.tangent.width))
-    for columns, tangent_columns, orientation in tangent_slices(layout.width, layout.orientation_starts):
-        if not orientation:
+    for columns, tangent_columns, is_orientation in tangent_slices(layout.width, layout.orientation_starts):
+        if not is_orientation:
             tangent[:, tangent_columns] = x[:, columns]
     return tangent
 
 
 def _rotation_vectors(base: Float[Array, " 4"], q: Float[Array, "N 4"]) -> Float[Array, "N 3"]:
-    """Rotation vectors from the base to q, up to 2 pi long: signs of q count."""
+    """Return the rotation vectors from the base to q, up to 2 pi long: signs of q count."""
     return to_rotation_vector(multiply(conjugate(base), q))
 
 
@@ -169,20 +222,20 @@ def _apply_matrices(matrices: Float[Array, "N 3 3"], vectors: Float[Array, "N 3"
 
 
 def _align_signs(q: Float[Array, "N 4"], means: Float[Array, "K 4"]) -> Float[Array, "N 4"]:
-    """Each q with the sign of the mean that it is nearest to, whatever the sign."""
+    """Give each q the sign that is closer to the mean nearest to q or -q."""
     dots = q @ means.T
     nearest = np.take_along_axis(dots, np.abs(dots).argmax(axis=1)[:, None], axis=1)
     return np.asarray(np.where(nearest < 0.0, -q, q))
 
 
 def _align_sign_chain(q: Float[Array, "K 4"], base: Float[Array, " 4"]) -> Float[Array, "K 4"]:
-    """The same orientations, each on the half of S^3 of the nearest one signed before; the base is first."""
-    signed, remaining = base[None], q
+    """Align signs one by one, always of the quaternion nearest to the base or to those aligned before."""
+    references, remaining = base[None], q
     order = np.arange(len(q))
-    aligned_orientations = np.empty_like(q)
+    aligned = np.empty_like(q)
     while len(remaining):
-        n = int(np.abs(remaining @ signed.T).max(axis=1).argmax())
-        aligned_orientations[order[n]] = _align_signs(remaining[n : n + 1], signed)[0]
-        signed = np.vstack([signed, aligned_orientations[order[n]]])
+        n = int(np.abs(remaining @ references.T).max(axis=1).argmax())
+        aligned[order[n]] = _align_signs(remaining[n : n + 1], references)[0]
+        references = np.vstack([references, aligned[order[n]]])
         remaining, order = np.delete(remaining, n, axis=0), np.delete(order, n)
-    return aligned_orientations
+    return aligned

@@ -99,32 +99,24 @@ def planning_examples() -> Examples:
     ]
     skill_on_sphere = models.learn(on_sphere, states=2, rng=new_rng(), settings=FAST_SETTINGS).skill
     adapted_on_sphere = adapt_in_world(skill_on_sphere)
-    orientation = planning.via_point("orientation", [1.0, 0.0, 0.0, 0.0], time=0.4, deviation=0.1)
+    planning.via_point("orientation", [1.0, 0.0, 0.0, 0.0], time=0.4, deviation=0.1)
     motion = control.Motion(demos[0].x, np.zeros((len(demos[0].x) - 1, 2)), demos[0].period)
     pose_motion = control.Motion(on_sphere[0].x, np.zeros((len(on_sphere[0].x) - 1, 7)), 0.1)
     poses = {
         name: geometry.pose([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0]) for name in skill_on_sphere.frame_names
     }
     now = {name: geometry.pose([0.1, 0.2, 0.35], [1.0, 0.0, 0.0, 0.0]) for name in poses}
-    states = np.array([0, 0, 1, 1, 2])
+    np.array([0, 0, 1, 1, 2])
     x = on_sphere[0].x[0]
     return {
         "tangent_chart": {"model": adapted_on_sphere, "base_pose": adapted_on_sphere.means[0]},
-        "moving_frame_reference": {
-            "now": adapted,
-            "later": adapted,
-            "states": states,
-            "covariance_regularisation": 1e-3,
-        },
         "moving_frames": {"skill": skill_on_sphere, "before": poses, "now": now, "x": x},
-        "extrapolate_pose": {"before": poses["frame 0"], "now": now["frame 0"], "steps": 3},
         "observe_via_points": {
             "points": [via_point],
             "layout": adapted.layout,
             "states": demos[0].x,
             "period": 0.1,
         },
-        "via_point_to_tangent": {"point": orientation, "chart": planning.tangent_chart(adapted_on_sphere)},
         "plan": {
             "adapted": adapted,
             "start": start,
@@ -133,9 +125,8 @@ def planning_examples() -> Examples:
             "covariance_regularisation": 1e-3,
         },
         "plan_states": {"adapted": adapted, "start": start, "horizon": 10, "via_points": [via_point]},
-        "reference_from_states": {"adapted": adapted, "states": states, "covariance_regularisation": 1e-3},
         "condition_on": {"reference": reference, "points": [via_point], "layout": adapted.layout},
-        "via_point": {"what": "position", "value": [0.5, 0.1], "time": 0.4, "deviation": [0.01, 0.02]},
+        "via_point": {"name": "position", "value": [0.5, 0.1], "time": 0.4, "deviation": [0.01, 0.02]},
         "mean_demonstration_length": {"skill": fit.skill},
         "largest_acceleration": {"motion": motion, "layout": demos[0].layout},
         **{

@@ -256,7 +256,7 @@ def _write_gains(reproduced: Reproduced, path: Path, force: bool) -> None:
             targets=reproduced.reproduction.reference.targets,
             weights=reproduced.reproduction.reference.weights,
             period=np.float64(reproduced.motion.period),
-            columns=np.array(reproduced.reproduction.planar.layout.names),
+            columns=np.array(reproduced.reproduction.tangent_skill.layout.names),
             bases=reproduced.reproduction.tangent_chart.bases
             if reproduced.reproduction.tangent_chart
             else np.empty((0, 4)),
