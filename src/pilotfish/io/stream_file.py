@@ -52,8 +52,8 @@ def save_stream(
             the result of a long run is kept; the error gives that name.
 
     Raises:
-        InvalidInput: If path cannot be written, or exists and may not be replaced, or `open_stream` would refuse
-            the model.
+        InvalidInput: If path cannot be written, or exists and may not be replaced, or `open_stream` would
+            refuse the model.
         NameTaken: If the result was written to the `path` of the error, because path exists and may not be
             replaced: with use_free_name, or because the file was created in the meantime.
     """
@@ -163,7 +163,7 @@ def _decode_settings(values: Any) -> online.OnlineSettings:
     kind = pop_field(values, "kind", "settings")
     if not isinstance(kind, str) or kind not in online.LEARNERS:
         raise UnreadableFile(
-            f"the learner is {short_repr(kind)}, which this version does not know, only {list(online.LEARNERS)}"
+            f"the learner is {short_repr(kind)}, expected one of {list(online.LEARNERS)}; upgrade pilotfish"
         )
     learner: type[Any] = online.LEARNERS[kind]
     maintenance = pop_field(values, "maintenance", "settings")

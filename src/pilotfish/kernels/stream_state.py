@@ -1,16 +1,16 @@
 """State of an online learner: named arrays for Python, and the packed numbers that the kernels update.
 
-Packing. A step of the compiled kernel takes about a microsecond, less than it takes to build the named arrays.
-`StreamState` therefore holds the packed form, and its named arrays are properties. `counters` holds six numbers
-of the stream, in the order of `INITIAL_COUNTERS`. `rows` holds one row per cluster: first the statistics of
-`ClusterColumn`, then for every frame a block of
+Packing. A step of the compiled kernel takes about a microsecond, less than it takes to build the named
+arrays. `StreamState` therefore holds the packed form, and its named arrays are properties. `counters` holds
+six numbers of the stream, in the order of `INITIAL_COUNTERS`. `rows` holds one row per cluster: first the
+statistics of `ClusterColumn`, then for every frame a block of
 
     dimension d, number of directions r >= d, mean (D, padded), variances (C), distances (C + 1, padded),
     bases (D x C, row-major).
 
-The capacity C is a multiple of four, and mean and distances are padded with zeros to a multiple of four, so that
-the kernel reads aligned rows. Entries beyond the first r directions are zero. Indices of clusters are -1 where
-there is no such cluster.
+The capacity C is a multiple of four, and mean and distances are padded with zeros to a multiple of four, so
+that the kernel reads aligned rows. Entries beyond the first r directions are zero. Indices of clusters are
+-1 where there is no such cluster.
 
 Keep in step: the layout of a row here, in cpp/streaming.hpp, and nowhere else. The NumPy reference reads the
 named arrays and returns them through `StreamState.from_arrays`.
@@ -126,9 +126,9 @@ def _statistic(column: ClusterColumn, doc: str) -> property:
 class StreamState:
     """K clusters in P frames, their subspaces, and the transitions and durations between them.
 
-    Clusters are in the order of their creation. The named arrays below the attributes are float64 views of the
-    packed numbers: do not write to them, use `with_changes`. A value with an index beyond r in `variances`,
-    `distances` and `bases` is zero.
+    Clusters are in the order of their creation. The named arrays below the attributes are float64 views of
+    the packed numbers: do not write to them, use `with_changes`. A value with an index beyond r in
+    `variances`, `distances` and `bases` is zero.
 
     Attributes:
         counters: Packed counters, read by the kernels.
@@ -281,8 +281,8 @@ class Assignments:
         cluster_ids: Identifier of the cluster to which each datapoint was assigned.
         costs: Cost of each assignment: squared distance plus transition penalties (5.26-5.28).
         loss_changes: Change of the loss at each datapoint by its update; at most 0 up to rounding (5.35).
-        removed: One row per removed cluster: index of the datapoint, identifier of the cluster, and identifier
-            of the cluster that it was merged into, or -1 if it was forgotten.
+        removed: One row per removed cluster: index of the datapoint, identifier of the cluster, and
+            identifier of the cluster that it was merged into, or -1 if it was forgotten.
     """
 
     cluster_ids: Int[Array, " N"]

@@ -1,4 +1,4 @@
-"""Agreement of two labellings of the same datapoints, such as states and a person's labels, whatever their names."""
+"""Agreement of two labellings of the same datapoints, such as states and manual labels."""
 
 import numpy as np
 
@@ -48,8 +48,8 @@ def matched_accuracy(predicted: Int[Array, " N"], labels: Int[Array, " M"]) -> f
 def normalised_mutual_information(predicted: Int[Array, " N"], labels: Int[Array, " M"]) -> float:
     """Return the mutual information of two labellings over the mean of their entropies, between 0 and 1.
 
-    Unlike `matched_accuracy` it does not penalise a label that several states share. Two constant labellings have
-    the value 1.
+    Unlike `matched_accuracy` it does not penalise a label that several states share. Two constant labellings
+    have the value 1.
 
     Args:
         predicted: State of each datapoint.

@@ -1,8 +1,8 @@
 """Degrees of freedom and parameter counts of learned skills.
 
-Degrees of freedom belong in an information criterion: parameters that change no covariance do not count, such as
-rotations of latent factors and the lengths of shared vectors. Parameter counts are what tables of the literature
-give.
+Degrees of freedom belong in an information criterion: parameters that change no covariance do not count,
+such as rotations of latent factors and the lengths of shared vectors. Parameter counts are what tables of
+the literature give.
 """
 
 from collections.abc import Sequence

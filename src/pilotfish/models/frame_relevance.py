@@ -1,18 +1,18 @@
 """Relevance of each frame at each state, estimated from the demonstrations.
 
-A task-parameterised model (TP-GMM, TP-HSMM) describes every state by one Gaussian per frame; their product in the
-world is the adapted state. A frame that has nothing to do with the task still takes part in the product and pulls
-the motion towards its object. Relevance raises the Gaussian of frame p at state k to a power v_pk in [0, 1], that
-is, it divides the covariance by v_pk; 0 excludes the frame.
+A task-parameterised model (TP-GMM, TP-HSMM) describes every state by one Gaussian per frame; their product
+in the world is the adapted state. A frame that has nothing to do with the task still takes part in the
+product and pulls the motion towards its object. Relevance raises the Gaussian of frame p at state k to a
+power v_pk in [0, 1], that is, it divides the covariance by v_pk; 0 excludes the frame.
 
 Estimate, for each state separately:
 
 1. Hold out each demonstration in turn. Compute the Gaussian of every frame from the other demonstrations, by
    subtracting the moments of the segment that is held out. All segments share one E-step.
 2. Shrink each covariance S towards the target T, which has one variance per part of the layout and no
-   correlation: (E + 1) / (E + 1 + M) T + M / (E + 1 + M) S, for E columns and M demonstrations. This is the mean
-   of an inverse-Wishart posterior with prior weight E + 1. Few demonstrations would otherwise give frames a
-   precision that they do not have. A rotation of the axes of a part does not change its target.
+   correlation: (E + 1) / (E + 1 + M) T + M / (E + 1 + M) S, for E columns and M demonstrations. This is the
+   mean of an inverse-Wishart posterior with prior weight E + 1. Few demonstrations would otherwise give
+   frames a precision that they do not have. A rotation of the axes of a part does not change its target.
 3. Pool the Gaussians log-linearly (opinion_pools.py). The weights v maximise the held-out log-probability.
 4. Backward elimination: exclude the frame with the smallest cost, refit, and repeat while the cost is at most
    3 nats and its standard error over demonstrations.
@@ -24,7 +24,8 @@ Invariants. Frames with equal Gaussians share the weight, or one of them has it.
 is 1, because a common factor does not change the mean of the product. A state in fewer than two
 demonstrations has weight 1 in all frames.
 
-Keep in step: `adapt` divides covariances by these weights; columns of deviations are those of `Layout.tangent`.
+Keep in step: `adapt` divides covariances by these weights; columns of deviations are those of
+`Layout.tangent`.
 """
 
 from collections.abc import Sequence
@@ -53,10 +54,10 @@ class FrameRelevance:
     """Relevance of each frame at each state.
 
     Attributes:
-        values: Power in [0, 1] of the Gaussian of frame p at state k, relative to the most relevant frame of the
-            state, which has 1. Zero excludes the frame.
-        costs: Loss of held-out log-probability if frame p alone is excluded at state k [nats]. A demonstration
-            counts as one datapoint; infinite for the only frame.
+        values: Power in [0, 1] of the Gaussian of frame p at state k, relative to the most relevant frame of
+            the state, which has 1. Zero excludes the frame.
+        costs: Loss of held-out log-probability if frame p alone is excluded at state k [nats]. A
+            demonstration counts as one datapoint; infinite for the only frame.
         frame_names: Name of each frame.
     """
 
@@ -73,8 +74,9 @@ class FrameRelevance:
 def relevance(skill: Skill, demonstrations: Sequence[Demonstration]) -> FrameRelevance:
     """Estimate how relevant each frame is at each state, from held-out demonstrations.
 
-    The head of this file describes the method. Orientations on S^3 are compared in the tangent space, to first
-    order of their deviations. The cost is one E-step, and at most P^2 / 2 small concave problems per state.
+    The head of this file describes the method. Orientations on S^3 are compared in the tangent space, to
+    first order of their deviations. The cost is one E-step, and at most P^2 / 2 small concave problems per
+    state.
 
     Args:
         skill: Skill learned from the demonstrations.
@@ -88,8 +90,8 @@ def relevance(skill: Skill, demonstrations: Sequence[Demonstration]) -> FrameRel
             frame moves.
 
     Source:
-        Heskes 1998 (logarithmic pooling with weights by likelihood); Yao et al. 2018 (scores on held-out data,
-        predictive stacking). The elimination and the count of segments are ours.
+        Heskes 1998 (logarithmic pooling with weights by likelihood); Yao et al. 2018 (scores on held-out
+        data, predictive stacking). The elimination and the count of segments are ours.
     """
     require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     data = views(demonstrations)
@@ -122,8 +124,8 @@ def select_frames(
     for demo in demonstrations:
         if sorted(names := [f.name for f in demo.frames]) != sorted(frame_relevance.frame_names):
             raise InvalidInput(
-                f"demonstration {demo.name!r} has frames {names}, expected {list(frame_relevance.frame_names)} "
-                "as in frame_relevance; give the demonstrations that it was estimated from"
+                f"demonstration {demo.name!r} has frames {names}, expected those of frame_relevance, "
+                f"{list(frame_relevance.frame_names)}; give the demonstrations that it was estimated from"
             )
     removed = frame_relevance.distractors
     return tuple(
@@ -134,7 +136,7 @@ def select_frames(
 def _validate_demonstrations(skill: Skill, demonstrations: Sequence[Demonstration]) -> None:
     if len(demonstrations) < 2:
         raise InvalidInput(
-            "one demonstration was given, expected at least two in different situations: one is held out in turn"
+            "one demonstration was given, expected at least two in different situations; record another one"
         )
     first = demonstrations[0]
     if first.layout != skill.layout or tuple(f.name for f in first.frames) != skill.frame_names:
@@ -165,8 +167,8 @@ def _segment_moments(skill: Skill, data: Views) -> list[tuple[Moments, ...]]:
         step, _ = skill.dynamics.e_step(np.ascontiguousarray(x), np.array([T]), emissions, max_duration=T)
         if not np.isfinite(step.log_likelihoods[0]):
             raise InvalidInput(
-                f"demonstration {m} (first is 0) has probability zero under the skill; give the demonstrations "
-                "that it was learned from"
+                f"demonstration {m} (first is 0) has probability zero under the skill; give the "
+                "demonstrations that it was learned from"
             )
         zero = np.zeros(step.offsets.shape[1:])
         moments.append(
@@ -221,7 +223,7 @@ def _state_relevance(
 def _hold_out(
     skill: Skill, k: int, others: Sequence[tuple[Moments, ...]], own: tuple[Moments, ...]
 ) -> HeldOutSegment:
-    """Return offsets, precision factors and scatter of state k, with the Gaussians of the other demonstrations."""
+    """Return offsets, precision factors and scatter of state k, with Gaussians of the others."""
     offsets, factors, scatter_matrices = [], [], []
     for p, own_moments in enumerate(own):
         rest = reduce(add, (moments[p] for moments in others))

@@ -1,18 +1,19 @@
 """Log-linear pooling of Gaussians with fitted weights.
 
-Each of P frames gives a Gaussian of the same variable, with precision L_p and information vector h_p = L_p m_p.
-Their pool with weights v_p >= 0 is the normalised product of powers, again a Gaussian:
+Each of P frames gives a Gaussian of the same variable, with precision L_p and information vector
+h_p = L_p m_p. Their pool with weights v_p >= 0 is the normalised product of powers, again a Gaussian:
 
     L = sum of v_p L_p        h = sum of v_p h_p        mean L^-1 h        covariance L^-1
 
-With v_p = 1 it is the product of frame Gaussians of a task-parameterised model (TP-GMM). The weights are fitted to
-segments that were held out. Let u be the points of one segment relative to its own mean, s_p the mean of
-u' L_p u, and let m_p be relative to the same mean. The mean log-probability of the points, up to a constant, is
+With v_p = 1 it is the product of frame Gaussians of a task-parameterised model (TP-GMM). The weights are
+fitted to segments that were held out. Let u be the points of one segment relative to its own mean, s_p the
+mean of u' L_p u, and let m_p be relative to the same mean. The mean log-probability of the points, up to a
+constant, is
 
     (log |L| - sum of v_p s_p - h' L^-1 h) / 2
 
-It is concave in v, so a local optimiser finds the best weights. A frame can be excluded; `ablation_cost` says what
-that costs.
+It is concave in v, so a local optimiser finds the best weights. A frame can be excluded; `ablation_cost`
+says what that costs.
 """
 
 from collections.abc import Sequence
@@ -83,7 +84,7 @@ class FrameOpinions:
 
 
 def held_out_log_probs(opinions: FrameOpinions, weights: Float[Array, " P"]) -> Float[Array, " M"]:
-    """Return the mean log-probability of the points of each segment under the pool, up to a constant [nats]."""
+    """Return the mean log-probability of each segment under the pool, up to a constant [nats]."""
     L, h, means = opinions.pool(weights)
     log_determinants = np.linalg.slogdet(L)[1]
     return np.asarray(0.5 * (log_determinants - opinions.mean_squares @ weights - np.sum(h * means, axis=1)))
@@ -101,8 +102,8 @@ def log_prob_gradient(opinions: FrameOpinions, weights: Float[Array, " P"]) -> F
 def fit_pool_weights(opinions: FrameOpinions, included: Bool[Array, " P"]) -> Float[Array, " P"]:
     """Fit the weights of the included frames by maximum held-out log-probability; the others have zero.
 
-    The optimisation starts from equal weights. Where several weights are optimal (identical frames), the result
-    is the optimum next to that start.
+    The optimisation starts from equal weights. Where several weights are optimal (identical frames), the
+    result is the optimum next to that start.
 
     Source:
         Heskes 1998, Selecting weighting factors in logarithmic opinion pools.
@@ -123,7 +124,7 @@ def fit_pool_weights(opinions: FrameOpinions, included: Bool[Array, " P"]) -> Fl
 def eliminate_frames(
     opinions: FrameOpinions, min_evidence: float
 ) -> tuple[Float[Array, " P"], Float[Array, " P"]]:
-    """Exclude frames one by one while that costs at most min_evidence and a standard error (backward elimination).
+    """Exclude frames by backward elimination while that costs at most min_evidence and a standard error.
 
     Args:
         opinions: Gaussians of the frames.
@@ -146,7 +147,7 @@ def eliminate_frames(
 
 
 def ablation_cost(opinions: FrameOpinions, included: Bool[Array, " P"], p: int) -> tuple[float, float]:
-    """Return the loss of held-out log-probability without frame p, summed over segments, and its standard error."""
+    """Return the loss of held-out log-probability without frame p, and its standard error [nats]."""
     rest = _exclude(included, p)
     if not rest.any():
         return np.inf, 0.0

@@ -1,4 +1,8 @@
-"""Regression with a skill: some columns of its states given the others, with or without order in time."""
+"""Gaussian mixture regression (GMR) with a skill: predict some columns given the others.
+
+For a mixture the responsibilities of the states depend on the inputs of one step. For a Markov or semi-Markov
+skill they depend on the inputs of the steps before (filtered) or of all steps (smoothed).
+"""
 
 import numpy as np
 
@@ -17,19 +21,23 @@ from pilotfish.validation import require_type
 
 
 def as_mixture(model: AdaptedSkill) -> GaussianMixture:
-    """The adapted states of a mixture skill, ready for gaussians.regress: y and its derivative, given x.
+    """Return the adapted states of a mixture skill as a mixture for `gaussians.regress`.
 
-    Raises: InvalidInput for a skill with dynamics, whose states weigh differently at every time, and for one
-    with orientations on S^3.
+    Args:
+        model: Adapted skill with mixture dynamics, without orientations on S^3.
+
+    Raises:
+        InvalidInput: If the skill has a time order, in which case weights change over time, or orientations
+            on S^3.
     """
     if model.dynamics.has_time_order:
         raise InvalidInput(
-            f"the skill has {model.dynamics.name} dynamics, expected a mixture with fixed weights; learn it with "
-            'dynamics="mixture", or use models.filtered_regression'
+            f"the skill has {model.dynamics.name} dynamics, expected a mixture with fixed weights; learn it "
+            'with dynamics="mixture", or use models.filtered_regression'
         )
     if model.layout.orientation_starts:
         raise InvalidInput(
-            "the skill holds orientations as points of S^3, which a flat mixture cannot; use "
+            "the skill has orientations on S^3, and a mixture for gaussians.regress cannot; use "
             "models.filtered_regression(model, inputs, x)"
         )
     return GaussianMixture(model.dynamics.initial, model.means, model.covariances)
@@ -38,17 +46,30 @@ def as_mixture(model: AdaptedSkill) -> GaussianMixture:
 def filtered_regression(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
 ) -> GaussianRegression:
-    """The columns that are not inputs at each step, given the inputs at this step and all before it.
+    """Predict the other columns at each step, given the inputs at this step and all before it.
 
-    For use while the inputs come in: step t does not depend on later rows. States speak for the probability
-    that the chain is in them, which the inputs alone drive; inputs that look alike at two moments are told
-    apart by what led there. jacobians[t] is the exact derivative with respect to x[t], the past held.
-    A mixture has no past: its answer is that of gaussians.regress. Quaternions are four numbers; bring those
-    that come out to unit length. Orientations on S^3 are given and come out whole, as points of it.
-    Raises: InvalidInput, when inputs are no columns, leave none to predict or tear an orientation apart, or x
-    does not fit them or has no row; NotPositiveDefinite, when a state is singular in the inputs.
-    Source: Calinon et al. 2010, Learning and reproduction of gestures by imitation, where a Markov chain's
-    forward variable weighs the states; ours: explicit durations too, the covariance, the exact derivative.
+    Use it while inputs arrive: step t does not depend on later rows. The responsibilities are the filtered
+    state probabilities given the inputs, so that equal inputs at two moments are told apart by their past.
+    For a mixture the result is that of `gaussians.regress`. Quaternions in R^4 are predicted as four
+    numbers: normalise them. Orientations on S^3 are predicted as unit quaternions.
+
+    Args:
+        model: Adapted skill.
+        inputs: Input columns; all four columns of an orientation on S^3, or none.
+        x: Values of the input columns, one row per step.
+
+    Returns:
+        Means, covariances and jacobians. `jacobians[t]` is the exact derivative with respect to x[t] for a
+        fixed past.
+
+    Raises:
+        InvalidInput: If inputs are not columns, leave no output or split an orientation, or x does not match
+            them or has no row.
+        NotPositiveDefinite: If the inputs of a state have a singular covariance.
+
+    Source:
+        Calinon et al. 2010, Learning and reproduction of gestures by imitation (forward variable of a Markov
+        chain as responsibilities); explicit durations, the covariance and the exact derivative are ours.
     """
     conditional, log_observed = _condition_on_inputs(model, inputs, x)
     if not model.dynamics.has_time_order:
@@ -62,12 +83,22 @@ def filtered_regression(
 def smoothed_regression(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
 ) -> GaussianRegression:
-    """The columns that are not inputs at each step, given the inputs at all T steps.
+    """Predict the other columns at each step, given the inputs at all steps.
 
-    For use when all inputs are known, say one half of a recorded movement: what follows a step helps to tell
-    in which state it was. jacobians[t] is the exact derivative of means[t] with respect to x[t], all other
-    steps held; means[t] depends on these too.
-    Raises: InvalidInput and NotPositiveDefinite, as filtered_regression does.
+    Use it when all inputs are known, such as one half of a recorded movement.
+
+    Args:
+        model: Adapted skill.
+        inputs: Input columns; all four columns of an orientation on S^3, or none.
+        x: Values of the input columns, one row per step.
+
+    Returns:
+        Means, covariances and jacobians. `jacobians[t]` is the exact derivative of means[t] with respect to
+        x[t] for fixed inputs at all other steps, on which means[t] depends as well.
+
+    Raises:
+        InvalidInput: As in `filtered_regression`.
+        NotPositiveDefinite: If the inputs of a state have a singular covariance.
     """
     conditional, log_observed = _condition_on_inputs(model, inputs, x)
     return regress_with_responsibilities(conditional, x, model.dynamics.smoothed_state_probs(log_observed))
@@ -76,9 +107,9 @@ def smoothed_regression(
 def _condition_on_inputs(
     model: AdaptedSkill, inputs: Int[Array, " I"], x: Float[Array, "T _"]
 ) -> tuple[ConditionalGaussians, Float[Array, "T K"]]:
-    """The states as maps from inputs to the rest, and log p(x_t | state)."""
-    require_type(model, "model", AdaptedSkill, "pf.adapt(skill, frames) makes one of a skill")
-    require_type(x, "x", np.ndarray, "give an array, a row for each step")
+    """Return the states conditioned on the inputs, and log p(x_t | state)."""
+    require_type(model, "model", AdaptedSkill, "pf.adapt(skill, frames) returns one")
+    require_type(x, "x", np.ndarray, "give an array with one row per step")
     if not len(x):
         raise InvalidInput("x has no rows, expected the inputs of at least one step")
     conditional = conditional_gaussians(

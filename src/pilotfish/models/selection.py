@@ -96,7 +96,7 @@ class Selection:
 
     @property
     def best(self) -> Score:
-        """Score with the fewest parameters among those whose held-out log-likelihood is not significantly lower.
+        """Score with the fewest parameters among those that are not significantly worse on held-out data.
 
         A score is not significantly lower if its mean loss against the highest score is at most the standard
         error of that loss, paired by demonstration.
@@ -149,8 +149,9 @@ def select(
 ) -> Selection:
     """Score every candidate by leave-one-out cross-validation over demonstrations.
 
-    Each candidate is learned from all demonstrations, and without each of them in turn. All candidates use the
-    same seeds, so the score of one does not depend on the others. Log-likelihoods multiply the densities of all
+    Each candidate is learned from all demonstrations, and without each of them in turn. All candidates use
+    the same seeds, so the score of one does not depend on the others. Log-likelihoods multiply the densities
+    of all
     frames: compare only candidates with the same frames, columns and units.
 
     Args:

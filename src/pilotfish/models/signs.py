@@ -21,8 +21,8 @@ def align_frame_signs(
 ) -> list[Frame]:
     """Return the frames, with quaternions in the sign that agrees with the frames before.
 
-    Frames agree when they map the orientations of the states to the same half of S^3. States count in proportion
-    to the precision of both frames. Without this, the product of q and -q would average to zero.
+    Frames agree when they map the orientations of the states to the same half of S^3. States count in
+    proportion to the precision of both frames. Without this, the product of q and -q would average to zero.
     """
     aligned: list[Frame] = []
     for frame in frames:

@@ -1,4 +1,4 @@
-"""What is learned: one value for every dynamics, number of frames and covariance structure."""
+"""Skills: learned models of any dynamics, number of frames and covariance structure."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,13 @@ MAX_SKILL_NUMBERS = 2**26  # in the dense covariances of all states in all frame
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HiddenModel:
-    """States with a Gaussian in every frame: what expectation-maximisation improves."""
+    """States with a Gaussian in every frame, as expectation-maximisation estimates them.
+
+    Attributes:
+        dynamics: Mixture weights, Markov chain or semi-Markov chain.
+        means: Mean of each state in each frame.
+        covariances: Covariances of all states, for each frame.
+    """
 
     dynamics: Dynamics
     means: Float[Array, "P K D"]
@@ -22,9 +28,19 @@ class HiddenModel:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a skill comes from, for whoever finds its file.
+    """Origin of a skill.
 
-    data is the SHA-256 of the demonstrations and their frames, structure names the covariance structure.
+    Attributes:
+        demonstrations: Names of the demonstrations.
+        datapoints: Number of datapoints.
+        data: SHA-256 of the demonstrations and their frames; empty for a stream.
+        structure: Name of the covariance structure.
+        regularisation: Value added to the diagonal of covariances [unit of the columns squared].
+        log_likelihood: Log-likelihood of the demonstrations [nats]; NaN for a stream.
+        iterations: Number of iterations of expectation-maximisation.
+        converged: Whether it converged.
+        library: Version of pilotfish.
+        note: Text of the user.
     """
 
     demonstrations: tuple[str, ...]
@@ -41,12 +57,19 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skill:
-    """A learned movement, seen from P frames at once: K states, and how they follow one another.
+    """Learned skill: K states in P frames, and the dynamics between them.
 
-    means[p, k] and covariances[p].dense[k] describe state k as an observer at frame p sees it. Where the
-    layout has orientations, means hold unit quaternions and covariances are those of deviations: rotation
-    vectors [rad] in the axes of the turned body, three columns for four.
-    period is the time of one step [s]; frame_names says which object each frame belongs to.
+    With orientations on S^3 the means hold unit quaternions, and the covariances are those of deviations:
+    rotation vectors [rad] in body axes, with three columns for four.
+
+    Attributes:
+        dynamics: Mixture weights (TP-GMM), Markov chain (TP-HMM) or semi-Markov chain (TP-HSMM).
+        means: Mean of state k in frame p.
+        covariances: Covariances of all states, for each frame.
+        layout: Columns.
+        period: Time of one step [s].
+        frame_names: Name of each frame.
+        provenance: Origin of the skill.
     """
 
     dynamics: Dynamics
@@ -59,18 +82,25 @@ class Skill:
 
     @property
     def states(self) -> int:
+        """Number of states K."""
         return int(self.means.shape[1])
 
     @property
     def width(self) -> int:
+        """Number of columns D."""
         return int(self.means.shape[2])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdaptedSkill:
-    """A skill where the objects stand now: one Gaussian for each state, in the world.
+    """Skill adapted to present frames: one Gaussian per state, in the world.
 
-    Covariances are of deviations: E = D less one for each orientation of the layout (see Skill).
+    Attributes:
+        dynamics: Dynamics of the skill.
+        means: Mean of each state.
+        covariances: Covariance of the deviations of each state; E is D less one for each orientation on S^3.
+        layout: Columns.
+        period: Time of one step [s].
     """
 
     dynamics: Dynamics
@@ -81,4 +111,5 @@ class AdaptedSkill:
 
     @property
     def states(self) -> int:
+        """Number of states K."""
         return int(self.means.shape[0])

@@ -1,7 +1,7 @@
 """Online learning from a stream: every datapoint is used once and not stored.
 
-`online_model` creates an empty model, `observe` and its variants update it, `to_skill` converts it to a skill.
-observe.py explains the method.
+`online_model` creates an empty model, `observe` and its variants update it, `to_skill` converts it to a
+skill. observe.py explains the method.
 """
 
 from pilotfish.models.online.from_batch import estimate_penalties, from_batch_fit

@@ -39,8 +39,8 @@ def estimate_penalties(
     - lambda_1: variance threshold above which directions of all states and frames explain the given share.
     - sigma^2: mean variance of the other directions.
     - b_m: rho is 0.6 at the squared distance within which 99 % of the datapoints of a state lie.
-    - lambda: largest squared distance of a datapoint to the subspaces of its state, added over frames, so that
-      no datapoint would start a cluster.
+    - lambda: largest squared distance of a datapoint to the subspaces of its state, added over frames, so
+      that no datapoint would start a cluster.
     - lambda_2, lambda_3: the shares of lambda in the thesis' experiment (section 5.7.1).
 
     The value 0.6 and the merge distance below were chosen on the streams of reproductions/online_*.py.
@@ -96,10 +96,10 @@ def from_batch_fit(
 ) -> OnlineModel:
     """Create an online model from a batch fit and its demonstrations.
 
-    Each state becomes a cluster with its means and covariances. Datapoints, transitions and segments are those
-    of the most probable state sequences; the last segment of each demonstration is right-censored. Weights are
-    the numbers of datapoints, limited to 1 / (1 - discount) under exponential decay. A state that no sequence
-    contains is left out.
+    Each state becomes a cluster with its means and covariances. Datapoints, transitions and segments are
+    those of the most probable state sequences; the last segment of each demonstration is right-censored.
+    Weights are the numbers of datapoints, limited to 1 / (1 - discount) under exponential decay. A state
+    that no sequence contains is left out.
 
     Args:
         skill: Batch fit.
@@ -136,8 +136,8 @@ def _label_datapoints(skill: Skill, demonstrations: Sequence[Demonstration]) -> 
     require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     if skill.layout.orientation_starts:
         raise InvalidInput(
-            "the skill has orientations on S^3, and online learners take quaternions as four numbers; learn it "
-            "from demonstrations without on_sphere"
+            "the skill has orientations on S^3, expected quaternions as four numbers; learn it from "
+            "demonstrations without on_sphere"
         )
     data = validated_views(skill, demonstrations)
     states = np.concatenate([viterbi(skill, demonstration) for demonstration in demonstrations])

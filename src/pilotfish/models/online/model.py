@@ -18,8 +18,8 @@ from pilotfish.validation import require_name, require_period, require_type, sho
 class OnlineModel:
     """K clusters in P frames, and the transitions and durations between them.
 
-    Clusters are in the order of their creation. `state` holds further arrays by name: variances, distances and
-    bases of the subspaces, segments and their durations.
+    Clusters are in the order of their creation. `state` holds further arrays by name: variances, distances
+    and bases of the subspaces, segments and their durations.
 
     Attributes:
         settings: Learner and penalties.
@@ -109,8 +109,8 @@ def online_model(
     require_type(layout, "layout", Layout, "position_layout(3) makes one")
     if layout.orientation_starts:
         raise InvalidInput(
-            "the layout has orientations on S^3, and online learners take quaternions as four numbers; give "
-            "demonstrations as recorded, without on_sphere"
+            "the layout has orientations on S^3, expected quaternions as four numbers; give demonstrations "
+            "as recorded, without on_sphere"
         )
     require_period(period, "period")
     require_type(frame_names, "frame_names", (tuple, list), 'give a tuple of names, say ("world",)')

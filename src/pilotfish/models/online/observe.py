@@ -1,12 +1,14 @@
 """Online learning by small-variance asymptotics: assign one datapoint, then update one cluster.
 
-Idea. Let the emission covariances of a Bayesian nonparametric model shrink to zero, and scale its concentration
-parameters with them. The posterior then has a deterministic minimiser: k-means with a penalty on the number of
-clusters (DP-means, Kulis & Jordan 2012). With subspaces, transitions and durations this is scalable online
-sequence clustering (SOSC, Tanwani 2018, chapter 5). Every datapoint is used once; none is stored.
+Idea. Let the emission covariances of a Bayesian nonparametric model shrink to zero, and scale its
+concentration parameters with them. The posterior then has a deterministic minimiser: k-means with a penalty
+on the number of clusters (DP-means, Kulis & Jordan 2012). With subspaces, transitions and durations this is
+scalable online sequence clustering (SOSC, Tanwani 2018, chapter 5). Every datapoint is used once; none is
+stored.
 
-Assignment. Cluster k has mean mu and directions U (the first d of its basis) in each of P frames. Let e = x - mu
-and rho = exp(-|e|^2 / b_m), i the cluster of the last datapoint, n_ik the transition counts, n_i their sum over k:
+Assignment. Cluster k has mean mu and directions U (the first d of its basis) in each of P frames. Let
+e = x - mu and rho = exp(-|e|^2 / b_m). Let i be the cluster of the last datapoint, n_ik the transition
+counts, and n_i their sum over k:
 
     distance_k = sum over frames of |e|^2 - (2 rho - rho^2) |U^T e|^2                          (5.13)
     cost_k     = distance_k + lambda_2 log(n_i / n_ik)              if n_ik > 0                (5.26)
@@ -18,8 +20,8 @@ The datapoint goes to the cheapest. Where a demonstration begins, the terms of t
 Update. With the weight w of the cluster, mu moves by e / (w + 1), and the covariance becomes
 w / (w + 1) Sigma + w / (w + 1)^2 e e^T, a rank-one update of U and its variances. The dimension d minimises
 lambda_1 d plus the mean squared distance to the first d directions, among the dimensions that do not increase
-the loss at this datapoint. Then n_ik grows by one. If k differs from i, the completed segment of i updates the
-mean and variance of its duration. Durations do not enter the assignment.
+the loss at this datapoint. Then n_ik grows by one. If k differs from i, the completed segment of i updates
+the mean and variance of its duration. Durations do not enter the assignment.
 
 Invariants. The loss at a datapoint never increases by its update (5.35). `observe_stream` equals repeated
 `observe` to the last bit if the batch is 1. The argument is not modified. With weights by count and as many
@@ -45,16 +47,16 @@ MODEL_HINT = "online.online_model makes one, and online.observe returns the next
 def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, int, float, float]:
     """Update a model with one datapoint.
 
-    A step costs O(K P D d + d^3), and copies the O(K P D d) numbers of the model; `observe_stream` copies them
-    once for many datapoints.
+    A step costs O(K P D d + d^3), and copies the O(K P D d) numbers of the model; `observe_stream` copies
+    them once for many datapoints.
 
     Args:
         model: Model before the datapoint; it is not modified.
         x: Datapoint (D,), or (P, D) with one row per frame.
 
     Returns:
-        The model after the datapoint, the identifier of its cluster, the cost of the assignment, and the change
-        of the loss at the datapoint by the update, at most 0 up to rounding.
+        The model after the datapoint, the identifier of its cluster, the cost of the assignment, and the
+        change of the loss at the datapoint by the update, at most 0 up to rounding.
 
     Raises:
         InvalidInput: If x has another width, or a value that is not finite or beyond 1e100.
@@ -106,8 +108,8 @@ def observe_demonstration(
 ) -> tuple[OnlineModel, kernels.Assignments]:
     """Update a model with one demonstration, in the frames of the demonstration.
 
-    q and -q are the same orientation: a quaternion changes its sign, with its derivatives, if it is then closer
-    to the means of the clusters.
+    q and -q are the same orientation: a quaternion changes its sign, with its derivatives, if it is then
+    closer to the means of the clusters.
 
     Args:
         model: Model before the demonstration; it is not modified.

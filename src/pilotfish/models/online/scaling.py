@@ -1,4 +1,4 @@
-"""Scaling of columns with different units for online learners, which have one noise variance for all columns."""
+"""Scaling of columns with different units for online learners, which have one noise variance."""
 
 from dataclasses import replace
 
@@ -38,8 +38,8 @@ def column_scales(skill: Skill) -> Float[Array, " D"]:
     require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
     if skill.layout.orientation_starts:
         raise InvalidInput(
-            "the skill has orientations on S^3, and online learners take quaternions as four numbers; learn it "
-            "from demonstrations without on_sphere"
+            "the skill has orientations on S^3, expected quaternions as four numbers; learn it from "
+            "demonstrations without on_sphere"
         )
     variances = np.mean([np.diagonal(c.dense, axis1=1, axis2=2) for c in skill.covariances], axis=(0, 1))
     scales = np.empty(skill.width)

@@ -20,21 +20,23 @@ class Maintenance:
     """Weights, number and merging of the clusters of an online learner.
 
     The weight w of a cluster is what its past counts against the next datapoint, whose share is 1 / (w + 1).
-    By default it is the number of datapoints (5.15), for streams of one distribution. With `discount` it decays
-    exponentially (5.16), for streams that change. With `constant_weight` every datapoint has the same share.
+    By default it is the number of datapoints (5.15), for streams of one distribution. With `discount` it
+    decays exponentially (5.16), for streams that change. With `constant_weight` every datapoint has the same
+    share.
 
     Attributes:
-        discount: Factor between 0 and 1 on all weights with every datapoint; the cluster of the datapoint gains
-            1. A cluster remembers about 1 / (1 - discount) datapoints. None: no decay.
-        forget_below: A cluster whose weight falls below this value is removed, except the current one. It needs
-            `discount`; 0 removes none (thesis). At 0.3, a cluster of n datapoints that receives none is removed
-            after about log(n / 0.3) / (1 - discount) steps.
+        discount: Factor between 0 and 1 on all weights with every datapoint; the cluster of the datapoint
+            gains 1. A cluster remembers about 1 / (1 - discount) datapoints. None: no decay.
+        forget_below: A cluster whose weight falls below this value is removed, except the current one. It
+            needs `discount`; 0 removes none (thesis). At 0.3, a cluster of n datapoints that receives none
+            is removed after about log(n / 0.3) / (1 - discount) steps.
         constant_weight: Weight of every cluster at all times [datapoints]; excludes `discount`.
-        merge_distance: Clusters whose means are closer than this are merged; squared distances add over frames.
-            None: the square root of the cluster penalty. 0 merges none.
-        extra_directions: Directions stored beyond the dimension of a subspace, by which its growth is detected.
-            With as many as columns, covariances are exact.
-        max_clusters: Largest number of clusters; the lightest (the oldest of equals) makes place for a new one.
+        merge_distance: Clusters whose means are closer than this are merged; squared distances add over
+            frames. None: the square root of the cluster penalty. 0 merges none.
+        extra_directions: Directions stored beyond the dimension of a subspace, by which its growth is
+            detected. With as many as columns, covariances are exact.
+        max_clusters: Largest number of clusters; the lightest (the oldest of equals) is removed for a new
+            one.
         batch: Mini-batch size: number of datapoints that are assigned before subspaces are updated.
     """
 
@@ -80,7 +82,7 @@ class Maintenance:
             raise InvalidInput(f"constant_weight is {self.constant_weight}, expected a positive number")
         if self.discount is not None:
             raise InvalidInput(
-                f"discount is {self.discount} and constant_weight is {self.constant_weight}, expected at most "
+                f"discount is {self.discount} and constant_weight {self.constant_weight}, expected at most "
                 "one of them; leave out the other"
             )
 
@@ -145,7 +147,8 @@ class DPMPPCA:
         cluster: Penalty lambda of a new cluster, compared with squared distances to subspaces.
         dimension: Penalty lambda_1 of a dimension of a subspace: a direction must explain more variance.
         noise: Variance sigma^2 in every column outside the subspace, in the skill.
-        bandwidth: Squared distance b_m from the mean at which rho, the influence of the subspace, is 1 / e (5.13).
+        bandwidth: Squared distance b_m from the mean at which rho, the influence of the subspace, is 1 / e
+            (5.13).
         maintenance: Weights, number and merging of the clusters.
 
     Source:
@@ -209,8 +212,8 @@ class HDPHSMM:
 class SOSC:
     """Scalable online sequence clustering: subspaces with transitions and durations.
 
-    With transition and new_transition 0 it assigns datapoints as DPMPPCA does, and still learns transitions and
-    durations.
+    With transition and new_transition 0 it assigns datapoints as DPMPPCA does, and still learns transitions
+    and durations.
 
     Attributes:
         cluster: Penalty lambda of a new cluster, as in `DPMPPCA`.

@@ -20,7 +20,8 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
 
     Covariances are Lambda Lambda^T + sigma^2 I with Lambda = U sqrt(variances) over the first d directions
     (5.24-5.25), in factored form. Self-transitions are excluded; a state without other transitions is final.
-    Durations are Gaussian, fitted to completed segments, or to right-censored segments where none is complete.
+    Durations are Gaussian, fitted to completed segments, or to right-censored segments where none is
+    complete.
 
     Args:
         model: Model after at least one datapoint.
