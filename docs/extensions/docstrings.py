@@ -103,7 +103,8 @@ def process_click(lines: list[str]) -> None:
 def process_epilog(lines: list[str]) -> None:
     """Turn the example at the end of a help text into a block of code."""
     commands = [line.lstrip("| ") for line in lines if line.lstrip("| ").strip()]
-    lines[:] = [".. code-block:: sh", "", *(f"   {command}" for command in commands if command != "Example:")]
+    commands = [f"   {command}" for command in commands if command != "Example:"]
+    lines[:] = [".. rubric:: Example", "", ".. code-block:: sh", "", *commands]
 
 
 def format_help(line: str) -> str:
