@@ -89,9 +89,9 @@ def reproduce(
         InvalidInput: If frames are missing, the columns have no derivatives, or an argument cannot be used.
 
     Example:
-        >>> import pilotfish as pf
-        >>> demonstrations = pf.datasets.synthetic_valve()
-        >>> fit = pf.learn(demonstrations, states=5, rng=np.random.default_rng(0))
+        >>> rng = np.random.default_rng(0)
+        >>> demonstrations = pf.io.synthetic_valve(rng)
+        >>> fit = pf.learn(demonstrations, states=5, rng=rng)
         >>> pf.reproduce(fit.skill, demonstrations[0].frames, horizon=50).motion.x.shape
         (50, 14)
 
