@@ -2,7 +2,7 @@
 
 Docstrings of pilotfish are Google style with single backticks around code, and equations are indented. Sphinx
 reads reStructuredText, where `*`, `|` and a trailing `_` are markup and an indented line is a quotation. This
-extension runs before napoleon and turns each docstring into the text that looks the same.
+extension turns each docstring into text that looks the same, then lets napoleon parse its sections.
 """
 
 import re
@@ -11,15 +11,19 @@ from typing import Any
 from public_names import documented_names
 from sphinx.application import Sphinx
 from sphinx.domains.python import PyObject
+from sphinx.ext.napoleon import Config, GoogleDocstring
 
 SECTIONS = ("Args:", "Attributes:", "Returns:", "Yields:", "Raises:", "Example:", "Examples:", "Source:")
+GOOGLE_STYLE = Config(napoleon_use_ivar=True, napoleon_custom_sections=["Source"])
 LIST_ITEM = re.compile(r"\s*(?:[-*]|\d+\.)\s")
 MARKUP = re.compile(r"[\\*|]|_(?!\w)|^\s*[A-Za-z](?=\. )")
 
 
 def process_docstring(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Rewrite the lines of one docstring in place."""
-    lines[:] = to_restructured_text(lines)
+    """Rewrite the lines of one docstring in place; a property is documented as a method is."""
+    what = "method" if what == "property" else what
+    parsed = GoogleDocstring(to_restructured_text(lines), GOOGLE_STYLE, app, what, name, obj, options).lines()
+    lines[:] = [shorten_array_types(line) if line.startswith(":vartype") else line for line in parsed]
 
 
 def to_restructured_text(lines: list[str]) -> list[str]:
@@ -38,6 +42,8 @@ def to_restructured_text(lines: list[str]) -> list[str]:
         elif line.strip() and not indented and result and result[-1].startswith(" ") and not in_list:
             result.append("")
         is_code = in_equation or in_doctest or line in SECTIONS
+        if result and result[-1] in ("Returns:", "Yields:"):
+            line = re.sub(r"(?=\S)", ": ", line, count=1)  # napoleon takes what precedes a colon for a type
         result.append(line if is_code else format_inline(line))
     return result
 
@@ -65,11 +71,6 @@ def format_code(code: str) -> str:
     return f":py:obj:`{code} <{target}>`" if target else f"``{code}``"
 
 
-def shorten_types(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Write the types of attributes as the source has them, after napoleon looked them up."""
-    lines[:] = [shorten_array_types(line) if line.startswith(":vartype") else line for line in lines]
-
-
 def shorten_signature(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, arguments: str | None, returns: str | None
 ) -> tuple[str | None, str | None]:
@@ -84,8 +85,7 @@ def shorten_array_types(text: str) -> str:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the extension."""
-    app.connect("autodoc-process-docstring", process_docstring, priority=100)  # napoleon has 500
-    app.connect("autodoc-process-docstring", shorten_types, priority=900)
+    app.connect("autodoc-process-docstring", process_docstring)
     app.connect("autodoc-process-signature", shorten_signature)
     for field in PyObject.doc_field_types:
         field.label = {"variable": "Attributes"}.get(field.name, field.label)
