@@ -10,6 +10,8 @@ from public_names import home_packages, public_members
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+FOREIGN_BASES = ("object", "BaseException", "Enum", "str", "int", "tuple", "dict", "Generic", "Env")
+
 
 class PackageReference(SphinxDirective):
     """Document a package; without an argument, list the names of `import pilotfish as pf`."""
@@ -24,6 +26,7 @@ class PackageReference(SphinxDirective):
         if package:
             elsewhere = [n for n, v in members.items() if home_packages().get(id(v)) != (package, n)]
             lines += [f".. automodule:: pilotfish.{package}", "   :imported-members:"]
+            lines += [f"   :inherited-members: {', '.join(FOREIGN_BASES)}"]
             lines += [f"   :exclude-members: {', '.join(elsewhere)}"] * bool(elsewhere)
         return self.parse_text_to_nodes(StringList(lines, self.get_source_info()[0]))
 

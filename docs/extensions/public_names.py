@@ -5,6 +5,7 @@ A name that two packages export is documented once, on the page of the package t
 
 import importlib
 import inspect
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -49,6 +50,21 @@ def home_packages() -> dict[int, tuple[str, str]]:
     return homes
 
 
+def public_classes() -> Iterator[tuple[type, tuple[str, str]]]:
+    """Yield each documented class with its package and name."""
+    for package, name in home_packages().values():
+        value = public_members(package)[name]
+        if inspect.isclass(value):
+            yield value, (package, name)
+
+
+def public_methods(value: type) -> list[str]:
+    """Return the names of the documented methods of a class, inherited ones from pilotfish included."""
+    bases = [base for base in value.__mro__ if base.__module__.startswith("pilotfish")]
+    members = {name: member for base in bases for name, member in vars(base).items() if name[0] != "_"}
+    return [name for name, member in members.items() if callable(getattr(member, "__func__", member))]
+
+
 @cache
 def documented_names() -> dict[str, str]:
     """Return where each public name is documented, by name and by package.name, unless ambiguous."""
@@ -57,8 +73,12 @@ def documented_names() -> dict[str, str]:
         for name, value in public_members(package).items():
             if id(value) in home_packages():
                 target = "pilotfish." + ".".join(home_packages()[id(value)])
-                for key in {name, f"{package}.{name}".lstrip("."), f"{package.rpartition('.')[2]}.{name}"}:
+                for key in {name, f"{package}.{name}", f"{package.rpartition('.')[2]}.{name}"} - {f".{name}"}:
                     targets.setdefault(key, set()).add(target)
+    for value, (package, name) in public_classes():
+        for method in public_methods(value):
+            for key in (f"{name}.{method}", f"{package}.{name}.{method}"):
+                targets.setdefault(key, set()).add(f"pilotfish.{package}.{name}.{method}")
     front = {name: home_packages().get(id(value)) for name, value in public_members("").items()}
     unique = {name: found.pop() for name, found in targets.items() if len(found) == 1}
     return unique | {name: f"pilotfish.{'.'.join(home)}" for name, home in front.items() if home}
