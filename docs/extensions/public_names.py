@@ -12,7 +12,7 @@ from typing import Any
 PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
     "geometry", "control", "planning", "plots", "io.datasets", "io", "environments.human",
-    "environments.tasks", "environments.baxter", "environments", "simulation", "kernels", "errors",
+    "environments.baxter", "environments", "simulation", "kernels", "errors",
     "validation",
 )  # fmt: skip
 
