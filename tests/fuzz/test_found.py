@@ -22,7 +22,7 @@ from pilotfish.errors import InvalidInput, SkillError, UnreadableFile
 from pilotfish.io.container_format import STREAM_FORMAT
 from pilotfish.io.published_matlab import read_zshape_mat
 from pilotfish.io.stream_file import decode_stream, encode_stream
-from pilotfish.models import GaussianDurations
+from pilotfish.models.durations import Gaussian
 
 # A function, one of its arguments, and the value that it is to refuse.
 CALLS: list[tuple[str, str, Any]] = [
@@ -97,7 +97,7 @@ def test_option_text_that_cannot_be_is_refused_quickly_in_one_line(option: str, 
 @pytest.mark.parametrize("deviation", [1e5, 6.4e5, 3e6, 1e7])
 def test_durations_of_millions_of_steps_take_little_memory(deviation: float) -> None:
     """A skill file of 1.5 kB made its reader sum 8 million steps one by one, and keep them."""
-    durations = GaussianDurations(np.full(3, 5.0), np.full(3, deviation))
+    durations = Gaussian(np.full(3, 5.0), np.full(3, deviation))
     tracemalloc.start()
     try:
         assert np.isfinite(durations.log_table(1)).all()

@@ -14,7 +14,7 @@ def write_half(path: Path, trouble: type[BaseException]) -> None:
         raise trouble
 
 
-def test_what_is_written_takes_the_name_at_the_end(tmp_path: Path):
+def test_atomic_file_target_changes_at_end_only(tmp_path: Path):
     """Until then the name holds what it held."""
     path = tmp_path / "motion.csv"
     path.write_text("old")
@@ -26,7 +26,7 @@ def test_what_is_written_takes_the_name_at_the_end(tmp_path: Path):
 
 
 @pytest.mark.parametrize("trouble", [KeyboardInterrupt, OSError, ZeroDivisionError])
-def test_an_interrupt_leaves_everything_as_it_was(tmp_path: Path, trouble: type[BaseException]):
+def test_atomic_file_error_or_interrupt_keeps_old_file(tmp_path: Path, trouble: type[BaseException]):
     """Ctrl-C, a full disk or a bug half way through: the old file stays, nothing lies beside it."""
     path = tmp_path / "motion.csv"
     path.write_text("old")
@@ -36,7 +36,7 @@ def test_an_interrupt_leaves_everything_as_it_was(tmp_path: Path, trouble: type[
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_writer_sees_the_ending_of_the_name(tmp_path: Path):
+def test_atomic_file_temporary_path_has_suffix_of_target(tmp_path: Path):
     """Some writers choose the format by it, some append one that is missing."""
     with atomic_file(tmp_path / "gains.npz") as temporary:
         assert temporary.suffix == ".npz"
@@ -46,7 +46,7 @@ def test_a_writer_sees_the_ending_of_the_name(tmp_path: Path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_new_file_may_be_read_by_those_who_may_read_others(tmp_path: Path):
+def test_atomic_file_new_file_has_usual_mode(tmp_path: Path):
     """The mode is that of any file a program makes, not that of a secret."""
     (tmp_path / "plain").touch()
     with atomic_file(tmp_path / "skill") as temporary:
@@ -55,7 +55,7 @@ def test_a_new_file_may_be_read_by_those_who_may_read_others(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", [".", "missing/file", "file/below"])
-def test_places_that_cannot_be_written_are_refused(tmp_path: Path, name: str):
+def test_atomic_file_unwritable_path_raises(tmp_path: Path, name: str):
     """A folder, a file in no folder, a file below a file: each named."""
     (tmp_path / "file").touch()
     with (
@@ -66,14 +66,14 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path, name: str):
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_device_is_never_replaced_by_a_file():
+def test_atomic_file_device_raises():
     """Writing to the null device as root must not remove it."""
     with pytest.raises(InvalidInput, match="not a regular file"), atomic_file("/dev/null") as temporary:
         temporary.write_text("x")
     assert Path("/dev/null").is_char_device()
 
 
-def test_who_reads_the_old_file_reads_it_to_the_end(tmp_path: Path):
+def test_atomic_file_open_reader_reads_old_content(tmp_path: Path):
     """The new file takes the name of the old one at once; a reader never meets half of both."""
     path = tmp_path / "skill"
     path.write_text("the old skill")

@@ -23,7 +23,7 @@ EXTRACTS = [dataset.name for dataset in DATASETS if dataset.extract]
 
 
 @pytest.mark.parametrize("name", datasets.names())
-def test_every_dataset_says_whose_it_is(name: str):
+def test_info_every_dataset_has_origin_and_licence(name: str):
     """A whole sha256, an address, a licence, a citation."""
     dataset = datasets.info(name)
     assert re.fullmatch(r"[0-9a-f]{64}", dataset.sha256)
@@ -34,7 +34,7 @@ def test_every_dataset_says_whose_it_is(name: str):
 
 
 @pytest.mark.parametrize("name", [name for name in datasets.names() if name not in EXTRACTS])
-def test_an_original_is_had_at_its_address(name: str):
+def test_info_original_has_pinned_address(name: str):
     """With the commit, under a licence that lets anyone keep it, cited with its identifier."""
     dataset = datasets.info(name)
     assert re.fullmatch(r"https://raw\.githubusercontent\.com/\w+/[\w-]+/[0-9a-f]{40}/\S+", dataset.url)
@@ -43,7 +43,7 @@ def test_an_original_is_had_at_its_address(name: str):
     assert "doi:10." in dataset.citation
 
 
-def test_an_extract_is_never_downloaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_dataset_path_missing_extract_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Where it is not in the folder, the message names the original, what was taken of it, and the place."""
     assert EXTRACTS == ["chicken_dance", "mocap6", "letters"]
     monkeypatch.setenv("PILOTFISH_DATA", str(tmp_path))
@@ -55,14 +55,14 @@ def test_an_extract_is_never_downloaded(tmp_path: Path, monkeypatch: pytest.Monk
             assert word in str(caught.value)
 
 
-def test_names_files_and_hashes_are_each_different():
+def test_registry_entries_are_different():
     """No two datasets are one."""
     for values in zip(*((d.name, d.file, d.sha256, d.url) for d in DATASETS), strict=True):
         assert len(set(values)) == len(DATASETS)
 
 
 @pytest.mark.parametrize("name", datasets.names())
-def test_every_dataset_is_in_the_folder_and_reads(
+def test_dataset_functions_read_every_dataset(
     data_folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ):
     """By its own function, from the folder that PILOTFISH_DATA names, with the published sha256."""
@@ -73,7 +73,7 @@ def test_every_dataset_is_in_the_folder_and_reads(
     assert np.isfinite(demonstrations[-1].x).all()
 
 
-def test_an_unknown_dataset_is_met_with_the_nearest(monkeypatch: pytest.MonkeyPatch):
+def test_info_unknown_name_names_nearest(monkeypatch: pytest.MonkeyPatch):
     """The message lists what there is and guesses what was meant."""
     with pytest.raises(InvalidInput, match=r"no data set is named 'vale', there are valve, .*mean 'valve'\?"):
         datasets.info("vale")
@@ -91,12 +91,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_file_in_the_folder_is_taken(folder: Path):
+def test_find_local_file_with_published_hash_returns_path(folder: Path):
     """When its sha256 is the published one."""
     assert find_local_file(MADE, str(folder)) == folder / MADE.file
 
 
-def test_another_file_in_its_place_is_refused(folder: Path):
+def test_find_local_file_with_other_hash_raises(folder: Path):
     """Both hashes, the file and the fix are named."""
     (folder / MADE.file).write_bytes(b"another")
     found = hashlib.sha256(b"another").hexdigest()
@@ -104,7 +104,7 @@ def test_another_file_in_its_place_is_refused(folder: Path):
         find_local_file(MADE, str(folder))
 
 
-def test_a_file_that_is_not_in_the_folder_is_looked_for_elsewhere(folder: Path):
+def test_find_local_file_missing_returns_none(folder: Path):
     """So it is when no folder is named; a folder that is not there is a mistake."""
     assert find_local_file(datasets.info("zshape"), str(folder)) is None
     assert find_local_file(MADE, "") is None
@@ -124,7 +124,7 @@ def test_a_file_that_is_not_in_the_folder_is_looked_for_elsewhere(folder: Path):
         (PermissionError(13, "Permission denied"), "Permission denied"),
     ],
 )
-def test_a_failed_download_says_what_to_do(failure: Exception, reason: str):
+def test_download_failure_names_reason_and_fix(failure: Exception, reason: str):
     """The address, the reason, the variable and the place for the file are named."""
 
     def retrieve(dataset: datasets.Dataset) -> Path:
@@ -136,6 +136,6 @@ def test_a_failed_download_says_what_to_do(failure: Exception, reason: str):
         assert word in str(caught.value)
 
 
-def test_a_download_is_what_was_retrieved():
+def test_download_returns_path_of_retrieve():
     """Nothing is done to the path that comes back."""
     assert download(MADE, lambda dataset: Path(dataset.file)) == Path(MADE.file)

@@ -11,14 +11,14 @@ from pilotfish.io.published_matlab import read_valve_mat
 from pilotfish.io.synthetic import synthetic_valve
 
 
-def test_one_seed_gives_one_set():
+def test_synthetic_valve_same_seed_gives_equal_demonstrations():
     """The generator alone decides; another seed gives another set."""
     one, same, other = (synthetic_valve(np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert all(np.array_equal(a.x, b.x) for a, b in zip(one, same, strict=True))
     assert not np.array_equal(one[0].x, other[0].x)
 
 
-def test_it_has_the_shape_of_the_recording(rng: np.random.Generator, data_folder: Path):
+def test_synthetic_valve_equals_recording_in_shape(rng: np.random.Generator, data_folder: Path):
     """Code that runs on one runs on the other; and they differ by centimetres, not by metres."""
     recorded = read_valve_mat(data_folder / "valve" / "BaxterValveDemos2.mat")
     made = synthetic_valve(rng)
@@ -33,7 +33,7 @@ def test_it_has_the_shape_of_the_recording(rng: np.random.Generator, data_folder
         assert np.abs(a.x[0] - b.x[0])[:3].max() < 0.25  # m
 
 
-def test_the_hand_grasps_at_the_first_frame_and_lets_go_at_the_second(rng: np.random.Generator):
+def test_synthetic_valve_varies_least_in_frame_of_handle(rng: np.random.Generator):
     """Seen from the handle before, all hands hold it alike at the grasp; seen from the handle after, at the
     release. That is what a skill is to find.
     """
@@ -44,7 +44,7 @@ def test_the_hand_grasps_at_the_first_frame_and_lets_go_at_the_second(rng: np.ra
         assert spread[j] < 0.3 * spread[1 - j]
 
 
-def test_it_is_smooth_and_well_formed(rng: np.random.Generator):
+def test_synthetic_valve_is_smooth_without_warnings(rng: np.random.Generator):
     """Nothing but the fixed second frame is noted; speeds stay those of a calm hand."""
     made = synthetic_valve(rng)
     assert [(found.severity, found.location) for found in diagnose(made)] == [("note", "frame 'valve after'")]
@@ -54,7 +54,7 @@ def test_it_is_smooth_and_well_formed(rng: np.random.Generator):
 
 
 @pytest.mark.parametrize("degrees", ["180", "22.5"])
-def test_the_valve_turns_by_the_angle_in_the_name(rng: np.random.Generator, degrees: str):
+def test_synthetic_valve_frames_differ_by_angle_in_name(rng: np.random.Generator, degrees: str):
     """From before to after, exactly."""
     demo = next(demo for demo in synthetic_valve(rng) if demo.name.endswith(f" {degrees} deg"))
     before, after = (given.A[:3, :3] for given in demo.frames)

@@ -70,7 +70,7 @@ BAD_MANIFESTS = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BAD_MANIFESTS, ids=range(len(BAD_MANIFESTS)))
-def test_what_a_manifest_may_not_say(manual_folder: Path, old: str, new: str, message: str):
+def test_read_demonstrations_invalid_manifest_names_key_and_fix(manual_folder: Path, old: str, new: str, message: str):
     """The key is named, what it says, what was expected, and the nearest fix."""
     file = manual_folder / "demonstrations.toml"
     text = file.read_text()
@@ -105,7 +105,7 @@ BAD_TABLES = [
 
 
 @pytest.mark.parametrize(("text", "message"), BAD_TABLES, ids=range(len(BAD_TABLES)))
-def test_what_a_table_may_not_hold(manual_folder: Path, text: str | bytes, message: str):
+def test_read_demonstrations_invalid_csv_names_line_and_column(manual_folder: Path, text: str | bytes, message: str):
     """File, line and column are named."""
     (manual_folder / "first.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InvalidInput, match=message):
@@ -124,7 +124,7 @@ BAD_ARRAYS = [
 
 
 @pytest.mark.parametrize(("arrays", "message"), BAD_ARRAYS, ids=range(len(BAD_ARRAYS)))
-def test_what_an_archive_may_not_hold(manual_folder: Path, arrays: dict[str, np.ndarray], message: str):
+def test_read_demonstrations_invalid_npz_names_array(manual_folder: Path, arrays: dict[str, np.ndarray], message: str):
     """The array and the frame are named; pickled objects are never loaded."""
     keyed = (manual_folder / "demonstrations.toml").read_text()
     keyed = keyed.replace("first.csv", "first.npz").replace(
@@ -138,7 +138,7 @@ def test_what_an_archive_may_not_hold(manual_folder: Path, arrays: dict[str, np.
         read_demonstrations(manual_folder)
 
 
-def test_an_array_alone_is_no_archive(manual_folder: Path):
+def test_read_demonstrations_npz_that_is_not_an_archive_raises(manual_folder: Path):
     """A .npy file renamed to .npz, and rubbish."""
     text = (manual_folder / "demonstrations.toml").read_text()
     (manual_folder / "demonstrations.toml").write_text(text.replace("first.csv", "first.npz"))
@@ -150,7 +150,7 @@ def test_an_array_alone_is_no_archive(manual_folder: Path):
         assert "pickle" not in str(refused.value)  # NumPy's advice is not ours
 
 
-def test_a_folder_needs_exactly_one_manifest(manual_folder: Path):
+def test_read_demonstrations_without_exactly_one_manifest_raises(manual_folder: Path):
     """None, two, no folder, a file instead of one."""
     with pytest.raises(InvalidInput, match="is not a folder"):
         read_demonstrations(manual_folder / "missing")
@@ -168,7 +168,7 @@ def test_a_folder_needs_exactly_one_manifest(manual_folder: Path):
 @pytest.mark.parametrize(
     "text", ["[1, 2]", "3", "", "{", '{"version": 1, "version": 1}', "[" * 100_000, "nul"]
 )
-def test_json_that_is_no_manifest(manual_folder: Path, text: str):
+def test_read_demonstrations_json_that_is_not_a_manifest_raises(manual_folder: Path, text: str):
     """Other values, cut ones, keys that stand twice, and depths beyond any use."""
     (manual_folder / "demonstrations.toml").unlink()
     (manual_folder / "demonstrations.json").write_text(text)

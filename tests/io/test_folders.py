@@ -43,7 +43,7 @@ def same(one: Demonstration, other: Demonstration) -> bool:
     return plain and arrays and frames
 
 
-def test_a_folder_written_by_hand_is_read(manual_folder: Path):
+def test_read_demonstrations_manual_folder_has_its_values(manual_folder: Path):
     """Period, names, frames and numbers are those of the files."""
     first, second = read_demonstrations(manual_folder)
     assert (first.name, second.name, first.period) == ("first", "", 0.5)
@@ -52,7 +52,7 @@ def test_a_folder_written_by_hand_is_read(manual_folder: Path):
     np.testing.assert_array_equal(first.frames[0].b, [0.5, 0.0])
 
 
-def test_toml_and_json_say_the_same(manual_folder: Path):
+def test_read_demonstrations_toml_equals_json(manual_folder: Path):
     """The manifest may be either."""
     by_toml, text = read_demonstrations(manual_folder), (manual_folder / "demonstrations.toml").read_text()
     (manual_folder / "demonstrations.toml").unlink()
@@ -60,7 +60,7 @@ def test_toml_and_json_say_the_same(manual_folder: Path):
     assert all(map(same, read_demonstrations(str(manual_folder)), by_toml))
 
 
-def test_a_frame_given_by_its_pose_is_the_frame_of_that_pose(tmp_path: Path, make):
+def test_read_demonstrations_frame_by_pose_equals_frame_from_pose(tmp_path: Path, make):
     """Position and quaternion in the manifest are those of frame_from_pose."""
     layout = pose_layout()
     demo = demonstration(make.x(layout, 4), 0.1, layout)
@@ -77,7 +77,7 @@ def test_a_frame_given_by_its_pose_is_the_frame_of_that_pose(tmp_path: Path, mak
     np.testing.assert_array_equal(read.frames[0].b, expected.b)
 
 
-def test_what_is_written_reads_back_equal(tmp_path: Path, make):
+def test_read_demonstrations_of_written_folder_equals_written(tmp_path: Path, make):
     """Every number, name and frame, moving frames too, in order."""
     written = [
         make(steps, make.mixed, moving=m % 2 == 1, name=f"n° {m}") for m, steps in enumerate((2, 5, 12))
@@ -100,7 +100,7 @@ numbers = st.floats(-1e100, 1e100)
     period=st.floats(1e-9, 1e9),
     name=st.text(max_size=8).filter(str.isprintable),
 )
-def test_any_numbers_and_any_name_read_back_equal(tmp_path: Path, x: np.ndarray, period: float, name: str):
+def test_read_demonstrations_of_any_numbers_equals_written(tmp_path: Path, x: np.ndarray, period: float, name: str):
     """Subnormals, huge numbers, minus zero; quotes, other scripts."""
     demo = demonstration(x, period, position_layout(axes=x.shape[1]), name=name)
     write_demonstrations([demo], tmp_path / "any", overwrite=True)
@@ -119,7 +119,7 @@ def written(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, tuple
     return tmp_path / "written", read_demonstrations(tmp_path / "written")
 
 
-def test_a_damaged_byte_is_noticed_or_harmless(written: tuple[Path, tuple[Demonstration, ...]]):
+def test_read_demonstrations_changed_byte_equals_or_raises(written: tuple[Path, tuple[Demonstration, ...]]):
     """Whichever byte of a written folder changes, it reads equal or is refused; never anything else."""
     folder, expected = written
     for file in sorted(folder.iterdir()):
@@ -141,7 +141,7 @@ def reads_equal_or_is_refused(manual_folder: Path, expected: tuple[Demonstration
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
 @given(data=st.data())
-def test_a_damaged_folder_without_checksums_raises_nothing_else(
+def test_read_demonstrations_damaged_folder_raises_invalid_input_only(
     written: tuple[Path, tuple[Demonstration, ...]], data: st.DataObject
 ):
     """Cut, overwritten or extended anywhere, it is read or refused as invalid input."""
@@ -161,7 +161,7 @@ def test_a_damaged_folder_without_checksums_raises_nothing_else(
         read_demonstrations(broken)
 
 
-def test_what_spreadsheets_do_to_a_table_is_harmless(manual_folder: Path):
+def test_read_demonstrations_csv_of_spreadsheet_equals_original(manual_folder: Path):
     """A byte-order mark, Windows line ends and quoted names read the same."""
     expected = read_demonstrations(manual_folder)
     other = (
@@ -171,7 +171,7 @@ def test_what_spreadsheets_do_to_a_table_is_harmless(manual_folder: Path):
     assert all(map(same, read_demonstrations(manual_folder), expected))
 
 
-def test_an_edited_folder_is_noticed_and_the_named_fix_works(written: tuple[Path, tuple[Demonstration, ...]]):
+def test_read_demonstrations_edited_manifest_raises_until_sha256_is_deleted(written: tuple[Path, tuple[Demonstration, ...]]):
     """A checksum refuses the edit, and deleting the checksums as told accepts it."""
     folder, _ = written
     file = folder / "demonstrations.json"
@@ -185,7 +185,7 @@ def test_an_edited_folder_is_noticed_and_the_named_fix_works(written: tuple[Path
     assert read_demonstrations(folder)[0].period == 0.2
 
 
-def test_nothing_is_overwritten_unless_asked_and_nothing_else_ever(manual_folder: Path, make):
+def test_write_demonstrations_replaces_only_demonstrations_with_overwrite(manual_folder: Path, make):
     """An existing folder stays; with overwrite, only a folder of demonstrations is replaced."""
     demo = make()
     with pytest.raises(InvalidInput, match="exists; choose another place, or pass overwrite=True"):
@@ -207,7 +207,7 @@ def test_nothing_is_overwritten_unless_asked_and_nothing_else_ever(manual_folder
     assert (other / "precious").read_text() == "mine"
 
 
-def test_a_failed_write_leaves_nothing_behind(tmp_path: Path, make):
+def test_write_demonstrations_unwritable_path_leaves_nothing(tmp_path: Path, make):
     """What cannot be written is told, and no half folder stays."""
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInput, match="cannot be written: "):
@@ -224,7 +224,7 @@ TWO_RENAMES = [*EXCHANGE, "rename 2", "rename 3"]  # where the system cannot exc
 @pytest.mark.parametrize(
     ("exchanges", "moment"), [*((True, m) for m in EXCHANGE), *((False, m) for m in TWO_RENAMES)]
 )
-def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
+def test_write_demonstrations_full_disk_keeps_old_folder(
     tmp_path: Path, make, monkeypatch: pytest.MonkeyPatch, moment: str, exchanges: bool
 ):
     """Wherever writing stops, the folder that was there is there, and nothing beside it."""
@@ -254,7 +254,7 @@ def test_a_disk_that_fills_up_costs_neither_the_old_nor_half_of_the_new(
 
 @pytest.mark.parametrize("call", [2, 3])
 @pytest.mark.parametrize("before", [True, False])
-def test_an_interrupt_at_either_rename_leaves_the_old_folder_or_the_new_one(
+def test_write_demonstrations_interrupted_rename_keeps_old_or_new_folder(
     make, tmp_path, monkeypatch, call, before
 ):
     """Where the system cannot exchange folders, Ctrl-C may come before each of two renames, or after it."""
@@ -279,7 +279,7 @@ def test_an_interrupt_at_either_rename_leaves_the_old_folder_or_the_new_one(
     assert same(*read_demonstrations(tmp_path / "set"), new if (call, before) == (3, False) else old)
 
 
-def test_a_key_that_stands_twice_is_refused(written: tuple[Path, tuple[Demonstration, ...]]):
+def test_read_demonstrations_duplicate_key_raises(written: tuple[Path, tuple[Demonstration, ...]]):
     """JSON readers would take the last without a word."""
     file = written[0] / "demonstrations.json"
     file.write_text(file.read_text().replace('"period": 0.1', '"period": 0.2, "period": 0.1'))
@@ -287,7 +287,7 @@ def test_a_key_that_stands_twice_is_refused(written: tuple[Path, tuple[Demonstra
         read_demonstrations(written[0])
 
 
-def test_a_folder_holds_one_layout_and_one_period(tmp_path: Path, make):
+def test_write_demonstrations_different_layouts_or_periods_raise(tmp_path: Path, make):
     """Others are refused before anything is written."""
     demo = make()
     slower = demonstration(demo.x, 1.0, demo.layout, name="slow")
@@ -299,7 +299,7 @@ def test_a_folder_holds_one_layout_and_one_period(tmp_path: Path, make):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_worked_example_of_the_documentation_reads(tmp_path: Path):
+def test_read_demonstrations_example_of_documentation(tmp_path: Path):
     """The files that docs/folder-format.md shows make a folder, and its words about them are true."""
     page = (Path(__file__).parents[2] / "docs" / "folder-format.md").read_text(encoding="utf-8")
     for name, text in re.findall(r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", page, re.MULTILINE | re.DOTALL):

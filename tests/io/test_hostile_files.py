@@ -19,19 +19,12 @@ from pilotfish.io.skill_file import decode_skill, encode_skill, open_skill
 from pilotfish.io.stream_file import decode_stream, encode_stream, load_any
 from pilotfish.models import (
     Censoring,
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
-    NegativeBinomialDurations,
-    PoissonDurations,
     Provenance,
     SemiMarkovChain,
     Skill,
-    filtered_state_probs,
     online,
-    sample_states,
 )
+from pilotfish.models import durations as distributions
 
 QUICK = 3.0  # s of CPU time
 TEXTS = ["\ud800", "\x1b[2J", "note\ncontent 123", "\u202e"]
@@ -40,9 +33,9 @@ LINE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
 
 def skill(durations: Any = None) -> Skill:
     """Two states that follow one another."""
-    durations = durations or GaussianDurations(np.array([3.0, 9.0]), np.array([1.0, 2.0]))
+    durations = durations or distributions.Gaussian(np.array([3.0, 9.0]), np.array([1.0, 2.0]))
     return Skill(
-        SemiMarkovChain(np.array([0.5, 0.5]), np.eye(2)[::-1].copy(), durations, Censoring()),
+        SemiMarkovChain(np.array([0.5, 0.5]), np.eye(2)[::-1].copy(), durations, Censoring.RIGHT),
         np.array([[[0.0], [1.0]]]),
         (DenseCovariances(np.ones((2, 1, 1))),),
         LINE,
@@ -71,7 +64,7 @@ def edited_file(change: Callable[[dict[str, Any], dict[str, np.ndarray]], object
     return with_hash(header, arrays)
 
 
-def test_decode_precisions_whose_covariances_overflow_are_refused() -> None:
+def test_encode_skill_overflowing_covariances_raise() -> None:
     expanded = ExpandedPrecisions(np.ones((1, 1)), np.full((2, 1), 5e-324))
     with pytest.raises(InvalidInput, match="the covariance in frame 'world' of state"):
         encode_skill(replace(skill(), covariances=(expanded,)))
@@ -87,22 +80,22 @@ PAIRS = [
     (-1e150, 1.0),
 ]
 LONG = [
-    *(GaussianDurations(np.array([m, 9.0]), np.array([s, 2.0])) for m, s in PAIRS),
-    GaussianDurations(np.array([3.0, 9.0]), np.array([1e13, 1.0])),
-    LogNormalDurations(np.array([1e3, 1.0]), np.array([1.0, 1.0])),
-    LogNormalDurations(np.array([25.0, 1.0]), np.array([1e-9, 1.0])),
-    GammaDurations(np.array([1e12, 1.0]), np.array([1.0, 1.0])),
-    GammaDurations(np.array([1.0, 1.0]), np.array([5e-324, 1.0])),
-    GammaDurations(np.array([1e300, 1.0]), np.array([1e300, 1.0])),
-    PoissonDurations(np.array([1e10, 1.0])),
-    PoissonDurations(np.array([1e300, 1.0])),
-    NegativeBinomialDurations(np.array([1e12, 1.0]), np.array([0.5, 0.5])),
-    NegativeBinomialDurations(np.array([1.0, 1.0]), np.array([1e-300, 0.5])),
+    *(distributions.Gaussian(np.array([m, 9.0]), np.array([s, 2.0])) for m, s in PAIRS),
+    distributions.Gaussian(np.array([3.0, 9.0]), np.array([1e13, 1.0])),
+    distributions.LogNormal(np.array([1e3, 1.0]), np.array([1.0, 1.0])),
+    distributions.LogNormal(np.array([25.0, 1.0]), np.array([1e-9, 1.0])),
+    distributions.Gamma(np.array([1e12, 1.0]), np.array([1.0, 1.0])),
+    distributions.Gamma(np.array([1.0, 1.0]), np.array([5e-324, 1.0])),
+    distributions.Gamma(np.array([1e300, 1.0]), np.array([1e300, 1.0])),
+    distributions.Poisson(np.array([1e10, 1.0])),
+    distributions.Poisson(np.array([1e300, 1.0])),
+    distributions.NegativeBinomial(np.array([1e12, 1.0]), np.array([0.5, 0.5])),
+    distributions.NegativeBinomial(np.array([1.0, 1.0]), np.array([1e-300, 0.5])),
 ]
 
 
 @pytest.mark.parametrize("durations", LONG, ids=range(len(LONG)))
-def test_durations_that_cannot_be_summed_are_refused(durations: Any) -> None:
+def test_decode_skill_durations_without_finite_sums_raise(durations: Any) -> None:
     """Neither memory for each of their steps is reserved, nor does a NaN come of them."""
     header, arrays = split_container(encode_skill(skill(_like(durations))))
     for name, values in _parameters(durations).items():
@@ -120,36 +113,36 @@ def _like(durations: Any) -> Any:
 
 
 MODEST = [
-    GaussianDurations(np.array([1e5, 9.0]), np.array([1e5, 2.0])),
-    GaussianDurations(np.array([1e6, 9.0]), np.array([1.0, 2.0])),
-    GaussianDurations(np.array([3.0, 9.0]), np.array([1e-6, 2.0])),
-    LogNormalDurations(np.array([10.0, 1.0]), np.array([3.0, 1.0])),
-    GammaDurations(np.array([0.01, 1.0]), np.array([1e-6, 1.0])),
-    NegativeBinomialDurations(np.array([0.1, 1.0]), np.array([1e-6, 0.5])),
-    HistogramDurations(np.full((1000, 2), 1e-3)),
+    distributions.Gaussian(np.array([1e5, 9.0]), np.array([1e5, 2.0])),
+    distributions.Gaussian(np.array([1e6, 9.0]), np.array([1.0, 2.0])),
+    distributions.Gaussian(np.array([3.0, 9.0]), np.array([1e-6, 2.0])),
+    distributions.LogNormal(np.array([10.0, 1.0]), np.array([3.0, 1.0])),
+    distributions.Gamma(np.array([0.01, 1.0]), np.array([1e-6, 1.0])),
+    distributions.NegativeBinomial(np.array([0.1, 1.0]), np.array([1e-6, 0.5])),
+    distributions.Histogram(np.full((1000, 2), 1e-3)),
 ]
 
 
 @pytest.mark.parametrize("durations", MODEST, ids=range(len(MODEST)))
-def test_long_durations_that_open_are_planned_with_quickly(durations: Any) -> None:
+def test_decode_skill_long_durations_plan_in_bounded_time(durations: Any) -> None:
     """A plan of few steps costs no more than the steps, however long visits may last."""
     opened = decode_skill(encode_skill(skill(durations)))
     begin = process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        shares = filtered_state_probs(opened.dynamics, np.empty((0, 2)), 200)
-        states = sample_states(opened.dynamics, 200, np.random.default_rng(0))
+        shares = opened.dynamics.filtered_state_probs(np.empty((0, 2)), 200)
+        states = opened.dynamics.sample(200, np.random.default_rng(0))
     assert process_time() - begin < 2 * QUICK
     assert np.isfinite(shares).all()
     np.testing.assert_allclose(shares.sum(axis=1), 1.0)
     assert states.shape == (200,)
 
 
-def test_visits_longer_than_a_sample_are_drawn_with_their_probability() -> None:
+def test_sample_segments_longer_than_horizon_have_their_probability() -> None:
     """The last length that is drawn stands for all longer ones."""
-    long = skill(GaussianDurations(np.array([2.0, 1000.0]), np.array([1.0, 500.0])))
+    long = skill(distributions.Gaussian(np.array([2.0, 1000.0]), np.array([1.0, 500.0])))
     chain = replace(long.dynamics, initial=np.array([0.0, 1.0]))
-    stayed = [sample_states(chain, 50, np.random.default_rng(n)).all() for n in range(300)]
+    stayed = [chain.sample(50, np.random.default_rng(n)).all() for n in range(300)]
     expected = np.exp(chain.durations.log_table(5000)[49:, 1]).sum()
     assert np.mean(stayed) == pytest.approx(expected, abs=0.03)
 
@@ -172,7 +165,7 @@ def test_visits_longer_than_a_sample_are_drawn_with_their_probability() -> None:
             "regularisation is nan, expected a number",
         ),
         (lambda h, a: h["provenance"].update(log_likelihood=1e200), "log_likelihood is 1e[+]200"),
-        (lambda h, a: h.update(version=10**400), "newer pilotfish"),
+        (lambda h, a: h.update(version=10**400), "written by a newer version"),
         (lambda h, a: h.update(frames=["w"] * 200_000), "frames is .*expected a list of at most 100000"),
         (lambda h, a: h.update(frames=[f"n{n}" for n in range(99_999)]), "99999 frame names"),
         (lambda h, a: h.update({f"k{n}": 0 for n in range(50_000)}), "the header has .*50000 in all"),
@@ -185,11 +178,11 @@ def test_visits_longer_than_a_sample_are_drawn_with_their_probability() -> None:
     ],
     ids=range(16),
 )
-def test_numbers_in_a_header_are_bounded(change: Any, message: str) -> None:
+def test_decode_skill_numbers_out_of_bounds_raise(change: Any, message: str) -> None:
     assert_rejected(edited_file(change), message)
 
 
-def test_wide_skills_are_counted_before_covariances_are_made() -> None:
+def test_encode_and_decode_skill_too_many_columns_raise() -> None:
     """A file of 160 kB with latent covariances would take 800 MB."""
     wide = replace(
         skill(),
@@ -222,14 +215,14 @@ def test_wide_skills_are_counted_before_covariances_are_made() -> None:
     ],
     ids=range(11),
 )
-def test_text_that_is_not_printable_is_refused_in_a_printable_message(change: Any, text: str) -> None:
+def test_decode_skill_unprintable_text_raises(change: Any, text: str) -> None:
     header, arrays = split_container(encode_skill(skill()))
     change(header, text)
     assert_rejected(with_hash(header, arrays), ".")
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=ascii)
-def test_text_that_could_not_be_read_is_not_written(text: str) -> None:
+def test_encode_skill_unprintable_text_raises(text: str) -> None:
     given = skill()
     for bad in (
         replace(given, frame_names=(text,)),
@@ -240,7 +233,7 @@ def test_text_that_could_not_be_read_is_not_written(text: str) -> None:
             encode_skill(bad)
 
 
-def test_name_of_an_array_is_bounded_and_printable() -> None:
+def test_decode_skill_invalid_array_name_raises() -> None:
     for name in ("n" * 100_000, "\x1b[2J"):
         assert_rejected(
             edited_file(lambda h, a, name=name: a.update({name: np.zeros(1)})), "the name of an array"
@@ -249,7 +242,7 @@ def test_name_of_an_array_is_bounded_and_printable() -> None:
 
 @pytest.mark.parametrize("opened", [open_skill, load_any])
 @pytest.mark.parametrize("kind", ["fifo", "zero", "long", "large", "loop"])
-def test_special_files_are_refused_at_once(tmp_path: Path, opened: Any, kind: str) -> None:
+def test_open_special_file_raises(tmp_path: Path, opened: Any, kind: str) -> None:
     file = tmp_path / ("n" * 300 if kind == "long" else "file")
     if kind == "fifo":
         os.mkfifo(file)
@@ -299,7 +292,7 @@ def trained_model() -> online.OnlineModel:
         "kind",
     ],
 )
-def test_numbers_and_text_of_a_stream_file_are_bounded(change: Any, message: str) -> None:
+def test_decode_stream_values_out_of_bounds_raise(change: Any, message: str) -> None:
     header, arrays = split_container(encode_stream(trained_model()))
     change(header)
     assert_rejected(with_hash(header, arrays), message, decode_stream)

@@ -25,11 +25,11 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import MAX_MESSAGE_LENGTH, InvalidInput
 from pilotfish.io.demonstration_folder import read_demonstrations
-from pilotfish.io.manifest import parse_manifest
-from pilotfish.io.published_npz import read_chicken_dance_npz
-from pilotfish.io.published_npy import read_robotasks_npy
-from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
 from pilotfish.io.demonstration_tables import MAX_ARRAYS, decode_npz, load_npz
+from pilotfish.io.manifest import parse_manifest
+from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
+from pilotfish.io.published_npy import read_robotasks_npy
+from pilotfish.io.published_npz import read_chicken_dance_npz
 
 QUICK = 2.0  # s of CPU time
 CONTROL = ["\ud800", "\x1b[2J", "a\nb", "\u202e", "n" * 201]
@@ -75,7 +75,7 @@ def refused(content: dict[str, Any], message: str) -> None:
     ],
     ids=["size", "digits", "prime marks", "overflow", "wide"],
 )
-def test_layout_of_unbounded_size_is_refused(part: dict[str, Any], message: str) -> None:
+def test_parse_manifest_layout_out_of_bounds_raises(part: dict[str, Any], message: str) -> None:
     content = manifest(layout=[{**PART, **part}, {**PART, "name": "other"}])
     refused(content, message or "columns of the layout is 10001, expected a whole number from 0 to 10000")
 
@@ -89,7 +89,7 @@ def test_layout_of_unbounded_size_is_refused(part: dict[str, Any], message: str)
     ],
     ids=["pose", "arrays", "world"],
 )
-def test_frames_of_wide_layouts_are_counted_before_they_are_made(frames: list[dict[str, Any]]) -> None:
+def test_parse_manifest_too_many_frame_entries_raise(frames: list[dict[str, Any]]) -> None:
     layout = [{"name": "wide", "quantity": "scalar", "size": 9000, "unit": "1"}]
     listed = [{"file": "a.csv", "frames": frames}]
     refused(manifest(layout=layout, demonstration=listed), "1 frames of 9000 columns have 81000000 numbers")
@@ -113,12 +113,12 @@ def test_frames_of_wide_layouts_are_counted_before_they_are_made(frames: list[di
     ],
     ids=["part", "unit", "name", "file", "sha256", "frame", "A", "b", "key", "format", "own sha256"],
 )
-def test_text_that_is_not_printable_is_refused_in_a_printable_message(changes: Any, text: str) -> None:
+def test_parse_manifest_unprintable_text_raises(changes: Any, text: str) -> None:
     refused(manifest(**changes(text)), r"demonstrations\.json")
 
 
 @pytest.mark.parametrize("text", CONTROL, ids=ascii)
-def test_constructors_refuse_text_that_files_may_not_hold(text: str) -> None:
+def test_constructors_unprintable_text_raises(text: str) -> None:
     x = np.zeros((3, 2)) + np.arange(3.0)[:, None]
     for make in (
         lambda: Part(text, Quantity.SCALAR, 1, "1"),
@@ -133,7 +133,7 @@ def test_constructors_refuse_text_that_files_may_not_hold(text: str) -> None:
 @pytest.mark.parametrize(
     "key", ["period", "version", "size", "derivative", "name", "quantity", "file", "extra"]
 )
-def test_toml_number_of_more_digits_than_python_prints_is_refused(manual_folder: Path, key: str) -> None:
+def test_read_demonstrations_toml_number_of_5000_digits_raises(manual_folder: Path, key: str) -> None:
     file, huge = manual_folder / "demonstrations.toml", "0x1" + 5000 * "0"
     text = file.read_text()
     lines = [f"{key} = {huge}" if line.startswith(f"{key} = ") else line for line in text.splitlines()]
@@ -157,7 +157,7 @@ def test_toml_number_of_more_digits_than_python_prints_is_refused(manual_folder:
     ],
     ids=["A", "b", "position", "quaternion"],
 )
-def test_number_too_large_for_a_float_is_refused_in_a_frame(
+def test_read_demonstrations_frame_number_beyond_float_raises(
     manual_folder: Path, frame_text: str, number: str
 ) -> None:
     file = manual_folder / "demonstrations.toml"
@@ -167,14 +167,14 @@ def test_number_too_large_for_a_float_is_refused_in_a_frame(
         read_demonstrations(manual_folder)
 
 
-def test_manifest_with_a_checksum_and_tables_nested_without_end_is_refused() -> None:
+def test_parse_manifest_deeply_nested_tables_raise() -> None:
     data = b"format = 'pilotfish demonstrations'\nversion = 1\nperiod = 1\nlayout = []\nsha256 = ''\n"
     data += b"demonstration" + b".a" * 5000 + b" = 1\n"
     with pytest.raises(InvalidInput, match="sha256 cannot be checked"):
         parse_manifest(data, "demonstrations.toml")
 
 
-def test_thousands_of_names_cost_no_more_than_linear_time() -> None:
+def test_parse_manifest_thousands_of_names_take_linear_time() -> None:
     """Keys of a table, files of a folder, frames of a demonstration, parts of a layout."""
     names = [f"n{n}" for n in range(20_000)]
     refused(manifest(**dict.fromkeys(names, 0)), "unknown key 'n0'")
@@ -192,7 +192,7 @@ def test_thousands_of_names_cost_no_more_than_linear_time() -> None:
     assert process_time() - begin < 4 * QUICK
 
 
-def test_many_demonstrations_are_compared_in_linear_time() -> None:
+def test_diagnose_thousands_of_demonstrations_takes_linear_time() -> None:
     """A copy is found among thousands without comparing each pair."""
     layout = position_layout(2)
     made = [demonstration([[m, 0.0], [m, 1.0]], 0.1, layout) for m in range(3000)]
@@ -215,7 +215,7 @@ def plain(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["a.csv", "demonstrations.json"])
-def test_link_out_of_the_folder_is_refused_and_one_within_it_followed(plain: Path, name: str) -> None:
+def test_read_demonstrations_link_out_of_folder_raises(plain: Path, name: str) -> None:
     content = (plain / name).read_bytes()
     (plain / "within").write_bytes(content)
     (plain / name).unlink()
@@ -228,13 +228,13 @@ def test_link_out_of_the_folder_is_refused_and_one_within_it_followed(plain: Pat
         read_demonstrations(plain)
 
 
-def test_folder_that_is_itself_a_link_is_read(plain: Path) -> None:
+def test_read_demonstrations_follows_link_to_folder(plain: Path) -> None:
     (plain.parent / "link").symlink_to(plain)
     assert len(read_demonstrations(plain.parent / "link")) == 1
 
 
 @pytest.mark.parametrize("kind", ["fifo", "zero", "loop", "folder", "large"])
-def test_special_files_in_a_folder_are_refused_at_once(plain: Path, kind: str) -> None:
+def test_read_demonstrations_special_file_raises(plain: Path, kind: str) -> None:
     file = plain / "a.csv"
     file.unlink()
     match kind:
@@ -258,7 +258,7 @@ READERS = [read_chicken_dance_npz, read_robotasks_npy, read_valve_mat, read_zsha
 
 @pytest.mark.parametrize("read", READERS)
 @pytest.mark.parametrize("kind", ["fifo", "zero", "long", "large"])
-def test_special_files_in_place_of_published_ones_are_refused_at_once(
+def test_published_readers_special_file_raises(
     tmp_path: Path, read: Any, kind: str
 ) -> None:
     file = tmp_path / ("n" * 300 if kind == "long" else "file")
@@ -293,14 +293,14 @@ def archive(count: int, size: int, name: str = "x{}.npy", method: int = zipfile.
     ],
     ids=["many", "bomb", "name", "long name", "bzip2", "lzma"],
 )
-def test_archive_that_expands_or_names_too_much_is_refused(data: bytes, message: str) -> None:
+def test_decode_npz_archive_out_of_bounds_raises(data: bytes, message: str) -> None:
     begin = process_time()
     with pytest.raises(InvalidInput, match=message):
         decode_npz(data, "a.npz")
     assert process_time() - begin < QUICK
 
 
-def test_archive_with_a_member_that_is_no_array_is_refused() -> None:
+def test_load_npz_member_that_is_not_an_array_raises() -> None:
     """NumPy returns the bytes of such a member."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as listing:
@@ -309,14 +309,14 @@ def test_archive_with_a_member_that_is_no_array_is_refused() -> None:
         load_npz(data.getvalue(), "a.npz")
 
 
-def test_archive_of_small_integers_is_counted_in_numbers() -> None:
+def test_decode_npz_counts_numbers_of_small_integers() -> None:
     """As float64 they would take eight times the memory."""
     data = archive(2, 2**25 + 1)
     with pytest.raises(InvalidInput, match="has 67108866 numbers, expected at most 67108864"):
         decode_npz(data, "a.npz")
 
 
-def test_archive_that_says_less_than_it_expands_to_is_refused() -> None:
+def test_decode_npz_understated_size_raises() -> None:
     """Both records of the size say 200 bytes; no more than these are expanded."""
     data = bytearray(archive(1, 10**7))
     size = (10**7 + 128).to_bytes(4, "little")
@@ -325,7 +325,7 @@ def test_archive_that_says_less_than_it_expands_to_is_refused() -> None:
         decode_npz(bytes(data.replace(size, (200).to_bytes(4, "little"))), "a.npz")
 
 
-def test_array_that_promises_more_than_the_file_holds_is_refused(tmp_path: Path) -> None:
+def test_read_robotasks_npy_overstated_shape_raises(tmp_path: Path) -> None:
     out = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         out, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 1, 7)}
@@ -335,7 +335,7 @@ def test_array_that_promises_more_than_the_file_holds_is_refused(tmp_path: Path)
         read_robotasks_npy(tmp_path / "a.npy")
 
 
-def test_matlab_file_that_expands_beyond_the_bound_is_refused(tmp_path: Path) -> None:
+def test_read_zshape_mat_large_expansion_raises(tmp_path: Path) -> None:
     savemat(tmp_path / "a.mat", {"Data": np.zeros((4, 3 * 10**6))}, do_compression=True)
     assert (tmp_path / "a.mat").stat().st_size < 10**6
     begin = process_time()
@@ -344,7 +344,7 @@ def test_matlab_file_that_expands_beyond_the_bound_is_refused(tmp_path: Path) ->
     assert process_time() - begin < QUICK
 
 
-def test_matlab_file_with_an_element_of_an_unknown_kind_is_refused(tmp_path: Path) -> None:
+def test_read_zshape_mat_unknown_element_type_raises(tmp_path: Path) -> None:
     """SciPy looks its size up beyond the end of a table, and the process ends."""
     savemat(tmp_path / "a.mat", {"Data": np.ones((4, 15))})
     data = bytearray((tmp_path / "a.mat").read_bytes())
@@ -358,7 +358,7 @@ def test_matlab_file_with_an_element_of_an_unknown_kind_is_refused(tmp_path: Pat
 @pytest.mark.parametrize("order", ["little", "big"])
 @pytest.mark.parametrize("compressed", [False, True])
 @pytest.mark.parametrize("kind", [1, 2], ids=["cells", "structures"])
-def test_matlab_array_that_promises_items_it_does_not_hold_is_refused(
+def test_read_valve_mat_overstated_items_raise(
     tmp_path: Path, order: str, compressed: bool, kind: int
 ) -> None:
     """SciPy would reserve 80 GB for 10^10 cells before it reads the first."""
@@ -386,7 +386,7 @@ def test_matlab_array_that_promises_items_it_does_not_hold_is_refused(
         read_valve_mat(tmp_path / "a.mat")
 
 
-def test_header_cell_of_a_hundred_thousand_characters_is_quoted_in_part(plain: Path) -> None:
+def test_read_demonstrations_long_header_cell_gives_short_message(plain: Path) -> None:
     (plain / "a.csv").write_text("\x1b" * 100_000 + ",b\n")
     with pytest.raises(InvalidInput, match=r"column 1 is .*expected 'position x'") as caught:
         read_demonstrations(plain)

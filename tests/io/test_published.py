@@ -17,8 +17,8 @@ from pilotfish.demonstrations import (
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose, quaternion_from_rotation_matrix
-from pilotfish.io.published_npy import read_helloworld_npy, read_robotasks_npy
 from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
+from pilotfish.io.published_npy import read_helloworld_npy, read_robotasks_npy
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def valve_file(data_folder: Path) -> Path:
     return data_folder / "valve" / "BaxterValveDemos2.mat"
 
 
-def test_the_valve_recording_is_the_one_published(valve_file: Path):
+def test_read_valve_mat_equals_published_values(valve_file: Path):
     """Every number of the file's own pose, derivative, frame and view, without its row of time."""
     demonstrations = read_valve_mat(valve_file)
     records = loadmat(valve_file)["s"][0]
@@ -44,7 +44,7 @@ def test_the_valve_recording_is_the_one_published(valve_file: Path):
     assert [given.name for given in demonstrations[0].frames] == ["valve before", "valve after"]
 
 
-def test_the_valve_derivatives_are_forward_differences(valve_file: Path):
+def test_read_valve_mat_derivatives_are_forward_differences(valve_file: Path):
     """with_derivatives gives the same speeds, but for the last row, where the file looks past its end."""
     for demo in read_valve_mat(valve_file):
         poses = demonstration(demo.x[:, :7], demo.period, pose_layout())
@@ -52,7 +52,7 @@ def test_the_valve_derivatives_are_forward_differences(valve_file: Path):
         assert 1e-4 < np.abs(add_derivatives(poses).x[-1] - demo.x[-1]).max() < 0.02
 
 
-def test_the_valve_frames_are_those_of_its_poses(valve_file: Path):
+def test_read_valve_mat_frames_equal_frames_from_poses(valve_file: Path):
     """frame_from_pose builds the published matrices from place and turn: R on places, E on quaternions."""
     demo = read_valve_mat(valve_file)[0]
     for given in demo.frames:
@@ -63,7 +63,7 @@ def test_the_valve_frames_are_those_of_its_poses(valve_file: Path):
         np.testing.assert_array_equal(ours.b, given.b)
 
 
-def test_the_valve_stands_where_its_name_says(valve_file: Path):
+def test_read_valve_mat_frame_angle_equals_name(valve_file: Path):
     """From before to after, each valve is turned by about the angle it is named for."""
     for demo in read_valve_mat(valve_file):
         before, after = (given.A[:3, :3] for given in demo.frames)
@@ -71,7 +71,7 @@ def test_the_valve_stands_where_its_name_says(valve_file: Path):
         assert abs(turned - float(demo.name.split()[1])) < 20
 
 
-def test_the_valve_recording_needs_no_mending(valve_file: Path):
+def test_read_valve_mat_has_no_warnings(valve_file: Path):
     """Signs agree, nothing jumps; only the valve after, which always stands the same, is noted."""
     demonstrations = read_valve_mat(valve_file)
     (only,) = diagnose(demonstrations)
@@ -80,7 +80,7 @@ def test_the_valve_recording_needs_no_mending(valve_file: Path):
         assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0
 
 
-def test_the_z_shapes_are_the_ones_published(data_folder: Path):
+def test_read_zshape_mat_equals_published_values(data_folder: Path):
     """Five movements of 300 rows, in order, without the row of time."""
     demonstrations = read_zshape_mat(data_folder / "zshape" / "Zshape3D.mat")
     data = loadmat(data_folder / "zshape" / "Zshape3D.mat")["Data"]
@@ -91,7 +91,7 @@ def test_the_z_shapes_are_the_ones_published(data_folder: Path):
 
 
 @pytest.mark.parametrize("task", ["openbox", "bottle2shelf", "platestandingtolying", "pouring"])
-def test_household_tasks_are_in_metres(data_folder: Path, task: str):
+def test_read_robotasks_npy_is_in_metres(data_folder: Path, task: str):
     """Positions are a hundredth of the file's centimetres, orientations the file's, signs agree."""
     file = data_folder / "robotasks" / f"{task}.npy"
     demonstrations, raw = read_robotasks_npy(file), np.load(file)
@@ -104,7 +104,7 @@ def test_household_tasks_are_in_metres(data_folder: Path, task: str):
 
 
 @pytest.mark.parametrize("letter", ["h", "e", "l", "o"])
-def test_letters_are_in_metres(data_folder: Path, letter: str):
+def test_read_helloworld_npy_is_in_metres(data_folder: Path, letter: str):
     """Eight letters of 1000 points in a plane, a hundredth of the file's centimetres."""
     file = data_folder / "helloworld" / f"{letter}.npy"
     demonstrations = read_helloworld_npy(file)
@@ -119,7 +119,7 @@ READERS = [read_valve_mat, read_zshape_mat, read_robotasks_npy, read_helloworld_
 @pytest.mark.parametrize(
     "content", [b"", b"rubbish", b"MATLAB 5.0 MAT-file" + bytes(200), b"\x93NUMPY\x01\x00v\x00{"]
 )
-def test_files_that_are_not_what_they_should_be(tmp_path: Path, read, content: bytes):
+def test_published_readers_damaged_file_raises(tmp_path: Path, read, content: bytes):
     """Empty, rubbish, cut short, missing: refused, the file named."""
     file = tmp_path / "file"
     with pytest.raises(InvalidInput, match="file"):
@@ -129,7 +129,7 @@ def test_files_that_are_not_what_they_should_be(tmp_path: Path, read, content: b
         read(file)
 
 
-def test_files_of_other_recordings_are_refused(tmp_path: Path):
+def test_published_readers_other_recording_raises(tmp_path: Path):
     """A well-formed file that holds other things is told from the one that was meant."""
     savemat(tmp_path / "a.mat", {"Data": np.zeros((4, 300)), "s": np.zeros(3)})
     for read in (read_valve_mat, read_zshape_mat):
@@ -148,7 +148,7 @@ def test_files_of_other_recordings_are_refused(tmp_path: Path):
 
 @pytest.mark.parametrize(("read", "width"), [(read_robotasks_npy, 7), (read_helloworld_npy, 2)])
 @pytest.mark.parametrize("bad", [np.inf, np.nan, np.uint64(0xFFF0000000000001).view(np.float64)])
-def test_number_that_is_not_finite_is_refused_before_it_is_scaled(
+def test_npy_readers_not_finite_number_raises(
     read: Callable[[Path], object], width: int, bad: float, tmp_path: Path
 ) -> None:
     """A signalling NaN, the third, makes any multiplication warn."""

@@ -17,7 +17,7 @@ READERS = [read_chicken_dance_npz, read_mocap6_npz, read_mocap6_labels_npz, read
 DANCE, EXERCISES = "chicken_dance/cmu_18_15_chicken_dance.npz", "mocap6/mocap6_dev.npz"
 
 
-def test_the_dance_is_the_recorded_one(data_folder: Path):
+def test_read_chicken_dance_npz_equals_file(data_folder: Path):
     """Every position of the file, a part for each node under its own name, 120 rows a second."""
     (demo,) = read_chicken_dance_npz(data_folder / DANCE)
     with np.load(data_folder / DANCE) as held:
@@ -29,7 +29,7 @@ def test_the_dance_is_the_recorded_one(data_folder: Path):
     assert set(demo.layout.units) == {"m"}
 
 
-def test_a_person_is_as_tall_as_people_are(data_folder: Path):
+def test_read_chicken_dance_npz_is_in_metres(data_folder: Path):
     """Metres, not inches: from toes to the top of the head it is 1.4 to 1.9 m, and y points up."""
     (demo,) = read_chicken_dance_npz(data_folder / DANCE)
     tall = demo.x[:, demo.layout.columns("Head_end")] - demo.x[:, demo.layout.columns("LeftToeBase")]
@@ -37,7 +37,7 @@ def test_a_person_is_as_tall_as_people_are(data_folder: Path):
     assert np.abs(tall[0, [0, 2]]).max() < 0.4
 
 
-def test_exercises_are_in_metres_and_radians(data_folder: Path):
+def test_read_mocap6_npz_is_in_metres_and_radians(data_folder: Path):
     """Degrees become radians; the unit of length is an inch by .45, as CMU says: .056444 m."""
     demonstrations = read_mocap6_npz(data_folder / EXERCISES)
     with np.load(data_folder / EXERCISES) as held:
@@ -50,7 +50,7 @@ def test_exercises_are_in_metres_and_radians(data_folder: Path):
     assert {demo.period for demo in demonstrations} == {0.1}
 
 
-def test_every_step_of_the_exercises_has_a_label(data_folder: Path):
+def test_read_mocap6_labels_npz_has_label_for_every_step(data_folder: Path):
     """As many labels as rows, from 1 to 12; all four begin with jumping jacks, where hips go up."""
     demonstrations = read_mocap6_npz(data_folder / EXERCISES)
     labels = read_mocap6_labels_npz(data_folder / EXERCISES)
@@ -63,7 +63,7 @@ def test_every_step_of_the_exercises_has_a_label(data_folder: Path):
         assert not of.flags.writeable
 
 
-def test_pen_letters_are_velocities_and_force(data_folder: Path):
+def test_read_letters_npz_is_velocity_and_force(data_folder: Path):
     """The file's numbers, 200 a second; a letter ends where the pen is lifted, all velocities near zero."""
     file = data_folder / "letters" / "uci_letters_dev.npz"
     demonstrations = read_letters_npz(file)
@@ -82,7 +82,7 @@ def test_pen_letters_are_velocities_and_force(data_folder: Path):
     [None, b"", b"rubbish", b"PK\x03\x04" + bytes(60)],
     ids=["missing", "empty", "rubbish", "cut short"],
 )
-def test_files_that_are_no_archives_are_refused(tmp_path: Path, read, content: bytes | None):
+def test_npz_readers_damaged_file_raises(tmp_path: Path, read, content: bytes | None):
     """Missing, empty, rubbish, cut short: the message names the file."""
     file = tmp_path / "file.npz"
     if content is not None:
@@ -110,7 +110,7 @@ def test_files_that_are_no_archives_are_refused(tmp_path: Path, read, content: b
         (read_letters_npz, {"A_0": np.zeros((9, 2))}, "2 columns, but its layout has 3"),
     ],
 )
-def test_archives_of_other_things_are_refused(tmp_path: Path, read, held, message: str):
+def test_npz_readers_other_archive_raises(tmp_path: Path, read, held, message: str):
     """A well-formed archive that holds other things: what it holds and what was expected are named."""
     np.savez(tmp_path / "file.npz", **held)
     with pytest.raises(InvalidInput, match=message):

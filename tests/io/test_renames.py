@@ -9,8 +9,7 @@ import pytest
 
 from pilotfish.errors import InvalidInput, OutputExists
 from pilotfish.io import renames
-from pilotfish.io.atomic_writes import atomic_file
-from pilotfish.io.atomic_writes import atomic_folder
+from pilotfish.io.atomic_writes import atomic_file, atomic_folder
 from pilotfish.io.container_format import write_container
 from pilotfish.io.renames import exchange_paths, make_folder, rename_exclusive
 
@@ -43,7 +42,7 @@ def occupy(path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["file", "folder", "link without a target"])
-def test_a_taken_name_is_refused_on_every_system(tmp_path: Path, system: str, kind: str):
+def test_rename_exclusive_taken_name_raises_and_keeps_both(tmp_path: Path, system: str, kind: str):
     """Both stay as they are."""
     occupy(tmp_path / "target", kind)
     (tmp_path / "source").write_text("new")
@@ -54,7 +53,7 @@ def test_a_taken_name_is_refused_on_every_system(tmp_path: Path, system: str, ki
     assert kind != "file" or (tmp_path / "target").read_text() == "mine"
 
 
-def test_a_free_name_is_given_on_every_system(tmp_path: Path, system: str):
+def test_rename_exclusive_free_name_moves_file(tmp_path: Path, system: str):
     """The old name is gone."""
     (tmp_path / "source").write_text("new")
     rename_exclusive(tmp_path / "source", tmp_path / "target")
@@ -62,7 +61,7 @@ def test_a_free_name_is_given_on_every_system(tmp_path: Path, system: str):
     assert names(tmp_path) == ["target"]
 
 
-def test_folders_exchange_their_names(tmp_path: Path):
+def test_exchange_paths_exchanges_folders_or_returns_false(tmp_path: Path):
     """In one step, where the system has it; otherwise nothing happens."""
     for name in ("one", "other"):
         (tmp_path / name / name).mkdir(parents=True)
@@ -71,7 +70,7 @@ def test_folders_exchange_their_names(tmp_path: Path):
 
 
 @pytest.mark.parametrize("kind", ["file", "link without a target"])
-def test_a_file_that_appears_during_the_work_is_kept_and_the_result_too(
+def test_atomic_file_name_taken_meanwhile_keeps_both(
     tmp_path: Path, system: str, kind: str
 ):
     """The result gets a free name beside it, which the error gives."""
@@ -91,7 +90,7 @@ def test_a_file_that_appears_during_the_work_is_kept_and_the_result_too(
 
 
 @pytest.mark.parametrize("kind", ["file", "link without a target"])
-def test_an_existing_file_is_refused_and_the_result_kept_only_if_asked(tmp_path: Path, kind: str):
+def test_write_container_existing_file_raises_and_keeps_result_if_asked(tmp_path: Path, kind: str):
     """overwrite=False, without and with beside=True."""
     occupy(tmp_path / "motion.csv", kind)
     with pytest.raises(InvalidInput, match="exists; choose another name"):
@@ -102,7 +101,7 @@ def test_an_existing_file_is_refused_and_the_result_kept_only_if_asked(tmp_path:
     assert (tmp_path / "motion-1.csv").read_bytes() == b"new"
 
 
-def test_overwriting_follows_links(tmp_path: Path):
+def test_atomic_file_overwrite_follows_link(tmp_path: Path):
     """The link stays, and leads to the new content."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "real").write_text("old")
@@ -113,7 +112,7 @@ def test_overwriting_follows_links(tmp_path: Path):
     assert (tmp_path / "folder" / "real").read_text() == "new"
 
 
-def test_a_folder_that_appears_during_the_work_is_kept_and_the_result_too(tmp_path: Path):
+def test_atomic_folder_name_taken_meanwhile_keeps_both(tmp_path: Path):
     """Also a file of that name."""
 
     def write(place: Path) -> None:
@@ -131,7 +130,7 @@ def test_a_folder_that_appears_during_the_work_is_kept_and_the_result_too(tmp_pa
     assert names(tmp_path) == ["file", "file-1", "folder", "folder-1"]
 
 
-def test_what_comes_into_a_replaced_folder_during_the_work_is_kept(tmp_path: Path):
+def test_atomic_folder_file_added_meanwhile_is_kept(tmp_path: Path):
     """The old folder is looked at again once nobody can reach it, and comes back."""
 
     def require_replaceable(folder: Path) -> None:
@@ -154,7 +153,7 @@ def test_what_comes_into_a_replaced_folder_during_the_work_is_kept(tmp_path: Pat
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "loop", "loop/below", "file/below", "a\0b", "\ud800"])
-def test_names_that_cannot_be_used_are_refused_by_name(tmp_path: Path, name: str):
+def test_atomic_writes_impossible_name_raises(tmp_path: Path, name: str):
     """Too long, a link to itself, below a file, no name at all."""
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "file").touch()
@@ -168,7 +167,7 @@ def test_names_that_cannot_be_used_are_refused_by_name(tmp_path: Path, name: str
     assert names(tmp_path) == ["file", "loop"]
 
 
-def test_a_file_system_that_cannot_synchronise_folders_is_no_failure(
+def test_atomic_file_fsync_of_folder_unsupported_succeeds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Some network file systems."""

@@ -46,7 +46,7 @@ CUP = {"name": "cup", "position": [0.5, 0.2, 0.1], "quaternion": [0.9659258, 0.0
 HOME = {"name": "home", "position": [0.0, 0.0, 0.0], "quaternion": [1.0, 0.0, 0.0, 0.0]}
 
 
-def test_the_sign_of_a_frames_quaternion_does_not_matter(reproduce_positions: Callable[..., np.ndarray]):
+def test_reproduce_sign_of_frame_quaternion_has_no_effect(reproduce_positions: Callable[..., np.ndarray]):
     """Each of the four ways to write two poses gives one motion; so does their order."""
     expected = reproduce_positions([HOME, CUP])
     for home, cup in itertools.product((HOME, negate_quaternion(HOME)), (CUP, negate_quaternion(CUP))):
@@ -54,7 +54,7 @@ def test_the_sign_of_a_frames_quaternion_does_not_matter(reproduce_positions: Ca
         assert same_pose(reproduce_positions([cup, home]), expected)
 
 
-def test_the_sign_of_the_starts_quaternion_does_not_matter(reproduce_positions: Callable[..., np.ndarray]):
+def test_reproduce_sign_of_start_quaternion_has_no_effect(reproduce_positions: Callable[..., np.ndarray]):
     """Nor does it matter whether the start is a pose at rest or a whole state with no speed."""
     place, turn = [0.1, -0.3, 0.3], [0.9800666, 0.1986693, 0.0, 0.0]
     expected = reproduce_positions([HOME, CUP], {"position": place, "quaternion": turn})
@@ -66,7 +66,7 @@ def test_the_sign_of_the_starts_quaternion_does_not_matter(reproduce_positions: 
 
 
 @pytest.mark.parametrize("width", [7, 14])
-def test_a_frame_by_matrix_is_the_frame_by_pose(
+def test_read_frames_matrix_equals_pose(
     reproduce_positions: Callable[..., np.ndarray], skill: Path, width: int
 ):
     """A and b of all columns, or of those that were recorded: the speeds turn with them."""
@@ -78,7 +78,7 @@ def test_a_frame_by_matrix_is_the_frame_by_pose(
     assert same_pose(reproduce_positions({"frames": [given, negate_quaternion(HOME)]}), expected)
 
 
-def test_toml_says_what_json_says(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
+def test_read_frames_toml_equals_json(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
     """The same situation in both gives the same motion."""
     lines = [f"[[frames]]\n{key}" for key in map(_toml, json.loads(frames.read_text()))]
     (tmp_path / "now.toml").write_text("\n".join(lines))

@@ -1,5 +1,6 @@
-"""Durations in skill files: every law, and what recordings cut off."""
+"""Duration distributions and censoring in skill files."""
 
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -13,33 +14,29 @@ from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.io.skill_file import content_hash, decode_skill, encode_skill
 from pilotfish.models import (
     Censoring,
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
-    NegativeBinomialDurations,
-    PoissonDurations,
     Provenance,
     SemiMarkovChain,
     Skill,
 )
+from pilotfish.models import durations as distributions
+from pilotfish.models.durations import DurationDistribution
 
 Header = dict[str, Any]
 Arrays = dict[str, np.ndarray]
 
 
-DISTRIBUTIONS = {
-    "gaussian": GaussianDurations(np.array([3.0, 9.0]), np.array([1.0, 2.0])),
-    "log-normal": LogNormalDurations(np.array([1.0, 2.0]), np.array([0.3, 0.5])),
-    "gamma": GammaDurations(np.array([4.0, 9.0]), np.array([0.5, 0.6])),
-    "poisson": PoissonDurations(np.array([4.0, 0.5])),
-    "negative-binomial": NegativeBinomialDurations(np.array([1.0, 2.5]), np.array([0.1, 0.6])),
-    "histogram": HistogramDurations(np.array([[0.25, 0.0], [0.5, 1.0], [0.25, 0.0]])),
+EXAMPLES = {
+    "gaussian": distributions.Gaussian(np.array([3.0, 9.0]), np.array([1.0, 2.0])),
+    "log-normal": distributions.LogNormal(np.array([1.0, 2.0]), np.array([0.3, 0.5])),
+    "gamma": distributions.Gamma(np.array([4.0, 9.0]), np.array([0.5, 0.6])),
+    "poisson": distributions.Poisson(np.array([4.0, 0.5])),
+    "negative-binomial": distributions.NegativeBinomial(np.array([1.0, 2.5]), np.array([0.1, 0.6])),
+    "histogram": distributions.Histogram(np.array([[0.25, 0.0], [0.5, 1.0], [0.25, 0.0]])),
 }
 
 
-def skill_with_durations(durations: Any, censoring: Censoring) -> Skill:
-    """Two states in turn, lasting as the durations say."""
+def skill_with_durations(durations: DurationDistribution, censoring: Censoring = Censoring.RIGHT) -> Skill:
+    """Return a skill of two states with these durations."""
     return Skill(
         SemiMarkovChain(np.array([0.5, 0.5]), np.eye(2)[::-1].copy(), durations, censoring),
         np.array([[[0.0], [1.0]]]),
@@ -51,55 +48,61 @@ def skill_with_durations(durations: Any, censoring: Censoring) -> Skill:
     )
 
 
-@pytest.mark.parametrize("first", [False, True])
-@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
-def test_every_law_of_durations_comes_back_number_for_number(distribution: str, first: bool):
-    """And what the recordings cut off; what a file always meant is not written out."""
-    skill = skill_with_durations(DISTRIBUTIONS[distribution], Censoring(first))
+@pytest.mark.parametrize("censoring", Censoring)
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_decode_every_distribution_and_censoring_equals_encoded(name: str, censoring: Censoring):
+    durations = EXAMPLES[name]
+    skill = skill_with_durations(durations, censoring)
     opened = decode_skill(encode_skill(skill))
     assert content_hash(opened) == content_hash(skill)
     assert isinstance(opened.dynamics, SemiMarkovChain)
-    assert opened.dynamics.censoring == Censoring(first)
-    assert type(opened.dynamics.durations) is type(DISTRIBUTIONS[distribution])
-    for field in fields(DISTRIBUTIONS[distribution]):
-        kept, given = (
-            getattr(opened.dynamics.durations, field.name),
-            getattr(DISTRIBUTIONS[distribution], field.name),
-        )
-        np.testing.assert_array_equal(kept, given)
+    assert opened.dynamics.censoring == censoring
+    assert type(opened.dynamics.durations) is type(durations)
+    for field in fields(durations):
+        read, written = getattr(opened.dynamics.durations, field.name), getattr(durations, field.name)
+        np.testing.assert_array_equal(read, written)
     header, _ = split_container(encode_skill(skill))
-    assert ("durations.kind" in header["dynamics"]) == (distribution != "gaussian")
-    assert ("censoring.left" in header["dynamics"]) == first
+    assert header["dynamics"]["durations"] == {"kind": name}
+    assert header["dynamics"]["censoring"] == censoring.value
+
+
+def test_examples_have_every_registered_distribution():
+    assert set(EXAMPLES) == set(distributions.DISTRIBUTIONS)
+
+
+def set_kind(name: Any) -> Callable[[Header, Arrays], object]:
+    return lambda header, _: header["dynamics"]["durations"].update(kind=name)
+
+
+def set_first(array: str, value: float, index: int = 0) -> Callable[[Header, Arrays], object]:
+    return lambda _, arrays: arrays[f"dynamics.durations.{array}"].put(index, value)
 
 
 @pytest.mark.parametrize(
-    ("distribution", "words", "edit"),
+    ("distribution", "message", "edit"),
     [
-        ("gamma", "kind 'weibull'", lambda h, a: h["dynamics"].update({"durations.kind": "weibull"})),
-        ("gamma", "kind 'gaussian'", lambda h, a: h["dynamics"].update({"durations.kind": "gaussian"})),
-        ("gamma", "kind 3", lambda h, a: h["dynamics"].update({"durations.kind": 3})),
-        ("gamma", "rates", lambda h, a: a["dynamics.durations.rates"].put(0, -1.0)),
-        ("gamma", "shapes", lambda h, a: a["dynamics.durations.shapes"].put(0, 0.0)),
-        ("log-normal", "log_deviations", lambda h, a: a["dynamics.durations.log_deviations"].put(0, 0.0)),
-        ("poisson", "more", lambda h, a: a["dynamics.durations.rates"].put(1, 0.0)),
-        ("negative-binomial", "exit_probs", lambda h, a: a["dynamics.durations.exit_probs"].put(1, 1.0)),
-        ("histogram", "probabilities", lambda h, a: a["dynamics.durations.probabilities"].put(0, 0.5)),
+        ("gamma", "durations.kind is 'weibull', expected one of gaussian", set_kind("weibull")),
+        ("gamma", "lacks 'dynamics.durations.means'", set_kind("gaussian")),
+        ("gamma", "durations.kind is 3", set_kind(3)),
+        ("gamma", "dynamics.durations lacks 'kind'", lambda h, a: h["dynamics"].update(durations=[1])),
+        ("gamma", "durations has the unknown fields x", lambda h, a: h["dynamics"]["durations"].update(x=1)),
+        ("gamma", "rates", set_first("rates", -1.0)),
+        ("gamma", "shapes", set_first("shapes", 0.0)),
+        ("log-normal", "log_deviations", set_first("log_deviations", 0.0)),
+        ("poisson", "more", set_first("rates", 0.0, 1)),
+        ("negative-binomial", "exit_probs", set_first("exit_probs", 1.0, 1)),
+        ("histogram", "probabilities", set_first("probabilities", 0.5)),
         (
             "histogram",
             "shape",
             lambda h, a: a.update({"dynamics.durations.probabilities": np.ones((3, 3)) / 3}),
         ),
-        (
-            "gaussian",
-            "left out",
-            lambda h, a: h["dynamics"].update({"censoring.left": False, "censoring.right": True}),
-        ),
-        ("gaussian", "lacks 'right'", lambda h, a: h["dynamics"].update({"censoring.left": True})),
+        ("gaussian", "censoring is 'up', expected one of", lambda h, a: h["dynamics"].update(censoring="up")),
+        ("gaussian", "lacks 'censoring'", lambda h, a: h["dynamics"].pop("censoring")),
     ],
 )
-def test_durations_that_are_none_are_refused(distribution: str, words: str, edit: Any):
-    skill = skill_with_durations(DISTRIBUTIONS[distribution], Censoring())
-    header, arrays = split_container(encode_skill(skill))
+def test_decode_invalid_durations_raises(distribution: str, message: str, edit: Any):
+    header, arrays = split_container(encode_skill(skill_with_durations(EXAMPLES[distribution])))
     edit(header, arrays)
-    with pytest.raises(UnreadableFile, match=words):
+    with pytest.raises(UnreadableFile, match=message):
         decode_skill(with_hash(header, arrays))

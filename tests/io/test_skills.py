@@ -21,13 +21,13 @@ from pilotfish.errors import InvalidInput, NotPositiveDefinite, UnreadableFile
 from pilotfish.gaussians.structures import EMLLT, HDDC, MFA, MLT, DenseCovariances, SemiTied
 from pilotfish.io.skill_file import content_hash, decode_skill, encode_skill, open_skill, save_skill
 from pilotfish.models import (
-    GaussianDurations,
     MarkovChain,
     MixtureWeights,
     Provenance,
     SemiMarkovChain,
     Skill,
 )
+from pilotfish.models import durations as distributions
 
 DYNAMICS = ("mixture", "markov", "semi-markov")
 STRUCTURES = ("dense", "semi-tied", "latent", "expanded", "multiple-transforms", "mixed")
@@ -49,7 +49,7 @@ def random_dynamics(
     onward[-1] = 0.0  # a final state
     statistics = onward.sum(axis=1, keepdims=True)
     onward = np.divide(onward, statistics, out=np.zeros_like(onward), where=statistics > 0.0)
-    return SemiMarkovChain(initial, onward, GaussianDurations(*rng.uniform(0.1, 30.0, size=(2, K))))
+    return SemiMarkovChain(initial, onward, distributions.Gaussian(*rng.uniform(0.1, 30.0, size=(2, K))))
 
 
 def random_layout(rng: np.random.Generator) -> Layout:
@@ -145,7 +145,7 @@ def skill() -> Skill:
 @pytest.mark.parametrize("dynamics", DYNAMICS)
 @given(seed=SEEDS)
 @settings(max_examples=25)
-def test_what_was_saved_is_what_is_opened(dynamics: str, structure: str, seed: int):
+def test_decode_skill_of_encoded_equals_skill(dynamics: str, structure: str, seed: int):
     """Writing then reading is the identity, to the last bit, for every dynamics and structure."""
     one = random_skill(np.random.default_rng(seed), dynamics, structure)
     data = encode_skill(one)
@@ -156,14 +156,14 @@ def test_what_was_saved_is_what_is_opened(dynamics: str, structure: str, seed: i
 
 @given(seed=SEEDS, kind=st.sampled_from(DYNAMICS))
 @settings(max_examples=25)
-def test_the_hash_is_the_documented_one(seed: int, kind: str):
+def test_content_hash_equals_documented_hash(seed: int, kind: str):
     """A site that has only docs/skill-file.md finds the same name for a skill."""
     one = random_skill(np.random.default_rng(seed), kind, "mixed")
     header, arrays = split_container(encode_skill(one))
     assert header["content"] == documented_hash(header, arrays) == content_hash(one)
 
 
-def test_the_same_skill_has_the_same_bytes_however_its_arrays_lie_in_memory(skill: Skill):
+def test_encode_skill_memory_layout_has_no_effect(skill: Skill):
     """Views and Fortran order, which safetensors alone would mis-save, change nothing."""
     wide = np.zeros((*skill.means.shape[:2], 2 * skill.width))
     wide[:, :, ::2] = skill.means
@@ -187,14 +187,14 @@ CHANGES: dict[str, Callable[[Skill], Skill]] = {
 
 
 @pytest.mark.parametrize("what", CHANGES)
-def test_another_skill_has_another_hash(skill: Skill, what: str):
+def test_content_hash_changes_with_every_field(skill: Skill, what: str):
     """Whatever of a skill changes, its name changes."""
     assert content_hash(CHANGES[what](skill)) != content_hash(skill)
 
 
 @given(seed=SEEDS, place=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
 @settings(max_examples=300)
-def test_a_changed_byte_never_opens_as_another_skill(seed: int, place: float, flip: int):
+def test_decode_skill_changed_byte_equals_or_raises(seed: int, place: float, flip: int):
     """Whichever byte is hit, the file is refused as UnknownSkill or holds the skill still."""
     one = random_skill(np.random.default_rng(seed % 7), DYNAMICS[seed % 3], "mixed")
     data = bytearray(encode_skill(one))
@@ -203,7 +203,7 @@ def test_a_changed_byte_never_opens_as_another_skill(seed: int, place: float, fl
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_every_byte_of_the_header_is_guarded(seed: int):
+def test_decode_skill_changed_header_bit_equals_or_raises(seed: int):
     """The lowest bit of each byte before the arrays, and of some within: all are seen or mean nothing."""
     one = random_skill(np.random.default_rng(seed), "semi-markov", "semi-tied")
     data = encode_skill(one)
@@ -212,7 +212,7 @@ def test_every_byte_of_the_header_is_guarded(seed: int):
         opens_equal_or_is_refused(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :], one)
 
 
-def test_a_truncated_or_lengthened_file_is_refused(skill: Skill):
+def test_decode_skill_truncated_or_lengthened_raises(skill: Skill):
     """However much is missing or too much."""
     data = encode_skill(skill)
     for length in [*range(0, len(data), 61), len(data) - 1]:
@@ -222,16 +222,16 @@ def test_a_truncated_or_lengthened_file_is_refused(skill: Skill):
 
 
 @given(data=st.binary(max_size=200))
-def test_noise_is_refused(data: bytes):
+def test_decode_skill_random_bytes_raise(data: bytes):
     """No bytes make decoding fail in another way than by UnknownSkill."""
     with pytest.raises(UnreadableFile):
         decode_skill(data)
 
 
-def test_a_pickle_is_refused_and_not_executed(tmp_path: Path):
+def test_open_skill_pickle_raises_without_executing(tmp_path: Path):
     """A skill file cannot run code."""
     (tmp_path / "trap").write_bytes(pickle.dumps(_Trap()))
-    with pytest.raises(UnreadableFile, match="no safetensors file"):
+    with pytest.raises(UnreadableFile, match="not a complete safetensors file"):
         open_skill(tmp_path / "trap")
     assert not _Trap.sprung
 
@@ -249,19 +249,26 @@ def drop(table: dict[str, Any], key: str) -> None:
 
 REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
     "another format": ("expected 'pilotfish-skill'", lambda h, a: h.update(format="other")),
-    "a newer version": (r"newer pilotfish \(format 2.*upgrade", lambda h, a: h.update(version=2)),
+    "a newer version": (
+        r"written by a newer version \(format 3, this one reads 2\); upgrade",
+        lambda h, a: h.update(version=3),
+    ),
+    "an older version": (
+        r"was written by an older version \(format 1\); learn the skill again",
+        lambda h, a: h.update(version=1),
+    ),
     "an impossible version": ("version is 0", lambda h, a: h.update(version=0)),
     "unknown dynamics": ("'levy'", lambda h, a: h["dynamics"].update(kind="levy")),
     "dynamics of no kind": ("kind", lambda h, a: h["dynamics"].update(kind=[1])),
     "unknown covariances": ("'toeplitz'", lambda h, a: h["covariances"][0].update(kind="toeplitz")),
     "an unknown quantity": ("'spin'", lambda h, a: h["layout"][0].update(quantity="spin")),
     "a missing field": ("lacks 'tying'", lambda h, a: drop(h["covariances"][1], "tying")),
-    "another field": ("expected nothing more", lambda h, a: h["covariances"][1].update(colour="red")),
-    "another key": ("expected nothing more", lambda h, a: h.update(colour="red")),
+    "another field": ("unknown fields", lambda h, a: h["covariances"][1].update(colour="red")),
+    "another key": ("unknown fields", lambda h, a: h.update(colour="red")),
     "a missing key": ("lacks 'provenance'", lambda h, a: drop(h, "provenance")),
     "a missing array": ("lacks 'dynamics.initial'", lambda h, a: drop(a, "dynamics.initial")),
     "no means": ("lacks 'means'", lambda h, a: drop(a, "means")),
-    "another array": ("expected nothing more", lambda h, a: a.update(other=np.zeros(3))),
+    "another array": ("unknown fields", lambda h, a: a.update(other=np.zeros(3))),
     "text for a number": ("expected float", lambda h, a: h.update(period="0.1")),
     "an infinite number": ("header cannot be used", lambda h, a: h.update(period=1e999)),
     "no period": ("period is nan", lambda h, a: h.update(period=None)),
@@ -289,7 +296,7 @@ REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
 
 
 @pytest.mark.parametrize("what", REFUSED)
-def test_what_is_no_skill_is_refused_though_its_hash_is_right(skill: Skill, what: str, tmp_path: Path):
+def test_open_skill_invalid_content_with_valid_hash_raises(skill: Skill, what: str, tmp_path: Path):
     """Each fault is named, beside the file, in one line."""
     words, edit = REFUSED[what]
     header, arrays = split_container(encode_skill(skill))
@@ -327,7 +334,7 @@ INVALID_COVARIANCES = {
 
 
 @pytest.mark.parametrize("what", INVALID_COVARIANCES)
-def test_covariances_that_are_none_are_not_written(skill: Skill, what: str):
+def test_encode_skill_invalid_covariances_raise(skill: Skill, what: str):
     """Whatever a file keeps of covariances is checked before, and so it is after reading."""
     words, edit = INVALID_COVARIANCES[what]
     with pytest.raises((InvalidInput, NotPositiveDefinite), match=words):
@@ -344,7 +351,7 @@ CENSORED: dict[str, tuple[str, str, Callable[[np.ndarray], np.ndarray]]] = {
 
 
 @pytest.mark.parametrize("what", CENSORED)
-def test_arrays_of_covariances_agree_in_their_sizes(skill: Skill, what: str):
+def test_decode_skill_inconsistent_covariance_shapes_raise(skill: Skill, what: str):
     """Sizes that nothing else in the skill tells, such as numbers of factors, are one all the same."""
     kind, name, change = CENSORED[what]
     header, arrays = split_container(encode_skill(with_covariances(kind)(skill)))
@@ -353,7 +360,7 @@ def test_arrays_of_covariances_agree_in_their_sizes(skill: Skill, what: str):
         decode_skill(with_hash(header, arrays))
 
 
-def test_orientations_have_covariances_of_three_columns(skill: Skill):
+def test_encode_skill_orientation_has_three_tangent_columns(skill: Skill):
     """Deviations of a point of S^3 are rotation vectors: a file keeps E = D - 1 columns for each of them."""
     layout = Layout(
         (Part("orientation", Quantity.ORIENTATION, 4, "1"), Part("grip", Quantity.SCALAR, 2, "m"))
@@ -370,7 +377,7 @@ def test_orientations_have_covariances_of_three_columns(skill: Skill):
         encode_skill(replace(one, covariances=(random_covariances(rng, "dense", 3, 6),) * 2))
 
 
-def test_numbers_of_another_precision_are_refused(skill: Skill):
+def test_decode_skill_float32_raises(skill: Skill):
     """float32 would silently be another skill."""
     header, arrays = split_container(encode_skill(skill))
     narrow = {name: np.zeros(array.shape, np.float32) for name, array in arrays.items()}
@@ -378,13 +385,13 @@ def test_numbers_of_another_precision_are_refused(skill: Skill):
         decode_skill(bytes(save(narrow, {"pilotfish": json.dumps(header)})))
 
 
-def test_a_safetensors_file_of_others_is_refused():
+def test_decode_skill_foreign_safetensors_raises():
     """A neural network's weights are not a skill."""
     with pytest.raises(UnreadableFile, match="without the header of a skill"):
         decode_skill(bytes(save({"weights": np.zeros(3)})))
 
 
-def test_an_altered_file_is_called_altered(skill: Skill):
+def test_decode_skill_altered_number_raises(skill: Skill):
     """A number changed by hand, its hash left as it was."""
     header, arrays = split_container(encode_skill(skill))
     with pytest.raises(UnreadableFile, match="the file was altered"):
@@ -400,7 +407,7 @@ JSON = st.recursive(
 
 @given(st.data())
 @settings(max_examples=300)
-def test_any_json_anywhere_in_the_header_is_refused_or_changes_nothing_else(data: st.DataObject):
+def test_decode_skill_any_json_in_header_raises_or_keeps_hash(data: st.DataObject):
     """With a right hash too, no header makes decoding fail in another way or give an unsound skill."""
     one = random_skill(np.random.default_rng(2), "semi-markov", "mixed")
     header, arrays = split_container(encode_skill(one))
@@ -419,7 +426,7 @@ def test_any_json_anywhere_in_the_header_is_refused_or_changes_nothing_else(data
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_nothing_is_written_that_could_not_be_opened(skill: Skill, value: float, tmp_path: Path):
+def test_save_skill_invalid_numbers_raise(skill: Skill, value: float, tmp_path: Path):
     """A skill of numbers that are none is refused by the door it leaves by."""
     bad = replace(skill, means=np.where(np.arange(skill.width) == 0, value, skill.means))
     with pytest.raises(InvalidInput, match=r"means\[0, 0, 0\]"):
@@ -427,12 +434,12 @@ def test_nothing_is_written_that_could_not_be_opened(skill: Skill, value: float,
     assert not list(tmp_path.iterdir())
 
 
-def test_structures_that_the_format_does_not_know_are_refused(skill: Skill):
+def test_encode_skill_unregistered_covariances_raise(skill: Skill):
     """Whoever adds a kind of covariances adds it to the codec too."""
     bad = replace(
         skill, covariances=(_UnregisteredCovariances(skill.covariances[0].dense), skill.covariances[1])
     )
-    with pytest.raises(InvalidInput, match="_UnregisteredCovariances cannot be written"):
+    with pytest.raises(InvalidInput, match="_UnregisteredCovariances, which cannot be written"):
         encode_skill(bad)
 
 
@@ -440,7 +447,7 @@ class _UnregisteredCovariances(DenseCovariances):
     pass
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path):
+def test_open_skill_missing_file_raises(tmp_path: Path):
     """And so is a folder: each with what was expected."""
     for place in (tmp_path / "none", tmp_path):
         with pytest.raises(InvalidInput, match=r"expected a skill file"):

@@ -1,4 +1,10 @@
-"""Safetensors files with one JSON header in their metadata: the format, what it tells, the hash of it all."""
+"""Container of skill and stream files: a safetensors file with one JSON header in its metadata.
+
+The header has the name and version of the format, a SHA-256 of header and arrays, and the fields of the
+format. Equal content gives equal bytes and an equal hash on every machine, because JSON is written
+canonically and arrays are little-endian float64. A reader trusts nothing: it checks structure, format,
+version and hash before it decodes a field. Every fault raises `UnreadableFile`.
+"""
 
 import hashlib
 import json
@@ -11,14 +17,14 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput, SkillError, UnreadableFile
 from pilotfish.io.atomic_writes import atomic_file
-from pilotfish.io.paths import is_link, path_exists, read_file
+from pilotfish.io.paths import path_exists, read_file
 from pilotfish.io.skill_fields import Arrays, pop_field
 from pilotfish.types import Array
 from pilotfish.validation import MAX_NAME_LENGTH, short_repr
 
 METADATA_KEY = "pilotfish"
-MAX_FILE_BYTES = 2**28  # bytes; reading one takes some three times as much memory
-MAX_ARRAY_DIMENSIONS = 8  # of an array
+MAX_FILE_BYTES = 2**28  # reading takes about three times as much memory
+MAX_ARRAY_DIMENSIONS = 8
 T = TypeVar("T")
 
 Header = dict[str, Any]
@@ -26,45 +32,73 @@ Header = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class ContainerFormat:
-    """What a header says of its file; version is the newest that this pilotfish reads."""
+    """Kind of file.
+
+    Attributes:
+        name: Value of the header's key format.
+        version: Version that is written and read.
+        renewal: How to replace a file of an older version.
+        hint: What to do with such a file where another kind is expected.
+    """
 
     name: str
     version: int
+    renewal: str
+    hint: str
 
 
-SKILL_FORMAT = ContainerFormat("pilotfish-skill", 1)
-STREAM_FORMAT = ContainerFormat("pilotfish-stream", 2)
-# What to do with a file of one kind where another is expected.
-WRONG_FORMAT_HINTS = {
-    SKILL_FORMAT.name: "it is a skill: open_skill opens it, `pilotfish show` shows it",
-    STREAM_FORMAT.name: "it is a model that grows with a stream: open_stream opens it, `pilotfish show` shows it, "
-    "and `pilotfish stream /dev/null --resume FILE --skill NEW` writes the skill that it is",
-}
+SKILL_FORMAT = ContainerFormat(
+    "pilotfish-skill",
+    2,
+    "learn the skill again",
+    "it is a skill: read it with open_skill or `pilotfish show`",
+)
+STREAM_FORMAT = ContainerFormat(
+    "pilotfish-stream",
+    2,
+    "run `pilotfish stream` on the data again",
+    "it is an online model: read it with open_stream or `pilotfish show`, or write its skill with "
+    "`pilotfish stream /dev/null --resume FILE --skill NEW`",
+)
+FORMATS = {kind.name: kind for kind in (SKILL_FORMAT, STREAM_FORMAT)}
 
 
 def encode_container(kind: ContainerFormat, header: Header, arrays: Arrays) -> bytes:
-    """The bytes of a file: the same for equal headers and arrays."""
+    """Return the bytes of a file; equal headers and arrays give equal bytes.
+
+    Args:
+        kind: Format to write.
+        header: Fields of the header, without format, version and hash.
+        arrays: Arrays by name.
+
+    Raises:
+        InvalidInput: If the file would be too large to be read again.
+    """
     from safetensors.numpy import save  # slow to import
 
-    header = {"format": kind.name, "version": kind.version, **header}
-    data = bytes(
-        save(arrays, {METADATA_KEY: canonical_json(header | {"content": _hash_contents(header, arrays)})})
-    )
+    full_header = _with_format(kind, header)
+    content = {"content": _hash_content(full_header, arrays)}
+    data = bytes(save(arrays, {METADATA_KEY: canonical_json(full_header | content)}))
     if len(data) > MAX_FILE_BYTES:
         raise InvalidInput(f"the file would have {len(data)} bytes, expected at most {MAX_FILE_BYTES}")
     return data
 
 
 def container_hash(kind: ContainerFormat, header: Header, arrays: Arrays) -> str:
-    """The hash that stands in the file of these."""
-    return _hash_contents({"format": kind.name, "version": kind.version, **header}, arrays)
+    """Return the hash that a file with this header and these arrays has."""
+    return _hash_content(_with_format(kind, header), arrays)
 
 
 def decode_container(kind: ContainerFormat, data: bytes, build: Callable[[Header, Arrays], T]) -> T:
-    """What build makes of the header and the arrays that encoded was given.
+    """Return what build makes of the header and the arrays of a file.
 
-    Raises: UnknownSkill, when the file is damaged, altered, of another kind or from a newer version, or when
-    build refuses what it holds.
+    Args:
+        kind: Expected format.
+        data: Content of the file.
+        build: Function of the header, without format, version and hash, and of the arrays.
+
+    Raises:
+        UnreadableFile: If the file is damaged, altered, of another format or version, or build refuses it.
     """
     text, arrays = _unpack(data)
     try:
@@ -80,7 +114,11 @@ def decode_container(kind: ContainerFormat, data: bytes, build: Callable[[Header
 
 
 def read_format_name(data: bytes) -> str | None:
-    """The name of the format that the header gives, none of it checked.    Raises: UnknownSkill."""
+    """Return the format in a file's header without checking the rest; None if the header has none.
+
+    Raises:
+        UnreadableFile: If the file is not a safetensors file with a header.
+    """
     text, _ = _unpack(data)
     try:
         header = json.loads(text)
@@ -91,17 +129,30 @@ def read_format_name(data: bytes) -> str | None:
 
 
 def write_container(data: bytes, path: str | Path, *, overwrite: bool, use_free_name: bool) -> None:
-    """Write a file as a whole, or leave what is there.    Raises: InvalidInput, NameTaken."""
-    if not (overwrite or use_free_name) and (path_exists(path) or is_link(path)):
+    """Write a file atomically.
+
+    Args:
+        data: Content of the file.
+        path: File to write.
+        overwrite: Whether an existing file may be replaced.
+        use_free_name: Whether to write to a similar free name if it may not.
+
+    Raises:
+        InvalidInput: If path cannot be written, or exists and may not be replaced.
+        OutputExists: If path exists and the result was written to another name.
+    """
+    if not (overwrite or use_free_name) and path_exists(path, follow_links=False):
         raise InvalidInput(f"{path} exists; choose another name, or pass overwrite=True")
-    with atomic_file(path, overwrite=overwrite) as part:
-        part.write_bytes(data)
+    with atomic_file(path, overwrite=overwrite) as temporary:
+        temporary.write_bytes(data)
 
 
 def read_container(path: str | Path, expected: str, decode: Callable[[bytes], T]) -> T:
-    """What decode makes of the file.
+    """Return what decode makes of a file; messages begin with the path.
 
-    Raises: UnknownSkill, with the file's name; InvalidInput, when there is none that can be read.
+    Raises:
+        UnreadableFile: If decode refuses the content.
+        InvalidInput: If the file cannot be read.
     """
     data = read_file(path, f"a {expected} file", MAX_FILE_BYTES)
     try:
@@ -111,12 +162,16 @@ def read_container(path: str | Path, expected: str, decode: Callable[[bytes], T]
 
 
 def canonical_json(value: object) -> str:
-    """JSON that is the same for equal values: keys in order, no blanks, ASCII alone."""
+    """Return JSON that is equal for equal values: sorted keys, no blanks, ASCII only."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
+def _with_format(kind: ContainerFormat, header: Header) -> Header:
+    return {"format": kind.name, "version": kind.version, **header}
+
+
 def _unpack(data: bytes) -> tuple[str, Arrays]:
-    """The header's text and the arrays of a safetensors file, its checksum not yet looked at."""
+    """Return the text of the header and the arrays of a safetensors file; the hash is not checked."""
     import safetensors  # slow to import
 
     try:
@@ -124,7 +179,7 @@ def _unpack(data: bytes) -> tuple[str, Arrays]:
         length = int.from_bytes(data[:8], "little")
         text = json.loads(data[8 : 8 + length])["__metadata__"][METADATA_KEY]
     except safetensors.SafetensorError as error:
-        raise UnreadableFile(f"no safetensors file, or not all of one: {error}") from error
+        raise UnreadableFile(f"not a complete safetensors file: {error}; fetch or write it again") from error
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise UnreadableFile(
             f"a safetensors file without the header of a skill or online model ({METADATA_KEY!r})"
@@ -140,43 +195,37 @@ def _decode_array(name: str, tensor: dict[str, Any]) -> Array:
         raise UnreadableFile(f"{name} holds {found}, expected F64 in at most {MAX_ARRAY_DIMENSIONS}")
     try:
         return np.frombuffer(tensor["data"], dtype="<f8").astype(np.float64).reshape(tensor["shape"])
-    except ValueError as error:  # no number in it, in a shape that no array has
-        raise UnreadableFile(f"{name} has a shape that no array has: {error}") from error
+    except ValueError as error:  # an empty array with a shape that NumPy does not allow
+        raise UnreadableFile(f"{name} has an impossible shape: {error}") from error
 
 
 def _validate_format(kind: ContainerFormat, header: Any) -> None:
     fields = header if isinstance(header, dict) else {}
     if (name := fields.get("format")) != kind.name:
-        remedy = (
-            f"; {WRONG_FORMAT_HINTS[name]}" if isinstance(name, str) and name in WRONG_FORMAT_HINTS else ""
-        )
-        raise UnreadableFile(f"its format is {short_repr(name)}, expected {kind.name!r}{remedy}")
+        hint = f"; {FORMATS[name].hint}" if isinstance(name, str) and name in FORMATS else ""
+        raise UnreadableFile(f"its format is {short_repr(name)}, expected {kind.name!r}{hint}")
     version = fields.get("version")
     if type(version) is not int or version < 1:
-        raise UnreadableFile(f"its format's version is {short_repr(version)}, expected {kind.version}")
+        raise UnreadableFile(f"its version is {short_repr(version)}, expected {kind.version}")
+    if version < kind.version:
+        raise UnreadableFile(f"was written by an older version (format {version}); {kind.renewal}")
     if version > kind.version:
         raise UnreadableFile(
-            f"written by a newer pilotfish (format {short_repr(version)}, this one reads {kind.version}); "
+            f"was written by a newer version (format {short_repr(version)}, this one reads {kind.version}); "
             "upgrade pilotfish"
-        )
-    if version < kind.version:
-        raise UnreadableFile(
-            f"written by an older pilotfish (format {version}, this one reads {kind.version}); learn it again "
-            "from the demonstrations or the stream"
         )
 
 
 def _verify_hash(header: Header, arrays: Arrays) -> None:
     stored_hash = pop_field(header, "content", "the header")
-    if stored_hash != (actual_hash := _hash_contents(header, arrays)):
+    if stored_hash != (actual_hash := _hash_content(header, arrays)):
         raise UnreadableFile(
-            f"the file was altered: its content has the hash {actual_hash}, the one written in it is "
-            f"{short_repr(stored_hash, 70)}; "
-            "fetch or learn the skill again"
+            f"the file was altered: its content has the hash {actual_hash}, expected "
+            f"{short_repr(stored_hash, 70)}; fetch it again or write it again"
         )
 
 
-def _hash_contents(header: Header, arrays: Arrays) -> str:
+def _hash_content(header: Header, arrays: Arrays) -> str:
     digest = hashlib.sha256(canonical_json(header).encode())
     for name in sorted(arrays):
         digest.update(canonical_json([name, "F64", arrays[name].shape]).encode())

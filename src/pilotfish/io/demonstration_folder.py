@@ -136,7 +136,8 @@ def _read_demonstration(folder: Path, entry: DemonstrationEntry, manifest: Manif
     if entry.sha256 and entry.sha256 != (actual := hashlib.sha256(data).hexdigest()):
         raise InvalidInput(
             f"{entry.file}: changed after it was written: its sha256 is {actual[:12]}..., the "
-            f"manifest expects {entry.sha256[:12]}...; if the change is meant, delete its sha256 and the manifest's own"
+            f"manifest expects {entry.sha256[:12]}...; if the change is meant, delete its sha256 and the "
+            "manifest's own"
         )
     if is_csv:
         arrays = {"x": decode_csv(data, entry.file, manifest.layout.names)}

@@ -1,4 +1,4 @@
-"""A generated stand-in for the valve recording, for machines that reach neither a folder nor a network."""
+"""Synthetic valve recordings, for machines without the real ones and without a network."""
 
 import numpy as np
 
@@ -23,31 +23,34 @@ from pilotfish.types import Array, Float
 
 ANGLES = ("180", "135", "90", "45", "157.5", "112.5", "67.5", "22.5")  # degrees
 PERIOD, STEPS = 0.1, 200  # s, rows
-CENTRE, RADIUS = np.array([0.59, -1.085, 0.26]), 0.175  # m, the valve's axis and how far out its handle is
-START_POSITION, END_POSITION = (
-    np.array([0.43, -0.73, 0.16]),
-    np.array([0.93, -0.59, 0.18]),
-)  # m, where the hand starts and ends
-START_ANGLE = 2 * np.pi / 3  # rad; the hand starts turned like this handle: no handle is half a turn away
-# Rows by which the handle is grasped, from and to which it turns, and at which it is left; give or take 3.
-GRASP, TURN, RELEASE, LEAVE = 60, 75, 125, 140
+CENTRE, RADIUS = np.array([0.59, -1.085, 0.26]), 0.175  # m: axis of the valve, distance of its handle
+START_POSITION, END_POSITION = np.array([0.43, -0.73, 0.16]), np.array([0.93, -0.59, 0.18])  # m, of the hand
+START_ANGLE = 2 * np.pi / 3  # rad: initial orientation of the hand; no handle is half a turn away from it
+# Rows at which the handle is grasped, begins to turn, is turned, and is left; each varies by up to 3.
+GRASP, TURN_START, TURN_END, LEAVE = 60, 75, 125, 140
 
 
 def synthetic_valve(rng: np.random.Generator) -> tuple[Demonstration, ...]:
-    """Eight generated openings of a valve. They are synthetic: no person and no robot made them.
+    """Return eight synthetic openings of a valve, with the same columns and frames as `datasets.valve()`.
 
-    The hand reaches for the handle, holds it, turns it along its circle, lets go and moves away, in smooth
-    minimum-jerk segments with small variations of place, turn and time. Columns, period, length, angles and
-    frames ("valve before", "valve after") are those of datasets.valve(), so that code which runs on one runs
-    on the other; numbers learned from it say nothing about the recording.
-    Source: Flash & Hogan 1985, J. Neuroscience 5(7), for the minimum-jerk profile.
+    The hand reaches for the handle, turns it along a circle and moves away, in minimum-jerk segments with
+    small random variations of position, orientation and time. Period, length, angles and frames ("valve
+    before", "valve after") are those of the recordings, so code for one runs on the other. Results on one do
+    not hold for the other.
+
+    Args:
+        rng: Source of the variations; a seed gives the same demonstrations on every machine.
+
+    Source:
+        Flash & Hogan 1985, J. Neuroscience 5(7), for the minimum-jerk profile.
     """
     return tuple(_generate_demonstration(rng, degrees) for degrees in ANGLES)
 
 
 def _generate_demonstration(rng: np.random.Generator, degrees: str) -> Demonstration:
     angle, layout = np.radians(float(degrees)), pose_layout()
-    grasp, start, end, leave = (row + int(rng.integers(-3, 4)) for row in (GRASP, TURN, RELEASE, LEAVE))
+    rows = (GRASP, TURN_START, TURN_END, LEAVE)
+    grasp, start, end, leave = (row + int(rng.integers(-3, 4)) for row in rows)
     handles = _handle_poses(angle * (1 - _minimum_jerk(start, end)))
     x = _interpolate_poses(
         _constant_pose(START_POSITION, START_ANGLE, _random_offset(rng, 0.02)),
@@ -74,39 +77,37 @@ def _minimum_jerk(start: int, end: int) -> Float[Array, " T"]:
     return minimum_jerk((np.arange(STEPS) - start) / (end - start))
 
 
-def _handle_poses(orientation_starts: Float[Array, " T"]) -> Float[Array, "T 7"]:
-    """Poses of the handle when the valve is so far from open [rad]; it turns about the world's y."""
-    zero = np.zeros_like(orientation_starts)
-    positions = CENTRE + RADIUS * np.stack(
-        [np.cos(orientation_starts), zero, -np.sin(orientation_starts)], axis=1
-    )
-    upright = quaternion_exp(np.array([np.pi / 4, 0.0, 0.0]))  # the handle's z points into the valve
+def _handle_poses(angles: Float[Array, " T"]) -> Float[Array, "T 7"]:
+    """Return poses of the handle for angles from the open position [rad], about the y axis of the world."""
+    zero = np.zeros_like(angles)
+    positions = CENTRE + RADIUS * np.stack([np.cos(angles), zero, -np.sin(angles)], axis=1)
+    z_into_valve = quaternion_exp(np.array([np.pi / 4, 0.0, 0.0]))
     return np.hstack(
-        [positions, multiply(quaternion_exp(np.stack([zero, orientation_starts / 2, zero], axis=1)), upright)]
+        [positions, multiply(quaternion_exp(np.stack([zero, angles / 2, zero], axis=1)), z_into_valve)]
     )
 
 
-def _constant_pose(place: Float[Array, " 3"], angle: float, slip: Pose) -> Float[Array, "T 7"]:
-    """A hand that stays at a place, turned as the handle is at that turn, but for a slip."""
+def _constant_pose(position: Float[Array, " 3"], angle: float, offset: Pose) -> Float[Array, "T 7"]:
+    """Return rows of one pose: a position, with the orientation of the handle at an angle, then an offset."""
     orientation = _handle_poses(np.array([angle]))[0, 3:]
-    return _compose_poses(np.tile(np.concatenate([place, orientation]), (STEPS, 1)), slip)
+    return _compose_poses(np.tile(np.concatenate([position, orientation]), (STEPS, 1)), offset)
 
 
 def _random_offset(rng: np.random.Generator, scale: float) -> Pose:
-    """How far off a hand is: scale [m] in place, a degree or two about each axis."""
+    """Draw an offset: scale [m] in position, 0.02 half-angle [rad] about each axis."""
     return Pose(rng.normal(scale=scale, size=3), quaternion_exp(rng.normal(scale=0.02, size=3)))
 
 
-def _compose_poses(poses: Float[Array, "T 7"], by: Pose) -> Float[Array, "T 7"]:
-    """Each pose followed by one and the same: world_from_handle, then handle_from_hand."""
+def _compose_poses(poses: Float[Array, "T 7"], offset: Pose) -> Float[Array, "T 7"]:
+    """Return world_from_hand for poses world_from_handle and the offset handle_from_hand."""
     q = poses[:, 3:]
-    return np.hstack([poses[:, :3] + rotation_matrix(q) @ by.position, multiply(q, by.quaternion)])
+    return np.hstack([poses[:, :3] + rotation_matrix(q) @ offset.position, multiply(q, offset.quaternion)])
 
 
 def _interpolate_poses(
     a: Float[Array, "T 7"], b: Float[Array, "T 7"], share: Float[Array, " T"]
 ) -> Float[Array, "T 7"]:
-    """From the path a to the path b: straight in place, the shorter way round in orientation."""
+    """Interpolate between paths: linearly in position, along the shorter rotation in orientation."""
     p, q = a[:, 3:], b[:, 3:]
     q = np.where(np.einsum("td,td->t", p, q)[:, None] < 0, -q, q)
     between = multiply(p, quaternion_exp(share[:, None] * quaternion_log(multiply(conjugate(p), q))))
@@ -114,7 +115,7 @@ def _interpolate_poses(
 
 
 def _smooth_noise(rng: np.random.Generator, scale: float) -> Float[Array, "T 3"]:
-    """A smooth trembling about zero, a few times scale at most: four slow waves for each axis."""
+    """Draw smooth noise about zero: four slow waves for each axis, with amplitudes of about scale."""
     phases = np.arange(1, 5)[:, None] * np.linspace(0, 2 * np.pi, STEPS)  # (4, T)
-    heights, shifts = rng.normal(scale=scale / 2, size=(3, 4)), rng.uniform(0, 2 * np.pi, size=(3, 4))
-    return np.asarray(np.einsum("aw,awt->ta", heights, np.sin(phases + shifts[..., None])))
+    amplitudes, shifts = rng.normal(scale=scale / 2, size=(3, 4)), rng.uniform(0, 2 * np.pi, size=(3, 4))
+    return np.asarray(np.einsum("aw,awt->ta", amplitudes, np.sin(phases + shifts[..., None])))

@@ -14,10 +14,9 @@ from pilotfish.cli.output.motion_notes import end_notes, start_notes
 from pilotfish.cli.stream.descriptions import described, online_model_facts
 from pilotfish.demonstrations import Frame, add_derivatives, frame, views
 from pilotfish.errors import SkillError
-from pilotfish.io.situations import mean_of_first_state
 from pilotfish.io.skill_file import decode_skill, encode_skill
 from pilotfish.io.stream_file import decode_stream, encode_stream
-from pilotfish.models import Skill, adapt, online
+from pilotfish.models import AdaptedSkill, Skill, adapt, online
 from pilotfish.planning import plan, plan_states, reproduce
 
 MAX_ARRAY_SIZE = 2**22  # numbers in one array that a small file may lead to
@@ -91,6 +90,12 @@ def use_skill(skill: Skill, thorough: bool) -> None:
 
 def identity_frames(skill: Skill) -> list[Frame]:
     return [frame(name, np.eye(skill.width), np.zeros(skill.width)) for name in skill.frame_names]
+
+
+def mean_of_first_state(adapted: AdaptedSkill) -> np.ndarray:
+    """Return the mean of the most probable first state."""
+    initial, _ = adapted.dynamics.step_probabilities()
+    return np.array(adapted.means[int(initial.argmax())])
 
 
 def use_in_frames(skill: Skill, frames: Sequence[Frame]) -> None:

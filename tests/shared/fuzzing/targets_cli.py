@@ -14,7 +14,13 @@ from safetensors.numpy import save
 from fuzzing.edits import edit_tree, json_text, toml_text
 from fuzzing.edits_of_text import edit_bytes, edit_text
 from fuzzing.seeds import lines, skills, valve_demonstrations
-from fuzzing.soundness import identity_frames, require_sound, require_sound_refusal, use_in_frames
+from fuzzing.soundness import (
+    identity_frames,
+    mean_of_first_state,
+    require_sound,
+    require_sound_refusal,
+    use_in_frames,
+)
 from fuzzing.target import Target
 from fuzzing.targets_demonstrations import Arrays, CorruptedBytes, corrupted, edit_arrays, edit_or_corrupt
 from pilotfish.cli.commands.learn import learn as learn_command
@@ -27,7 +33,7 @@ from pilotfish.cli.stream import lines as stream_lines
 from pilotfish.demonstrations import frame_from_pose
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import pose
-from pilotfish.io.situations import mean_of_first_state, read_frames, read_start
+from pilotfish.io.situations import read_frames, read_start
 from pilotfish.models import adapt
 from pilotfish.planning import reproduce
 from pilotfish.simulation import meshes
