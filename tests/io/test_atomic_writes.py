@@ -1,4 +1,4 @@
-"""A file is there whole or not at all."""
+"""Atomic writes of files."""
 
 from pathlib import Path
 
@@ -15,7 +15,6 @@ def write_half(path: Path, trouble: type[BaseException]) -> None:
 
 
 def test_atomic_file_target_changes_at_end_only(tmp_path: Path):
-    """Until then the name holds what it held."""
     path = tmp_path / "motion.csv"
     path.write_text("old")
     with atomic_file(path) as temporary:
@@ -27,7 +26,6 @@ def test_atomic_file_target_changes_at_end_only(tmp_path: Path):
 
 @pytest.mark.parametrize("trouble", [KeyboardInterrupt, OSError, ZeroDivisionError])
 def test_atomic_file_error_or_interrupt_keeps_old_file(tmp_path: Path, trouble: type[BaseException]):
-    """Ctrl-C, a full disk or a bug half way through: the old file stays, nothing lies beside it."""
     path = tmp_path / "motion.csv"
     path.write_text("old")
     with pytest.raises((trouble, InvalidInput)):
@@ -37,7 +35,7 @@ def test_atomic_file_error_or_interrupt_keeps_old_file(tmp_path: Path, trouble: 
 
 
 def test_atomic_file_temporary_path_has_suffix_of_target(tmp_path: Path):
-    """Some writers choose the format by it, some append one that is missing."""
+    """Some writers choose the format by the suffix, and some append a missing one."""
     with atomic_file(tmp_path / "gains.npz") as temporary:
         assert temporary.suffix == ".npz"
         temporary.touch()
@@ -47,7 +45,6 @@ def test_atomic_file_temporary_path_has_suffix_of_target(tmp_path: Path):
 
 
 def test_atomic_file_new_file_has_usual_mode(tmp_path: Path):
-    """The mode is that of any file a program makes, not that of a secret."""
     (tmp_path / "plain").touch()
     with atomic_file(tmp_path / "skill") as temporary:
         temporary.write_bytes(b"x")
@@ -56,7 +53,6 @@ def test_atomic_file_new_file_has_usual_mode(tmp_path: Path):
 
 @pytest.mark.parametrize("name", [".", "missing/file", "file/below"])
 def test_atomic_file_unwritable_path_raises(tmp_path: Path, name: str):
-    """A folder, a file in no folder, a file below a file: each named."""
     (tmp_path / "file").touch()
     with (
         pytest.raises(InvalidInput, match=r"not a regular file|cannot be written"),
@@ -67,14 +63,13 @@ def test_atomic_file_unwritable_path_raises(tmp_path: Path, name: str):
 
 
 def test_atomic_file_device_raises():
-    """Writing to the null device as root must not remove it."""
+    """As root, replacing the null device would remove it."""
     with pytest.raises(InvalidInput, match="not a regular file"), atomic_file("/dev/null") as temporary:
         temporary.write_text("x")
     assert Path("/dev/null").is_char_device()
 
 
 def test_atomic_file_open_reader_reads_old_content(tmp_path: Path):
-    """The new file takes the name of the old one at once; a reader never meets half of both."""
     path = tmp_path / "skill"
     path.write_text("the old skill")
     with path.open() as reader:

@@ -1,4 +1,4 @@
-"""Public recordings are found in the folder named, or downloaded; never another file in their place."""
+"""Public recordings: registry, local files and downloads."""
 
 import hashlib
 import re
@@ -24,7 +24,6 @@ EXTRACTS = [dataset.name for dataset in DATASETS if dataset.extract]
 
 @pytest.mark.parametrize("name", datasets.names())
 def test_info_every_dataset_has_origin_and_licence(name: str):
-    """A whole sha256, an address, a licence, a citation."""
     dataset = datasets.info(name)
     assert re.fullmatch(r"[0-9a-f]{64}", dataset.sha256)
     assert re.fullmatch(r"https?://\S+", dataset.url)
@@ -35,7 +34,6 @@ def test_info_every_dataset_has_origin_and_licence(name: str):
 
 @pytest.mark.parametrize("name", [name for name in datasets.names() if name not in EXTRACTS])
 def test_info_original_has_pinned_address(name: str):
-    """With the commit, under a licence that lets anyone keep it, cited with its identifier."""
     dataset = datasets.info(name)
     assert re.fullmatch(r"https://raw\.githubusercontent\.com/\w+/[\w-]+/[0-9a-f]{40}/\S+", dataset.url)
     assert dataset.url.rsplit("/", 1)[1] == dataset.file.rsplit("/", 1)[1]
@@ -44,7 +42,7 @@ def test_info_original_has_pinned_address(name: str):
 
 
 def test_dataset_path_missing_extract_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Where it is not in the folder, the message names the original, what was taken of it, and the place."""
+    """The message names the original, the extract and the place for the file."""
     assert EXTRACTS == ["chicken_dance", "mocap6", "letters"]
     monkeypatch.setenv("PILOTFISH_DATA", str(tmp_path))
     for name in EXTRACTS:
@@ -56,16 +54,12 @@ def test_dataset_path_missing_extract_raises(tmp_path: Path, monkeypatch: pytest
 
 
 def test_registry_entries_are_different():
-    """No two datasets are one."""
     for values in zip(*((d.name, d.file, d.sha256, d.url) for d in DATASETS), strict=True):
         assert len(set(values)) == len(DATASETS)
 
 
 @pytest.mark.parametrize("name", datasets.names())
-def test_dataset_functions_read_every_dataset(
-    data_folder: Path, monkeypatch: pytest.MonkeyPatch, name: str
-):
-    """By its own function, from the folder that PILOTFISH_DATA names, with the published sha256."""
+def test_dataset_functions_read_every_dataset(data_folder: Path, monkeypatch: pytest.MonkeyPatch, name: str):
     monkeypatch.setenv("PILOTFISH_DATA", str(data_folder))
     function, *argument = name.split()
     demonstrations = getattr(datasets, function)(*argument)
@@ -74,7 +68,6 @@ def test_dataset_functions_read_every_dataset(
 
 
 def test_info_unknown_name_names_nearest(monkeypatch: pytest.MonkeyPatch):
-    """The message lists what there is and guesses what was meant."""
     with pytest.raises(InvalidInput, match=r"no data set is named 'vale', there are valve, .*mean 'valve'\?"):
         datasets.info("vale")
     with pytest.raises(InvalidInput, match="mean 'robotasks openbox'"):
@@ -92,12 +85,10 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_find_local_file_with_published_hash_returns_path(folder: Path):
-    """When its sha256 is the published one."""
     assert find_local_file(MADE, str(folder)) == folder / MADE.file
 
 
 def test_find_local_file_with_other_hash_raises(folder: Path):
-    """Both hashes, the file and the fix are named."""
     (folder / MADE.file).write_bytes(b"another")
     found = hashlib.sha256(b"another").hexdigest()
     with pytest.raises(InvalidInput, match=rf"Demos2\.mat has sha256 {found}, expected {MADE.sha256}"):
@@ -105,7 +96,6 @@ def test_find_local_file_with_other_hash_raises(folder: Path):
 
 
 def test_find_local_file_missing_returns_none(folder: Path):
-    """So it is when no folder is named; a folder that is not there is a mistake."""
     assert find_local_file(datasets.info("zshape"), str(folder)) is None
     assert find_local_file(MADE, "") is None
     with pytest.raises(InvalidInput, match=r"PILOTFISH_DATA is .*missing', expected a folder"):
@@ -125,7 +115,6 @@ def test_find_local_file_missing_returns_none(folder: Path):
     ],
 )
 def test_download_failure_names_reason_and_fix(failure: Exception, reason: str):
-    """The address, the reason, the variable and the place for the file are named."""
 
     def retrieve(dataset: datasets.Dataset) -> Path:
         raise failure
@@ -137,5 +126,4 @@ def test_download_failure_names_reason_and_fix(failure: Exception, reason: str):
 
 
 def test_download_returns_path_of_retrieve():
-    """Nothing is done to the path that comes back."""
     assert download(MADE, lambda dataset: Path(dataset.file)) == Path(MADE.file)

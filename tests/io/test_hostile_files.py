@@ -1,4 +1,4 @@
-"""Skill and stream files that ask for much memory or time, or hold what cannot be printed, are refused."""
+"""Skill and stream files that need much memory or time, or have text that cannot be printed."""
 
 import os
 import warnings
@@ -32,7 +32,7 @@ LINE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
 
 
 def skill(durations: Any = None) -> Skill:
-    """Two states that follow one another."""
+    """Return a skill of two alternating states."""
     durations = durations or distributions.Gaussian(np.array([3.0, 9.0]), np.array([1.0, 2.0]))
     return Skill(
         SemiMarkovChain(np.array([0.5, 0.5]), np.eye(2)[::-1].copy(), durations, Censoring.RIGHT),
@@ -46,7 +46,7 @@ def skill(durations: Any = None) -> Skill:
 
 
 def assert_rejected(data: bytes, message: str, decode: Callable[[bytes], Any] = decode_skill) -> None:
-    """Decoding is refused in one bounded line, without warnings and without much CPU time."""
+    """Assert that decoding raises one short line, without warnings and in little CPU time."""
     begin = process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -58,7 +58,7 @@ def assert_rejected(data: bytes, message: str, decode: Callable[[bytes], Any] = 
 
 
 def edited_file(change: Callable[[dict[str, Any], dict[str, np.ndarray]], object]) -> bytes:
-    """The bytes of the skill after a change of its header or arrays, with the hash that belongs to them."""
+    """Return the bytes of a skill with an edited header or arrays and a valid hash."""
     header, arrays = split_container(encode_skill(skill()))
     change(header, arrays)
     return with_hash(header, arrays)
@@ -96,7 +96,7 @@ LONG = [
 
 @pytest.mark.parametrize("durations", LONG, ids=range(len(LONG)))
 def test_decode_skill_durations_without_finite_sums_raise(durations: Any) -> None:
-    """Neither memory for each of their steps is reserved, nor does a NaN come of them."""
+    """No memory is reserved for each step, and no sum is NaN."""
     header, arrays = split_container(encode_skill(skill(_like(durations))))
     for name, values in _parameters(durations).items():
         arrays[f"dynamics.durations.{name}"] = values
@@ -108,7 +108,7 @@ def _parameters(durations: Any) -> dict[str, np.ndarray]:
 
 
 def _like(durations: Any) -> Any:
-    """Durations of the same kind, of a few steps."""
+    """Return durations of the same class, of a few steps."""
     return type(durations)(*(np.full(2, 0.5) for _ in durations.__slots__))
 
 
@@ -125,7 +125,6 @@ MODEST = [
 
 @pytest.mark.parametrize("durations", MODEST, ids=range(len(MODEST)))
 def test_decode_skill_long_durations_plan_in_bounded_time(durations: Any) -> None:
-    """A plan of few steps costs no more than the steps, however long visits may last."""
     opened = decode_skill(encode_skill(skill(durations)))
     begin = process_time()
     with warnings.catch_warnings():
@@ -139,7 +138,6 @@ def test_decode_skill_long_durations_plan_in_bounded_time(durations: Any) -> Non
 
 
 def test_sample_segments_longer_than_horizon_have_their_probability() -> None:
-    """The last length that is drawn stands for all longer ones."""
     long = skill(distributions.Gaussian(np.array([2.0, 1000.0]), np.array([1.0, 500.0])))
     chain = replace(long.dynamics, initial=np.array([0.0, 1.0]))
     stayed = [chain.sample(50, np.random.default_rng(n)).all() for n in range(300)]

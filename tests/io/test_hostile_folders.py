@@ -1,4 +1,4 @@
-"""Folders that ask for much memory or time, or hold text that cannot be printed, are refused at once."""
+"""Demonstrations and published files that need much memory or time, or have text that cannot be printed."""
 
 import io
 import json
@@ -49,7 +49,7 @@ def manifest(**changes: Any) -> dict[str, Any]:
 
 
 def refused(content: dict[str, Any], message: str) -> None:
-    """Parsing the manifest is refused in one bounded line, without much CPU time."""
+    """Assert that parsing the manifest raises one short line in little CPU time."""
     data, begin = json.dumps(content).encode(), process_time()
     with pytest.raises(InvalidInput, match=message) as caught:
         parse_manifest(data, "demonstrations.json")
@@ -175,7 +175,6 @@ def test_parse_manifest_deeply_nested_tables_raise() -> None:
 
 
 def test_parse_manifest_thousands_of_names_take_linear_time() -> None:
-    """Keys of a table, files of a folder, frames of a demonstration, parts of a layout."""
     names = [f"n{n}" for n in range(20_000)]
     refused(manifest(**dict.fromkeys(names, 0)), "unknown key 'n0'")
     twice = json.dumps(manifest())[:-1] + "".join(f', "{name}": 0' for name in names) + ', "n0": 0}'
@@ -193,7 +192,6 @@ def test_parse_manifest_thousands_of_names_take_linear_time() -> None:
 
 
 def test_diagnose_thousands_of_demonstrations_takes_linear_time() -> None:
-    """A copy is found among thousands without comparing each pair."""
     layout = position_layout(2)
     made = [demonstration([[m, 0.0], [m, 1.0]], 0.1, layout) for m in range(3000)]
     begin = process_time()
@@ -205,7 +203,7 @@ def test_diagnose_thousands_of_demonstrations_takes_linear_time() -> None:
 
 @pytest.fixture
 def plain(tmp_path: Path) -> Path:
-    """A folder of one demonstration, a.csv."""
+    """Return a folder of one demonstration, a.csv."""
     here = tmp_path / "plain"
     here.mkdir()
     (here / "demonstrations.json").write_text(json.dumps(manifest()))
@@ -258,9 +256,7 @@ READERS = [read_chicken_dance_npz, read_robotasks_npy, read_valve_mat, read_zsha
 
 @pytest.mark.parametrize("read", READERS)
 @pytest.mark.parametrize("kind", ["fifo", "zero", "long", "large"])
-def test_published_readers_special_file_raises(
-    tmp_path: Path, read: Any, kind: str
-) -> None:
+def test_published_readers_special_file_raises(tmp_path: Path, read: Any, kind: str) -> None:
     file = tmp_path / ("n" * 300 if kind == "long" else "file")
     if kind == "fifo":
         os.mkfifo(file)
@@ -272,7 +268,7 @@ def test_published_readers_special_file_raises(
 
 
 def archive(count: int, size: int, name: str = "x{}.npy", method: int = zipfile.ZIP_DEFLATED) -> bytes:
-    """An NPZ file of arrays of zeros."""
+    """Return an NPZ file of arrays of zeros."""
     array, out = io.BytesIO(), io.BytesIO()
     np.save(array, np.zeros(size, dtype=np.int8))
     with zipfile.ZipFile(out, "w", method) as written:
@@ -310,14 +306,14 @@ def test_load_npz_member_that_is_not_an_array_raises() -> None:
 
 
 def test_decode_npz_counts_numbers_of_small_integers() -> None:
-    """As float64 they would take eight times the memory."""
+    """As float64 they take eight times the memory."""
     data = archive(2, 2**25 + 1)
     with pytest.raises(InvalidInput, match="has 67108866 numbers, expected at most 67108864"):
         decode_npz(data, "a.npz")
 
 
 def test_decode_npz_understated_size_raises() -> None:
-    """Both records of the size say 200 bytes; no more than these are expanded."""
+    """Both records of the size say 200 bytes; no more is expanded."""
     data = bytearray(archive(1, 10**7))
     size = (10**7 + 128).to_bytes(4, "little")
     assert data.count(size) == 2
@@ -345,7 +341,7 @@ def test_read_zshape_mat_large_expansion_raises(tmp_path: Path) -> None:
 
 
 def test_read_zshape_mat_unknown_element_type_raises(tmp_path: Path) -> None:
-    """SciPy looks its size up beyond the end of a table, and the process ends."""
+    """SciPy would index a table beyond its end, and the process would end."""
     savemat(tmp_path / "a.mat", {"Data": np.ones((4, 15))})
     data = bytearray((tmp_path / "a.mat").read_bytes())
     at = data.index(struct.pack("<II", 9, 4 * 15 * 8))  # the tag of the doubles

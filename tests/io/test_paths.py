@@ -1,4 +1,4 @@
-"""Guarded paths: no path gives another error than InvalidInput, and no reader waits or reads without end."""
+"""Paths and files from outside: InvalidInput is the only error, and no reader waits or reads without end."""
 
 import os
 import socket
@@ -24,7 +24,7 @@ EXPECTED = "a skill file"
 
 @pytest.fixture
 def loop(tmp_path: Path) -> Path:
-    """A symbolic link to itself."""
+    """Return a symbolic link to itself."""
     link = tmp_path / "loop"
     link.symlink_to(link)
     return link
@@ -92,7 +92,7 @@ def test_read_file_sparse_terabyte_raises_without_reading(tmp_path: Path) -> Non
 
 
 def test_read_file_small_file_takes_little_memory(tmp_path: Path) -> None:
-    """`file.read(largest)` allocates as much as it may read before it reads."""
+    """`file.read(max_bytes)` would allocate that much before it reads."""
     (tmp_path / "small").write_bytes(b"few")
     tracemalloc.start()
     try:
@@ -103,7 +103,7 @@ def test_read_file_small_file_takes_little_memory(tmp_path: Path) -> None:
 
 
 def test_read_file_of_stated_size_zero_reads_up_to_limit() -> None:
-    """Files of the kernel report the size 0, whatever they hold."""
+    """Files in /proc have the stated size 0."""
     with pytest.raises(InvalidInput, match="has more than 10 bytes"):
         read_file("/proc/self/maps", EXPECTED, 10)
 

@@ -1,4 +1,4 @@
-"""Renames that refuse or exchange in one step, also where the system has only links, or not even those."""
+"""Renames in one step, with renameat2, with hard links only, and with neither."""
 
 import os
 from errno import EOPNOTSUPP, EPERM
@@ -20,7 +20,7 @@ def unsupported(*_: object, **__: object) -> NoReturn:
 
 @pytest.fixture(params=["renameat2", "links", "neither"])
 def system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A system with renameat2; with hard links alone; with neither."""
+    """Provide renameat2; hard links only; or neither."""
     if request.param != "renameat2":
         monkeypatch.setattr(renames, "_libc_renameat2", lambda: None)
     if request.param == "neither":
@@ -43,7 +43,6 @@ def occupy(path: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["file", "folder", "link without a target"])
 def test_rename_exclusive_taken_name_raises_and_keeps_both(tmp_path: Path, system: str, kind: str):
-    """Both stay as they are."""
     occupy(tmp_path / "target", kind)
     (tmp_path / "source").write_text("new")
     with pytest.raises(FileExistsError):
@@ -54,7 +53,6 @@ def test_rename_exclusive_taken_name_raises_and_keeps_both(tmp_path: Path, syste
 
 
 def test_rename_exclusive_free_name_moves_file(tmp_path: Path, system: str):
-    """The old name is gone."""
     (tmp_path / "source").write_text("new")
     rename_exclusive(tmp_path / "source", tmp_path / "target")
     assert (tmp_path / "target").read_text() == "new"
@@ -62,7 +60,6 @@ def test_rename_exclusive_free_name_moves_file(tmp_path: Path, system: str):
 
 
 def test_exchange_paths_exchanges_folders_or_returns_false(tmp_path: Path):
-    """In one step, where the system has it; otherwise nothing happens."""
     for name in ("one", "other"):
         (tmp_path / name / name).mkdir(parents=True)
     done = exchange_paths(tmp_path / "one", tmp_path / "other")
@@ -70,10 +67,7 @@ def test_exchange_paths_exchanges_folders_or_returns_false(tmp_path: Path):
 
 
 @pytest.mark.parametrize("kind", ["file", "link without a target"])
-def test_atomic_file_name_taken_meanwhile_keeps_both(
-    tmp_path: Path, system: str, kind: str
-):
-    """The result gets a free name beside it, which the error gives."""
+def test_atomic_file_name_taken_meanwhile_keeps_both(tmp_path: Path, system: str, kind: str):
     (tmp_path / "motion-1.csv").write_text("another")
 
     def write() -> None:
@@ -91,7 +85,6 @@ def test_atomic_file_name_taken_meanwhile_keeps_both(
 
 @pytest.mark.parametrize("kind", ["file", "link without a target"])
 def test_write_container_existing_file_raises_and_keeps_result_if_asked(tmp_path: Path, kind: str):
-    """overwrite=False, without and with beside=True."""
     occupy(tmp_path / "motion.csv", kind)
     with pytest.raises(InvalidInput, match="exists; choose another name"):
         write_container(b"new", tmp_path / "motion.csv", overwrite=False, use_free_name=False)
@@ -102,7 +95,6 @@ def test_write_container_existing_file_raises_and_keeps_result_if_asked(tmp_path
 
 
 def test_atomic_file_overwrite_follows_link(tmp_path: Path):
-    """The link stays, and leads to the new content."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "real").write_text("old")
     (tmp_path / "link").symlink_to("folder/real")
@@ -113,7 +105,6 @@ def test_atomic_file_overwrite_follows_link(tmp_path: Path):
 
 
 def test_atomic_folder_name_taken_meanwhile_keeps_both(tmp_path: Path):
-    """Also a file of that name."""
 
     def write(place: Path) -> None:
         with atomic_folder(place) as temporary_folder:
@@ -131,7 +122,7 @@ def test_atomic_folder_name_taken_meanwhile_keeps_both(tmp_path: Path):
 
 
 def test_atomic_folder_file_added_meanwhile_is_kept(tmp_path: Path):
-    """The old folder is looked at again once nobody can reach it, and comes back."""
+    """The old folder is checked again after the exchange, and is restored."""
 
     def require_replaceable(folder: Path) -> None:
         if (folder / "precious").exists():
@@ -154,7 +145,6 @@ def test_atomic_folder_file_added_meanwhile_is_kept(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["x" * 300, "loop", "loop/below", "file/below", "a\0b", "\ud800"])
 def test_atomic_writes_impossible_name_raises(tmp_path: Path, name: str):
-    """Too long, a link to itself, below a file, no name at all."""
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "file").touch()
     for overwrite in (True, False):
@@ -167,10 +157,8 @@ def test_atomic_writes_impossible_name_raises(tmp_path: Path, name: str):
     assert names(tmp_path) == ["file", "loop"]
 
 
-def test_atomic_file_fsync_of_folder_unsupported_succeeds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Some network file systems."""
+def test_atomic_file_fsync_of_folder_unsupported_succeeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Some network file systems do not support it."""
     real = os.fsync
 
     def fsync(descriptor: int) -> None:

@@ -1,4 +1,4 @@
-"""Where things stand: q and -q are one pose, and a frame may be given in several ways."""
+"""Situation files: signs of quaternions, frames by pose or matrix, TOML and JSON."""
 
 import itertools
 import json
@@ -18,7 +18,7 @@ RunJson = Callable[..., dict[str, Any]]
 
 @pytest.fixture
 def reproduce_positions(run_json: RunJson, skill: Path, tmp_path: Path) -> Callable[..., np.ndarray]:
-    """Final position and orientation of a replay among these frames from this start."""
+    """Return a function from frames and start to the final position and orientation."""
 
     def replay(frames: object, start: object = None) -> np.ndarray:
         (tmp_path / "f.json").write_text(json.dumps(frames))
@@ -33,7 +33,7 @@ def reproduce_positions(run_json: RunJson, skill: Path, tmp_path: Path) -> Calla
 
 
 def same_pose(one: np.ndarray, other: np.ndarray) -> bool:
-    """Equal places, and orientations equal up to the sign of the quaternion."""
+    """Return whether poses are equal up to the sign of the quaternion."""
     turned = one * np.sign(one[3:] @ other[3:])
     return np.allclose(one[:3], other[:3], atol=1e-9) and np.allclose(turned[3:], other[3:], atol=1e-9)
 
@@ -47,7 +47,6 @@ HOME = {"name": "home", "position": [0.0, 0.0, 0.0], "quaternion": [1.0, 0.0, 0.
 
 
 def test_reproduce_sign_of_frame_quaternion_has_no_effect(reproduce_positions: Callable[..., np.ndarray]):
-    """Each of the four ways to write two poses gives one motion; so does their order."""
     expected = reproduce_positions([HOME, CUP])
     for home, cup in itertools.product((HOME, negate_quaternion(HOME)), (CUP, negate_quaternion(CUP))):
         assert same_pose(reproduce_positions([home, cup]), expected)
@@ -55,7 +54,6 @@ def test_reproduce_sign_of_frame_quaternion_has_no_effect(reproduce_positions: C
 
 
 def test_reproduce_sign_of_start_quaternion_has_no_effect(reproduce_positions: Callable[..., np.ndarray]):
-    """Nor does it matter whether the start is a pose at rest or a whole state with no speed."""
     place, turn = [0.1, -0.3, 0.3], [0.9800666, 0.1986693, 0.0, 0.0]
     expected = reproduce_positions([HOME, CUP], {"position": place, "quaternion": turn})
     other = [-value for value in turn]
@@ -69,7 +67,6 @@ def test_reproduce_sign_of_start_quaternion_has_no_effect(reproduce_positions: C
 def test_read_frames_matrix_equals_pose(
     reproduce_positions: Callable[..., np.ndarray], skill: Path, width: int
 ):
-    """A and b of all columns, or of those that were recorded: the speeds turn with them."""
     layout = open_skill(skill).layout
     cup = frame_from_pose("cup", layout, pose(CUP["position"], CUP["quaternion"]))
     given = {"name": "cup", "A": cup.A[:width, :width].tolist(), "b": cup.b[:width].tolist()}
@@ -79,7 +76,6 @@ def test_read_frames_matrix_equals_pose(
 
 
 def test_read_frames_toml_equals_json(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
-    """The same situation in both gives the same motion."""
     lines = [f"[[frames]]\n{key}" for key in map(_toml, json.loads(frames.read_text()))]
     (tmp_path / "now.toml").write_text("\n".join(lines))
     one, other = (run_json("reproduce", skill, "--frames", f) for f in (frames, tmp_path / "now.toml"))

@@ -21,28 +21,23 @@ def faulty(names: list[str], faults: tuple[str, ...], folder: Path, *, brief: bo
 
 
 def test_learn_killed_or_full_disk_leaves_old_or_new_file(tmp_path: Path):
-    """Of learn; nothing but a hidden file is left, and that only by a killed process."""
+    """Only a killed process leaves a hidden file."""
     assert faulty(["learn"], ("killed", "disk full", "SIGTERM"), tmp_path, brief=True) == []
 
 
 def test_data_export_killed_leaves_old_or_new_folder(tmp_path: Path):
-    """Of data export."""
     assert faulty(["data export"], ("killed",), tmp_path, brief=True) == []
 
 
 @pytest.mark.slow  # some hundred processes for each command, pictures and physics for six of them
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_fault_at_each_call_leaves_old_or_new_output(name: str, tmp_path: Path):
-    """Killed, full, input/output error, three signals; also without old outputs where that is quick.
-
-    Of demo, whose runs take long, one fault of each kind.
-    """
+    """Without old outputs too where that is quick. Of demo, which takes long, one fault of each kind."""
     faults = ("killed", "disk full", "SIGTERM") if name == "demo" else tuple(FAULTS)
     assert faulty([name], faults, tmp_path, brief=name not in QUICK) == []
 
 
 def test_sweep_finds_file_written_in_place(tmp_path: Path):
-    """A writer without precautions leaves half a file: what the other tests would have to find."""
     outcomes = fault_sweep.sweep(["in place"], ("killed", "disk full"), tmp_path, brief=True)
     assert any("neither old nor new" in outcome.outputs.values() for outcome in outcomes)
     assert all(outcome.faulty for outcome in outcomes if outcome.call.startswith("write"))

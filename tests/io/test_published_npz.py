@@ -1,4 +1,4 @@
-"""Extracts of public recordings come in with their units, their names and their labels."""
+"""Published NPZ extracts: values, units, names and labels."""
 
 from pathlib import Path
 
@@ -18,7 +18,6 @@ DANCE, EXERCISES = "chicken_dance/cmu_18_15_chicken_dance.npz", "mocap6/mocap6_d
 
 
 def test_read_chicken_dance_npz_equals_file(data_folder: Path):
-    """Every position of the file, a part for each node under its own name, 120 rows a second."""
     (demo,) = read_chicken_dance_npz(data_folder / DANCE)
     with np.load(data_folder / DANCE) as held:
         np.testing.assert_array_equal(demo.x.reshape(-1, 28, 3), held["node_pos"])
@@ -30,7 +29,7 @@ def test_read_chicken_dance_npz_equals_file(data_folder: Path):
 
 
 def test_read_chicken_dance_npz_is_in_metres(data_folder: Path):
-    """Metres, not inches: from toes to the top of the head it is 1.4 to 1.9 m, and y points up."""
+    """From toes to the top of the head the person is 1.4 to 1.9 m tall, and y points up."""
     (demo,) = read_chicken_dance_npz(data_folder / DANCE)
     tall = demo.x[:, demo.layout.columns("Head_end")] - demo.x[:, demo.layout.columns("LeftToeBase")]
     assert 1.4 < tall[0, 1] < 1.9
@@ -38,7 +37,7 @@ def test_read_chicken_dance_npz_is_in_metres(data_folder: Path):
 
 
 def test_read_mocap6_npz_is_in_metres_and_radians(data_folder: Path):
-    """Degrees become radians; the unit of length is an inch by .45, as CMU says: .056444 m."""
+    """The unit of length is an inch divided by 0.45, as CMU states: 0.056444 m."""
     demonstrations = read_mocap6_npz(data_folder / EXERCISES)
     with np.load(data_folder / EXERCISES) as held:
         for n, demo in zip((0, 1, 3, 4), demonstrations, strict=True):
@@ -51,7 +50,7 @@ def test_read_mocap6_npz_is_in_metres_and_radians(data_folder: Path):
 
 
 def test_read_mocap6_labels_npz_has_label_for_every_step(data_folder: Path):
-    """As many labels as rows, from 1 to 12; all four begin with jumping jacks, where hips go up."""
+    """All sequences begin with jumping jacks, in which the hips rise."""
     demonstrations = read_mocap6_npz(data_folder / EXERCISES)
     labels = read_mocap6_labels_npz(data_folder / EXERCISES)
     assert [len(of) for of in labels] == [len(demo.x) for demo in demonstrations]
@@ -64,7 +63,7 @@ def test_read_mocap6_labels_npz_has_label_for_every_step(data_folder: Path):
 
 
 def test_read_letters_npz_is_velocity_and_force(data_folder: Path):
-    """The file's numbers, 200 a second; a letter ends where the pen is lifted, all velocities near zero."""
+    """A letter ends where the pen is lifted, with velocities near zero."""
     file = data_folder / "letters" / "uci_letters_dev.npz"
     demonstrations = read_letters_npz(file)
     with np.load(file) as held:
@@ -83,7 +82,6 @@ def test_read_letters_npz_is_velocity_and_force(data_folder: Path):
     ids=["missing", "empty", "rubbish", "cut short"],
 )
 def test_npz_readers_damaged_file_raises(tmp_path: Path, read, content: bytes | None):
-    """Missing, empty, rubbish, cut short: the message names the file."""
     file = tmp_path / "file.npz"
     if content is not None:
         file.write_bytes(content)
@@ -111,7 +109,6 @@ def test_npz_readers_damaged_file_raises(tmp_path: Path, read, content: bytes | 
     ],
 )
 def test_npz_readers_other_archive_raises(tmp_path: Path, read, held, message: str):
-    """A well-formed archive that holds other things: what it holds and what was expected are named."""
     np.savez(tmp_path / "file.npz", **held)
     with pytest.raises(InvalidInput, match=message):
         read(tmp_path / "file.npz")

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a folder of demonstrations is told with its place and the nearest fix."""
+"""Invalid folders of demonstrations: messages name the place and the nearest fix."""
 
 from pathlib import Path
 
@@ -70,8 +70,9 @@ BAD_MANIFESTS = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), BAD_MANIFESTS, ids=range(len(BAD_MANIFESTS)))
-def test_read_demonstrations_invalid_manifest_names_key_and_fix(manual_folder: Path, old: str, new: str, message: str):
-    """The key is named, what it says, what was expected, and the nearest fix."""
+def test_read_demonstrations_invalid_manifest_names_key_and_fix(
+    manual_folder: Path, old: str, new: str, message: str
+):
     file = manual_folder / "demonstrations.toml"
     text = file.read_text()
     assert old in text
@@ -105,8 +106,9 @@ BAD_TABLES = [
 
 
 @pytest.mark.parametrize(("text", "message"), BAD_TABLES, ids=range(len(BAD_TABLES)))
-def test_read_demonstrations_invalid_csv_names_line_and_column(manual_folder: Path, text: str | bytes, message: str):
-    """File, line and column are named."""
+def test_read_demonstrations_invalid_csv_names_line_and_column(
+    manual_folder: Path, text: str | bytes, message: str
+):
     (manual_folder / "first.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InvalidInput, match=message):
         read_demonstrations(manual_folder)
@@ -124,8 +126,9 @@ BAD_ARRAYS = [
 
 
 @pytest.mark.parametrize(("arrays", "message"), BAD_ARRAYS, ids=range(len(BAD_ARRAYS)))
-def test_read_demonstrations_invalid_npz_names_array(manual_folder: Path, arrays: dict[str, np.ndarray], message: str):
-    """The array and the frame are named; pickled objects are never loaded."""
+def test_read_demonstrations_invalid_npz_names_array(
+    manual_folder: Path, arrays: dict[str, np.ndarray], message: str
+):
     keyed = (manual_folder / "demonstrations.toml").read_text()
     keyed = keyed.replace("first.csv", "first.npz").replace(
         "A = [[1, 0], [0, 2]], b = [0.5, 0]", "A='A', b='b'", 1
@@ -139,7 +142,6 @@ def test_read_demonstrations_invalid_npz_names_array(manual_folder: Path, arrays
 
 
 def test_read_demonstrations_npz_that_is_not_an_archive_raises(manual_folder: Path):
-    """A .npy file renamed to .npz, and rubbish."""
     text = (manual_folder / "demonstrations.toml").read_text()
     (manual_folder / "demonstrations.toml").write_text(text.replace("first.csv", "first.npz"))
     for write in (lambda f: np.save(f, np.zeros((2, 2))), lambda f: f.write(b"rubbish"), lambda f: None):
@@ -151,7 +153,6 @@ def test_read_demonstrations_npz_that_is_not_an_archive_raises(manual_folder: Pa
 
 
 def test_read_demonstrations_without_exactly_one_manifest_raises(manual_folder: Path):
-    """None, two, no folder, a file instead of one."""
     with pytest.raises(InvalidInput, match="is not a folder"):
         read_demonstrations(manual_folder / "missing")
     with pytest.raises(InvalidInput, match="is not a folder"):
@@ -169,7 +170,6 @@ def test_read_demonstrations_without_exactly_one_manifest_raises(manual_folder: 
     "text", ["[1, 2]", "3", "", "{", '{"version": 1, "version": 1}', "[" * 100_000, "nul"]
 )
 def test_read_demonstrations_json_that_is_not_a_manifest_raises(manual_folder: Path, text: str):
-    """Other values, cut ones, keys that stand twice, and depths beyond any use."""
     (manual_folder / "demonstrations.toml").unlink()
     (manual_folder / "demonstrations.json").write_text(text)
     with pytest.raises(InvalidInput, match=r"demonstrations\.json: "):

@@ -1,4 +1,4 @@
-"""Folders read back what was written, and are there whole or not at all."""
+"""Folders of demonstrations: reading what was written, and atomic replacement."""
 
 import contextlib
 import json
@@ -33,7 +33,7 @@ PLANE = position_layout(axes=2)
 
 
 def same(one: Demonstration, other: Demonstration) -> bool:
-    """Equal number for number, frames included."""
+    """Return whether demonstrations are equal number for number, frames included."""
     plain = (one.period, one.layout, one.name) == (other.period, other.layout, other.name)
     arrays = np.array_equal(one.x, other.x) and len(one.frames) == len(other.frames)
     frames = all(
@@ -44,7 +44,6 @@ def same(one: Demonstration, other: Demonstration) -> bool:
 
 
 def test_read_demonstrations_manual_folder_has_its_values(manual_folder: Path):
-    """Period, names, frames and numbers are those of the files."""
     first, second = read_demonstrations(manual_folder)
     assert (first.name, second.name, first.period) == ("first", "", 0.5)
     np.testing.assert_array_equal(first.x, [[0, 1], [2, 3.5], [-0.004, 5]])
@@ -53,7 +52,6 @@ def test_read_demonstrations_manual_folder_has_its_values(manual_folder: Path):
 
 
 def test_read_demonstrations_toml_equals_json(manual_folder: Path):
-    """The manifest may be either."""
     by_toml, text = read_demonstrations(manual_folder), (manual_folder / "demonstrations.toml").read_text()
     (manual_folder / "demonstrations.toml").unlink()
     (manual_folder / "demonstrations.json").write_text(json.dumps(tomllib.loads(text)))
@@ -61,7 +59,6 @@ def test_read_demonstrations_toml_equals_json(manual_folder: Path):
 
 
 def test_read_demonstrations_frame_by_pose_equals_frame_from_pose(tmp_path: Path, make):
-    """Position and quaternion in the manifest are those of frame_from_pose."""
     layout = pose_layout()
     demo = demonstration(make.x(layout, 4), 0.1, layout)
     write_demonstrations([demo], tmp_path)
@@ -78,7 +75,6 @@ def test_read_demonstrations_frame_by_pose_equals_frame_from_pose(tmp_path: Path
 
 
 def test_read_demonstrations_of_written_folder_equals_written(tmp_path: Path, make):
-    """Every number, name and frame, moving frames too, in order."""
     written = [
         make(steps, make.mixed, moving=m % 2 == 1, name=f"n° {m}") for m, steps in enumerate((2, 5, 12))
     ]
@@ -100,8 +96,10 @@ numbers = st.floats(-1e100, 1e100)
     period=st.floats(1e-9, 1e9),
     name=st.text(max_size=8).filter(str.isprintable),
 )
-def test_read_demonstrations_of_any_numbers_equals_written(tmp_path: Path, x: np.ndarray, period: float, name: str):
-    """Subnormals, huge numbers, minus zero; quotes, other scripts."""
+def test_read_demonstrations_of_any_numbers_equals_written(
+    tmp_path: Path, x: np.ndarray, period: float, name: str
+):
+    """Subnormal and huge numbers, minus zero; quotes and other scripts in names."""
     demo = demonstration(x, period, position_layout(axes=x.shape[1]), name=name)
     write_demonstrations([demo], tmp_path / "any", overwrite=True)
     (read,) = read_demonstrations(tmp_path / "any")
@@ -111,7 +109,7 @@ def test_read_demonstrations_of_any_numbers_equals_written(tmp_path: Path, x: np
 
 @pytest.fixture(params=[False, True], ids=["csv", "npz"])
 def written(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, tuple[Demonstration, ...]]:
-    """A small folder, of CSV or of NPZ files, and what is in it."""
+    """Write a small folder of CSV or NPZ files; return it with its demonstrations."""
     x = np.array([[0.25, -1.0], [1e-5, 2.0]])
     belt = moving_frame("belt", np.tile(np.eye(2), (2, 1, 1)), x)
     made = belt if request.param else frame("cup", 2 * np.eye(2), [0.5, 1.0])
@@ -120,7 +118,6 @@ def written(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, tuple
 
 
 def test_read_demonstrations_changed_byte_equals_or_raises(written: tuple[Path, tuple[Demonstration, ...]]):
-    """Whichever byte of a written folder changes, it reads equal or is refused; never anything else."""
     folder, expected = written
     for file in sorted(folder.iterdir()):
         whole = file.read_bytes()
@@ -144,7 +141,6 @@ def reads_equal_or_is_refused(manual_folder: Path, expected: tuple[Demonstration
 def test_read_demonstrations_damaged_folder_raises_invalid_input_only(
     written: tuple[Path, tuple[Demonstration, ...]], data: st.DataObject
 ):
-    """Cut, overwritten or extended anywhere, it is read or refused as invalid input."""
     folder, _ = written
     broken = folder.with_name("broken")
     shutil.rmtree(broken, ignore_errors=True)
@@ -162,7 +158,6 @@ def test_read_demonstrations_damaged_folder_raises_invalid_input_only(
 
 
 def test_read_demonstrations_csv_of_spreadsheet_equals_original(manual_folder: Path):
-    """A byte-order mark, Windows line ends and quoted names read the same."""
     expected = read_demonstrations(manual_folder)
     other = (
         (manual_folder / "first.csv").read_text().replace("position x", '"position x"').replace("\n", "\r\n")
@@ -171,8 +166,9 @@ def test_read_demonstrations_csv_of_spreadsheet_equals_original(manual_folder: P
     assert all(map(same, read_demonstrations(manual_folder), expected))
 
 
-def test_read_demonstrations_edited_manifest_raises_until_sha256_is_deleted(written: tuple[Path, tuple[Demonstration, ...]]):
-    """A checksum refuses the edit, and deleting the checksums as told accepts it."""
+def test_read_demonstrations_edited_manifest_raises_until_sha256_is_deleted(
+    written: tuple[Path, tuple[Demonstration, ...]],
+):
     folder, _ = written
     file = folder / "demonstrations.json"
     manifest = json.loads(file.read_text())
@@ -186,7 +182,6 @@ def test_read_demonstrations_edited_manifest_raises_until_sha256_is_deleted(writ
 
 
 def test_write_demonstrations_replaces_only_demonstrations_with_overwrite(manual_folder: Path, make):
-    """An existing folder stays; with overwrite, only a folder of demonstrations is replaced."""
     demo = make()
     with pytest.raises(InvalidInput, match="exists; choose another place, or pass overwrite=True"):
         write_demonstrations([demo], manual_folder)
@@ -208,7 +203,6 @@ def test_write_demonstrations_replaces_only_demonstrations_with_overwrite(manual
 
 
 def test_write_demonstrations_unwritable_path_leaves_nothing(tmp_path: Path, make):
-    """What cannot be written is told, and no half folder stays."""
     (tmp_path / "file").write_text("")
     with pytest.raises(InvalidInput, match="cannot be written: "):
         write_demonstrations([make()], tmp_path / "file" / "folder")
@@ -227,7 +221,6 @@ TWO_RENAMES = [*EXCHANGE, "rename 2", "rename 3"]  # where the system cannot exc
 def test_write_demonstrations_full_disk_keeps_old_folder(
     tmp_path: Path, make, monkeypatch: pytest.MonkeyPatch, moment: str, exchanges: bool
 ):
-    """Wherever writing stops, the folder that was there is there, and nothing beside it."""
     if not exchanges:
         monkeypatch.setattr("pilotfish.io.atomic_writes.exchange_paths", lambda *_: False)
     old, new = make(), make()
@@ -257,7 +250,7 @@ def test_write_demonstrations_full_disk_keeps_old_folder(
 def test_write_demonstrations_interrupted_rename_keeps_old_or_new_folder(
     make, tmp_path, monkeypatch, call, before
 ):
-    """Where the system cannot exchange folders, Ctrl-C may come before each of two renames, or after it."""
+    """Without an exchange of folders, Ctrl-C may come before or after each of two renames."""
     monkeypatch.setattr("pilotfish.io.atomic_writes.exchange_paths", lambda *_: False)
     old, real, calls = make(), Path.rename, []
     write_demonstrations([old], tmp_path / "set")
@@ -280,7 +273,7 @@ def test_write_demonstrations_interrupted_rename_keeps_old_or_new_folder(
 
 
 def test_read_demonstrations_duplicate_key_raises(written: tuple[Path, tuple[Demonstration, ...]]):
-    """JSON readers would take the last without a word."""
+    """JSON readers take the last value without a message."""
     file = written[0] / "demonstrations.json"
     file.write_text(file.read_text().replace('"period": 0.1', '"period": 0.2, "period": 0.1'))
     with pytest.raises(InvalidInput, match="key 'period' is given more than once"):
@@ -288,7 +281,6 @@ def test_read_demonstrations_duplicate_key_raises(written: tuple[Path, tuple[Dem
 
 
 def test_write_demonstrations_different_layouts_or_periods_raise(tmp_path: Path, make):
-    """Others are refused before anything is written."""
     demo = make()
     slower = demonstration(demo.x, 1.0, demo.layout, name="slow")
     for other in (slower, make(layout=make.mixed)):
@@ -300,7 +292,6 @@ def test_write_demonstrations_different_layouts_or_periods_raise(tmp_path: Path,
 
 
 def test_read_demonstrations_example_of_documentation(tmp_path: Path):
-    """The files that docs/folder-format.md shows make a folder, and its words about them are true."""
     page = (Path(__file__).parents[2] / "docs" / "folder-format.md").read_text(encoding="utf-8")
     for name, text in re.findall(r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
         (tmp_path / name).write_text(text)

@@ -1,4 +1,4 @@
-"""The generated valve stands in for the recorded one: same shapes and names, a movement of the same kind."""
+"""Synthetic valve demonstrations beside the recorded ones."""
 
 from pathlib import Path
 
@@ -12,14 +12,12 @@ from pilotfish.io.synthetic import synthetic_valve
 
 
 def test_synthetic_valve_same_seed_gives_equal_demonstrations():
-    """The generator alone decides; another seed gives another set."""
     one, same, other = (synthetic_valve(np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert all(np.array_equal(a.x, b.x) for a, b in zip(one, same, strict=True))
     assert not np.array_equal(one[0].x, other[0].x)
 
 
 def test_synthetic_valve_equals_recording_in_shape(rng: np.random.Generator, data_folder: Path):
-    """Code that runs on one runs on the other; and they differ by centimetres, not by metres."""
     recorded = read_valve_mat(data_folder / "valve" / "BaxterValveDemos2.mat")
     made = synthetic_valve(rng)
     for a, b in zip(made, recorded, strict=True):
@@ -34,9 +32,7 @@ def test_synthetic_valve_equals_recording_in_shape(rng: np.random.Generator, dat
 
 
 def test_synthetic_valve_varies_least_in_frame_of_handle(rng: np.random.Generator):
-    """Seen from the handle before, all hands hold it alike at the grasp; seen from the handle after, at the
-    release. That is what a skill is to find.
-    """
+    """At the grasp it is the frame before, at the release the frame after."""
     seen = views(synthetic_valve(rng)).x.reshape(2, 8, 200, 14)
     for j, rows in ((0, slice(66, 70)), (1, slice(130, 134))):
         assert np.abs(seen[j, :, rows, :3]).max() < 0.03  # m, at the handle
@@ -45,7 +41,7 @@ def test_synthetic_valve_varies_least_in_frame_of_handle(rng: np.random.Generato
 
 
 def test_synthetic_valve_is_smooth_without_warnings(rng: np.random.Generator):
-    """Nothing but the fixed second frame is noted; speeds stay those of a calm hand."""
+    """The only diagnostic is the constant second frame."""
     made = synthetic_valve(rng)
     assert [(found.severity, found.location) for found in diagnose(made)] == [("note", "frame 'valve after'")]
     for demo in made:
@@ -55,7 +51,6 @@ def test_synthetic_valve_is_smooth_without_warnings(rng: np.random.Generator):
 
 @pytest.mark.parametrize("degrees", ["180", "22.5"])
 def test_synthetic_valve_frames_differ_by_angle_in_name(rng: np.random.Generator, degrees: str):
-    """From before to after, exactly."""
     demo = next(demo for demo in synthetic_valve(rng) if demo.name.endswith(f" {degrees} deg"))
     before, after = (given.A[:3, :3] for given in demo.frames)
     turned = np.degrees(np.arccos(np.clip((np.trace(before.T @ after) - 1) / 2, -1, 1)))

@@ -1,4 +1,4 @@
-"""Skills in files: exact, the same everywhere, and nothing damaged or strange comes through."""
+"""Skill files: exact, equal on every machine, and safe against damaged or hostile content."""
 
 import json
 import math
@@ -109,7 +109,7 @@ def random_skill(rng: np.random.Generator, dynamics: str, structure: str) -> Ski
 
 
 def equal(one: Any, other: Any) -> bool:
-    """The same type and, all the way down, the same bits."""
+    """Return whether values have the same type and the same bits at every level."""
     if type(one) is not type(other):
         return False
     if is_dataclass(one):
@@ -122,7 +122,7 @@ def equal(one: Any, other: Any) -> bool:
 
 
 def opens_equal_or_is_refused(data: bytes, skill: Skill) -> bool:
-    """True when it was refused. Anything but a refusal or the same skill fails."""
+    """Return True if the file is refused; fail if it opens as another skill."""
     try:
         opened = decode_skill(data)
     except UnreadableFile:
@@ -133,7 +133,7 @@ def opens_equal_or_is_refused(data: bytes, skill: Skill) -> bool:
 
 @pytest.fixture
 def skill() -> Skill:
-    """Two frames, one dense and one semi-tied, semi-Markov."""
+    """Return a semi-Markov skill of two frames, one dense and one semi-tied."""
     rng = np.random.default_rng(4)
     while True:
         one = random_skill(rng, "semi-markov", "mixed")
@@ -146,7 +146,6 @@ def skill() -> Skill:
 @given(seed=SEEDS)
 @settings(max_examples=25)
 def test_decode_skill_of_encoded_equals_skill(dynamics: str, structure: str, seed: int):
-    """Writing then reading is the identity, to the last bit, for every dynamics and structure."""
     one = random_skill(np.random.default_rng(seed), dynamics, structure)
     data = encode_skill(one)
     opened = decode_skill(data)
@@ -157,14 +156,13 @@ def test_decode_skill_of_encoded_equals_skill(dynamics: str, structure: str, see
 @given(seed=SEEDS, kind=st.sampled_from(DYNAMICS))
 @settings(max_examples=25)
 def test_content_hash_equals_documented_hash(seed: int, kind: str):
-    """A site that has only docs/skill-file.md finds the same name for a skill."""
     one = random_skill(np.random.default_rng(seed), kind, "mixed")
     header, arrays = split_container(encode_skill(one))
     assert header["content"] == documented_hash(header, arrays) == content_hash(one)
 
 
 def test_encode_skill_memory_layout_has_no_effect(skill: Skill):
-    """Views and Fortran order, which safetensors alone would mis-save, change nothing."""
+    """Safetensors alone would save views and Fortran order wrongly."""
     wide = np.zeros((*skill.means.shape[:2], 2 * skill.width))
     wide[:, :, ::2] = skill.means
     strided = replace(skill, means=wide[:, :, ::2])
@@ -188,14 +186,12 @@ CHANGES: dict[str, Callable[[Skill], Skill]] = {
 
 @pytest.mark.parametrize("what", CHANGES)
 def test_content_hash_changes_with_every_field(skill: Skill, what: str):
-    """Whatever of a skill changes, its name changes."""
     assert content_hash(CHANGES[what](skill)) != content_hash(skill)
 
 
 @given(seed=SEEDS, place=st.floats(0.0, 1.0, exclude_max=True), flip=st.integers(1, 255))
 @settings(max_examples=300)
 def test_decode_skill_changed_byte_equals_or_raises(seed: int, place: float, flip: int):
-    """Whichever byte is hit, the file is refused as UnknownSkill or holds the skill still."""
     one = random_skill(np.random.default_rng(seed % 7), DYNAMICS[seed % 3], "mixed")
     data = bytearray(encode_skill(one))
     data[int(place * len(data))] ^= flip
@@ -204,7 +200,7 @@ def test_decode_skill_changed_byte_equals_or_raises(seed: int, place: float, fli
 
 @pytest.mark.parametrize("seed", range(2))
 def test_decode_skill_changed_header_bit_equals_or_raises(seed: int):
-    """The lowest bit of each byte before the arrays, and of some within: all are seen or mean nothing."""
+    """The lowest bit of each byte before the arrays, and of some within."""
     one = random_skill(np.random.default_rng(seed), "semi-markov", "semi-tied")
     data = encode_skill(one)
     header = 8 + int.from_bytes(data[:8], "little")
@@ -213,7 +209,6 @@ def test_decode_skill_changed_header_bit_equals_or_raises(seed: int):
 
 
 def test_decode_skill_truncated_or_lengthened_raises(skill: Skill):
-    """However much is missing or too much."""
     data = encode_skill(skill)
     for length in [*range(0, len(data), 61), len(data) - 1]:
         assert opens_equal_or_is_refused(data[:length], skill)
@@ -223,13 +218,11 @@ def test_decode_skill_truncated_or_lengthened_raises(skill: Skill):
 
 @given(data=st.binary(max_size=200))
 def test_decode_skill_random_bytes_raise(data: bytes):
-    """No bytes make decoding fail in another way than by UnknownSkill."""
     with pytest.raises(UnreadableFile):
         decode_skill(data)
 
 
 def test_open_skill_pickle_raises_without_executing(tmp_path: Path):
-    """A skill file cannot run code."""
     (tmp_path / "trap").write_bytes(pickle.dumps(_Trap()))
     with pytest.raises(UnreadableFile, match="not a complete safetensors file"):
         open_skill(tmp_path / "trap")
@@ -297,7 +290,6 @@ REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
 
 @pytest.mark.parametrize("what", REFUSED)
 def test_open_skill_invalid_content_with_valid_hash_raises(skill: Skill, what: str, tmp_path: Path):
-    """Each fault is named, beside the file, in one line."""
     words, edit = REFUSED[what]
     header, arrays = split_container(encode_skill(skill))
     edit(header, arrays)
@@ -309,7 +301,7 @@ def test_open_skill_invalid_content_with_valid_hash_raises(skill: Skill, what: s
 
 
 def with_covariances(kind: str, **changes: Any) -> Callable[[Skill], Skill]:
-    """An edit of a skill that gives its first frame covariances of this kind, some arrays changed."""
+    """Return an edit that gives the first frame covariances of this kind, with some arrays changed."""
 
     def edited(skill: Skill) -> Skill:
         rng = np.random.default_rng(0)
@@ -335,7 +327,6 @@ INVALID_COVARIANCES = {
 
 @pytest.mark.parametrize("what", INVALID_COVARIANCES)
 def test_encode_skill_invalid_covariances_raise(skill: Skill, what: str):
-    """Whatever a file keeps of covariances is checked before, and so it is after reading."""
     words, edit = INVALID_COVARIANCES[what]
     with pytest.raises((InvalidInput, NotPositiveDefinite), match=words):
         encode_skill(edit(skill))
@@ -352,7 +343,6 @@ CENSORED: dict[str, tuple[str, str, Callable[[np.ndarray], np.ndarray]]] = {
 
 @pytest.mark.parametrize("what", CENSORED)
 def test_decode_skill_inconsistent_covariance_shapes_raise(skill: Skill, what: str):
-    """Sizes that nothing else in the skill tells, such as numbers of factors, are one all the same."""
     kind, name, change = CENSORED[what]
     header, arrays = split_container(encode_skill(with_covariances(kind)(skill)))
     arrays[f"covariances.0.{name}"] = change(arrays[f"covariances.0.{name}"]).copy()
@@ -361,7 +351,7 @@ def test_decode_skill_inconsistent_covariance_shapes_raise(skill: Skill, what: s
 
 
 def test_encode_skill_orientation_has_three_tangent_columns(skill: Skill):
-    """Deviations of a point of S^3 are rotation vectors: a file keeps E = D - 1 columns for each of them."""
+    """A covariance on S^3 has three columns for each four of the mean."""
     layout = Layout(
         (Part("orientation", Quantity.ORIENTATION, 4, "1"), Part("grip", Quantity.SCALAR, 2, "m"))
     )
@@ -378,7 +368,6 @@ def test_encode_skill_orientation_has_three_tangent_columns(skill: Skill):
 
 
 def test_decode_skill_float32_raises(skill: Skill):
-    """float32 would silently be another skill."""
     header, arrays = split_container(encode_skill(skill))
     narrow = {name: np.zeros(array.shape, np.float32) for name, array in arrays.items()}
     with pytest.raises(UnreadableFile, match="expected F64"):
@@ -386,13 +375,11 @@ def test_decode_skill_float32_raises(skill: Skill):
 
 
 def test_decode_skill_foreign_safetensors_raises():
-    """A neural network's weights are not a skill."""
     with pytest.raises(UnreadableFile, match="without the header of a skill"):
         decode_skill(bytes(save({"weights": np.zeros(3)})))
 
 
 def test_decode_skill_altered_number_raises(skill: Skill):
-    """A number changed by hand, its hash left as it was."""
     header, arrays = split_container(encode_skill(skill))
     with pytest.raises(UnreadableFile, match="the file was altered"):
         decode_skill(bytes(save(arrays, {"pilotfish": json.dumps({**header, "period": 9.0})})))
@@ -408,7 +395,6 @@ JSON = st.recursive(
 @given(st.data())
 @settings(max_examples=300)
 def test_decode_skill_any_json_in_header_raises_or_keeps_hash(data: st.DataObject):
-    """With a right hash too, no header makes decoding fail in another way or give an unsound skill."""
     one = random_skill(np.random.default_rng(2), "semi-markov", "mixed")
     header, arrays = split_container(encode_skill(one))
     table: Any = header
@@ -427,7 +413,6 @@ def test_decode_skill_any_json_in_header_raises_or_keeps_hash(data: st.DataObjec
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_save_skill_invalid_numbers_raise(skill: Skill, value: float, tmp_path: Path):
-    """A skill of numbers that are none is refused by the door it leaves by."""
     bad = replace(skill, means=np.where(np.arange(skill.width) == 0, value, skill.means))
     with pytest.raises(InvalidInput, match=r"means\[0, 0, 0\]"):
         save_skill(bad, tmp_path / "skill")
@@ -435,7 +420,6 @@ def test_save_skill_invalid_numbers_raise(skill: Skill, value: float, tmp_path: 
 
 
 def test_encode_skill_unregistered_covariances_raise(skill: Skill):
-    """Whoever adds a kind of covariances adds it to the codec too."""
     bad = replace(
         skill, covariances=(_UnregisteredCovariances(skill.covariances[0].dense), skill.covariances[1])
     )
@@ -448,7 +432,6 @@ class _UnregisteredCovariances(DenseCovariances):
 
 
 def test_open_skill_missing_file_raises(tmp_path: Path):
-    """And so is a folder: each with what was expected."""
     for place in (tmp_path / "none", tmp_path):
         with pytest.raises(InvalidInput, match=r"expected a skill file"):
             open_skill(place)

@@ -1,4 +1,4 @@
-"""The recordings of others come in as they were published."""
+"""Published MATLAB and NumPy recordings: values, units and frames."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +27,6 @@ def valve_file(data_folder: Path) -> Path:
 
 
 def test_read_valve_mat_equals_published_values(valve_file: Path):
-    """Every number of the file's own pose, derivative, frame and view, without its row of time."""
     demonstrations = read_valve_mat(valve_file)
     records = loadmat(valve_file)["s"][0]
     seen = views(demonstrations).x.reshape(2, 8, 200, 14)
@@ -45,7 +44,7 @@ def test_read_valve_mat_equals_published_values(valve_file: Path):
 
 
 def test_read_valve_mat_derivatives_are_forward_differences(valve_file: Path):
-    """with_derivatives gives the same speeds, but for the last row, where the file looks past its end."""
+    """The last row differs from `add_derivatives`: the file uses a sample beyond its end."""
     for demo in read_valve_mat(valve_file):
         poses = demonstration(demo.x[:, :7], demo.period, pose_layout())
         np.testing.assert_allclose(add_derivatives(poses).x[:-1], demo.x[:-1], atol=1e-14)
@@ -53,7 +52,7 @@ def test_read_valve_mat_derivatives_are_forward_differences(valve_file: Path):
 
 
 def test_read_valve_mat_frames_equal_frames_from_poses(valve_file: Path):
-    """frame_from_pose builds the published matrices from place and turn: R on places, E on quaternions."""
+    """R acts on positions, left multiplication on quaternions."""
     demo = read_valve_mat(valve_file)[0]
     for given in demo.frames:
         turn = quaternion_from_rotation_matrix(given.A[:3, :3])
@@ -64,7 +63,6 @@ def test_read_valve_mat_frames_equal_frames_from_poses(valve_file: Path):
 
 
 def test_read_valve_mat_frame_angle_equals_name(valve_file: Path):
-    """From before to after, each valve is turned by about the angle it is named for."""
     for demo in read_valve_mat(valve_file):
         before, after = (given.A[:3, :3] for given in demo.frames)
         turned = np.degrees(np.arccos((np.trace(before.T @ after) - 1) / 2))
@@ -72,7 +70,7 @@ def test_read_valve_mat_frame_angle_equals_name(valve_file: Path):
 
 
 def test_read_valve_mat_has_no_warnings(valve_file: Path):
-    """Signs agree, nothing jumps; only the valve after, which always stands the same, is noted."""
+    """The only diagnostic is the constant frame after."""
     demonstrations = read_valve_mat(valve_file)
     (only,) = diagnose(demonstrations)
     assert (only.severity, only.location) == ("note", "frame 'valve after'")
@@ -81,7 +79,6 @@ def test_read_valve_mat_has_no_warnings(valve_file: Path):
 
 
 def test_read_zshape_mat_equals_published_values(data_folder: Path):
-    """Five movements of 300 rows, in order, without the row of time."""
     demonstrations = read_zshape_mat(data_folder / "zshape" / "Zshape3D.mat")
     data = loadmat(data_folder / "zshape" / "Zshape3D.mat")["Data"]
     assert len(demonstrations) == 5
@@ -92,7 +89,6 @@ def test_read_zshape_mat_equals_published_values(data_folder: Path):
 
 @pytest.mark.parametrize("task", ["openbox", "bottle2shelf", "platestandingtolying", "pouring"])
 def test_read_robotasks_npy_is_in_metres(data_folder: Path, task: str):
-    """Positions are a hundredth of the file's centimetres, orientations the file's, signs agree."""
     file = data_folder / "robotasks" / f"{task}.npy"
     demonstrations, raw = read_robotasks_npy(file), np.load(file)
     for demo, theirs in zip(demonstrations, raw, strict=True):
@@ -105,7 +101,6 @@ def test_read_robotasks_npy_is_in_metres(data_folder: Path, task: str):
 
 @pytest.mark.parametrize("letter", ["h", "e", "l", "o"])
 def test_read_helloworld_npy_is_in_metres(data_folder: Path, letter: str):
-    """Eight letters of 1000 points in a plane, a hundredth of the file's centimetres."""
     file = data_folder / "helloworld" / f"{letter}.npy"
     demonstrations = read_helloworld_npy(file)
     np.testing.assert_allclose(np.stack([demo.x for demo in demonstrations]), np.load(file) / 100, rtol=1e-15)
@@ -120,7 +115,6 @@ READERS = [read_valve_mat, read_zshape_mat, read_robotasks_npy, read_helloworld_
     "content", [b"", b"rubbish", b"MATLAB 5.0 MAT-file" + bytes(200), b"\x93NUMPY\x01\x00v\x00{"]
 )
 def test_published_readers_damaged_file_raises(tmp_path: Path, read, content: bytes):
-    """Empty, rubbish, cut short, missing: refused, the file named."""
     file = tmp_path / "file"
     with pytest.raises(InvalidInput, match="file"):
         read(file)
@@ -130,7 +124,6 @@ def test_published_readers_damaged_file_raises(tmp_path: Path, read, content: by
 
 
 def test_published_readers_other_recording_raises(tmp_path: Path):
-    """A well-formed file that holds other things is told from the one that was meant."""
     savemat(tmp_path / "a.mat", {"Data": np.zeros((4, 300)), "s": np.zeros(3)})
     for read in (read_valve_mat, read_zshape_mat):
         with pytest.raises(InvalidInput, match=r"a\.mat"):
@@ -151,7 +144,7 @@ def test_published_readers_other_recording_raises(tmp_path: Path):
 def test_npy_readers_not_finite_number_raises(
     read: Callable[[Path], object], width: int, bad: float, tmp_path: Path
 ) -> None:
-    """A signalling NaN, the third, makes any multiplication warn."""
+    """The third is a signalling NaN, which warns in any multiplication."""
     np.save(tmp_path / "x.npy", np.full((2, 5, width), bad))
     with pytest.raises(InvalidInput, match="finite"):
         read(tmp_path / "x.npy")
