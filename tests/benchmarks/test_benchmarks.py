@@ -128,9 +128,7 @@ def test_memory_limit_uses_added_memory(benchmark_module, grown: float, verdict:
 
 
 @pytest.mark.parametrize(("begin", "comparable"), [(2.0, True), (2.1, False), (np.nan, False)])
-def test_agreement_different_model_compares_start(
-    benchmark_module, begin: float, comparable: bool
-):
+def test_agreement_different_model_compares_start(benchmark_module, begin: float, comparable: bool):
     cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
     case = next(case for case in cases.CASES if case.name == "em_valve")
     own = measure.Result(

@@ -29,9 +29,7 @@ def taken_of(kinds, measure, case_results: dict[str, tuple[float, float]]):
 
 
 @pytest.mark.parametrize(("K", "L"), [(1, 1), (1, 3), (4, 4), (6, 3)])
-def test_mutual_information_equals_library(
-    benchmark_module, rng: np.random.Generator, K: int, L: int
-):
+def test_mutual_information_equals_library(benchmark_module, rng: np.random.Generator, K: int, L: int):
     own = benchmark_module("streaming").normalised_mutual_information
     found, truth = rng.integers(K, size=200), rng.integers(L, size=200)
     assert own(found, truth) == pytest.approx(normalised_mutual_information(found, truth), abs=1e-12)

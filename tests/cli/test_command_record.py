@@ -188,7 +188,10 @@ def test_the_command_records_what_the_function_does(
     made = [recording.demonstration for recording, _ in shown(alignment_task, 3, 5)]
     where = situation_from_seed(alignment_task, "demonstration", 5, 2)
     leader = simulated_leader(
-        alignment_task, where, recorder.DEFAULT_HUMAN, np.random.default_rng([5, recorder.SPLITS["demonstration"], 2, 0])
+        alignment_task,
+        where,
+        recorder.DEFAULT_HUMAN,
+        np.random.default_rng([5, recorder.SPLITS["demonstration"], 2, 0]),
     )
     for one, other in zip(
         [*read, read[2]], [*made, record(alignment_task, where, leader, "x").demonstration], strict=True

@@ -40,7 +40,7 @@ CALLS: list[tuple[str, str, Any]] = [
     ("planning.plan_states", "start", np.full(4, None)),
     ("models.online.online_model", "frame_names", 0.5),
     ("models.learn", "settings", 0.5),
-    ("models.learn_mixture", "settings", "few"),
+    ("models.learn", "settings", "few"),
     ("planning.via_point", "what", "posi\ud800tion"),
     ("planning.tangent_chart", "base_pose", np.zeros(13, "M8[s]")),
 ]
@@ -122,8 +122,8 @@ def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
 
 def test_stream_whose_numbers_are_no_table_is_refused() -> None:
     header, arrays, damage = parse_container(encode_stream(streams()[0]))
-    data = container_writer(STREAM_FORMAT)((header, {**arrays, "numbers": np.array(1.0)}, damage))
-    with pytest.raises(UnreadableFile, match="counts has shape"):
+    data = container_writer(STREAM_FORMAT)((header, {**arrays, "points": np.array(1.0)}, damage))
+    with pytest.raises(UnreadableFile, match="has shape"):
         decode_stream(data)
 
 

@@ -23,7 +23,14 @@ MUTANTS = int(os.environ.get("PILOTFISH_FUZZ", "4200")) // len(DRAW_ARGUMENTS)
 ERRORS = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RuntimeError, MemoryError)
 EPS = np.finfo(float).eps
 # Here a hostile number makes the problem ill-conditioned: one factorisation succeeds and the other does not.
-ILL_CONDITIONED = {"riccati", "semi_tied_sweeps", "precision_cholesky", "impedance_torque", "observe", "observe_one"}
+ILL_CONDITIONED = {
+    "riccati",
+    "semi_tied_sweeps",
+    "precision_cholesky",
+    "impedance_torque",
+    "observe",
+    "observe_one",
+}
 
 
 @pytest.fixture(scope="module")

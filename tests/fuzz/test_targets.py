@@ -5,7 +5,7 @@ from fnmatch import fnmatch
 from fuzzing.public_examples import EXAMPLES, EXCLUDED, EXCLUDED_PACKAGES, examples, public_functions
 from fuzzing.targets import GROUPS, TARGETS
 
-MIN_FUNCTIONS = 170  # functions with examples: lower it only by the functions that leave an `__all__`
+MIN_FUNCTIONS = 165  # functions with examples: lower it only by the functions that leave an `__all__`
 
 
 def test_targets_belong_to_groups() -> None:

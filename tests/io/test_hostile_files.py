@@ -276,7 +276,7 @@ def trained_model() -> online.OnlineModel:
             lambda h: h["settings"]["maintenance"].update(extra_directions=10**6),
             "extra_directions is 1000000",
         ),
-        (lambda h: h["settings"].update(kind="\x1b" * 1000), "kind"),
+        (lambda h: h["settings"].update(kind="\x1b" * 1000), "learner is"),
     ],
     ids=[
         "period",

@@ -206,7 +206,7 @@ def test_save_stream_invalid_model_is_refused(tmp_path: Path):
 def test_decode_stream_older_version_is_refused():
     """The message says to learn again."""
     header, arrays = split_container(encode_stream(trained_model("sosc", "count")))
-    with pytest.raises(UnreadableFile, match=r"older pilotfish \(format 1.*learn it again"):
+    with pytest.raises(UnreadableFile, match=r"older version \(format 1\); run `pilotfish stream`"):
         decode_stream(with_hash({**header, "version": 1}, arrays))
 
 

@@ -340,7 +340,9 @@ def test_moving_frames_means_move_with_objects(carrying: tuple[Skill, Demonstrat
             skill, {"cup": poses[t - 1]}, {"cup": poses[t]}, np.append(demo.x[t], np.zeros(7))
         )
         mean = adapt(skill, frames).means[0]
-        now, later = (poses[s].position + rotation_matrix(poses[s].quaternion) @ local_mean[:3] for s in (t, t + 1))
+        now, later = (
+            poses[s].position + rotation_matrix(poses[s].quaternion) @ local_mean[:3] for s in (t, t + 1)
+        )
         own = (
             rotation_matrix(poses[t + 1].quaternion) @ local_mean[7:10]
         )  # the hand's velocity, local_mean from the object
@@ -352,7 +354,8 @@ def test_moving_frames_on_sphere_means_rotate(carrying: tuple[Skill, Demonstrati
     _, demo, poses = carrying
     converted = to_sphere(demo)
     held = replace(
-        converted, x=np.hstack([converted.x[:, :3], [(p @ Pose(np.zeros(3), HOLD)).quaternion for p in poses]])
+        converted,
+        x=np.hstack([converted.x[:, :3], [(p @ Pose(np.zeros(3), HOLD)).quaternion for p in poses]]),
     )
     skill = learn([add_derivatives(held)], states=1, rng=np.random.default_rng(0)).skill
     for t in range(1, len(poses) - 1):

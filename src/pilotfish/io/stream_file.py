@@ -54,7 +54,7 @@ def save_stream(
     Raises:
         InvalidInput: If path cannot be written, or exists and may not be replaced, or `open_stream` would
             refuse the model.
-        NameTaken: If the result was written to the `path` of the error, because path exists and may not be
+        OutputExists: If the result was written to the `path` of the error, because path exists and may not be
             replaced: with use_free_name, or because the file was created in the meantime.
     """
     write_container(encode_stream(model), path, overwrite=overwrite, use_free_name=use_free_name)

@@ -53,6 +53,7 @@ def geometry_examples() -> Examples:
         "quaternion_from_rotation_matrix": {"R": R},
         "inverse_right_jacobian_derivative": {"v": v, "w": v[::-1].copy()},
         "karcher_mean": {"x": x, "weights": np.full(5, 0.2), "orientation_starts": (3,)},
+        "minimum_jerk": {"s": np.linspace(-0.1, 1.1, 7)},
         "pose": {"position": v[0], "quaternion": q[0]},
         "tangent_slices": {"width": 7, "orientation_starts": (3,)},
     }

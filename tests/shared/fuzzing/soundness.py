@@ -94,7 +94,8 @@ def identity_frames(skill: Skill) -> list[Frame]:
 
 def mean_of_first_state(adapted: AdaptedSkill) -> np.ndarray:
     """Return the mean of the most probable first state."""
-    initial, _ = adapted.dynamics.step_probabilities()
+    no_observation = np.empty((0, adapted.states))
+    (initial,) = adapted.dynamics.filtered_state_probs(no_observation, 1)
     return np.array(adapted.means[int(initial.argmax())])
 
 
