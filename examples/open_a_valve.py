@@ -1,4 +1,4 @@
-"""Learn how a valve is opened from four demonstrations, and open it at an angle never shown.
+"""Learn to open a valve from four demonstrations, and open it at a new angle.
 
 Run it:  python examples/open_a_valve.py
 """
@@ -7,23 +7,25 @@ import numpy as np
 
 import pilotfish as pf
 
-# Eight recorded openings: the tool's pose over time, seen from the valve before and after.
+# Eight kinesthetic demonstrations: tool poses over time, with the frames of the valve before and after.
 demonstrations = pf.datasets.valve()
-training, unseen = demonstrations[:4], demonstrations[4]
+training, test = demonstrations[:4], demonstrations[4]
 
-# Seven states with durations; all states of a frame share their basis of synergies.
+# Seven states with durations; the states of a frame share the basis of their covariances.
 fit = pf.learn(training, states=7, structure=pf.structures.SemiTied(), rng=np.random.default_rng(0))
-print(f"log-likelihood {fit.trace[0]:.0f} -> {fit.trace[-1]:.0f} nats; {fit.outcome.reason}")
+first, *_, last = fit.log_likelihoods
+print(f"log-likelihood {first:.0f} -> {last:.0f} nats in {fit.convergence.iterations} iterations")
 
-# Where the valve stands now decides where the movement goes, and how precise it must be on the way.
-adapted = pf.adapt(fit.skill, unseen.frames)
-reference = pf.plan(adapted, unseen.x[0], horizon=200)
+# The pose of the valve now determines the targets, and how closely each is followed.
+adapted = pf.adapt(fit.skill, test.frames)
+reference = pf.plan(adapted, test.x[0], horizon=200)
 
-# A unit mass in each coordinate follows the plan, stiff where the demonstrations agreed.
-feedback = pf.track(pf.control.double_integrator(7, period=adapted.period), reference, control_cost=9.0)
-motion = feedback.rollout(unseen.x[0])
+# A unit mass on every axis tracks the reference, stiff where the demonstrations agreed.
+system = pf.control.double_integrator(7, period=adapted.period)
+feedback = pf.track(system, reference, control_cost=9.0)
+motion = feedback.rollout(test.x[0])
 
-miss = np.linalg.norm(motion.x[:, :3] - unseen.x[:, :3], axis=1)  # [m]
-print(f"{unseen.name}: on average {1000 * miss.mean():.0f} mm from what the person did there")
-along_x = feedback.stiffness[:, 0, 0]
-print(f"stiffness along x: {along_x.min():.1f} to {along_x.max():.1f} 1/s^2")
+error = np.linalg.norm(motion.x[:, :3] - test.x[:, :3], axis=1)  # [m]
+print(f"{test.name}: on average {1000 * error.mean():.0f} mm from what the person did")
+stiffness = feedback.stiffness[:, 0, 0]
+print(f"stiffness along x: {stiffness.min():.1f} to {stiffness.max():.1f} 1/s^2")
