@@ -1,4 +1,4 @@
-"""The command `pilotfish`, which `python -m pilotfish` is too."""
+"""The command `pilotfish`, also run by `python -m pilotfish`."""
 
 import os
 import signal
@@ -6,16 +6,16 @@ from types import FrameType
 
 
 def main() -> None:
-    """Run the command line. Until it is imported, a signal ends the process at once and prints nothing."""
+    """Run the command line; a signal during its import ends the process at once, without a traceback."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as it is for a job in the background
-            signal.signal(number, _end)
+        if signal.getsignal(number) is not signal.SIG_IGN:  # a background job ignores some signals
+            signal.signal(number, _exit)
     from pilotfish.cli import main as run
 
     run()
 
 
-def _end(number: int, _: FrameType | None) -> None:
+def _exit(number: int, _: FrameType | None) -> None:
     os._exit(128 + number)
 
 

@@ -1,4 +1,4 @@
-"""docs/command-line.md tells what the commands tell, and what it shows works as shown."""
+"""docs/command-line.md agrees with the commands, and its command lines run."""
 
 import re
 import shlex
@@ -13,13 +13,13 @@ DOCS = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encodi
 
 
 def section(path: str) -> str:
-    """What the docs say about a command."""
+    """Return the section of the docs on a command."""
     assert f"\n## `{path}`\n" in DOCS, f"docs/command-line.md has no section `{path}`"
     return DOCS.split(f"\n## `{path}`\n")[1].split("\n## ")[0]
 
 
 def first_sentence(command: click.Command) -> str:
-    """The command's own words."""
+    """Return the first paragraph of a help text."""
     return " ".join(str(command.help).split("\n\n")[0].split())
 
 
@@ -27,13 +27,11 @@ def example(command: click.Command) -> list[str]:
     return [line.strip() for line in str(command.epilog).splitlines()[2:]]
 
 
-def test_the_docs_know_every_command_and_no_other(all_commands: dict[str, click.Command]):
-    """A heading for each command there is."""
+def test_docs_have_one_section_per_command(all_commands: dict[str, click.Command]):
     assert set(re.findall(r"^## `(pilotfish [^`]+)`$", DOCS, re.MULTILINE)) == set(all_commands)
 
 
-def test_help_and_docs_say_the_same(all_commands: dict[str, click.Command]):
-    """The sentence and the example of every command stand in its section, and each of its options too."""
+def test_docs_contain_help_sentence_example_and_options(all_commands: dict[str, click.Command]):
     for path, command in all_commands.items():
         text = section(path)
         assert first_sentence(command) in text, path
@@ -46,10 +44,9 @@ def test_help_and_docs_say_the_same(all_commands: dict[str, click.Command]):
 
 # It records four carabiners, and hooks two, in physics: 15 CPU seconds.
 @pytest.mark.slow
-def test_every_line_of_the_docs_runs(
+def test_docs_command_lines_run(
     data_folder: Path, run_command_line: Callable[..., Result], tmp_path: Path, unchecked: None
 ):
-    """Typed in their order in an empty folder, they work; the demonstration runs in test_demo.py."""
     for name, text in re.findall(r"`(\S+\.(?:json|toml))`:\n\n```\w+\n(.*?)```", DOCS, re.DOTALL):
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
@@ -67,13 +64,13 @@ def test_every_line_of_the_docs_runs(
         "my-valve",
         "valve.skill",
         "valve.stream",
-        "grown.skill",
-        "grown.csv",
-        "valve-pictures",
+        "online.skill",
+        "online.csv",
+        "valve-plots",
         "motion.csv",
         "gains.npz",
         "motion.png",
-        "sizes.png",
+        "scores.png",
         "via.png",
         "hooking",
         "hooking.skill",

@@ -1,4 +1,4 @@
-"""Bad input, command by command: one line that names the value, the place and the fix; nothing is written."""
+"""Invalid input of each command: one line with value, place and fix; nothing is written."""
 
 import json
 import re
@@ -15,7 +15,7 @@ RunCommand = Callable[..., Result]
 
 
 def corrupt_cell(folder: Path, line: int, column: int, value: str) -> Path:
-    """The folder with one cell of its first recording replaced, as someone would by hand."""
+    """Replace one cell of the first demonstration of a folder, as if edited by hand."""
     manifest = json.loads((folder / "demonstrations.json").read_text())
     table = folder / manifest["demonstration"][0]["file"]
     rows = [row.split(",") for row in table.read_text().splitlines()]
@@ -28,10 +28,9 @@ def corrupt_cell(folder: Path, line: int, column: int, value: str) -> Path:
 
 @pytest.mark.parametrize("command", [["data", "check"], ["learn", "--out", "out"]])
 @pytest.mark.parametrize(("name", "words"), [("none", "no folder"), ("empty", "demonstrations.toml")])
-def test_a_folder_without_recordings(
+def test_folder_without_demonstrations_is_named(
     run_failing: RunFailing, tmp_path: Path, command: list[str], name: str, words: str
 ):
-    """Missing or empty: named, with what was expected in it."""
     (tmp_path / "empty").mkdir()
     output = run_failing(*command, name)
     assert name in output
@@ -41,22 +40,23 @@ def test_a_folder_without_recordings(
 
 @pytest.mark.parametrize("command", [["data", "check"], ["learn", "--out", "out"]])
 @pytest.mark.parametrize("value", ["nan", "2,0", "high"])
-def test_a_cell_that_is_no_number(run_failing: RunFailing, folder: Path, command: list[str], value: str):
-    """File, line and column are named, in every command that reads it."""
+def test_cell_not_a_number_names_file_and_line(
+    run_failing: RunFailing, folder: Path, command: list[str], value: str
+):
     output = run_failing(*command, corrupt_cell(folder, line=5, column=1, value=value))
     assert re.search(r"1-reach-0\.csv, line 6(, column 'position y')?", output)
 
 
 @pytest.mark.parametrize("only", ["7", "0-9", "0,0"])
-def test_demonstrations_that_are_not_there(run_failing: RunFailing, folder: Path, tmp_path: Path, only: str):
-    """--only is quoted back."""
+def test_only_out_of_range_is_rejected(run_failing: RunFailing, folder: Path, tmp_path: Path, only: str):
     assert only in run_failing("learn", folder, f"--only={only}", "--out", "out")
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("only", ["3-1", "a", "1-2-3", "-1", ",", "٣", "99999999"])
-def test_no_list_of_demonstrations(run_command_line: RunCommand, folder: Path, tmp_path: Path, only: str):
-    """Misuse, whatever lies in the folder."""
+def test_only_wrong_syntax_is_usage_error(
+    run_command_line: RunCommand, folder: Path, tmp_path: Path, only: str
+):
     result = run_command_line("learn", folder, f"--only={only}", "--out", "out")
     assert (result.exit_code, result.stdout) == (2, "")
     assert only in result.stderr
@@ -64,13 +64,11 @@ def test_no_list_of_demonstrations(run_command_line: RunCommand, folder: Path, t
 
 
 @pytest.mark.parametrize("start", ["time-bins", "k-means"])
-def test_more_states_than_data(run_failing: RunFailing, folder: Path, start: str):
-    """Told with both numbers."""
+def test_learn_more_states_than_datapoints_is_rejected(run_failing: RunFailing, folder: Path, start: str):
     assert "500" in run_failing("learn", folder, "--states", "500", "--initialisation", start, "--out", "out")
 
 
-def test_frames_that_differ_between_demonstrations(run_failing: RunFailing, folder: Path):
-    """Which demonstration, and both lists of names."""
+def test_learn_different_frames_names_demonstration(run_failing: RunFailing, folder: Path):
     manifest = json.loads((folder / "demonstrations.json").read_text())
     manifest["demonstration"][1]["frames"][1]["name"] = "mug"
     del manifest["sha256"]
@@ -84,8 +82,8 @@ def test_frames_that_differ_between_demonstrations(run_failing: RunFailing, fold
     ("options", "words"),
     [
         ("--structure full:3", "expected full"),
-        ("--dynamics markov --durations gamma", "goes with --dynamics semi-markov"),
-        ("--censoring both", "goes with --durations"),
+        ("--dynamics markov --durations gamma", "needs --dynamics semi-markov"),
+        ("--censoring both", "needs --durations"),
         ("--structure ful", "did you mean 'full'"),
         ("--structure mfa", "expected mfa:FACTORS"),
         ("--structure semi-tied:1.5", "tying is 1.5"),
@@ -95,21 +93,22 @@ def test_frames_that_differ_between_demonstrations(run_failing: RunFailing, fold
         ("--regularisation inf", "inf"),
     ],
 )
-def test_options_that_do_not_fit(run_command_line: RunCommand, folder: Path, options: str, words: str):
-    """Misuse; the value is quoted back."""
+def test_learn_invalid_options_are_usage_errors(
+    run_command_line: RunCommand, folder: Path, options: str, words: str
+):
     result = run_command_line("learn", folder, *options.split(), "--out", "out")
     assert (result.exit_code, result.stdout) == (2, "")
     assert words in result.stderr.splitlines()[-1]
 
 
-def test_a_covariance_that_collapses(run_failing: RunFailing, tmp_path: Path, folder: Path):
-    """Without regularisation a constant column has no variance: the fix is named."""
+def test_learn_singular_covariance_suggests_regularisation(
+    run_failing: RunFailing, tmp_path: Path, folder: Path
+):
     output = run_failing("learn", folder, "--regularisation", "0", "--states", "12", "--out", "out")
     assert "regularisation" in output
 
 
-def test_misuse_has_exit_code_two(run_command_line: RunCommand, folder: Path):
-    """A missing or unknown option, an impossible choice: click's words, not ours."""
+def test_usage_error_has_exit_code_2(run_command_line: RunCommand, folder: Path):
     for options in (
         [],
         ["--out", "o", "--states", "0"],
@@ -123,8 +122,9 @@ def test_misuse_has_exit_code_two(run_command_line: RunCommand, folder: Path):
 
 @pytest.mark.parametrize("command", ["show", "reproduce"])
 @pytest.mark.parametrize("fault", ["none", "folder", "truncated", "text", "newer"])
-def test_a_file_that_is_no_skill(run_failing: RunFailing, skill: Path, command: str, fault: str):
-    """Each command that opens a skill names the file and what is wrong with it."""
+def test_invalid_skill_file_is_named_with_reason(
+    run_failing: RunFailing, skill: Path, command: str, fault: str
+):
     data = skill.read_bytes()
     words = {
         "none": "No such file",
@@ -148,8 +148,7 @@ def test_a_file_that_is_no_skill(run_failing: RunFailing, skill: Path, command: 
     assert words in output
 
 
-def test_names_of_data_sets_that_are_none(run_failing: RunFailing):
-    """With the nearest that there is."""
+def test_unknown_data_set_suggests_nearest(run_failing: RunFailing):
     for command in (
         ["data", "info", "vlave"],
         ["data", "export", "vlave", "out"],
@@ -161,13 +160,11 @@ def test_names_of_data_sets_that_are_none(run_failing: RunFailing):
 
 
 @pytest.mark.parametrize("name", ["synthetic valv", "synthetic"])
-def test_the_generated_data_set_is_a_near_name_too(run_failing: RunFailing, name: str):
-    """It is learned from by name like the others."""
+def test_unknown_data_set_suggests_synthetic_valve(run_failing: RunFailing, name: str):
     assert "did you mean 'synthetic valve'" in run_failing("data", "info", name)
 
 
-def test_an_export_never_replaces_what_is_no_recording(run_failing: RunFailing, tmp_path: Path):
-    """Without --force nothing, with it only a folder of demonstrations."""
+def test_export_replaces_only_demonstrations_with_force(run_failing: RunFailing, tmp_path: Path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     assert "mine exists" in run_failing("data", "export", "synthetic valve", "mine")
@@ -197,16 +194,16 @@ WRONG_FRAMES: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("what", WRONG_FRAMES)
-def test_frames_that_cannot_be_used(run_failing: RunFailing, skill: Path, tmp_path: Path, what: str):
-    """The file or the frame is named, with what was expected."""
+def test_reproduce_invalid_frames_are_rejected(
+    run_failing: RunFailing, skill: Path, tmp_path: Path, what: str
+):
     content, words = WRONG_FRAMES[what]
     (tmp_path / "frames.json").write_text(json.dumps(content))
     assert words in run_failing("reproduce", skill, "--frames", "frames.json", "--out", "out.csv")
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_no_frames_at_all(run_failing: RunFailing, skill: Path):
-    """The skill's frames are named, and the option."""
+def test_reproduce_without_frames_names_option(run_failing: RunFailing, skill: Path):
     output = run_failing("reproduce", skill)
     assert "['home', 'cup']" in output
     assert "--frames" in output
@@ -225,10 +222,9 @@ WRONG_STARTS: dict[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("what", WRONG_STARTS)
-def test_starts_that_cannot_be_used(
+def test_reproduce_invalid_start_is_rejected(
     run_failing: RunFailing, skill: Path, frames: Path, tmp_path: Path, what: str
 ):
-    """The file is named, with what was expected."""
     content, words = WRONG_STARTS[what]
     (tmp_path / "start.json").write_text(content)
     output = run_failing("reproduce", skill, "--frames", frames, "--start", "start.json")
@@ -237,10 +233,9 @@ def test_starts_that_cannot_be_used(
 
 
 @pytest.mark.parametrize("file", ["frames", "start"])
-def test_files_of_a_situation_that_are_not_there(
+def test_reproduce_missing_situation_file_is_named(
     run_failing: RunFailing, skill: Path, frames: Path, file: str
 ):
-    """Named, with what kind of file was expected."""
     assert "none.toml cannot be read" in run_failing(
         "reproduce", skill, "--frames", frames, f"--{file}", "none.toml"
     )
@@ -258,35 +253,31 @@ def test_files_of_a_situation_that_are_not_there(
         ("--plot motion.bmp", "'.bmp'"),
     ],
 )
-def test_replays_that_cannot_be(
+def test_reproduce_invalid_options_are_usage_errors(
     run_command_line: RunCommand, skill: Path, frames: Path, options: str, words: str
 ):
-    """Misuse; the value is quoted back."""
     result = run_command_line("reproduce", skill, "--frames", frames, *options.split())
     assert (result.exit_code, result.stdout) == (2, "")
     assert words in result.stderr.splitlines()[-1]
 
 
-def test_a_skill_without_speeds_cannot_be_replayed(
+def test_reproduce_without_velocities_suggests_option(
     run_command_line: RunCommand, run_failing: RunFailing, folder: Path, frames: Path
 ):
-    """The fix is named: learn it with speeds."""
     run_command_line("learn", folder, "--no-velocities", "--states", "2", "--out", "still.skill")
     assert "--velocities" in run_failing("reproduce", "still.skill", "--frames", frames)
 
 
-def test_a_mixture_cannot_be_replayed(
+def test_reproduce_mixture_is_rejected(
     run_command_line: RunCommand, run_failing: RunFailing, folder: Path, frames: Path
 ):
-    """It has no order in time."""
     run_command_line("learn", folder, "--dynamics", "mixture", "--states", "2", "--out", "mixture.skill")
     assert "mixture" in run_failing("reproduce", "mixture.skill", "--frames", frames)
 
 
-def test_pictures_without_matplotlib(
+def test_plots_without_matplotlib_name_the_extra(
     run_failing: RunFailing, skill: Path, frames: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """The extra that brings it is named, before any work."""
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for command in (
         ["show", skill, "--plots", "here"],
@@ -295,10 +286,9 @@ def test_pictures_without_matplotlib(
         assert "pilotfish[plots]" in run_failing(*command)
 
 
-def test_pictures_that_are_there_are_not_replaced(
+def test_show_existing_plot_is_kept(
     run_command_line: RunCommand, run_failing: RunFailing, skill: Path, tmp_path: Path
 ):
-    """None is drawn when one would be lost."""
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "states.png").write_text("mine")
     assert "states.png exists" in run_failing("show", skill, "--plots", "here")

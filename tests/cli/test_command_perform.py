@@ -1,4 +1,4 @@
-"""pilotfish perform carries a skill out in physics, tells how it went, and films it."""
+"""pilotfish perform: execution, summary and film."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,14 +23,13 @@ RunFailing = Callable[..., str]
 
 @pytest.fixture
 def perform(alignment_skill: Path, alignment_task: Task[Any]) -> list[str]:
-    """What one types."""
+    """Arguments of the command line without options."""
     return ["perform", str(alignment_skill / "skill"), "--task", alignment_task.name]
 
 
-def test_facts_are_those_of_the_executions(
+def test_perform_json_equals_executions(
     perform: list[str], alignment_task: Task[Any], alignment_skill: Path, run_json: RunJson
 ):
-    """Situation for situation, of the unseen ones of the seed: what perform finds is what is told."""
     output = run_json(*perform, "--situations", "2", "--seed", "3")
     skill = open_skill(alignment_skill / "skill")
     assert len(output["situations"]) == 2
@@ -47,24 +46,20 @@ def test_facts_are_those_of_the_executions(
     assert (output["unit"], output["film"]) == ("m", None)
 
 
-def test_people_are_told_how_many_succeeded(
-    perform: list[str], run_command_line: RunCommand, unchecked: None
-):
-    """How many of how many, errors with their unit, forces and times; nothing on stderr. Exit code 0."""
+def test_perform_text_counts_successes(perform: list[str], run_command_line: RunCommand, unchecked: None):
     result = run_command_line(*perform, "--situations", "2")
     assert (result.exit_code, result.stderr) == (0, "")
     lines = [line.split("  ") for line in result.stdout.splitlines()]
     output = {line[0]: line[-1].strip() for line in lines}
     assert output["succeeded"] == "2 of 2"
-    assert output["error, largest"].endswith(" m")
-    assert output["largest force, median"] == "0.0 N"
-    assert output["time, median"].endswith(" s")
+    assert output["error, maximum"].endswith(" m")
+    assert output["peak force, median"] == "0.0 N"
+    assert output["duration, median"].endswith(" s")
 
 
-def test_failures_are_named_with_their_reason(
+def test_perform_failures_have_reasons_and_exit_code_0(
     perform: list[str], run_command_line: RunCommand, run_json: RunJson, unchecked: None
 ):
-    """A skill that is carried out too softly to arrive has exit code 0 all the same."""
     soft = [*perform, "--situations", "1", "--control-cost", "1e6"]
     result = run_command_line(*soft)
     assert result.exit_code == 0
@@ -72,15 +67,14 @@ def test_failures_are_named_with_their_reason(
     (fact,) = run_json(*soft)["situations"]
     assert not fact["success"]
     assert fact["reason"]
-    assert f"situation 0: {fact['why']}" in result.stdout.splitlines()
+    assert f"situation 0: {fact['reason']}" in result.stdout.splitlines()
 
 
 @needs_renderer
 @pytest.mark.parametrize("ending", [".webp", ".gif"])
-def test_a_film_shows_the_first_situation(
+def test_film_has_one_frame_per_period(
     perform: list[str], alignment_skill: Path, run_json: RunJson, tmp_path: Path, ending: str, unchecked: None
 ):
-    """It opens, has a frame for each period, each shown as long as that took, and they differ."""
     name = f"film{ending}"
     output = run_json(*perform, "--situations", "2", "--film", name)
     skill = open_skill(alignment_skill / "skill")
@@ -97,20 +91,19 @@ def test_a_film_shows_the_first_situation(
 
 
 @needs_renderer
-def test_a_film_is_replaced_by_force_alone(
+def test_film_existing_is_replaced_only_with_force(
     perform: list[str], run_failing: RunFailing, run_json: RunJson, tmp_path: Path, unchecked: None
 ):
-    """What stands at the path stays, and nothing is carried out in vain."""
-    (tmp_path / "film.webp").write_bytes(b"dear")
-    ask = [*perform, "--situations", "1", "--film", "film.webp"]
-    assert "film.webp exists; choose another name, or replace it with --force" in run_failing(*ask)
-    assert (tmp_path / "film.webp").read_bytes() == b"dear"
-    run_json(*ask, "--force")
+    (tmp_path / "film.webp").write_bytes(b"existing")
+    command = [*perform, "--situations", "1", "--film", "film.webp"]
+    assert "film.webp exists; choose another name, or replace it with --force" in run_failing(*command)
+    assert (tmp_path / "film.webp").read_bytes() == b"existing"
+    run_json(*command, "--force")
     assert (tmp_path / "film.webp").read_bytes().startswith(b"RIFF")
 
 
 @pytest.mark.parametrize(
-    ("option", "told"),
+    ("option", "message"),
     [
         (["--film", "film.mp4"], "ends in '.mp4', expected .webp or .gif"),
         (["--control-cost", "0"], "--control-cost"),
@@ -118,42 +111,39 @@ def test_a_film_is_replaced_by_force_alone(
         (["--covariance-regularisation", "-1"], "--covariance-regularisation"),
         (["--situations", "0"], "--situations"),
         (["--seed", "-1"], "--seed"),
-        (["--meshes"], "name one: --film FILE"),
+        (["--meshes"], "give --film FILE"),
     ],
 )
-def test_misuse_is_told_before_the_work(
+def test_perform_usage_error_executes_nothing(
     perform: list[str],
     run_command_line: RunCommand,
     monkeypatch: pytest.MonkeyPatch,
     option: list[str],
-    output: str,
+    message: str,
 ):
-    """Exit code 2, the option is named, and nothing is carried out."""
     monkeypatch.setattr(simulation, "perform", None)
     result = run_command_line(*perform, *option)
     assert (result.exit_code, result.stdout) == (2, "")
-    assert output in " ".join(result.stderr.split())
+    assert message in " ".join(result.stderr.split())
 
 
-def test_a_film_is_not_written_over_the_skill(
+def test_film_never_replaces_skill(
     perform: list[str], run_command_line: RunCommand, alignment_skill: Path, tmp_path: Path
 ):
-    """Force or not."""
     (tmp_path / "skill.webp").write_bytes((alignment_skill / "skill").read_bytes())
     result = run_command_line(
         "perform", "skill.webp", "--task", "lining up", "--film", "skill.webp", "--force"
     )
     assert result.exit_code == 2
-    assert "is what this command reads" in result.stderr
+    assert "is an input of this command" in result.stderr
 
 
-def test_what_cannot_be_carried_out_is_refused(perform: list[str], skill: Path, run_failing: RunFailing):
-    """No task, no skill, a skill of something else, a film in a folder that is not there: one line each."""
+def test_perform_invalid_input_is_rejected(perform: list[str], skill: Path, run_failing: RunFailing):
     names = ", ".join(sorted(TASKS))
-    assert f"no task 'tea', expected one of {names}" in run_failing(*perform[:3], "tea")
+    assert f"task 'tea' is unknown, expected one of {names}" in run_failing(*perform[:3], "tea")
     assert "nothing.skill" in run_failing("perform", "nothing.skill", "--task", "valve")
     assert "task 'valve' needs position x" in run_failing("perform", skill, "--task", "valve")
     assert "learn it from pilotfish record stab" in run_failing("perform", skill, "--task", "stab")
-    assert "no/film.webp cannot be written: no is no folder" in run_failing(
+    assert "no/film.webp cannot be written: no is not a folder" in run_failing(
         *perform, "--film", "no/film.webp"
     )

@@ -1,4 +1,4 @@
-"""Frames that matter: told by `show --relevance`, left out by `learn --drop-distractors`."""
+"""Frame relevance: `show --relevance` and `learn --drop-distractors`."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,7 +28,7 @@ STEPS = 24
 
 
 def distractor_demonstration(rng: np.random.Generator, name: str) -> Demonstration:
-    """A hand goes from a box to a cup; a clock stands about, at random, and is in the recording too."""
+    """Move a hand from a box to a cup; the pose of a clock is random and irrelevant."""
     layout, s = position_layout(), np.linspace(0.0, 1.0, STEPS)
     share = (s**2 * (3.0 - 2.0 * s))[:, None]
     places = [0.3 * rng.normal(size=3) + [1.0 * n, 0.0, 0.0] for n in range(3)]
@@ -53,42 +53,40 @@ def distractor_folder(tmp_path: Path, distractor_demonstrations: tuple[Demonstra
     return tmp_path / "fetches"
 
 
-def test_a_distractor_is_named_and_left_out(
+def test_drop_distractors_removes_distractor(
     run_json: RunJson, run_command_line: RunCommand, distractor_folder: Path
 ):
-    """The clock matters at no state; learned without it, a skill has the frames of box and cup alone."""
     run_json("learn", distractor_folder, "--states", "3", "--out", "all.skill")
     output = run_json("show", "all.skill", "--relevance", distractor_folder)
     assert output["distractors"] == ["clock"]
     assert set(output["relevance"]["clock"]) == {0.0}
     assert (
-        "of relevance 0 at every state: clock"
+        "Relevance 0 in every state: clock."
         in run_command_line("show", "all.skill", "--relevance", distractor_folder).stdout
     )
-    anew = run_json("learn", distractor_folder, "--states", "3", "--out", "few.skill", "--drop-distractors")
-    assert (anew["frames"], anew["dropped_frames"]) == (["box", "cup"], ["clock"])
-    assert anew["note"] == "dropped frames, they matter at no state: clock"
+    learn = ["learn", distractor_folder, "--states", "3", "--out"]
+    refitted = run_json(*learn, "few.skill", "--drop-distractors")
+    assert (refitted["frames"], refitted["dropped_frames"]) == (["box", "cup"], ["clock"])
+    assert refitted["note"] == "dropped frames of relevance 0: clock"
     again = run_json("show", "few.skill", "--relevance", distractor_folder)
     assert (set(again["relevance"]), again["distractors"]) == ({"box", "cup"}, [])
 
 
-def test_where_every_frame_matters_none_is_left_out(
+def test_drop_distractors_without_distractor_changes_nothing(
     run_json: RunJson, run_command_line: RunCommand, folder: Path
 ):
-    """The skill is then that of learning once."""
     once = run_json("learn", folder, "--states", "3", "--out", "once.skill")
     twice = run_json("learn", folder, "--states", "3", "--out", "twice.skill", "--drop-distractors")
     assert twice["dropped_frames"] == []
     assert twice["content_hash"] == once["content_hash"]
 
 
-def test_relevance_is_that_of_the_demonstrations_learned_from(
+def test_relevance_uses_training_demonstrations(
     run_json: RunJson,
     distractor_folder: Path,
     distractor_demonstrations: tuple[Demonstration, ...],
     tmp_path: Path,
 ):
-    """Of the folder those are taken that the skill names, in its columns."""
     run_json("learn", distractor_folder, "--states", "2", "--only", "1-5", "--out", "few.skill")
     output = run_json("show", "few.skill", "--relevance", distractor_folder)
     shown = [add_derivatives(demo) for demo in distractor_demonstrations[1:6]]
@@ -98,32 +96,29 @@ def test_relevance_is_that_of_the_demonstrations_learned_from(
         np.testing.assert_allclose(output["relevance_costs"][name], expected.costs[p], atol=1e-6)
 
 
-def test_relevance_on_the_sphere(run_json: RunJson, folder: Path):
-    """A skill with orientations on S^3 is asked in the same words."""
+def test_relevance_of_riemannian_skill(run_json: RunJson, folder: Path):
     run_json("learn", folder, "--states", "3", "--riemannian", "--out", "s.skill")
     output = run_json("show", "s.skill", "--relevance", folder)
     assert set(output["relevance"]) == {"home", "cup"}
     assert np.max([output["relevance"][name] for name in ("home", "cup")], axis=0).tolist() == [1.0] * 3
 
 
-def test_relevance_is_drawn(run_json: RunJson, folder: Path):
-    """One picture more."""
+def test_relevance_is_plotted(run_json: RunJson, folder: Path):
     pytest.importorskip("matplotlib")
     run_json("learn", folder, "--states", "3", "--out", "r.skill")
-    output = run_json("show", "r.skill", "--relevance", folder, "--plots", "drawn")
+    output = run_json("show", "r.skill", "--relevance", folder, "--plots", "plots")
     assert any(path.endswith("relevance.png") for path in output["plots"])
 
 
-def test_relevance_that_cannot_be_told_is_refused(
+def test_relevance_of_wrong_demonstrations_or_one_frame_is_rejected(
     run_json: RunJson,
     run_failing: RunFailing,
     folder: Path,
     distractor_folder: Path,
     distractor_demonstrations: tuple[Demonstration, ...],
 ):
-    """Other recordings, or one frame alone."""
     run_json("learn", folder, "--states", "2", "--out", "reach.skill")
-    assert "name the folder that it was learned from" in run_failing(
+    assert "name the folder that the skill was learned from" in run_failing(
         "show", "reach.skill", "--relevance", distractor_folder
     )
     write_demonstrations(
@@ -132,7 +127,7 @@ def test_relevance_that_cannot_be_told_is_refused(
         overwrite=True,
     )
     run_json("learn", distractor_folder, "--states", "2", "--out", "one.skill")
-    assert "expected several" in run_failing("show", "one.skill", "--relevance", distractor_folder)
+    assert "expected at least two" in run_failing("show", "one.skill", "--relevance", distractor_folder)
     assert (
         run_json("learn", distractor_folder, "--states", "2", "--out", "o.skill", "--drop-distractors")[
             "dropped_frames"
@@ -142,9 +137,9 @@ def test_relevance_that_cannot_be_told_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("durations", "named"),
+    ("durations", "name"),
     [
-        ("counted", "gaussian"),
+        ("viterbi", "gaussian"),
         *(
             (distribution,) * 2
             for distribution in (
@@ -158,18 +153,16 @@ def test_relevance_that_cannot_be_told_is_refused(
         ),
     ],
 )
-def test_the_law_of_durations_is_named(
-    run_json: RunJson, run_command_line: RunCommand, folder: Path, durations: str, named: str
+def test_duration_distribution_is_named(
+    run_json: RunJson, run_command_line: RunCommand, folder: Path, durations: str, name: str
 ):
-    """In the answer of learn and of show, for people and for programs."""
     learned = run_json("learn", folder, "--states", "2", "--durations", durations, "--out", "d.skill")
-    assert learned["durations"] == named
-    assert run_json("show", "d.skill")["durations"] == named
-    assert f"semi-markov, {named} durations" in run_command_line("show", "d.skill").stdout
+    assert learned["durations"] == name
+    assert run_json("show", "d.skill")["durations"] == name
+    assert f"semi-markov, {name} durations" in run_command_line("show", "d.skill").stdout
 
 
-def test_models_without_durations_name_none(run_json: RunJson, folder: Path):
-    """A Markov model has no law of its own."""
+def test_markov_model_has_no_duration_distribution(run_json: RunJson, folder: Path):
     assert (
         run_json("learn", folder, "--states", "2", "--dynamics", "markov", "--out", "m")["durations"] is None
     )

@@ -1,4 +1,4 @@
-"""What replay promises about its length, its start, its files and what it leaves out."""
+"""pilotfish reproduce: horizon, start, output files and notes."""
 
 import csv
 import json
@@ -29,7 +29,7 @@ PERIOD = 0.1
 
 
 def save_learned_skill(path: Path, x: Sequence[np.ndarray], layout: Layout, states: int = 2) -> Path:
-    """A skill of the world's frame alone, from these rows."""
+    """Learn a skill in the world frame from rows and save it."""
     shown = [add_derivatives(demonstration(rows, PERIOD, layout)) for rows in x]
     settings = EMSettings(max_iterations=3)
     save_skill(learn(shown, states=states, rng=np.random.default_rng(0), settings=settings).skill, path)
@@ -38,7 +38,7 @@ def save_learned_skill(path: Path, x: Sequence[np.ndarray], layout: Layout, stat
 
 @pytest.fixture
 def lines_skill(tmp_path: Path) -> Path:
-    """A movement along one line: nothing to draw a plane of."""
+    """Motion along one axis, which has no plane to plot."""
     rng = np.random.default_rng(1)
     x = [np.linspace(0, 1, 20)[:, None] + 0.01 * rng.normal(size=(20, 1)) for _ in range(3)]
     return save_learned_skill(tmp_path / "line.skill", x, position_layout(1))
@@ -60,10 +60,9 @@ def arms_skill(tmp_path: Path, reach_demonstrations: tuple[Demonstration, ...]) 
 
 
 @pytest.mark.parametrize("lengths", [(20, 20, 20), (20, 31, 40)])
-def test_without_a_horizon_a_replay_is_as_long_as_the_demonstrations(
+def test_reproduce_default_horizon_is_mean_length(
     run_json: RunJson, run_command_line: RunCommand, tmp_path: Path, lengths: tuple[int, ...]
 ):
-    """The mean number of rows, rounded; the answer tells steps and seconds."""
     rng = np.random.default_rng(0)
     x = [np.linspace(0, 1, n)[:, None] + 0.01 * rng.normal(size=(n, 3)) for n in lengths]
     path = save_learned_skill(tmp_path / "skill", x, position_layout())
@@ -73,23 +72,19 @@ def test_without_a_horizon_a_replay_is_as_long_as_the_demonstrations(
     assert f"{steps}, {PERIOD * (steps - 1):g} s" in run_command_line("reproduce", path).stdout
 
 
-def test_a_horizon_that_ends_too_early_is_remarked(
+def test_reproduce_short_horizon_has_note(
     run_json: RunJson, run_command_line: RunCommand, skill: Path, frames: Path
 ):
-    """The last state has nothing after it; a motion that never comes there says so."""
-    replay = ["reproduce", skill, "--frames", frames]
+    reproduce = ["reproduce", skill, "--frames", frames]
     for horizon, reached in (("4", False), ("40", True)):
-        output = run_json(*replay, "--horizon", horizon)
+        output = run_json(*reproduce, "--horizon", horizon)
         assert output["final_state_reached"] is reached
         assert any("before the final state" in note for note in output["notes"]) is not reached
-        text = run_command_line(*replay, "--horizon", horizon).stdout
+        text = run_command_line(*reproduce, "--horizon", horizon).stdout
         assert any(line.startswith("note ") for line in text.splitlines()) is not reached
 
 
-def test_orientations_in_the_file_have_unit_length(
-    run_json: RunJson, skill: Path, frames: Path, tmp_path: Path
-):
-    """The motion of a linear system leaves the sphere; what is written lies on it again."""
+def test_motion_file_quaternions_have_unit_norm(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
     run_json("reproduce", skill, "--frames", frames, "--out", "motion.csv")
     with (tmp_path / "motion.csv").open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
@@ -104,19 +99,18 @@ def write_start(tmp_path: Path, position: Sequence[float], turn: Sequence[float]
     return path
 
 
-def test_the_distance_from_the_start_to_the_first_target_is_told(
+def test_reproduce_distance_from_start_to_first_target(
     run_json: RunJson, run_command_line: RunCommand, skill: Path, frames: Path, tmp_path: Path
 ):
-    """In the unit of each part; where the skill begins there is none."""
-    replay = ["reproduce", skill, "--frames", frames]
-    at_home = run_json(*replay)["start_to_first_target"]
+    reproduce = ["reproduce", skill, "--frames", frames]
+    at_home = run_json(*reproduce)["start_to_first_target"]
     assert at_home["position"] == pytest.approx(0.0, abs=1e-12)
     path = write_start(tmp_path, [0.0, -0.4, 0.5])
-    moved = run_json(*replay, "--start", path, "--gains", "gains.npz")["start_to_first_target"]["position"]
+    moved = run_json(*reproduce, "--start", path, "--gains", "gains.npz")["start_to_first_target"]["position"]
     with np.load(tmp_path / "gains.npz") as controller:
         expected = np.linalg.norm(controller["targets"][0, :3] - [0.0, -0.4, 0.5])
     assert moved == pytest.approx(expected)
-    assert f"start to first target  {moved:.4g} m" in run_command_line(*replay, "--start", path).stdout
+    assert f"start to first target  {moved:.4g} m" in run_command_line(*reproduce, "--start", path).stdout
 
 
 @pytest.mark.parametrize(
@@ -128,7 +122,7 @@ def test_the_distance_from_the_start_to_the_first_target_is_told(
         ([0.1, -0.4, 0.3], [0, 0, 1, 0], ["orientation"]),
     ],
 )
-def test_a_start_far_from_every_state_is_remarked(
+def test_reproduce_distant_start_has_note(
     run_json: RunJson,
     skill: Path,
     frames: Path,
@@ -137,7 +131,6 @@ def test_a_start_far_from_every_state_is_remarked(
     turn: list[int],
     far: list,
 ):
-    """Where nothing was shown the motion is extrapolation; the part that is far away is named."""
     output = run_json(
         "reproduce", skill, "--frames", frames, "--start", write_start(tmp_path, position, turn)
     )
@@ -145,8 +138,7 @@ def test_a_start_far_from_every_state_is_remarked(
     assert [part for part in ("position", "orientation") if any(part in note for note in notes)] == far
 
 
-def test_a_picture_that_cannot_be_drawn_leaves_no_other_file(run_failing: RunFailing, tmp_path: Path):
-    """Pictures are made before anything is written."""
+def test_failing_plot_leaves_no_other_file(run_failing: RunFailing, tmp_path: Path):
     pytest.importorskip("matplotlib")
     rng = np.random.default_rng(0)
     x = [np.linspace(0, 1, 90)[:, None] + 0.01 * rng.normal(size=(90, 2)) for _ in range(3)]
@@ -155,37 +147,34 @@ def test_a_picture_that_cannot_be_drawn_leaves_no_other_file(run_failing: RunFai
     assert [file.name for file in tmp_path.iterdir()] == ["long.skill"]
 
 
-def test_a_motion_without_a_plane_is_drawn_over_time(run_json: RunJson, lines_skill: Path, tmp_path: Path):
-    """A movement along one line, or of joints, has no path to look at from above."""
+def test_plot_of_one_axis_is_over_time(run_json: RunJson, lines_skill: Path, tmp_path: Path):
     pytest.importorskip("matplotlib")
     run_json("reproduce", lines_skill, "--plot", "x.png")
     assert (tmp_path / "x.png").stat().st_size > 0
 
 
-def test_a_skill_of_too_many_states_is_not_drawn(run_command_line: RunCommand, tmp_path: Path):
-    """Each picture is named with the reason; if none is left, that is exit code 1 and no folder."""
+def test_show_too_many_states_gives_reason_per_plot(run_command_line: RunCommand, tmp_path: Path):
     pytest.importorskip("matplotlib")
     rng = np.random.default_rng(0)
     x = [np.linspace(0, 1, 90)[:, None] + 0.01 * rng.normal(size=(90, 2)) for _ in range(3)]
     path = save_learned_skill(tmp_path / "long.skill", x, position_layout(2), states=30)
-    result = run_command_line("show", path, "--plots", "drawn")
-    left_out = [line for line in result.stdout.splitlines() if line.startswith("not drawn: ")]
-    drawn = list((tmp_path / "drawn").iterdir()) if (tmp_path / "drawn").exists() else []
-    assert len(left_out) + len(drawn) == 3
-    assert left_out
-    assert all("24" in line and "30 states" in line for line in left_out)
-    assert (result.exit_code == 0) is bool(drawn)
-    assert (tmp_path / "drawn").exists() is bool(drawn)
+    result = run_command_line("show", path, "--plots", "plots")
+    failures = [line for line in result.stdout.splitlines() if line.startswith("not plotted: ")]
+    plots = list((tmp_path / "plots").iterdir()) if (tmp_path / "plots").exists() else []
+    assert len(failures) + len(plots) == 3
+    assert failures
+    assert all("24" in line and "30 states" in line for line in failures)
+    assert (result.exit_code == 0) is bool(plots)
+    assert (tmp_path / "plots").exists() is bool(plots)
 
 
-def test_two_arms_start_by_their_own_names(
+def test_start_file_of_two_arms_uses_part_names(
     run_json: RunJson,
     run_failing: RunFailing,
     arms_skill: Path,
     tmp_path: Path,
     reach_demonstrations: tuple[Demonstration, ...],
 ):
-    """Of two positions neither is `position`."""
     (tmp_path / "start.json").write_text(json.dumps({"position": [0, 0, 0]}))
     output = run_failing("reproduce", arms_skill, "--start", "start.json")
     assert "expected left hand, left turn, right hand, right turn" in output
@@ -195,11 +184,10 @@ def test_two_arms_start_by_their_own_names(
     assert run_json("reproduce", arms_skill, "--start", "start.json")["notes"] == []
 
 
-def test_a_picture_of_one_of_two_arms_says_so(run_json: RunJson, arms_skill: Path):
-    """What is left out is named."""
+def test_plot_of_two_arms_has_note(run_json: RunJson, arms_skill: Path):
     pytest.importorskip("matplotlib")
     notes = run_json("reproduce", arms_skill, "--plot", "arms.png")["notes"]
-    assert notes == ["the picture shows left hand alone, not right hand"]
+    assert notes == ["the plot shows only left hand, not right hand"]
 
 
 CONFLICTING_OUTPUTS = [
@@ -213,10 +201,9 @@ CONFLICTING_OUTPUTS = [
 @pytest.mark.parametrize(
     "files", [*CONFLICTING_OUTPUTS, "--gains a.png --plot a.png", "--out link.csv --gains a.csv"]
 )
-def test_a_file_is_not_two_things(
+def test_same_file_twice_is_usage_error(
     run_command_line: RunCommand, skill: Path, frames: Path, tmp_path: Path, files: str
 ):
-    """Neither two outputs nor an input and an output, by whatever path: misuse, and nothing is written."""
     (tmp_path / "link.csv").symlink_to("a.csv")
     before = {path: path.read_bytes() for path in (skill, frames)}
     result = run_command_line("reproduce", skill, "--frames", frames, "--force", *files.split())
@@ -226,8 +213,7 @@ def test_a_file_is_not_two_things(
     assert {path.name for path in tmp_path.iterdir()} == {"reach.skill", "now.json", "link.csv"}
 
 
-def test_a_skill_does_not_replace_what_it_is_learned_from(run_command_line: RunCommand, folder: Path):
-    """--force is no leave to write over a recording."""
+def test_learn_never_replaces_demonstrations(run_command_line: RunCommand, folder: Path):
     before = {path: path.read_bytes() for path in folder.iterdir()}
     for path in before:
         assert run_command_line("learn", folder, "--out", path, "--force").exit_code == 2

@@ -1,4 +1,4 @@
-"""Replays of skills with orientations on their sphere: what goes in and comes out is unit quaternions."""
+"""Reproductions of skills with orientations on S^3."""
 
 import csv
 import json
@@ -10,13 +10,20 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from pilotfish import adapt, double_integrator, plan, tangent_chart, track
+from pilotfish.control import double_integrator, track
 from pilotfish.demonstrations import Demonstration, add_derivatives, frame_from_pose, to_sphere
 from pilotfish.geometry import angle, pose
 from pilotfish.io.situations import read_frames
 from pilotfish.io.skill_file import open_skill, save_skill
-from pilotfish.models import Skill, learn
-from pilotfish.planning.evaluation import end_orientation_error, mean_squared_error, replay
+from pilotfish.models import Skill, adapt, learn
+from pilotfish.planning import (
+    CONTROL_COST,
+    end_orientation_error,
+    mean_squared_error,
+    plan,
+    reproduce_demonstration,
+    tangent_chart,
+)
 
 RunCommand = Callable[..., Result]
 RunJson = Callable[..., dict[str, Any]]
@@ -26,8 +33,8 @@ START = {"position": [0.0, -0.4, 0.3], "quaternion": [0.9800666, 0.1986693, 0.0,
 
 @pytest.fixture(scope="session")
 def sphere_skill(reach_demonstrations: tuple[Demonstration, ...]) -> Skill:
-    shown = [add_derivatives(to_sphere(demo)) for demo in reach_demonstrations]
-    return learn(shown, states=3, rng=np.random.default_rng(0)).skill
+    demonstrations = [add_derivatives(to_sphere(demo)) for demo in reach_demonstrations]
+    return learn(demonstrations, states=3, rng=np.random.default_rng(0)).skill
 
 
 @pytest.fixture
@@ -48,10 +55,9 @@ def read(path: Path) -> tuple[list[str], np.ndarray]:
     return header, np.array(rows, dtype=float)
 
 
-def test_a_replay_on_the_sphere_is_a_plan_on_its_map(
+def test_riemannian_reproduction_equals_tangent_plan(
     run_json: RunJson, sphere_skill_file: Path, sphere_skill: Skill, frames: Path, start: Path, tmp_path: Path
 ):
-    """The file has the skill's own columns, and every number is what a user would write by hand."""
     run_json(
         "reproduce",
         sphere_skill_file,
@@ -70,23 +76,22 @@ def test_a_replay_on_the_sphere_is_a_plan_on_its_map(
         for name, unit in zip(sphere_skill.layout.names, sphere_skill.layout.units, strict=True)
     ]
     assert header == ["time [s]", *named]
-    here = tangent_chart(adapt(sphere_skill, read_frames(frames, sphere_skill)))
-    begin = here.to_tangent(np.array([*START["position"], *START["quaternion"], *np.zeros(6)]))
-    reference = plan(here.skill, begin, horizon=24)
-    feedback = track(double_integrator(6, sphere_skill.period), reference, 9.0)
-    np.testing.assert_allclose(rows[:, 1:], here.to_manifold(feedback.rollout(begin).x), atol=1e-9)
+    chart = tangent_chart(adapt(sphere_skill, read_frames(frames, sphere_skill)))
+    begin = chart.to_tangent(np.array([*START["position"], *START["quaternion"], *np.zeros(6)]))
+    reference = plan(chart.skill, begin, horizon=24)
+    feedback = track(double_integrator(6, sphere_skill.period), reference, CONTROL_COST)
+    np.testing.assert_allclose(rows[:, 1:], chart.to_manifold(feedback.rollout(begin).x), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(rows[:, 4:8], axis=1), 1.0, rtol=1e-12)
     assert angle(rows[0, 4:8], np.array(START["quaternion"])) < 1e-6
     with np.load(tmp_path / "g.npz") as controller:
         np.testing.assert_allclose(controller["gains"], feedback.gains, atol=1e-9)
-        np.testing.assert_allclose(controller["bases"], here.bases)
-        assert tuple(controller["columns"]) == here.skill.layout.names
+        np.testing.assert_allclose(controller["bases"], chart.bases)
+        assert tuple(controller["columns"]) == chart.skill.layout.names
 
 
-def test_the_sign_of_the_starts_quaternion_changes_nothing(
+def test_start_quaternion_sign_changes_nothing(
     run_json: RunJson, sphere_skill_file: Path, frames: Path, start: Path, tmp_path: Path
 ):
-    """Q and -q are one orientation, for the start as for the frames; so is `x` with every column."""
     turned = [-value for value in START["quaternion"]]
     rows = []
     for given in (START, {**START, "quaternion": turned}, {"x": [*START["position"], *turned, *[0.0] * 6]}):
@@ -99,26 +104,23 @@ def test_the_sign_of_the_starts_quaternion_changes_nothing(
     np.testing.assert_allclose(rows[2], rows[0], atol=1e-7)
 
 
-def test_turns_are_told_in_degrees(
+def test_orientation_distances_are_in_degrees(
     run_json: RunJson, run_command_line: RunCommand, sphere_skill_file: Path, frames: Path, start: Path
 ):
-    """The gap between start and first target is the angle between two orientations, on S^3 or flat."""
-    replay = ["reproduce", sphere_skill_file, "--frames", frames, "--start", start, "--horizon", "12"]
-    output = run_json(*replay)["start_to_first_target"]["orientation"]
+    reproduce = ["reproduce", sphere_skill_file, "--frames", frames, "--start", start, "--horizon", "12"]
+    output = run_json(*reproduce)["start_to_first_target"]["orientation"]
     skill = open_skill(sphere_skill_file)
-    here = adapt(skill, read_frames(frames, skill))
-    first = here.means[:, 3:7]
+    first = adapt(skill, read_frames(frames, skill)).means[:, 3:7]
     gaps = np.degrees(angle(first, np.array(START["quaternion"])))
     assert np.abs(gaps - output).min() < 1e-6
-    text = run_command_line(*replay).stdout
+    text = run_command_line(*reproduce).stdout
     assert f"start to first target  {output:.4g} deg" in text
     assert "rad/s²" in text
 
 
-def test_a_start_turned_far_away_is_remarked(
+def test_distant_start_orientation_has_note(
     run_json: RunJson, sphere_skill_file: Path, frames: Path, start: Path
 ):
-    """Half a turn from what was shown, the note names the orientation and the angle in degrees."""
     start.write_text(json.dumps({**START, "quaternion": [0.0, 0.0, 1.0, 0.0]}))
     (note,) = (
         note
@@ -129,7 +131,7 @@ def test_a_start_turned_far_away_is_remarked(
     assert " deg from the nearest state" in note
 
 
-def test_a_frame_by_its_matrix_is_the_frame_by_its_pose(
+def test_frame_as_matrix_equals_frame_as_pose(
     run_json: RunJson,
     run_failing: RunFailing,
     sphere_skill_file: Path,
@@ -137,7 +139,6 @@ def test_a_frame_by_its_matrix_is_the_frame_by_its_pose(
     frames: Path,
     tmp_path: Path,
 ):
-    """With or without the columns of the speeds, A and b lead where the pose leads."""
     given = json.loads(frames.read_text())
     poses = [
         frame_from_pose(
@@ -160,33 +161,30 @@ def test_a_frame_by_its_matrix_is_the_frame_by_its_pose(
     assert "13" in run_failing("reproduce", sphere_skill_file, "--frames", frames)
 
 
-def test_without_speeds_a_skill_on_the_sphere_is_not_replayed(
+def test_riemannian_skill_without_velocities_is_rejected(
     run_failing: RunFailing, reach_demonstrations: tuple[Demonstration, ...], frames: Path, tmp_path: Path
 ):
-    """A double integrator needs them; the fix is told."""
-    shown = [to_sphere(demo) for demo in reach_demonstrations]
-    save_skill(learn(shown, states=2, rng=np.random.default_rng(0)).skill, tmp_path / "still.skill")
+    demonstrations = [to_sphere(demo) for demo in reach_demonstrations]
+    save_skill(learn(demonstrations, states=2, rng=np.random.default_rng(0)).skill, tmp_path / "still.skill")
     assert "learn --velocities" in run_failing("reproduce", "still.skill", "--frames", frames)
 
 
-def test_pictures_of_skills_on_the_sphere(run_json: RunJson, sphere_skill_file: Path, frames: Path):
-    """All that are drawn of other skills are drawn of these."""
+def test_riemannian_skill_has_all_plots(run_json: RunJson, sphere_skill_file: Path, frames: Path):
     pytest.importorskip("matplotlib")
     run_json("reproduce", sphere_skill_file, "--frames", frames, "--plot", "m.png")
-    output = run_json("show", sphere_skill_file, "--plots", "drawn")
+    output = run_json("show", sphere_skill_file, "--plots", "plots")
     assert (len(output["plots"]), output["not_plotted"]) == (3, {})
 
 
-def test_a_person_and_the_replay_are_compared_on_the_sphere(
+def test_riemannian_errors_ignore_quaternion_signs(
     sphere_skill: Skill, reach_demonstrations: tuple[Demonstration, ...]
 ):
-    """Errors do not depend on the signs of the person's quaternions, and are small where it was shown."""
-    shown = add_derivatives(to_sphere(reach_demonstrations[0]))
-    x = shown.x.copy()
+    demo = add_derivatives(to_sphere(reach_demonstrations[0]))
+    x = demo.x.copy()
     x[:, 3:7] *= -1.0
-    negated = Demonstration(x, shown.period, shown.layout, shown.frames, shown.name)
-    result = replay(sphere_skill, shown)
-    assert end_orientation_error(result.motion, shown) < np.radians(5.0)
+    negated = Demonstration(x, demo.period, demo.layout, demo.frames, demo.name)
+    result = reproduce_demonstration(sphere_skill, demo)
+    assert end_orientation_error(result.motion, demo) < np.radians(5.0)
     for error in (end_orientation_error, mean_squared_error):
-        assert error(result.motion, negated) == pytest.approx(error(result.motion, shown), abs=1e-12)
-    assert mean_squared_error(result.motion, shown) < 0.01
+        assert error(result.motion, negated) == pytest.approx(error(result.motion, demo), abs=1e-12)
+    assert mean_squared_error(result.motion, demo) < 0.01

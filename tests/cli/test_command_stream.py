@@ -1,4 +1,4 @@
-"""pilotfish stream: what has grown is what the library makes of the same datapoints, bit for bit."""
+"""pilotfish stream: the result equals that of the library on the same datapoints, bit for bit."""
 
 import os
 from collections.abc import Callable
@@ -12,7 +12,8 @@ from click.testing import Result
 
 import pilotfish as pf
 from pilotfish.cli.stream import lines as stream_lines
-from pilotfish.cli.stream import session as growing
+from pilotfish.cli.stream import outputs as session_outputs
+from pilotfish.cli.stream import session as stream_session
 from pilotfish.demonstrations import position_layout
 from pilotfish.errors import InvalidInput
 from pilotfish.io.stream_file import encode_stream
@@ -39,7 +40,7 @@ LAYOUT = position_layout(2).differentiate()
 
 
 def walk(seed: int, n: int) -> np.ndarray:
-    """A point that goes round and round, with its speed."""
+    """Return noisy positions on a circle, with velocities."""
     t = np.arange(n) / 7.0
     x = np.stack([np.cos(t), np.sin(t), -np.sin(t), np.cos(t)], axis=1)
     return x + 0.03 * np.random.default_rng(seed).normal(size=(n, 4))
@@ -64,32 +65,28 @@ def rows(tmp_path: Path) -> Path:
     return tmp_path / "rows.csv"
 
 
-def test_a_file_of_rows_gives_the_model_and_the_skill_that_the_library_gives(
-    run_command_line: RunCommand, rows: Path, tmp_path: Path
-):
-    """Names of columns that are those of positions with speeds make a layout that can be replayed."""
+def test_stream_file_equals_library(run_command_line: RunCommand, rows: Path, tmp_path: Path):
     result = run_command_line("stream", rows, *SOSC, "--out", "a.stream", "--skill", "a.skill")
     assert (result.exit_code, result.stderr) == (0, "")
     model = expected(walk(0, 60))
     assert models_equal(tmp_path / "a.stream", model)
     pf.save_skill(online.to_skill(model), tmp_path / "b.skill")
     assert (tmp_path / "a.skill").read_bytes() == (tmp_path / "b.skill").read_bytes()
-    for words in ("60 datapoints", "no line", "a.stream", f"{model.clusters}, born as"):
+    for words in ("60 datapoints", "0 lines", "a.stream", f"{model.clusters}, with ids"):
         assert words in result.stdout
     assert run_command_line("reproduce", "a.skill", "--horizon", "30", "--out", "motion.csv").exit_code == 0
 
 
 @pytest.mark.parametrize("batch", [1, 7])
-def test_it_makes_no_difference_how_rows_are_written_or_how_they_come(
+def test_stream_result_independent_of_format_and_chunks(
     run_command_line: RunCommand, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
 ):
-    """Blanks for commas, comments, no last line's end, chunks of a few bytes: the same file."""
     x = walk(0, 60)
     blanks = text(x).replace(",", " , ").replace("\n", "\r\n# nothing\r\n").removesuffix("\r\n# nothing\r\n")
     (tmp_path / "other.csv").write_text(blanks)
     learner = [*SOSC, "--batch", batch]
     assert run_command_line("stream", rows, *learner, "--out", "a.stream").exit_code == 0
-    monkeypatch.setattr(stream_lines, "CHUNK", 11)
+    monkeypatch.setattr(stream_lines, "CHUNK_BYTES", 11)
     assert (
         run_command_line("stream", "other.csv", *learner, "--out", "b.stream", "--every", "9").exit_code == 0
     )
@@ -98,8 +95,7 @@ def test_it_makes_no_difference_how_rows_are_written_or_how_they_come(
     assert models_equal(tmp_path / "b.stream", model)
 
 
-def test_a_blank_line_begins_a_demonstration(run_command_line: RunCommand, tmp_path: Path):
-    """No transition leads over it, and many are one."""
+def test_blank_line_begins_demonstration(run_command_line: RunCommand, tmp_path: Path):
     one, two = walk(0, 30), walk(1, 20)
     (tmp_path / "rows.csv").write_text(f"\n{text(one)}\n\n# and now\n\n{text(two, header=False)}\n")
     assert run_command_line("stream", "rows.csv", *SOSC, "--out", "a.stream").exit_code == 0
@@ -109,10 +105,9 @@ def test_a_blank_line_begins_a_demonstration(run_command_line: RunCommand, tmp_p
     assert model.demonstrations == 2
 
 
-def test_lines_that_are_no_datapoints_are_told_counted_and_leave_no_trace(
+def test_rejected_lines_are_reported_and_change_nothing(
     run_command_line: RunCommand, run_json: RunJson, rows: Path, tmp_path: Path
 ):
-    """The first ten on stderr, each with its line; all in the summary; the model is that of the others."""
     good = rows.read_text().splitlines()
     bad = [f"{n},nan,0,0" for n in range(14)]
     (tmp_path / "bad.csv").write_text("\n".join([*good[:20], *bad, "1,2", *good[20:]]))
@@ -120,8 +115,8 @@ def test_lines_that_are_no_datapoints_are_told_counted_and_leave_no_trace(
     assert result.exit_code == 0
     output = result.stderr.splitlines()
     assert len(output) == 10
-    assert output[0].startswith("line 21 is refused: column 2 is nan, expected a finite number")
-    assert "more are counted" in output[-1]
+    assert output[0].startswith("line 21 is rejected: column 2 is nan, expected a finite number")
+    assert "further lines are only counted" in output[-1]
     assert "15 lines" in result.stdout
     assert models_equal(tmp_path / "a.stream", expected(walk(0, 60)))
     answer = run_json("stream", "bad.csv", *SOSC)
@@ -129,15 +124,12 @@ def test_lines_that_are_no_datapoints_are_told_counted_and_leave_no_trace(
     assert answer["rejected_lines"][0]["line"] == 21
 
 
-def test_strict_stops_at_the_first_and_keeps_what_was_learned(
-    run_command_line: RunCommand, rows: Path, tmp_path: Path
-):
-    """Exit code 1, the line on stderr, the summary and the file."""
+def test_strict_stops_at_rejected_line_and_saves(run_command_line: RunCommand, rows: Path, tmp_path: Path):
     good = rows.read_text().splitlines()
     (tmp_path / "bad.csv").write_text("\n".join([*good[:20], "x,1,2,3", "y", *good[20:]]))
     result = run_command_line("stream", "bad.csv", *SOSC, "--strict", "--out", "a.stream", "--batch", "4")
     assert result.exit_code == 1
-    assert result.stderr.startswith("line 21 is refused: column 1 is 'x'")
+    assert result.stderr.startswith("line 21 is rejected: column 1 is 'x'")
     assert result.stderr.count("\n") == 1
     assert "19 datapoints" in result.stdout
     assert models_equal(
@@ -146,8 +138,7 @@ def test_strict_stops_at_the_first_and_keeps_what_was_learned(
     )
 
 
-def test_two_runs_are_one_run(run_command_line: RunCommand, rows: Path, tmp_path: Path):
-    """The second goes on from the file of the first, in place only by force."""
+def test_resume_equals_one_run(run_command_line: RunCommand, rows: Path, tmp_path: Path):
     lines = rows.read_text().splitlines(keepends=True)
     (tmp_path / "one.csv").write_text("".join(lines[:26]))
     (tmp_path / "two.csv").write_text("".join([lines[0], *lines[26:]]))
@@ -165,8 +156,7 @@ def test_two_runs_are_one_run(run_command_line: RunCommand, rows: Path, tmp_path
     assert models_equal(tmp_path / "a.stream", expected(walk(0, 60)))
 
 
-def test_nothing_reads_a_model_out(run_command_line: RunCommand, rows: Path, tmp_path: Path):
-    """The null device, named as the source, is no stream that failed to come."""
+def test_resume_from_null_device_converts_to_skill(run_command_line: RunCommand, rows: Path, tmp_path: Path):
     assert run_command_line("stream", rows, *SOSC, "--out", "a.stream").exit_code == 0
     assert run_command_line("stream", os.devnull, "--resume", "a.stream", "--skill", "a.skill").exit_code == 0
     pf.save_skill(online.to_skill(pf.open_stream(tmp_path / "a.stream")), tmp_path / "b.skill")
@@ -175,7 +165,7 @@ def test_nothing_reads_a_model_out(run_command_line: RunCommand, rows: Path, tmp
 
 @pytest.mark.parametrize("content", ["", "\n\n", "# only this\n", "a,b,c,d\n"])
 @pytest.mark.parametrize("more", [[], ["--resume", "a.stream"]])
-def test_an_empty_stream_is_refused_and_leaves_no_file(
+def test_empty_stream_is_rejected_without_file(
     run_command_line: RunCommand,
     run_failing: RunFailing,
     rows: Path,
@@ -183,27 +173,24 @@ def test_an_empty_stream_is_refused_and_leaves_no_file(
     content: str,
     more: list[str],
 ):
-    """Nothing came: said so."""
     assert run_command_line("stream", rows, *SOSC, "--out", "a.stream").exit_code == 0
     (tmp_path / "empty.csv").write_text(content)
     output = run_failing("stream", "empty.csv", *(more or SOSC), "--out", "b.stream", "--skill", "b.skill")
-    assert "no datapoint came" in output or "a, b, c, d" in output
+    assert "has no datapoint" in output or "a, b, c, d" in output
     assert not list(tmp_path.glob("b.*"))
 
 
-def test_a_stream_of_nothing_but_bad_lines_is_refused(run_command_line: RunCommand, tmp_path: Path):
-    """With the first of them, and no file."""
+def test_stream_of_rejected_lines_is_rejected(run_command_line: RunCommand, tmp_path: Path):
     (tmp_path / "bad.csv").write_text("1,x\n2,y\n")
     result = run_command_line("stream", "bad.csv", *SOSC, "--out", "a.stream")
     assert result.exit_code == 1
-    assert "none of 2 lines is a datapoint: line 1: column 2 is 'x'" in result.stderr
+    assert "all 2 lines were rejected; line 1: column 2 is 'x'" in result.stderr
     assert not (tmp_path / "a.stream").exists()
 
 
-def test_rows_of_other_columns_than_the_model_are_refused(
+def test_resume_with_other_columns_is_rejected(
     run_command_line: RunCommand, run_failing: RunFailing, rows: Path, tmp_path: Path
 ):
-    """Told with the names of both; the model's file stays as it was."""
     assert run_command_line("stream", rows, *SOSC, "--out", "a.stream").exit_code == 0
     (tmp_path / "other.csv").write_text("x,y,z,w\n1,2,3,4\n")
     output = run_failing("stream", "other.csv", "--resume", "a.stream", "--out", "b.stream")
@@ -211,17 +198,15 @@ def test_rows_of_other_columns_than_the_model_are_refused(
     assert not (tmp_path / "b.stream").exists()
 
 
-def test_so_many_rows_are_learned_as_were_wanted(run_command_line: RunCommand, rows: Path, tmp_path: Path):
-    """And no more is read."""
+def test_rows_option_limits_datapoints(run_command_line: RunCommand, rows: Path, tmp_path: Path):
     assert run_command_line("stream", rows, *SOSC, "--rows", "23", "--out", "a.stream").exit_code == 0
     assert models_equal(tmp_path / "a.stream", expected(walk(0, 60)[:23]))
 
 
 @pytest.mark.parametrize("batch", [1, 4])
-def test_growth_is_told_each_so_many_datapoints(
+def test_every_prints_progress_at_multiples(
     run_command_line: RunCommand, run_json: RunJson, rows: Path, batch: int
 ):
-    """A line at every multiple, or at the end of the batch that holds it; a list for programs."""
     learner = [*SOSC, "--every", "25", "--batch", batch]
     output = run_command_line("stream", rows, *learner).stdout.splitlines()
     counts = [25, 50] if batch == 1 else [28, 52]
@@ -230,15 +215,14 @@ def test_growth_is_told_each_so_many_datapoints(
     assert [mark["datapoints"] for mark in run_json("stream", rows, *learner)["history"]] == counts
 
 
-def test_the_answer_for_programs_tells_all_of_every_cluster(run_json: RunJson, rows: Path):
-    """As the model and the skill have them, identities for indices."""
+def test_stream_json_describes_clusters(run_json: RunJson, rows: Path):
     answer, model = run_json("stream", rows, *SOSC), expected(walk(0, 60))
     assert [c["cluster_id"] for c in answer["clusters"]] == model.cluster_ids.tolist()
-    assert sum(c["points"] for c in answer["clusters"]) == answer["datapoints"] == 60
+    assert sum(c["datapoints"] for c in answer["clusters"]) == answer["datapoints"] == 60
     assert [c["dimensions"]["world"] for c in answer["clusters"]] == model.dimensions[:, 0].tolist()
     for cluster in answer["clusters"]:
-        assert not cluster["next"] or np.isclose(sum(cluster["next"].values()), 1.0)
-        assert set(cluster["next"]) <= {str(cluster_id) for cluster_id in model.cluster_ids}
+        assert not cluster["transitions"] or np.isclose(sum(cluster["transitions"].values()), 1.0)
+        assert set(cluster["transitions"]) <= {str(cluster_id) for cluster_id in model.cluster_ids}
         assert cluster["duration"]["mean"] > 0.0
     assert answer["learner"] == "sosc"
     assert answer["datapoints_per_second"] > 0.0
@@ -252,7 +236,7 @@ def test_the_answer_for_programs_tells_all_of_every_cluster(run_json: RunJson, r
         (
             (
                 "--learner dp-mppca --cluster 1 --dimension .1 --noise .1 --bandwidth 2 "
-                "--weighting trace --discount .9 --forget-below .1 --extra-directions 2"
+                "--discount .9 --forget-below .1 --extra-directions 2"
             ),
             online.DPMPPCA(
                 1.0, 0.1, 0.1, 2.0, online.Maintenance(discount=0.9, forget_below=0.1, extra_directions=2)
@@ -261,7 +245,7 @@ def test_the_answer_for_programs_tells_all_of_every_cluster(run_json: RunJson, r
         (
             (
                 "--learner hdp-hsmm --cluster 1 --noise .1 --transition 0 --new-transition .2 "
-                "--weighting constant --weight 9 --merge-distance 0 --max-clusters 3"
+                "--constant-weight 9 --merge-distance 0 --max-clusters 3"
             ),
             online.HDPHSMM(
                 1.0,
@@ -273,10 +257,9 @@ def test_the_answer_for_programs_tells_all_of_every_cluster(run_json: RunJson, r
         ),
     ],
 )
-def test_options_say_what_the_library_says(
+def test_learner_options_equal_library_settings(
     run_command_line: RunCommand, rows: Path, tmp_path: Path, options: str, settings: online.OnlineSettings
 ):
-    """Every learner, weighting and kind of maintenance."""
     result = run_command_line("stream", rows, *options.split(), "--out", "a.stream")
     assert result.exit_code == 0
     assert models_equal(tmp_path / "a.stream", expected(walk(0, 60), settings))
@@ -284,32 +267,31 @@ def test_options_say_what_the_library_says(
 
 MISUSE = {
     "--noise 1": "--cluster, --dimension, --bandwidth: --cluster is the squared distance",
-    "--learner dp-gmm": "--from-batch M guesses them",
+    "--learner dp-gmm": "--from-batch N estimates them",
     "--learner hdp-hsmm --cluster 1 --noise 1": "--transition",
-    "--learner dp-gmm --cluster 1 --noise 1 --dimension 2": "--dimension goes with another --learner",
+    "--learner dp-gmm --cluster 1 --noise 1 --dimension 2": "is not an option of --learner dp-gmm",
     "--cluster 0": "0.0 is not in the range",
     "--cluster nan": "nan",
-    "ALL --discount .9": "--discount goes with --weighting trace",
-    "ALL --weighting trace --weight 3": "--weight goes with --weighting constant",
-    "ALL --weighting constant": "needs --weight",
-    "ALL --resume a.stream": "--cluster is as the file of --resume has it",
+    "ALL --forget-below .1": "--forget-below needs --discount",
+    "ALL --discount .9 --constant-weight 3": "exclude each other",
+    "ALL --constant-weight 0": "0.0 is not in the range",
+    "ALL --resume a.stream": "--cluster is stored in the file of --resume",
     "--resume a.stream --period 1": "--period",
-    "ALL --from-batch 2": "--from-batch goes with a folder of recordings",
-    "ALL --only 1": "--only goes with",
-    "ALL --no-velocities": "--velocities goes with",
-    "ALL --seed 1": "--seed goes with --from-batch",
-    "ALL --save-every 1": "--save-every goes with --out",
+    "ALL --from-batch 2": "--from-batch needs a folder of demonstrations",
+    "ALL --only 1": "--only needs",
+    "ALL --no-velocities": "--velocities needs",
+    "ALL --seed 1": "--seed needs --from-batch",
+    "ALL --save-every 1": "--save-every needs --out",
     "ALL --out a --skill a": "two outputs",
-    "ALL --out rows.csv --force": "what this command reads",
-    "--resume a.stream --skill a.stream --force": "what this command reads",
+    "ALL --out rows.csv --force": "is an input of this command",
+    "--resume a.stream --skill a.stream --force": "is an input of this command",
 }
 
 
 @pytest.mark.parametrize("options", MISUSE)
-def test_options_that_do_not_fit_are_misuse(
+def test_stream_invalid_options_are_usage_errors(
     run_command_line: RunCommand, rows: Path, tmp_path: Path, options: str
 ):
-    """Exit code 2, and the words that say why; nothing is read, nothing written."""
     pf.save_stream(expected(walk(0, 9)), tmp_path / "a.stream")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     result = run_command_line("stream", rows, *options.replace("ALL", " ".join(SOSC)).split())
@@ -318,52 +300,51 @@ def test_options_that_do_not_fit_are_misuse(
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_a_person_sees_the_growth_and_a_program_does_not(
+def test_status_line_appears_only_on_terminal(
     run_command_line: RunCommand, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """One line on stderr, written over and taken away at the end."""
     assert run_command_line("stream", rows, *SOSC).stderr == ""
-    monkeypatch.setattr(growing, "a_person_watches", lambda: True)
-    monkeypatch.setattr(growing, "PATIENCE", 0.0)
-    monkeypatch.setattr(stream_lines, "CHUNK", 800)
+    monkeypatch.setattr(stream_session, "is_interactive", lambda: True)
+    monkeypatch.setattr(stream_session, "WAIT_INTERVAL", 0.0)
+    monkeypatch.setattr(stream_lines, "CHUNK_BYTES", 800)
     (tmp_path / "rows.csv").write_text(rows.read_text() + "x\n")
-    shown = run_command_line("stream", rows, *SOSC, "--out", "a.stream").stderr
-    assert shown.count("datapoints, ") > 3
-    assert "60 datapoints, " in shown
-    assert "\rline 62 is refused" in shown  # click leaves out what only a terminal understands
-    assert shown.endswith("\r")
+    printed = run_command_line("stream", rows, *SOSC, "--out", "a.stream").stderr
+    assert printed.count("datapoints, ") > 3
+    assert "60 datapoints, " in printed
+    assert "\rline 62 is rejected" in printed  # click leaves out what only a terminal understands
+    assert printed.endswith("\r")
 
 
-def test_files_are_kept_meanwhile(run_command_line: RunCommand, rows: Path, monkeypatch: pytest.MonkeyPatch):
-    """Every so many seconds, whole; a time when that fails is told, and the stream goes on."""
-    kept: list[int] = []
-    monkeypatch.setattr(stream_lines, "CHUNK", 800)
-    monkeypatch.setattr(growing, "save_stream", lambda model, _, **__: kept.append(model.datapoints))
+def test_save_every_saves_and_survives_failure(
+    run_command_line: RunCommand, rows: Path, monkeypatch: pytest.MonkeyPatch
+):
+    saved: list[int] = []
+    monkeypatch.setattr(stream_lines, "CHUNK_BYTES", 800)
+    monkeypatch.setattr(session_outputs, "save_stream", lambda model, _, **__: saved.append(model.datapoints))
     assert run_command_line("stream", rows, *SOSC, "--out", "a.stream", "--save-every", "1e-9").exit_code == 0
-    assert len(kept) > 3
-    assert kept == sorted(kept)
-    assert kept[-1] == 60
+    assert len(saved) > 3
+    assert saved == sorted(saved)
+    assert saved[-1] == 60
 
     def full(model: online.OnlineModel, path: Path, **_: bool) -> None:
         if model.datapoints < 60:
-            raise InvalidInput(f"{path} cannot be written: no room")
+            raise InvalidInput(f"{path} cannot be written: no space")
 
-    monkeypatch.setattr(growing, "save_stream", full)
+    monkeypatch.setattr(session_outputs, "save_stream", full)
     result = run_command_line("stream", rows, *SOSC, "--out", "a.stream", "--save-every", "1e-9")
     assert result.exit_code == 0
     assert "not saved at" in result.stderr
 
 
 @pytest.mark.parametrize("batch", [1, 7])
-def test_a_stream_that_breaks_keeps_what_came_before(
+def test_failing_stream_saves_earlier_rows(
     run_command_line: RunCommand, rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
 ):
-    """Exit code 1, the reason on stderr, the file and the summary all the same."""
-    monkeypatch.setattr(stream_lines, "LONGEST", 200)
+    monkeypatch.setattr(stream_lines, "MAX_LINE_BYTES", 200)
     rows.write_text(rows.read_text() + "1" * 300)
     result = run_command_line("stream", rows, *SOSC, "--batch", batch, "--out", "a.stream")
     assert result.exit_code == 1
-    assert "the stream broke: a line has more than 200 bytes" in result.stderr
+    assert "the stream failed: a line has more than 200 bytes" in result.stderr
     maintenance = online.Maintenance(batch=batch)
     assert models_equal(
         tmp_path / "a.stream", expected(walk(0, 60), replace(PENALTIES, maintenance=maintenance))

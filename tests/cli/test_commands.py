@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from pilotfish.cli.options.learners import DISTRIBUTIONS
 from pilotfish.demonstrations import (
     Demonstration,
     add_derivatives,
@@ -29,23 +28,21 @@ from pilotfish.models import (
     MixtureWeights,
     SemiMarkovChain,
     learn,
-    learn_semi_markov,
 )
+from pilotfish.models.durations import DISTRIBUTIONS
 
 RunCommand = Callable[..., Result]
 RunJson = Callable[..., dict[str, Any]]
 
 
-def test_every_data_set_of_the_list_is_described(run_json: RunJson):
-    """What list names, info knows."""
+def test_data_info_describes_every_listed_data_set(run_json: RunJson):
     listed = run_json("data", "list")["datasets"]
     assert set(datasets.names()) < set(listed)
     for name in listed:
-        assert run_json("data", "info", name)["about"] == listed[name]
+        assert run_json("data", "info", name)["description"] == listed[name]
 
 
-def test_what_is_exported_is_what_is_learned_from(run_json: RunJson, tmp_path: Path):
-    """A data set written to a folder gives the same skill as by its name."""
+def test_exported_data_set_gives_same_skill(run_json: RunJson, tmp_path: Path):
     run_json("data", "export", "synthetic valve", "copy")
     learned = ["--states", "2", "--max-iterations", "2", "--only", "0"]
     run_json("learn", "copy", *learned, "--out", "a")
@@ -53,15 +50,13 @@ def test_what_is_exported_is_what_is_learned_from(run_json: RunJson, tmp_path: P
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-def test_a_sound_folder_is_found_sound(run_json: RunJson, folder: Path):
-    """The report counts what is there; a frame that never moves is worth a note, and no more."""
+def test_data_check_valid_folder_has_no_problems(run_json: RunJson, folder: Path):
     report = run_json("data", "check", folder)
     assert [demo["name"] for demo in report["demonstrations"]] == [f"reach {m}" for m in range(5)]
     assert {finding["severity"] for finding in report["diagnostics"]} <= {"note"}
 
 
-def test_a_folder_that_cannot_be_learned_from_has_exit_code_one(run_command_line: RunCommand, folder: Path):
-    """A script may rely on the code; the text says why."""
+def test_data_check_error_has_exit_code_1(run_command_line: RunCommand, folder: Path):
     manifest = json.loads((folder / "demonstrations.json").read_text())
     manifest["demonstration"][1]["frames"][1]["name"] = "mug"
     del manifest["sha256"]
@@ -71,8 +66,7 @@ def test_a_folder_that_cannot_be_learned_from_has_exit_code_one(run_command_line
     assert "error: demonstration 1 (reach 1)" in result.stdout
 
 
-def test_learning_by_command_is_learning_by_function(run_json: RunJson, folder: Path, tmp_path: Path):
-    """The file holds the skill that pf.learn finds, and the answer is about it."""
+def test_learn_command_equals_function(run_json: RunJson, folder: Path, tmp_path: Path):
     output = run_json("learn", folder, "--states", "3", "--only", "0-2,4", "--out", "reach.skill")
     shown = [add_derivatives(demo) for demo in read_demonstrations(folder)]
     fit = learn([*shown[:3], shown[4]], states=3, rng=np.random.default_rng(0))
@@ -102,7 +96,7 @@ def test_learning_by_command_is_learning_by_function(run_json: RunJson, folder: 
         ("mlt:2", "MLT(2)"),
     ],
 )
-def test_every_dynamics_and_structure_is_learned_and_shown(
+def test_learn_every_dynamics_and_structure(
     run_command_line: RunCommand,
     run_json: RunJson,
     folder: Path,
@@ -112,7 +106,6 @@ def test_every_dynamics_and_structure_is_learned_and_shown(
     structure: str,
     label: str,
 ):
-    """What is asked for is what stands in the file, and show tells it, to people too."""
     chosen = ["--dynamics", name, "--structure", structure, "--states", "2", "--max-iterations", "3"]
     run_json("learn", folder, *chosen, "--out", "skill")
     assert isinstance(open_skill(tmp_path / "skill").dynamics, kind)
@@ -122,52 +115,50 @@ def test_every_dynamics_and_structure_is_learned_and_shown(
     assert shown["content_hash"] in run_command_line("show", "skill").stdout
 
 
-def test_tying_is_what_was_asked_for(run_json: RunJson, folder: Path, tmp_path: Path):
-    """Half tied, the file says one half."""
+def test_learn_semi_tied_tying_factor(run_json: RunJson, folder: Path, tmp_path: Path):
     tied = ["--structure", "semi-tied:0.5", "--states", "2", "--max-iterations", "2"]
     assert run_json("learn", folder, *tied, "--out", "skill")["structure"] == "semi-tied(0.5)"
     assert {c.tying for c in open_skill(tmp_path / "skill").covariances} == {0.5}  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
-    "law", ["gaussian", "log-normal", "gamma", "poisson", "negative-binomial", "histogram"]
+    "distribution", ["gaussian", "log-normal", "gamma", "poisson", "negative-binomial", "histogram"]
 )
-def test_durations_of_every_law_are_learned_together_with_all_else(
+def test_learn_every_duration_distribution_equals_function(
     run_json: RunJson, folder: Path, tmp_path: Path, distribution: str
 ):
-    """The file holds what pf.models.learn_semi_markov finds, durations of the law asked for."""
     chosen = ["--durations", distribution, "--censoring", "none", "--states", "2", "--max-iterations", "4"]
     output = run_json("learn", folder, *chosen, "--out", "skill")
-    duration_model = DurationModel(DISTRIBUTIONS[distribution], Censoring(left=False, last=False))
+    pseudocount = {"pseudocount": 1.0} if distribution == "histogram" else {}
+    durations = DurationModel(DISTRIBUTIONS[distribution], Censoring.NONE, options=pseudocount)
     demos = [add_derivatives(demo) for demo in read_demonstrations(folder)]
-    fit = learn_semi_markov(
+    fit = learn(
         demos,
         states=2,
         rng=np.random.default_rng(0),
-        duration_model=duration_model,
+        durations=durations,
         settings=EMSettings(max_iterations=4),
     )
     assert output["content_hash"] == content_hash(fit.skill)
 
 
-def test_orientations_on_their_sphere_have_three_deviations(run_json: RunJson, folder: Path, tmp_path: Path):
-    """--riemannian learns what pf.on_sphere makes of the recordings: twelve deviations of thirteen columns."""
+def test_learn_riemannian_orientation_has_three_tangent_columns(
+    run_json: RunJson, folder: Path, tmp_path: Path
+):
     run_json("learn", folder, "--riemannian", "--states", "2", "--max-iterations", "3", "--out", "skill")
     skill = open_skill(tmp_path / "skill")
     assert (skill.width, skill.covariances[0].dense.shape[-1]) == (13, 12)
     assert skill.layout == add_derivatives(to_sphere(read_demonstrations(folder)[0])).layout
 
 
-def test_speeds_are_added_only_where_wanted_and_missing(run_json: RunJson, folder: Path):
-    """Seven columns become fourteen, or stay seven; those that are there stay as they are."""
+def test_learn_velocities_are_added_if_missing(run_json: RunJson, folder: Path):
     small = ["--states", "2", "--max-iterations", "2", "--out"]
     assert len(run_json("learn", folder, *small, "with")["columns"]) == 14
     assert len(run_json("learn", folder, "--no-velocities", *small, "without")["columns"]) == 7
     assert len(run_json("learn", "dataset:synthetic valve", "--only", "0", *small, "own")["columns"]) == 14
 
 
-def test_demonstrations_that_look_odd_are_named_before_learning(run_command_line: RunCommand, folder: Path):
-    """The same recording twice is learned from, and remarked on stderr."""
+def test_learn_prints_warnings(run_command_line: RunCommand, folder: Path):
     manifest = json.loads((folder / "demonstrations.json").read_text())
     first, second = manifest["demonstration"][:2]
     (folder / second["file"]).write_bytes((folder / first["file"]).read_bytes())
@@ -179,27 +170,25 @@ def test_demonstrations_that_look_odd_are_named_before_learning(run_command_line
     assert "warning: demonstration 1 (reach 1) has the same rows" in result.stderr
 
 
-def test_show_names_the_frame_in_which_a_state_is_precise(run_json: RunJson, skill: Path):
-    """Reaches begin at home and end at the cup: there the frames of each are the precise ones."""
+def test_show_most_precise_frame_of_states(run_json: RunJson, skill: Path):
     states = run_json("show", skill)["states"]
     first = max(states, key=lambda state: state["initial"])
-    last = next(state for state in states if not state["next"])
+    last = next(state for state in states if not state["transitions"])
     assert (first["most_precise_frame"], last["most_precise_frame"]) == ("home", "cup")
-    assert last["spread"]["cup"] < last["spread"]["home"]
+    assert last["mean_deviation"]["cup"] < last["mean_deviation"]["home"]
 
 
-def test_show_draws_the_skill(run_json: RunJson, skill: Path, tmp_path: Path):
-    """A picture for each aspect; pictures that are there stay without --force."""
+def test_show_writes_plots(run_json: RunJson, skill: Path, tmp_path: Path):
     pytest.importorskip("matplotlib")
-    output = run_json("show", skill, "--plots", tmp_path / "pictures")
+    output = run_json("show", skill, "--plots", tmp_path / "plots")
     assert output["not_plotted"] == {}
     assert {Path(file).name for file in output["plots"]} == {
         "deviations.png",
         "states.png",
-        "filtered_state_probs.png",
+        "forward-variable.png",
     }
     assert all(Path(file).read_bytes().startswith(b"\x89PNG") for file in output["plots"])
-    assert run_json("show", skill, "--plots", tmp_path / "pictures", "--force")["plots"]
+    assert run_json("show", skill, "--plots", tmp_path / "plots", "--force")["plots"]
 
 
 def read_motion(path: Path) -> tuple[list[str], np.ndarray]:
@@ -208,8 +197,7 @@ def read_motion(path: Path) -> tuple[list[str], np.ndarray]:
     return header, np.array(rows, dtype=float)
 
 
-def test_replay_ends_where_the_cup_stands_now(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
-    """The cup was never there; the hand comes to it all the same, and the files hold that motion."""
+def test_reproduce_ends_at_new_frame(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
     files = ["--out", "motion.csv", "--gains", "gains.npz", "--plot", "motion.svg"]
     output = run_json("reproduce", skill, "--frames", frames, "--horizon", "40", *files)
     header, rows = read_motion(tmp_path / "motion.csv")
@@ -224,8 +212,7 @@ def test_replay_ends_where_the_cup_stands_now(run_json: RunJson, skill: Path, fr
     assert (tmp_path / "motion.svg").read_text().startswith("<?xml")
 
 
-def test_the_gains_make_the_motion(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
-    """Who applies the controller of the NPZ file to unit masses gets the motion of the CSV file."""
+def test_gains_file_reproduces_motion(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
     run_json("reproduce", skill, "--frames", frames, "--horizon", "9", "--out", "m.csv", "--gains", "g.npz")
     _, rows = read_motion(tmp_path / "m.csv")
     x = rows[0, 1:]
@@ -238,26 +225,24 @@ def test_the_gains_make_the_motion(run_json: RunJson, skill: Path, frames: Path,
 
 
 def normalise_as_written(x: np.ndarray) -> np.ndarray:
-    """The orientation brought back to unit length."""
+    """Normalise the quaternion, as the motion file does."""
     return np.concatenate([x[:3], x[3:7] / np.linalg.norm(x[3:7]), x[7:]])
 
 
-def test_softer_effort_and_more_slack_are_obeyed(run_json: RunJson, skill: Path, frames: Path):
-    """A dear effort accelerates less."""
-    replay = ["reproduce", skill, "--frames", frames, "--horizon", "20"]
-    dear, cheap = (run_json(*replay, "--control-cost", price)["max_acceleration"] for price in ("900", "1"))
-    assert dear["position"] < cheap["position"]
+def test_control_cost_and_regularisation_change_motion(run_json: RunJson, skill: Path, frames: Path):
+    reproduce = ["reproduce", skill, "--frames", frames, "--horizon", "20"]
+    high, low = (run_json(*reproduce, "--control-cost", cost)["max_acceleration"] for cost in ("900", "1"))
+    assert high["position"] < low["position"]
     loose, tight = (
-        run_json(*replay, "--covariance-regularisation", covariance_regularisation)["distance_to_reference"]
-        for covariance_regularisation in ("1", "1e-4")
+        run_json(*reproduce, "--covariance-regularisation", value)["distance_to_reference"]
+        for value in ("1", "1e-4")
     )
     assert tight["position"]["mean"] < loose["position"]["mean"]
 
 
-def test_a_skill_of_the_world_alone_needs_no_frames(
+def test_reproduce_world_frame_needs_no_frames(
     run_json: RunJson, tmp_path: Path, reach_demonstrations: tuple[Demonstration, ...]
 ):
-    """Nothing stands anywhere, so nothing is asked."""
     layout = position_layout()
     write_demonstrations(
         [demonstration(demo.x[:, :3], demo.period, layout) for demo in reach_demonstrations],

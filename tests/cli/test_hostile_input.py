@@ -1,4 +1,4 @@
-"""Files and texts given to commands that ask for much memory or time, or hold what cannot be printed."""
+"""Hostile input: files and options that request much memory or time, or contain unprintable text."""
 
 import json
 import os
@@ -16,12 +16,11 @@ from pilotfish.errors import MAX_MESSAGE_LENGTH
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.io.skill_file import save_skill
 from pilotfish.models import (
-    GammaDurations,
-    GaussianDurations,
     Provenance,
     SemiMarkovChain,
     Skill,
 )
+from pilotfish.models.durations import Gamma, Gaussian
 
 MAX_CPU_SECONDS = 8.0  # s of CPU time
 HUGE = "0x1" + 5000 * "0"
@@ -29,8 +28,8 @@ HUGE = "0x1" + 5000 * "0"
 
 @pytest.fixture
 def skill(tmp_path: Path) -> Path:
-    """A skill of two states, seen from a cup."""
-    return save_small_skill(tmp_path, GaussianDurations(np.array([5.0, 9.0]), np.array([1.0, 2.0])), 40)
+    """Skill of two states in the frame of a cup."""
+    return save_small_skill(tmp_path, Gaussian(np.array([5.0, 9.0]), np.array([1.0, 2.0])), 40)
 
 
 def save_small_skill(folder: Path, durations: Any, datapoints: int) -> Path:
@@ -54,7 +53,7 @@ def save_small_skill(folder: Path, durations: Any, datapoints: int) -> Path:
 
 
 def run_command_line(*arguments: str | Path, stdin: bytes = b"") -> Result:
-    """The command's result, which took little CPU time and is no traceback."""
+    """Run a command, and check that it takes little CPU time and raises nothing."""
     begin = process_time()
     result = CliRunner().invoke(cli, [str(argument) for argument in arguments], input=stdin)
     assert process_time() - begin < MAX_CPU_SECONDS
@@ -62,8 +61,8 @@ def run_command_line(*arguments: str | Path, stdin: bytes = b"") -> Result:
     return result
 
 
-def assert_refused(result: Result, code: int = 1) -> str:
-    """The one line that says why."""
+def require_error(result: Result, code: int = 1) -> str:
+    """Return the error message after checking that it is one bounded line."""
     assert result.exit_code == code, result.output
     line = result.stderr.rstrip("\n").split("\n")[-1]
     assert line.startswith("Error: ")
@@ -75,7 +74,7 @@ def assert_refused(result: Result, code: int = 1) -> str:
 FRAME = {"name": "cup", "position": [0, 0, 0], "quaternion": [1, 0, 0, 0]}
 
 
-def test_frames_of_a_fine_file_are_accepted(skill: Path, tmp_path: Path) -> None:
+def test_frames_valid_file_is_accepted(skill: Path, tmp_path: Path) -> None:
     (tmp_path / "now.json").write_text(json.dumps([FRAME]))
     assert run_command_line("reproduce", skill, "--frames", tmp_path / "now.json").exit_code == 0
 
@@ -95,9 +94,9 @@ def test_frames_of_a_fine_file_are_accepted(skill: Path, tmp_path: Path) -> None
     ],
     ids=range(9),
 )
-def test_frames_of_a_hostile_file_are_refused(skill: Path, tmp_path: Path, frames: list[Any]) -> None:
+def test_frames_hostile_file_is_rejected(skill: Path, tmp_path: Path, frames: list[Any]) -> None:
     (tmp_path / "now.json").write_text(json.dumps(frames))
-    assert "now.json" in assert_refused(
+    assert "now.json" in require_error(
         run_command_line("reproduce", skill, "--frames", tmp_path / "now.json")
     )
 
@@ -112,21 +111,19 @@ def test_frames_of_a_hostile_file_are_refused(skill: Path, tmp_path: Path, frame
     ],
     ids=range(3),
 )
-def test_toml_numbers_with_thousands_of_digits_are_refused(
-    skill: Path, tmp_path: Path, option: str, text: str
-) -> None:
+def test_toml_huge_integers_are_rejected(skill: Path, tmp_path: Path, option: str, text: str) -> None:
     (tmp_path / "now.toml").write_text(text)
     good = tmp_path / "good.json"
     good.write_text(json.dumps([FRAME]))
     more = [] if option == "--frames" else ["--frames", good]
-    assert "now.toml" in assert_refused(
+    assert "now.toml" in require_error(
         run_command_line("reproduce", skill, option, tmp_path / "now.toml", *more)
     )
 
 
 @pytest.mark.parametrize("kind", ["fifo", "zero", "long", "large"])
 @pytest.mark.parametrize("option", ["--frames", "--start"])
-def test_special_files_are_refused_at_once(skill: Path, tmp_path: Path, option: str, kind: str) -> None:
+def test_special_files_are_rejected_quickly(skill: Path, tmp_path: Path, option: str, kind: str) -> None:
     file = tmp_path / ("n" * 300 if kind == "long" else "file")
     if kind == "fifo":
         os.mkfifo(file)
@@ -138,7 +135,7 @@ def test_special_files_are_refused_at_once(skill: Path, tmp_path: Path, option: 
     good = tmp_path / "good.json"
     good.write_text(json.dumps([FRAME]))
     more = [] if option == "--frames" else ["--frames", good]
-    assert_refused(run_command_line("reproduce", skill, option, file, *more))
+    require_error(run_command_line("reproduce", skill, option, file, *more))
 
 
 @pytest.mark.parametrize(
@@ -165,36 +162,36 @@ def test_special_files_are_refused_at_once(skill: Path, tmp_path: Path, option: 
     ],
     ids=range(18),
 )
-def test_options_beyond_their_bounds_are_misuse_in_one_line(arguments: tuple[str, ...]) -> None:
-    assert_refused(run_command_line(*arguments), 2)
+def test_options_out_of_bounds_are_usage_errors(arguments: tuple[str, ...]) -> None:
+    require_error(run_command_line(*arguments), 2)
 
 
 @pytest.mark.parametrize(
     "text", ["1:1000000", "3:99999", "x" * 100_000, ",".join(map(str, range(1, 20_000)))]
 )
-def test_numbers_of_states_to_select_from_are_bounded(text: str) -> None:
-    assert_refused(run_command_line("select", "folder", "--states", text))
+def test_select_state_counts_are_bounded(text: str) -> None:
+    require_error(run_command_line("select", "folder", "--states", text))
 
 
 LONG_ARGUMENTS = [
-    GaussianDurations(np.array([1e5, 9.0]), np.array([1e5, 2.0])),
-    GaussianDurations(np.array([1e6, 9.0]), np.array([1.0, 2.0])),
-    GammaDurations(np.array([0.01, 1.0]), np.array([1e-6, 1.0])),
+    Gaussian(np.array([1e5, 9.0]), np.array([1e5, 2.0])),
+    Gaussian(np.array([1e6, 9.0]), np.array([1.0, 2.0])),
+    Gamma(np.array([0.01, 1.0]), np.array([1e-6, 1.0])),
 ]
 
 
 @pytest.mark.parametrize("durations", LONG_ARGUMENTS, ids=range(len(LONG_ARGUMENTS)))
-def test_skill_of_long_durations_is_shown_and_replayed_quickly(tmp_path: Path, durations: Any) -> None:
+def test_skill_with_long_durations_is_shown_and_reproduced_quickly(tmp_path: Path, durations: Any) -> None:
     file = save_small_skill(tmp_path, durations, 200)
     (tmp_path / "now.json").write_text(json.dumps([FRAME]))
     assert run_command_line("show", file).exit_code == 0
     assert run_command_line("reproduce", file, "--frames", tmp_path / "now.json").exit_code == 0
 
 
-def test_skill_that_says_its_demonstrations_were_very_long_is_replayed_by_horizon(tmp_path: Path) -> None:
+def test_skill_with_huge_mean_length_needs_horizon(tmp_path: Path) -> None:
     file = save_small_skill(tmp_path, LONG_ARGUMENTS[0], 10**15)
     (tmp_path / "now.json").write_text(json.dumps([FRAME]))
-    assert "say how many with --horizon" in assert_refused(
+    assert "give a horizon with --horizon" in require_error(
         run_command_line("reproduce", file, "--frames", tmp_path / "now.json")
     )
     assert (
@@ -214,7 +211,7 @@ def test_skill_that_says_its_demonstrations_were_very_long_is_replayed_by_horizo
     ],
     ids=["many", "repeated", "control", "no text", "long"],
 )
-def test_header_of_a_stream_is_bounded(line: bytes) -> None:
+def test_stream_header_is_bounded(line: bytes) -> None:
     rows = line + b"\n" + b"1,2\n" * 3
     begin = process_time()
     result = CliRunner().invoke(

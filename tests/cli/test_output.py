@@ -1,4 +1,4 @@
-"""What cannot be printed costs no result and is no traceback; a signal ends every command cleanly."""
+"""Output that cannot be printed loses no file and causes no traceback; signals end every command cleanly."""
 
 import contextlib
 import os
@@ -19,14 +19,14 @@ STREAM = ["stream", "rows", "--learner", "dp-gmm", "--cluster", "0.1", "--noise"
 
 @pytest.fixture
 def work_folder(tmp_path: Path, folder: Path) -> Path:
-    """A folder with recordings, and 60 rows of numbers."""
+    """Folder with demonstrations and a file of 60 rows."""
     assert folder.name == "reaches"
     (tmp_path / "rows").write_text("".join(f"{0.1 * n} {0.01 * n * n}\n" for n in range(60)))
     return tmp_path
 
 
 def run_shell(command: list[str], streams: str, work_folder: Path) -> subprocess.CompletedProcess[str]:
-    """A command line with its streams as given, such as 2>&-, in a real process."""
+    """Run a command line in a shell with redirections such as 2>&-."""
     line = f'"$@" {streams}'
     program = [sys.executable, "-W", "ignore", "-m", "pilotfish", *command]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
@@ -46,8 +46,7 @@ FULL_REDIRECTS = [">/dev/full", "2>/dev/full", ">/dev/full 2>/dev/full"]
 
 @pytest.mark.parametrize("streams", [*CLOSED_REDIRECTS, *FULL_REDIRECTS])
 @pytest.mark.parametrize("command", [[*LEARN, "--out", "new"], [*STREAM, "--every", "10", "--out", "new"]])
-def test_streams_that_cannot_be_written_cost_no_result(work_folder: Path, streams: str, command: list[str]):
-    """The file is there, whole; a lost answer is exit code 1, and a line on stderr where that is possible."""
+def test_unwritable_standard_streams_lose_no_file(work_folder: Path, streams: str, command: list[str]):
     if "full" in streams and not FULL_DEVICE.exists():
         pytest.skip("there is no /dev/full")
     result = run_shell(command, streams, work_folder)
@@ -62,17 +61,13 @@ def test_streams_that_cannot_be_written_cost_no_result(work_folder: Path, stream
 
 @pytest.mark.parametrize("command", [["--help"], ["--version"], ["data", "list"], ["data", "list", "--json"]])
 @pytest.mark.parametrize("streams", [">&-", ">/dev/full"])
-def test_an_answer_that_cannot_be_printed_is_one_line_and_exit_code_1(
-    work_folder: Path, command: list[str], streams: str
-):
-    """Help and version too, and programs' answers."""
+def test_unprintable_result_has_one_line_and_exit_code_1(work_folder: Path, command: list[str], streams: str):
     result = run_shell(command, streams, work_folder)
     assert (result.returncode, result.stderr.count("\n")) == (1, 1)
     assert result.stderr.startswith("Error: ")
 
 
-def test_a_rejected_line_that_cannot_be_told_does_not_end_the_stream(work_folder: Path):
-    """All other rows are learned."""
+def test_unprintable_rejection_does_not_end_stream(work_folder: Path):
     rows = (work_folder / "rows").read_text().splitlines()
     (work_folder / "rows").write_text("\n".join([*rows[:9], "bad", *rows[9:]]))
     result = run_shell([*STREAM, "--out", "new"], "2>/dev/full", work_folder)
@@ -80,22 +75,19 @@ def test_a_rejected_line_that_cannot_be_told_does_not_end_the_stream(work_folder
     assert "60 datapoints" in result.stdout
 
 
-def test_a_reader_that_leaves_costs_no_model_and_is_quiet(work_folder: Path):
-    """Stream --every | head -1: all rows are learned, nothing is said about the pipe."""
+def test_closed_pipe_loses_no_model_and_prints_nothing(work_folder: Path):
     result = run_shell([*STREAM, "--every", "1", "--out", "new"], "| head -n 1", work_folder)
     assert (result.returncode, result.stdout.count("\n"), result.stderr) == (1, 1, "")
     assert '"datapoints": 60' in run_shell(["show", "new", "--json"], "", work_folder).stdout
 
 
-def test_an_endless_stream_without_outputs_ends_with_its_reader(work_folder: Path):
-    """As any filter does; there is nothing left to do it for."""
+def test_endless_stream_without_outputs_ends_with_reader(work_folder: Path):
     endless = [STREAM[0], "-", *STREAM[2:], "--every", "1"]
     result = run_shell(endless, "< <(yes '0.1 0.2') | head -n 1", work_folder)
     assert (result.returncode, result.stderr) == (1, "")
 
 
-def test_text_that_a_terminal_cannot_show_is_escaped(work_folder: Path, monkeypatch: pytest.MonkeyPatch):
-    """An ASCII terminal gets backslash escapes for ± and the like."""
+def test_unencodable_text_is_escaped(work_folder: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONIOENCODING", "ascii:strict")
     result = run_shell([*LEARN, "--out", "new"], "", work_folder)
     assert result.returncode == 0
@@ -116,20 +108,19 @@ def named_pipe(work_folder: Path) -> Iterator[Path]:
 
 
 def wait_until_opened(named_pipe: Path) -> int:
-    """A writer of the pipe, once a reader has opened it."""
+    """Open the pipe for writing after a reader has opened it."""
     for _ in range(600):
         try:
             return os.open(named_pipe, os.O_WRONLY | os.O_NONBLOCK)
         except OSError:
             time.sleep(0.05)
-    raise AssertionError("nobody reads the pipe")
+    raise AssertionError("no process opened the pipe")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_stream_from_a_pipe_without_a_writer_is_stopped_by_a_signal(
+def test_signal_stops_stream_from_pipe_without_writer(
     work_folder: Path, named_pipe: Path, number: signal.Signals
 ):
-    """It waits where signals are looked at, not in the call that opens the pipe."""
     process = start_process([STREAM[0], "pipe", *STREAM[2:], "--out", "new"], work_folder)
     descriptors = Path(f"/proc/{process.pid}/fd")
     if not descriptors.exists():
@@ -143,8 +134,7 @@ def test_a_stream_from_a_pipe_without_a_writer_is_stopped_by_a_signal(
     assert not (work_folder / "new").exists()
 
 
-def test_writers_that_come_late_and_overlap_are_all_read(work_folder: Path, named_pipe: Path):
-    """The stream ends when the last writer closes the pipe."""
+def test_named_pipe_reads_all_writers(work_folder: Path, named_pipe: Path):
     process = start_process(
         [STREAM[0], "pipe", *STREAM[2:], "--out", "new"], work_folder, stdout=subprocess.PIPE
     )
@@ -160,8 +150,7 @@ def test_writers_that_come_late_and_overlap_are_all_read(work_folder: Path, name
     assert b"3 datapoints" in answer
 
 
-def test_a_stalled_reader_does_not_keep_a_stream_from_ending(work_folder: Path):
-    """Stream --every 1 into a pipe that nobody empties: SIGTERM saves the model and ends it."""
+def test_signal_stops_stream_with_stalled_reader(work_folder: Path):
     (work_folder / "rows").write_text("0.1 0.2\n" * 4000)
     reader, writer = os.pipe()
     process = start_process([*STREAM, "--every", "1", "--out", "new"], work_folder, stdout=writer)
@@ -177,8 +166,7 @@ def test_a_stalled_reader_does_not_keep_a_stream_from_ending(work_folder: Path):
     assert (work_folder / "new").exists()
 
 
-def test_an_answer_that_nobody_reads_does_not_keep_a_command_from_ending(work_folder: Path):
-    """One signal is enough, though the pipe is full."""
+def test_signal_stops_command_with_stalled_reader(work_folder: Path):
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     with contextlib.suppress(BlockingIOError):
@@ -196,8 +184,7 @@ def test_an_answer_that_nobody_reads_does_not_keep_a_command_from_ending(work_fo
     assert process.returncode == 128 + signal.SIGTERM
 
 
-def test_commands_that_write_one_file_at_once_keep_each_result(work_folder: Path):
-    """One gets the name; the others say where their results are."""
+def test_concurrent_commands_keep_every_result(work_folder: Path):
     line = [*LEARN, "--out", "new.skill"]
     processes = [
         start_process([*line, "--seed", str(seed)], work_folder, stdout=subprocess.DEVNULL)
@@ -215,10 +202,7 @@ def test_commands_that_write_one_file_at_once_keep_each_result(work_folder: Path
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("after", [0.0, 0.2, 0.5, 2.5])
-def test_a_signal_at_any_time_gives_its_exit_code_and_no_traceback(
-    work_folder: Path, number: signal.Signals, after: float
-):
-    """While modules are imported, and while it learns: from the first line of the command on."""
+def test_signal_at_any_time_gives_exit_code(work_folder: Path, number: signal.Signals, after: float):
     before = sorted(file.name for file in work_folder.iterdir())
     line = ["learn", "dataset:synthetic valve", "--restarts", "500", "--states", "9", "--out", "new"]
     process = start_process(line, work_folder, stdout=subprocess.PIPE)
@@ -232,7 +216,7 @@ def test_a_signal_at_any_time_gives_its_exit_code_and_no_traceback(
 
 
 def wait_until_caught(process: int, number: signal.Signals) -> None:
-    """Return once the process has a handler for the signal, which Python by itself has not."""
+    """Return after the process has installed its handler of the signal."""
     status = Path(f"/proc/{process}/status")
     if not status.exists():
         pytest.skip("there is no /proc to see that the command has begun")

@@ -1,4 +1,4 @@
-"""Outputs that cannot be used: one line before the work, and nothing that is there is lost."""
+"""Output paths that cannot be used: one line before the work, and no file is lost."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from pilotfish.cli.stream import session as growing
+from pilotfish.cli.stream import outputs as session_outputs
 from pilotfish.io.stream_file import open_stream
 
 RunFailing = Callable[..., str]
@@ -19,7 +19,7 @@ DP_GMM = ["--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
 
 
 def writing_commands(skill: Path, folder: Path) -> dict[str, list[str]]:
-    """Commands that write, without the output, which is the last word."""
+    """Return command lines that write, without the output path, which is the last argument."""
     return {
         "learn": ["learn", str(folder), "--out"],
         "stream": ["stream", "rows", *DP_GMM, "--skill"],
@@ -46,10 +46,9 @@ NAMES = ["learn", "stream", "select", "reproduce", "export", "record"]
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("place", ["x" * 300 + ".png", "loop.png", "loop/out.png", "file/out.png"])
 @pytest.mark.parametrize("force", [False, True])
-def test_a_path_that_cannot_be_used_is_refused_at_once(
+def test_unusable_output_path_is_rejected(
     run_failing: RunFailing, skill: Path, folder: Path, tmp_path: Path, name: str, place: str, force: bool
 ):
-    """A name that is too long, a link to itself, below it, below a file."""
     (tmp_path / "rows").write_text(ROWS)
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "loop.png").symlink_to("loop.png")
@@ -59,10 +58,9 @@ def test_a_path_that_cannot_be_used_is_refused_at_once(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_link_without_a_target_is_not_replaced_without_force(
+def test_broken_link_is_not_replaced_without_force(
     run_failing: RunFailing, skill: Path, folder: Path, tmp_path: Path, name: str
 ):
-    """It stands for a file that may come back."""
     (tmp_path / "rows").write_text(ROWS)
     (tmp_path / "out.png").symlink_to("nowhere")
     assert "out.png exists" in run_failing(*writing_commands(skill, folder)[name], "out.png")
@@ -72,18 +70,16 @@ def test_a_link_without_a_target_is_not_replaced_without_force(
 
 @pytest.mark.parametrize("command", [["show", "x"], ["learn", "x", "--out", "y"], ["data", "check", "x"]])
 @pytest.mark.parametrize("name", ["x" * 300, "loop", "loop/below"])
-def test_inputs_with_names_that_cannot_be_used_are_refused_in_one_line(
+def test_unusable_input_path_is_one_line(
     run_failing: RunFailing, tmp_path: Path, command: list[str], name: str
 ):
-    """No traceback of the operating system's."""
     (tmp_path / "loop").symlink_to("loop")
     run_failing(*[name if word == "x" else word for word in command])
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="another user is needed")
 @pytest.mark.parametrize("line", [["show", "closed/a"], ["learn", "closed", "--out", "a"]])
-def test_a_folder_without_permission_is_refused_in_one_line(tmp_path: Path, line: list[str]):
-    """To a user who may not look into it."""
+def test_folder_without_permission_is_one_line(tmp_path: Path, line: list[str]):
     (tmp_path / "closed").mkdir(mode=0o700)
     tmp_path.chmod(0o755)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
@@ -99,29 +95,27 @@ def test_a_folder_without_permission_is_refused_in_one_line(tmp_path: Path, line
     assert "ermission" in result.stderr
 
 
-def test_of_several_outputs_each_is_tried(
+def test_stream_writes_skill_if_model_fails(
     run_command_line: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """The skill is written though the model cannot be; the message names what failed."""
     (tmp_path / "rows").write_text(ROWS)
-    real = growing.save_stream
+    real = session_outputs.save_stream
 
     def taken(model: Any, path: Path, **options: bool) -> None:
         path.write_text("another")
         real(model, path, **options)
 
-    monkeypatch.setattr(growing, "save_stream", taken)
+    monkeypatch.setattr(session_outputs, "save_stream", taken)
     result = run_command_line("stream", "rows", *DP_GMM, "--out", "m.stream", "--skill", "s.skill")
     assert result.exit_code == 1
     assert (tmp_path / "s.skill").exists()
 
 
-def test_streams_that_save_to_one_name_lose_nothing(
+def test_stream_output_created_by_other_process_is_kept(
     run_command_line: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """A file that appears between two saves is kept; the stream goes on under a name beside it."""
     (tmp_path / "rows").write_text(ROWS)
-    real, calls = growing.save_stream, []
+    real, calls = session_outputs.save_stream, []
 
     def save(model: Any, path: Path, *, overwrite: bool, use_free_name: bool) -> None:
         calls.append((path.name, overwrite))
@@ -129,7 +123,7 @@ def test_streams_that_save_to_one_name_lose_nothing(
             path.write_text("another")
         real(model, path, overwrite=overwrite, use_free_name=use_free_name)
 
-    monkeypatch.setattr(growing, "save_stream", save)
+    monkeypatch.setattr(session_outputs, "save_stream", save)
     result = run_command_line("stream", "rows", *DP_GMM, "--out", "m.stream", "--save-every", "1e-9")
     assert result.exit_code == 1
     assert calls[0] == ("m.stream", False)

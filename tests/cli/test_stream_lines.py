@@ -1,4 +1,4 @@
-"""Rows as they arrive: however they come, the same datapoints and the same refusals."""
+"""Parsing of rows: the result does not depend on how the lines arrive."""
 
 import io
 import json
@@ -13,15 +13,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pilotfish.cli.main import cli
-from pilotfish.cli.stream import split_lines as stream_lines
+from pilotfish.cli.stream import lines as stream_lines
 from pilotfish.cli.stream.batches import batch_slices, regroup_batches, take_rows
 from pilotfish.cli.stream.lines import (
-    MAX_MAGNITUDE,
     ColumnHeader,
-    DemonstrationBreak,
-    Idle,
+    Mark,
     RejectedLine,
-    Rows,
     StreamEvent,
     parse_lines,
     parse_row,
@@ -32,6 +29,7 @@ from pilotfish.cli.stream.lines import (
 )
 from pilotfish.demonstrations import position_layout
 from pilotfish.errors import InvalidInput
+from pilotfish.kernels import MAX_VALUE
 from pilotfish.models import online
 
 WORDS = st.sampled_from(
@@ -66,43 +64,41 @@ def no_signal() -> int:
 
 
 def parse_events(text: bytes, cut: list[int], width: int | None = None) -> list[StreamEvent]:
-    """The pieces of a text that comes in chunks cut there."""
+    """Return the events of a text that arrives in chunks cut at these bytes."""
     ends = sorted({n % (len(text) + 1) for n in cut} | {len(text)})
-    arriving = (text[a:b] for a, b in zip([0, *ends], ends, strict=False))
-    return list(parse_lines(split_lines(arriving, no_signal), width))
+    chunks = (text[a:b] for a, b in zip([0, *ends], ends, strict=False))
+    return list(parse_lines(split_lines(chunks, no_signal), width))
 
 
-def flatten_events(told: list[StreamEvent]) -> list[object]:
-    """Rows one by one, everything else as it is, and no silences."""
+def flatten_events(events: list[StreamEvent]) -> list[object]:
+    """Return rows one by one and all other events but IDLE."""
     out: list[object] = []
-    for event in told:
-        if isinstance(event, Rows):
-            out += [tuple(row) for row in event.x.tolist()]
-        elif not isinstance(event, Idle):
+    for event in events:
+        if isinstance(event, np.ndarray):
+            out += [tuple(row) for row in event.tolist()]
+        elif event is not Mark.IDLE:
             out.append(event)
     return out
 
 
 @given(text=TEXT, cut=st.lists(st.integers(0, 400), max_size=6), width=st.sampled_from([None, 2]))
-def test_it_makes_no_difference_how_lines_are_cut_into_chunks(text: str, cut: list[int], width: int | None):
-    """In the middle of a number, of a letter, of a line's end: rows, breaks and refusals are the same."""
+def test_parse_lines_independent_of_chunks(text: str, cut: list[int], width: int | None):
     expected = parse_events(text.encode(), [], width)
     for data in (text.encode(), text.replace("\n", "\r\n").encode()):
-        told = parse_events(data, cut, width)
-        for kinds in ((Rows, DemonstrationBreak, RejectedLine), (ColumnHeader,)):
-            assert flatten_events([p for p in told if isinstance(p, kinds)]) == flatten_events(
+        events = parse_events(data, cut, width)
+        for kinds in ((np.ndarray, Mark, RejectedLine), (ColumnHeader,)):
+            assert flatten_events([p for p in events if isinstance(p, kinds)]) == flatten_events(
                 [p for p in expected if isinstance(p, kinds)]
             )
 
 
 @given(whole=st.lists(LINE, min_size=1, max_size=30) | GOOD)
-def test_lines_read_at_once_are_those_read_one_by_one(whole: list[str]):
-    """Two ways to read rows agree wherever the quick one answers; and it answers when all rows are plain."""
+def test_parse_rows_equals_parse_single_lines(whole: list[str]):
     data = [line.encode() for line in whole]
     for width in (1, 2, 3):
-        x, told = parse_rows(data, width), list(parse_single_lines(data, 0, width))
+        x, events = parse_rows(data, width), list(parse_single_lines(data, 0, width))
         if x is not None:
-            assert flatten_events([Rows(x)]) == flatten_events(told)
+            assert flatten_events([x]) == flatten_events(events)
             assert len(x) == len(data)
     plain = [
         ",".join(line.replace(",", " ").split())
@@ -119,8 +115,8 @@ def test_lines_read_at_once_are_those_read_one_by_one(whole: list[str]):
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        (b"1,2", "it has 2 in place of 3 numbers"),
-        (b"1,2,3,4", "it has 4 in place of 3 numbers"),
+        (b"1,2", "the row has 2 numbers, expected 3"),
+        (b"1,2,3,4", "the row has 4 numbers, expected 3"),
         (b"1,x,3", "column 2 is 'x', expected a number"),
         (b"1,,3", "column 2 is empty"),
         (b"1,2,", "column 3 is empty"),
@@ -132,16 +128,14 @@ def test_lines_read_at_once_are_those_read_one_by_one(whole: list[str]):
         (b"1,2,\xff\xfe", "column 3 is '\\ufffd"),
     ],
 )
-def test_a_line_that_is_no_datapoint_is_refused_with_the_reason(line: bytes, reason: str):
-    """Which column, what stands there, what was expected."""
-    told = parse_row(line, 3)
-    assert isinstance(told, str)
-    assert reason in told.replace("\ufffd", "\\ufffd")
+def test_parse_row_invalid_gives_reason(line: bytes, reason: str):
+    result = parse_row(line, 3)
+    assert isinstance(result, str)
+    assert reason in result.replace("\ufffd", "\\ufffd")
 
 
-@pytest.mark.parametrize("value", [MAX_MAGNITUDE, np.nextafter(MAX_MAGNITUDE, np.inf)])
-def test_what_is_too_large_for_a_line_is_too_large_for_a_model(value: float):
-    """One limit, kept in two places."""
+@pytest.mark.parametrize("value", [MAX_VALUE, np.nextafter(MAX_VALUE, np.inf)])
+def test_parse_row_limit_equals_model_limit(value: float):
     model = online.online_model(online.DPGMM(1.0, 1.0), position_layout(1), 0.1)
     learned = True
     try:
@@ -151,8 +145,7 @@ def test_what_is_too_large_for_a_line_is_too_large_for_a_model(value: float):
     assert isinstance(parse_row(repr(float(value)).encode(), 1), list) == learned
 
 
-def test_a_first_line_of_names_is_a_header():
-    """Of names with commas or blanks; quotes, byte order marks, comments and blank lines are no matter."""
+def test_parse_lines_first_line_of_names_is_header():
     assert flatten_events(parse_events(b"x\ry,z\n1,2\n", []))[1:] == [
         RejectedLine(1, "column 1 is 'x', expected a number such as 0.25"),
         (1.0, 2.0),
@@ -173,64 +166,58 @@ def test_a_first_line_of_names_is_a_header():
     assert flatten_events(parse_events("\ufeff1,2".encode(), [])) == [ColumnHeader(2), (1.0, 2.0)]
 
 
-def test_a_blank_line_is_a_break_and_a_comment_is_nothing():
-    """Lines are counted, whatever they hold; the last needs no end."""
+def test_parse_lines_blank_lines_and_comments():
     text = b"1,2\n\n# here\n3,4\n  \t\n5\n6,7"
-    run_failing = RejectedLine(6, "it has 1 in place of 2 numbers")
+    rejected = RejectedLine(6, "the row has 1 numbers, expected 2")
     expected = [
         ColumnHeader(2),
         (1.0, 2.0),
-        DemonstrationBreak(),
+        Mark.NEW_DEMONSTRATION,
         (3.0, 4.0),
-        DemonstrationBreak(),
-        run_failing,
+        Mark.NEW_DEMONSTRATION,
+        rejected,
         (6.0, 7.0),
     ]
     assert flatten_events(parse_events(text, [])) == expected
 
 
-def test_many_lines_that_are_there_are_one_piece():
-    """A pipe that is full costs a call for its chunk, not for each row; a bad line among them, a few more."""
+def test_parse_lines_available_lines_are_one_event():
     text = b"1,2\n" * 1000
-    assert [type(event) for event in parse_events(text, [], 2)] == [Rows]
-    told = parse_events(text + b"x\n" + text, [], 2)
-    assert len(flatten_events(told)) == 2001
-    assert len(told) < 40
+    assert [type(event) for event in parse_events(text, [], 2)] == [np.ndarray]
+    events = parse_events(text + b"x\n" + text, [], 2)
+    assert len(flatten_events(events)) == 2001
+    assert len(events) < 40
 
 
-def test_a_line_without_end_is_refused_before_it_fills_the_memory(monkeypatch: pytest.MonkeyPatch):
-    """What is no text of rows ends the stream."""
-    monkeypatch.setattr(stream_lines, "LONGEST", 100)
+def test_split_lines_endless_line_is_rejected(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(stream_lines, "MAX_LINE_BYTES", 100)
     with pytest.raises(InvalidInput, match="more than 100 bytes"):
         list(split_lines([b"1" * 60, b"1" * 60], no_signal))
 
 
-def test_a_line_that_a_stop_cut_is_dropped():
-    """1.25 of which only 1.2 came is not 1.2; at the end of a file it is a line."""
+def test_split_lines_incomplete_line_is_dropped_when_stopped():
     assert list(split_lines([b"1\n1.2"], lambda: 2)) == [[b"1"]]
     assert list(split_lines([b"1\n1.2"], no_signal)) == [[b"1"], [b"1.2"]]
 
 
-def test_a_slow_pipe_is_read_line_by_line_and_a_quick_one_in_chunks(monkeypatch: pytest.MonkeyPatch):
-    """Whoever waits gets what is there; silence is told, so that someone may look at the clock."""
-    monkeypatch.setattr(stream_lines, "PATIENCE", 0.01)
+def test_read_chunks_yields_available_bytes(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(stream_lines, "WAIT_INTERVAL", 0.01)
     reading, writing = os.pipe()
-    arriving = read_chunks(reading, no_signal)
+    chunks = read_chunks(reading, no_signal)
     for line in (b"1,2\n", b"3,"):
         os.write(writing, line)
-        assert next(data for data in arriving if data) == line
-    assert next(arriving) == b""
+        assert next(data for data in chunks if data) == line
+    assert next(chunks) == b""
     os.write(writing, b"4\n" * 3)
     os.write(writing, b"5\n")
-    assert next(data for data in arriving if data) == b"4\n4\n4\n5\n"
+    assert next(data for data in chunks if data) == b"4\n4\n4\n5\n"
     os.close(writing)
-    assert list(arriving) == []
+    assert list(chunks) == []
     os.close(reading)
 
 
-def test_a_reader_that_waits_hears_a_stop(monkeypatch: pytest.MonkeyPatch):
-    """Within its patience."""
-    monkeypatch.setattr(stream_lines, "PATIENCE", 0.01)
+def test_read_chunks_ends_when_stopped(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(stream_lines, "WAIT_INTERVAL", 0.01)
     reading, writing = os.pipe()
     asked = threading.Event()
     threading.Timer(0.05, asked.set).start()
@@ -240,13 +227,13 @@ def test_a_reader_that_waits_hears_a_stop(monkeypatch: pytest.MonkeyPatch):
 
 
 def rows_of(sizes: list[int]) -> Iterator[StreamEvent]:
-    """Numbered rows in pieces of these sizes; a break for each -1."""
+    """Yield numbered rows in events of these sizes; -1 begins a demonstration."""
     n = 0
     for size in sizes:
         if size < 0:
-            yield DemonstrationBreak()
+            yield Mark.NEW_DEMONSTRATION
         else:
-            yield Rows(np.arange(n, n + size, dtype=np.float64)[:, None])
+            yield np.arange(n, n + size, dtype=np.float64)[:, None]
             n += size
 
 
@@ -254,24 +241,22 @@ SIZES = st.lists(st.integers(-1, 12), max_size=12)
 
 
 @given(sizes=SIZES, batch=st.integers(1, 5))
-def test_rows_are_handed_on_in_whole_batches_however_they_came(sizes: list[int], batch: int):
-    """Batches begin at breaks; none is lost, none waits when there is no more."""
-    told = list(regroup_batches(rows_of(sizes), batch))
-    assert flatten_events(told) == flatten_events(list(rows_of(sizes)))
-    for event, after in zip(told, [*told[1:], DemonstrationBreak()], strict=False):
-        if isinstance(event, Rows) and not isinstance(after, DemonstrationBreak):
-            assert len(event.x) % batch == 0
+def test_regroup_batches_yields_full_batches(sizes: list[int], batch: int):
+    events = list(regroup_batches(rows_of(sizes), batch))
+    assert flatten_events(events) == flatten_events(list(rows_of(sizes)))
+    for event, after in zip(events, [*events[1:], Mark.NEW_DEMONSTRATION], strict=False):
+        if isinstance(event, np.ndarray) and after is not Mark.NEW_DEMONSTRATION:
+            assert len(event) % batch == 0
 
 
-@given(sizes=SIZES, most=st.integers(1, 20))
-def test_no_more_rows_come_than_were_wanted_and_nothing_after_them(sizes: list[int], most: int):
-    """The first so many, and the breaks between."""
-    told = flatten_events(list(take_rows(rows_of(sizes), most)))
+@given(sizes=SIZES, max_rows=st.integers(1, 20))
+def test_take_rows_stops_at_limit(sizes: list[int], max_rows: int):
+    events = flatten_events(list(take_rows(rows_of(sizes), max_rows)))
     everything = flatten_events(list(rows_of(sizes)))
-    assert told == everything[: len(told)]
-    rows = [event for event in told if not isinstance(event, DemonstrationBreak)]
-    assert len(rows) == min(most, sum(size for size in sizes if size > 0))
-    assert len(rows) < most or told[-1] == rows[-1]
+    assert events == everything[: len(events)]
+    rows = [event for event in events if event is not Mark.NEW_DEMONSTRATION]
+    assert len(rows) == min(max_rows, sum(size for size in sizes if size > 0))
+    assert len(rows) < max_rows or events[-1] == rows[-1]
 
 
 @given(
@@ -280,10 +265,9 @@ def test_no_more_rows_come_than_were_wanted_and_nothing_after_them(sizes: list[i
     every=st.none() | st.integers(1, 20),
     batch=st.integers(1, 7),
 )
-def test_cuts_keep_batches_whole_and_end_where_a_line_is_due(
+def test_batch_slices_are_full_batches_and_end_at_multiples(
     rows: int, before: int, every: int | None, batch: int
 ):
-    """Every cut but the last is of whole batches, and none goes on behind a multiple that is due."""
     cut = list(batch_slices(rows, before, every, batch))
     assert [n for event in cut for n in range(event.start, event.stop)] == list(range(rows))
     assert all((event.stop - event.start) % batch == 0 for event in cut[:-1])
@@ -292,8 +276,7 @@ def test_cuts_keep_batches_whole_and_end_where_a_line_is_due(
         assert passed <= max(1, -(-batch // every))
 
 
-def test_standard_input_that_is_closed_is_refused(monkeypatch: pytest.MonkeyPatch):
-    """None at all, or one that is no file."""
+def test_closed_standard_input_is_rejected(monkeypatch: pytest.MonkeyPatch):
     for closed in (None, io.StringIO("1,2")):
         monkeypatch.setattr("sys.stdin", closed)
         with pytest.raises(InvalidInput, match="standard input is closed"):
@@ -301,17 +284,15 @@ def test_standard_input_that_is_closed_is_refused(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("source", ["none.csv", "dataset:vale"])
-def test_a_source_that_is_not_there_is_named(run_failing: Callable[..., str], source: str):
-    """With what would be one."""
-    told = run_failing("stream", source, "--learner", "dp-gmm", "--cluster", "1", "--noise", "1")
-    assert source.removeprefix("dataset:") in told
+def test_stream_missing_source_is_named(run_failing: Callable[..., str], source: str):
+    message = run_failing("stream", source, "--learner", "dp-gmm", "--cluster", "1", "--noise", "1")
+    assert source.removeprefix("dataset:") in message
 
 
 @given(data=st.binary(max_size=200) | st.text("0123456789.,- e\n#xna", max_size=200).map(str.encode))
 @settings(max_examples=100)
 @example(b"\x00\r,")
-def test_any_bytes_are_learned_or_refused(tmp_path_factory: pytest.TempPathFactory, data: bytes):
-    """Whatever comes, the command ends with an answer or one line."""
+def test_stream_any_bytes_are_learned_or_rejected(tmp_path_factory: pytest.TempPathFactory, data: bytes):
     path = tmp_path_factory.mktemp("any") / "rows"
     path.write_bytes(data)
     result = CliRunner().invoke(

@@ -1,4 +1,4 @@
-"""A robot's datapoints through a real pipe: learned as they come, and kept whatever ends the stream."""
+"""pilotfish stream from a real pipe: rows are learned as they arrive, and always saved."""
 
 import fcntl
 import os
@@ -18,7 +18,7 @@ from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.io.stream_file import encode_stream
 from pilotfish.models import online
 
-PATIENCE = 60.0  # s, for a process on a busy machine
+TIMEOUT = 60.0  # s, for a process on a busy machine
 OPTIONS = ["--learner", "dp-gmm", "--cluster", "0.5", "--noise", "0.01", "--out", "now.stream"]
 LAYOUT = Layout((Part("column", Quantity.SCALAR, 3, "1"),))
 Starts = Callable[..., subprocess.Popen[bytes]]
@@ -38,15 +38,15 @@ def expected(x: np.ndarray) -> bytes:
     return encode_stream(online.observe_stream(model, x)[0])
 
 
-def listens() -> None:
-    """As in a shell's foreground, also where the tests themselves run in the background."""
+def restore_signals() -> None:
+    """Restore default signal handlers, which a background job does not have."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Starts]:
-    """A command that reads a pipe; it is gone after the test."""
+    """Start a command that reads a pipe; it is killed after the test."""
     running: list[subprocess.Popen[bytes]] = []
     source = str(Path(__file__).parents[2] / "src")
 
@@ -59,7 +59,7 @@ def start(tmp_path: Path) -> Iterator[Starts]:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": source},
-            preexec_fn=listens,
+            preexec_fn=restore_signals,
         )
         running.append(process)
         return process
@@ -77,56 +77,51 @@ def send(process: subprocess.Popen[bytes], data: bytes) -> None:
 
 
 def wait_until(true: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while not true():
-        assert time.monotonic() < end, "nothing happened for a minute"
+        assert time.monotonic() < end, "timeout"
         time.sleep(0.02)
 
 
-def learned(folder: Path) -> int:
-    """How many datapoints the file holds that is kept meanwhile."""
+def saved_datapoints(folder: Path) -> int:
+    """Return the number of datapoints in the saved stream file."""
     path = folder / "now.stream"
     return pf.open_stream(path).datapoints if path.exists() else 0
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_what_came_before_a_signal_is_in_the_file(
-    start: Starts, tmp_path: Path, number: signal.Signals, code: int
-):
-    """Bit for bit what the library makes of the same rows; half a row is none; the summary is told."""
+def test_signal_saves_all_rows_before_it(start: Starts, tmp_path: Path, number: signal.Signals, code: int):
     process = start("--save-every", "0.01")
     x = rows(120)
     for part in np.array_split(x, 40):
         send(process, text(part))
     send(process, b"0.5 0.2")
-    wait_until(lambda: learned(tmp_path) == 120)
+    wait_until(lambda: saved_datapoints(tmp_path) == 120)
     process.send_signal(number)
     process.send_signal(number)  # some wrappers send it once more
-    out, err = process.communicate(timeout=PATIENCE)
+    out, err = process.communicate(timeout=TIMEOUT)
     assert (process.returncode, err) == (code, b"")
     assert b"120 datapoints" in out
     assert (tmp_path / "now.stream").read_bytes() == expected(x)
 
 
-def test_a_row_is_learned_before_the_next_one_comes(start: Starts, tmp_path: Path):
-    """Nobody waits for a buffer to fill; and the end of the pipe is the end of the stream."""
+def test_row_is_learned_before_next_arrives(start: Starts, tmp_path: Path):
     process = start("--save-every", "0.01")
     x = rows(3)
     for n in range(3):
         send(process, text(x[n : n + 1]))
-        wait_until(lambda n=n: learned(tmp_path) == n + 1)  # type: ignore[misc]
-    _, err = process.communicate(text(x[:1]).removesuffix(b"\n"), timeout=PATIENCE)
+        wait_until(lambda n=n: saved_datapoints(tmp_path) == n + 1)  # type: ignore[misc]
+    _, err = process.communicate(text(x[:1]).removesuffix(b"\n"), timeout=TIMEOUT)
     assert (process.returncode, err) == (0, b"")
     assert (tmp_path / "now.stream").read_bytes() == expected(np.concatenate([x, x[:1]]))
 
 
-def test_a_signal_before_the_first_row_leaves_no_file(start: Starts, tmp_path: Path):
-    """There is nothing to keep: said on stderr."""
+def test_signal_before_first_row_leaves_no_file(start: Starts, tmp_path: Path):
     process = start("--every", "1")
     send(process, b"# hello\n")
     wait_until(lambda: unread(process) == 0)
     process.send_signal(signal.SIGTERM)
-    out, err = process.communicate(timeout=PATIENCE)
+    out, err = process.communicate(timeout=TIMEOUT)
     assert (process.returncode, out) == (143, b"")
     assert b"stopped before the first datapoint" in err
     assert not (tmp_path / "now.stream").exists()
@@ -139,9 +134,8 @@ def unread(process: subprocess.Popen[bytes]) -> int:
     return int.from_bytes(count, sys.byteorder)
 
 
-def test_no_more_is_read_than_was_wanted(start: Starts, tmp_path: Path):
-    """A source that never ends is left when there are rows enough."""
+def test_rows_option_leaves_endless_source(start: Starts, tmp_path: Path):
     process = start("--rows", "5")
-    process.communicate(text(rows(2000)), timeout=PATIENCE)
+    process.communicate(text(rows(2000)), timeout=TIMEOUT)
     assert process.returncode == 0
     assert (tmp_path / "now.stream").read_bytes() == expected(rows(2000)[:5])

@@ -273,7 +273,7 @@ def test_kinds_of_durations_that_score_alike_stand_side_by_side(inputs: Any):
     alike = tuple(
         replace(first, candidate=replace(first.candidate, structure=structure, durations=name, states=states))
         for structure in (Full(), SemiTied())
-        for name in ("counted", "gaussian", "gamma", "poisson", "markov")
+        for name in ("viterbi", "gaussian", "gamma", "poisson", "markov")
         for states in range(3, 9)
     )
     figure = plots.model_selection(Selection(alike, ()))
@@ -287,7 +287,7 @@ def test_kinds_of_durations_that_score_alike_stand_side_by_side(inputs: Any):
             assert np.diff(np.sort(shown[:, 0])).min() > kinds[0].get_markersize() / 72.0 * figure.dpi
         assert len({line.get_marker() for line in lines}) == 5
     told = {t.get_text(): h.get_marker() for t, h in _legend(figure)}
-    assert {told[name] for name in ("counted", "gaussian", "gamma", "poisson", "markov")} == {
+    assert {told[name] for name in ("viterbi", "gaussian", "gamma", "poisson", "markov")} == {
         line.get_marker() for line in lines
     }
 

@@ -1,4 +1,4 @@
-"""Runs the demonstration on the real recording, and keeps what its parts made on the way."""
+"""Run `pilotfish demo` on recorded data and keep its intermediate results."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +10,13 @@ from click.testing import CliRunner, Result
 from pilotfish.cli.demo import physics as demo_physics
 from pilotfish.cli.demo.physics import ValveResult
 from pilotfish.cli.main import cli
-from pilotfish.cli.output.report import Section, Table
+from pilotfish.cli.output.html_report import Section
+from pilotfish.cli.output.tables import Table
 
 
 @dataclass(frozen=True)
 class DemoRun:
-    """What the command answered, the folder that it ran in, its section on physics and each opening in it."""
+    """Result of the command, its folder, and the simulation section with its table and results."""
 
     result: Result
     folder: Path
@@ -28,15 +29,17 @@ def run_demo(folder: Path, data: Path) -> DemoRun:
     """Run `pilotfish demo --out build/demo --json` in a folder; annotations are not checked."""
     valve_openings: list[ValveResult] = []
     physics_parts: list[tuple[Section, Table]] = []
-    table, carry_out = demo_physics.table, demo_physics.simulate_reproductions
+    result_table, simulate = demo_physics.result_table, demo_physics.simulate_reproductions
     with pytest.MonkeyPatch.context() as patch, check_annotations(False):
         patch.setenv("PILOTFISH_DATA", str(data))
         patch.chdir(folder)
-        patch.setattr(demo_physics, "table", lambda done: valve_openings.extend(done) or table(done))
+        patch.setattr(
+            demo_physics, "result_table", lambda done: valve_openings.extend(done) or result_table(done)
+        )
         patch.setattr(
             demo_physics,
             "simulate_reproductions",
-            lambda *a, **k: physics_parts.append(carry_out(*a, **k)) or physics_parts[-1],
+            lambda *a, **k: physics_parts.append(simulate(*a, **k)) or physics_parts[-1],
         )
         line = ["demo", "--out", "build/demo", "--json"]
         result = CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)

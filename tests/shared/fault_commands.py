@@ -39,12 +39,12 @@ def commands(inputs: Path) -> list[Command]:
     lines = {
         "learn": (["learn", recordings, "--states", "2", "--out", "new.skill"], ["new.skill"]),
         "stream": ([*stream, "--out", "a.stream", "--skill", "b.skill"], ["a.stream", "b.skill"]),
-        "select": ([*select, "--out", "sizes.png"], ["sizes.png"]),
+        "select": ([*select, "--out", "scores.png"], ["scores.png"]),
         "reproduce": (["reproduce", skill, "--out", "m.csv", "--gains", "g.npz"], ["m.csv", "g.npz"]),
         "reproduce plots": (["reproduce", skill, "--plot", "p.png", *via], ["p.png", "via.png"]),
         "show": (
             ["show", skill, "--plots", "."],
-            ["deviations.png", "filtered_state_probs.png", "states.png"],
+            ["deviations.png", "forward-variable.png", "states.png"],
         ),
         "data export": (["data", "export", "synthetic valve", "set"], ["set"]),
         "record": (["record", "valve", "--demonstrations", "2", "--out", "set"], ["set"]),
@@ -72,13 +72,13 @@ def commands(inputs: Path) -> list[Command]:
 
 def overwrite_command(inputs: Path) -> Command:
     """A command that opens its output to write, as none of pilotfish does: replay, its precautions off."""
-    from pilotfish.cli.commands import reproduce as commands_replay
+    from pilotfish.cli.commands import reproduce
 
     @contextlib.contextmanager
     def careless(path: Path, **_: Any) -> Iterator[Path]:
         yield path
 
-    commands_replay.atomic_file = careless
+    reproduce.atomic_file = careless
     return Command(
         "in place", ["reproduce", str(inputs / "a.skill"), "--out", "m.csv", "--force"], ["m.csv"], True
     )
@@ -165,9 +165,9 @@ class CachedExecution(CachedCall):
 
 def run_once(chosen: list[Command], inputs: Path) -> None:
     """Run each command once, here, so that every child has its imports and what takes long."""
-    from pilotfish.cli.output import pictures
+    from pilotfish.cli.output import figures
 
-    pictures.DOTS_PER_INCH = 20  # small pictures, drawn quickly
+    figures.DOTS_PER_INCH = 20  # small figures are faster
     lines = {command.name: command.line for command in chosen if not command.old}
     if {"record", "perform"} & set(lines):
         from pilotfish import simulation
@@ -186,18 +186,18 @@ def cache_slow_calls(name: str) -> None:
     if name == "select":
         from pilotfish.cli.commands import select as commands_select
 
-        CachedCall(commands_select, "_scored")
+        CachedCall(commands_select, "_score_candidates")
     if name == "perform":
         from pilotfish import simulation
 
         CachedExecution(simulation, "perform")
     if name == "demo":
-        from pilotfish.cli.demo import demo
-        from pilotfish.cli.output import report
+        from pilotfish.cli.demo import run
+        from pilotfish.cli.output import html_report
 
-        CachedCall(demo, "_lesson")
-        CachedCall(demo, "_in_physics")
-        CachedCall(report, "page")
+        CachedCall(run, "evaluate_structure")
+        CachedCall(run, "execute_in_simulation")
+        CachedCall(html_report, "render_report")
 
 
 def run_here(line: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""The command `pilotfish`: learn, look at, and replay skills."""
+"""The command `pilotfish`: all commands, exit codes and errors."""
 
 import sys
 import traceback
@@ -15,7 +15,7 @@ from pilotfish.cli.commands.reproduce import reproduce_command
 from pilotfish.cli.commands.select import select
 from pilotfish.cli.commands.show import show
 from pilotfish.cli.commands.stream import stream
-from pilotfish.cli.output.answers import example_epilog
+from pilotfish.cli.output.results import example_epilog
 from pilotfish.cli.output.terminal import (
     discard_unprinted_text,
     open_closed_streams,
@@ -31,25 +31,36 @@ from pilotfish.cli.stream.signals import (
 )
 from pilotfish.errors import SkillError
 
+COMMANDS = (data, demo, learn, stream, select, show, reproduce_command, tasks, record, perform)
+RENAMED_COMMANDS = {"replay": "reproduce"}
+
 
 class OneLineErrorGroup(click.Group):
-    """Commands whose misuse is reported in one bounded, printable line, as every other error is."""
+    """Group of commands whose usage errors are one printable line of bounded length."""
 
     def make_context(self, *args: Any, **options: Any) -> click.Context:
+        """Parse the command line."""
         try:
             return super().make_context(*args, **options)
         except click.UsageError as error:
             raise _shorten_message(error) from None
 
     def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
         try:
             return super().invoke(ctx)
         except click.UsageError as error:
             raise _shorten_message(error) from None
 
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command by name; name its successor if the command was renamed."""
+        if new_name := RENAMED_COMMANDS.get(cmd_name):
+            raise click.UsageError(f"command {cmd_name!r} is now {new_name!r}: pilotfish {new_name}", ctx)
+        return super().get_command(ctx, cmd_name)
+
 
 def _shorten_message(error: click.UsageError) -> click.UsageError:
-    error.message = str(SkillError(error.message))  # type: ignore[misc] # click keeps no other way
+    error.message = str(SkillError(error.message))  # type: ignore[misc] # click has no other way
     return error
 
 
@@ -62,42 +73,34 @@ def _shorten_message(error: click.UsageError) -> click.UsageError:
 )
 @click.version_option(package_name="pilotfish")
 def cli() -> None:
-    """Learn manipulation skills from a few demonstrations, and replay them in situations never shown.
+    """Learn manipulation skills from a few demonstrations and reproduce them in new situations.
 
     Every command has --help with an example, and --json for programs.
     """
 
 
-cli.add_command(data)
-cli.add_command(demo)
-cli.add_command(learn)
-cli.add_command(stream)
-cli.add_command(select)
-cli.add_command(show)
-cli.add_command(reproduce_command)
-cli.add_command(tasks)
-cli.add_command(record)
-cli.add_command(perform)
+for command in COMMANDS:
+    cli.add_command(command)
 
 
 def main() -> None:
     """Run the command line and exit.
 
-    The exit code is 0 when it did what was asked, 1 when it was refused or its answer could not be printed, 2
-    when it was misused, and 128 + n when signal n stopped it.
+    The exit code is 0 after success, 1 after an error or if the result could not be printed, 2 after a usage
+    error, and 128 + n after signal n.
     """
     open_closed_streams()
     try:
         raise_on_signals()
-        code = _run()
+        exit_code = _run()
         restore_default_signals()
     except StopRequested as stopped:
         restore_default_signals()
-        redirect_to_null(sys.stdout)  # it may have been stopped while it waited for a reader
+        redirect_to_null(sys.stdout)  # the signal may have interrupted a wait for a reader
         print_on_stderr(f"stopped by {stopped}")
-        code = SIGNAL_EXIT_OFFSET + stopped.number
+        exit_code = SIGNAL_EXIT_OFFSET + stopped.number
     discard_unprinted_text()
-    sys.exit(code)
+    sys.exit(exit_code)
 
 
 def _run() -> int:
@@ -115,6 +118,6 @@ def _run() -> int:
 
 
 def _is_raised_by_click(error: OSError) -> bool:
-    """Whether click could not print a help text; what commands print is guarded where it is printed."""
+    """Return whether click failed to print a help text; printing of results handles its own errors."""
     *_, (frame, _) = traceback.walk_tb(error.__traceback__)
     return str(frame.f_globals["__name__"]) == click.utils.__name__

@@ -26,7 +26,7 @@ from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_f
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.learn import Fit, learn
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
-from pilotfish.models.selection import COUNTED, Candidate, Score, Selection, bic, select
+from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, bic, select
 from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain
 from pilotfish.models.sequences import (
     log_emissions,
@@ -41,12 +41,12 @@ from pilotfish.models.statistics import Statistics, labelled_statistics
 from pilotfish.models.viterbi_durations import count_durations
 
 __all__ = [
-    "COUNTED",
     "MAX_HORIZON",
     "MAX_ITERATIONS",
     "MAX_RESTARTS",
     "MAX_SKILL_NUMBERS",
     "MAX_STATES",
+    "VITERBI",
     "AdaptedSkill",
     "Candidate",
     "Censoring",

@@ -17,7 +17,7 @@ from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
 
-COUNTED = "counted"  # durations counted along Viterbi paths
+VITERBI = "viterbi"  # durations counted along Viterbi paths
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,10 @@ class Candidate:
 
     @property
     def dynamics_label(self) -> str:
-        """Name of the duration distribution, "counted", "markov" or "mixture"."""
+        """Name of the duration distribution, "viterbi", "markov" or "mixture"."""
         if self.dynamics != SemiMarkovChain.name:
             return self.dynamics
-        return self.durations.distribution.name if self.durations else COUNTED
+        return self.durations.distribution.name if self.durations else VITERBI
 
     @property
     def label(self) -> str:

@@ -9,9 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
 from pilotfish.cli.output.motion_notes import end_notes, start_notes
-from pilotfish.cli.stream.descriptions import described, online_model_facts
+from pilotfish.cli.output.results import CommandResult
+from pilotfish.cli.output.skill_descriptions import (
+    format_columns,
+    format_dynamics,
+    skill_to_json,
+    state_blocks,
+)
+from pilotfish.cli.output.tables import key_value_table
+from pilotfish.cli.stream.model_descriptions import online_model_rows, online_model_to_json
 from pilotfish.demonstrations import Frame, add_derivatives, frame, views
 from pilotfish.errors import SkillError
 from pilotfish.io.skill_file import decode_skill, encode_skill
@@ -74,7 +81,7 @@ def require_sound_text(text: str, place: str) -> None:
 def use_skill(skill: Skill, thorough: bool) -> None:
     """Describe a skill; if thorough, also write it, adapt it and reproduce a few steps."""
     require_sound(skill, "skill")
-    require_sound_text(format_states(skill), "the table of states")
+    require_sound_text(CommandResult(state_blocks(skill), {}).to_text(), "the table of states")
     require_sound_text(format_columns(skill.layout) + format_dynamics(skill), "the columns")
     require_sound_text(json.dumps(skill_to_json(skill), allow_nan=False), "the facts")
     if not thorough:
@@ -118,8 +125,8 @@ def use_stream(model: online.OnlineModel, thorough: bool) -> None:
     if model.clusters:
         skill = online.to_skill(model)
         use_skill(skill, False)
-        require_sound_text(described(model, skill, [("a", "b")]), "the description")
-        require_sound_text(json.dumps(online_model_facts(model, skill), allow_nan=False), "the facts")
+        require_sound_text(key_value_table(online_model_rows(model)).to_text(), "the description")
+        require_sound_text(json.dumps(online_model_to_json(model, skill), allow_nan=False), "the facts")
     if not thorough:
         return
     data = encode_stream(model)

@@ -25,10 +25,15 @@ from fuzzing.target import Target
 from fuzzing.targets_demonstrations import Arrays, CorruptedBytes, corrupted, edit_arrays, edit_or_corrupt
 from pilotfish.cli.commands.learn import learn as learn_command
 from pilotfish.cli.options.candidates import parse_candidates
-from pilotfish.cli.options.learners import VITERBI
-from pilotfish.cli.options.sources import select_demonstrations, validate_selection
+from pilotfish.cli.options.demonstrations import select_demonstrations, validate_selection
 from pilotfish.cli.options.structures import StructureType
-from pilotfish.cli.options.via_points import ViaPointType, to_via_points, via_point_errors, via_point_notes
+from pilotfish.cli.options.via_points import (
+    ViaPointType,
+    to_via_points,
+    via_point_errors,
+    via_point_notes,
+    via_point_rows,
+)
 from pilotfish.cli.stream import lines as stream_lines
 from pilotfish.demonstrations import frame_from_pose
 from pilotfish.errors import InvalidInput, SkillError
@@ -141,7 +146,7 @@ def _via_points(number: int) -> Callable[[], Target]:
             require_sound(result.reference, "reference through a via-point")
             require_sound(result.motion, "motion through a via-point")
             errors = via_point_errors(points, [option], adapted.layout, result.motion)
-            require_sound([errors, via_point_notes(errors, [option]), errors[0].label])
+            require_sound([errors, via_point_notes(errors, [option]), via_point_rows(errors, [option])])
 
         marks = ("=", "@", "+-", "deg", "s", ",", " ", "'", ".", "position", "orientation", "e", "-")
         return Target(VIA_POINTS, edit_text(marks), lambda text: text, read, use)
@@ -187,7 +192,7 @@ def _structures() -> Target:
 
 
 def _candidates() -> Target:
-    texts = (f"3:6;full,diagonal;{VITERBI}", "3,5,7:9;semi-tied:0.5,mfa:1;markov,mixture", "2;hddc:.9;gamma")
+    texts = ("3:6;full,diagonal;viterbi", "3,5,7:9;semi-tied:0.5,mfa:1;markov,mixture", "2;hddc:.9;gamma")
 
     def read(text: str) -> Any:
         states, structures, durations = [*text.split(";", 2), "", ""][:3]
@@ -226,9 +231,9 @@ def _stream_lines() -> Target:
         for event in found:
             if isinstance(event, stream_lines.RejectedLine):
                 require_sound_refusal(InvalidInput(event.reason), event.reason)
-            elif isinstance(event, stream_lines.Rows):
+            elif isinstance(event, np.ndarray):
                 require_sound(event, "rows")
-                assert event.x.shape[1] == width, f"a row of {event.x.shape[1]} among those of {width}"
+                assert event.shape[1] == width, f"a row of {event.shape[1]} among those of {width}"
 
     return Target(bases, edit_bytes, lambda data: data, read, use)
 

@@ -1,1 +1,1 @@
-"""One module per command."""
+"""The commands of pilotfish, one module each."""

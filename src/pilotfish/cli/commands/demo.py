@@ -1,12 +1,12 @@
-"""pilotfish demo: the whole way from recordings to a motion, with a report to look at."""
+"""pilotfish demo: from demonstrations to motions, with a report."""
 
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from pilotfish.cli.output.answers import CommandResult, example_epilog, print_result
-from pilotfish.cli.output.pictures import require_matplotlib
+from pilotfish.cli.output.figures import require_matplotlib
+from pilotfish.cli.output.results import CommandResult, example_epilog, print_result
 from pilotfish.cli.output.terminal import is_json_output, print_line
 
 
@@ -16,7 +16,7 @@ from pilotfish.cli.output.terminal import is_json_output, print_line
     type=click.Path(path_type=Path),
     default=Path("build/demo"),
     show_default=True,
-    help="The folder for the report and the skill; those of an earlier run are replaced.",
+    help="Folder of the report and the skill; files of an earlier run are replaced.",
 )
 @click.option(
     "--seed",
@@ -27,23 +27,24 @@ from pilotfish.cli.output.terminal import is_json_output, print_line
 )
 @print_result
 def demo(out: Path, seed: int) -> CommandResult:
-    """Learn to open a valve from four demonstrations, open it where it never stood, and draw what happened.
+    """Learn to open a valve from four demonstrations, reproduce it in new situations, and write a report.
 
-    Without the recording, and without a network to fetch it, a generated one stands in and is named as such.
+    If the recorded demonstrations are missing and cannot be downloaded, generated ones are used; the output
+    says so.
     """
     require_matplotlib()
-    from pilotfish.cli.demo.demo import demo as run  # needs matplotlib
+    from pilotfish.cli.demo.run import run_demo
 
-    result = run(out, seed=seed, print_line=_discard if is_json_output() else print_line)
-    facts = {
+    result = run_demo(out, seed=seed, print_line=_discard if is_json_output() else print_line)
+    data = {
         "report": str(result.report),
         "skill": str(result.skill),
-        "synthetic": result.synthetic,
+        "synthetic": bool(result.notice),
         "seconds": result.seconds,
-        "tables": [asdict(table) for table in result.error_tables],
+        "tables": [asdict(table) for table in result.tables],
     }
-    return CommandResult("", facts)
+    return CommandResult((), data)
 
 
-def _discard(text: str) -> None:
-    """What people would read while they wait is left out for programs."""
+def _discard(_: str) -> None:
+    """Print no progress, because the output is JSON."""

@@ -1,8 +1,7 @@
-"""pilotfish learn: from recordings to a skill in a file."""
+"""pilotfish learn: learn a skill from demonstrations."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +9,31 @@ import click
 import numpy as np
 
 from pilotfish import models
-from pilotfish.cli.options.learners import VITERBI, duration_model
-from pilotfish.cli.options.sources import (
+from pilotfish.cli.options.demonstrations import (
+    demonstration_files,
     load_demonstrations,
+    only_option,
     prepare_demonstrations,
-    recording_files,
+    riemannian_option,
     select_demonstrations,
-    validate_selection,
 )
+from pilotfish.cli.options.durations import DURATION_NAMES, DYNAMICS, duration_model
 from pilotfish.cli.options.structures import StructureType, structure_syntax_list
-from pilotfish.cli.output.answers import (
+from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
-    format_key_values,
     print_result,
     require_finite_option,
     require_writable_file,
 )
-from pilotfish.cli.output.descriptions import format_columns, format_dynamics, format_states, skill_to_json
-from pilotfish.cli.output.terminal import is_interactive, print_note, progress_bar
+from pilotfish.cli.output.skill_descriptions import (
+    format_columns,
+    format_dynamics,
+    skill_to_json,
+    state_blocks,
+)
+from pilotfish.cli.output.tables import key_value_table
+from pilotfish.cli.output.terminal import print_note, progress_bar
 from pilotfish.demonstrations import Demonstration, diagnose
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.io import content_hash, save_skill
@@ -36,6 +41,7 @@ from pilotfish.models import (
     MAX_ITERATIONS,
     MAX_RESTARTS,
     MAX_STATES,
+    VITERBI,
     Censoring,
     DurationModel,
     EMSettings,
@@ -47,88 +53,56 @@ from pilotfish.models import (
     relevance,
     select_frames,
 )
-from pilotfish.models.durations import DISTRIBUTIONS
 
-SEMI_MARKOV = "semi-markov"
-DYNAMICS = (SEMI_MARKOV, "markov", "mixture")
 INITIALISATIONS = ("time-bins", "k-means")
-RESTART_JITTER = 0.5  # share of a bin, when several beginnings are tried
-
-
-@dataclass(frozen=True, slots=True)
-class LearnOptions:
-    """What the options say."""
-
-    folder: str
-    out: Path
-    states: int
-    structure: CovarianceStructure
-    dynamics: str
-    durations: str | None
-    censoring: str | None
-    riemannian: bool
-    drop_distractors: bool
-    initialisation: str
-    regularisation: float
-    max_iterations: int
-    restarts: int
-    seed: int
-    only: str
-    velocities: bool
-    force: bool
+RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than one restart
 
 
 @click.command(
     epilog=example_epilog("pilotfish learn dataset:valve --only 0-3 --structure semi-tied --out valve.skill")
 )
 @click.argument("folder")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="The skill file to write.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Skill file to write.")
 @click.option(
-    "--states", type=click.IntRange(1, MAX_STATES), default=7, show_default=True, help="How many states."
+    "--states", type=click.IntRange(1, MAX_STATES), default=7, show_default=True, help="Number of states."
 )
 @click.option(
     "--structure",
     type=StructureType(),
     default="full",
     show_default=True,
-    help=f"What covariances may look like: {structure_syntax_list()}. Semi-tied states share their directions, mfa "
-    "and its kin have few factors each.",
+    help=f"Covariance structure: {structure_syntax_list()}.",
 )
 @click.option(
     "--dynamics",
     type=click.Choice(DYNAMICS),
     default="semi-markov",
     show_default=True,
-    help="How states follow one another; replay needs an order in time, which a mixture has not.",
+    help="Model of the order of states; `reproduce` needs an order, which a mixture does not have.",
 )
 @click.option(
     "--durations",
-    type=click.Choice((VITERBI, *DISTRIBUTIONS)),
-    help="How long semi-markov states last: counted along the best path of a Markov fit, or of a law that is "
-    "fitted together with all else.  [default: counted]",
+    type=click.Choice(DURATION_NAMES),
+    help="Durations of semi-Markov states: those on the Viterbi path of a Markov model, or a distribution "
+    f"that is fitted by EM.  [default: {VITERBI}]",
 )
 @click.option(
     "--censoring",
-    type=click.Choice(tuple(Censoring)),
-    help="Which visits recordings cut off, where durations are fitted.  [default: right]",
+    type=click.Choice([censoring.value for censoring in Censoring]),
+    help="End of a demonstration at which a state may be cut off, for fitted durations.  [default: right]",
 )
-@click.option(
-    "--riemannian/--euclidean",
-    default=False,
-    show_default=True,
-    help="Whether unit quaternions are orientations on their sphere, or four numbers like any others.",
-)
+@riemannian_option
 @click.option(
     "--drop-distractors",
     is_flag=True,
-    help="Learn twice, the second time without the frames that matter at no state.",
+    help="Learn again without the frames whose relevance is 0 in every state.",
 )
 @click.option(
     "--initialisation",
     type=click.Choice(INITIALISATIONS),
     default="time-bins",
     show_default=True,
-    help="The first guess: demonstrations cut into equal times, or clusters of points.",
+    help="Initial states of EM: equal time bins of each demonstration, or clusters of datapoints.",
 )
 @click.option(
     "--regularisation",
@@ -136,21 +110,21 @@ class LearnOptions:
     callback=require_finite_option,
     default=1e-5,
     show_default=True,
-    help="Added to every variance [unit squared].",
+    help="Variance added to each column of every covariance [unit squared].",
 )
 @click.option(
     "--max-iterations",
     type=click.IntRange(1, MAX_ITERATIONS),
     default=200,
     show_default=True,
-    help="At most so many iterations from each beginning.",
+    help="Maximum number of EM iterations per restart.",
 )
 @click.option(
     "--restarts",
     type=click.IntRange(1, MAX_RESTARTS),
     default=1,
     show_default=True,
-    help="Beginnings to try; the most likely result wins. Above 1, time bins are cut at random.",
+    help="Number of EM runs, of which the most likely result is kept; above 1, time bins are random.",
 )
 @click.option(
     "--seed",
@@ -159,148 +133,133 @@ class LearnOptions:
     show_default=True,
     help="Seed of the random number generator.",
 )
-@click.option(
-    "--only",
-    default="",
-    callback=validate_selection,
-    help="Which demonstrations, such as 0-3 or 0,2.  [default: all]",
-)
+@only_option
 @click.option(
     "--velocities/--no-velocities",
     default=True,
     show_default=True,
-    help="Add the speed of every column where the recording has none; replay needs it.",
+    help="Add velocities to demonstrations without them; `reproduce` needs them.",
 )
-@click.option("--force", is_flag=True, help="Replace the skill file if it is there already.")
+@click.option("--force", is_flag=True, help="Replace an existing skill file.")
 @print_result
-def learn(**options: Any) -> CommandResult:
-    """Learn a skill from the recordings in FOLDER and write it to a file.
+def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
+    """Learn a skill from the demonstrations in FOLDER and write it to a file.
 
-    FOLDER may also be dataset:NAME; `pilotfish data list` shows the names.
+    FOLDER may also be dataset:NAME; `pilotfish data list` lists the names.
     """
-    arguments = LearnOptions(**options)
-    require_writable_file(
-        arguments.out, force=arguments.force, inputs=recording_files(Path(arguments.folder))
-    )
-    durations = _duration_model(arguments)
+    require_writable_file(out, force=force, inputs=demonstration_files(Path(folder)))
+    durations = _choose_duration_model(options["dynamics"], options["durations"], options["censoring"])
     demonstrations = prepare_demonstrations(
-        select_demonstrations(load_demonstrations(arguments.folder), arguments.only),
-        riemannian=arguments.riemannian,
-        velocities=arguments.velocities,
+        select_demonstrations(load_demonstrations(folder), options["only"]),
+        riemannian=options["riemannian"],
+        velocities=options["velocities"],
     )
     _print_warnings(demonstrations)
-    fit = _fit(demonstrations, durations, arguments)
+    fit = _fit(demonstrations, durations, options)
     dropped_frames: tuple[str, ...] = ()
-    if arguments.drop_distractors:
-        fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, arguments)
-    save_skill(fit.skill, arguments.out, overwrite=arguments.force, use_free_name=True)
-    return _to_result(fit, dropped_frames, arguments)
+    if options["drop_distractors"]:
+        fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, options)
+    save_skill(fit.skill, out, overwrite=force, use_free_name=True)
+    return _to_result(fit, dropped_frames, out, options["structure"])
+
+
+def _choose_duration_model(
+    dynamics: str, durations: str | None, censoring: str | None
+) -> DurationModel | None:
+    if dynamics != models.SemiMarkovChain.name:
+        given = {"--durations": durations, "--censoring": censoring}
+        if names := [name for name, value in given.items() if value]:
+            raise click.UsageError(
+                f"{names[0]} needs --dynamics semi-markov, but the dynamics are {dynamics}"
+            )
+    if censoring and (durations or VITERBI) == VITERBI:
+        names_with_censoring = ", ".join(DURATION_NAMES[1:])
+        raise click.UsageError(
+            f"--censoring needs --durations {names_with_censoring}; {VITERBI} does not model censoring"
+        )
+    return duration_model(durations or VITERBI, censoring or Censoring.RIGHT)
+
+
+def _fit(
+    demonstrations: Sequence[Demonstration], durations: DurationModel | None, options: Mapping[str, Any]
+) -> Fit:
+    restarts, max_iterations = options["restarts"], options["max_iterations"]
+    initialisation: Initialisation = (
+        KMeans()
+        if options["initialisation"] == "k-means"
+        else TimeBins(RESTART_JITTER if restarts > 1 else 0.0)
+    )
+    with progress_bar(max_iterations * restarts, "learning") as advance:
+        return models.learn(
+            demonstrations,
+            dynamics=options["dynamics"],
+            durations=durations,
+            states=options["states"],
+            rng=np.random.default_rng(options["seed"]),
+            structure=options["structure"],
+            initialisation=initialisation,
+            settings=EMSettings(
+                regularisation=options["regularisation"],
+                max_iterations=max_iterations,
+                restarts=restarts,
+                callback=_report_iteration(advance),
+            ),
+        )
+
+
+def _report_iteration(advance: Callable[[str], None]) -> Callable[[int, float], None]:
+    return lambda _, log_likelihood: advance(f"log-likelihood {log_likelihood:.6g}")
 
 
 def _drop_distractors(
     fit: Fit,
     demonstrations: Sequence[Demonstration],
     durations: DurationModel | None,
-    arguments: LearnOptions,
+    options: Mapping[str, Any],
 ) -> tuple[Fit, tuple[str, ...]]:
-    """Learned anew without the frames that matter at no state, which are named; the same when all matter."""
+    """Learn again without the distractors and return their names; return the fit itself if there are none."""
     if len(fit.skill.frame_names) < 2:
         return fit, ()
     frame_relevance = relevance(fit.skill, demonstrations)
     if not (dropped_frames := frame_relevance.distractors):
         return fit, ()
-    refitted = _fit(select_frames(demonstrations, frame_relevance), durations, arguments)
-    note = f"dropped frames, they matter at no state: {', '.join(dropped_frames)}"
+    refitted = _fit(select_frames(demonstrations, frame_relevance), durations, options)
+    note = f"dropped frames of relevance 0: {', '.join(dropped_frames)}"
     skill = replace(refitted.skill, provenance=replace(refitted.skill.provenance, note=note))
     return replace(refitted, skill=skill), dropped_frames
 
 
-def _duration_model(arguments: LearnOptions) -> DurationModel | None:
-    duration_options = {"--durations": arguments.durations, "--censoring": arguments.censoring}
-    if arguments.dynamics != SEMI_MARKOV:
-        if given := [name for name, value in duration_options.items() if value]:
-            raise click.UsageError(f"{given[0]} goes with --dynamics semi-markov, not {arguments.dynamics}")
-        return None
-    durations = arguments.durations or VITERBI
-    if arguments.censoring and durations == VITERBI:
-        raise click.UsageError(
-            f"--censoring goes with --durations {', '.join(DISTRIBUTIONS)}; counting is as it is"
-        )
-    return duration_model(durations, arguments.censoring or "right")
-
-
-def _fit(
-    demonstrations: Sequence[Demonstration], durations: DurationModel | None, arguments: LearnOptions
-) -> Fit:
-    initialisation: Initialisation = (
-        KMeans()
-        if arguments.initialisation == "k-means"
-        else TimeBins(RESTART_JITTER if arguments.restarts > 1 else 0.0)
-    )
-    settings = EMSettings(
-        regularisation=arguments.regularisation,
-        max_iterations=arguments.max_iterations,
-        restarts=arguments.restarts,
-    )
-    with _progress(settings) as monitored:
-        return models.learn(
-            demonstrations,
-            states=arguments.states,
-            rng=np.random.default_rng(arguments.seed),
-            dynamics=arguments.dynamics,
-            durations=durations,
-            structure=arguments.structure,
-            initialisation=initialisation,
-            settings=monitored,
-        )
-
-
-@contextmanager
-def _progress(settings: EMSettings) -> Iterator[EMSettings]:
-    """The same settings; a bar on stderr follows the iterations when a person watches."""
-    if not is_interactive():
-        yield settings
-        return
-    with progress_bar(settings.max_iterations * settings.restarts, "learning") as advance:
-        yield replace(settings, callback=lambda _, gain: advance(f"log-likelihood {gain:.6g}"))
-
-
 def _print_warnings(demonstrations: Sequence[Demonstration]) -> None:
-    for finding in diagnose(demonstrations):
-        if finding.severity == "warning":  # an error is refused by learning
-            print_note(f"{finding.severity}: {finding.location} {finding.message}")
+    for diagnostic in diagnose(demonstrations):
+        if diagnostic.severity == "warning":  # learning reports errors
+            print_note(f"{diagnostic.severity}: {diagnostic.location} {diagnostic.message}")
 
 
-def _to_result(fit: Fit, dropped_frames: Sequence[str], arguments: LearnOptions) -> CommandResult:
-    skill, convergence, structure = fit.skill, fit.convergence, arguments.structure
+def _to_result(
+    fit: Fit, dropped_frames: Sequence[str], out: Path, structure: CovarianceStructure
+) -> CommandResult:
+    skill, convergence, provenance = fit.skill, fit.convergence, fit.skill.provenance
     parameters = fitted_covariance_parameter_count(structure, skill.covariances)
-    name = content_hash(skill)
-    facts = {
-        "file": str(arguments.out),
-        "content_hash": name,
+    digest = content_hash(skill)
+    data = {
+        "file": str(out),
+        "content_hash": digest,
         **skill_to_json(skill),
         "reason": convergence.reason,
         "dropped_states": list(convergence.dropped),
         "dropped_frames": list(dropped_frames),
         "covariance_parameters": parameters,
     }
-    status = "converged" if convergence.converged else "not converged"
     rows = [
-        (
-            "demonstrations",
-            f"{len(skill.provenance.demonstrations)}, {skill.provenance.datapoints} datapoints",
-        ),
+        ("demonstrations", f"{len(provenance.demonstrations)}, {provenance.datapoints} datapoints"),
         ("columns", f"{format_columns(skill.layout)}, every {skill.period:g} s"),
-        (
-            "log-likelihood",
-            f"{skill.provenance.log_likelihood:.6g} after {convergence.iterations} iterations",
-        ),
-        (status, convergence.reason),
-        ("dropped", ", ".join(convergence.dropped) or "no state"),
-        *([("dropped frames", ", ".join(dropped_frames) or "none")] if arguments.drop_distractors else []),
-        ("time", format_dynamics(skill)),
+        ("log-likelihood", f"{provenance.log_likelihood:.6g} after {convergence.iterations} iterations"),
+        ("converged" if convergence.converged else "not converged", convergence.reason),
+        ("dropped states", ", ".join(convergence.dropped) or "none"),
+        ("dropped frames", ", ".join(dropped_frames) or "none"),
+        ("dynamics", format_dynamics(skill)),
         ("covariances", f"{structure.label}, {parameters} parameters"),
-        ("file", str(arguments.out)),
-        ("content hash", name),
+        ("file", str(out)),
+        ("content hash", digest),
     ]
-    return CommandResult(f"{format_states(skill)}\n\n{format_key_values(rows)}", facts)
+    return CommandResult([*state_blocks(skill), key_value_table(rows)], data)

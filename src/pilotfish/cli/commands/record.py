@@ -1,18 +1,18 @@
-"""pilotfish record: demonstrations of a task, shown in physics by a simulated person."""
+"""pilotfish record and pilotfish tasks: simulated demonstrations of a task."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from pilotfish.cli.output.answers import (
+from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
-    format_table,
     print_result,
     require_finite_option,
     require_writable_folder,
 )
+from pilotfish.cli.output.tables import Table
 from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.errors import InvalidInput
 from pilotfish.io import write_demonstrations
@@ -49,73 +49,74 @@ if TYPE_CHECKING:
     callback=require_finite_option,
     default=0.0,
     show_default=True,
-    help="How late the person sees what the tool does [s].",
+    help="Delay after which the simulated person observes the tool [s].",
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="The folder to write.  [default: named after the task]"
+    "--out", type=click.Path(path_type=Path), help="Folder to write.  [default: the name of the task]"
 )
-@click.option("--force", is_flag=True, help="Replace a folder of demonstrations that is there already.")
+@click.option("--force", is_flag=True, help="Replace an existing folder of demonstrations.")
 @print_result
-def record(task: str, demonstrations: int, seed: int, delay: float, **files: Any) -> CommandResult:
-    """Record showings of TASK, each in a situation of its own, as a folder that learn reads.
+def record(
+    task: str, demonstrations: int, seed: int, delay: float, out: Path | None, force: bool
+) -> CommandResult:
+    """Record simulated demonstrations of TASK, each in a random situation, in the format that `learn` reads.
 
-    A simulated person leads one arm of the robot, the other follows and does the work in physics. The same
-    seed gives the same recordings, bit for bit. A showing that does not do the work is shown again.
+    A simulated person moves the leader arm of the robot; the follower arm performs the task in physics. A
+    demonstration that fails is repeated. The same seed gives the same demonstrations, bit for bit.
     """
     require_mujoco()
-    from pilotfish.simulation import record_demonstrations  # needs MuJoCo
+    from pilotfish.simulation import record_demonstrations
 
-    chosen_task = find_task(task)
-    folder, force = files["out"] or Path(task), files["force"]
+    selected = find_task(task)
+    folder = out or Path(task)
     require_writable_folder(folder, force=force)
     recordings = []
-    for recording, attempts in record_demonstrations(chosen_task, demonstrations, seed, delay=delay):
+    for recording, attempts in record_demonstrations(selected, demonstrations, seed, delay=delay):
         recordings.append((recording, attempts))
         if is_interactive():
-            print_note(f"shown {len(recordings)} of {demonstrations}, {recording.duration:.1f} s")
-    write_demonstrations(
-        [recording.demonstration for recording, _ in recordings], folder, overwrite=force, use_free_name=True
-    )
-    facts = {
+            print_note(f"demonstration {len(recordings)} of {demonstrations}: {recording.duration:.1f} s")
+    recorded = [recording.demonstration for recording, _ in recordings]
+    write_demonstrations(recorded, folder, overwrite=force, use_free_name=True)
+    data = {
         "folder": str(folder),
         "task": task,
         "seed": seed,
         "delay": delay,
         "demonstrations": [_recording_to_json(recording, attempts) for recording, attempts in recordings],
     }
-    return CommandResult(f"{_format_recordings(recordings, chosen_task.unit)}\n\nwritten to {folder}", facts)
+    return CommandResult([_recording_table(recordings, selected.unit), f"written to {folder}"], data)
 
 
 @click.command(epilog=example_epilog("pilotfish tasks"))
 @print_result
 def tasks() -> CommandResult:
-    """List the tasks that can be recorded and performed in physics."""
+    """List the simulated tasks of `record` and `perform`."""
     require_mujoco()
-    from pilotfish.environments import TASKS  # needs MuJoCo
+    from pilotfish.environments import TASKS
 
     rows = [(name, task.description, ", ".join(task.frames)) for name, task in sorted(TASKS.items())]
-    facts = {
+    data = {
         name: {
-            "about": task.description,
+            "description": task.description,
             "frames": list(task.frames),
             "unit": task.unit,
-            "seconds": task.time_limit,
+            "time_limit": task.time_limit,
         }
         for name, task in sorted(TASKS.items())
     }
-    return CommandResult(format_table(("task", "what", "frames"), rows), {"tasks": facts})
+    return CommandResult([Table(("task", "description", "frames"), tuple(rows))], {"tasks": data})
 
 
 def find_task(name: str) -> "Task[Any]":
-    """The task of that name.    Raises: InvalidInput, when there is none."""
-    from pilotfish.environments import TASKS  # needs MuJoCo
+    """Return a task by its name, or raise InvalidInput with the names that exist."""
+    from pilotfish.environments import TASKS
 
     if name not in TASKS:
-        raise InvalidInput(f"there is no task {name!r}, expected one of {', '.join(sorted(TASKS))}")
+        raise InvalidInput(f"task {name!r} is unknown, expected one of {', '.join(sorted(TASKS))}")
     return TASKS[name]
 
 
-def _format_recordings(recordings: "list[tuple[RecordedDemonstration, int]]", unit: str) -> str:
+def _recording_table(recordings: "list[tuple[RecordedDemonstration, int]]", unit: str) -> Table:
     rows = [
         (
             recording.demonstration.name,
@@ -127,9 +128,8 @@ def _format_recordings(recordings: "list[tuple[RecordedDemonstration, int]]", un
         )
         for recording, attempts in recordings
     ]
-    return format_table(
-        ("name", "seconds", "steps", f"error [{unit}]", "largest force [N]", "attempts"), rows
-    )
+    header = ("name", "duration [s]", "steps", f"error [{unit}]", "peak force [N]", "attempts")
+    return Table(header, tuple(rows))
 
 
 def _recording_to_json(recording: "RecordedDemonstration", attempts: int) -> dict[str, object]:

@@ -1,7 +1,7 @@
-"""pilotfish reproduce: a skill in a situation that may never have been shown."""
+"""pilotfish reproduce: adapt a skill to a new situation and compute its motion and controller."""
 
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,26 +9,25 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from pilotfish.cli.options.planning import planning_options
 from pilotfish.cli.options.via_points import (
-    ViaPointError,
-    ViaPointOption,
+    SYNTAX,
     ViaPointType,
     to_via_points,
     via_point_errors,
     via_point_notes,
+    via_point_rows,
 )
-from pilotfish.cli.output.answers import (
+from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
+from pilotfish.cli.output.motion_notes import coordinate_parts, end_notes, reaches_final_state, start_notes
+from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
-    format_key_values,
     print_result,
-    require_finite_option,
     require_writable_file,
     write_all,
 )
-from pilotfish.cli.output.motion_notes import coordinate_parts, end_notes, reaches_final_state, start_notes
-from pilotfish.cli.output.pictures import require_matplotlib, save_figure, validate_figure_path
-from pilotfish.control import Motion
+from pilotfish.cli.output.tables import key_value_table
 from pilotfish.demonstrations import Frame, Layout, Part, Quantity, distance_unit, distances, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.io import (
@@ -40,65 +39,15 @@ from pilotfish.io import (
     round_time,
     write_motion,
 )
-from pilotfish.models import MAX_HORIZON, AdaptedSkill, Skill, adapt
-from pilotfish.planning import (
-    CONTROL_COST,
-    COVARIANCE_REGULARISATION,
-    Reproduction,
-    ViaPoint,
-    mean_demonstration_length,
-    reproduce,
-)
+from pilotfish.models import Skill, adapt
+from pilotfish.planning import Reproduction, ViaPoint, mean_demonstration_length, reproduce
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-@dataclass(frozen=True, slots=True)
-class ReproduceOptions:
-    """What the options say."""
-
-    skill: Path
-    frames: Path | None
-    start: Path | None
-    horizon: int | None
-    control_cost: float
-    covariance_regularisation: float
-    out: Path | None
-    gains: Path | None
-    via_point: tuple[ViaPointOption, ...]
-    plot: Path | None
-    via_plot: Path | None
-    force: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Reproduced:
-    """A reproduction, the frames and via-points that were given, and the motion without the via-points."""
-
-    reproduction: Reproduction
-    frames: tuple[Frame, ...]
-    points: tuple[ViaPoint, ...]
-    without_via_points: Motion
-
-    @property
-    def adapted(self) -> AdaptedSkill:
-        """Adapted skill of the reproduction."""
-        return self.reproduction.adapted
-
-    @property
-    def motion(self) -> Motion:
-        """Motion of the reproduction."""
-        return self.reproduction.motion
-
-    @property
-    def final_planned_state(self) -> int:
-        """State of the last step."""
-        return int(self.reproduction.states[-1])
-
-
 FILE = click.Path(path_type=Path)
 PART_KEYS = ("final", "max_acceleration", "start_to_first_target", "distance_to_reference")
+MAX_LISTED_PARTS = 5  # positions that a note names
 
 
 @click.command(
@@ -108,81 +57,72 @@ PART_KEYS = ("final", "max_acceleration", "start_to_first_target", "distance_to_
 @click.option(
     "--frames",
     type=FILE,
-    help="JSON or TOML: where the objects stand. Not needed by a skill in the world's frame alone.",
+    help="JSON or TOML file with the pose of every frame; not needed if the only frame is the world.",
 )
 @click.option(
     "--start",
     type=FILE,
-    help="JSON or TOML: where the robot starts.  [default: where the skill begins]",
+    help="JSON or TOML file with the start state of the robot.  [default: mean of the first state]",
 )
-@click.option(
-    "--horizon",
-    type=click.IntRange(2, MAX_HORIZON),
-    help="How many steps.  [default: as many as the demonstrations had on average]",
-)
-@click.option(
-    "--control-cost",
-    type=click.FloatRange(min=0.0, min_open=True),
-    callback=require_finite_option,
-    default=CONTROL_COST,
-    show_default=True,
-    help="R, the cost of squared acceleration; a larger value gives a softer motion.",
-)
-@click.option(
-    "--covariance-regularisation",
-    type=click.FloatRange(min=0.0),
-    callback=require_finite_option,
-    default=COVARIANCE_REGULARISATION,
-    show_default=True,
-    help="Variance added to every variance before it becomes a weight [unit squared].",
-)
+@planning_options
 @click.option(
     "--via-point",
     type=ViaPointType(),
     multiple=True,
-    help="Pass here at that time, WHAT=NUMBERS@SECONDS+-DEVIATION: position=.4,.1,.3@4s+-.001, "
-    "'position z=.3@4s+-.001', orientation=1,0,0,0@4s+-2deg. May be given more than once.",
+    metavar="POINT",
+    help=f"Point that the motion passes, {SYNTAX}: position=.4,.1,.3@4s+-.001, "
+    "'position z=.3@4s+-.001', orientation=1,0,0,0@4s+-2deg. May be given several times.",
 )
-@click.option("--out", type=FILE, help="The motion as a CSV file.")
-@click.option("--gains", type=FILE, help="The controller as an NPZ file.")
+@click.option("--out", type=FILE, help="Motion to write, as a CSV file.")
+@click.option("--gains", type=FILE, help="Controller to write, as an NPZ file.")
 @click.option(
-    "--plot", type=FILE, callback=validate_figure_path, help="The motion as a .png, .svg or .pdf file."
+    "--plot",
+    type=FILE,
+    callback=validate_figure_path,
+    help="Plot of the motion to write, as .png, .svg or .pdf.",
 )
 @click.option(
     "--via-plot",
     type=FILE,
     callback=validate_figure_path,
-    help="The columns that --via-point names over time, as a .png, .svg or .pdf file.",
+    help="Plot over time of the columns of --via-point to write, as .png, .svg or .pdf.",
 )
-@click.option("--force", is_flag=True, help="Replace files that are there already.")
+@click.option("--force", is_flag=True, help="Replace existing files.")
 @print_result
-def reproduce_command(**options: Any) -> CommandResult:
-    """Reproduce the skill in the file SKILL where the objects are now.
+def reproduce_command(
+    skill: Path, frames: Path | None, start: Path | None, force: bool, **options: Any
+) -> CommandResult:
+    """Adapt the skill in the file SKILL to new frames and compute the motion that reproduces it.
 
-    The motion is that of a unit mass on every axis, under the tracking controller of the skill.
+    The motion is that of a unit mass on each axis, under the tracking controller of the skill.
     """
-    arguments = ReproduceOptions(**options)
-    inputs = (arguments.skill, arguments.frames, arguments.start)
-    outputs = (arguments.out, arguments.gains, arguments.plot, arguments.via_plot)
-    require_writable_file(*outputs, force=arguments.force, inputs=inputs)
-    if arguments.via_plot and not arguments.via_point:
-        raise click.UsageError(
-            "--via-plot draws points to pass; name one: --via-point WHAT=NUMBERS@SECONDS+-DEVIATION"
-        )
-    if arguments.plot or arguments.via_plot:
+    outputs = {name: options[name] for name in ("out", "gains", "plot", "via_plot") if options[name]}
+    require_writable_file(*outputs.values(), force=force, inputs=(skill, frames, start))
+    if options["via_plot"] and not options["via_point"]:
+        raise click.UsageError(f"--via-plot plots via-points; give at least one: --via-point {SYNTAX}")
+    if options["plot"] or options["via_plot"]:
         require_matplotlib()
-    reproduced = _reproduce(open_skill(arguments.skill), arguments)
-    figures = _plot(reproduced, arguments)  # what cannot be drawn leaves no other file
-    _write(reproduced, figures, arguments)
-    return _to_result(reproduced, arguments)
+    learned = open_skill(skill)
+    points = to_via_points(options["via_point"], learned.layout)
+    current_frames = _read_frames(learned, frames)
+    reproduction, baseline = _reproduce(learned, current_frames, start, points, options)
+    figures = _plot(reproduction, baseline, current_frames, points, options)  # a failure leaves no file
+    _write(reproduction, figures, options, force)
+    files = {name: str(path) for name, path in outputs.items()}
+    return _to_result(skill, reproduction, points, options, files)
 
 
-def _reproduce(skill: Skill, arguments: ReproduceOptions) -> Reproduced:
-    points = to_via_points(arguments.via_point, skill.layout)
-    frames = _frames(skill, arguments.frames)
-    start = read_start(arguments.start, adapt(skill, frames)) if arguments.start else None
+def _reproduce(
+    skill: Skill,
+    frames: Sequence[Frame],
+    start_file: Path | None,
+    points: Sequence[ViaPoint],
+    options: dict[str, Any],
+) -> tuple[Reproduction, Reproduction]:
+    """Return the reproduction, and the one without via-points."""
+    start = read_start(start_file, adapt(skill, frames)) if start_file else None
     try:
-        horizon = arguments.horizon or mean_demonstration_length(skill)
+        horizon = options["horizon"] or mean_demonstration_length(skill)
     except InvalidInput as error:
         raise InvalidInput(f"{error} with --horizon") from error
     run = partial(
@@ -191,149 +131,150 @@ def _reproduce(skill: Skill, arguments: ReproduceOptions) -> Reproduced:
         frames,
         start,
         horizon=horizon,
-        control_cost=arguments.control_cost,
-        covariance_regularisation=arguments.covariance_regularisation,
+        control_cost=options["control_cost"],
+        covariance_regularisation=options["covariance_regularisation"],
     )
-    without_via_points = run()
-    if not points:
-        return Reproduced(without_via_points, frames, points, without_via_points.motion)
-    condition_on = run(via_points=points)
-    return Reproduced(condition_on, frames, points, without_via_points.motion)
+    baseline = run()
+    return (run(via_points=points) if points else baseline), baseline
 
 
-def _frames(skill: Skill, path: Path | None) -> tuple[Frame, ...]:
+def _read_frames(skill: Skill, path: Path | None) -> tuple[Frame, ...]:
     if path:
         return read_frames(path, skill)
     if skill.frame_names == ("world",):
         return (world_frame(skill.width),)
     raise InvalidInput(
-        f"the skill was learned in {list(skill.frame_names)}; say where each stands now: --frames FILE"
+        f"the skill has the frames {list(skill.frame_names)}, expected the pose of each; give --frames FILE"
     )
 
 
-def _plot(reproduced: Reproduced, arguments: ReproduceOptions) -> "dict[Path, Figure]":
-    """The pictures asked for, by the file that each is to be."""
+def _plot(
+    reproduction: Reproduction,
+    baseline: Reproduction,
+    frames: Sequence[Frame],
+    points: Sequence[ViaPoint],
+    options: dict[str, Any],
+) -> "dict[Path, Figure]":
+    """Return the requested figures by file."""
     figures: dict[Path, Figure] = {}
-    if not (arguments.plot or arguments.via_plot):
+    if not (options["plot"] or options["via_plot"]):
         return figures
-    from pilotfish import plots  # needs matplotlib
+    from pilotfish import plots
 
-    model, motion, points = reproduced.adapted, reproduced.motion, reproduced.points
-    if arguments.plot and [part.size > 1 for part in _position_parts(model.layout)][:1] == [True]:
-        figures[arguments.plot] = plots.reproduction(model, motion, reproduced.frames, points=points)
-    elif arguments.plot:  # no place to draw a plane of
-        figures[arguments.plot] = plots.tracked_coordinates(model, reproduced.reproduction.states, motion)
-    if arguments.via_plot:
-        figures[arguments.via_plot] = plots.via_points(
-            model.layout, motion, points, baseline=reproduced.without_via_points
+    adapted, motion = reproduction.adapted, reproduction.motion
+    positions = _position_parts(adapted.layout)
+    if options["plot"] and positions and positions[0].size > 1:
+        figures[options["plot"]] = plots.reproduction(adapted, motion, frames, points=points)
+    elif options["plot"]:  # no plane to plot
+        figures[options["plot"]] = plots.tracked_coordinates(adapted, reproduction.states, motion)
+    if options["via_plot"]:
+        figures[options["via_plot"]] = plots.via_points(
+            adapted.layout, motion, points, baseline=baseline.motion
         )
     return figures
 
 
-def _write(reproduced: Reproduced, figures: "dict[Path, Figure]", arguments: ReproduceOptions) -> None:
+def _write(
+    reproduction: Reproduction, figures: "dict[Path, Figure]", options: dict[str, Any], force: bool
+) -> None:
     writes: list[Callable[[], None]] = [
-        partial(save_figure, figure, path, overwrite=arguments.force) for path, figure in figures.items()
+        partial(save_figure, figure, path, overwrite=force) for path, figure in figures.items()
     ]
-    if arguments.out:
-        writes.append(partial(_write_motion, reproduced, arguments.out, arguments.force))
-    if arguments.gains:
-        writes.append(partial(_write_gains, reproduced, arguments.gains, arguments.force))
+    if options["out"]:
+        writes.append(partial(_write_motion, reproduction, options["out"], force))
+    if options["gains"]:
+        writes.append(partial(_write_gains, reproduction, options["gains"], force))
     write_all(*writes)
 
 
-def _write_motion(reproduced: Reproduced, path: Path, force: bool) -> None:
+def _write_motion(reproduction: Reproduction, path: Path, force: bool) -> None:
     with atomic_file(path, overwrite=force) as part:
-        write_motion(part, reproduced.motion, reproduced.adapted.layout)
+        write_motion(part, reproduction.motion, reproduction.adapted.layout)
 
 
-def _write_gains(reproduced: Reproduced, path: Path, force: bool) -> None:
-    feedback = reproduced.reproduction.feedback
+def _write_gains(reproduction: Reproduction, path: Path, force: bool) -> None:
+    chart = reproduction.tangent_chart
     with atomic_file(path, overwrite=force) as part, part.open("wb") as file:
         np.savez(
             file,
-            gains=feedback.gains,
-            feedforwards=feedback.feedforwards,
-            targets=reproduced.reproduction.reference.targets,
-            weights=reproduced.reproduction.reference.weights,
-            period=np.float64(reproduced.motion.period),
-            columns=np.array(reproduced.reproduction.tangent_skill.layout.names),
-            bases=reproduced.reproduction.tangent_chart.bases
-            if reproduced.reproduction.tangent_chart
-            else np.empty((0, 4)),
+            gains=reproduction.feedback.gains,
+            feedforwards=reproduction.feedback.feedforwards,
+            targets=reproduction.reference.targets,
+            weights=reproduction.reference.weights,
+            period=np.float64(reproduction.motion.period),
+            columns=np.array(reproduction.tangent_skill.layout.names),
+            bases=chart.bases if chart else np.empty((0, 4)),
         )
 
 
 def _position_parts(layout: Layout) -> list[Part]:
-    """The parts that are positions."""
     return [part for part, _ in coordinate_parts(layout) if part.quantity is Quantity.POSITION]
 
 
-def _notes(reproduced: Reproduced, arguments: ReproduceOptions, errors: Sequence[ViaPointError]) -> list[str]:
-    model = reproduced.adapted
-    notes = end_notes(model, reproduced.final_planned_state)
-    notes += start_notes(model, reproduced.motion.x[0])
-    notes += via_point_notes(errors, arguments.via_point)
-    arms = [part.name for part in _position_parts(model.layout)]
-    if arguments.plot and len(arms) > 1:
-        others = ", ".join(arms[1:]) if len(arms) < 5 else f"the {len(arms) - 1} other positions"
-        notes.append(f"the picture shows {arms[0]} alone, not {others}")
-    return notes
-
-
-def _to_result(reproduced: Reproduced, arguments: ReproduceOptions) -> CommandResult:
-    motion, model = reproduced.motion, reproduced.adapted
-    parts: dict[str, dict[str, Any]] = {
-        part.name: _part_to_json(reproduced, here, flat)
-        for (part, here), (_, flat) in zip(
-            coordinate_parts(model.layout), coordinate_parts(model.layout.tangent), strict=True
-        )
-    }
-    files = {
-        name: str(path) for name in ("out", "gains", "plot", "via_plot") if (path := getattr(arguments, name))
-    }
-    errors = via_point_errors(reproduced.points, arguments.via_point, model.layout, motion)
-    notes = _notes(reproduced, arguments, errors)
-    facts = {
-        "skill": str(arguments.skill),
+def _to_result(
+    skill: Path,
+    reproduction: Reproduction,
+    points: Sequence[ViaPoint],
+    options: dict[str, Any],
+    files: dict[str, str],
+) -> CommandResult:
+    adapted, motion = reproduction.adapted, reproduction.motion
+    typed: Sequence[re.Match[str]] = options["via_point"]
+    parts = _parts_to_json(reproduction)
+    errors = via_point_errors(points, typed, adapted.layout, motion)
+    final_state = int(reproduction.states[-1])
+    notes = end_notes(adapted, final_state) + start_notes(adapted, motion.x[0])
+    notes += via_point_notes(errors, typed) + (_plot_notes(adapted.layout) if options["plot"] else [])
+    seconds = round_time(motion.period * (len(motion.x) - 1))
+    data = {
+        "skill": str(skill),
         "steps": len(motion.x),
-        "seconds": round_time(motion.period * (len(motion.x) - 1)),
-        "final_state_reached": reaches_final_state(model, reproduced.final_planned_state),
-        **{fact: {name: values[fact] for name, values in parts.items()} for fact in PART_KEYS},
-        "via_points": [asdict(error) for error in errors],
+        "seconds": seconds,
+        "final_state_reached": reaches_final_state(adapted, final_state),
+        **{key: {name: values[key] for name, values in parts.items()} for key in PART_KEYS},
+        "via_points": errors,
         "notes": notes,
         "files": files,
     }
-    rows = [("steps", f"{len(motion.x)}, {facts['seconds']:g} s")]
-    for part, _ in coordinate_parts(model.layout):
-        rows += _format_part(part, parts[part.name], model.layout)
-    rows += [(error.label, f"missed by {error.error:.3g} {error.unit}") for error in errors]
-    rows += [("note", note) for note in notes]
-    return CommandResult(format_key_values([*rows, *(("written", path) for path in files.values())]), facts)
+    rows = [("steps", f"{len(motion.x)}, {seconds:g} s")]
+    for part, _ in coordinate_parts(adapted.layout):
+        rows += _part_rows(part, parts[part.name], adapted.layout)
+    rows += via_point_rows(errors, typed)
+    rows += [*(("note", note) for note in notes), *(("written", path) for path in files.values())]
+    return CommandResult([key_value_table(rows)], data)
 
 
-def _part_to_json(reproduced: Reproduced, here: slice, flat: slice) -> dict[str, Any]:
-    """Of the columns of one part, and those of its deviations, what PART_FACTS name."""
-    motion, layout = reproduced.motion, reproduced.adapted.layout
-    gaps = distances(layout, here, motion.x, reproduced.reproduction.targets)
-    return {
-        "final": normalise_quaternions(motion.x[-1:], layout)[0, here].tolist(),
-        "max_acceleration": float(np.linalg.norm(motion.u[:, flat], axis=1).max()),
-        "start_to_first_target": float(gaps[0]),
-        "distance_to_reference": {"mean": float(gaps.mean()), "last": float(gaps[-1])},
-    }
+def _plot_notes(layout: Layout) -> list[str]:
+    first, *others = [part.name for part in _position_parts(layout)] or [""]
+    if not others:
+        return []
+    names = ", ".join(others) if len(others) < MAX_LISTED_PARTS - 1 else f"the {len(others)} other positions"
+    return [f"the plot shows only {first}, not {names}"]
 
 
-def _format_part(part: Part, values: dict[str, Any], layout: Layout) -> list[tuple[str, str]]:
+def _parts_to_json(reproduction: Reproduction) -> dict[str, dict[str, Any]]:
+    """Return the values of PART_KEYS for each part: in its unit, orientations in degrees."""
+    motion, layout = reproduction.motion, reproduction.adapted.layout
+    parts: dict[str, dict[str, Any]] = {}
+    for (part, columns), (_, tangent_columns) in zip(
+        coordinate_parts(layout), coordinate_parts(layout.tangent), strict=True
+    ):
+        gaps = distances(layout, columns, motion.x, reproduction.targets)
+        parts[part.name] = {
+            "final": normalise_quaternions(motion.x[-1:], layout)[0, columns].tolist(),
+            "max_acceleration": float(np.linalg.norm(motion.u[:, tangent_columns], axis=1).max()),
+            "start_to_first_target": float(gaps[0]),
+            "distance_to_reference": {"mean": float(gaps.mean()), "last": float(gaps[-1])},
+        }
+    return parts
+
+
+def _part_rows(part: Part, values: dict[str, Any], layout: Layout) -> list[tuple[str, str]]:
     distance, unit = values["distance_to_reference"], distance_unit(layout, layout.columns(part.name))
-    acceleration_unit = (
-        "rad" if part.quantity is Quantity.ORIENTATION else part.unit
-    )  # a quaternion has the unit 1
+    turn_unit = "rad" if part.quantity is Quantity.ORIENTATION else part.unit
     return [
         (f"final {part.name}", f"{' '.join(f'{v:.4f}' for v in values['final'])} [{part.unit}]"),
-        ("  maximum acceleration", f"{values['max_acceleration']:.4g} {acceleration_unit}/s²"),
+        ("  maximum acceleration", f"{values['max_acceleration']:.4g} {turn_unit}/s²"),
         ("  start to first target", f"{round(values['start_to_first_target'], 9):.4g} {unit}"),
-        (
-            "  distance to reference",
-            f"{distance['mean']:.4g} {unit} on average, {distance['last']:.4g} at the end",
-        ),
+        ("  distance to reference", f"mean {distance['mean']:.4g} {unit}, at the end {distance['last']:.4g}"),
     ]

@@ -1,9 +1,7 @@
-"""pilotfish select: which model is the right size for recordings."""
+"""pilotfish select: choose the number of states, the structure and the durations of a model."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -12,27 +10,27 @@ import click
 import numpy as np
 
 from pilotfish.cli.options.candidates import parse_candidates
-from pilotfish.cli.options.learners import CANDIDATE_NAMES
-from pilotfish.cli.options.sources import (
+from pilotfish.cli.options.demonstrations import (
     load_demonstrations,
+    only_option,
     prepare_demonstrations,
+    riemannian_option,
     select_demonstrations,
-    validate_selection,
 )
+from pilotfish.cli.options.durations import CANDIDATE_NAMES
 from pilotfish.cli.options.structures import structure_syntax_list
-from pilotfish.cli.output.answers import (
+from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
+from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
-    format_key_values,
-    format_table,
     print_result,
     require_finite_option,
     require_writable_file,
 )
-from pilotfish.cli.output.pictures import require_matplotlib, save_figure, validate_figure_path
-from pilotfish.cli.output.terminal import is_interactive, progress_bar
+from pilotfish.cli.output.tables import Table, key_value_table
+from pilotfish.cli.output.terminal import progress_bar
 from pilotfish.demonstrations import Demonstration
-from pilotfish.models import MAX_ITERATIONS, Candidate, EMSettings, Score, Selection
+from pilotfish.models import MAX_ITERATIONS, VITERBI, Candidate, EMSettings, Score, Selection
 from pilotfish.models import select as score_candidates
 
 HEADER = (
@@ -43,55 +41,39 @@ HEADER = (
     "log-lik.",
     "BIC",
     "held out",
-    "+-",
+    "std. error",
     "CPU [s]",
     "",
 )
 
 
-@dataclass(frozen=True, slots=True)
-class SelectOptions:
-    """What the options say."""
-
-    folder: str
-    states: str
-    structures: str
-    durations: str
-    out: Path | None
-    regularisation: float
-    max_iterations: int
-    seed: int
-    only: str
-    velocities: bool
-    riemannian: bool
-    force: bool
-
-
 @click.command(
     name="select",
     epilog=example_epilog(
-        "pilotfish select dataset:valve --only 0-3 --states 4:8 --structures full,diagonal --out sizes.png"
+        "pilotfish select dataset:valve --only 0-3 --states 4:8 --structures full,diagonal --out scores.png"
     ),
 )
 @click.argument("folder")
-@click.option("--states", default="3:10", show_default=True, help="How many states: 7, 3:10 or 3,5,8:12.")
+@click.option(
+    "--states", default="3:10", show_default=True, help="Numbers of states, such as 7, 3:10 or 3,5,8:12."
+)
 @click.option(
     "--structures",
     default="full,diagonal,semi-tied",
     show_default=True,
-    help=f"What covariances may look like, with commas between: {structure_syntax_list()}.",
+    help=f"Covariance structures, separated by commas: {structure_syntax_list()}.",
 )
 @click.option(
     "--durations",
-    default="counted",
+    default=VITERBI,
     show_default=True,
-    help=f"What is made of time, with commas between: {', '.join(CANDIDATE_NAMES)}.",
+    help=f"Durations or dynamics, separated by commas: {', '.join(CANDIDATE_NAMES)}.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     callback=validate_figure_path,
-    help="The picture to draw: .png, .svg or .pdf.",
+    help="Plot of the scores to write, as .png, .svg or .pdf.",
 )
 @click.option(
     "--regularisation",
@@ -99,14 +81,14 @@ class SelectOptions:
     callback=require_finite_option,
     default=1e-5,
     show_default=True,
-    help="Added to every variance [unit squared].",
+    help="Variance added to each column of every covariance [unit squared].",
 )
 @click.option(
     "--max-iterations",
     type=click.IntRange(1, MAX_ITERATIONS),
     default=200,
     show_default=True,
-    help="At most so many for each fit.",
+    help="Maximum number of EM iterations per fit.",
 )
 @click.option(
     "--seed",
@@ -115,113 +97,94 @@ class SelectOptions:
     show_default=True,
     help="Seed of the random number generator.",
 )
-@click.option(
-    "--only",
-    default="",
-    callback=validate_selection,
-    help="Which demonstrations, such as 0-3 or 0,2.  [default: all]",
-)
+@only_option
 @click.option(
     "--velocities/--no-velocities",
     default=True,
     show_default=True,
-    help="Add the speed of every column where the recording has none.",
+    help="Add velocities to demonstrations without them.",
 )
-@click.option(
-    "--riemannian/--euclidean",
-    default=False,
-    show_default=True,
-    help="Whether unit quaternions are orientations on their sphere, or four numbers like any others.",
-)
-@click.option("--force", is_flag=True, help="Replace the picture if it is there already.")
+@riemannian_option
+@click.option("--force", is_flag=True, help="Replace an existing plot.")
 @print_result
-def select(**options: Any) -> CommandResult:
-    """Find out which model suits the recordings in FOLDER: how many states, which structure and durations.
+def select(
+    folder: str, states: str, structures: str, durations: str, out: Path | None, **options: Any
+) -> CommandResult:
+    """Compare models of the demonstrations in FOLDER by cross-validation and select one.
 
-    Every combination is learned from all demonstrations but one, and scored by the one, for each in turn.
-    FOLDER may also be dataset:NAME.
+    Every combination of state count, structure and durations is learned from all demonstrations but one, and
+    scored on that one, for each demonstration in turn. FOLDER may also be dataset:NAME.
     """
-    arguments = SelectOptions(**options)
-    candidates = parse_candidates(arguments.states, arguments.structures, arguments.durations)
-    if arguments.out:
+    candidates = parse_candidates(states, structures, durations)
+    if out:
         require_matplotlib()
-    require_writable_file(arguments.out, force=arguments.force)
+    require_writable_file(out, force=options["force"])
     demonstrations = prepare_demonstrations(
-        select_demonstrations(load_demonstrations(arguments.folder), arguments.only),
-        riemannian=arguments.riemannian,
-        velocities=arguments.velocities,
+        select_demonstrations(load_demonstrations(folder), options["only"]),
+        riemannian=options["riemannian"],
+        velocities=options["velocities"],
     )
-    selection, seconds = _score_candidates(demonstrations, candidates, arguments)
-    best = selection.best
-    if arguments.out:
-        from pilotfish import plots  # needs matplotlib
+    settings = EMSettings(regularisation=options["regularisation"], max_iterations=options["max_iterations"])
+    selection, seconds = _score_candidates(demonstrations, candidates, settings, options["seed"])
+    best = selection.best  # raises if no candidate could be learned
+    if out:
+        from pilotfish import plots
 
-        save_figure(plots.model_selection(selection), arguments.out, overwrite=arguments.force)
-    return _to_result(selection, best, seconds, arguments)
+        save_figure(plots.model_selection(selection), out, overwrite=options["force"])
+    return _to_result(selection, best, seconds, out)
 
 
 def _score_candidates(
-    demonstrations: Sequence[Demonstration], candidates: Sequence[Candidate], arguments: SelectOptions
-) -> tuple[Selection, dict[Candidate, float]]:
-    """The scores, and the CPU seconds that each candidate took, its failures included."""
-    settings = EMSettings(regularisation=arguments.regularisation, max_iterations=arguments.max_iterations)
-    seconds: dict[Candidate, float] = {}
-    with _progress(len(candidates)) as advance:
+    demonstrations: Sequence[Demonstration],
+    candidates: Sequence[Candidate],
+    settings: EMSettings,
+    seed: int,
+) -> tuple[Selection, dict[int, float]]:
+    """Return the scores, and the CPU time [s] of each candidate by its id."""
+    seconds: dict[int, float] = {}
+    with progress_bar(len(candidates), "selecting") as advance:
         last_time = [time.process_time()]
 
         def record_time(candidate: Candidate) -> None:
             now = time.process_time()
-            seconds[candidate] = now - last_time.pop()
+            seconds[id(candidate)] = now - last_time.pop()
             last_time.append(now)
             advance(candidate.label)
 
-        rng = np.random.default_rng(arguments.seed)
-        return score_candidates(
+        rng = np.random.default_rng(seed)
+        selection = score_candidates(
             demonstrations, candidates, rng=rng, settings=settings, callback=record_time
-        ), seconds
-
-
-@contextmanager
-def _progress(n_candidates: int) -> Iterator[Callable[[str], None]]:
-    """What to call with the name of each candidate that is done; a person who watches sees a bar."""
-    if not is_interactive():
-        yield lambda _: None
-        return
-    with progress_bar(n_candidates, "selecting") as advance:
-        yield advance
+        )
+    return selection, seconds
 
 
 def _to_result(
-    selection: Selection, best: Score, seconds: dict[Candidate, float], arguments: SelectOptions
+    selection: Selection, best: Score, seconds: dict[int, float], out: Path | None
 ) -> CommandResult:
-    marks = {id(selection.lowest_bic): "lowest BIC", id(selection.highest_held_out): "highest"}
+    marks = {id(selection.lowest_bic): "lowest BIC", id(selection.highest_held_out): "highest held out"}
     marks[id(best)] = "selected"
     rows = [
-        _format_score(score, seconds[score.candidate], marks.get(id(score), "")) for score in selection.scores
+        _score_row(score, seconds[id(score.candidate)], marks.get(id(score), ""))
+        for score in selection.scores
     ]
     notes = [("selected", best.candidate.label)]
-    notes += [
-        ("failed", f"{candidate.label}: {' '.join(reason.split())}")
-        for candidate, reason in selection.failures
-    ]
-    notes += [("plot", str(arguments.out))] if arguments.out else []
-    facts = {
+    notes += [("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures]
+    notes += [("plot", str(out))] if out else []
+    data = {
         "selected": _score_to_json(best, seconds),
-        "highest_likelihood": selection.highest_held_out.candidate.label,
+        "highest_held_out": selection.highest_held_out.candidate.label,
         "lowest_bic": selection.lowest_bic.candidate.label,
         "scores": [_score_to_json(score, seconds) for score in selection.scores],
-        "failures": [
-            {**_candidate_to_json(candidate), "reason": reason} for candidate, reason in selection.failures
-        ],
-        "plot": str(arguments.out) if arguments.out else None,
+        "failures": [{**_candidate_to_json(c), "reason": reason} for c, reason in selection.failures],
+        "plot": str(out) if out else None,
     }
-    return CommandResult(f"{format_table(HEADER, rows)}\n\n{format_key_values(notes)}", facts)
+    return CommandResult([Table(HEADER, tuple(rows)), key_value_table(notes)], data)
 
 
-def _format_score(score: Score, seconds: float, mark: str) -> list[str]:
+def _score_row(score: Score, seconds: float, mark: str) -> tuple[str, ...]:
     candidate = score.candidate
     dropped = candidate.states - score.states
-    return [
+    return (
         f"{candidate.states}" + (f" ({dropped} dropped)" if dropped else ""),
         candidate.structure.label,
         candidate.dynamics_label,
@@ -232,7 +195,7 @@ def _format_score(score: Score, seconds: float, mark: str) -> list[str]:
         f"{score.standard_error:.2f}",
         f"{seconds:.2f}",
         mark,
-    ]
+    )
 
 
 def _candidate_to_json(candidate: Candidate) -> dict[str, Any]:
@@ -243,7 +206,7 @@ def _candidate_to_json(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _score_to_json(score: Score, seconds: dict[Candidate, float]) -> dict[str, Any]:
+def _score_to_json(score: Score, seconds: dict[int, float]) -> dict[str, Any]:
     return {
         **_candidate_to_json(score.candidate),
         "learned_states": score.states,
@@ -253,10 +216,10 @@ def _score_to_json(score: Score, seconds: dict[Candidate, float]) -> dict[str, A
         "held_out_log_likelihood": [_finite_or_none(value) for value in score.held_out.tolist()],
         "mean": _finite_or_none(score.held_out_mean),
         "standard_error": _finite_or_none(score.standard_error),
-        "cpu_seconds": seconds[score.candidate],
+        "cpu_seconds": seconds[id(score.candidate)],
     }
 
 
 def _finite_or_none(value: float) -> float | None:
-    """JSON has no infinity: a demonstration that is impossible under the model of the others is null."""
+    """Return None for infinity, which JSON lacks: a demonstration that the model of the others excludes."""
     return value if isfinite(value) else None

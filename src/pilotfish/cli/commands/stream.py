@@ -1,299 +1,271 @@
-"""pilotfish stream: a model that grows while datapoints arrive, and the skill that it is."""
+"""pilotfish stream: learn an online model while datapoints arrive."""
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
 
-from pilotfish.cli.options.sources import (
+from pilotfish.cli.options.demonstrations import (
     DATASET_PREFIX,
+    demonstration_files,
     load_demonstrations,
+    only_option,
     prepare_demonstrations,
-    recording_files,
     select_demonstrations,
-    validate_selection,
 )
-from pilotfish.cli.output.answers import (
+from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
     require_finite_option,
     require_writable_file,
 )
+from pilotfish.cli.output.skill_descriptions import state_blocks
+from pilotfish.cli.output.tables import key_value_table
 from pilotfish.cli.output.terminal import print_note
 from pilotfish.cli.stream.batches import demonstration_events, regroup_batches, stop_at_rejection, take_rows
-from pilotfish.cli.stream.descriptions import described, online_model_facts, session_facts, session_rows
+from pilotfish.cli.stream.learner_options import (
+    Options,
+    build_maintenance,
+    build_settings,
+    given_options,
+    learner_options,
+)
 from pilotfish.cli.stream.lines import ColumnHeader, StreamEvent, read_stream
-from pilotfish.cli.stream.options import learner_options
-from pilotfish.cli.stream.session import OutputFiles, SessionMonitor, StreamSession, infer_layout, run_session
-from pilotfish.cli.stream.settings import LearnerOptions, build_maintenance, build_settings, option_name
+from pilotfish.cli.stream.model_descriptions import online_model_rows, online_model_to_json
+from pilotfish.cli.stream.outputs import SessionOutputs
+from pilotfish.cli.stream.session import ModelFactory, StreamSession, infer_layout
 from pilotfish.cli.stream.signals import SIGNAL_EXIT_OFFSET, catch_signals
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.io import is_folder, open_stream, resolve_path
 from pilotfish.models import MAX_STATES, learn, online
 
-PERIOD, STATES, SEED = 0.01, 7, 0
-
-
-@dataclass(frozen=True, slots=True)
-class StreamOptions:
-    """What the options say, but for those of the learner; None is not given."""
-
-    source: str
-    out: Path | None
-    skill: Path | None
-    resume: Path | None
-    period: float | None
-    rows: int | None
-    every: int | None
-    from_batch: int | None
-    states: int | None
-    seed: int | None
-    only: str
-    velocities: bool | None
-    strict: bool
-    save_every: float
-    force: bool
-
-    @property
-    def recorded(self) -> bool:
-        """Whether SOURCE holds recordings, not rows."""
-        return self.source.startswith(DATASET_PREFIX) or is_folder(self.source)
-
-
+PERIOD, STATES, SEED = 0.01, 7, 0  # defaults; None means not given, because each option excludes others
 FILE = click.Path(path_type=Path)
+Events = Callable[[Callable[[], int]], Iterator[StreamEvent]]  # from a function that returns whether to stop
 
 
 @click.command(
     epilog=example_epilog(
-        "pilotfish stream dataset:valve --from-batch 4 --out valve.stream --skill grown.skill",
+        "pilotfish stream dataset:valve --from-batch 4 --out valve.stream --skill online.skill",
         "robot | pilotfish stream - --learner dp-gmm --cluster .04 --noise 1e-4 --out now.stream",
     )
 )
 @click.argument("source")
-@click.option("--out", type=FILE, help="The stream file to write: the model, to go on from.")
-@click.option("--skill", type=FILE, help="The skill file to write: what the model reads out as.")
-@click.option("--resume", type=FILE, help="A stream file to go on from; it has the penalties and the period.")
+@click.option("--out", type=FILE, help="Stream file to write: the online model, which --resume continues.")
+@click.option("--skill", type=FILE, help="Skill file to write: the online model, converted to a skill.")
+@click.option("--resume", type=FILE, help="Stream file to continue, with its penalties and period.")
 @learner_options
 @click.option(
     "--period",
     type=click.FloatRange(min=0.0, min_open=True),
     callback=require_finite_option,
-    help=f"The time between rows of numbers [s].  [default: {PERIOD}]",
+    help=f"Time between rows of numbers [s].  [default: {PERIOD}]",
 )
-@click.option("--rows", type=click.IntRange(min=1), help="Stop after so many datapoints.")
-@click.option("--every", type=click.IntRange(min=1), help="Print a line each so many datapoints.")
+@click.option("--rows", type=click.IntRange(min=1), help="Maximum number of datapoints to read.")
+@click.option(
+    "--every", type=click.IntRange(min=1), help="Number of datapoints after which a progress line is printed."
+)
 @click.option(
     "--from-batch",
     type=click.IntRange(min=1),
-    help="Of recordings, learn the first so many at once, begin from that, and stream the rest; penalties "
-    "that are not given are guessed from them.",
+    help="Number of demonstrations from which an initial model is learned offline, and from which penalties "
+    "that are not given are estimated; the other demonstrations are streamed.",
 )
 @click.option(
     "--states",
     type=click.IntRange(1, MAX_STATES),
-    help=f"How many states --from-batch learns.  [default: {STATES}]",
+    help=f"Number of states of the initial model of --from-batch.  [default: {STATES}]",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), help=f"Seed of all chance of --from-batch.  [default: {SEED}]"
+    "--seed",
+    type=click.IntRange(min=0),
+    help=f"Seed of the random number generator of --from-batch.  [default: {SEED}]",
 )
-@click.option(
-    "--only",
-    default="",
-    callback=validate_selection,
-    help="Which recordings, such as 0-3 or 0,2.  [default: all]",
-)
+@only_option
 @click.option(
     "--velocities/--no-velocities",
     default=None,
-    help="Add the speed of every column where the recording has none; replay needs it.  [default: velocities]",
+    help="Add velocities to demonstrations without them; `reproduce` needs them.  [default: velocities]",
 )
-@click.option("--strict", is_flag=True, help="Stop at the first line that is refused, with exit code 1.")
+@click.option("--strict", is_flag=True, help="Stop at the first rejected line, with exit code 1.")
 @click.option(
     "--save-every",
     type=click.FloatRange(min=0.0),
     callback=require_finite_option,
     default=0.0,
-    help="Write the files every so many seconds too.  [default: at the end alone]",
+    help="Time between saves of the files [s].  [default: only at the end]",
 )
-@click.option("--force", is_flag=True, help="Replace files that are there already, that of --resume too.")
+@click.option("--force", is_flag=True, help="Replace existing files, also the file of --resume.")
 @print_result
-def stream(**options: Any) -> CommandResult:
-    """Learn from SOURCE datapoint by datapoint, each used once and dropped, and keep what has grown.
+def stream(source: str, **options: Any) -> CommandResult:
+    """Learn an online model from SOURCE, one datapoint at a time.
 
-    SOURCE is - for rows of numbers on standard input, a file of such rows, a folder of recordings, or
-    dataset:NAME. Ctrl-C ends the stream; what was learned is kept.
+    SOURCE is - for rows of numbers on standard input, a file of such rows, a folder of demonstrations, or
+    dataset:NAME. Each datapoint is used once. Ctrl-C ends the stream and keeps what was learned.
     """
-    learner = {field.name: options.pop(field.name) for field in fields(LearnerOptions)}
-    choice, learner_choice = StreamOptions(**options), LearnerOptions(**learner)
-    _validate_options(choice, learner_choice)
-    _validate_outputs(choice)
-    session = StreamSession(open_stream(choice.resume) if choice.resume else None)
-    stream_source = (_recording_source if choice.recorded else _row_source)(session, choice, learner_choice)
-    outputs = OutputFiles(choice.out, choice.skill, choice.save_every, choice.force)
+    is_recorded = source.startswith(DATASET_PREFIX) or is_folder(source)
+    _validate_options(is_recorded, options)
+    _validate_outputs(source, options)
+    resumed = open_stream(options["resume"]) if options["resume"] else None
+    outputs = SessionOutputs(options["out"], options["skill"], options["save_every"], options["force"])
+    open_events = _open_demonstrations if is_recorded else _open_rows
+    settings, model, create_model, events = open_events(source, resumed, options)
     with catch_signals() as stopped:
-        monitor = SessionMonitor(session, outputs, choice.every, stopped)
-        stream_error = _run(stream_source, monitor, choice, stopped)
-        return _finish(monitor, choice, stream_error)
+        session = StreamSession(model, outputs, options["every"], stopped)
+        failure = _run(session, events(stopped), create_model, settings.maintenance.batch, options)
+        may_be_empty = options["from_batch"] or source == os.devnull
+        if session.model is None or not session.model.clusters or not (session.observed or may_be_empty):
+            return _report_no_datapoint(session)
+        return _finish(session, session.model, failure, options["strict"])
 
 
-@dataclass(frozen=True, slots=True)
-class StreamSource:
-    """Where datapoints come from, and the model that their columns begin."""
-
-    settings: online.OnlineSettings
-    create_model: Callable[[ColumnHeader], online.OnlineModel]
-    events: Callable[[Callable[[], int]], Iterator[StreamEvent]]
-
-
-def _row_source(
-    session: StreamSession, choice: StreamOptions, learner_choice: LearnerOptions
-) -> StreamSource:
-    """Rows of numbers; the model begins when the first of them tells how wide they are."""
-    model = session.model
-    settings = model.settings if model else build_settings(learner_choice)
-    width = len(model.frame_names) * model.layout.width if model else None
+def _open_rows(
+    source: str, resumed: online.OnlineModel | None, options: Options
+) -> tuple[online.OnlineSettings, online.OnlineModel | None, ModelFactory, Events]:
+    """Return settings, model, model factory and events of rows of numbers."""
+    settings = resumed.settings if resumed else build_settings(options)
+    width = len(resumed.frame_names) * resumed.layout.width if resumed else None
 
     def create_model(columns: ColumnHeader) -> online.OnlineModel:
-        return online.online_model(settings, infer_layout(columns), choice.period or PERIOD)
+        return online.online_model(settings, infer_layout(columns), options["period"] or PERIOD)
 
-    return StreamSource(settings, create_model, lambda stopped: read_stream(choice.source, width, stopped))
+    return settings, resumed, create_model, lambda stopped: read_stream(source, width, stopped)
 
 
-def _recording_source(
-    session: StreamSession, choice: StreamOptions, learner_choice: LearnerOptions
-) -> StreamSource:
-    """Recordings, some of which the model may begin with."""
-    shown: Sequence[Demonstration] = prepare_demonstrations(
-        select_demonstrations(load_demonstrations(choice.source), choice.only),
+def _open_demonstrations(
+    source: str, resumed: online.OnlineModel | None, options: Options
+) -> tuple[online.OnlineSettings, online.OnlineModel, ModelFactory, Events]:
+    """Return settings, model, model factory and events of demonstrations."""
+    demonstrations = prepare_demonstrations(
+        select_demonstrations(load_demonstrations(source), options["only"]),
         riemannian=False,
-        velocities=choice.velocities is not False,
+        velocities=options["velocities"] is not False,
     )
-    if choice.from_batch:
-        model, shown = _fit_first_batch(shown, choice.from_batch, choice, learner_choice)
+    if batch := options["from_batch"]:
+        model = _fit_batch(demonstrations, batch, options)
+        demonstrations = demonstrations[batch:]
     else:
-        model = session.model or _empty_model(shown[0], build_settings(learner_choice))
-    session.model = model
-    return StreamSource(model.settings, lambda _: model, lambda stopped: demonstration_events(shown, stopped))
+        model = resumed or _empty_model(demonstrations[0], build_settings(options))
+    return (
+        model.settings,
+        model,
+        lambda _: model,
+        lambda stopped: demonstration_events(demonstrations, stopped),
+    )
 
 
 def _empty_model(demo: Demonstration, settings: online.OnlineSettings) -> online.OnlineModel:
     return online.online_model(settings, demo.layout, demo.period, tuple(frame.name for frame in demo.frames))
 
 
-def _fit_first_batch(
-    shown: Sequence[Demonstration], first: int, choice: StreamOptions, learner_choice: LearnerOptions
-) -> tuple[online.OnlineModel, Sequence[Demonstration]]:
-    """What the first recordings teach at once, as a model, and those that are left."""
-    if first > len(shown):
+def _fit_batch(demonstrations: tuple[Demonstration, ...], batch: int, options: Options) -> online.OnlineModel:
+    """Learn the initial model of --from-batch from the first demonstrations."""
+    if batch > len(demonstrations):
         raise InvalidInput(
-            f"--from-batch is {first}, but there are {len(shown)} recordings; say at most that"
+            f"--from-batch is {batch}, expected at most {len(demonstrations)}, the number of demonstrations"
         )
-    batch = shown[:first]
-    states, seed = choice.states or STATES, choice.seed or SEED
-    skill = learn(batch, states=states, rng=np.random.default_rng(seed)).skill
-    estimated = online.estimate_penalties(skill, batch, maintenance=build_maintenance(learner_choice))
-    return online.from_batch_fit(skill, batch, build_settings(learner_choice, estimated)), shown[first:]
+    first = demonstrations[:batch]
+    rng = np.random.default_rng(options["seed"] or SEED)
+    skill = learn(first, states=options["states"] or STATES, rng=rng).skill
+    estimate = online.estimate_penalties(skill, first, maintenance=build_maintenance(options))
+    return online.from_batch_fit(skill, first, build_settings(options, estimate))
 
 
 def _run(
-    stream_source: StreamSource, monitor: SessionMonitor, choice: StreamOptions, stopped: Callable[[], int]
+    session: StreamSession,
+    events: Iterator[StreamEvent],
+    create_model: ModelFactory,
+    batch: int,
+    options: Options,
 ) -> InvalidInput | None:
-    """Learns until the stream ends or breaks, or is stopped; what broke it."""
-    events = take_rows(stream_source.events(stopped), choice.rows)
-    learner_choice = stop_at_rejection(events) if choice.strict else events
+    """Run the session; return the failure that ended the stream, if datapoints came before it."""
+    events = take_rows(events, options["rows"])
+    if options["strict"]:
+        events = stop_at_rejection(events)
     try:
-        run_session(
-            regroup_batches(learner_choice, stream_source.settings.maintenance.batch),
-            stream_source.create_model,
-            monitor,
-        )
+        session.run(regroup_batches(events, batch), create_model)
     except InvalidInput as error:
-        if not monitor.session.observed:
+        if not session.observed:
             raise
         return error
     finally:
-        monitor.clear()
+        session.clear_status()
     return None
 
 
 def _finish(
-    monitor: SessionMonitor, choice: StreamOptions, stream_error: InvalidInput | None
+    session: StreamSession, model: online.OnlineModel, failure: InvalidInput | None, strict: bool
 ) -> CommandResult:
-    """The files are written; what has grown, and how the stream ended."""
-    session, model = monitor.session, monitor.session.model
-    begun = choice.from_batch or choice.source == os.devnull  # there may be nothing to observe
-    if model is None or not model.clusters or not (session.observed or begun):
-        return _report_no_datapoint(session, monitor.stopped())
-    files = monitor.outputs.save(model)
+    """Write the files and describe the model."""
+    files = session.outputs.save(model)
     skill = online.to_skill(model)
-    stopped = monitor.stopped()  # a signal that comes while files are written counts too
-    if stream_error:
-        monitor.print_note(f"the stream broke: {stream_error}")
-    rows = [*session_rows(session), *files.items()]
-    facts = {
-        **online_model_facts(model, skill),
-        **session_facts(session),
-        "history": monitor.history,
+    stopped = session.stopped()  # also a signal that arrived while the files were written
+    if failure:
+        session.print_note(f"the stream failed: {failure}")
+    data = {
+        **online_model_to_json(model, skill),
+        **session.to_json(),
+        "history": session.history,
         "files": files,
-        "error": str(stream_error) if stream_error else None,
+        "error": str(failure) if failure else None,
         "stopped": signal.Signals(stopped).name if stopped else None,
     }
-    failed = stream_error is not None or monitor.outputs.renamed or (choice.strict and session.rejected > 0)
-    return CommandResult(
-        described(model, skill, rows),
-        facts,
-        exit_code=SIGNAL_EXIT_OFFSET + stopped if stopped else int(failed),
-    )
+    rows = [*online_model_rows(model), *session.to_rows(), *files.items()]
+    has_failed = failure is not None or session.outputs.was_renamed or (strict and session.rejected > 0)
+    exit_code = SIGNAL_EXIT_OFFSET + stopped if stopped else int(has_failed)
+    return CommandResult([*state_blocks(skill), key_value_table(rows)], data, exit_code)
 
 
-def _report_no_datapoint(session: StreamSession, stopped: int) -> CommandResult:
-    """No datapoint came: a refusal, unless someone stopped the stream.    Raises: InvalidInput."""
-    if stopped:
+def _report_no_datapoint(session: StreamSession) -> CommandResult:
+    """Raise InvalidInput because no datapoint arrived, unless a signal stopped the stream."""
+    if stopped := session.stopped():
         print_note("stopped before the first datapoint; no file was written")
-        return CommandResult("", session_facts(session), exit_code=SIGNAL_EXIT_OFFSET + stopped)
+        return CommandResult((), session.to_json(), exit_code=SIGNAL_EXIT_OFFSET + stopped)
     if session.rejected_lines:
         first = session.rejected_lines[0]
         raise InvalidInput(
-            f"none of {session.rejected} lines is a datapoint: line {first.line}: {first.reason}; no file was "
-            "written"
+            f"all {session.rejected} lines were rejected; line {first.line}: {first.reason}; "
+            "no file was written"
         )
-    raise InvalidInput("no datapoint came, expected at least one row of numbers; no file was written")
+    raise InvalidInput(
+        "the stream has no datapoint, expected at least one row of numbers; no file was written"
+    )
 
 
-def _validate_options(choice: StreamOptions, learner_choice: LearnerOptions) -> None:
-    """Raises: click.UsageError, when options are at odds with the source or each other."""
-    batched = _given(choice, "states", "seed")
-    recorded = [*_given(choice, "from_batch", "velocities"), *(["--only"] if choice.only else [])]
-    fixed = [*learner_choice.given, *_given(choice, "from_batch", "period")]
-    if choice.resume and fixed:
-        raise click.UsageError(f"{fixed[0]} is as the file of --resume has it; leave it out, or begin anew")
-    if recorded and not choice.recorded:
+def _validate_options(is_recorded: bool, options: Options) -> None:
+    """Raise click.UsageError if options exclude each other or do not suit the source."""
+    batch_only = given_options(options, ("states", "seed"))
+    recorded_only = [
+        *given_options(options, ("from_batch", "velocities")),
+        *(["--only"] if options["only"] else []),
+    ]
+    fixed = [*given_options(options), *given_options(options, ("from_batch", "period"))]
+    if options["resume"] and fixed:
         raise click.UsageError(
-            f"{recorded[0]} goes with a folder of recordings or dataset:NAME, not with rows"
+            f"{fixed[0]} is stored in the file of --resume; omit it, or start without --resume"
         )
-    if batched and not choice.from_batch:
-        raise click.UsageError(f"{batched[0]} goes with --from-batch, which learns some recordings at once")
-    if choice.recorded and choice.period:
-        raise click.UsageError("--period goes with rows of numbers; recordings have their own")
-    if choice.save_every and not (choice.out or choice.skill):
-        raise click.UsageError("--save-every goes with --out or --skill, which name what to save")
+    if recorded_only and not is_recorded:
+        raise click.UsageError(
+            f"{recorded_only[0]} needs a folder of demonstrations or dataset:NAME, not rows of numbers"
+        )
+    if batch_only and not options["from_batch"]:
+        raise click.UsageError(f"{batch_only[0]} needs --from-batch, which learns an initial model offline")
+    if is_recorded and options["period"]:
+        raise click.UsageError("--period needs rows of numbers; demonstrations have their own period")
+    if options["save_every"] and not (options["out"] or options["skill"]):
+        raise click.UsageError("--save-every needs --out or --skill, the file to save")
 
 
-def _given(choice: StreamOptions, *names: str) -> list[str]:
-    return [option_name(name) for name in names if getattr(choice, name) is not None]
-
-
-def _validate_outputs(choice: StreamOptions) -> None:
-    """No output is what is read, but for the file of --resume, which the model may replace by force."""
-    source = Path(choice.source)
-    read = recording_files(source) if is_folder(source) else [source]
-    if choice.resume and not (choice.out and resolve_path(choice.out) == resolve_path(choice.resume)):
-        read.append(choice.resume)
-    require_writable_file(choice.out, choice.skill, force=choice.force, inputs=read)
+def _validate_outputs(source: str, options: Options) -> None:
+    """Check that outputs replace no input; the model may replace the file of --resume with --force."""
+    inputs = demonstration_files(Path(source)) if is_folder(source) else [Path(source)]
+    out, resume = options["out"], options["resume"]
+    if resume and not (out and resolve_path(out) == resolve_path(resume)):
+        inputs.append(resume)
+    require_writable_file(out, options["skill"], force=options["force"], inputs=inputs)

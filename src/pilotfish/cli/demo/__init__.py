@@ -1,1 +1,1 @@
-"""The command `pilotfish demo`."""
+"""The command `pilotfish demo`: learn, reproduce and simulate the published valve experiment."""

@@ -1,4 +1,4 @@
-"""The skill of the demonstration in physics: the robot opens the valve that the recording was made on."""
+"""Simulation of the demo: the robot opens the recorded valve along each reproduced motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,10 @@ from math import degrees
 
 import numpy as np
 
-from pilotfish.cli.demo.demonstrations import StructureEvaluation
+from pilotfish.cli.demo.evaluation_tables import StructureEvaluation
 from pilotfish.cli.demo.protocol import TRAINING_DEMONSTRATIONS
-from pilotfish.cli.output.report import Film, ReportFigure, Section, Table
+from pilotfish.cli.output.html_report import Image, Section, figure_image
+from pilotfish.cli.output.tables import Table
 from pilotfish.demonstrations import Demonstration, Frame
 from pilotfish.environments import RECORDED_VALVE, Outcome, RecordedValve, Workcell
 from pilotfish.geometry import Pose, normalise
@@ -16,22 +17,36 @@ from pilotfish.planning import Reproduction
 from pilotfish.simulation import FilmRecorder, encode_film, film_strip
 
 STEPS_PER_SECOND = 1000
-ABOUT = (
-    "Each reproduction was carried out by a simulated Baxter on a valve of the recording's dimensions: torques at "
-    "1 kHz draw the tool to the planned pose as springs and dampers would, and the lever turns only if it is "
-    "turned. The recording tells nothing of the gripper: here it shuts where the plan comes nearest to the "
-    "handle before the turn, and opens where it comes nearest to it after. Friction and masses of the valve "
-    "are chosen. It counts as open within 10 degrees of where the person left it, and nearer to that than to "
-    "where it began."
+INTRODUCTION = (
+    "A simulated Baxter executed each reproduction on a valve with the dimensions of the recorded one. An "
+    "impedance controller at 1 kHz tracks the planned pose; the lever turns only through contact. The "
+    "recording does not contain the gripper. Here it closes where the plan is nearest to the handle before "
+    "the turn, and opens where the plan is nearest to the handle after it. Friction and masses of the valve "
+    "are assumed. The valve counts as open within 10 degrees of the angle at which the person left it, if it "
+    "is nearer to that angle than to its initial one."
+)
+HEADER = (
+    "situation",
+    "demonstrated",
+    "open",
+    "required turn [deg]",
+    "remaining turn [deg]",
+    "peak force [N]",
+    "max. deviation [mm]",
 )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ValveResult:
-    """A reproduction carried out: how the valve stands in the end, and how it came to that.
+    """Result of a reproduction that was executed in simulation.
 
-    force is the largest on the tool [N], away the largest distance between the tool and where it was asked
-    to be [m]; turn is how far the valve had to turn [rad].
+    Attributes:
+        name: Name of the demonstration whose situation it is.
+        new: Whether the situation was not demonstrated.
+        outcome: Whether the valve is open, and its remaining angle [rad].
+        turn: Angle by which the valve has to turn [rad].
+        force: Peak force on the tool [N].
+        max_deviation: Largest distance between the tool and its commanded position [m].
     """
 
     name: str
@@ -42,78 +57,68 @@ class ValveResult:
     max_deviation: float
 
 
-def simulate_reproductions(evaluation: StructureEvaluation, *, pictures: bool) -> tuple[Section, Table]:
-    """Every reproduction of a lesson carried out, those that begin where the person did: a section of the report,
-    with a film of the first new one where pictures can be drawn, and its table.
+def simulate_reproductions(evaluation: StructureEvaluation, *, with_images: bool) -> tuple[Section, Table]:
+    """Execute the reproductions that start at the first point of each demonstration.
+
+    Args:
+        evaluation: Reproductions to execute.
+        with_images: Whether to render a film of the first new situation.
+
+    Returns:
+        A section of the report, and the table in it.
     """
-    filmed = evaluation.from_first_point[TRAINING_DEMONSTRATIONS].motion.x[:, :3]
-    camera = FilmRecorder(path=filmed) if pictures else None
-    done = [
+    filmed = TRAINING_DEMONSTRATIONS
+    path = evaluation.from_first_point[filmed].motion.x[:, :3]
+    camera = FilmRecorder(path=path) if with_images else None
+    results = [
         simulate_reproduction(
             reproduction,
-            demonstrations,
+            demonstration,
             m >= TRAINING_DEMONSTRATIONS,
-            camera if m == TRAINING_DEMONSTRATIONS else None,
+            camera if m == filmed else None,
         )
-        for m, (reproduction, demonstrations) in enumerate(
+        for m, (reproduction, demonstration) in enumerate(
             zip(evaluation.from_first_point, evaluation.demonstrations, strict=True)
         )
     ]
-    measured = table(done)
-    films = _films(camera, evaluation.demonstrations[TRAINING_DEMONSTRATIONS].name) if camera else ()
-    return Section("In physics", (ABOUT, measured, *films)), measured
-
-
-def _films(camera: FilmRecorder, name: str) -> tuple[Film | ReportFigure, ...]:
-    camera.close()
-    return (
-        Film(
-            encode_film(camera.images),
-            f"{name}, new to the skill, as it was carried out; the planned path of the tool in orange.",
-            "The robot's right arm reaches for the lever of a valve, shuts its gripper around it, turns it "
-            "to a green mark, lets go and withdraws.",
-        ),
-        ReportFigure(
-            film_strip(camera.images, camera.times),
-            "The same at six moments.",
-            "Six pictures of the robot and the valve, with the time of each.",
-        ),
-    )
+    table = result_table(results)
+    images = _film_images(camera, evaluation.demonstrations[filmed].name) if camera else ()
+    return Section("Simulation", (INTRODUCTION, table, *images)), table
 
 
 def simulate_reproduction(
-    reproduction: Reproduction, demonstrations: Demonstration, new: bool, camera: FilmRecorder | None
+    reproduction: Reproduction, demonstration: Demonstration, new: bool, camera: FilmRecorder | None
 ) -> ValveResult:
-    """The motion of a reproduction, in the physics of the valve that was there."""
+    """Execute the motion of a reproduction on the valve of a demonstration.
+
+    Args:
+        reproduction: Motion to execute.
+        demonstration: Demonstration whose frames give the valve before and after the turn.
+        new: Whether the situation was not demonstrated.
+        camera: Records a film; None records none.
+
+    Returns:
+        Result of the simulation.
+    """
     poses = [Pose(row[:3].copy(), normalise(row[3:7])) for row in reproduction.motion.x]
-    before, after = (_pose(frame) for frame in demonstrations.frames if isinstance(frame, Frame))
+    before, after = (_frame_pose(frame) for frame in demonstration.frames if isinstance(frame, Frame))
     valve = RecordedValve(before, after, poses[0])
-    shut = _nearest(poses, before)
-    open_again = shut + _nearest(poses[shut:], after)
+    closing = _nearest(poses, before)
+    opening = closing + _nearest(poses[closing:], after)
     cell, max_deviation = Workcell(RECORDED_VALVE, valve), 0.0
+    ticks = round(demonstration.period * STEPS_PER_SECOND)
     for t, pose in enumerate(poses):
-        cell.step_impedance(
-            pose, float(shut <= t < open_again), round(demonstrations.period * STEPS_PER_SECOND)
-        )
+        cell.step_impedance(pose, float(closing <= t < opening), ticks)
         max_deviation = max(max_deviation, float(np.linalg.norm(cell.arm.tool.position - pose.position)))
         if camera:
             camera(cell)
     return ValveResult(
-        demonstrations.name, new, cell.outcome(), valve.turn, cell.peak_forces["tool"], max_deviation
+        demonstration.name, new, cell.outcome(), valve.turn, cell.peak_forces["tool"], max_deviation
     )
 
 
-def _pose(frame: Frame) -> Pose:
-    """Where the object of a frame stood, for the columns of a pose."""
-    return Pose(frame.b[:3].copy(), normalise(frame.A[3:7, 3]))
-
-
-def _nearest(poses: Sequence[Pose], to: Pose) -> int:
-    return int(np.argmin([np.linalg.norm(pose.position - to.position) for pose in poses]))
-
-
-def table(done: Sequence[ValveResult]) -> Table:
-    """How each went."""
+def result_table(results: Sequence[ValveResult]) -> Table:
+    """Return a table with a row for each result."""
     rows = [
         (
             result.name,
@@ -124,15 +129,33 @@ def table(done: Sequence[ValveResult]) -> Table:
             f"{result.force:.0f}",
             f"{1000 * result.max_deviation:.0f}",
         )
-        for result in done
+        for result in results
     ]
-    header = (
-        "situation",
-        "was it shown",
-        "open",
-        "to turn [deg]",
-        "left to turn [deg]",
-        "force [N]",
-        "off path [mm]",
+    return Table(HEADER, tuple(rows), "Reproductions executed in simulation", right_aligned=True)
+
+
+def _film_images(camera: FilmRecorder, name: str) -> tuple[Image, ...]:
+    camera.close()
+    return (
+        Image(
+            encode_film(camera.images),
+            "image/webp",
+            f"{name}, a new situation, in simulation. The planned path of the tool is orange.",
+            "Film: the robot's right arm reaches for the lever of a valve, closes its gripper around it, "
+            "turns it to a green mark, lets go and withdraws.",
+        ),
+        figure_image(
+            film_strip(camera.images, camera.times),
+            "Six frames of the film.",
+            "Six images of the robot and the valve, with the time of each.",
+        ),
     )
-    return Table("The replays carried out in physics", header, tuple(rows))
+
+
+def _frame_pose(frame: Frame) -> Pose:
+    """Return the pose of a frame whose columns are those of a pose."""
+    return Pose(frame.b[:3].copy(), normalise(frame.A[3:7, 3]))
+
+
+def _nearest(poses: Sequence[Pose], target: Pose) -> int:
+    return int(np.argmin([np.linalg.norm(pose.position - target.position) for pose in poses]))

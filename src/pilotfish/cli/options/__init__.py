@@ -1,1 +1,1 @@
-"""Types of command-line options, and the names that they accept."""
+"""Options of the commands: parsing, names and shared decorators."""

@@ -1,4 +1,4 @@
-"""Covariance structures by the names that a command line gives them: full, semi-tied:0.5, mfa:4."""
+"""Covariance structures by their names on the command line: full, semi-tied:0.5, mfa:4."""
 
 from dataclasses import MISSING, Field, fields
 from typing import Any
@@ -61,13 +61,14 @@ def parse_structure(text: str) -> CovarianceStructure:
 
 
 class StructureType(click.ParamType[CovarianceStructure]):
-    """Text of a command line that names a covariance structure."""
+    """Type of an option that is a covariance structure."""
 
     name = "structure"
 
     def convert(
         self, value: str | CovarianceStructure, param: click.Parameter | None, ctx: click.Context | None
     ) -> CovarianceStructure:
+        """Parse the text of the option."""
         if isinstance(value, CovarianceStructure):
             return value
         try:

@@ -1,145 +1,151 @@
-"""Points that a motion is asked to pass, as a command line writes them: position=.4,.1,.3@4s+-.001."""
+"""Via-points of the command line, such as position=.4,.1,.3@4s+-.001.
+
+The text is parsed before the skill is known, so that wrong syntax is a usage error. Only the skill determines
+whether a name is an orientation, whose deviation is an angle [deg]; `to_via_points` checks that later.
+"""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isfinite, radians
+from typing import Any
 
 import click
 import numpy as np
 
 from pilotfish.control import Motion
-from pilotfish.demonstrations import (
-    Layout,
-)
+from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
 from pilotfish.planning import ViaPoint, observe_via_points, via_point
 from pilotfish.validation import require_printable, short_repr
 
-PATTERN = re.compile(r"(?P<what>.+)=(?P<value>[^=@]+)@(?P<time>[^@]+?)s?\+-(?P<deviation>.+?)(?P<deg>deg)?")
-MAX_LENGTH = 200  # characters of a text
+PATTERN = re.compile(r"(?P<name>.+)=(?P<value>[^=@]+)@(?P<time>[^@]+?)s?\+-(?P<deviation>.+?)(?P<deg>deg)?")
+SYNTAX = "NAME=VALUES@SECONDS+-DEVIATION"
 EXAMPLES = "such as position=.4,.1,.3@4s+-.001 or orientation=1,0,0,0@4s+-2deg"
+MAX_LENGTH = 200  # characters
 
 
-@dataclass(frozen=True, slots=True)
-class ViaPointOption:
-    """A via-point as it was typed. degrees tells that the deviation is an angle, in degrees."""
-
-    text: str
-    columns: str
-    value: tuple[float, ...]
-    time: float
-    deviation: float
-    degrees: bool
-
-
-class ViaPointType(click.ParamType[ViaPointOption]):
-    """Text of a command line that says what is to be where and when: WHAT=NUMBERS@SECONDS+-DEVIATION."""
+class ViaPointType(click.ParamType[re.Match[str]]):
+    """Type of the option --via-point; a value is a match of PATTERN with finite numbers."""
 
     name = "point"
 
     def convert(
-        self, value: str | ViaPointOption, param: click.Parameter | None, ctx: click.Context | None
-    ) -> ViaPointOption:
-        if isinstance(value, ViaPointOption):
+        self, value: str | re.Match[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> re.Match[str]:
+        """Parse the text of the option."""
+        if isinstance(value, re.Match):
             return value
         try:
             require_printable(value, "the text", MAX_LENGTH)
         except InvalidInput as error:
             self.fail(str(error), param, ctx)
-        found = PATTERN.fullmatch(value.strip())
-        if not found:
-            self.fail(
-                f"{short_repr(value)} is no point, expected WHAT=NUMBERS@SECONDS+-DEVIATION, {EXAMPLES}",
-                param,
-                ctx,
-            )
-        try:
-            numbers = tuple(_number(text) for text in found["value"].split(","))
-            time, deviation = _number(found["time"]), _number(found["deviation"])
-        except ValueError as error:
-            self.fail(f"{short_repr(value)} has {error}, expected a finite number, {EXAMPLES}", param, ctx)
-        return ViaPointOption(value, found["what"].strip(), numbers, time, deviation, bool(found["deg"]))
+        match = PATTERN.fullmatch(value.strip())
+        if not match:
+            self.fail(f"{short_repr(value)} is not a via-point, expected {SYNTAX}, {EXAMPLES}", param, ctx)
+        for number in (*match["value"].split(","), match["time"], match["deviation"]):
+            if not _is_finite_number(number):
+                text = short_repr(number.strip())
+                self.fail(
+                    f"{short_repr(value)} contains {text}, expected a finite number, {EXAMPLES}", param, ctx
+                )
+        return match
 
 
-def _number(text: str) -> float:
+def _is_finite_number(text: str) -> bool:
     try:
-        number = float(text)
+        return isfinite(float(text))
     except ValueError:
-        raise ValueError(short_repr(text.strip())) from None
-    if not isfinite(number):
-        raise ValueError(short_repr(text.strip()))
-    return number
+        return False
 
 
-def to_via_points(options: Sequence[ViaPointOption], layout: Layout) -> tuple[ViaPoint, ...]:
-    """Via-points in the columns of a skill.
+def to_via_points(options: Sequence[re.Match[str]], layout: Layout) -> tuple[ViaPoint, ...]:
+    """Convert the values of --via-point to via-points in the columns of a skill.
 
-    Raises: InvalidInput, when the deviation of a whole orientation is not in degrees or another one is, or
-    when a number cannot be.
+    Args:
+        options: Values of the option.
+        layout: Columns of the skill.
+
+    Returns:
+        Via-points; the deviation of an orientation is in radians.
+
+    Raises:
+        InvalidInput: If the unit deg is missing for an orientation or given for another part, or a number
+            is out of range.
     """
     return tuple(_to_via_point(option, layout) for option in options)
 
 
-def _to_via_point(option: ViaPointOption, layout: Layout) -> ViaPoint:
-    is_orientation = option.columns in [layout.names[c.start][:-2] for c in layout.unit_quaternions]
-    if is_orientation and not option.degrees:
+def _to_via_point(option: re.Match[str], layout: Layout) -> ViaPoint:
+    name, deviation = option["name"].strip(), float(option["deviation"])
+    is_turn = name in [layout.names[columns.start][:-2] for columns in layout.unit_quaternions]  # less " w"
+    prefix = f"--via-point {short_repr(option.string)}"
+    if is_turn and not option["deg"]:
         raise InvalidInput(
-            f"--via-point {short_repr(option.text)}: the deviation of a whole orientation is an angle in degrees; "
-            f"say +-{option.deviation:g}deg, if degrees were meant"
+            f"{prefix}: the deviation of an orientation is an angle in degrees; write +-{deviation:g}deg if "
+            "it is in degrees"
         )
-    if option.degrees and not is_orientation:
+    if option["deg"] and not is_turn:
         raise InvalidInput(
-            f"--via-point {short_repr(option.text)}: {short_repr(option.columns)} is no whole orientation; "
-            "give the deviation in the unit of its columns, without deg"
+            f"{prefix}: {short_repr(name)} is not an orientation; give the deviation in the unit of the "
+            "columns, without deg"
         )
-    deviation = radians(option.deviation) if is_orientation else option.deviation
+    values = [float(text) for text in option["value"].split(",")]
     try:
-        return via_point(option.columns, option.value, time=option.time, deviation=deviation)
+        return via_point(
+            name,
+            values,
+            time=float(option["time"]),
+            deviation=radians(deviation) if is_turn else deviation,
+        )
     except InvalidInput as error:
-        raise InvalidInput(f"--via-point {short_repr(option.text)}: {error}") from error
-
-
-@dataclass(frozen=True, slots=True)
-class ViaPointError:
-    """How far a motion passes from a point at its step: in the columns' unit, or degrees."""
-
-    via: str
-    step: int
-    error: float
-    unit: str
-
-    @property
-    def label(self) -> str:
-        columns, _, rest = self.via.rpartition("=")
-        return f"via {columns} at {rest.partition('@')[2].partition('+-')[0].rstrip('s')} s"
+        raise InvalidInput(f"{prefix}: {error}") from error
 
 
 def via_point_errors(
-    points: Sequence[ViaPoint], options: Sequence[ViaPointOption], layout: Layout, motion: Motion
-) -> list[ViaPointError]:
-    """What came of each wish."""
-    errors = []
-    for observation, option in zip(
-        observe_via_points(points, layout, motion.x, motion.period), options, strict=True
-    ):
+    points: Sequence[ViaPoint], options: Sequence[re.Match[str]], layout: Layout, motion: Motion
+) -> list[dict[str, Any]]:
+    """Return the distance between a motion and each via-point, for programs.
+
+    Args:
+        points: Via-points from `to_via_points`.
+        options: The options that they were converted from.
+        layout: Columns of the motion.
+        motion: Motion to compare.
+
+    Returns:
+        For each via-point its text, its step, the error, and the unit of the error.
+    """
+    observations = observe_via_points(points, layout, motion.x, motion.period)
+    errors: list[dict[str, Any]] = []
+    for observation, option in zip(observations, options, strict=True):
         x = motion.x[observation.step, observation.columns]
-        error = (
-            np.degrees(angle(x, observation.values))
-            if option.degrees
-            else np.linalg.norm(x - observation.values)
+        if option["deg"]:
+            error, unit = np.degrees(angle(x, observation.values)), "deg"
+        else:
+            error = np.linalg.norm(x - observation.values)
+            unit = layout.units[int(observation.columns[0])]
+        errors.append(
+            {"via_point": option.string, "step": observation.step, "error": float(error), "unit": unit}
         )
-        unit = "deg" if option.degrees else layout.units[int(observation.columns[0])]
-        errors.append(ViaPointError(option.text, observation.step, float(error), unit))
     return errors
 
 
-def via_point_notes(errors: Sequence[ViaPointError], options: Sequence[ViaPointOption]) -> list[str]:
-    """A remark for each point that is missed by more than the deviation it was given."""
+def via_point_rows(
+    errors: Sequence[dict[str, Any]], options: Sequence[re.Match[str]]
+) -> list[tuple[str, str]]:
+    """Return a row for people for each via-point: name, time and error."""
     return [
-        f"{option.text} is missed by {error.error:.3g} {error.unit}, more than its deviation: the skill pulls "
-        "elsewhere there; a smaller deviation pulls harder"
+        (f"via {option['name'].strip()} at {option['time']} s", f"error {error['error']:.3g} {error['unit']}")
         for error, option in zip(errors, options, strict=True)
-        if error.error > option.deviation
+    ]
+
+
+def via_point_notes(errors: Sequence[dict[str, Any]], options: Sequence[re.Match[str]]) -> list[str]:
+    """Return a note for each via-point whose error is larger than its deviation."""
+    return [
+        f"the motion misses {option.string} by {error['error']:.3g} {error['unit']}, more than the "
+        "deviation; a smaller deviation brings it closer"
+        for error, option in zip(errors, options, strict=True)
+        if error["error"] > float(option["deviation"])
     ]

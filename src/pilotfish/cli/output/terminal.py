@@ -1,12 +1,13 @@
-"""Everything that commands print. A failure to print never costs a result, and is never a traceback.
+"""Printing of commands: a failure to print loses no result and causes no traceback.
 
-Lines of the answer go to standard output (`say`). The first failure there is kept, later lines are dropped,
-and the command ends with exit code 1 once its files are written (`print_failure`). Progress and remarks go to
-standard error; what cannot be printed there is dropped.
+Lines of the result are printed on standard output (`print_line`). The first failure is kept, later lines are
+dropped, and the command ends with exit code 1 after its files are written (`print_failure`). Progress and
+notes are printed on standard error; text that cannot be printed there is dropped.
 """
 
 import os
 import select
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,17 +16,17 @@ from typing import Any, TextIO
 
 import click
 
-WAIT_INTERVAL = 0.25  # s, after which something that waits looks up
-CLEAR_LINE = "\r\x1b[K"  # the start of the line, and nothing on it
-FAILURE_KEY = "pilotfish.print_failure"  # where the context of the running command keeps it
+WAIT_INTERVAL = 0.25  # s, between checks while waiting for input or for a reader
+CLEAR_LINE = "\r\x1b[K"  # return to the start of the line and clear it
+FAILURE_KEY = "pilotfish.print_failure"  # of the metadata of the running command
 
 
 def print_line(text: str, should_stop: Callable[[], object] | None = None) -> None:
-    """Print a line of the answer on standard output, unless an earlier line could not be printed.
+    """Print text of the result on standard output, unless an earlier text could not be printed.
 
     Args:
-        text: The line.
-        stopped: Whether to give up on a reader that does not read; None waits for it.
+        text: Text without its last line break.
+        should_stop: Returns whether to stop waiting for a reader that does not read; None waits.
     """
     meta = click.get_current_context().meta
     if FAILURE_KEY in meta:
@@ -34,24 +35,24 @@ def print_line(text: str, should_stop: Callable[[], object] | None = None) -> No
         if should_stop is not None:
             _wait_for_reader(sys.stdout, should_stop)
         click.echo(_encodable(text, sys.stdout))
-    except (OSError, ValueError) as error:  # ValueError: closed by Python
+    except (OSError, ValueError) as error:  # ValueError: Python closed the stream
         meta[FAILURE_KEY] = error
 
 
 def print_failure() -> Exception | None:
-    """Return why standard output could not be printed to by this command; None where it could."""
+    """Return why this command could not print on standard output; None if it could."""
     failure: Exception | None = click.get_current_context().meta.get(FAILURE_KEY)
     return failure
 
 
 def print_note(text: str) -> None:
-    """Print a line on standard error, out of the way of the answer; nothing with --json."""
+    """Print a line on standard error, unless --json is given."""
     if not is_json_output():
         print_on_stderr(text)
 
 
 def print_progress(text: str) -> None:
-    """Print in place of the last line on standard error."""
+    """Replace the last line on standard error."""
     print_on_stderr(f"{CLEAR_LINE}{text}", newline=False)
 
 
@@ -61,38 +62,55 @@ def print_on_stderr(text: str, newline: bool = True) -> None:
 
 
 def tolerant_stderr() -> Any:
-    """Return standard error as a stream, for click, that drops what cannot be printed."""
+    """Return standard error as a stream that drops text that cannot be printed."""
     return _TolerantStream(sys.stderr)
 
 
 def is_json_output() -> bool:
-    """Whether the command that runs was asked to answer a program."""
+    """Return whether the running command prints JSON."""
     return bool(click.get_current_context().params["as_json"])
 
 
 def is_interactive() -> bool:
-    """Whether progress on stderr is seen by someone: a terminal, and no --json."""
+    """Return whether progress is printed: standard error is a terminal, and --json is not given."""
     return tolerant_stderr().isatty() and not is_json_output()
+
+
+def terminal_width() -> int | None:
+    """Return the number of columns of the terminal on standard output; None if it is not a terminal."""
+    try:
+        is_terminal = sys.stdout is not None and sys.stdout.isatty()
+    except ValueError:  # closed
+        return None
+    return shutil.get_terminal_size().columns if is_terminal else None
 
 
 @contextmanager
 def progress_bar(length: int, label: str) -> Iterator[Callable[[str], None]]:
-    """Yield what to call with a few words at each of length steps; a bar on stderr shows them."""
-    shown: Any = click.progressbar(
-        length=length,
-        label=label,
-        file=tolerant_stderr(),
-        show_eta=False,
-        show_percent=False,
-        show_pos=True,
-        item_show_func=lambda words: words or "",
-    )
-    with shown as bar:
-        yield lambda words: bar.update(1, words)
+    """Show a progress bar on standard error if a person watches it.
+
+    Args:
+        length: Number of steps.
+        label: Text before the bar.
+
+    Yields:
+        A function to call after each step, with a text to print after the bar.
+    """
+    if not is_interactive():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+    console = Console(file=tolerant_stderr(), force_terminal=True)
+    with Progress(*columns, console=console, transient=True, redirect_stdout=False) as progress:
+        task = progress.add_task(label, total=length, text="")
+        yield lambda text: progress.update(task, advance=1, text=text)
 
 
 def discard_unprinted_text() -> None:
-    """Send text that could not be printed to the null device; Python would print it again at its end."""
+    """Send text that could not be printed to the null device; Python would print it again at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:
@@ -102,7 +120,7 @@ def discard_unprinted_text() -> None:
 
 
 def redirect_to_null(stream: TextIO) -> None:
-    """Let a stream write to the null device, what it still holds too; also when its reader does not read."""
+    """Redirect a stream, with its buffered text, to the null device; no reader is waited for."""
     with suppress(OSError, ValueError):
         null_device = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null_device, stream.fileno())
@@ -110,38 +128,42 @@ def redirect_to_null(stream: TextIO) -> None:
 
 
 def open_closed_streams() -> None:
-    """Where a standard stream is closed, put one in its place that cannot be written to.
+    """Replace each closed standard stream by one that cannot be written to.
 
-    Otherwise the next file that is opened would get its number, and hold what C libraries print on standard
-    error; and text for standard output would be dropped without a failure.
+    Without it, the next file that is opened gets the number of the stream, and receives what C libraries
+    print on standard error. Text for a closed standard output would be dropped without a failure.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDONLY)  # the lowest free number, which is this one
+            os.open(os.devnull, os.O_RDONLY)  # gets the lowest free number, which is this descriptor
             if name != "stdin":
                 setattr(sys, name, os.fdopen(descriptor, "w", closefd=False))
 
 
 class _TolerantStream:
-    """A stream for `click` that drops what cannot be written; None, for a closed one, takes nothing."""
+    """Text stream that drops what cannot be written; a closed stream, None, drops everything."""
 
     def __init__(self, stream: TextIO | None) -> None:
         self.stream = stream
+        self.encoding = getattr(stream, "encoding", None) or "utf-8"
 
     def write(self, text: str) -> int:
+        """Write text, if that is possible."""
         with suppress(OSError, ValueError):
             if self.stream is not None:
                 self.stream.write(_encodable(text, self.stream))
         return len(text)
 
     def flush(self) -> None:
+        """Flush the stream, if that is possible."""
         with suppress(OSError, ValueError):
             if self.stream is not None:
                 self.stream.flush()
 
     def isatty(self) -> bool:
+        """Return whether the stream is a terminal."""
         try:
             return self.stream is not None and self.stream.isatty()
         except (OSError, ValueError):
@@ -149,7 +171,7 @@ class _TolerantStream:
 
 
 def _encodable(text: str, stream: TextIO) -> str:
-    """The text with what the stream's encoding lacks written as backslash escapes."""
+    """Return text with backslash escapes for characters that the encoding of a stream lacks."""
     encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
         text.encode(encoding, getattr(stream, "errors", None) or "strict")
@@ -159,11 +181,11 @@ def _encodable(text: str, stream: TextIO) -> str:
 
 
 def _wait_for_reader(stream: TextIO, should_stop: Callable[[], object]) -> None:
-    """Return once a pipe or terminal takes text.    Raises: OSError, when stopped before that."""
+    """Return when a pipe or terminal accepts text; raise OSError if should_stop returns true before."""
     try:
         descriptor = stream.fileno()
-    except (OSError, ValueError):  # no real file: it never waits
+    except (OSError, ValueError):  # not a real file: writing never blocks
         return
     while not select.select([], [descriptor], [], WAIT_INTERVAL)[1]:
         if should_stop():
-            raise OSError(EAGAIN, "nothing reads it")
+            raise OSError(EAGAIN, "no process reads it")

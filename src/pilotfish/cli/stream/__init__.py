@@ -1,1 +1,1 @@
-"""The command `pilotfish stream`: lines, batches, signals and files of one session."""
+"""The command `pilotfish stream`: sources of events, the session that learns from them, and its options."""

@@ -1,53 +1,50 @@
-"""What a stream is made of on its way to the model: recordings as pieces, and pieces cut where need be."""
+"""Events of a stream on their way to the learner: truncated, and regrouped into full mini-batches."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.cli.stream.lines import DemonstrationBreak, DemonstrationRows, RejectedLine, Rows, StreamEvent
-from pilotfish.demonstrations import (
-    Demonstration,
-)
+from pilotfish.cli.stream.lines import Mark, RejectedLine, Rows, StreamEvent
+from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 
 
 def demonstration_events(
     demonstrations: Iterable[Demonstration], stopped: Callable[[], int]
 ) -> Iterator[StreamEvent]:
-    """Each demonstration in turn."""
+    """Yield each demonstration until stopped."""
     for demo in demonstrations:
         if stopped():
             return
-        yield DemonstrationRows(demo)
+        yield demo
 
 
 def take_rows(events: Iterable[StreamEvent], max_rows: int | None) -> Iterator[StreamEvent]:
-    """The pieces, until so many datapoints have come; all, where there is no limit."""
-    left = max_rows
+    """Yield events until they have max_rows datapoints; all events if max_rows is None."""
+    remaining = max_rows
     for event in events:
-        if left is not None and isinstance(event, Rows | DemonstrationRows):
-            event = truncate_event(event, left)
-            left -= len(event.x if isinstance(event, Rows) else event.demonstration.x)
+        if remaining is not None and isinstance(event, np.ndarray | Demonstration):
+            event = truncate(event, remaining)
+            remaining -= len(event) if isinstance(event, np.ndarray) else len(event.x)
         yield event
-        if left == 0:
+        if remaining == 0:
             return
 
 
-def truncate_event(event: Rows | DemonstrationRows, max_rows: int) -> Rows | DemonstrationRows:
-    """The first so many datapoints of it."""
-    if isinstance(event, Rows):
-        return Rows(event.x[:max_rows])
-    demo = event.demonstration
+def truncate(event: Rows | Demonstration, max_rows: int) -> Rows | Demonstration:
+    """Return the first max_rows datapoints of an event, with their moving frames."""
+    if isinstance(event, np.ndarray):
+        return event[:max_rows]
     frames = tuple(
         replace(frame, A=frame.A[:max_rows], b=frame.b[:max_rows]) if frame.is_moving else frame
-        for frame in demo.frames
+        for frame in event.frames
     )
-    return DemonstrationRows(replace(demo, x=demo.x[:max_rows], frames=frames))
+    return replace(event, x=event.x[:max_rows], frames=frames)
 
 
 def stop_at_rejection(events: Iterable[StreamEvent]) -> Iterator[StreamEvent]:
-    """The pieces up to the first line that is refused, that one included."""
+    """Yield events up to and including the first rejected line."""
     for event in events:
         yield event
         if isinstance(event, RejectedLine):
@@ -55,18 +52,19 @@ def stop_at_rejection(events: Iterable[StreamEvent]) -> Iterator[StreamEvent]:
 
 
 def regroup_batches(events: Iterable[StreamEvent], batch: int) -> Iterator[StreamEvent]:
-    """The same rows, as many at a time as make whole batches: when they came makes no difference.
+    """Regroup rows into full batches, so that the result does not depend on when rows arrived.
 
-    A break, or the end, ends a batch; where the stream breaks off, the rows that wait come before its error.
+    A new demonstration, or the end of the stream, ends a batch. If the stream fails, the waiting rows are
+    yielded before its error is raised.
     """
     waiting: list[Rows] = []
     try:
         for event in events:
-            if isinstance(event, Rows):
-                whole, waiting = _split_full_batches([*waiting, event], batch)
-                yield from whole
+            if isinstance(event, np.ndarray):
+                full, waiting = _split_full_batches([*waiting, event], batch)
+                yield from full
                 continue
-            if isinstance(event, DemonstrationBreak):
+            if event is Mark.NEW_DEMONSTRATION:
                 yield from _concatenate(waiting)
                 waiting = []
             yield event
@@ -76,24 +74,34 @@ def regroup_batches(events: Iterable[StreamEvent], batch: int) -> Iterator[Strea
     yield from _concatenate(waiting)
 
 
-def _split_full_batches(waiting: list[Rows], batch: int) -> tuple[list[Rows], list[Rows]]:
-    """What makes whole batches, and what is left."""
-    held = sum(len(rows.x) for rows in waiting)
-    if not (whole := held - held % batch):
-        return [], waiting
-    (rows,) = _concatenate(waiting)
-    return [Rows(rows.x[:whole])], [Rows(rows.x[whole:])] if whole < held else []
-
-
 def batch_slices(rows: int, before: int, every: int | None, batch: int) -> Iterator[slice]:
-    """Where rows are cut so that a multiple of every ends a slice, after the batch that holds it."""
+    """Cut rows so that a slice ends after each batch that contains a multiple of `every`.
+
+    Args:
+        rows: Number of rows to cut.
+        before: Number of datapoints before them.
+        every: Interval between printed lines [datapoints]; None cuts nothing.
+        batch: Mini-batch size.
+
+    Yields:
+        Slices of the rows; all but the last contain full batches.
+    """
     start = 0
     while start < rows:
-        room = every - (before + start) % every if every else rows
-        end = min(start + -(-room // batch) * batch, rows)
+        to_next_line = every - (before + start) % every if every else rows
+        end = min(start + -(-to_next_line // batch) * batch, rows)
         yield slice(start, end)
         start = end
 
 
+def _split_full_batches(waiting: list[Rows], batch: int) -> tuple[list[Rows], list[Rows]]:
+    """Return the rows that fill batches, and the remaining rows."""
+    count = sum(map(len, waiting))
+    if not (full := count - count % batch):
+        return [], waiting
+    (x,) = _concatenate(waiting)
+    return [x[:full]], [x[full:]] if full < count else []
+
+
 def _concatenate(waiting: list[Rows]) -> list[Rows]:
-    return [Rows(np.concatenate([rows.x for rows in waiting]))] if waiting else []
+    return [np.concatenate(waiting)] if waiting else []

@@ -1,14 +1,45 @@
-"""A model while a stream flows through it: what it learned and refused, what is shown and kept meanwhile."""
+"""Session of `pilotfish stream`: learn from events until the stream ends, fails or is stopped.
+
+Pipeline. Each stage is a generator; a later stage requests the next event from the earlier one:
+
+    read_chunks -> split_lines -> parse_lines -> take_rows -> stop_at_rejection -> regroup_batches -> run
+
+Demonstrations of a folder or data set enter at take_rows. Nothing runs in the background: while the session
+waits for input, the process waits in `select` in `read_chunks`, for at most WAIT_INTERVAL. After that time an
+IDLE event passes through the pipeline, so that the status line, periodic saves and signals are handled
+although no data arrives.
+
+Batches. The learner assigns a mini-batch of datapoints before it updates subspaces, so batch boundaries
+change the result. `regroup_batches` holds rows back until a batch is full; boundaries depend only on the
+rows and on where demonstrations begin, never on arrival times. `batch_slices` cuts at multiples of
+--every, but only between batches.
+
+Invariants:
+    - The model is complete after every event: it is the model of all datapoints before, bit for bit as
+      `online.observe_stream` gives it. It can therefore be saved at any time.
+    - A rejected line changes no state but the counters.
+    - `datapoints` of the model counts all datapoints of its life, `observed` those of this session.
+
+Signals. Inside the session, a signal sets the number that `stopped` returns (`catch_signals`). It raises no
+exception, because an exception inside an update would lose the datapoints of the batch. `read_chunks` checks
+`stopped` before and after each wait; the stages after it then see the end of the stream, and the rows that
+wait for a full batch are learned. A last line without a line break is dropped, because it may be
+incomplete. The command then writes its files, prints the summary and exits with 128 plus the signal number.
+After a signal, printing no longer waits for a reader.
+
+Failures. InvalidInput from a source ends the session; the rows before it are learned and saved. A periodic
+save that fails is reported, and the session continues. If a reader of --every closes its pipe, the session
+continues only if it writes files.
+
+Keep in step: a new kind of event needs a case in `StreamSession.observe`, and in `take_rows` and
+`regroup_batches` if it carries datapoints.
+"""
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from pilotfish.cli.output.answers import write_all
 from pilotfish.cli.output.terminal import (
     CLEAR_LINE,
     WAIT_INTERVAL,
@@ -21,47 +52,65 @@ from pilotfish.cli.output.terminal import (
     print_progress,
 )
 from pilotfish.cli.stream.batches import batch_slices
-from pilotfish.cli.stream.lines import (
-    ColumnHeader,
-    DemonstrationBreak,
-    DemonstrationRows,
-    RejectedLine,
-    Rows,
-    StreamEvent,
+from pilotfish.cli.stream.lines import ColumnHeader, Mark, RejectedLine, Rows, StreamEvent
+from pilotfish.cli.stream.outputs import SessionOutputs
+from pilotfish.demonstrations import (
+    Demonstration,
+    Layout,
+    Part,
+    Quantity,
+    pose_layout,
+    position_layout,
 )
-from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, position_layout
-from pilotfish.errors import InvalidInput, OutputExists, SkillError
-from pilotfish.io import save_skill, save_stream
+from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.kernels import Assignments
 from pilotfish.models import online
-from pilotfish.types import Array, Float
 from pilotfish.validation import short_list
 
-MAX_REPORTED_LINES = 10  # refusals that are told in full
+MAX_REPORTED_LINES = 10  # rejected lines that are reported in full
 ModelFactory = Callable[[ColumnHeader], online.OnlineModel]
 
 
-@dataclass(slots=True, eq=False)
 class StreamSession:
-    """A model, None before it is known what its columns are, and what became of the stream so far."""
+    """Online model that learns from events, with counters, a status line and periodic saves.
 
-    model: online.OnlineModel | None
-    observed: int = 0
-    rejected: int = 0
-    rejected_lines: list[RejectedLine] = field(default_factory=list)  # the first of them
-    merged: int = 0
-    forgotten: int = 0
-    started: float | None = None  # the clock at the first datapoint, and after the last
-    ended: float = 0.0
+    Attributes:
+        model: Model of all datapoints so far; None until its columns are known.
+        outputs: Files to save.
+        every: Interval between printed lines [datapoints]; None prints none.
+        stopped: Returns the number of the signal that stops the session, or 0.
+        observed: Number of datapoints of this session.
+        rejected: Number of rejected lines.
+        rejected_lines: The first MAX_REPORTED_LINES rejected lines.
+        merged: Number of clusters that were merged into another one.
+        forgotten: Number of clusters that were removed.
+        history: Progress at each multiple of `every`, for programs.
+    """
+
+    def __init__(
+        self,
+        model: online.OnlineModel | None,
+        outputs: SessionOutputs,
+        every: int | None,
+        stopped: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self.model, self.outputs, self.every, self.stopped = model, outputs, every, stopped
+        self.observed = self.rejected = self.merged = self.forgotten = 0
+        self.rejected_lines: list[RejectedLine] = []
+        self.history: list[dict[str, float]] = []
+        self._is_interactive = is_interactive()
+        self._first_time: float | None = None  # monotonic clock [s] before the first datapoint
+        self._last_time = 0.0  # after the last datapoint
+        self._printed = self._saved = (0.0, 0)  # time [s] and datapoints of the last status line, and save
 
     @property
     def rate(self) -> float:
-        """Datapoints a second."""
-        seconds = self.ended - self.started if self.started is not None else 0.0
+        """Datapoints per second."""
+        seconds = self._last_time - self._first_time if self._first_time is not None else 0.0
         return self.observed / seconds if seconds > 0.0 else 0.0
 
     @property
-    def line(self) -> str:
+    def status(self) -> str:
         """The model in one line."""
         if self.model is None or not self.model.clusters:
             return "no datapoint yet"
@@ -72,183 +121,141 @@ class StreamSession:
             f"{self.rate:.0f} datapoints/s"
         )
 
+    def run(self, events: Iterable[StreamEvent], create_model: ModelFactory) -> None:
+        """Observe all events in order.
 
-@dataclass(slots=True)
-class OutputFiles:
-    """Files for the model and the skill that it is, every so many seconds; 0 is at the end alone.
+        Args:
+            events: Events of the stream.
+            create_model: Creates the model when the columns are known.
 
-    A file that this stream has written is replaced by the next; any other only by force.
-    """
+        Raises:
+            InvalidInput: If the stream fails; the model has learned the events before the failure.
+        """
+        for event in events:
+            self.observe(event, create_model)
+            self._print_and_save()
+            if self.every and self._has_no_output():
+                return
 
-    model: Path | None
-    skill: Path | None
-    seconds: float = 0.0
-    force: bool = False
-    written_paths: set[Path] = field(default_factory=set)
-    renamed: bool = False  # a file of this name appeared: the stream goes on under another one
-
-    def save(self, model: online.OnlineModel) -> dict[str, str]:
-        """Write the files, each also when another fails, and return them.    Raises: SkillError."""
-        writes = []
-        if out := self.model:
-            writes.append(lambda: self._write("model", out, partial(save_stream, model)))
-        if skill := self.skill:
-            writes.append(lambda: self._write("skill", skill, partial(_save_skill, model)))
-        write_all(*writes)
-        named = {"out": self.model, "skill": self.skill}
-        return {name: str(path) for name, path in named.items() if path}
-
-    def _write(self, name: str, path: Path, save: Callable[..., None]) -> None:
-        try:
-            save(path, overwrite=self.force or path in self.written_paths, use_free_name=True)
-        except OutputExists as error:
-            self.renamed = True
-            setattr(self, name, error.path)
-            self.written_paths.add(error.path)
-            raise
-        self.written_paths.add(path)
-
-
-def _save_skill(model: online.OnlineModel, path: Path, *, overwrite: bool, use_free_name: bool) -> None:
-    save_skill(online.to_skill(model), path, overwrite=overwrite, use_free_name=use_free_name)
-
-
-class SessionMonitor:
-    """Looks at a growth every now and then: shows it to a person, keeps it in files.
-
-    stopped tells whether a signal asked to stop; then no line waits for a reader any more.
-    """
-
-    def __init__(
-        self,
-        session: StreamSession,
-        outputs: OutputFiles,
-        every: int | None,
-        stopped: Callable[[], int] = lambda: 0,
-    ) -> None:
-        self.session, self.outputs, self.every, self.stopped = session, outputs, every, stopped
-        self.live = is_interactive()
-        self.shown = self.kept = (0.0, 0)  # when, and at how many datapoints
-        self.history: list[dict[str, float]] = []
-
-    def update(self) -> None:
-        """Shows and keeps what is due."""
-        now, session = time.monotonic(), self.session
-        if self.live and session.observed > self.shown[1] and now >= self.shown[0] + WAIT_INTERVAL:
-            print_progress(session.line)
-            self.shown = (now, session.observed)
-        if self.outputs.seconds and session.observed > self.kept[1]:
-            since = self.kept[0] or session.started or now
-            if now >= since + self.outputs.seconds:
-                self._keep(now)
-
-    def print_note(self, text: str) -> None:
-        """A line on stderr, in place of the one that is updated."""
-        self.clear()
-        print_note(text)
-
-    def clear(self) -> None:
-        if self.live and self.shown[1]:
-            print_on_stderr(CLEAR_LINE, newline=False)
-
-    def record_progress(self) -> None:
-        """A line of growth, each so many datapoints."""
-        session, model = self.session, self.session.model
-        assert model is not None
-        if is_json_output():
-            self.history.append(
-                {
-                    "datapoints": model.datapoints,
-                    "clusters": model.clusters,
-                    "dimensions": int(model.dimensions.sum()),
-                    "datapoints_per_second": session.rate,
-                }
-            )
-        else:
-            self.clear()
-            print_line(session.line, self.stopped)
-
-    @property
-    def has_no_output(self) -> bool:
-        """Whether no result reaches anyone: the stream writes no file and its lines cannot be printed."""
-        return not (self.outputs.model or self.outputs.skill) and print_failure() is not None
-
-    def _keep(self, now: float) -> None:
-        model = self.session.model
-        assert model is not None
-        try:
-            self.outputs.save(model)
-        except SkillError as error:  # perhaps there is room again at the end
-            self.print_note(f"not saved at {model.datapoints} datapoints: {error}")
-        self.kept = (now, self.session.observed)
-
-
-def run_session(events: Iterable[StreamEvent], create_model: ModelFactory, monitor: SessionMonitor) -> None:
-    """All pieces are learned, in their order; make gives the model once columns are known.
-
-    Raises: InvalidInput, when the stream breaks; what was learned before is in the growth.
-    """
-    session = monitor.session
-    for event in events:
+    def observe(self, event: StreamEvent, create_model: ModelFactory) -> None:
+        """Update the model and the counters with one event."""
         match event:
             case ColumnHeader():
-                if session.model is None:
-                    session.model = create_model(event)
-                validate_columns(session.model, event)
-            case Rows(x):
-                learn_rows(monitor, x)
-            case DemonstrationRows(demonstration):
-                record_update(monitor, *online.observe_demonstration(require_model(monitor), demonstration))
-            case DemonstrationBreak():
-                if session.model is not None:
-                    session.model = online.begin_demonstration(session.model)
+                if self.model is None:
+                    self.model = create_model(event)
+                validate_columns(self.model, event)
+            case Demonstration():
+                self._record_update(*online.observe_demonstration(self._start_clock(), event))
+            case Mark.NEW_DEMONSTRATION:
+                if self.model is not None:
+                    self.model = online.begin_demonstration(self.model)
             case RejectedLine():
-                record_rejection(monitor, event)
-        monitor.update()
-        if monitor.every and monitor.has_no_output:
+                self._record_rejection(event)
+            case np.ndarray():
+                self._observe_rows(event)
+
+    def print_note(self, text: str) -> None:
+        """Print a line on stderr in place of the status line."""
+        self.clear_status()
+        print_note(text)
+
+    def clear_status(self) -> None:
+        """Remove the status line."""
+        if self._is_interactive and self._printed[1]:
+            print_on_stderr(CLEAR_LINE, newline=False)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the counters as a JSON object."""
+        return {
+            "observed": self.observed,
+            "rejected": self.rejected,
+            "rejected_lines": [{"line": r.line, "reason": r.reason} for r in self.rejected_lines],
+            "merged": self.merged,
+            "forgotten": self.forgotten,
+            "datapoints_per_second": self.rate,
+        }
+
+    def to_rows(self) -> list[tuple[str, str]]:
+        """Return the counters as keys and values, for people."""
+        return [
+            ("observed", f"{self.observed} datapoints, {self.rate:.0f} per second"),
+            ("rejected", f"{self.rejected} lines"),
+            ("merged", f"{self.merged} clusters, {self.forgotten} forgotten"),
+        ]
+
+    def _observe_rows(self, rows: Rows) -> None:
+        model = self._start_clock()
+        x = rows.reshape(len(rows), len(model.frame_names), model.layout.width)
+        for part in batch_slices(len(rows), model.datapoints, self.every, model.parameters.batch):
+            assert self.model is not None
+            self._record_update(*online.observe_stream(self.model, x[part]))
+
+    def _start_clock(self) -> online.OnlineModel:
+        if self._first_time is None:
+            self._first_time = time.monotonic()
+        assert self.model is not None, "a column header comes before rows"
+        return self.model
+
+    def _record_update(self, model: online.OnlineModel, assignments: Assignments) -> None:
+        count = len(assignments.cluster_ids)
+        self.model, self._last_time = model, time.monotonic()
+        self.observed += count
+        self.merged += int(np.sum(assignments.removed[:, 2] >= 0))
+        self.forgotten += int(np.sum(assignments.removed[:, 2] < 0))
+        if self.every and model.datapoints // self.every > (model.datapoints - count) // self.every:
+            self._report_progress(model)
+
+    def _record_rejection(self, rejected: RejectedLine) -> None:
+        self.rejected += 1
+        if self.rejected <= MAX_REPORTED_LINES:
+            self.rejected_lines.append(rejected)
+            rest = "; further lines are only counted" if self.rejected == MAX_REPORTED_LINES else ""
+            self.print_note(f"line {rejected.line} is rejected: {rejected.reason}{rest}")
+
+    def _report_progress(self, model: online.OnlineModel) -> None:
+        """Print a line of --every, or keep it for --json."""
+        if not is_json_output():
+            self.clear_status()
+            print_line(self.status, self.stopped)
             return
+        self.history.append(
+            {
+                "datapoints": model.datapoints,
+                "clusters": model.clusters,
+                "dimensions": int(model.dimensions.sum()),
+                "datapoints_per_second": self.rate,
+            }
+        )
 
+    def _print_and_save(self) -> None:
+        """Update the status line and save the files, if they are due."""
+        now = time.monotonic()
+        time_printed, observed_printed = self._printed
+        is_due = now >= time_printed + WAIT_INTERVAL and self.observed > observed_printed
+        if self._is_interactive and is_due:
+            print_progress(self.status)
+            self._printed = (now, self.observed)
+        if self.outputs.interval and self.observed > self._saved[1]:
+            since = self._saved[0] or self._first_time or now
+            if now >= since + self.outputs.interval:
+                self._save(now)
 
-def learn_rows(monitor: SessionMonitor, x: Float[Array, "N *rest"]) -> None:
-    """The growth after these datapoints."""
-    model = require_model(monitor)
-    seen = x.reshape(len(x), len(model.frame_names), model.layout.width)
-    for cut in batch_slices(len(x), model.datapoints, monitor.every, model.parameters.batch):
-        record_update(monitor, *online.observe_stream(require_model(monitor), seen[cut]))
+    def _save(self, now: float) -> None:
+        assert self.model is not None
+        try:
+            self.outputs.save(self.model)
+        except SkillError as error:  # the final save may succeed
+            self.print_note(f"not saved at {self.model.datapoints} datapoints: {error}")
+        self._saved = (now, self.observed)
 
-
-def require_model(monitor: SessionMonitor) -> online.OnlineModel:
-    """The model that is about to learn; the clock runs from its first datapoint on."""
-    session = monitor.session
-    session.started = session.started if session.started is not None else time.monotonic()
-    assert session.model is not None, "columns come before rows"
-    return session.model
-
-
-def record_update(monitor: SessionMonitor, model: online.OnlineModel, went: Assignments) -> None:
-    """The model is now this one, whose last datapoints went there."""
-    session, count = monitor.session, len(went.cluster_ids)
-    session.model, session.ended = model, time.monotonic()
-    session.observed += count
-    session.merged += int(np.sum(went.removed[:, 2] >= 0))
-    session.forgotten += int(np.sum(went.removed[:, 2] < 0))
-    if monitor.every and model.datapoints // monitor.every > (model.datapoints - count) // monitor.every:
-        monitor.record_progress()
-
-
-def record_rejection(monitor: SessionMonitor, rejected_line: RejectedLine) -> None:
-    session = monitor.session
-    session.rejected += 1
-    if session.rejected <= MAX_REPORTED_LINES:
-        session.rejected_lines.append(rejected_line)
-        more = "; more are counted, not told" if session.rejected == MAX_REPORTED_LINES else ""
-        monitor.print_note(f"line {rejected_line.line} is refused: {rejected_line.reason}{more}")
+    def _has_no_output(self) -> bool:
+        return not (self.outputs.model or self.outputs.skill) and print_failure() is not None
 
 
 def infer_layout(columns: ColumnHeader) -> Layout:
-    """What bare rows are: a position or pose, also with speeds, when their names say so; else numbers."""
+    """Return the layout of rows: a position or pose, with or without velocities, if the names say so."""
     known = (position_layout(2), position_layout(3), pose_layout())
-    for layout in (*known, *(plain.differentiate() for plain in known)):
+    for layout in (*known, *(coordinates.differentiate() for coordinates in known)):
         if layout.names == columns.names:
             return layout
     if columns.names:
@@ -257,8 +264,10 @@ def infer_layout(columns: ColumnHeader) -> Layout:
 
 
 def validate_columns(model: online.OnlineModel, columns: ColumnHeader) -> None:
-    """Raises: InvalidInput, when the rows are of other columns than the model."""
+    """Raise InvalidInput unless the columns are those of the model, once for each frame."""
     names = model.layout.names * len(model.frame_names)
     if columns.width != len(names) or (columns.names and columns.names != names):
-        told = short_list(columns.names) if columns.names else f"{columns.width} numbers"
-        raise InvalidInput(f"the rows have {told}, expected those of the model: {', '.join(names[:32])}")
+        given = short_list(columns.names) if columns.names else f"{columns.width} numbers"
+        raise InvalidInput(
+            f"the rows have the columns {given}, expected those of the model: {', '.join(names[:32])}"
+        )

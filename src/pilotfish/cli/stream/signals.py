@@ -1,4 +1,8 @@
-"""Ctrl-C and other signals that ask to stop: noted while a stream is learned, elsewhere an exception."""
+"""Signals that stop a command: SIGINT, SIGTERM and SIGHUP.
+
+While a stream is learned, a signal is recorded and the stream ends after the current datapoints
+(`catch_signals`). Elsewhere a signal raises StopRequested in the main thread (`raise_on_signals`).
+"""
 
 import signal
 import sys
@@ -9,13 +13,17 @@ from types import FrameType
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-SIGNAL_EXIT_OFFSET = 128  # and the number of the signal: the exit code, as shells have it
-MIN_INTERVAL = 1.0  # s: a signal that comes sooner after another does not interrupt what that one cleans up
-RERAISE_DELAY = 0.02  # s, after which an exception that Python could not raise where it came is raised anew
+SIGNAL_EXIT_OFFSET = 128  # exit code minus the number of the signal, as in shells
+MIN_INTERVAL = 1.0  # s; an earlier signal would interrupt the clean-up after the previous one
+RERAISE_DELAY = 0.02  # s, until an exception that Python could not raise is raised again
 
 
 class StopRequested(BaseException):
-    """A signal asks the process to stop; on the way out, files that are half written are removed."""
+    """A signal requests the process to stop; on the way out, partly written files are removed.
+
+    Attributes:
+        number: Number of the signal.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -24,30 +32,33 @@ class StopRequested(BaseException):
 
 @contextmanager
 def catch_signals() -> Iterator[Callable[[], int]]:
-    """Tells which signal asked to stop, 0 while none has; what the work had in hand stays whole.
+    """Record signals instead of raising StopRequested; the previous handlers are restored afterwards.
 
-    Signals that were ignored, as in the background, stay ignored. Afterwards all are as they were.
+    Signals that were ignored, as for a background job, remain ignored.
+
+    Yields:
+        A function that returns the number of the first signal, or 0 before any signal.
     """
-    asked: list[int] = []
+    received: list[int] = []
 
     def record_signal(number: int, _: FrameType | None) -> None:
-        asked.append(number)
+        received.append(number)
 
-    before = {number: signal.getsignal(number) for number in _active_signals()}
+    previous = {number: signal.getsignal(number) for number in _active_signals()}
     try:
-        for number in before:
+        for number in previous:
             signal.signal(number, record_signal)
-        yield lambda: asked[0] if asked else 0
+        yield lambda: received[0] if received else 0
     finally:
-        for number, action in before.items():
+        for number, action in previous.items():
             signal.signal(number, action)
 
 
 def raise_on_signals() -> None:
-    """Raise Stopped in the main thread at every signal that asks to stop, from now on.
+    """Raise StopRequested in the main thread at every signal from now on.
 
-    Python drops an exception that a signal raises inside a destructor or a callback of the interpreter, and
-    prints it. That is not printed here, and the exception comes again.
+    Python prints and drops an exception that a signal handler raises inside a destructor or a callback of
+    the interpreter. Here it is not printed, and it is raised again after RERAISE_DELAY.
     """
     last = [-MIN_INTERVAL]
 
@@ -56,25 +67,25 @@ def raise_on_signals() -> None:
             last[0] = now
             raise StopRequested(number)
 
-    def unraisable(unraised: Any) -> None:
+    def raise_later(unraised: Any) -> None:
         if not isinstance(unraised.exc_value, StopRequested):
             sys.__unraisablehook__(unraised)
             return
-        stopped = unraised.exc_value.number
+        number = unraised.exc_value.number
 
         def raise_again(*_: object) -> None:
-            raise StopRequested(stopped)
+            raise StopRequested(number)
 
         signal.signal(signal.SIGALRM, raise_again)
         signal.setitimer(signal.ITIMER_REAL, RERAISE_DELAY)
 
-    sys.unraisablehook = unraisable
+    sys.unraisablehook = raise_later
     for number in _active_signals():
         signal.signal(number, stop)
 
 
 def restore_default_signals() -> None:
-    """From now on, signals that ask to stop end the process at once: there is nothing left to clean up."""
+    """Let signals end the process at once from now on, because no clean-up is left to do."""
     signal.setitimer(signal.ITIMER_REAL, 0.0)
     for number in _active_signals():
         signal.signal(number, signal.SIG_DFL)

@@ -1,4 +1,4 @@
-"""How every command answers: text for people or one JSON object, and a refusal in one line."""
+"""Results of commands: text for people or one JSON object, errors in one line, and checks of output paths."""
 
 import json
 import os
@@ -12,27 +12,45 @@ from typing import Any
 
 import click
 
-from pilotfish.cli.output.terminal import print_failure, print_line
+from pilotfish.cli.output.tables import Table
+from pilotfish.cli.output.terminal import print_failure, print_line, terminal_width
 from pilotfish.cli.stream.signals import SIGNAL_EXIT_OFFSET
-from pilotfish.errors import InvalidInput, SkillError, escape
+from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.io import is_folder, is_link, path_exists, require_replaceable, resolve_path
 
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
-    """What a command found out, twice: for people, and for programs. code is the exit code."""
+    """Result of a command, for people and for programs.
 
-    text: str
+    Attributes:
+        blocks: Paragraphs and tables for people; a blank line separates them.
+        data: JSON object for programs.
+        exit_code: Exit code of the command.
+    """
+
+    blocks: Sequence[str | Table]
     data: dict[str, Any]
     exit_code: int = 0
 
+    def to_text(self, width: int | None = None) -> str:
+        """Return the blocks as text; width is that of a terminal, None for plain text."""
+        return "\n\n".join(b.to_text(width) if isinstance(b, Table) else b for b in self.blocks)
+
 
 def print_result(run: Callable[..., CommandResult]) -> Callable[..., None]:
-    """A command that prints the answer of work; a refusal of ours is one line on stderr and exit code 1.
+    """Turn a function that returns a CommandResult into a command that prints it.
 
-    The work writes its files before it returns, so an answer that cannot be printed costs none of them; the
-    exit code is then 1, with a line on stderr unless the reader of a pipe went away, as `head` does. Misuse
-    (click.UsageError) has exit code 2. A bug keeps its traceback.
+    A SkillError becomes one line on stderr and exit code 1; a click.UsageError has exit code 2. Any other
+    exception keeps its traceback. The function writes its files before it returns, so a result that cannot
+    be printed loses no file. The exit code is then 1, with a line on stderr, unless the reader closed its
+    pipe, as `head` does.
+
+    Args:
+        run: Function of the options of the command.
+
+    Returns:
+        The function with an additional option, --json.
     """
 
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
@@ -45,49 +63,61 @@ def print_result(run: Callable[..., CommandResult]) -> Callable[..., None]:
         should_stop = (lambda: True) if result.exit_code > SIGNAL_EXIT_OFFSET else None
         if as_json:
             print_line(json.dumps(result.data, allow_nan=False), should_stop)
-        elif result.text:  # demo has said it all by then
-            print_line(result.text, should_stop)
+        elif result.blocks:
+            print_line(result.to_text(terminal_width()), should_stop)
         _exit_with_code(result.exit_code)
 
     return command
 
 
 def example_epilog(*lines: str) -> str:
-    """The end of a command's help: what one might type."""
+    """Return the end of a help text: example command lines."""
     return "\n".join(["\b", "Example:", *(f"  {line}" for line in lines)])
 
 
 def require_finite_option(_: click.Context, parameter: click.Parameter, value: float | None) -> float | None:
-    """What a range lets through: nan, and inf where it has no end.    Raises: click.BadParameter."""
+    """Return the value of an option, or raise click.BadParameter if it is infinite or nan.
+
+    A click.FloatRange accepts nan, and inf where it has no upper limit.
+    """
     if value is not None and not isfinite(value):
         raise click.BadParameter(f"{value} is not a finite number.", param=parameter)
     return value
 
 
 def require_writable_file(*outputs: Path | None, force: bool, inputs: Iterable[Path | None] = ()) -> None:
-    """Return if each output can be written: its folder is there and the output is not, unless force is given.
+    """Check, before the work begins, that each output can be written.
 
-    To be asked before the work. What writes the output refuses to replace one that appears later.
+    The function that writes an output refuses to replace a file that appears later.
+
+    Args:
+        outputs: Files to write; None for an option that was not given.
+        force: Whether existing files may be replaced.
+        inputs: Files that the command reads.
 
     Raises:
-        click.UsageError: If a file is to be two outputs, or an input and an output, force or not.
-        InvalidInput: If an output cannot be written.
+        click.UsageError: If one file is named for two outputs, or is both an input and an output.
+        InvalidInput: If the folder of an output is missing, or the output exists and force is False.
     """
     written = [path for path in outputs if path is not None]
     _require_distinct_files(written, [path for path in inputs if path is not None])
     for path in written:
         _require_writable_parent(path)
         if is_folder(path):
-            raise InvalidInput(f"{path} is a folder; give the name of a file")
+            raise InvalidInput(f"{path} is a folder, expected a file name; append a name, such as {path}/out")
         if not force and (path_exists(path) or is_link(path)):
             raise InvalidInput(f"{path} exists; choose another name, or replace it with --force")
 
 
 def require_writable_folder(path: Path, *, force: bool) -> None:
-    """Return if demonstrations can be written to a folder: it is missing or empty, or force replaces others.
+    """Check that demonstrations can be written to a folder that is missing or empty.
+
+    Args:
+        path: Folder to write.
+        force: Whether a folder of demonstrations may be replaced.
 
     Raises:
-        InvalidInput: If they cannot.
+        InvalidInput: If the folder cannot be written or must not be replaced.
     """
     _require_writable_parent(path)
     exists = path_exists(path) or is_link(path)
@@ -100,10 +130,13 @@ def require_writable_folder(path: Path, *, force: bool) -> None:
 
 
 def write_all(*writes: Callable[[], object]) -> None:
-    """Write several outputs, each also when another fails.
+    """Call every function, also after one has failed.
+
+    Args:
+        writes: Functions that write one output each.
 
     Raises:
-        SkillError: The failure, or InvalidInput with all of them.
+        SkillError: The failure if one function failed; InvalidInput with all messages if several did.
     """
     failures: list[SkillError] = []
     for write in writes:
@@ -118,15 +151,14 @@ def write_all(*writes: Callable[[], object]) -> None:
 
 
 def _require_writable_parent(path: Path) -> None:
-    """Raise InvalidInput unless the folder that path is to be in can be written to."""
     if not is_folder(path.parent):
-        raise InvalidInput(f"{path} cannot be written: {path.parent} is no folder; make it first")
+        raise InvalidInput(f"{path} cannot be written: {path.parent} is not a folder; create it first")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise InvalidInput(f"{path} cannot be written: no permission to write in {path.parent}")
 
 
 def _exit_with_code(exit_code: int) -> None:
-    """End the command: with its own exit code, or with 1 when its answer could not be printed."""
+    """End the command with its exit code, or with 1 if its result could not be printed."""
     context = click.get_current_context()
     error = print_failure()
     if exit_code:
@@ -136,30 +168,16 @@ def _exit_with_code(exit_code: int) -> None:
     if isinstance(error, OSError) and error.errno == EPIPE:
         context.exit(1)
     reason = (error.strerror if isinstance(error, OSError) else None) or error
-    raise click.ClickException(f"the answer cannot be printed: {reason}; all files are written")
+    raise click.ClickException(f"the result cannot be printed: {reason}; all files are written")
 
 
 def _require_distinct_files(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
-    """A file is one, whatever path leads to it."""
+    """Compare resolved paths: different paths may lead to one file."""
     read = {resolve_path(path) for path in inputs}
     written: set[Path] = set()
     for path in outputs:
         if (file := resolve_path(path)) in read:
-            raise click.UsageError(f"{path} is what this command reads; choose another name for the output")
+            raise click.UsageError(f"{path} is an input of this command; choose another name for the output")
         if file in written:
             raise click.UsageError(f"{path} is named for two outputs; choose another name for one")
         written.add(file)
-
-
-def format_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns side by side, two blanks apart."""
-    cells = [[escape(cell) for cell in row] for row in (header, *rows)]
-    widths = [max(len(row[column]) for row in cells) for column in range(len(header))]
-    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def format_key_values(rows: Sequence[tuple[str, str]]) -> str:
-    """What and how much, a line each."""
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name.ljust(width)}  {escape(value)}" for name, value in rows)

@@ -1,4 +1,4 @@
-"""Pictures in files; matplotlib is an extra, asked for only here."""
+"""Figures in files; matplotlib is an extra and is imported only when a figure is drawn."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,20 +16,19 @@ if TYPE_CHECKING:
 
 DOTS_PER_INCH = 150
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
-SkillFigures = tuple[dict[str, "Figure"], dict[str, str]]  # by name; and of those left out, the reason
-HORIZON_FACTOR = 1.5  # how much longer than all mean durations together the forward variable is drawn
+HORIZON_FACTOR = 1.5  # horizon of the forward variable, in sums of all mean durations
 
 
 def require_matplotlib() -> None:
-    """Raises: SkillError, when pictures cannot be drawn here. To be asked before the work, not after it."""
+    """Raise SkillError, with the command that installs it, if matplotlib cannot be imported."""
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise SkillError(f"pictures need {error.name}: pip install 'pilotfish[plots]'") from error
+        raise SkillError(f"plots need {error.name}: pip install 'pilotfish[plots]'") from error
 
 
 def validate_figure_path(_: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:
-    """A path that ends in a kind of picture.    Raises: click.BadParameter."""
+    """Return a path with the suffix of a figure, or raise click.BadParameter."""
     if path and path.suffix.lower() not in FIGURE_SUFFIXES:
         expected = ", ".join(FIGURE_SUFFIXES)
         raise click.BadParameter(
@@ -39,32 +38,48 @@ def validate_figure_path(_: click.Context, parameter: click.Parameter, path: Pat
 
 
 def save_figure(figure: "Figure", path: Path, *, overwrite: bool) -> None:
-    """Write the picture to a file whose ending says its kind.
+    """Write a figure to a file in the format of its suffix.
 
-    Raises: InvalidInput, when the disk refuses, or the file exists and overwrite is False.
+    Args:
+        figure: Figure to write.
+        path: File to write.
+        overwrite: Whether an existing file is replaced.
+
+    Raises:
+        InvalidInput: If the file cannot be written, or exists and overwrite is False.
     """
     with atomic_file(path, overwrite=overwrite) as part:
         figure.savefig(part, dpi=DOTS_PER_INCH)
 
 
-def skill_figures(skill: Skill, frame_relevance: FrameRelevance | None = None) -> SkillFigures:
-    """The pictures that suit the skill, by name; and those that could not be drawn, with the reason."""
-    from pilotfish import plots  # needs matplotlib
+def plot_skill(
+    skill: Skill, frame_relevance: FrameRelevance | None = None
+) -> tuple[dict[str, "Figure"], dict[str, str]]:
+    """Draw every figure that suits a skill.
+
+    Args:
+        skill: Skill to draw.
+        frame_relevance: Relevance of its frames; None leaves out its figure.
+
+    Returns:
+        The figures by name, and for each figure that could not be drawn its name and the reason.
+    """
+    from pilotfish import plots
 
     plot_functions: dict[str, Callable[[], Figure]] = {"deviations": lambda: plots.state_deviations(skill)}
     if (durations := skill.dynamics.durations) is not None:
         horizon = int(HORIZON_FACTOR * durations.means.sum()) + 1
         plot_functions["states"] = lambda: plots.state_graph(skill)
-        plot_functions["occupancy"] = lambda: plots.forward_variable(skill, horizon=horizon)
+        plot_functions["forward-variable"] = lambda: plots.forward_variable(skill, horizon=horizon)
     if frame_relevance:
         plot_functions["relevance"] = lambda: plots.frame_relevance(frame_relevance)
     if all(isinstance(c, SemiTiedCovariances) for c in skill.covariances):
         plot_functions["basis"] = lambda: plots.basis_vectors(skill)
-    drawn: dict[str, Figure] = {}
+    figures: dict[str, Figure] = {}
     failures: dict[str, str] = {}
-    for name, draw in plot_functions.items():
+    for name, plot in plot_functions.items():
         try:
-            drawn[name] = draw()
-        except InvalidInput as error:  # too many states for its colours, say
+            figures[name] = plot()
+        except InvalidInput as error:  # such as more states than colours
             failures[name] = str(error)
-    return drawn, failures
+    return figures, failures

@@ -1,0 +1,142 @@
+"""Options of `pilotfish stream` that describe the online learner: penalties and maintenance."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import click
+
+from pilotfish.cli.output.results import require_finite_option
+from pilotfish.models import MAX_STATES, online
+
+Command = Callable[..., Any]
+Options = Mapping[str, Any]  # values of options by name; None if an option was not given
+
+# Meaning of each penalty, in squared units of the columns unless it says otherwise.
+PENALTIES = {
+    "cluster": "squared distance from which a datapoint starts a new cluster (lambda)",
+    "dimension": "variance that an additional subspace direction must explain (lambda_1)",
+    "transition": "cost of a transition per nat of its negative log-probability (lambda_2)",
+    "new_transition": "cost of a transition that has not occurred before (lambda_3)",
+    "noise": "variance outside the subspaces in the resulting skill (sigma^2)",
+    "bandwidth": "squared distance from a mean at which the weight of a datapoint decays (b_m)",
+}
+DEFAULT_ZERO = {"sosc": ("transition", "new_transition")}  # penalties that need not be given
+ZERO_ALLOWED = ("transition", "new_transition")
+MAINTENANCE = tuple(field.name for field in fields(online.Maintenance))
+NAMES = ("learner", *PENALTIES, *MAINTENANCE)
+
+
+def learner_options(command: Command) -> Command:
+    """Add the options named in NAMES to a command; a default of None means not given."""
+    options = [
+        click.option(
+            "--learner", type=click.Choice(tuple(online.LEARNERS)), help="Online learner.  [default: sosc]"
+        ),
+        *(_penalty_option(name, meaning) for name, meaning in PENALTIES.items()),
+        click.option(
+            "--discount",
+            type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+            callback=require_finite_option,
+            help="Factor on the weights of all clusters per datapoint, such as 0.995.  [default: no decay]",
+        ),
+        click.option(
+            "--forget-below",
+            type=click.FloatRange(0.0, 1.0, max_open=True),
+            callback=require_finite_option,
+            help="Weight below which a cluster is removed, with --discount.  [default: 0]",
+        ),
+        click.option(
+            "--constant-weight",
+            type=click.FloatRange(min=0.0, min_open=True),
+            callback=require_finite_option,
+            help="Weight of every cluster at all times [datapoints]; excludes --discount.",
+        ),
+        click.option(
+            "--merge-distance",
+            type=click.FloatRange(min=0.0),
+            callback=require_finite_option,
+            help="Distance between means below which two clusters are merged; 0 merges none.  "
+            "[default: square root of --cluster]",
+        ),
+        click.option(
+            "--extra-directions",
+            type=click.IntRange(0, online.Maintenance.MAX_EXTRA_DIRECTIONS),
+            help="Subspace directions that are tracked beyond the dimension.  [default: 1]",
+        ),
+        click.option(
+            "--max-clusters",
+            type=click.IntRange(1, MAX_STATES),
+            help="Maximum number of clusters; the lightest is removed for a new one.  [default: 256]",
+        ),
+        click.option(
+            "--batch",
+            type=click.IntRange(1, online.Maintenance.MAX_BATCH),
+            help="Mini-batch size: datapoints assigned before subspaces are updated.  [default: 1]",
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _penalty_option(name: str, meaning: str) -> Command:
+    return click.option(
+        option_name(name),
+        type=click.FloatRange(min=0.0, min_open=name not in ZERO_ALLOWED),
+        callback=require_finite_option,
+        help=f"{meaning[0].upper()}{meaning[1:]}.",
+    )
+
+
+def option_name(name: str) -> str:
+    """Return an option as it is typed: forget_below becomes --forget-below."""
+    return f"--{name.replace('_', '-')}"
+
+
+def given_options(options: Options, names: tuple[str, ...] = NAMES) -> list[str]:
+    """Return the options that were given, as they are typed."""
+    return [option_name(name) for name in names if options[name] is not None]
+
+
+def build_settings(options: Options, estimate: online.SOSC | None = None) -> online.OnlineSettings:
+    """Build the settings of the online learner.
+
+    Args:
+        options: Values of the options in NAMES.
+        estimate: Settings that supply the penalties that were not given.
+
+    Returns:
+        Settings of the learner.
+
+    Raises:
+        click.UsageError: If a penalty is missing, or the learner does not have a penalty that was given.
+    """
+    learner = options["learner"] or "sosc"
+    names = [field.name for field in fields(online.LEARNERS[learner]) if field.name != "maintenance"]
+    given = {name: options[name] for name in PENALTIES if options[name] is not None}
+    if unsupported := [name for name in given if name not in names]:
+        raise click.UsageError(
+            f"{option_name(unsupported[0])} is not an option of --learner {learner}, which has "
+            f"{', '.join(map(option_name, names))}"
+        )
+    penalties = {name: getattr(estimate, name) for name in names} | given if estimate else given
+    if missing := [p for p in names if p not in penalties and p not in DEFAULT_ZERO.get(learner, ())]:
+        meanings = "; ".join(f"{option_name(name)} is the {PENALTIES[name]}" for name in missing)
+        raise click.UsageError(
+            f"{learner} needs {', '.join(map(option_name, missing))}: {meanings}; in squared units of the "
+            "columns. For demonstrations, --from-batch N estimates them"
+        )
+    maintenance = estimate.maintenance if estimate else build_maintenance(options)
+    settings: online.OnlineSettings = online.LEARNERS[learner](**penalties, maintenance=maintenance)
+    return settings
+
+
+def build_maintenance(options: Options) -> online.Maintenance:
+    """Build the maintenance settings, or raise click.UsageError if options exclude each other."""
+    given = {name: options[name] for name in MAINTENANCE if options[name] is not None}
+    if given.get("forget_below") and "discount" not in given:
+        raise click.UsageError("--forget-below needs --discount; without decay no weight falls below it")
+    if "constant_weight" in given and "discount" in given:
+        raise click.UsageError("--constant-weight and --discount exclude each other; omit one")
+    return online.Maintenance(**given)
