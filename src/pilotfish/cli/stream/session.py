@@ -144,6 +144,8 @@ class StreamSession:
                 if self.model is None:
                     self.model = create_model(event)
                 validate_columns(self.model, event)
+            case np.ndarray():  # before Mark, which it cannot be compared with
+                self._observe_rows(event)
             case Demonstration():
                 self._record_update(*online.observe_demonstration(self._start_clock(), event))
             case Mark.NEW_DEMONSTRATION:
@@ -151,8 +153,6 @@ class StreamSession:
                     self.model = online.begin_demonstration(self.model)
             case RejectedLine():
                 self._record_rejection(event)
-            case np.ndarray():
-                self._observe_rows(event)
 
     def print_note(self, text: str) -> None:
         """Print a line on stderr in place of the status line."""
