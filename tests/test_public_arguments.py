@@ -112,8 +112,7 @@ def small_calls() -> list[Call]:
         (pf.models.EMSettings, {"duration_regularisation": 1.0, "threads": 1}),
         (pf.models.TimeBins, {"jitter": 0.5}),
         (pf.models.KMeans, {"pseudocount": 1.0}),
-        (pf.models.DurationModel, {"longest": 10}),
-        (pf.models.Censoring, {"first": True, "last": False}),
+        (pf.models.DurationModel, {"max_duration": 10}),
         (pf.online.DPGMM, {"cluster": 1.0, "noise": 0.1}),
         (pf.online.Maintenance, {"discount": 0.9, "forget_below": 0.0}),
         (pf.online.Maintenance, {"constant_weight": 1.0}),
@@ -145,9 +144,9 @@ def calls_with_a_skill() -> list[Call]:
     plan = {"model": here, "start": start, "horizon": 5}
     calls: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (pf.learn, learning),
-        (pf.models.learn_markov, learning),
-        (pf.models.learn_mixture, learning),
-        (pf.models.learn_semi_markov, learning),
+        (pf.learn, {**learning, "dynamics": "markov"}),
+        (pf.learn, {**learning, "dynamics": "mixture"}),
+        (pf.learn, {**learning, "durations": pf.models.DurationModel()}),
         (pf.adapt, {"skill": skill, "frames": shown[0].frames}),
         (pf.plan, {**plan, "covariance_regularisation": 1e-3}),
         (planning.planned_states, plan),

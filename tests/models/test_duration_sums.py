@@ -1,19 +1,17 @@
-"""Sums over all steps from a few of them, against sums written out."""
+"""Quadrature over whole steps against explicit sums."""
 
 import numpy as np
 import pytest
-from pilotfish.models.segments import log_survival
 from scipy.special import logsumexp, psi
 
 from pilotfish.errors import InvalidInput
-from pilotfish.models import (
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
+from pilotfish.models.durations import (
+    Gamma,
+    Gaussian,
+    Histogram,
     LogNormal,
-    LogNormalDurations,
-    NegativeBinomialDurations,
-    PoissonDurations,
+    NegativeBinomial,
+    Poisson,
     Segments,
 )
 from pilotfish.models.durations.fit import ExponentialFamily, complete_segments, evaluate_likelihood
@@ -23,11 +21,11 @@ from pilotfish.models.durations.sums import log_cumsum, log_reverse_cumsum, log_
 
 LONG = 2**19
 WIDE_DURATIONS = {
-    "gaussian": GaussianDurations(np.array([40.0, 900.0, 5000.0]), np.array([300.0, 20.0, 900.0])),
-    "log-normal": LogNormalDurations(np.array([3.0, 5.0, 1.0]), np.array([1.0, 0.7, 0.3])),
-    "gamma": GammaDurations(np.array([0.1, 2.0, 400.0]), np.array([1e-4, 3e-3, 0.1])),
-    "poisson": PoissonDurations(np.array([3.0, 1000.0, 30000.0])),
-    "negative binomial": NegativeBinomialDurations(np.array([0.2, 1.0, 50.0]), np.array([1e-4, 1e-3, 0.01])),
+    "gaussian": Gaussian(np.array([40.0, 900.0, 5000.0]), np.array([300.0, 20.0, 900.0])),
+    "log-normal": LogNormal(np.array([3.0, 5.0, 1.0]), np.array([1.0, 0.7, 0.3])),
+    "gamma": Gamma(np.array([0.1, 2.0, 400.0]), np.array([1e-4, 3e-3, 0.1])),
+    "poisson": Poisson(np.array([3.0, 1000.0, 30000.0])),
+    "negative binomial": NegativeBinomial(np.array([0.2, 1.0, 50.0]), np.array([1e-4, 1e-3, 0.01])),
 }
 
 
@@ -38,14 +36,14 @@ def durations(request):
 
 @pytest.fixture(scope="module")
 def sum_every_step(durations):
-    """The laws at so many steps that nothing is left beyond them."""
+    """Return log p(s) at so many steps that the tail beyond is negligible."""
     log_w = durations.log_weights(np.arange(1.0, LONG + 1.0))
     return log_w - logsumexp(log_w, axis=0)
 
 
 @pytest.mark.parametrize("length", [64, 100, 4096, 2**30])
-def test_a_block_of_steps_is_summed_exactly(length):
-    """Every polynomial of degree 63 or less: Chebyshev's, and the sum of cubes by its formula."""
+def test_gauss_nodes_sum_polynomials_exactly(length):
+    """Chebyshev polynomials up to degree 63, and the sum of cubes by its formula."""
     nodes, weights = gauss_nodes(length)
     assert nodes.min() > 1.0
     assert nodes.max() < length
@@ -58,18 +56,18 @@ def test_a_block_of_steps_is_summed_exactly(length):
             np.testing.assert_allclose(weights @ p(nodes), p(steps).sum(), atol=1e-11 * length)
 
 
-def test_moments_are_those_of_the_sum_over_every_step(durations, sum_every_step):
+def test_moments_equal_explicit_sums(durations, sum_every_step):
     p, steps = np.exp(sum_every_step), np.arange(1.0, LONG + 1.0)
-    np.testing.assert_allclose(log_survival(durations, 1)[1][0], np.log(steps @ p), rtol=1e-12)
-    if not isinstance(durations, GaussianDurations):
+    np.testing.assert_allclose(durations.log_survival(1)[1][0], np.log(steps @ p), rtol=1e-12)
+    if not isinstance(durations, Gaussian):
         np.testing.assert_allclose(durations.means, steps @ p, rtol=1e-11)
         spread = np.sqrt(((steps[:, None] - steps @ p) ** 2 * p).sum(axis=0))
         np.testing.assert_allclose(durations.deviations, spread, rtol=1e-10)
 
 
-@pytest.mark.parametrize("longest", [1, 64, 65, 300])
-def test_tails_are_those_of_the_sum_over_every_step(durations, sum_every_step, max_duration):
-    found = log_survival(durations, max_duration)
+@pytest.mark.parametrize("max_duration", [1, 64, 65, 300])
+def test_log_survival_equals_explicit_sums(durations, sum_every_step, max_duration):
+    found = durations.log_survival(max_duration)
     p = np.exp(sum_every_step)
     longer = np.cumsum(p[::-1], axis=0)[::-1]
     excess = np.cumsum(longer[::-1], axis=0)[::-1]
@@ -78,8 +76,8 @@ def test_tails_are_those_of_the_sum_over_every_step(durations, sum_every_step, m
         np.testing.assert_allclose(np.exp(log_tail), expected[:max_duration], rtol=1e-11)
 
 
-@pytest.mark.parametrize("lost", [0.2, 1e-3, 1e-8])
-def test_quantiles_are_those_of_the_sum_over_every_step(durations, sum_every_step, tail_probability):
+@pytest.mark.parametrize("tail_probability", [0.2, 1e-3, 1e-8])
+def test_max_duration_equals_explicit_quantile(durations, sum_every_step, tail_probability):
     longer = np.cumsum(np.exp(sum_every_step)[::-1], axis=0)[::-1]
     assert (
         durations.max_duration(tail_probability)
@@ -87,13 +85,13 @@ def test_quantiles_are_those_of_the_sum_over_every_step(durations, sum_every_ste
     )
 
 
-def test_a_rule_is_short(durations):
-    """A few thousand nodes, where no law is narrow far out; a narrow one is followed step by step."""
-    wide = LogNormalDurations(np.array([8.0]), np.array([2.0]))
+def test_quadrature_wide_distribution_has_few_nodes(durations):
+    """A narrow distribution is summed step by step."""
+    wide = LogNormal(np.array([8.0]), np.array([2.0]))
     assert len(make_quadrature(wide.log_weights, 100).steps) < 4400
-    broad = GaussianDurations(np.array([1e5]), np.array([3e3]))
-    assert make_quadrature(broad.log_weights, 100).whole == 128
-    narrow = GaussianDurations(np.array([5000.0]), np.array([3.0]))
+    broad = Gaussian(np.array([1e5]), np.array([3e3]))
+    assert make_quadrature(broad.log_weights, 100).single_steps == 128
+    narrow = Gaussian(np.array([5000.0]), np.array([3.0]))
     quadrature = make_quadrature(narrow.log_weights, 100)
     assert quadrature.single_steps >= 5000
     np.testing.assert_allclose(
@@ -104,8 +102,8 @@ def test_a_rule_is_short(durations):
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_running_sums_over_a_rule_are_those_over_every_step(rng, durations, sum_every_step, order):
-    """From the beginning and from the end, up to the last whole step and at the nodes beyond it."""
+def test_running_sums_equal_explicit_sums(rng, durations, sum_every_step, order):
+    """Forwards and backwards, at single steps and at nodes beyond them."""
     quadrature = make_quadrature(durations.log_weights, 40)
     log_w = np.log(rng.random((40, 3)))
     weights = np.concatenate([np.exp(log_w), np.zeros((quadrature.single_steps, 3))])
@@ -122,11 +120,11 @@ def test_running_sums_over_a_rule_are_those_over_every_step(rng, durations, sum_
         np.testing.assert_allclose(found[-1], once if order == 1 else twice, rtol=1e-11)
     shares = durations.log_weights(quadrature.steps) + quadrature.log_counts[:, None]
     backward = log_reverse_cumsum(shares - log_sum_exp(shares), quadrature, 40, order)
-    np.testing.assert_allclose(backward, log_survival(durations, 40)[order - 1], rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(backward, durations.log_survival(40)[order - 1], rtol=1e-11, atol=1e-12)
 
 
-def test_likelihood_gradient_and_information_are_those_of_every_step(rng):
-    """A law with a long tail and visits cut off in every way: a few nodes against every step."""
+def test_likelihood_and_gradient_heavy_tail_equal_explicit_sums(rng):
+    """Segments of every kind of censoring: a few nodes against every step."""
     S, K = 30, 2
     segments = Segments(*rng.random((4, S, K)))
     family = ExponentialFamily(
@@ -139,7 +137,7 @@ def test_likelihood_gradient_and_information_are_those_of_every_step(rng):
     found = evaluate_likelihood(family, segments, theta)
     N = 2**18
     steps = np.arange(1.0, N + 1.0)
-    X = family.statistics(steps)
+    X = family.sufficient_statistics(steps)
     p = np.exp(X @ theta + family.base(steps))
     p /= p.sum(axis=0)
     mean = steps @ p
@@ -154,9 +152,9 @@ def test_likelihood_gradient_and_information_are_those_of_every_step(rng):
     np.testing.assert_allclose(found.value, value, rtol=1e-11)
     table = np.log(p)
     counts = complete_segments(table, segments)
-    quadrature = make_quadrature(lambda s: family.statistics(s) @ theta + family.base(s), S)
+    quadrature = make_quadrature(lambda s: family.sufficient_statistics(s) @ theta + family.base(s), S)
     log_w = (
-        family.statistics(quadrature.steps) @ theta
+        family.sufficient_statistics(quadrature.steps) @ theta
         + family.base(quadrature.steps)
         + quadrature.log_counts[:, None]
     )
@@ -170,8 +168,8 @@ def test_likelihood_gradient_and_information_are_those_of_every_step(rng):
     np.testing.assert_allclose(found.gradient, gradient, rtol=1e-8, atol=1e-8)
 
 
-def test_a_root_is_found_or_the_end_that_it_lies_beyond(rng):
-    """Of slopes that fall: shapes of a negative binomial law, and where there is none."""
+def test_decreasing_root_is_found_or_bound_is_returned(rng):
+    """Derivatives as of negative binomial shapes, and functions without a root."""
     roots = rng.uniform(-3.0, 6.0, 5)
     found = _decreasing_root(lambda x: psi(np.exp(roots)) - psi(np.exp(x)), np.zeros(5), -4.0, 9.0)
     np.testing.assert_allclose(found, roots, atol=1e-7)
@@ -183,35 +181,34 @@ def test_a_root_is_found_or_the_end_that_it_lies_beyond(rng):
     )
 
 
-def test_a_histogram_and_a_table_need_no_rule():
+def test_histogram_log_survival_uses_single_steps():
     p = np.array([[0.25], [0.5], [0.25]])
     quadrature = single_step_quadrature(5)
     assert quadrature.single_steps == 5
     assert not quadrature.log_counts.any()
-    log_longer, log_tail_sum = log_survival(HistogramDurations(p), 5)
+    log_longer, log_tail_sum = Histogram(p).log_survival(5)
     np.testing.assert_allclose(np.exp(log_longer)[:, 0], [1.0, 0.75, 0.25, 0.0, 0.0])
     np.testing.assert_allclose(np.exp(log_tail_sum)[:, 0], [2.0, 1.0, 0.25, 0.0, 0.0])
 
 
-def test_a_law_may_be_as_wide_as_its_visits_are():
-    """Lengths from one step to three thousand: the deviation of log s is theirs, 2.3, no less than 1.9."""
+def test_log_normal_fit_wide_segments_keeps_their_width():
+    """Lengths from one step to three thousand have a log-deviation of 2.3; the fit gives at least 1.9."""
     counts = np.zeros((3000, 1))
     counts[[0, 2, 9, 29, 99, 299, 2999]] = 1.0
-    none = np.zeros_like(counts)
-    durations = LogNormal().estimate(Segments(counts, none, none, none), None, 1.0)
+    durations = LogNormal.fit(Segments.all_uncensored(counts))
     assert durations.log_deviations[0] > 1.9
 
 
-def test_many_states_of_long_broad_visits_need_few_steps_each():
-    """256 states of a quarter of an hour at 100 Hz, as a long stream has them."""
+def test_quadrature_many_wide_states_has_few_single_steps():
+    """256 states with durations up to a quarter of an hour at 100 Hz."""
     means = np.geomspace(10.0, 1e5, 256)
-    durations = GaussianDurations(means, means)
-    assert make_quadrature(durations.log_weights, 1).whole == 128
+    durations = Gaussian(means, means)
+    assert make_quadrature(durations.log_weights, 1).single_steps == 128
 
 
-def test_narrow_visits_far_out_are_refused_and_recordings_of_that_length_are_not():
-    """Only the steps that no caller asked for count."""
-    narrow = GaussianDurations(np.full(8, 1e7), np.full(8, 1.0))
+def test_quadrature_narrow_distribution_far_out_raises():
+    """Steps up to the maximum duration of the caller do not count."""
+    narrow = Gaussian(np.full(8, 1e7), np.full(8, 1.0))
     with pytest.raises(InvalidInput, match="durations of 8 states reach 16777216 steps"):
         make_quadrature(narrow.log_weights, 1)
-    assert make_quadrature(GaussianDurations(np.full(8, 5.0), np.ones(8)).log_weights, 10**6).whole == 2**20
+    assert make_quadrature(Gaussian(np.full(8, 5.0), np.ones(8)).log_weights, 10**6).single_steps == 2**20

@@ -1,19 +1,11 @@
-"""Laws of durations, against scipy's densities and sums written out."""
+"""Duration distributions against densities of SciPy and explicit sums."""
 
 import numpy as np
 import pytest
-from pilotfish.models.segments import log_survival
 from scipy import stats
 from scipy.special import logsumexp
 
-from pilotfish.models import (
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
-    NegativeBinomialDurations,
-    PoissonDurations,
-)
+from pilotfish.models.durations import Gamma, Gaussian, Histogram, LogNormal, NegativeBinomial, Poisson
 
 STEPS = np.arange(1, 20_001)
 
@@ -22,26 +14,26 @@ def column(*values):
     return np.array(values, float)
 
 
-# Each law with the logarithm of its density at whole steps, up to a factor, state by state.
+# Each distribution with its log-density at whole steps, up to a constant, by state.
 DISTRIBUTIONS = {
     "gaussian": (
-        GaussianDurations(column(12.0, 1.0, -5.0, 300.0), column(3.0, 0.7, 2.0, 0.1)),
+        Gaussian(column(12.0, 1.0, -5.0, 300.0), column(3.0, 0.7, 2.0, 0.1)),
         lambda s, k: stats.norm.logpdf(s, (12.0, 1.0, -5.0, 300.0)[k], (3.0, 0.7, 2.0, 0.1)[k]),
     ),
     "log-normal": (
-        LogNormalDurations(column(3.0, 0.0, 2.0, 5.0), column(0.5, 0.3, 0.8, 0.01)),
+        LogNormal(column(3.0, 0.0, 2.0, 5.0), column(0.5, 0.3, 0.8, 0.01)),
         lambda s, k: stats.lognorm.logpdf(s, (0.5, 0.3, 0.8, 0.01)[k], scale=np.exp((3.0, 0.0, 2.0, 5.0)[k])),
     ),
     "gamma": (
-        GammaDurations(column(9.0, 0.2, 1.0, 2000.0), column(0.5, 1.0, 0.01, 10.0)),
+        Gamma(column(9.0, 0.2, 1.0, 2000.0), column(0.5, 1.0, 0.01, 10.0)),
         lambda s, k: stats.gamma.logpdf(s, (9.0, 0.2, 1.0, 2000.0)[k], scale=1 / (0.5, 1.0, 0.01, 10.0)[k]),
     ),
     "poisson": (
-        PoissonDurations(column(5.0, 0.01, 80.0, 1.0)),
+        Poisson(column(5.0, 0.01, 80.0, 1.0)),
         lambda s, k: stats.poisson.logpmf(s - 1, (5.0, 0.01, 80.0, 1.0)[k]),
     ),
     "negative binomial": (
-        NegativeBinomialDurations(column(1.0, 0.3, 7.5, 500.0), column(0.2, 0.02, 0.4, 0.9)),
+        NegativeBinomial(column(1.0, 0.3, 7.5, 500.0), column(0.2, 0.02, 0.4, 0.9)),
         lambda s, k: stats.nbinom.logpmf(s - 1, (1.0, 0.3, 7.5, 500.0)[k], (0.2, 0.02, 0.4, 0.9)[k]),
     ),
 }
@@ -52,9 +44,9 @@ def distribution(request):
     return DISTRIBUTIONS[request.param]
 
 
-@pytest.mark.parametrize("longest", [1, 7, 300])
-def test_a_table_is_the_density_at_whole_steps_normalised_over_all_of_them(distribution, max_duration):
-    """Far in the tails too, where probabilities are far below the smallest number."""
+@pytest.mark.parametrize("max_duration", [1, 7, 300])
+def test_log_table_equals_normalised_density(distribution, max_duration):
+    """Also far in the tails, where probabilities underflow."""
     durations, log_density = distribution
     table = durations.log_table(max_duration)
     assert table.shape == (max_duration, 4)
@@ -65,10 +57,10 @@ def test_a_table_is_the_density_at_whole_steps_normalised_over_all_of_them(distr
         )
 
 
-def test_means_and_deviations_are_those_of_the_law_on_whole_steps(distribution):
-    """All but the normal law's, whose parameters they are."""
+def test_means_and_deviations_equal_sums_over_whole_steps(distribution):
+    """All but those of the Gaussian, which are its parameters before truncation."""
     durations, log_density = distribution
-    if isinstance(durations, GaussianDurations):
+    if isinstance(durations, Gaussian):
         return
     for k in range(4):
         log_p = log_density(STEPS, k)
@@ -77,7 +69,7 @@ def test_means_and_deviations_are_those_of_the_law_on_whole_steps(distribution):
         np.testing.assert_allclose(durations.deviations[k] ** 2, p @ (STEPS - p @ STEPS) ** 2, rtol=1e-6)
 
 
-@pytest.mark.parametrize("lost", [0.3, 1e-3, 1e-12])
+@pytest.mark.parametrize("tail_probability", [0.3, 1e-3, 1e-12])
 def test_max_duration_is_smallest_with_given_tail_probability(distribution, tail_probability):
     durations, log_density = distribution
     outlasted = []
@@ -88,10 +80,10 @@ def test_max_duration_is_smallest_with_given_tail_probability(distribution, tail
     assert durations.max_duration(tail_probability) == max(outlasted)
 
 
-@pytest.mark.parametrize("longest", [1, 5, 120])
-def test_tails_are_sums_of_the_law_from_there_on(distribution, max_duration):
+@pytest.mark.parametrize("max_duration", [1, 5, 120])
+def test_log_survival_equals_sums_of_density(distribution, max_duration):
     durations, log_density = distribution
-    log_longer, log_tail_sum = log_survival(durations, max_duration)
+    log_longer, log_tail_sum = durations.log_survival(max_duration)
     for k in range(4):
         log_p = log_density(STEPS, k)
         log_p = log_p - logsumexp(log_p)
@@ -101,19 +93,19 @@ def test_tails_are_sums_of_the_law_from_there_on(distribution, max_duration):
             np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9)
 
 
-def test_a_geometric_law_is_that_of_a_markov_chain():
-    """Shape one: leaving with the same probability at every step."""
-    table = NegativeBinomialDurations(column(1.0), column(0.3)).log_table(50)
+def test_negative_binomial_shape_one_is_geometric():
+    """The exit probability is the same at every step, as in a Markov chain."""
+    table = NegativeBinomial(column(1.0), column(0.3)).log_table(50)
     np.testing.assert_allclose(np.exp(table[:, 0]), 0.3 * 0.7 ** np.arange(50))
 
 
 def test_histogram_table_equals_its_probabilities(rng):
     p = rng.dirichlet(np.ones(6), size=2).T
     p[5, 0], p[:5, 0] = 0.0, p[:5, 0] / p[:5, 0].sum()
-    durations = HistogramDurations(p)
+    durations = Histogram(p)
     np.testing.assert_allclose(np.exp(durations.log_table(9)), np.vstack([p, np.zeros((3, 2))]))
     np.testing.assert_allclose(np.exp(durations.log_table(4)), p[:4])
     np.testing.assert_allclose(durations.means, np.arange(1, 7) @ p)
     np.testing.assert_allclose(durations.deviations**2, np.arange(1, 7) ** 2 @ p - durations.means**2)
     assert durations.max_duration(0.0) == 6
-    np.testing.assert_allclose(np.exp(log_survival(durations, 8)[1][0]), durations.means)
+    np.testing.assert_allclose(np.exp(durations.log_survival(8)[1][0]), durations.means)

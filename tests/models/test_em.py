@@ -1,4 +1,4 @@
-"""Expectation-maximisation: statistics are a fold, and the likelihood never falls."""
+"""Expectation-maximisation: expected statistics, monotone likelihood, dropped states and restarts."""
 
 import itertools
 from dataclasses import replace
@@ -22,12 +22,8 @@ from pilotfish.models import (
     TimeBins,
     expected_statistics,
     fit_em,
-    fit_markov_chain,
-    fit_mixture_weights,
     labelled_statistics,
     learn,
-    learn_markov,
-    learn_mixture,
     maximise_likelihood,
 )
 
@@ -43,7 +39,7 @@ def random_model(rng, P, K, D, markov=True):
 
 
 def enumerate_paths(model, x):
-    """(states, log p(states, x)) for all K^T state sequences of one demonstration, by definition."""
+    """Yield states and log p(states, x) of all K^T state sequences, by definition."""
     (P, T, _), K = x.shape, model.means.shape[1]
     log_b = np.zeros((T, K))
     for p, k in itertools.product(range(P), range(K)):
@@ -60,59 +56,64 @@ def enumerate_paths(model, x):
 @pytest.mark.parametrize("markov", [True, False])
 @pytest.mark.parametrize(("P", "K", "D", "T"), [(1, 2, 1, 5), (2, 3, 2, 4), (3, 1, 2, 3)])
 def test_statistics_equal_enumeration_of_state_sequences(rng, markov, P, K, D, T):
-    """Likelihood, masses, first states, transitions and moments, by listing all sequences."""
+    """Likelihood, counts, first states, transitions and moments."""
     model, x = random_model(rng, P, K, D, markov), rng.normal(size=(P, T, D))
     paths, log_p = zip(*enumerate_paths(model, x), strict=True)
     posterior = np.exp(log_p - logsumexp(log_p))
-    shares, pairs = np.zeros((T, K)), np.zeros((K, K))
+    state_probs, transitions = np.zeros((T, K)), np.zeros((K, K))
     for states, p in zip(paths, posterior, strict=True):
-        shares[np.arange(T), states] += p
-        np.add.at(pairs, (states[:-1], states[1:]), p)
+        state_probs[np.arange(T), states] += p
+        np.add.at(transitions, (states[:-1], states[1:]), p)
     found = expected_statistics(model, Views(x, np.array([T])))
     np.testing.assert_allclose(found.log_likelihood, logsumexp(log_p))
-    np.testing.assert_allclose(found.initial_counts, shares[0])
-    np.testing.assert_allclose(found.transitions, pairs, atol=1e-12)
+    np.testing.assert_allclose(found.initial_counts, state_probs[0])
+    np.testing.assert_allclose(found.transitions, transitions, atol=1e-12)
     for p in range(P):
-        expected = moments(x[p], shares)
+        expected = moments(x[p], state_probs)
         for name in ("counts", "means", "scatter_matrices"):
             np.testing.assert_allclose(getattr(found.moments[p], name), getattr(expected, name), atol=1e-10)
 
 
 def test_statistics_of_parts_sum_to_statistics_of_all(rng, make_demonstrations):
-    """Learning is a fold: demonstrations may be summed up in parts, in any order, on any machine."""
+    """Statistics of parts of the demonstrations add up, in any order."""
     demos = make_demonstrations(lengths=(20, 33, 27, 41))
     model = random_model(rng, 2, 3, 2)
-    whole = expected_statistics(model, views(demos))
+    total = expected_statistics(model, views(demos))
     parts = expected_statistics(model, views(demos[2:])) + expected_statistics(model, views(demos[:2]))
-    np.testing.assert_allclose(parts.log_likelihood, whole.log_likelihood)
-    np.testing.assert_allclose(parts.transitions, whole.transitions)
-    np.testing.assert_allclose(parts.initial_counts, whole.initial_counts)
-    for a, b in zip(parts.moments, whole.moments, strict=True):
+    np.testing.assert_allclose(parts.log_likelihood, total.log_likelihood)
+    np.testing.assert_allclose(parts.transitions, total.transitions)
+    np.testing.assert_allclose(parts.initial_counts, total.initial_counts)
+    for a, b in zip(parts.moments, total.moments, strict=True):
         np.testing.assert_allclose(a.means, b.means)
         np.testing.assert_allclose(a.scatter_matrices, b.scatter_matrices, atol=1e-9)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: s.label)
-@pytest.mark.parametrize("fit", [learn, learn_mixture])
-def test_em_log_likelihood_is_monotone_and_reports_undone_step(rng, make_demonstrations, structure, fit):
-    """Regularisation and partial tying can cost likelihood: the fit then ends before, and says why."""
+@pytest.mark.parametrize("dynamics", ["semi-markov", "mixture"])
+def test_em_log_likelihood_is_monotone_and_reports_undone_step(rng, make_demonstrations, structure, dynamics):
+    """Regularisation and partial tying can lower the likelihood; the fit then ends before and says so."""
     settings = EMSettings(regularisation=1e-2, tolerance=0.0, max_iterations=60)
-    convergence = fit(
-        make_demonstrations(width=3, stops=4), states=4, rng=rng, structure=structure, settings=settings
-    )
+    convergence = learn(
+        make_demonstrations(width=3, stops=4),
+        states=4,
+        rng=rng,
+        dynamics=dynamics,
+        structure=structure,
+        settings=settings,
+    ).convergence
     assert np.diff(convergence.log_likelihoods).min(initial=0.0) >= 0.0
-    if "lost" in convergence.convergence.reason:
-        assert convergence.convergence.iterations == len(convergence.log_likelihoods) + 1
+    if "lost" in convergence.reason:
+        assert convergence.iterations == len(convergence.log_likelihoods) + 1
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical(), SemiTied(1.0)], ids=lambda s: s.label)
 @pytest.mark.parametrize("frames", [1, 2, 3])
-@pytest.mark.parametrize("chain", [fit_markov_chain, fit_mixture_weights])
-@pytest.mark.parametrize("start", [TimeBins(1.0), KMeans()], ids=["bins", "k-means"])
+@pytest.mark.parametrize("chain", [MarkovChain.fit, MixtureWeights.fit])
+@pytest.mark.parametrize("initialisation", [TimeBins(1.0), KMeans()], ids=["bins", "k-means"])
 def test_em_without_regularisation_is_monotone(
     rng, make_demonstrations, structure, frames, chain, initialisation
 ):
-    """Without regularisation nothing is undone: every single step gains, to rounding."""
+    """Every step gains, up to rounding."""
     data = views(make_demonstrations(frames=frames, width=2, stops=3, lengths=(50, 60, 31), noise=0.3))
     model = maximise_likelihood(initialisation.initial_statistics(data, 3, rng), None, structure, 0.0, chain)
     values = []
@@ -124,7 +125,7 @@ def test_em_without_regularisation_is_monotone(
 
 
 def test_em_large_undone_step_is_not_converged(rng, make_demonstrations):
-    """Half-tied and strongly regularised, the climb ends in a loss far above the tolerance."""
+    """Half-tied and strongly regularised, EM ends with a loss far above the tolerance."""
     settings = EMSettings(regularisation=0.3, tolerance=1e-12, max_iterations=300)
     ends = [
         learn(
@@ -142,19 +143,20 @@ def test_em_large_undone_step_is_not_converged(rng, make_demonstrations):
 
 
 def test_em_converged_model_is_fixed_point(rng, make_demonstrations):
-    """At the end, one more M-step changes neither means nor likelihood."""
+    """One more M-step changes neither means nor likelihood."""
     data = views(make_demonstrations())
     initial_statistics = TimeBins().initial_statistics(data, 3, rng)
 
     def m_step(statistics, like):
-        return maximise_likelihood(statistics, like, Full(), 0.0, fit_markov_chain)
+        return maximise_likelihood(statistics, like, Full(), 0.0, MarkovChain.fit)
 
-    run = fit_em(initial_statistics, data, m_step, EMSettings(tolerance=1e-13, max_iterations=2000))
-    assert run.convergence.converged
-    again = m_step(run.statistics, run.model)
-    np.testing.assert_allclose(again.means, run.model.means, atol=1e-5)
+    settings = EMSettings(tolerance=1e-13, max_iterations=2000)
+    model, statistics, convergence = fit_em(initial_statistics, data, m_step, settings)
+    assert convergence.converged
+    again = m_step(statistics, model)
+    np.testing.assert_allclose(again.means, model.means, atol=1e-5)
     np.testing.assert_allclose(
-        expected_statistics(again, data).log_likelihood, run.log_likelihoods[-1], rtol=1e-9
+        expected_statistics(again, data).log_likelihood, convergence.log_likelihoods[-1], rtol=1e-9
     )
 
 
@@ -176,9 +178,9 @@ def test_labelled_statistics_count_no_transition_between_demonstrations():
 
 
 def test_em_state_without_data_is_dropped_and_named(rng, make_demonstrations):
-    """A start with a state far from everything ends with one state fewer and says so; nothing is NaN."""
+    """An initialisation with a state far from all data ends with one state fewer, without NaN."""
     demos = make_demonstrations(stops=2)
-    fit = learn_markov(demos, states=2, rng=rng)
+    fit = learn(demos, states=2, rng=rng, dynamics="markov")
     model = fit.markov_skill
     far = np.full_like(model.means[:, :1], 1e3)
     initialisation = HiddenModel(
@@ -186,11 +188,11 @@ def test_em_state_without_data_is_dropped_and_named(rng, make_demonstrations):
         np.concatenate([model.means, far], axis=1),
         tuple(DenseCovariances(np.concatenate([c.dense, np.eye(2)[None]])) for c in model.covariances),
     )
-    lost = learn(demos, states=3, rng=rng, initialisation=FromModel(initialisation))
-    assert lost.skill.states == 2
-    assert lost.convergence.dropped == ("state 2 of 3, left with 0 datapoints",)
-    assert np.isfinite(lost.skill.means).all()
-    assert np.diff(lost.log_likelihoods).min(initial=0.0) >= 0.0
+    reduced = learn(demos, states=3, rng=rng, initialisation=FromModel(initialisation))
+    assert reduced.skill.states == 2
+    assert reduced.convergence.dropped == ("state 2 of 3, left with 0 datapoints",)
+    assert np.isfinite(reduced.skill.means).all()
+    assert np.diff(reduced.log_likelihoods).min(initial=0.0) >= 0.0
 
 
 def test_restarts_keep_most_likely_fit_and_are_reproducible(make_demonstrations):
@@ -218,13 +220,13 @@ def test_constant_column_without_regularisation_raises(rng, make_demonstrations)
 
 
 def test_learn_accepts_duplicate_demonstration(rng, make_demonstrations):
-    one = make_demonstrations(lengths=(40,))[0]
-    fit = learn([one, one], states=3, rng=rng)
+    demo = make_demonstrations(lengths=(40,))[0]
+    fit = learn([demo, demo], states=3, rng=rng)
     np.testing.assert_allclose(fit.skill.dynamics.initial.sum(), 1.0)
     assert np.isfinite(fit.log_likelihoods).all()
 
 
-@pytest.mark.parametrize("start", [TimeBins(), KMeans()])
+@pytest.mark.parametrize("initialisation", [TimeBins(), KMeans()])
 def test_learn_more_states_than_data_raises(rng, make_demonstrations, initialisation):
     with pytest.raises(InvalidInput, match="5"):
         learn(make_demonstrations(lengths=(5,)), states=6, rng=rng, initialisation=initialisation)
@@ -264,7 +266,7 @@ def test_restarts_with_deterministic_initialisation_raise(rng, make_demonstratio
 
 
 class AlternatingInitialisation:
-    """Time bins, but every other time a state of one single point, which no covariance can hold."""
+    """Time bins, but every other time a state with one point, whose covariance collapses."""
 
     def __init__(self):
         self.calls = 0
@@ -278,23 +280,23 @@ class AlternatingInitialisation:
 
 
 def test_collapsed_restart_does_not_fail_the_fit(rng, make_demonstrations):
-    """One good end is enough, the collapsed ones are told; when all collapse the error is theirs."""
+    """One fit is enough, and the collapsed ones are reported; if all collapse, their error is raised."""
     demos, plain = make_demonstrations(lengths=(40,)), EMSettings(regularisation=0.0, restarts=4)
-    fit = learn_markov(demos, states=2, rng=rng, initialisation=AlternatingInitialisation(), settings=plain)
+    arguments = {"states": 2, "rng": rng, "dynamics": "markov"}
+    fit = learn(demos, initialisation=AlternatingInitialisation(), settings=plain, **arguments)
     assert np.isfinite(fit.log_likelihoods).all()
     assert "2 of 4 restarts collapsed" in fit.convergence.reason
     with pytest.raises(NotPositiveDefinite):
-        learn_markov(
+        learn(
             demos,
-            states=2,
-            rng=rng,
             initialisation=AlternatingInitialisation(),
             settings=replace(plain, restarts=1),
+            **arguments,
         )
 
 
 def test_em_state_with_half_a_datapoint_is_dropped(rng, make_demonstrations):
-    """Less than one point's worth is no state: it would shrink onto that point."""
+    """A state with less than one datapoint would collapse onto it."""
     data = views(make_demonstrations(lengths=(40,), stops=1))
     initial_statistics = TimeBins().initial_statistics(data, 2, rng)
     thin = replace(
@@ -303,8 +305,8 @@ def test_em_state_with_half_a_datapoint_is_dropped(rng, make_demonstrations):
     )
 
     def m_step(statistics, like):
-        return maximise_likelihood(statistics, like, Full(), 1e-6, fit_markov_chain)
+        return maximise_likelihood(statistics, like, Full(), 1e-6, MarkovChain.fit)
 
-    run = fit_em(thin, data, m_step, EMSettings())
-    assert run.model.means.shape[1] == 1
-    assert run.convergence.dropped == ("state 1 of 2, left with 0.5 datapoints",)
+    model, _, convergence = fit_em(thin, data, m_step, EMSettings())
+    assert model.means.shape[1] == 1
+    assert convergence.dropped == ("state 1 of 2, left with 0.5 datapoints",)

@@ -14,16 +14,14 @@ from pilotfish.geometry import quaternion_exp
 from pilotfish.models import (
     AdaptedSkill,
     Censoring,
-    GaussianDurations,
     MarkovChain,
     MixtureWeights,
     SemiMarkovChain,
     as_mixture,
     filtered_regression,
-    filtered_state_probs,
     smoothed_regression,
-    smoothed_state_probs,
 )
+from pilotfish.models.durations import Gaussian as GaussianDurations
 from pilotfish.planning import tangent_chart
 
 K, D = 3, 3
@@ -189,26 +187,26 @@ def test_unobserved_steps_do_not_change_state_probs(rng):
     """Rows of zeros after the last observation leave the prediction; before it, the future is heard."""
     for chain in (markov(rng), semi_markov(rng)):
         log_observed = np.vstack([3.0 * rng.normal(size=(2, K)), np.zeros((4, K))])
-        expected = filtered_state_probs(chain, log_observed[:2], 6)
+        expected = chain.filtered_state_probs(log_observed[:2], 6)
         np.testing.assert_allclose(
-            smoothed_state_probs(chain, log_observed)[1:], expected[1:], rtol=1e-8, atol=1e-12
+            chain.smoothed_state_probs(log_observed)[1:], expected[1:], rtol=1e-8, atol=1e-12
         )
 
 
 def test_what_follows_the_last_observation_stays_open(rng):
     """Also for a skill learned from recordings that ended with a visit: a robot is asked on its way."""
     chain, log_observed = semi_markov(rng), rng.normal(size=(5, K))
-    ended = replace(chain, censoring=Censoring(right=False))
+    ended = replace(chain, censoring=Censoring.NONE)
     np.testing.assert_allclose(
-        smoothed_state_probs(ended, log_observed), smoothed_state_probs(chain, log_observed)
+        ended.smoothed_state_probs(log_observed), chain.smoothed_state_probs(log_observed)
     )
 
 
 def test_posteriors_of_nothing_or_of_the_impossible_are_refused(rng):
-    with pytest.raises(InvalidInput, match="no steps"):
-        smoothed_state_probs(markov(rng), np.empty((0, K)))
+    with pytest.raises(InvalidInput, match="no rows"):
+        markov(rng).smoothed_state_probs(np.empty((0, K)))
     with pytest.raises(InvalidInput, match=r"observation 1 in state 2 is -inf"):
-        smoothed_state_probs(markov(rng), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -np.inf]]))
+        markov(rng).smoothed_state_probs(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -np.inf]]))
 
 
 def test_a_skill_on_the_sphere_is_followed_on_a_flat_map_of_it(rng):

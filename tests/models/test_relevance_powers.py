@@ -11,7 +11,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, affine_transform, log_density
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import Pose, quaternion_exp
-from pilotfish.models import adapt, learn_markov
+from pilotfish.models import adapt, learn
 
 
 @pytest.fixture

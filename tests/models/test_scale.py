@@ -1,4 +1,4 @@
-"""Long and wide recordings: nothing underflows, nothing is lost."""
+"""Long and wide recordings: no underflow, no loss of precision."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def make_chain(rng, K, D, spread):
 
 
 def test_statistics_of_100000_steps_in_94_dimensions_do_not_underflow(rng):
-    """Every step has a log-density of some hundred nats; masses still add up to the number of steps."""
+    """Every step has a log-density of some hundred nats; counts still sum to the number of steps."""
     K, D, T = 3, 94, 100_000
     model = make_chain(rng, K, D, 0.01)
     states = np.repeat(rng.integers(0, K, size=T // 100), 100)
@@ -27,8 +27,8 @@ def test_statistics_of_100000_steps_in_94_dimensions_do_not_underflow(rng):
     np.testing.assert_array_equal(viterbi(model, demonstration(x, 0.01, layout)), states)
 
 
-def test_points_thousands_of_nats_from_every_state_are_shared_by_the_nearest(rng):
-    """No floor on the density: an outlier belongs to its nearest state for certain."""
+def test_statistics_outlier_belongs_to_nearest_state(rng):
+    """Thousands of nats from every state: the density has no lower bound."""
     model = make_chain(rng, 2, 14, 1e-3)
     outlier = model.means[0, 1] + 0.2 * (model.means[0, 1] - model.means[0, 0])
     x = np.stack([model.means[0, 0], outlier])[None]
@@ -37,8 +37,8 @@ def test_points_thousands_of_nats_from_every_state_are_shared_by_the_nearest(rng
     assert statistics.log_likelihood < -1e4
 
 
-def test_a_skill_of_94_dimensions_is_learned_from_few_points(rng):
-    """Fewer points than dimensions in each state: regularisation holds the covariances."""
+def test_learn_94_dimensions_from_few_points_is_finite(rng):
+    """With fewer points than dimensions in each state, regularisation keeps covariances positive definite."""
     x = np.cumsum(rng.normal(size=(300, 94)), axis=0) * 0.01
     demo = demonstration(x, 0.01, Layout((Part("marker", Quantity.SCALAR, 94, "m"),)))
     fit = learn([demo], states=10, rng=rng, settings=EMSettings(max_iterations=10))

@@ -1,98 +1,98 @@
 """The right size of a model is found on demonstrations that it did not learn from."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
-from pilotfish.models.segments import uncensored_segments
 
 from pilotfish.demonstrations import views, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import Diagonal, Full, SemiTied
 from pilotfish.models import (
     Candidate,
+    DurationModel,
     EMSettings,
-    Gamma,
-    Gaussian,
-    HistogramDurations,
     KMeans,
-    LogNormal,
     MarkovChain,
     MixtureWeights,
-    NegativeBinomial,
-    Poisson,
     Score,
     Selection,
     SemiMarkovChain,
     bic,
     degrees_of_freedom,
     learn,
-    learn_markov,
-    learn_mixture,
     log_likelihood,
     select,
 )
-from pilotfish.models.degrees_of_freedom import dynamics_degrees_of_freedom
+from pilotfish.models.durations import (
+    Gamma,
+    Gaussian,
+    Histogram,
+    LogNormal,
+    NegativeBinomial,
+    Poisson,
+    Segments,
+)
 
-LEARNERS = {"counted": learn, "markov": learn_markov, "mixture": learn_mixture}
 
-
-def candidate(states=3, structure=None, durations="counted", learner=None):
-    return Candidate(states, structure or Full(), durations, learner or LEARNERS[durations])
+def candidate(states=3, structure=None, **options):
+    return Candidate(states, structure or Full(), **options)
 
 
 def use_world_frame(demos):
     return [replace(d, frames=(world_frame(d.layout.width),)) for d in demos]
 
 
-@pytest.mark.parametrize(("durations", "dynamics"), [("counted", 6), ("markov", 3), ("mixture", 3)])
-def test_parameters_are_counted_by_hand(rng, make_demonstrations, durations, dynamics):
+@pytest.mark.parametrize(("dynamics", "count"), [("semi-markov", 6), ("markov", 3), ("mixture", 3)])
+def test_degrees_of_freedom_left_right_skill_equals_count_by_hand(rng, make_demonstrations, dynamics, count):
     """Four states, two frames, two columns: 16 means, 24 covariances, and the dynamics.
 
     Left-right: three states may stay or go on (3), the last stays and the first begins. Counted: three
     durations of a mean and a deviation. A mixture: four weights that sum to one.
     """
-    skill = LEARNERS[durations](make_demonstrations(stops=4, noise=0.02), states=4, rng=rng).skill
-    assert degrees_of_freedom(skill, Full()) == 16 + 24 + dynamics
+    demos = make_demonstrations(stops=4, noise=0.02)
+    skill = learn(demos, states=4, rng=rng, dynamics=dynamics).skill
+    assert degrees_of_freedom(skill, Full()) == 16 + 24 + count
 
 
 def test_tied_directions_are_counted_once(rng, make_demonstrations):
     """D^2 entries of a basis whose D lengths mean nothing, and K D variances, in each frame."""
-    skill = learn_mixture(make_demonstrations(width=3), states=3, rng=rng, structure=SemiTied()).skill
+    skill = learn(
+        make_demonstrations(width=3), states=3, rng=rng, structure=SemiTied(), dynamics="mixture"
+    ).skill
     assert degrees_of_freedom(skill, SemiTied()) == 2 * (3 * 3 + (9 - 3) + 3 * 3) + 2
 
 
-def test_probabilities_that_are_zero_were_not_free():
-    initialisation, rows = np.array([0.5, 0.5, 0.0]), np.array([[0, 0.3, 0.7], [1.0, 0, 0], [0, 0, 0]])
-    durations = HistogramDurations(np.array([[0.2, 0.0, 1.0], [0.3, 1.0, 0.0], [0.5, 0.0, 0.0]]))
-    assert dynamics_degrees_of_freedom(MixtureWeights(initialisation)) == 1
-    assert dynamics_degrees_of_freedom(MarkovChain(initialisation, np.full((3, 3), 1.0 / 3.0))) == 1 + 6
-    assert dynamics_degrees_of_freedom(SemiMarkovChain(initialisation, rows, durations)) == 1 + 1 + 2
+def test_degrees_of_freedom_zero_probabilities_do_not_count():
+    initial, rows = np.array([0.5, 0.5, 0.0]), np.array([[0, 0.3, 0.7], [1.0, 0, 0], [0, 0, 0]])
+    durations = Histogram(np.array([[0.2, 0.0, 1.0], [0.3, 1.0, 0.0], [0.5, 0.0, 0.0]]))
+    assert MixtureWeights(initial).degrees_of_freedom() == 1
+    assert MarkovChain(initial, np.full((3, 3), 1.0 / 3.0)).degrees_of_freedom() == 1 + 6
+    assert SemiMarkovChain(initial, rows, durations).degrees_of_freedom() == 1 + 1 + 2
 
 
 @pytest.mark.parametrize(
-    ("distribution", "each"),
-    [(Gaussian(), 2), (LogNormal(), 2), (Gamma(), 2), (Poisson(), 1), (NegativeBinomial(), 2)],
-    ids=lambda value: getattr(value, "label", None),
+    ("distribution", "count"),
+    [(Gaussian, 2), (LogNormal, 2), (Gamma, 2), (Poisson, 1), (NegativeBinomial, 2)],
 )
-def test_a_law_has_so_many_free_numbers_a_state(distribution, each):
-    """Of the states that are left; named or not. A shape that was given is not free."""
+def test_degrees_of_freedom_durations_of_non_final_states_count(distribution, count):
+    """A fixed shape does not count."""
     counts = np.zeros((12, 3))
     counts[3:9] = 1.0
     rows = np.array([[0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]])
-    chain = SemiMarkovChain(np.eye(3)[0], rows, distribution.estimate(uncensored_segments(counts), None, 1.0))
-    assert dynamics_degrees_of_freedom(chain) == dynamics_degrees_of_freedom(chain, distribution) == 2 * each
-    geometric = NegativeBinomial(1.0)
-    chain = SemiMarkovChain(np.eye(3)[0], rows, geometric.estimate(uncensored_segments(counts), None, 1.0))
-    assert dynamics_degrees_of_freedom(chain, geometric) == 2
+    chain = SemiMarkovChain(np.eye(3)[0], rows, distribution.fit(Segments.all_uncensored(counts)))
+    assert chain.degrees_of_freedom() == 2 * count
+    geometric = DurationModel(NegativeBinomial, options={"shape": 1.0})
+    durations = geometric.fit(Segments.all_uncensored(counts), None, 1.0)
+    chain = SemiMarkovChain(np.eye(3)[0], rows, durations)
+    assert chain.degrees_of_freedom(geometric.fixed_parameters) == 2
 
 
 def test_bic_is_that_of_one_gaussian_in_closed_form(rng, make_demonstrations):
     """One state, one frame: N/2 (log |2 pi e S|) nats and D + D (D + 1) / 2 parameters."""
     demos = [replace(d, frames=d.frames[:1]) for d in make_demonstrations(width=2)]
     settings = EMSettings(regularisation=0.0)
-    one = candidate(states=1, durations="mixture")
+    one = candidate(states=1, dynamics="mixture")
     score = select(demos, [one], rng=rng, settings=settings).scores[0]
     x = views(demos).x[0]
     nats = -0.5 * len(x) * np.linalg.slogdet(2.0 * np.pi * np.e * np.cov(x.T, bias=True))[1]
@@ -102,13 +102,13 @@ def test_bic_is_that_of_one_gaussian_in_closed_form(rng, make_demonstrations):
     assert bic(-10.0, 3, 100) == 20.0 + 3 * np.log(100)
 
 
-@pytest.mark.parametrize("durations", list(LEARNERS))
-def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, make_demonstrations, durations):
+@pytest.mark.parametrize("dynamics", ["semi-markov", "markov", "mixture"])
+def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, make_demonstrations, dynamics):
     demos = make_demonstrations(lengths=(30, 42, 37))
-    score = select(demos, [candidate(durations=durations)], rng=rng).scores[0]
+    score = select(demos, [candidate(dynamics=dynamics)], rng=rng).scores[0]
     for m, nats in enumerate(score.held_out):
         others = [d for n, d in enumerate(demos) if n != m]
-        skill = LEARNERS[durations](others, states=3, rng=rng).skill
+        skill = learn(others, states=3, rng=rng, dynamics=dynamics).skill
         np.testing.assert_allclose(nats, log_likelihood(skill, [demos[m]])[0] / len(demos[m].x))
     np.testing.assert_allclose(score.held_out_mean, score.held_out.mean())
     np.testing.assert_allclose(score.standard_error, score.held_out.std(ddof=1) / np.sqrt(3))
@@ -117,7 +117,7 @@ def test_a_demonstration_is_scored_by_the_model_of_the_others(rng, make_demonstr
 def test_the_number_of_places_is_found(rng, make_demonstrations):
     """Points that scatter about three places ask for three states, neither fewer nor more."""
     demos = use_world_frame(make_demonstrations(lengths=(40,) * 8, stops=3, noise=0.3))
-    sizes = [candidate(states=K, learner=partial(learn, initialisation=KMeans())) for K in (1, 2, 3, 4, 5)]
+    sizes = [candidate(states=K, initialisation=KMeans()) for K in (1, 2, 3, 4, 5)]
     found = select(demos, sizes, rng=rng)
     assert found.best.states == 3
 
@@ -146,9 +146,8 @@ def test_failed_candidate_is_reported(rng, make_demonstrations):
 
 
 def test_a_score_depends_on_the_seed_and_not_on_the_other_candidates(make_demonstrations):
-    with_chance = partial(learn, initialisation=KMeans())
     demos = make_demonstrations(noise=1.0)
-    one, other = candidate(states=4, learner=with_chance), candidate(states=5, learner=with_chance)
+    one, other = candidate(states=4, initialisation=KMeans()), candidate(states=5, initialisation=KMeans())
 
     def score(candidates, seed):
         scores = select(demos, candidates, rng=np.random.default_rng(seed)).scores

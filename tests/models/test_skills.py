@@ -194,7 +194,7 @@ def test_a_mixture_skill_regresses_time_to_place(rng):
     regression = regress(as_mixture(adapt(fit.skill, demo.frames)), np.array([0]), np.array([[1.0], [2.5]]))
     np.testing.assert_allclose(regression.means[:, 0], [3.0, 7.5], atol=0.05)
     np.testing.assert_allclose(regression.jacobians[:, 0, 0], 3.0, atol=0.2)
-    with pytest.raises(InvalidInput, match="learn_mixture"):
+    with pytest.raises(InvalidInput, match='dynamics="mixture"'):
         as_mixture(adapt(learn([demo], states=2, rng=rng).skill, demo.frames))
 
 

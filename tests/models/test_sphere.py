@@ -30,6 +30,7 @@ from pilotfish.geometry import (
     quaternion_exp,
 )
 from pilotfish.models import (
+    DurationModel,
     EMSettings,
     KMeans,
     TimeBins,
@@ -37,10 +38,8 @@ from pilotfish.models import (
     as_mixture,
     expected_statistics,
     filtered_regression,
-    fit_mixture_weights,
     labelled_statistics,
     learn,
-    learn_semi_markov,
     log_state_likelihoods,
     maximise_likelihood,
 )
@@ -163,7 +162,7 @@ def test_at_the_end_tangent_vectors_to_every_mean_cancel(rng):
     data = views([demonstration(q, 0.1, layout)])
     statistics = labelled_statistics(data, np.arange(60) // 25 % 2, 2)
     for _ in range(200):
-        model = maximise_likelihood(statistics, None, Full(), 0.0, fit_mixture_weights)
+        model = maximise_likelihood(statistics, None, Full(), 0.0, MixtureWeights.fit)
         statistics = expected_statistics(model, data)
     (m,) = statistics.moments
     np.testing.assert_allclose(m.offsets / m.counts[:, None], 0.0, atol=1e-9)
@@ -193,9 +192,12 @@ def test_small_turns_are_learned_as_rotation_vectors_would_be(rng):
     np.testing.assert_allclose(dense[1], dense[0], atol=10 * size**3)
 
 
-@pytest.mark.parametrize("way", [learn, learn_semi_markov])
-def test_every_way_of_learning_works_on_the_sphere(rng, demos, way):
-    fit = way(demos, states=3, rng=rng)
+@pytest.mark.parametrize(
+    ("dynamics", "durations"),
+    [("semi-markov", None), ("markov", None), ("mixture", None), ("semi-markov", DurationModel())],
+)
+def test_learn_on_sphere_means_are_unit_quaternions(rng, demos, dynamics, durations):
+    fit = learn(demos, states=3, rng=rng, dynamics=dynamics, durations=durations)
     assert fit.skill.means.shape == (2, 3, 7)
     assert fit.skill.covariances[0].dense.shape == (3, 6, 6)
     np.testing.assert_allclose(np.linalg.norm(fit.skill.means[..., 3:], axis=-1), 1.0)
@@ -276,16 +278,16 @@ def test_frames_that_leave_the_sphere_are_refused(rng, demos):
         adapt(skill, [a, replace(b, A=np.eye(7) * 2.0)])
 
 
-@pytest.mark.parametrize("way", [learn_mixture, learn])
-def test_regression_predicts_orientation_from_position(rng, demos, way):
+@pytest.mark.parametrize("dynamics", ["mixture", "markov", "semi-markov"])
+def test_regression_predicts_orientation_from_position(rng, demos, dynamics):
     """Regression on the sphere, in every dynamics: nearer than any one orientation, and whole."""
-    here = adapt(way(demos, states=3, rng=rng).skill, demos[0].frames)
+    here = adapt(learn(demos, states=3, rng=rng, dynamics=dynamics).skill, demos[0].frames)
     x, q = demos[0].x[:, :3], demos[0].x[:, 3:]
     answer = filtered_regression(here, np.arange(3), x)
     np.testing.assert_allclose(np.linalg.norm(answer.means, axis=1), 1.0)
     one = karcher_mean(q, np.ones(len(q)), (0,))
     assert np.mean(angle(answer.means, q) ** 2) < 0.5 * np.mean(angle(one, q) ** 2)
     assert answer.covariances.shape == (len(q), 3, 3)
-    if way is learn_mixture:
+    if dynamics == "mixture":
         with pytest.raises(InvalidInput, match="filtered_regression"):
             as_mixture(here)

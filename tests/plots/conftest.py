@@ -25,15 +25,13 @@ from pilotfish.models import (
     Convergence,
     Fit,
     FrameRelevance,
-    GaussianDurations,
     Provenance,
     Score,
     Selection,
     SemiMarkovChain,
     Skill,
-    learn,
-    learn_markov,
 )
+from pilotfish.models.durations import Gaussian
 from pilotfish.models.online import (
     SOSC,
     Maintenance,
@@ -56,7 +54,7 @@ def random_covariances(rng: np.random.Generator, count: int, width: int) -> np.n
 
 def left_right_chain(rng: np.random.Generator, states: int) -> SemiMarkovChain:
     """One state after the other; the last is final."""
-    durations = GaussianDurations(rng.uniform(3.0, 9.0, states), rng.uniform(0.5, 3.0, states))
+    durations = Gaussian(rng.uniform(3.0, 9.0, states), rng.uniform(0.5, 3.0, states))
     return SemiMarkovChain(np.eye(states)[0], np.eye(states, k=1), durations)
 
 
@@ -109,9 +107,9 @@ def make_demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> 
 def make_selection(rng: np.random.Generator) -> Selection:
     """Scores of three structures, two kinds of durations and five sizes; larger ones do better, and worse."""
     tried = [
-        Candidate(states, structure, name, learner)
+        Candidate(states, structure, dynamics)
         for structure in (Full(), Diagonal(), SemiTied())
-        for name, learner in (("counted", learn), ("markov", learn_markov))
+        for dynamics in ("semi-markov", "markov")
         for states in range(3, 8)
     ]
     scores = [

@@ -5,24 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pilotfish.models import (
-    GammaDurations,
-    GaussianDurations,
-    HistogramDurations,
-    LogNormalDurations,
-    NegativeBinomialDurations,
-    PoissonDurations,
-    SemiMarkovChain,
-)
+from pilotfish.models import SemiMarkovChain
+from pilotfish.models.durations import Gamma, Gaussian, Histogram, LogNormal, NegativeBinomial, Poisson
 from pilotfish.plots import forward_variable, state_graph
 
 DISTRIBUTIONS = {
-    "gaussian": GaussianDurations(np.array([6.0, 8.0, 5.0]), np.array([1.0, 2.0, 0.5])),
-    "log-normal": LogNormalDurations(np.log([6.0, 8.0, 5.0]), np.array([0.2, 0.9, 0.1])),
-    "gamma": GammaDurations(np.array([6.0, 0.7, 50.0]), np.array([1.0, 0.1, 10.0])),
-    "poisson": PoissonDurations(np.array([6.0, 8.0, 5.0])),
-    "negative binomial": NegativeBinomialDurations(np.array([1.0, 2.0, 50.0]), np.array([0.1, 0.2, 0.9])),
-    "histogram": HistogramDurations(np.full((9, 3), 1.0 / 9.0)),
+    "gaussian": Gaussian(np.array([6.0, 8.0, 5.0]), np.array([1.0, 2.0, 0.5])),
+    "log-normal": LogNormal(np.log([6.0, 8.0, 5.0]), np.array([0.2, 0.9, 0.1])),
+    "gamma": Gamma(np.array([6.0, 0.7, 50.0]), np.array([1.0, 0.1, 10.0])),
+    "poisson": Poisson(np.array([6.0, 8.0, 5.0])),
+    "negative binomial": NegativeBinomial(np.array([1.0, 2.0, 50.0]), np.array([0.1, 0.2, 0.9])),
+    "histogram": Histogram(np.full((9, 3), 1.0 / 9.0)),
 }
 
 

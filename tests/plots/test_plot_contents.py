@@ -21,7 +21,8 @@ from pilotfish.gaussians.structures import (
     SemiTiedCovariances,
     component_correlation,
 )
-from pilotfish.models import FrameRelevance, GaussianDurations, Selection, SemiMarkovChain, Skill, occupancy
+from pilotfish.models import FrameRelevance, Selection, SemiMarkovChain, Skill
+from pilotfish.models.durations import Gaussian
 from pilotfish.planning import via_point
 
 LAYOUT = pose_layout().differentiate()
@@ -36,7 +37,7 @@ def chain(rng: np.random.Generator) -> SemiMarkovChain:
     """Four states in a circle with leaps and ways back; none is final."""
     onward = rng.uniform(0.05, 1.0, (4, 4)) * (1.0 - np.eye(4))
     onward /= onward.sum(axis=1, keepdims=True)
-    durations = GaussianDurations(rng.uniform(3.0, 9.0, 4), rng.uniform(0.5, 2.0, 4))
+    durations = Gaussian(rng.uniform(3.0, 9.0, 4), rng.uniform(0.5, 2.0, 4))
     return SemiMarkovChain(np.eye(4)[0], onward, durations)
 
 
@@ -132,7 +133,7 @@ def test_the_order_of_the_graph_is_that_of_time_whatever_the_labels(inputs: Any,
     relabelled = SemiMarkovChain(
         plain.initial[shuffled],
         plain.transitions[np.ix_(shuffled, shuffled)],
-        GaussianDurations(plain.durations.means[shuffled], plain.durations.deviations[shuffled]),
+        Gaussian(plain.durations.means[shuffled], plain.durations.deviations[shuffled]),
     )
     figure = plots.state_graph(replace(inputs.skill, dynamics=relabelled))
     places = [by_gid(figure, Circle, f"state {k}")[0].get_center()[0] for k in range(4)]

@@ -64,7 +64,7 @@ def test_exact_durations_are_more_likely(recorded, segmentation):
 
 
 def test_duration_statistics_of_truncated_gaussian_are_exact(segmentation):
-    distribution = pf.models.GaussianDurations(np.array([60.0, 1.0]), np.array([5.0, 20.0]))
+    distribution = pf.durations.Gaussian(np.array([60.0, 1.0]), np.array([5.0, 20.0]))
     means, deviations = segmentation.duration_statistics(distribution)
     np.testing.assert_allclose(means[0], 6.0, rtol=1e-6)
     np.testing.assert_allclose(deviations[0], 0.5, rtol=1e-4)

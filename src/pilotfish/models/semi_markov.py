@@ -98,7 +98,7 @@ class DurationModel:
     distribution: type[DurationDistribution] = Gaussian
     censoring: Censoring = Censoring.RIGHT
     max_duration: int | None = None
-    options: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if not _is_distribution(self.distribution):

@@ -1,37 +1,36 @@
-"""Beginnings of a fit: what is counted, what stays possible, and what must not matter."""
+"""Initialisation of expectation-maximisation, and dropped states."""
 
 import numpy as np
 import pytest
-from pilotfish.models.starts import _count_distinct, _joint_features
 
 from pilotfish.demonstrations import Views, views
 from pilotfish.gaussians import moments
-from pilotfish.models import KMeans, TimeBins, fit_markov_chain, labelled_statistics
-from pilotfish.models.em import drop_states
+from pilotfish.models import KMeans, MarkovChain, TimeBins, labelled_statistics
+from pilotfish.models.initialisation import _count_distinct, _joint_features
 from pilotfish.models.statistics import BLOCK_ROWS
 
 
-def test_a_chain_begins_where_demonstrations_begin():
-    """Three of four demonstrations begin in state 1: so does the skill, with probability 3/4."""
+def test_markov_fit_initial_probabilities_equal_first_states():
+    """Three of four demonstrations begin in state 1."""
     data = Views(np.zeros((1, 8, 1)), np.full(4, 2))
-    chain = fit_markov_chain(labelled_statistics(data, np.array([1, 0, 1, 1, 0, 1, 1, 0]), 2))
+    chain = MarkovChain.fit(labelled_statistics(data, np.array([1, 0, 1, 1, 0, 1, 1, 0]), 2))
     np.testing.assert_allclose(chain.initial, [0.25, 0.75])
     np.testing.assert_allclose(chain.transitions, [[0, 1], [2 / 3, 1 / 3]])
 
 
 def test_drop_states_reroutes_transitions():
-    """0 -> 1 -> 2 without 1 is 0 -> 2: a left-right skill stays whole."""
+    """0 -> 1 -> 2 without state 1 is 0 -> 2."""
     data = Views(np.zeros((1, 9, 1)), np.array([9]))
     statistics = labelled_statistics(data, np.repeat([0, 1, 2], 3), 3)
-    left = drop_states(statistics, np.array([False, True, False]))
+    left = statistics.drop_states(np.array([False, True, False]))
     np.testing.assert_allclose(left.transitions, [[2, 1], [0, 2]])
     np.testing.assert_allclose(left.moments[0].counts, [3, 3])
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("length", [4, 5, 9, 30])
-def test_time_bins_are_in_order_and_none_is_empty(rng, jitter, length):
-    """Whatever the jitter, every state gets a step and states follow each other."""
+def test_time_bins_are_ordered_and_not_empty(rng, jitter, length):
+    """With any jitter, every state gets a step, in order of time."""
     data = Views(np.arange(length, dtype=float)[None, :, None], np.array([length]))
     statistics = TimeBins(jitter).initial_statistics(data, 4, rng)
     assert statistics.moments[0].counts.min() >= 1.0
@@ -39,16 +38,16 @@ def test_time_bins_are_in_order_and_none_is_empty(rng, jitter, length):
     np.testing.assert_array_equal(np.triu(np.tril(statistics.transitions, 1)), statistics.transitions)
 
 
-def test_after_k_means_any_state_may_follow_any_other(rng, make_demonstrations):
-    """Expectation-maximisation cannot revive a transition of probability zero; k-means forbids none."""
+def test_k_means_every_transition_is_possible(rng, make_demonstrations):
+    """Expectation-maximisation would keep a transition of probability zero at zero."""
     data = views(make_demonstrations(stops=4))
-    chain = fit_markov_chain(KMeans().initial_statistics(data, 4, rng))
+    chain = MarkovChain.fit(KMeans().initial_statistics(data, 4, rng))
     assert chain.transitions.min() > 0.0
     assert chain.initial.min() > 0.0
 
 
-def test_k_means_does_not_depend_on_the_units_of_a_column(rng, make_demonstrations):
-    """Millimetres beside metres give the same clusters."""
+def test_k_means_is_invariant_to_units(rng, make_demonstrations):
+    """A column in millimetres gives the same clusters as in metres."""
     data = views(make_demonstrations(stops=3, noise=0.02))
     scaled = Views(data.x * np.array([1.0, 1000.0]), data.lengths)
     masses = [
@@ -59,19 +58,19 @@ def test_k_means_does_not_depend_on_the_units_of_a_column(rng, make_demonstratio
 
 
 @pytest.mark.parametrize("N", [1, 5, BLOCK_ROWS, 3 * BLOCK_ROWS + 7])
-def test_known_states_are_counted_block_by_block_as_all_at_once(rng, N):
-    """Every point belongs to its label alone, however many points there are; a label without any has none."""
+def test_labelled_statistics_of_blocks_equal_all_at_once(rng, N):
+    """A label without points has count zero."""
     labels, x = rng.integers(0, 3, size=N), 1e3 + rng.normal(size=(2, N, 3))
     statistics = labelled_statistics(Views(x, np.array([N])), labels, 4)
-    for told, view in zip(statistics.moments, x, strict=True):
-        whole = moments(view, np.eye(4)[labels])
-        np.testing.assert_array_equal(told.counts, whole.counts)
-        np.testing.assert_allclose(told.means, whole.means, rtol=1e-12)
-        np.testing.assert_allclose(told.scatter_matrices, whole.scatter_matrices, rtol=1e-9, atol=1e-9)
+    for actual, view in zip(statistics.moments, x, strict=True):
+        expected = moments(view, np.eye(4)[labels])
+        np.testing.assert_array_equal(actual.counts, expected.counts)
+        np.testing.assert_allclose(actual.means, expected.means, rtol=1e-12)
+        np.testing.assert_allclose(actual.scatter_matrices, expected.scatter_matrices, rtol=1e-9, atol=1e-9)
 
 
-def test_views_stand_side_by_side_each_column_of_unit_variance(rng):
-    """A column that never changes stays as it is."""
+def test_joint_features_have_unit_variance(rng):
+    """A constant column is not scaled."""
     x = rng.normal(size=(2, 50, 3)) * np.array([1e-3, 1.0, 1e3])
     x[1, :, 2] = 4.0
     joint = _joint_features(Views(x, np.array([20, 30])))
@@ -83,8 +82,8 @@ def test_views_stand_side_by_side_each_column_of_unit_variance(rng):
 
 
 @pytest.mark.parametrize("different", [1, 3, 6])
-def test_different_points_are_counted_wherever_they_stand(rng, different):
-    """The last of them may come after any number of repetitions."""
+def test_count_distinct_repeated_points_equals_number_of_distinct(rng, different):
+    """The last distinct point may come after any number of repetitions."""
     x = np.zeros((2 * BLOCK_ROWS + 50, 2))
     x[rng.choice(len(x), different - 1, replace=False)] = np.arange(1.0, different)[:, None]
     assert _count_distinct(x, 6) == different
