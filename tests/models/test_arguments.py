@@ -67,10 +67,7 @@ INVALID_CALLS = {
         "SOSC(",
     ),
     "maintenance is a number": (lambda g: pf.online.DPGMM(1.0, 0.1, maintenance=3), "Maintenance("),
-    "weighting is a class": (
-        lambda g: pf.online.Maintenance(weighting=pf.online.DatapointCount),
-        "DatapointCount()",
-    ),
+    "discount is text": (lambda g: pf.online.Maintenance(discount="0.9"), "give a number or None"),
     "penalty is text": (lambda g: pf.online.DPGMM("1", 0.1), "cluster"),
     "datapoint is text": (lambda g: pf.online.observe(g.stream, "text"), "not real numbers"),
     "datapoint has None": (lambda g: pf.online.observe(g.stream, [1.0, None, 2.0]), "not real numbers"),

@@ -33,6 +33,7 @@ from pilotfish.models import (
     DurationModel,
     EMSettings,
     KMeans,
+    MixtureWeights,
     TimeBins,
     adapt,
     as_mixture,

@@ -26,8 +26,7 @@ from pilotfish.models import (
     MixtureWeights,
     TimeBins,
     adapt,
-    covariance_degrees_of_freedom,
-    covariance_parameter_count,
+    degrees_of_freedom,
     expected_statistics,
     fitted_covariance_parameter_count,
     learn,
@@ -121,11 +120,11 @@ def test_parameter_count_after_fit_equals_sum_over_frames(rng, make_demonstratio
     demos = make_demonstrations(width=4, noise=0.3)
     for structure in (MFA(2), SemiTied(), Full()):
         skill = learn(demos, states=3, rng=rng, structure=structure).skill
-        known = covariance_parameter_count(structure, 3, 4, frames=2)
+        known = 2 * structure.parameter_count(3, 4)
         assert fitted_covariance_parameter_count(structure, skill.covariances) == known
-        assert covariance_degrees_of_freedom(
-            structure, skill.covariances
-        ) == 2 * structure.degrees_of_freedom(3, 4)
+        dynamics = skill.dynamics.degrees_of_freedom()
+        covariances = degrees_of_freedom(skill, structure) - dynamics - skill.means.size
+        assert covariances == 2 * structure.degrees_of_freedom(3, 4)
     skill = learn(demos, states=3, rng=rng, structure=HDDC(0.8)).skill
     expected = 0
     for c in skill.covariances:
@@ -133,4 +132,4 @@ def test_parameter_count_after_fit_equals_sum_over_frames(rng, make_demonstratio
         expected += int((4 * c.factors + 1).sum())
     assert fitted_covariance_parameter_count(HDDC(0.8), skill.covariances) == expected
     with pytest.raises(InvalidInput, match=r"structure\.fitted"):
-        covariance_parameter_count(HDDC(0.8), 3, 4)
+        HDDC(0.8).parameter_count(3, 4)
