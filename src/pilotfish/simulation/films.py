@@ -105,7 +105,7 @@ def write_film(
         overwrite: Replace an existing file.
 
     Raises:
-        InvalidInput: If the suffix is another, there is no image, the sizes differ, or the file cannot be
+        InvalidInput: If the suffix is another, images is empty, the sizes differ, or the file cannot be
             written.
     """
     film = encode_film(images, path.suffix.lower(), period)
@@ -122,7 +122,7 @@ def encode_film(images: Sequence[Image], suffix: str = ".webp", period: float = 
         period: Time between images [s].
 
     Raises:
-        InvalidInput: If the suffix is another, there is no image, or the sizes differ.
+        InvalidInput: If the suffix is another, images is empty, or the sizes differ.
     """
     from PIL.Image import fromarray
 
