@@ -1,27 +1,37 @@
-"""The kinds of things that cases are made of: libraries, entries, cases and promises."""
+"""Parts of the benchmarks: libraries, entries and cases."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """distribution is its name in a package index, module what a user imports, does what it is timed at.
+    """Library that takes part.
 
-    environment names its list and its folder: peers.txt and build/peers-venv; empty for the one that calls.
+    Attributes:
+        name: Name in the tables.
+        distribution: Name in the package index.
+        module: Module that a user imports.
+        description: What is timed.
+        environment: Name of its requirements and environment, such as peers for peers.txt and
+            build/peers-venv; empty for the calling environment.
     """
 
     name: str
     distribution: str
     module: str
-    does: str
+    description: str
     environment: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One contestant: a library (a file of libraries/) and the function of that file which prepares it.
+    """One contestant of a case.
 
-    differs says in what its model is another, so that only where it begins can be compared.
+    Attributes:
+        library: File of libraries/ without its suffix.
+        function: Function of that file that prepares the call.
+        label: Name in the tables.
+        differs: How its model differs, so that only the start can be compared; empty if it is the same.
     """
 
     library: str
@@ -32,10 +42,18 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One computation. agreement is how far apart, relatively, answers may lie; None where models differ.
+    """One computation that all entries perform.
 
-    unit is what times are for, where speed is told by how many a second: a datapoint of a stream.
-    lengthy ones are left out of quick runs.
+    Attributes:
+        name: Name in the tables and on the command line.
+        title: Short description with the sizes.
+        problem: Folder of the arrays.
+        explanation: What is computed on which data.
+        answer: Meaning of the answer.
+        entries: Contestants.
+        agreement: Largest relative difference of the answers; None if the models differ.
+        unit: Unit of work of a stream, such as datapoint; empty for other cases.
+        lengthy: Whether quick runs leave it out.
     """
 
     name: str
@@ -47,48 +65,3 @@ class Case:
     agreement: float | None = None
     unit: str = ""
     lengthy: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class TimeLimit:
-    """pilotfish's first entry, or the one of that label, takes at most so many milliseconds of CPU."""
-
-    case: str
-    milliseconds: float
-    entry: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class MinRate:
-    """pilotfish's first entry learns at least so many datapoints for each second of CPU."""
-
-    case: str
-    datapoints_per_second: float
-
-
-@dataclass(frozen=True, slots=True)
-class MinSpeedup:
-    """Every entry of another library takes at least so many times pilotfish's CPU; over None: of all."""
-
-    case: str
-    times: float
-    over: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class MemoryLimit:
-    """pilotfish's first entry needs at most so many times the memory of the data, beyond the data itself."""
-
-    case: str
-    data_mb: float
-    times: float
-
-
-@dataclass(frozen=True, slots=True)
-class BestAnswer:
-    """pilotfish's first entry has a larger answer than every entry of another library."""
-
-    case: str
-
-
-Requirement = TimeLimit | MinRate | MinSpeedup | MemoryLimit | BestAnswer

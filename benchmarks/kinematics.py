@@ -1,4 +1,4 @@
-"""Inverse kinematics and Jacobians of Baxter's right arm, ours and the peers', on the same numbers."""
+"""Inverse kinematics and Jacobians of Baxter's right arm: pilotfish and peers on the same problem."""
 
 import json
 import subprocess
@@ -23,23 +23,21 @@ from pilotfish.geometry import Pose
 from pilotfish.kernels import ArmLimits
 
 SCRIPT = Path(__file__).parent / "kinematics_peers.py"
-EXACT = (1e-6, 1e-5)  # m, rad: what pilotfish.control calls converged
-TOOL_LENGTH, TARGET_DISTANCE = (
-    0.1,
-    0.5,
-)  # m; rad by which each joint of a target differs from the start at most
+EXACT = (1e-6, 1e-5)  # m, rad: convergence in pilotfish.control
+TOOL_LENGTH = 0.1  # m
+TARGET_DISTANCE = 0.5  # rad, largest difference of each joint from the start
 START_POSE = Pose(np.array([0.62, -0.3, 0.1]), np.array([0.0, 0.0, 1.0, 0.0]))
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Microseconds of CPU for one call: ours, and the peer's."""
+    """CPU time of one call of pilotfish and of a peer [us]."""
 
-    what: str
+    task: str
     ours: float
     name: str
     theirs: float
-    print_note: str
+    remark: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,25 +50,25 @@ class Problem:
 
 
 def compare_with_peers(rounds: int, number: int) -> list[Peer]:
-    """Everyone has the same targets, round after round; none when the peers cannot be installed."""
+    """Compare on the same targets; return nothing if the peers cannot be installed."""
     python, failures = peer_environment(*environment_folder("peers-kinematics"), execute)
     if failures:
         print(failures, file=sys.stderr)
         return []
     problem = sample_problem(number)
-    reaching, telling, theirs = [], [], []
+    solving, differentiating, peers = [], [], []
     for _ in range(rounds):
-        reaching.append(seconds(lambda: count_converged(problem)) / number * 1e6)
-        telling.append(seconds(lambda: jacobians(problem)) / number * 1e6)
-        theirs.append(run_peer(python, problem))
-    mink, pin = ([turn[name] for turn in theirs] for name in ("mink", "pin"))
-    apart = np.abs(np.array(pin[0]["first"]) - jacobians(problem)[0].ravel()).max()
-    done = f"reached of {number}: pilotfish {count_converged(problem)}, mink {mink[0]['reached']}"
-    agree = f"they agree within {apart:.0e}; control reads MuJoCo's, in the table above"
+        solving.append(seconds(lambda: count_converged(problem)) / number * 1e6)
+        differentiating.append(seconds(lambda: jacobians(problem)) / number * 1e6)
+        peers.append(run_peer(python, problem))
+    mink, pin = ([turn[name] for turn in peers] for name in ("mink", "pin"))
+    difference = np.abs(np.array(pin[0]["first"]) - jacobians(problem)[0].ravel()).max()
+    done = f"converged of {number}: pilotfish {count_converged(problem)}, mink {mink[0]['reached']}"
+    agree = f"agreement within {difference:.0e}; the controller uses MuJoCo's, in the table above"
     names = f"mink {mink[0]['version']}", f"Pinocchio {pin[0]['version']}"
     return [
-        Peer("inverse kinematics", median(reaching), names[0], _median(mink), done),
-        Peer("Jacobian of a chain", median(telling), names[1], _median(pin), agree),
+        Peer("inverse kinematics", median(solving), names[0], _median(mink), done),
+        Peer("Jacobian of a chain", median(differentiating), names[1], _median(pin), agree),
     ]
 
 
@@ -90,8 +88,8 @@ def sample_problem(number: int) -> Problem:
         baxter_limits(),
         solve_posture(START_POSE, TOOL_LENGTH),
     )
-    away = np.random.default_rng(0).uniform(-TARGET_DISTANCE, TARGET_DISTANCE, (number, len(start)))
-    postures = np.clip(start + away, limits.lower, limits.upper)
+    offsets = np.random.default_rng(0).uniform(-TARGET_DISTANCE, TARGET_DISTANCE, (number, len(start)))
+    postures = np.clip(start + offsets, limits.lower, limits.upper)
     return Problem(chain, limits, start, postures, control.tool_poses(chain, postures))
 
 
@@ -120,11 +118,11 @@ def run_peer(python: Path, problem: Problem) -> dict[str, Any]:
     }
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "problem.npz"
-        np.savez(file, **numbers)  # type: ignore[arg-type] # of NumPy's stubs: a dict may hold allow_pickle
+        np.savez(file, **numbers)  # type: ignore[arg-type] # NumPy's stubs: a dict may hold allow_pickle
         command = [str(python), "-W", "ignore", str(SCRIPT), str(file)]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, env=timed_environment(), check=True)
-    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return told
+    reply: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return reply
 
 
 def _pose_row(pose: Pose) -> Floats:

@@ -1,8 +1,8 @@
-"""What peers take for the kinematics of a chain: `python kinematics_peers.py PROBLEM.npz` prints JSON.
+"""Measure peers on the kinematics of a chain: `python kinematics_peers.py PROBLEM.npz` prints JSON.
 
-It runs in the environment of peers-kinematics.txt. mink, on MuJoCo, brings a tool to poses: steps of dt = 1
-by daqp within the joints' limits, until position and angle are as exact as asked. Pinocchio tells Jacobians.
-Both arms are made of the numbers in the file, nothing is loaded. Times are CPU microseconds of one call.
+It runs in the environment of peers-kinematics.txt. mink, on MuJoCo, solves inverse kinematics: steps of
+dt = 1 by daqp within the joint limits, until position and angle reach the tolerance. Pinocchio computes
+Jacobians. Both arms are built from the numbers in the file. Times are CPU microseconds of one call.
 """
 
 import json
@@ -29,7 +29,7 @@ def main() -> None:
 
 
 def microseconds(function: Callable[[], object], calls: int) -> float:
-    """Of one call, once all was done before."""
+    """Return the CPU time of one call after a warm-up [us]."""
     function()
     before = process_time()
     function()
@@ -96,8 +96,8 @@ def pinocchio_arm(problem: Problem) -> tuple[Any, int]:
     before = pose_matrix(problem["base"])
     links = zip(problem["positions"], problem["quaternions"], problem["axes"], strict=True)
     for n, (pos, quat, axis) in enumerate(links):
-        here = before * pose_matrix(np.concatenate([pos, quat]))
-        last = model.addJoint(last, pinocchio.JointModelRevoluteUnaligned(axis), here, f"joint_{n}")
+        placement = before * pose_matrix(np.concatenate([pos, quat]))
+        last = model.addJoint(last, pinocchio.JointModelRevoluteUnaligned(axis), placement, f"joint_{n}")
         before = pinocchio.SE3.Identity()
     kind = pinocchio.FrameType.OP_FRAME
     return model, model.addFrame(pinocchio.Frame("tool", last, pose_matrix(problem["tool"]), kind))

@@ -1,4 +1,4 @@
-"""What the figures were taken on."""
+"""Description of the machine."""
 
 import os
 import platform
@@ -22,19 +22,19 @@ def machine() -> Machine:
 
 
 def load() -> float:
-    """Processes that wanted to run, on average over the last minute."""
+    """Return the load average of the last minute."""
     return os.getloadavg()[0]
 
 
 def _processor() -> str:
-    """The model name that the kernel tells, and its numbers where a virtual machine hides the name."""
+    """Return the model name of the processor with its numbers, which identify it in a virtual machine."""
     facts = Path("/proc/cpuinfo")
     if not facts.exists():
         return platform.processor() or platform.machine()
     lines = (line.partition(":") for line in facts.read_text().splitlines())
-    told = {name.strip(): value.strip() for name, _, value in lines}
+    values = {name.strip(): value.strip() for name, _, value in lines}
     numbers = ", ".join(
-        f"{name} {told[name]}" for name in ("cpu family", "model", "stepping") if name in told
+        f"{name} {values[name]}" for name in ("cpu family", "model", "stepping") if name in values
     )
-    name = told.get("model name", platform.machine())
+    name = values.get("model name", platform.machine())
     return f"{name} ({numbers})" if numbers else name

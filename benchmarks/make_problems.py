@@ -1,7 +1,7 @@
-"""Writes every problem into the folder named on the command line, and says whether the valve is real.
+"""Write every problem into a folder, and print whether the valve data is real.
 
-`python make_problems.py FOLDER valve=30 large=5 ... stream=5000 ...` with the iterations of EM for each
-size and the datapoints of streams, in an environment with pilotfish.
+`python make_problems.py FOLDER valve=30 large=5 ... stream=5000 ...` takes the EM iterations of each size and
+the datapoints of streams. It needs an environment with pilotfish.
 """
 
 import os
@@ -14,17 +14,17 @@ from problems import Floats, FrameProblem, Integers, Poses, SegmentProblem, Sequ
 
 from pilotfish.control import double_integrator
 from pilotfish.geometry import Pose, conjugate, multiply, quaternion_exp, quaternion_log, unwrap_quaternions
-from pilotfish.io.published_matlab import read_valve_mat
+from pilotfish.io import read_valve_mat
 
 STATES, STEPS, PERIOD = 7, 200, 0.1  # s
-REGULARISATION = 1e-5  # what pf.learn adds to variances unless told otherwise
-COVARIANCE_REGULARISATION, CONTROL_COST = 2e-3, 9.0  # as planning and the README have them
-MAX_DURATION = 100  # steps that a visit lasts
+REGULARISATION = 1e-5  # default of pf.learn
+COVARIANCE_REGULARISATION, CONTROL_COST = 2e-3, 9.0  # as in the published experiments
+MAX_DURATION = 100  # steps of a segment
 SIZES = {  # demonstrations, steps, columns, states
     "large": (50, 500, 14, 10),
     "vast": (2000, 300, 14, 10),
     "wide": (2, 500, 94, 30),
-    "visits": (1, 500, 14, 10),
+    "semi_markov": (1, 500, 14, 10),
 }
 
 
@@ -37,53 +37,53 @@ def main() -> None:
     valve.save(folder / "valve")
     multi_frame_problem(x, A, b, sizes["valve"]).save(folder / "frames")
     valve_reference(x).save(folder / "tracking")
-    to_segment_problem(valve, sizes["visits"]).save(folder / "visits_valve")
+    to_segment_problem(valve, sizes["semi_markov"]).save(folder / "semi_markov_valve")
     for number, size in enumerate(("large", "vast", "wide")):
         sample_markov_problem(np.random.default_rng(2 + number), SIZES[size], sizes[size]).save(folder / size)
-    one = sample_markov_problem(np.random.default_rng(5), SIZES["visits"], sizes["visits"])
-    to_segment_problem(one, sizes["visits"]).save(folder / "visits")
+    one = sample_markov_problem(np.random.default_rng(5), SIZES["semi_markov"], sizes["semi_markov"])
+    to_segment_problem(one, sizes["semi_markov"]).save(folder / "semi_markov")
     sample_tool_poses(np.random.default_rng(6)).save(folder / "poses")
     make_streams(folder, sizes)
     print("real" if recording else "synthetic")
 
 
 def real_valve(data: Path) -> tuple[Floats, Floats, Floats]:
-    shown = read_valve_mat(data / "valve" / "BaxterValveDemos2.mat")[:4]
-    A = np.stack([[frame.A for frame in demo.frames] for demo in shown])
-    b = np.stack([[frame.b for frame in demo.frames] for demo in shown])
-    return np.stack([demo.x for demo in shown]), A, b
+    demonstrations = read_valve_mat(data / "valve" / "BaxterValveDemos2.mat")[:4]
+    A = np.stack([[frame.A for frame in demo.frames] for demo in demonstrations])
+    b = np.stack([[frame.b for frame in demo.frames] for demo in demonstrations])
+    return np.stack([demo.x for demo in demonstrations]), A, b
 
 
 def synthetic_valve(rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-    """Four movements of 7 positions and 7 speeds, each from a point of one frame to a point of another."""
+    """Return four movements of 7 coordinates with velocities between points of two frames."""
     s = np.linspace(0.0, 1.0, STEPS)[:, None]
     blend = 10 * s**3 - 15 * s**4 + 6 * s**5
     ends, x, A, b = rng.normal(size=(2, 7)), [], [], []
     for _ in range(4):
-        turns = [np.linalg.qr(rng.normal(size=(7, 7)))[0] for _ in ends]
-        moves = rng.normal(size=(2, 7))
-        begin, end = (turn @ point + move for turn, point, move in zip(turns, ends, moves, strict=True))
+        rotations = [np.linalg.qr(rng.normal(size=(7, 7)))[0] for _ in ends]
+        translations = rng.normal(size=(2, 7))
+        begin, end = (R @ point + t for R, point, t in zip(rotations, ends, translations, strict=True))
         places = begin + blend * (end - begin) + 0.01 * rng.normal(size=(STEPS, 7))
         x.append(np.hstack([places, np.gradient(places, PERIOD, axis=0)]))
-        A.append([np.kron(np.eye(2), turn) for turn in turns])
-        b.append([np.concatenate([move, np.zeros(7)]) for move in moves])
+        A.append([np.kron(np.eye(2), R) for R in rotations])
+        b.append([np.concatenate([t, np.zeros(7)]) for t in translations])
     return np.stack(x), np.array(A), np.array(b)
 
 
 def time_bins(demonstrations: int) -> Integers:
-    """The state of every step when each demonstration is cut into equal times."""
+    """Return the state of each step when every demonstration is divided into equal times."""
     return np.tile(np.arange(STEPS) * STATES // STEPS, demonstrations).astype(np.int64)
 
 
 def gaussians_by_label(x: Floats, labels: Integers, ridge: float) -> tuple[Floats, Floats]:
-    """Mean and covariance of the points of every label, variances raised by ridge."""
+    """Return mean and covariance of the points of each label; ridge is added to the variances."""
     groups = [x[labels == k] for k in range(labels.max() + 1)]
     covariances = [np.cov(g.T, bias=True) + ridge * np.eye(x.shape[1]) for g in groups]
     return np.stack([g.mean(axis=0) for g in groups]), np.stack(covariances)
 
 
 def sticky_transitions(states: int, stay: float) -> Floats:
-    """Transitions that stay with one probability and share the rest among the other states."""
+    """Return transitions with a self-transition probability; the other states share the rest."""
     leave = (1.0 - stay) / (states - 1)
     return leave * np.ones((states, states)) + (stay - leave) * np.eye(states)
 
@@ -96,8 +96,8 @@ def single_frame_problem(x: Floats, iterations: int) -> Sequences:
 
 
 def multi_frame_problem(x: Floats, A: Floats, b: Floats, iterations: int) -> FrameProblem:
-    seen = np.linalg.solve(A, (x[:, None] - b[:, :, None]).swapaxes(-1, -2)).swapaxes(-1, -2)  # (M, P, T, D)
-    joint = np.ascontiguousarray(seen.transpose(0, 2, 1, 3).reshape(-1, A.shape[1] * x.shape[-1]))
+    local = np.linalg.solve(A, (x[:, None] - b[:, :, None]).swapaxes(-1, -2)).swapaxes(-1, -2)  # (M, P, T, D)
+    joint = np.ascontiguousarray(local.transpose(0, 2, 1, 3).reshape(-1, A.shape[1] * x.shape[-1]))
     labels = time_bins(len(x))
     means, covariances = gaussians_by_label(joint, labels, ridge=REGULARISATION)
     weights = np.bincount(labels) / len(labels)
@@ -107,26 +107,26 @@ def multi_frame_problem(x: Floats, A: Floats, b: Floats, iterations: int) -> Fra
 def sample_markov_problem(
     rng: np.random.Generator, size: tuple[int, int, int, int], iterations: int
 ) -> Sequences:
-    """M sequences of T steps in D dimensions, from K overlapping Gaussians that last 50 steps each."""
+    """Sample M sequences of T steps in D dimensions from K overlapping Gaussians of about 50 steps each."""
     M, T, D, K = size
     transitions, means = sticky_transitions(K, 0.98), rng.normal(size=(K, D))
     factors = rng.normal(size=(K, D, D)) / np.sqrt(D) + 0.3 * np.eye(D)
     states = np.empty((M, T), dtype=np.int64)
     states[:, 0] = rng.integers(K, size=M)
     for t in range(1, T):
-        moves = rng.integers(1, K, size=M)  # to another state, each as likely
+        moves = rng.integers(1, K, size=M)  # to another state, with equal probability
         states[:, t] = np.where(rng.random(M) < 0.98, states[:, t - 1], (states[:, t - 1] + moves) % K)
     labels = states.ravel()
     x = rng.normal(size=(M * T, D))
     for k in range(K):
         x[labels == k] = means[k] + x[labels == k] @ factors[k].T
-    guess = x[rng.choice(len(x), K, replace=False)]
+    initial_means = x[rng.choice(len(x), K, replace=False)]
     pooled = np.tile(np.cov(x.T), (K, 1, 1))
-    return Sequences(x, np.full(M, T), np.full(K, 1 / K), transitions, guess, pooled, iterations)
+    return Sequences(x, np.full(M, T), np.full(K, 1 / K), transitions, initial_means, pooled, iterations)
 
 
 def to_segment_problem(given: Sequences, iterations: int) -> SegmentProblem:
-    """The same data and Gaussians, to be learned by visits of 1 to LONGEST steps, each as likely at first."""
+    """Return the semi-Markov problem of the same data, with uniform initial durations up to MAX_DURATION."""
     K = len(given.initial)
     leave = (np.ones((K, K)) - np.eye(K)) / (K - 1)
     durations = np.full((MAX_DURATION, K), 1 / MAX_DURATION)
@@ -136,27 +136,26 @@ def to_segment_problem(given: Sequences, iterations: int) -> SegmentProblem:
 
 
 def sample_tool_poses(rng: np.random.Generator) -> Poses:
-    """Four movements of a tool from one object to another, which stand elsewhere each time."""
+    """Sample four movements of a tool between two objects with varying poses."""
     s = np.linspace(0.0, 1.0, STEPS)[:, None]
     blend = 10 * s**3 - 15 * s**4 + 6 * s**5
-    held = [
-        Pose(rng.normal(size=3), quaternion_exp(rng.normal(size=3))) for _ in range(2)
-    ]  # object from tool, at each end
+    # Pose of the tool relative to the object, at each end.
+    grasps = [Pose(rng.normal(size=3), quaternion_exp(rng.normal(size=3))) for _ in range(2)]
     x, objects = [], []
     for _ in range(4):
-        stand = [Pose(rng.normal(size=3), quaternion_exp(rng.normal(size=3))) for _ in held]
-        begin, end = (world @ tool for world, tool in zip(stand, held, strict=True))
+        poses = [Pose(rng.normal(size=3), quaternion_exp(rng.normal(size=3))) for _ in grasps]
+        begin, end = (world @ tool for world, tool in zip(poses, grasps, strict=True))
         turn = quaternion_log(multiply(conjugate(begin.quaternion), end.quaternion))
         q = multiply(np.tile(begin.quaternion, (STEPS, 1)), quaternion_exp(blend * turn))
         q = multiply(q, quaternion_exp(0.02 * rng.normal(size=(STEPS, 3))))
         places = begin.position + blend * (end.position - begin.position) + 0.01 * rng.normal(size=(STEPS, 3))
         x.append(np.hstack([places, unwrap_quaternions(q)]))
-        objects.append([np.concatenate([pose.position, pose.quaternion]) for pose in stand])
+        objects.append([np.concatenate([pose.position, pose.quaternion]) for pose in poses])
     return Poses(np.stack(x), np.array(objects), STATES)
 
 
 def valve_reference(x: Floats) -> Tracking:
-    """A step-wise plan through the mean of every time bin, weighted by its precision."""
+    """Return a step-wise reference through the mean of each time bin, weighted by its precision."""
     system, labels = double_integrator(x.shape[-1] // 2, PERIOD), time_bins(1)
     means, covariances = gaussians_by_label(
         x.reshape(-1, x.shape[-1]), time_bins(len(x)), ridge=COVARIANCE_REGULARISATION

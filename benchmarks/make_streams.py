@@ -1,4 +1,4 @@
-"""Sequence data: a stream that visits clusters, each a random subspace, in a circle or in any order."""
+"""Streams whose segments come from clusters, each a random subspace, in a cycle or in random order."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,26 +11,31 @@ NOISE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """What a stream is drawn from.
+    """Parameters of a stream.
 
-    Subspaces have least to most dimensions. A visit lasts 70 to 90 steps, and then the next cluster of the
-    circle has its turn; shuffled: every step draws its cluster anew. Along a subspace a visit wanders: from
-    step to step coordinates are correlated by so much.
+    Attributes:
+        columns: Number of columns.
+        clusters: Number of clusters.
+        min_dimension: Least dimension of a subspace.
+        max_dimension: Largest dimension of a subspace.
+        extent: Standard deviation along a subspace.
+        separation: Least distance of two centres.
+        correlation: Correlation between steps of a segment, along the subspace.
+        shuffled: Sample the cluster of each step independently, instead of segments of 70 to 90 steps.
     """
 
     columns: int
     clusters: int
-    least: int
-    most: int
+    min_dimension: int
+    max_dimension: int
     extent: float
-    apart: float
+    separation: float
     correlation: float = 0.0
     shuffled: bool = False
 
 
-# Near: a cluster extends farther than to the next centre, so that the nearest mean is often another's,
-# and about as often in 75 dimensions as in 14.
-# Far: as section 5.7 of the thesis draws them, at least 4 sqrt(D) apart.
+# Near: clusters extend beyond the next centre, so that the nearest mean is often that of another cluster,
+# about as often in 75 dimensions as in 14. Far: centres at least 4 sqrt(D) apart, as in section 5.7.
 SHAPES = {
     "stream_14": Shape(14, 7, 2, 4, 3.0, 5.0, correlation=0.9),
     "stream_75": Shape(75, 7, 4, 8, 3.0, 4.0, correlation=0.9),
@@ -44,39 +49,40 @@ SHAPES = {
 
 
 def make_streams(folder: Path, sizes: dict[str, int]) -> None:
-    """Each shape in a folder of its name; sizes says how many datapoints near ones and far ones have."""
+    """Write each stream into a folder of its name; sizes holds the numbers of datapoints."""
     for number, (name, shape) in enumerate(SHAPES.items()):
         N = sizes["stream" if name.startswith("stream") else "long"]
         sample_stream(np.random.default_rng(20 + number), shape, N).save(folder / name)
 
 
 def sample_stream(rng: np.random.Generator, shape: Shape, N: int) -> Stream:
+    """Sample N datapoints."""
     K, D = shape.clusters, shape.columns
-    centres = sample_separated_centres(rng, K, D, shape.apart)
-    dimensions = rng.integers(shape.least, shape.most + 1, size=K)
+    centres = sample_separated_centres(rng, K, D, shape.separation)
+    dimensions = rng.integers(shape.min_dimension, shape.max_dimension + 1, size=K)
     bases = [np.linalg.qr(rng.normal(size=(D, max(d, 1))))[0][:, :d] for d in dimensions]
     labels, begins = sample_segments(rng, shape, N)
-    along = shape.extent * sample_autocorrelated(rng, (N, shape.most), shape.correlation, begins)
+    along = shape.extent * sample_autocorrelated(rng, (N, shape.max_dimension), shape.correlation, begins)
     x = NOISE * rng.normal(size=(N, D))
     for k, (centre, basis) in enumerate(zip(centres, bases, strict=True)):
-        here = labels == k
-        x[here] += centre + along[here][:, : basis.shape[1]] @ basis.T
-    return Stream(x, labels, K, shape.most, shape.extent, NOISE, shape.apart)
+        members = labels == k
+        x[members] += centre + along[members][:, : basis.shape[1]] @ basis.T
+    return Stream(x, labels, K, shape.max_dimension, shape.extent, NOISE, shape.separation)
 
 
-def sample_separated_centres(rng: np.random.Generator, K: int, D: int, apart: float) -> Floats:
-    """K points of a cube, each at least so far from the others; the cube grows until they are."""
-    half = 0.5 * apart / np.sqrt(D)
+def sample_separated_centres(rng: np.random.Generator, K: int, D: int, separation: float) -> Floats:
+    """Sample K points with a least distance in a cube, which grows until they fit."""
+    half = 0.5 * separation / np.sqrt(D)
     while True:
         points = rng.uniform(-half, half, size=(K, D))
-        squares = ((points[:, None] - points) ** 2).sum(axis=-1) + apart**2 * np.eye(K)
-        if squares.min() >= apart**2:
+        squares = ((points[:, None] - points) ** 2).sum(axis=-1) + separation**2 * np.eye(K)
+        if squares.min() >= separation**2:
             return points
         half *= 1.02
 
 
 def sample_segments(rng: np.random.Generator, shape: Shape, N: int) -> tuple[Integers, Integers]:
-    """The cluster of each step, and the steps at which visits begin."""
+    """Return the cluster of each step, and the steps at which segments start."""
     if shape.shuffled:
         return rng.integers(shape.clusters, size=N), np.arange(N)
     lengths = rng.integers(70, 91, size=N // 70 + 1)
@@ -88,7 +94,7 @@ def sample_segments(rng: np.random.Generator, shape: Shape, N: int) -> tuple[Int
 def sample_autocorrelated(
     rng: np.random.Generator, size: tuple[int, int], correlation: float, begins: Integers
 ) -> Floats:
-    """Coordinates of unit variance, correlated from step to step within a visit, not between visits."""
+    """Sample coordinates of unit variance that are correlated within a segment only."""
     c = rng.normal(size=size)
     if correlation == 0.0:
         return c

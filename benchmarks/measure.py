@@ -1,4 +1,4 @@
-"""The measurement itself: every library's turn, round after round."""
+"""Measurement: first calls in fresh processes, then rounds in which the libraries take turns."""
 
 import math
 import subprocess
@@ -10,32 +10,32 @@ from statistics import quantiles
 from time import monotonic
 from typing import Any
 
-from cases import LIBRARIES
 from kinds import Case, Entry
+from peers import LIBRARIES
 from workers import Worker, WorkerError, timed_environment
 
-Say = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class MeasurementSettings:
-    """How often everything is repeated. sample [s] is the least CPU that one sample should hold."""
+    """Numbers of repetitions; sample is the least CPU time of one sample [s]."""
 
     rounds: int
     import_rounds: int
     sample: float
-    time_limit: float  # s, after which a case has no more rounds, if it had a few
+    time_limit: float  # s, after which a case has no further rounds
     iterations: dict[str, int]  # of EM, for each size
     datapoints: dict[str, int]  # of streams, for each size
 
 
-MIN_ROUNDS = 3  # rounds, however long they take
+MIN_ROUNDS = 3
 FULL = MeasurementSettings(
     rounds=15,
     import_rounds=9,
     sample=0.02,
     time_limit=60.0,
-    iterations={"valve": 30, "large": 5, "vast": 2, "wide": 4, "visits": 5},
+    iterations={"valve": 30, "large": 5, "vast": 2, "wide": 4, "semi_markov": 5},
     datapoints={"stream": 5000, "long": 200_000},
 )
 QUICK = MeasurementSettings(
@@ -43,14 +43,14 @@ QUICK = MeasurementSettings(
     import_rounds=1,
     sample=0.0,
     time_limit=0.0,
-    iterations={"valve": 3, "large": 2, "vast": 2, "wide": 2, "visits": 2},
+    iterations={"valve": 3, "large": 2, "vast": 2, "wide": 2, "semi_markov": 2},
     datapoints={"stream": 500, "long": 5000},
 )
 
 
 @dataclass(frozen=True, slots=True)
 class SampleStatistics:
-    """Samples [s] and where they lie; half of them between lower and upper."""
+    """Samples [s] with median, minimum and quartiles."""
 
     median: float
     minimum: float
@@ -60,17 +60,22 @@ class SampleStatistics:
 
 
 def sample_statistics(samples: Sequence[float]) -> SampleStatistics:
-    twice = [*samples, *samples] if len(samples) == 1 else samples
-    lower, middle, upper = quantiles(twice, n=4, method="inclusive")
+    """Return the statistics of one or more samples."""
+    at_least_two = [*samples, *samples] if len(samples) == 1 else samples
+    lower, middle, upper = quantiles(at_least_two, n=4, method="inclusive")
     return SampleStatistics(middle, min(samples), lower, upper, tuple(samples))
 
 
 @dataclass(frozen=True, slots=True)
 class FirstCall:
-    """The first call in a process that does nothing else [s a unit], and what the process had spent then.
+    """First call in a fresh process.
 
-    result is all its CPU [s] until the first result, imports included. peak_mb is the most memory that it
-    held, grown_mb by how much more than before the call.
+    Attributes:
+        cpu: CPU time per unit of work [s].
+        wall: Wall time per unit of work [s].
+        result: CPU time of the process until the first result, imports included [s].
+        peak_mb: Peak memory [MB].
+        grown_mb: Growth of the peak memory by the call [MB].
     """
 
     cpu: float
@@ -82,9 +87,17 @@ class FirstCall:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One entry of a case. failure says why there are no figures, and is empty when there are.
+    """Result of one entry of a case.
 
-    begin is the answer before the first iteration, where the library told one.
+    Attributes:
+        entry: Entry of the case.
+        cpu: CPU time per unit of work [s].
+        wall: Wall time per unit of work [s].
+        first: First call in a fresh process.
+        answer: Answer of the last call.
+        begin: Answer before the first iteration; NaN if the library does not report it.
+        remark: Remark of the library.
+        failure: Reason without figures; empty otherwise.
     """
 
     entry: Entry
@@ -93,13 +106,13 @@ class Result:
     first: FirstCall | None = None
     answer: float = math.nan
     begin: float = math.nan
-    print_note: str = ""
+    remark: str = ""
     failure: str = ""
 
 
 @dataclass(slots=True)
 class _EntryRuns:
-    """What an entry has delivered so far."""
+    """Replies of an entry so far."""
 
     entry: Entry
     call: str
@@ -111,7 +124,7 @@ class _EntryRuns:
 
 @dataclass(frozen=True, slots=True)
 class Installations:
-    """Where the libraries live: the python of each, its long-lived worker, and why a library is missing."""
+    """Python and worker of each library, and the reason for each missing library."""
 
     pythons: Mapping[str, Path]
     workers: Mapping[str, Worker]
@@ -119,9 +132,9 @@ class Installations:
 
 
 def measure(
-    case: Case, installations: Installations, problems: Path, measurement: MeasurementSettings, say: Say
+    case: Case, installations: Installations, problems: Path, measurement: MeasurementSettings, report: Report
 ) -> list[Result]:
-    """Every entry's first call in a fresh process, then rounds in which each has its turn: A B C A B C ..."""
+    """Measure first calls in fresh processes, then rounds in which the entries take turns."""
     folder = problems / case.problem
     turns = [
         _EntryRuns(entry, f"{case.name}/{entry.label}")
@@ -129,23 +142,23 @@ def measure(
         if entry.library in installations.pythons
     ]
     for turn in turns:
-        say(f"{case.name}: {turn.entry.label}, first call")
+        report(f"{case.name}: {turn.entry.label}, first call")
         _run_or_record_failure(turn, partial(_first_call, turn, installations, folder, measurement))
-    began = monotonic()
+    start = monotonic()
     for number in range(measurement.rounds):
-        if number >= MIN_ROUNDS and monotonic() - began > measurement.time_limit:
+        if number >= MIN_ROUNDS and monotonic() - start > measurement.time_limit:
             break
-        say(f"{case.name}: round {number + 1} of {measurement.rounds}")
+        report(f"{case.name}: round {number + 1} of {measurement.rounds}")
         for turn in turns:
             _run_or_record_failure(turn, partial(_measure_round, turn, installations))
     return [_result(turn) for turn in turns]
 
 
-def _run_or_record_failure(turn: _EntryRuns, act: Callable[[], None]) -> None:
+def _run_or_record_failure(turn: _EntryRuns, function: Callable[[], None]) -> None:
     if turn.failure:
         return
     try:
-        act()
+        function()
     except WorkerError as error:
         turn.failure = str(error)
 
@@ -153,7 +166,7 @@ def _run_or_record_failure(turn: _EntryRuns, act: Callable[[], None]) -> None:
 def _first_call(
     turn: _EntryRuns, installations: Installations, folder: Path, measurement: MeasurementSettings
 ) -> None:
-    """The first call; then one in the long-lived worker, which warms it and tells how many fill a sample."""
+    """Measure the first call, then one in the worker, which gives the number of calls per sample."""
     library = turn.entry.library
     if library in installations.missing:
         raise WorkerError(installations.missing[library])
@@ -161,8 +174,8 @@ def _first_call(
     with Worker(installations.pythons[library], library, timed_environment()) as fresh:
         fresh.ask("prepare", **prepare)
         reply = fresh.ask("run", call=turn.call, repeats=1)
-    told = ("cpu", "wall", "result", "peak_mb", "grown_mb")
-    turn.first = FirstCall(*(reply[name] for name in told))
+    names = ("cpu", "wall", "result", "peak_mb", "grown_mb")
+    turn.first = FirstCall(*(reply[name] for name in names))
     installations.workers[library].ask("prepare", **prepare)
     warm = installations.workers[library].ask("run", call=turn.call, repeats=1)
     turn.repeats = max(1, min(1000, math.ceil(measurement.sample / max(warm["call_cpu"], 1e-6))))
@@ -190,17 +203,17 @@ def _result(turn: _EntryRuns) -> Result:
 
 
 def measure_imports(
-    installations: Installations, measurement: MeasurementSettings, say: Say
+    installations: Installations, measurement: MeasurementSettings, report: Report
 ) -> dict[str, SampleStatistics]:
-    """Wall seconds of `import` of each library, and of NumPy beside it, in fresh processes, by turns."""
+    """Measure the wall time of importing each library in fresh processes, which take turns."""
     modules = {
         name: LIBRARIES[name].module for name in installations.pythons if name not in installations.missing
     }
     samples: dict[str, list[float]] = {name: [] for name in modules}
-    for name, module in modules.items():  # once for nothing: bytecode is written, files are in memory
+    for name, module in modules.items():  # warm-up: bytecode and file cache
         _import_seconds(installations.pythons[name], module)
     for number in range(measurement.import_rounds):
-        say(f"import: round {number + 1} of {measurement.import_rounds}")
+        report(f"import: round {number + 1} of {measurement.import_rounds}")
         for name, module in modules.items():
             samples[name].append(_import_seconds(installations.pythons[name], module))
     return {name: sample_statistics(case_results) for name, case_results in samples.items()}

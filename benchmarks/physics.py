@@ -1,8 +1,8 @@
-"""What the physics costs: how much faster than real time each task runs, and what a step of control takes.
+"""Measure the physics: real-time factor of each task, and time of a control step.
 
 `python benchmarks/physics.py` measures on one core, prints the tables and writes them to
-docs/benchmarks-physics.md. A run of a part (--quick) writes no file unless --out names one. With --peers the
-kinematics are timed beside mink and Pinocchio, which are installed into build/peers-kinematics-venv.
+docs/benchmarks-physics.md. A quick run writes no file unless --out names one. With --peers the kinematics are
+compared with mink and Pinocchio, which are installed into build/peers-kinematics-venv.
 """
 
 import argparse
@@ -23,49 +23,50 @@ import numpy as np
 
 from pilotfish.simulation import require_mujoco
 
-require_mujoco()  # it chooses what draws here, before anything else imports MuJoCo
+require_mujoco()  # it chooses the rendering backend before anything else imports MuJoCo
 
-import mujoco  # noqa: E402 - after the choice, as all that follows
+import mujoco  # noqa: E402 - after require_mujoco, like all below
 from kinematics import Peer, compare_with_peers  # noqa: E402
 from machine import load, machine  # noqa: E402
 from workers import timed_environment  # noqa: E402
 
 from pilotfish.control import impedance_torque  # noqa: E402
-from pilotfish.environments import TASKS, SceneRenderer, Workcell  # noqa: E402
-from pilotfish.environments.contacts import contact_forces  # noqa: E402
-from pilotfish.environments.guidance import linear_path  # noqa: E402
+from pilotfish.environments import (  # noqa: E402
+    TASKS,
+    SceneRenderer,
+    Workcell,
+    contact_forces,
+    linear_path,
+)
 from pilotfish.errors import SkillError  # noqa: E402
 from pilotfish.geometry import Pose  # noqa: E402
 
 HERE = Path(__file__).parent
 TOP = HERE.parent
 DOCUMENT = TOP / "docs" / "benchmarks-physics.md"
-MIN_REALTIME_FACTOR, MAX_STEP, MAX_IMPORT = 5.0, 60.0, 0.3  # times real time; us; s: what is promised
-STEPS_PER_OBSERVATION, AWAY, TURN = (
-    20,
-    0.05,
-    3.0,
-)  # ticks of one call; m and rad/s of the circle on which a target moves
+MIN_REALTIME_FACTOR, MAX_STEP, MAX_IMPORT = 5.0, 60.0, 0.3  # requirements: times real time, us, s
+STEPS_PER_CALL = 20  # timesteps
+AMPLITUDE, FREQUENCY = 0.05, 3.0  # m, rad/s, of a moving target
 PARTS = (
     "path",
-    "reading",
+    "state",
     "Jacobian in it",
     "impedance",
     "motors",
-    "step of control",
+    "control step",
     "physics",
-    "forces felt",
+    "contact forces",
 )
 MODULES = ("pilotfish", "pilotfish.environments")
 
 
 @dataclass(frozen=True, slots=True)
 class MeasurementSettings:
-    """rounds of each figure; seconds of simulation; ticks of control; targets of kinematics."""
+    """Numbers of rounds, simulated seconds, control steps and kinematic targets."""
 
     rounds: int
     seconds: float
-    ticks: int
+    steps: int
     targets: int
 
 
@@ -74,12 +75,12 @@ FULL, QUICK = MeasurementSettings(7, 3.0, 20_000, 100), MeasurementSettings(2, 0
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """Of one task: simulated seconds for each of CPU, seconds of CPU to set up and to draw 640 x 480."""
+    """Real-time factors of a task, and CPU seconds of its set-up and of a 640 x 480 image."""
 
     task: str
     held: float
     moving: float
-    led: float
+    guided: float
     setup: float
     frame: float | None
     contacts: int
@@ -87,7 +88,7 @@ class Speed:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Microseconds of wall time of a part of one tick."""
+    """Wall time of a part of one control step [us]."""
 
     name: str
     median: float
@@ -95,64 +96,66 @@ class Part:
 
 
 def main() -> None:
-    asked = arguments()
-    measurement, before = QUICK if asked.quick else FULL, load()
-    speeds = [speed(name, measurement) for name in sorted(TASKS)]
-    parts = tick_parts(measurement)
+    options = arguments()
+    measurement, before = QUICK if options.quick else FULL, load()
+    speeds = [measure_speed(name, measurement) for name in sorted(TASKS)]
+    parts = measure_parts(measurement)
     imports = {module: import_seconds(module, measurement.rounds) for module in MODULES}
-    sizes = None if asked.quick else download_sizes()
-    peers = compare_with_peers(measurement.rounds, measurement.targets) if asked.peers else []
-    words = "python benchmarks/physics.py" + " --quick" * asked.quick + " --peers" * asked.peers
-    text = "\n".join(document(words, (before, load()), speeds, parts, (imports, sizes), peers)) + "\n"
+    sizes = None if options.quick else download_sizes()
+    peers = compare_with_peers(measurement.rounds, measurement.targets) if options.peers else []
+    command = "python benchmarks/physics.py" + " --quick" * options.quick + " --peers" * options.peers
+    text = "\n".join(document(command, (before, load()), speeds, parts, (imports, sizes), peers)) + "\n"
     print(text)
-    out = asked.out or (None if asked.quick else DOCUMENT)
+    out = options.out or (None if options.quick else DOCUMENT)
     if out:
         out.write_text(text, encoding="utf-8")
-    if asked.json:
-        told: dict[str, Any] = {"machine": asdict(machine()), "imports": imports, "download_mb": sizes}
-        told |= {
+    if options.json:
+        figures: dict[str, Any] = {"machine": asdict(machine()), "imports": imports, "download_mb": sizes}
+        figures |= {
             "speeds": [*map(asdict, speeds)],
             "parts": [*map(asdict, parts)],
             "peers": [*map(asdict, peers)],
         }
-        asked.json.write_text(json.dumps(told, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        options.json.write_text(json.dumps(figures, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="a moment of each: does everything work?")
-    parser.add_argument("--peers", action="store_true", help="kinematics beside mink and Pinocchio")
+    parser.add_argument("--quick", action="store_true", help="a short run, to test that everything works")
+    parser.add_argument("--peers", action="store_true", help="compare kinematics with mink and Pinocchio")
     parser.add_argument("--out", type=Path, help="file for the tables (default docs/benchmarks-physics.md)")
     parser.add_argument("--json", type=Path, help="file for all figures")
     return parser.parse_args()
 
 
 def workcell(name: str, *, guided: bool = False) -> Workcell[Any]:
+    """Return a workcell in the situation of seed 0."""
     task = TASKS[name]
     return Workcell(task, task.sample_situation(np.random.default_rng(0)), guided=guided)
 
 
-def speed(name: str, measurement: MeasurementSettings) -> Speed:
+def measure_speed(name: str, measurement: MeasurementSettings) -> Speed:
     print(name, file=sys.stderr, flush=True)
-    taken = [cpu(lambda: workcell(name)) for _ in range(measurement.rounds)]
+    setup = [cpu_seconds(lambda: workcell(name)) for _ in range(measurement.rounds)]
     cell, both = workcell(name), workcell(name, guided=True)
     held: list[float] = []
     moving: list[float] = []
-    led: list[float] = []
+    guided: list[float] = []
     for _ in range(measurement.rounds):
         held.append(realtime_factor(cell, cell.step_impedance, measurement, still=True))
         moving.append(realtime_factor(cell, cell.step_impedance, measurement))
-        led.append(realtime_factor(both, both.step_guidance, measurement))
+        guided.append(realtime_factor(both, both.step_guidance, measurement))
     frame = frame_seconds(cell, name, measurement.rounds)
-    figures = median(held), median(moving), median(led), median(taken)
+    figures = median(held), median(moving), median(guided), median(setup)
     return Speed(name, *figures, frame, int(cell.data.ncon))
 
 
-def cpu(act: Callable[[], object]) -> float:
+def cpu_seconds(function: Callable[[], object]) -> float:
+    """Return the CPU time of a call."""
     before = process_time()
-    act()
+    function()
     return process_time() - before
 
 
@@ -162,22 +165,26 @@ Move = Callable[[Pose, float, int], None]
 def realtime_factor(
     cell: Workcell[Any], move: Move, measurement: MeasurementSettings, *, still: bool = False
 ) -> float:
-    """Simulated seconds for each of CPU; the target goes up and down unless it is held still."""
+    """Return simulated seconds per CPU second; the target oscillates unless it is still."""
     start_pose = cell.target
-    looks = round(measurement.seconds / (STEPS_PER_OBSERVATION * Workcell.timestep))
+    calls = round(measurement.seconds / (STEPS_PER_CALL * Workcell.timestep))
 
-    def act() -> None:
-        for n in range(1, looks + 1):
-            up = 0.0 if still else AWAY * (1.0 - np.cos(TURN * n * STEPS_PER_OBSERVATION * Workcell.timestep))
+    def move_all() -> None:
+        for n in range(1, calls + 1):
+            up = (
+                0.0
+                if still
+                else AMPLITUDE * (1.0 - np.cos(FREQUENCY * n * STEPS_PER_CALL * Workcell.timestep))
+            )
             move(
                 Pose(start_pose.position + np.array([0.0, 0.0, up]), start_pose.quaternion),
                 0.0,
-                STEPS_PER_OBSERVATION,
+                STEPS_PER_CALL,
             )
 
-    simulated = looks * STEPS_PER_OBSERVATION * Workcell.timestep
-    seconds = cpu(act)
-    move(start_pose, 0.0, STEPS_PER_OBSERVATION)
+    simulated = calls * STEPS_PER_CALL * Workcell.timestep
+    seconds = cpu_seconds(move_all)
+    move(start_pose, 0.0, STEPS_PER_CALL)
     return simulated / seconds
 
 
@@ -185,75 +192,77 @@ def frame_seconds(cell: Workcell[Any], name: str, rounds: int) -> float | None:
     try:
         with SceneRenderer(cell.model, cell.task.view) as renderer:
             renderer.render(cell.data)
-            return median(cpu(lambda: renderer.render(cell.data)) for _ in range(rounds))
+            return float(median(cpu_seconds(lambda: renderer.render(cell.data)) for _ in range(rounds)))
     except SkillError as error:
         print(error, file=sys.stderr)
         return None
 
 
-def tick_parts(measurement: MeasurementSettings) -> list[Part]:
-    """The parts of Workcell.step_impedance's tick, in its order, on the valve with a moving target."""
+def measure_parts(measurement: MeasurementSettings) -> list[Part]:
+    """Measure the parts of a timestep of Workcell.step_impedance with a moving target."""
     cell = workcell("valve")
     start_pose = cell.target
     stamps: list[tuple[int, ...]] = []
-    while len(stamps) < measurement.ticks:
-        up = AWAY * (1.0 - np.cos(TURN * cell.time))
+    while len(stamps) < measurement.steps:
+        up = AMPLITUDE * (1.0 - np.cos(FREQUENCY * cell.time))
         target = Pose(start_pose.position + np.array([0.0, 0.0, up]), start_pose.quaternion)
-        path = linear_path(cell.target, target, STEPS_PER_OBSERVATION, Workcell.timestep)
-        stamps += [tick(cell, path, n) for n in range(STEPS_PER_OBSERVATION)]
+        path = linear_path(cell.target, target, STEPS_PER_CALL, Workcell.timestep)
+        stamps += [timed_step(cell, path, n) for n in range(STEPS_PER_CALL)]
         cell.target = target
-    jacobians = [timed_jacobian(cell) for _ in range(measurement.ticks)]
-    path_, reading, torque, motors, moved, felt, placed = (np.diff(np.array(stamps), axis=1) / 1000.0).T
-    whole = path_ + reading + torque + motors
-    columns = (path_, reading, np.array(jacobians), torque, motors, whole, moved + placed, felt)
+    jacobians = [timed_jacobian(cell) for _ in range(measurement.steps)]
+    path_, state, torque, motors, step2, forces, step1 = (np.diff(np.array(stamps), axis=1) / 1000.0).T
+    control_step = path_ + state + torque + motors
+    columns = (path_, state, np.array(jacobians), torque, motors, control_step, step2 + step1, forces)
     return [
-        Part(name, float(np.median(took)), float(np.quantile(took, 0.99)))
-        for name, took in zip(PARTS, columns, strict=True)
+        Part(name, float(np.median(times)), float(np.quantile(times, 0.99)))
+        for name, times in zip(PARTS, columns, strict=True)
     ]
 
 
-def tick(cell: Workcell[Any], path: Any, n: int) -> tuple[int, ...]:
-    """One tick; when each part of it began, and when it ended [ns]."""
-    began = perf_counter_ns()
-    wanted = path[n]
-    there = perf_counter_ns()
-    reading = cell.arm.read_state()
-    read = perf_counter_ns()
-    torque = impedance_torque(cell.impedance, cell.limits, reading, wanted).torque
-    thought = perf_counter_ns()
+def timed_step(cell: Workcell[Any], path: Any, n: int) -> tuple[int, ...]:
+    """Simulate one timestep, and return the start of each of its parts and its end [ns]."""
+    stamps = [perf_counter_ns()]
+    target = path[n]
+    stamps.append(perf_counter_ns())
+    state = cell.arm.read_state()
+    stamps.append(perf_counter_ns())
+    torque = impedance_torque(cell.impedance, cell.limits, state, target).torque
+    stamps.append(perf_counter_ns())
     cell.arm.motors[:] = torque
-    written = perf_counter_ns()
+    stamps.append(perf_counter_ns())
     mujoco.mj_step2(cell.model, cell.data)
-    moved = perf_counter_ns()
+    stamps.append(perf_counter_ns())
     contact_forces(cell.model, cell.data, cell.task.fragile_geoms)
-    felt = perf_counter_ns()
+    stamps.append(perf_counter_ns())
     mujoco.mj_step1(cell.model, cell.data)
-    return began, there, read, thought, written, moved, felt, perf_counter_ns()
+    stamps.append(perf_counter_ns())
+    return tuple(stamps)
 
 
 def timed_jacobian(cell: Workcell[Any]) -> float:
-    began = perf_counter_ns()
+    """Return the time of one Jacobian [us]."""
+    start = perf_counter_ns()
     cell.arm.jacobian()
-    return (perf_counter_ns() - began) / 1000.0
+    return (perf_counter_ns() - start) / 1000.0
 
 
 def import_seconds(module: str, rounds: int) -> float:
-    """The median over fresh processes, the first for nothing: it writes bytecode."""
+    """Return the median import time of fresh processes, after one that writes bytecode [s]."""
     program = f"from time import perf_counter as now; t = now(); import {module}; print(now() - t)"
     command = [sys.executable, "-W", "ignore", "-c", program]
-    told = [
+    outputs = [
         subprocess.run(command, capture_output=True, text=True, env=timed_environment(), check=True).stdout
         for _ in range(rounds + 1)
     ]
-    return median(float(words) for words in told[1:])
+    return median(float(output) for output in outputs[1:])
 
 
 def download_sizes() -> dict[str, float] | None:
-    """Megabytes of each wheel that pip fetches for pilotfish[sim], without pilotfish itself."""
+    """Return the size of each wheel that pip downloads for pilotfish[sim], without pilotfish [MB]."""
     project = tomllib.loads((TOP / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["sim"]]
+    requirements = [*project["dependencies"], *project["optional-dependencies"]["sim"]]
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "pip", "download", "--quiet", "--dest", folder, *wanted]
+        command = [sys.executable, "-m", "pip", "download", "--quiet", "--dest", folder, *requirements]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             print(done.stderr, file=sys.stderr)
@@ -262,7 +271,7 @@ def download_sizes() -> dict[str, float] | None:
 
 
 def document(
-    words: str,
+    command: str,
     loads: tuple[float, float],
     speeds: Sequence[Speed],
     parts: Sequence[Part],
@@ -273,14 +282,14 @@ def document(
     yield "# Benchmarks of the physics"
     yield ""
     yield (
-        f"Written on {datetime.now(UTC):%Y-%m-%d} by `{words}`. Everything runs on one core, physics "
-        "and control both at 1 kHz, without pictures. Figures are medians over rounds."
+        f"Written on {datetime.now(UTC):%Y-%m-%d} by `{command}`. Everything runs on one core, physics "
+        "and control both at 1 kHz, without images. Figures are medians over rounds."
     )
     yield from ("", "## Targets", "")
     yield from requirement_results(speeds, parts, imports)
-    yield from ("", "## Faster than real time", "")
+    yield from ("", "## Real-time factors", "")
     yield from table_of_speeds(speeds)
-    yield from ("", "## A step of control", "")
+    yield from ("", "## Control step", "")
     yield from table_of_parts(parts)
     yield from ("", "## Imports and download", "")
     yield from describe_imports(imports, sizes)
@@ -291,8 +300,8 @@ def document(
     m = machine()
     yield (
         f"{m.processor}, {m.cores} cores, {m.memory_gb:.0f} GB, {m.system}; MuJoCo {mujoco.__version__}, "
-        f"NumPy {np.__version__}; load {loads[0]:.1f} before and {loads[1]:.1f} after: with more than one "
-        "process to a core, times of parts and their p99 are longer than on a machine that is idle."
+        f"NumPy {np.__version__}; load {loads[0]:.1f} before and {loads[1]:.1f} after. With more than one "
+        "process per core, times of parts and their p99 are longer than on an idle machine."
     )
 
 
@@ -300,45 +309,46 @@ def requirement_results(
     speeds: Sequence[Speed], parts: Sequence[Part], imports: Mapping[str, float]
 ) -> Iterator[str]:
     slowest = min(speeds, key=lambda s: min(s.held, s.moving))
-    factor_ = min(slowest.held, slowest.moving)
-    step = next(part for part in parts if part.name == "step of control").median
+    factor = min(slowest.held, slowest.moving)
+    step = next(part for part in parts if part.name == "control step").median
     yield from ("| target | measured | verdict |", "| --- | --- | ---: |")
-    for target, told, kept in (
+    for target, measured, passed in (
         (
             f"one arm at least {MIN_REALTIME_FACTOR:g} x real time in every task",
-            f"{factor_:.1f} x ({slowest.task})",
-            factor_ >= MIN_REALTIME_FACTOR,
+            f"{factor:.1f} x ({slowest.task})",
+            factor >= MIN_REALTIME_FACTOR,
         ),
-        (f"a step of control at most {MAX_STEP:g} us, median", f"{step:.1f} us", step <= MAX_STEP),
+        (f"a control step at most {MAX_STEP:g} us, median", f"{step:.1f} us", step <= MAX_STEP),
         (
             f"`import pilotfish` under {MAX_IMPORT:g} s",
             f"{imports['pilotfish']:.2f} s",
             imports["pilotfish"] < MAX_IMPORT,
         ),
     ):
-        yield f"| {target} | {told} | {'pass' if kept else 'MISS'} |"
+        yield f"| {target} | {measured} | {'pass' if passed else 'MISS'} |"
 
 
 def table_of_speeds(speeds: Sequence[Speed]) -> Iterator[str]:
     yield (
-        "Simulated seconds for each second of CPU: one arm that holds its home, one whose tool goes up and "
-        "down by 100 mm, and two arms, the left led by a hand that moves so and the right following. Set-up "
-        "is from task and situation to an arm that waits; a frame has 640 x 480 points; contacts are those "
-        "at the end of the rounds."
+        "Simulated seconds per CPU second, for one arm at rest, for one arm whose tool oscillates by 100 mm, "
+        "and for two arms. There a hand guides the left arm in the same way, and the right arm follows. "
+        "Set-up builds a workcell from task and situation. An image has 640 x 480 pixels. Contacts are "
+        "counted at the end of the rounds."
     )
     yield ""
-    yield "| task | held | moving | two arms, led | set-up s | frame ms | contacts |"
+    yield "| task | at rest | moving | two arms, guided | set-up s | image ms | contacts |"
     yield "| --- | ---: | ---: | ---: | ---: | ---: | ---: |"
     for s in speeds:
         frame = "" if s.frame is None else f"{1000 * s.frame:.0f}"
-        factors = f"{s.held:.1f} | {s.moving:.1f} | {s.led:.1f}"
+        factors = f"{s.held:.1f} | {s.moving:.1f} | {s.guided:.1f}"
         yield f"| {s.task} | {factors} | {s.setup:.3f} | {frame} | {s.contacts} |"
 
 
 def table_of_parts(parts: Sequence[Part]) -> Iterator[str]:
     yield (
-        "Wall time of the parts of one tick of the valve's arm, in the order in which `Workcell.step_impedance` does "
-        "them. A step of control is what stands above it; the Jacobian was timed by itself."
+        "Wall time of the parts of a timestep of the valve task, in the order of "
+        "`Workcell.step_impedance`. A control step is the sum of the parts above it; the Jacobian was "
+        "also measured alone."
     )
     yield from ("", "| part | median us | p99 us |", "| --- | ---: | ---: |")
     for part in parts:
@@ -347,31 +357,31 @@ def table_of_parts(parts: Sequence[Part]) -> Iterator[str]:
 
 def describe_imports(imports: Mapping[str, float], sizes: Mapping[str, float] | None) -> Iterator[str]:
     for module, seconds in imports.items():
-        yield f"- `import {module}` takes {seconds:.2f} s, in a fresh process."
+        yield f"- `import {module}` takes {seconds:.2f} s in a fresh process."
     if sizes:
         largest = sorted(sizes.items(), key=lambda item: -item[1])[:4]
-        told = ", ".join(f"{name} {size:.0f}" for name, size in largest)
+        names = ", ".join(f"{name} {size:.0f}" for name, size in largest)
         yield (
             f"- `pip install 'pilotfish[sim]'` downloads {sum(sizes.values()):.0f} MB in {len(sizes)} "
-            "files besides pilotfish itself: what `pip download` fetches for this Python and system, nothing "
-            f"being there. The largest: {told} MB."
+            "files besides pilotfish, for this Python and system and without installed packages. "
+            f"The largest are {names} MB."
         )
 
 
 def table_of_peers(peers: Sequence[Peer]) -> Iterator[str]:
     yield (
-        "CPU of one call, by turns in one run; a ratio below 1 says that the peer is faster. Targets differ "
-        "from the start by up to half a radian in each joint and are reached within 1e-6 m and 1e-5 rad. No "
-        "loop waits for ours: a workcell asks for one posture when it is set up."
+        "CPU time of one call in one run with turns; a ratio below 1 means that the peer is faster. Targets "
+        "differ from the start by up to half a radian in each joint. The tolerance is 1e-6 m and 1e-5 rad. "
+        "Pilotfish solves inverse kinematics once, when a workcell is built."
     )
     yield ""
     yield from (
-        "| what | pilotfish us | peer | its us | ratio | remarks |",
+        "| task | pilotfish us | peer | peer us | ratio | remarks |",
         "| --- | ---: | --- | ---: | ---: | --- |",
     )
     for p in peers:
         figures = f"{p.ours:.1f} | {p.name} | {p.theirs:.1f} | {p.theirs / p.ours:.2f}"
-        yield f"| {p.what} | {figures} | {p.print_note} |"
+        yield f"| {p.task} | {figures} | {p.remark} |"
 
 
 if __name__ == "__main__":

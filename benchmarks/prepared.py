@@ -1,4 +1,4 @@
-"""What a library hands to the clock: a call to time, and how to read what it returned."""
+"""A call that is timed, and how its answer is read."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,21 +7,25 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
-class CommandResult:
-    """A number by which libraries are compared, and how many units of work (EM iterations, say) it took.
+class Answer:
+    """Answer of a call.
 
-    begin is the same number before the first unit, NaN where there is none.
+    Attributes:
+        value: Number by which libraries are compared.
+        units: Units of work of the call, such as EM iterations.
+        remark: Remark for the table.
+        begin: The same number before the first unit; NaN if there is none.
     """
 
     value: float
     units: int = 1
-    print_note: str = ""
+    remark: str = ""
     begin: float = nan
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """run is timed; answer reads its result afterwards."""
+    """Call that is timed, and the function that reads the answer from its result."""
 
     run: Callable[[], Any]
-    answer: Callable[[Any], CommandResult]
+    answer: Callable[[Any], Answer]

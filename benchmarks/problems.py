@@ -1,4 +1,4 @@
-"""What the libraries are asked to solve: arrays in a folder of .npy files, the same for each of them."""
+"""Problems as arrays in folders of .npy files, the same for each library."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -13,7 +13,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredProblem:
-    """A problem that is kept in a folder, one array a file."""
+    """Problem that is stored in a folder, one file for each array."""
 
     def save(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -28,7 +28,7 @@ class StoredProblem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sequences(StoredProblem):
-    """M sequences end to end, in one frame, and the hidden Markov model that learning begins from."""
+    """M concatenated sequences in one frame, and the initial hidden Markov model."""
 
     x: Floats  # (N, D)
     lengths: Integers  # (M,)
@@ -41,14 +41,14 @@ class Sequences(StoredProblem):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentProblem(Sequences):
-    """The same, of a hidden semi-Markov model: transitions has a zero diagonal."""
+    """The same for a hidden semi-Markov model: transitions has a zero diagonal."""
 
-    durations: Floats  # (S, K), shares of 1 ... S steps
+    durations: Floats  # (S, K), probabilities of 1 ... S steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses(StoredProblem):
-    """M movements of a tool, and the poses of P objects that it is seen from; quaternions are w x y z."""
+    """M movements of a tool, and the poses of P objects as frames; quaternions are w x y z."""
 
     x: Floats  # (M, T, 7)
     objects: Floats  # (M, P, 7)
@@ -57,10 +57,10 @@ class Poses(StoredProblem):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameProblem(StoredProblem):
-    """M demonstrations in the world and where P frames stood, to be learned with K states.
+    """M demonstrations in the world with P frames, for K states.
 
-    joint is how all frames see a step, side by side. The mixture that its learning begins from is made of
-    equal times, as pilotfish's own start is.
+    joint holds the coordinates of a step in all frames side by side. The initial mixture is that of time
+    bins, like pilotfish's own initialisation.
     """
 
     x: Floats  # (M, T, D)
@@ -76,7 +76,7 @@ class FrameProblem(StoredProblem):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracking(StoredProblem):
-    """A step-wise reference for the system x' = A x + B u; begins[i] is the first step of target i."""
+    """Step-wise reference for the system x' = A x + B u; begins[i] is the first step of target i."""
 
     A: Floats  # (n, n)
     B: Floats  # (n, m)
@@ -88,17 +88,17 @@ class Tracking(StoredProblem):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream(StoredProblem):
-    """N datapoints in the order in which they came, the cluster of each, and the scales of the generator."""
+    """N datapoints in order, the cluster of each, and the scales of the generator."""
 
     x: Floats  # (N, D)
     labels: Integers  # (N,)
     clusters: int
     dimension: int  # of the largest subspace
-    extent: float  # standard deviation along every direction of a subspace
-    noise: float  # and along every column besides
-    apart: float  # the least distance of two centres
+    extent: float  # standard deviation along each direction of a subspace
+    noise: float  # standard deviation in every column
+    separation: float  # least distance of two centres
 
     @property
     def radius(self) -> float:
-        """How far a datapoint lies from its centre, root mean square."""
+        """Return the root-mean-square distance of a datapoint from its centre."""
         return float(self.extent * np.sqrt(self.dimension))

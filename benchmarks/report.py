@@ -1,22 +1,23 @@
-"""What was measured, as a value, as Markdown and as JSON."""
+"""Results of a benchmark run as a value, as Markdown and as JSON."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cases import LIBRARIES, NOT_INSTALLABLE
-from judging import agrees, incompatibility, milliseconds, own_result, per_second, ratio, requirement_results
+from judging import agrees, incompatibility, own_result, requirement_results
 from kinds import Case
 from machine import Machine
 from measure import MeasurementSettings, Result, SampleStatistics
+from peers import LIBRARIES, NOT_INSTALLABLE
+from requirements import format_milliseconds, format_rate, ratio
 
-OF_THE_VALVE = ("valve", "frames", "tracking", "visits_valve")
+VALVE_PROBLEMS = ("valve", "frames", "tracking", "semi_markov_valve")
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One run of the benchmarks. introductions is what each library's worker said of itself."""
+    """One run of the benchmarks; introductions hold the versions and remarks of each library."""
 
     command: str
     date: str
@@ -35,7 +36,7 @@ class Report:
 
 
 def markdown(report: Report) -> str:
-    parts = (_head, _promises, _times, _streams, _notes, _foot)
+    parts = (_head, _requirements, _times, _streams, _notes, _foot)
     return "\n".join(line for part in parts for line in part(report)) + "\n"
 
 
@@ -43,23 +44,20 @@ def _head(report: Report) -> Iterator[str]:
     yield "# Benchmarks"
     yield ""
     yield (
-        f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in a process "
-        f"of its own with one thread, taking turns (A B C A B C ...) for {report.measurement.rounds} rounds, "
-        f"fewer where a case takes longer than {report.measurement.time_limit:g} s. Times are CPU milliseconds; a "
-        "ratio says how many times the CPU of pilotfish's first row it takes, the median over rounds."
+        f"Written on {report.date} by `{report.command}`. Libraries run on the same data, each in its own "
+        f"process with one thread. They take turns (A B C A B C ...) for {report.measurement.rounds} rounds, "
+        f"fewer if a case takes longer than {report.measurement.time_limit:g} s. Times are CPU milliseconds. "
+        "A ratio is the CPU time relative to pilotfish's first row, the median over rounds."
     )
     if report.quick:
         yield ""
-        yield "**A quick run: it shows that everything works. Its figures are not to be quoted.**"
-    if report.valve == "synthetic" and any(case.problem in OF_THE_VALVE for case, _ in report.cases):
+        yield "**A quick run, to test that everything works. Do not quote its figures.**"
+    if report.valve == "synthetic" and any(case.problem in VALVE_PROBLEMS for case, _ in report.cases):
         yield ""
-        yield (
-            "**The valve data here is synthetic**, of the recording's size: `PILOTFISH_DATA` named no "
-            "folder of recordings."
-        )
+        yield ("**The valve data is synthetic**, of the recording's size: `PILOTFISH_DATA` was not set.")
 
 
-def _promises(report: Report) -> Iterator[str]:
+def _requirements(report: Report) -> Iterator[str]:
     yield from ("", "## Targets", "")
     rows = [(v.requirement, v.measured, v.verdict) for v in requirement_results(report.cases)]
     yield from table(("target", "measured", "verdict"), rows, "llr")
@@ -85,13 +83,12 @@ def _times(report: Report) -> Iterator[str]:
         yield from table(titles, rows, "llrrrrrrrrl")
     yield ""
     yield (
-        "CPU, its minimum, its quartiles and wall: of calls in a long-lived process. First result: all CPU "
-        "seconds that a fresh process spends until it has the first answer - import, compilation, reading "
-        "the data and as many iterations as a call has. Peak memory (resident) and by how much that call "
-        "raised it: of the same process."
+        "CPU, minimum, quartiles and wall: calls in a long-lived process. First result: CPU seconds of a "
+        "fresh process until its first answer, with import, compilation, reading of the data and the "
+        "iterations of one call. Peak memory (resident), and its growth by that call: the same process."
     )
     for failed in (r for _, results in report.cases for r in results if r.failure):
-        yield from ("", f"{failed.entry.label} gave no figures: {failed.failure}")
+        yield from ("", f"{failed.entry.label} failed: {failed.failure}")
 
 
 def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
@@ -102,13 +99,13 @@ def _rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, ...]]:
             yield (name, result.entry.label, *[""] * 8, "failed")
             continue
         times_ours = f"{ratio(result.cpu, own.cpu):.2f}" if own and own.cpu else ""
-        quartiles = f"{milliseconds(result.cpu.lower)} - {milliseconds(result.cpu.upper)}"
-        times = (milliseconds(result.cpu.median), milliseconds(result.cpu.minimum), quartiles)
+        quartiles = f"{format_milliseconds(result.cpu.lower)} - {format_milliseconds(result.cpu.upper)}"
+        times = (format_milliseconds(result.cpu.median), format_milliseconds(result.cpu.minimum), quartiles)
         first = (f"{result.first.result:.2f}", f"{result.first.peak_mb:.0f}", f"{result.first.grown_mb:.0f}")
-        remarks = "; ".join(filter(None, (result.print_note, result.entry.differs)))
-        told = f"{result.answer:.10g}" + (f" ({remarks})" if remarks else "")
-        wall = milliseconds(result.wall.median)
-        yield (name, result.entry.label, *times, wall, *first, times_ours, told)
+        remarks = "; ".join(filter(None, (result.remark, result.entry.differs)))
+        answer = f"{result.answer:.10g}" + (f" ({remarks})" if remarks else "")
+        wall = format_milliseconds(result.wall.median)
+        yield (name, result.entry.label, *times, wall, *first, times_ours, answer)
 
 
 def _streams(report: Report) -> Iterator[str]:
@@ -120,7 +117,7 @@ def _streams(report: Report) -> Iterator[str]:
         "case",
         "library",
         "NMI",
-        "datapoints a CPU second",
+        "datapoints per CPU second",
         "CPU us each",
         "quartiles",
         "grown MB",
@@ -128,13 +125,12 @@ def _streams(report: Report) -> Iterator[str]:
         "ratio",
         "remarks",
     )
-    yield from table(titles, [row for told in streams for row in _stream_rows(*told)], "llrrrrrrrl")
+    yield from table(titles, [row for stream in streams for row in _stream_rows(*stream)], "llrrrrrrrl")
     yield ""
     yield (
-        "CPU: for one datapoint, of calls in a long-lived process that learn a whole stream from nothing, "
-        "without tuning and the reading of labels. NMI: normalised mutual information, over the mean of the "
-        "entropies, of clusters found and true ones, by the same code for all. Grown and peak memory: of a "
-        "fresh process, as above."
+        "CPU: time per datapoint of calls in a long-lived process that learn a whole stream, without tuning "
+        "and prediction of labels. NMI: normalised mutual information of found and true clusters, divided by "
+        "the mean entropy, by the same code for all. Grown and peak memory: a fresh process, as above."
     )
 
 
@@ -146,12 +142,12 @@ def _stream_rows(case: Case, results: Sequence[Result]) -> Iterator[tuple[str, .
             yield (name, result.entry.label, *[""] * 7, "failed")
             continue
         each = result.cpu
-        took = [milliseconds(s * 1e3) for s in (each.median, each.lower, each.upper)]
+        took = [format_milliseconds(s * 1e3) for s in (each.median, each.lower, each.upper)]
         times_ours = f"{ratio(each, own.cpu):.1f}" if own and own.cpu else ""
         memory = (f"{result.first.grown_mb:.1f}", f"{result.first.peak_mb:.0f}")
-        speed = (per_second(each.median), took[0], f"{took[1]} - {took[2]}")
+        speed = (format_rate(each.median), took[0], f"{took[1]} - {took[2]}")
         found = f"{result.answer:.3f}"
-        yield (name, result.entry.label, found, *speed, *memory, times_ours, result.print_note)
+        yield (name, result.entry.label, found, *speed, *memory, times_ours, result.remark)
 
 
 def _notes(report: Report) -> Iterator[str]:
@@ -160,26 +156,26 @@ def _notes(report: Report) -> Iterator[str]:
         explanation = case.explanation
         for size, count in (report.measurement.iterations | report.measurement.datapoints).items():
             explanation = explanation.replace(f"{{{size}}}", str(count))
-        told = f"Answer: {case.answer}{_agreement(case, results)}."
-        yield f"- `{case.name}`: {case.title}. {explanation} {told}"
+        answer = f"Answer: {case.answer}{_agreement(case, results)}."
+        yield f"- `{case.name}`: {case.title}. {explanation} {answer}"
 
 
 def _agreement(case: Case, results: Sequence[Result]) -> str:
-    told = [result for result in results if not result.failure]
-    if case.agreement is None or len(told) < 2:
+    measured = [result for result in results if not result.failure]
+    if case.agreement is None or len(measured) < 2:
         return ""
-    apart = incompatibility(results)
+    difference = incompatibility(results)
     if agrees(case, results):
-        alike = "the answers agree, of differing models before the first iteration,"
-        alike = alike if any(result.entry.differs for result in told) else "the answers agree"
-        return f"; {alike} within {max(apart, 1e-16):.0e} of their size"
-    return f"; **the answers differ by {apart:.1e} of their size, expected at most {case.agreement:.0e}**"
+        differs = any(result.entry.differs for result in measured)
+        agreement = "the initial answers agree" if differs else "the answers agree"
+        return f"; {agreement} within a relative {max(difference, 1e-16):.0e}"
+    return f"; **the answers differ by a relative {difference:.1e}, expected at most {case.agreement:.0e}**"
 
 
 def _foot(report: Report) -> Iterator[str]:
     yield from ("", "## Libraries and machine", "")
     rows = []
-    for name, said in report.introductions.items():
+    for name, introduction in report.introductions.items():
         case_results = report.imports.get(name)
         seconds = (
             f"{case_results.median:.3f} ({case_results.minimum:.3f})"
@@ -187,19 +183,22 @@ def _foot(report: Report) -> Iterator[str]:
             else ""
         )
         library = LIBRARIES[name]
-        about = library.does + (f"; {said['remark']}" if said["remark"] else "")
-        rows.append((library.name, said["version"], f"`import {library.module}`", seconds, about))
+        about = library.description + (f"; {introduction['remark']}" if introduction["remark"] else "")
+        rows.append((library.name, introduction["version"], f"`import {library.module}`", seconds, about))
     yield from table(("library", "version", "import", "s, median (min)", "what is timed"), rows, "lllrl")
     for name, reason in report.missing.items():
-        yield from ("", f"{LIBRARIES[name].name} is not here: {reason}")
-    yield from ("", "Tried besides:", "")
+        yield from ("", f"{LIBRARIES[name].name} is not installed: {reason}")
+    yield from ("", "Tried without success:", "")
     yield from (f"- {name}: {reason}." for name, reason in NOT_INSTALLABLE.items())
-    machine, said = report.machine, next(iter(report.introductions.values()), {"python": "?", "numpy": "?"})
+    machine, versions = (
+        report.machine,
+        next(iter(report.introductions.values()), {"python": "?", "numpy": "?"}),
+    )
     yield ""
     yield (
-        f"Imports: wall seconds in a fresh process, {report.measurement.import_rounds} of each, by turns. "
+        f"Imports: wall seconds in a fresh process, {report.measurement.import_rounds} for each library. "
         f"Machine: {machine.processor}, {machine.cores} cores, {machine.memory_gb:.0f} GB, {machine.system}; "
-        f"Python {said['python']}, NumPy {said['numpy']}; "
+        f"Python {versions['python']}, NumPy {versions['numpy']}; "
         f"load {report.loads[0]:.1f} before and {report.loads[1]:.1f} after."
     )
 
@@ -214,7 +213,7 @@ def table(titles: Sequence[str], rows: Sequence[Sequence[str]], sides: str) -> I
 
 
 def as_json(report: Report) -> dict[str, Any]:
-    """Everything, samples too [s]; what is not a number is null."""
+    """Return everything as JSON, samples [s] included; NaN becomes null."""
     cases = [
         {
             "case": case.name,
@@ -229,9 +228,11 @@ def as_json(report: Report) -> dict[str, Any]:
         name: getattr(report, name)
         for name in ("command", "date", "quick", "loads", "valve", "introductions", "missing")
     }
-    judged = [asdict(verdict) for verdict in requirement_results(report.cases)]
-    told = {"machine": asdict(report.machine), "control_cost": asdict(report.measurement), "targets": judged}
-    whole: dict[str, Any] = _without_nan({**rest, **told, "cases": cases, "imports": imports})
+    requirements = [asdict(verdict) for verdict in requirement_results(report.cases)]
+    settings = {"machine": asdict(report.machine), "measurement": asdict(report.measurement)}
+    whole: dict[str, Any] = _without_nan(
+        {**rest, **settings, "targets": requirements, "cases": cases, "imports": imports}
+    )
     return whole
 
 

@@ -1,9 +1,9 @@
-"""Time pilotfish beside its peers, on the same data, in one run in which they take turns.
+"""Measure pilotfish and its peers on the same data in one run.
 
-`python benchmarks/run.py` installs the peers of peers.txt, peers-jax.txt and so on into build/peers-venv,
-build/peers-jax-venv and so on when they are missing, measures, prints the tables and writes them to
-docs/benchmarks.md. Progress is told on stderr. A run of a part (--quick, --only, --cases) writes no
-file unless --out names one.
+`python benchmarks/run.py` installs the missing peers of peers.txt, peers-jax.txt and so on into
+build/peers-venv, build/peers-jax-venv and so on. It measures, prints the tables and writes them to
+docs/benchmarks.md. Progress is printed on stderr. A partial run (--quick, --only, --cases) writes no file
+unless --out names one.
 """
 
 import argparse
@@ -16,11 +16,12 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from cases import CASES, LIBRARIES, OURS
+from cases import CASES
 from kinds import Case
 from machine import load, machine
 from measure import FULL, QUICK, Installations, MeasurementSettings, measure, measure_imports
 from peer_environment import environment_folder, execute, peer_environment
+from peers import LIBRARIES, OURS
 from report import Report, as_json, markdown
 from workers import Worker, WorkerError, timed_environment
 
@@ -47,8 +48,8 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="few repetitions: does everything work?")
-    parser.add_argument("--rounds", type=int, help=f"turns that each library has (default {FULL.rounds})")
+    parser.add_argument("--quick", action="store_true", help="few repetitions, to test that everything works")
+    parser.add_argument("--rounds", type=int, help=f"number of rounds (default {FULL.rounds})")
     parser.add_argument("--only", nargs="+", choices=LIBRARIES, help="these libraries (default: all)")
     parser.add_argument(
         "--cases", nargs="+", choices=[case.name for case in CASES], help="these cases (default: all)"
@@ -56,12 +57,12 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--out", type=Path, help="file for the tables (default docs/benchmarks.md, for a whole run)"
     )
-    parser.add_argument("--json", type=Path, help="file for all figures, samples too")
+    parser.add_argument("--json", type=Path, help="file for all figures, samples included")
     return parser.parse_args()
 
 
-def command_of(options: argparse.Namespace) -> str:
-    """The command as a reader would repeat it, without the files it wrote."""
+def format_command(options: argparse.Namespace) -> str:
+    """Return the command that repeats the run, without output files."""
     words = ["python benchmarks/run.py"]
     words += ["--quick"] if options.quick else []
     words += [f"--rounds {options.rounds}"] if options.rounds else []
@@ -70,8 +71,9 @@ def command_of(options: argparse.Namespace) -> str:
     return " ".join(words)
 
 
-def report_progress(words: str) -> None:
-    print(words, file=sys.stderr, flush=True)
+def report_progress(text: str) -> None:
+    """Print progress on stderr."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def measurement_settings(options: argparse.Namespace) -> MeasurementSettings:
@@ -84,8 +86,8 @@ def benchmark(options: argparse.Namespace) -> Report:
     measurement, before = measurement_settings(options), load()
     cases = select_cases(options)
     pythons, missing = library_pythons([name for name in options.only or LIBRARIES if is_needed(name, cases)])
-    with tempfile.TemporaryDirectory(prefix="benchmarks-") as scratch, ExitStack() as stack:
-        problems = Path(scratch)
+    with tempfile.TemporaryDirectory(prefix="benchmarks-") as folder, ExitStack() as stack:
+        problems = Path(folder)
         valve = make_problems(problems, measurement)
         workers = {
             name: stack.enter_context(Worker(python, name, timed_environment()))
@@ -97,12 +99,12 @@ def benchmark(options: argparse.Namespace) -> Report:
         case_results = [
             (case, measure(case, installations, problems, measurement, report_progress))
             for case in cases
-            if add_shared_library_path(case, pythons)
+            if has_entries(case, pythons)
         ]
         imports = measure_imports(installations, measurement, report_progress)
     now = datetime.now(UTC).strftime("%Y-%m-%d")
     return Report(
-        command_of(options),
+        format_command(options),
         now,
         options.quick,
         measurement,
@@ -117,14 +119,14 @@ def benchmark(options: argparse.Namespace) -> Report:
 
 
 def select_cases(options: argparse.Namespace) -> list[Case]:
-    """The cases that are asked for; a quick run leaves the lengthy out, unless they are named."""
+    """Return the requested cases; a quick run omits lengthy ones unless they are named."""
     if options.cases:
         return [case for case in CASES if case.name in options.cases]
     return [case for case in CASES if not (options.quick and case.lengthy)]
 
 
 def library_pythons(libraries: list[str]) -> tuple[dict[str, Path], dict[str, str]]:
-    """The python that each library runs in, and why some cannot."""
+    """Return the Python of each library, and the reasons for the missing ones."""
     pythons: dict[str, Path] = {}
     missing: dict[str, str] = {}
     for environment in {LIBRARIES[name].environment: None for name in libraries}:
@@ -132,11 +134,11 @@ def library_pythons(libraries: list[str]) -> tuple[dict[str, Path], dict[str, st
         if not environment:
             pythons |= dict.fromkeys(names, Path(sys.executable))
             continue
-        report_progress(f"{environment}: looking after it")
+        report_progress(f"{environment}: checking the installation")
         python, failures = peer_environment(*environment_folder(environment), execute)
-        for requirement, reason in failures.items():  # told here only: it may name this machine
+        for requirement, reason in failures.items():  # on stderr only: it may name this machine
             report_progress(f"{environment}: {requirement}: {reason}")
-        reason = "it could not be installed; the run tells why on stderr"
+        reason = "it could not be installed; the run printed why on stderr"
         missing |= {name: reason for name in names if LIBRARIES[name].distribution in failures}
         pythons |= dict.fromkeys(names, python)
     return pythons, missing
@@ -150,7 +152,7 @@ def make_problems(folder: Path, measurement: MeasurementSettings) -> str:
 
 
 def introduce(workers: dict[str, Worker], missing: dict[str, str]) -> dict[str, dict[str, str]]:
-    """What each library says of itself; one that cannot even be imported joins the missing."""
+    """Return versions and remarks of each library; one that cannot be imported becomes missing."""
     introductions = {}
     for name, worker in workers.items():
         try:
@@ -163,10 +165,12 @@ def introduce(workers: dict[str, Worker], missing: dict[str, str]) -> dict[str, 
 
 
 def is_needed(library: str, cases: list[Case]) -> bool:
+    """Return whether a library takes part in a case."""
     return any(entry.library == library for case in cases for entry in case.entries)
 
 
-def add_shared_library_path(case: Case, pythons: dict[str, Path]) -> bool:
+def has_entries(case: Case, pythons: dict[str, Path]) -> bool:
+    """Return whether a library of the case is available."""
     return any(entry.library in pythons for entry in case.entries)
 
 

@@ -1,4 +1,4 @@
-"""What streams are judged by, and how a peer that has to be tuned is tuned: fairly, and outside the time."""
+"""Score of a stream, and tuning of peers outside the measured time."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -8,35 +8,35 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import Floats, Integers
 
-BLOCK = 100  # datapoints, after which labels are read while a stream goes on
-FAULTS = (ValueError, ArithmeticError, KeyError, IndexError)  # of a setting that a peer cannot run with
+BLOCK = 100  # datapoints between predictions during a stream
+FAULTS = (ValueError, ArithmeticError, KeyError, IndexError)  # of a setting that a peer does not support
 
 Setting = Mapping[str, Any]
 
 
 def normalised_mutual_information(found: Integers, truth: Integers) -> float:
-    """What two labellings tell of each other, over the mean of their entropies; 1 when both have one name."""
+    """Return the mutual information of two labellings over their mean entropy; 1 if both have one label."""
     _, rows = np.unique(found, return_inverse=True)
     _, columns = np.unique(truth, return_inverse=True)
     joint = np.zeros((rows.max() + 1, columns.max() + 1))
     np.add.at(joint, (rows, columns), 1.0)
     joint /= len(rows)
-    each = _entropy(joint.sum(axis=1)) + _entropy(joint.sum(axis=0))
-    shared = max(0.0, each - _entropy(joint.ravel()))
-    return 1.0 if each == 0.0 else 2.0 * shared / each
+    total = _entropy(joint.sum(axis=1)) + _entropy(joint.sum(axis=0))
+    shared = max(0.0, total - _entropy(joint.ravel()))
+    return 1.0 if total == 0.0 else 2.0 * shared / total
 
 
-def _entropy(shares: Floats) -> float:
-    """In nats."""
-    some = shares[shares > 0.0]
-    return float(-(some * np.log(some)).sum())
+def _entropy(probabilities: Floats) -> float:
+    """Return the entropy in nats."""
+    positive = probabilities[probabilities > 0.0]
+    return float(-(positive * np.log(positive)).sum())
 
 
 def _finish_unchanged(model: Any) -> None:
-    """A model that is finished whenever it is asked."""
+    """Do nothing, for a model that needs no final step."""
 
 
 def _describe_nothing(model: Any) -> str:
@@ -45,10 +45,14 @@ def _describe_nothing(model: Any) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A way to learn from a stream.
+    """Functions of a peer that learns from a stream.
 
-    make builds a model of a setting, learn has it learn datapoints, in order, finish makes it ready to tell
-    labels, and label reads them: what they are called does not count. told is what else a reader should know.
+    Attributes:
+        make: Create a model from a setting.
+        learn: Learn datapoints in order.
+        label: Return the label of each datapoint.
+        finish: Prepare the model for prediction.
+        describe: Return a remark for the table.
     """
 
     make: Callable[[Setting], Any]
@@ -60,27 +64,27 @@ class Peer:
 
 @dataclass(frozen=True, slots=True)
 class TuningResult:
-    """The setting of most NMI, of labels read when the stream had ended or a block at a time as it came."""
+    """Setting with the largest NMI, of labels by the final model or after each block."""
 
     setting: dict[str, Any]
-    at_the_end: float
-    as_it_came: float
+    final_nmi: float
+    block_nmi: float
 
     @property
     def best(self) -> float:
-        return max(self.at_the_end, self.as_it_came)
+        return max(self.final_nmi, self.block_nmi)
 
 
-def prepared(kept: Path, peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> Prepared:
-    """The peer at its best setting of the grid, which is looked for once a run and kept in that file."""
-    if not kept.exists():
-        kept.write_text(json.dumps(as_json(tune(peer, points, truth, grid))), encoding="utf-8")
-    best = TuningResult(**json.loads(kept.read_text(encoding="utf-8")))
+def prepared(file: Path, peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> Prepared:
+    """Prepare a peer at its best setting of the grid, which is searched once per run and stored in a file."""
+    if not file.exists():
+        file.write_text(json.dumps(as_json(tune(peer, points, truth, grid))), encoding="utf-8")
+    best = TuningResult(**json.loads(file.read_text(encoding="utf-8")))
 
-    end = best.at_the_end >= best.as_it_came
+    end = best.final_nmi >= best.block_nmi
 
     def run() -> Any:
-        """Learns, and reads the labels that are judged: pilotfish tells them as it learns."""
+        """Learn the stream and predict the labels."""
         model = peer.make(best.setting)
         if end:
             peer.learn(model, points)
@@ -94,21 +98,21 @@ def prepared(kept: Path, peer: Peer, points: Any, truth: Integers, grid: Sequenc
             peer.label(model, block)
         return model
 
-    def answer(model: Any) -> CommandResult:
-        words = ", ".join(f"{name} {_short(value)}" for name, value in best.setting.items())
-        when = "at the end" if end else "as it came"
-        remarks = filter(None, (words, f"labels {when}", peer.describe(model)))
-        return CommandResult(best.best, len(truth), "; ".join(remarks))
+    def answer(model: Any) -> Answer:
+        settings = ", ".join(f"{name} {_short(value)}" for name, value in best.setting.items())
+        when = "at the end" if end else "after each block"
+        remarks = filter(None, (settings, f"labels {when}", peer.describe(model)))
+        return Answer(best.best, len(truth), "; ".join(remarks))
 
     return Prepared(run, answer)
 
 
 def as_json(found: TuningResult) -> dict[str, Any]:
-    return {name: getattr(found, name) for name in ("setting", "at_the_end", "as_it_came")}
+    return {name: getattr(found, name) for name in ("setting", "final_nmi", "block_nmi")}
 
 
 def tune(peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> TuningResult:
-    """Raises: what a setting failed with, when every one did."""
+    """Return the best result; raise the last error if every setting failed."""
     results, fault = [], None
     for setting in grid:
         try:
@@ -121,17 +125,17 @@ def tune(peer: Peer, points: Any, truth: Integers, grid: Sequence[Setting]) -> T
 
 
 def evaluate_setting(peer: Peer, points: Any, truth: Integers, setting: Setting) -> TuningResult:
-    """One pass over the stream, labels of each block read right after it, and of all at the end."""
+    """Learn the stream once, and predict the labels of each block after it and of all at the end."""
     model = peer.make(setting)
-    came: list[int] = []
+    block_labels: list[int] = []
     for begin in range(0, len(truth), BLOCK):
         block = points[begin : begin + BLOCK]
         peer.learn(model, block)
         peer.finish(model)
-        came.extend(peer.label(model, block))
-    describe = partial(normalised_mutual_information, truth=truth)
+        block_labels.extend(peer.label(model, block))
+    score = partial(normalised_mutual_information, truth=truth)
     end = np.asarray(peer.label(model, points))
-    return TuningResult(dict(setting), describe(end), describe(np.asarray(came)))
+    return TuningResult(dict(setting), score(end), score(np.asarray(block_labels)))
 
 
 def _short(value: Any) -> str:
@@ -139,10 +143,10 @@ def _short(value: Any) -> str:
 
 
 def learn_in_batches(learn: Callable[[Any, Any], None], size: int) -> Callable[[Any, Any], None]:
-    """Learns points so many at a time."""
+    """Return a function that learns points in batches of a size."""
 
-    def stepwise(model: Any, points: Any) -> None:
+    def learn_batches(model: Any, points: Any) -> None:
         for begin in range(0, len(points), size):
             learn(model, points[begin : begin + size])
 
-    return stepwise
+    return learn_batches

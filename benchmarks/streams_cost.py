@@ -1,12 +1,13 @@
-"""What a step of a stream costs, by the number K of clusters, D of columns and d of dimensions of subspaces.
+"""Measure the cost of a stream step by numbers of clusters K, columns D and subspace dimensions d.
 
-`python benchmarks/streams_cost.py` settles a model at each size, times it on, prints a table of measured and
-predicted costs and, with --json and --out, writes figures and a picture. With r = d + 1, the directions that
-a subspace keeps, the prediction is the specification's order, a + b K D r + c r^3, by least squares of
-relative errors; a finer one, a + b K + c K D r + e D r + f r^2, tells what a cluster and an update cost.
-Both are for the worst case: clusters are drawn anew at every step, and subspaces do not fade, so that none
-is passed over because it is far; what the same costs with a bandwidth of the clusters' size stands beside
-it. Sizes at which the model does not stay at K clusters of dimension d are left out, and said to be.
+`python benchmarks/streams_cost.py` learns a model at each size until it has converged, and measures further
+steps. It prints a table of measured and predicted costs; --json and --out write figures and a plot. With
+r = d + 1 directions of a subspace, the prediction is a + b K D r + c r^3 by least squares of relative errors.
+A finer one, a + b K + c K D r + e D r + f r^2, separates the costs of a cluster and of an update.
+
+Both are for the worst case: the cluster of each step is independent, and subspaces do not decay, so that no
+cluster is pruned. The table also has the cost with a bandwidth of the clusters' size. Sizes at which the
+model does not stay at K clusters of dimension d are listed and omitted.
 """
 
 import argparse
@@ -30,7 +31,7 @@ from pilotfish.models import online
 CLUSTERS = (1, 2, 5, 10, 20, 50)
 COLUMNS = (3, 7, 14, 28, 75)
 DIMENSIONS = (0, 1, 2, 4, 8, 16)
-SETTLING, MEMORY = 400, 3  # datapoints for each cluster that go before; rounds that a trace lasts
+SETTLING, MEMORY = 400, 3  # warm-up datapoints per cluster; cycles of a trace
 TIMED, ROUNDS = 2000, 7
 COARSE_TERMS = ("1", "K D r", "r^3")
 FINE_TERMS = ("1", "K", "K D r", "D r", "r^2")
@@ -38,9 +39,9 @@ FINE_TERMS = ("1", "K", "K D r", "D r", "r^2")
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Microseconds of CPU for one datapoint, in the worst case and with clusters that are far apart.
+    """CPU time of one datapoint in the worst case, and with distant clusters [us].
 
-    NaN where the model did not settle, but at K and d as found.
+    Both are NaN if the model did not stay at K and d; found then holds the values.
     """
 
     clusters: int
@@ -57,7 +58,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class LinearModel:
-    """A sum of terms of these names, in microseconds."""
+    """Linear combination of named terms [us]."""
 
     names: tuple[str, ...]
     coefficients: tuple[float, ...]
@@ -67,35 +68,37 @@ class LinearModel:
 
     @property
     def formula(self) -> str:
-        told = zip(self.coefficients, self.names, strict=True)
-        return " + ".join(f"{value:.2g} {name}".removesuffix(" 1") for value, name in told)
+        pairs = zip(self.coefficients, self.names, strict=True)
+        return " + ".join(f"{value:.2g} {name}".removesuffix(" 1") for value, name in pairs)
 
 
 def main() -> None:
-    asked = arguments()
-    costs = list(measured(asked.quick))
+    options = arguments()
+    costs = list(measure_costs(options.quick))
     settled = [cost for cost in costs if cost.settled]
     line, finer = fit_costs(settled, COARSE_TERMS), fit_costs(settled, FINE_TERMS)
     print("\n".join(table(costs, line, finer)))
-    if asked.json:
+    if options.json:
         lines = {"line": asdict(line), "finer": asdict(finer)}
-        told = {"machine": asdict(machine()), **lines, "costs": [_cost_to_dict(c) for c in costs]}
-        asked.json.write_text(json.dumps(told, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    if asked.out:
-        draw(settled, line, asked.out)
+        figures = {"machine": asdict(machine()), **lines, "costs": [_cost_to_dict(c) for c in costs]}
+        options.json.write_text(json.dumps(figures, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    if options.out:
+        draw(settled, line, options.out)
 
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--quick", action="store_true", help="a few small sizes: does everything work?")
+    parser.add_argument(
+        "--quick", action="store_true", help="a few small sizes, to test that everything works"
+    )
     parser.add_argument("--json", type=Path, help="file for all figures")
-    parser.add_argument("--out", type=Path, help="file for the picture, such as streams_cost.png")
+    parser.add_argument("--out", type=Path, help="file for the plot, such as streams_cost.png")
     return parser.parse_args()
 
 
-def measured(quick: bool) -> Iterator[Cost]:
+def measure_costs(quick: bool) -> Iterator[Cost]:
     sizes = (
         product(CLUSTERS[:2], COLUMNS[:2], DIMENSIONS[:4])
         if quick
@@ -104,14 +107,14 @@ def measured(quick: bool) -> Iterator[Cost]:
     for K, D, d in sizes:
         if d < D:
             print(f"K = {K}, D = {D}, d = {d}", file=sys.stderr, flush=True)
-            yield cost_of(K, D, d)
+            yield measure_cost(K, D, d)
 
 
-def cost_of(K: int, D: int, d: int) -> Cost:
-    """Medians over rounds that go on from the same settled model with the same datapoints, by turns."""
+def measure_cost(K: int, D: int, d: int) -> Cost:
+    """Return medians over rounds that continue the same converged model with the same datapoints."""
     shape = Shape(D, K, d, d, 1.0, 4.0 * D**0.5, shuffled=True)
-    drawn = sample_stream(np.random.default_rng(D + 100 * d + 10_000 * K), shape, SETTLING * K + TIMED)
-    problem = replace(drawn, dimension=max(d, 1), clusters=MEMORY * K)  # penalties need some extent
+    stream = sample_stream(np.random.default_rng(D + 100 * d + 10_000 * K), shape, SETTLING * K + TIMED)
+    problem = replace(stream, dimension=max(d, 1), clusters=MEMORY * K)  # penalties need a positive dimension
     settled, _ = online.observe_stream(empty(problem), problem.x[: SETTLING * K])
     rest = np.ascontiguousarray(problem.x[SETTLING * K :])
     models = (without_decay(settled, problem), settled)
@@ -140,7 +143,7 @@ def terms(costs: list[Cost], names: tuple[str, ...]) -> Floats:
 
 
 def fit_costs(costs: list[Cost], names: tuple[str, ...]) -> LinearModel:
-    """No coefficient is negative."""
+    """Fit non-negative coefficients by least squares of relative errors."""
     from scipy.optimize import nnls
 
     took = np.array([cost.microseconds for cost in costs])
@@ -150,10 +153,10 @@ def fit_costs(costs: list[Cost], names: tuple[str, ...]) -> LinearModel:
 
 def table(costs: list[Cost], line: LinearModel, finer: LinearModel) -> Iterator[str]:
     settled = [cost for cost in costs if cost.settled]
-    for formula, told in (("Predicted", line), ("Finer", finer)):
-        ratios = [cost.microseconds / told.at(cost) for cost in settled]
+    for formula, model in (("Predicted", line), ("Finer", finer)):
+        ratios = [cost.microseconds / model.at(cost) for cost in settled]
         spread = f"median {np.median(ratios):.2f}, from {min(ratios):.2f} to {max(ratios):.2f}"
-        yield f"{formula}: {told.formula} microseconds, r = d + 1; measured over it: {spread}."
+        yield f"{formula}: {model.formula} microseconds, r = d + 1; measured over it: {spread}."
     yield ""
     yield "| K | D | d | measured us | predicted us | ratio | finer us | far apart us |"
     yield "| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
@@ -164,7 +167,7 @@ def table(costs: list[Cost], line: LinearModel, finer: LinearModel) -> Iterator[
     for cost in costs:
         if not cost.settled:
             size = f"K = {cost.clusters}, D = {cost.columns}, d = {cost.dimension}"
-            yield f"Left out: {size}; the model was at {cost.found} (worst case; far apart)."
+            yield f"Omitted: {size}; the model was at {cost.found} (worst case; far apart)."
 
 
 def _cost_to_dict(cost: Cost) -> dict[str, object]:
@@ -172,14 +175,14 @@ def _cost_to_dict(cost: Cost) -> dict[str, object]:
 
 
 def draw(costs: list[Cost], line: LinearModel, out: Path) -> None:
-    """Measured against predicted, both in microseconds, a colour for each d; on the line they are equal."""
+    """Plot measured against predicted costs, with a colour for each d."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.5, 5.0), layout="constrained")
     axes = figure.add_subplot()
     for d in sorted({cost.dimension for cost in costs}):
-        here = [cost for cost in costs if cost.dimension == d]
-        axes.scatter([line.at(c) for c in here], [c.microseconds for c in here], s=14, label=f"d = {d}")
+        group = [cost for cost in costs if cost.dimension == d]
+        axes.scatter([line.at(c) for c in group], [c.microseconds for c in group], s=14, label=f"d = {d}")
     ends = [f(line.at(cost) for cost in costs) for f in (min, max)]
     axes.plot(ends, ends, color="black", linewidth=1.0, label=line.formula.replace("^3", "³") + ", r = d + 1")
     axes.set(xscale="log", yscale="log", xlabel="predicted [µs a step]", ylabel="measured [µs a step]")

@@ -1,6 +1,6 @@
-"""One library in a process of its own: reads requests, one JSON object a line, and answers each with another.
+"""Process of one library: reads requests as lines of JSON and replies with lines of JSON.
 
-`python worker.py LIBRARY`. Arrays come from .npy files in the folder that a request names.
+`python worker.py LIBRARY`. Arrays come from .npy files in the folder of a request.
 """
 
 import gc
@@ -18,18 +18,18 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
-from cases import LIBRARIES
-from prepared import CommandResult, Prepared
+from peers import LIBRARIES
+from prepared import Answer, Prepared
 
-Reply = dict[str, Any]  # what JSON carries
+Reply = dict[str, Any]  # JSON object
 RESET = Path("/proc/self/clear_refs")
 
 
 def serve(library: str) -> None:
-    """Answer until stdin ends. What the library prints goes to stderr, so that only replies are on stdout."""
+    """Reply until stdin ends. Output of the library goes to stderr, so that stdout has replies only."""
     replies = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
-    warnings.simplefilter("ignore")  # a peer's deprecations are not ours to show
+    warnings.simplefilter("ignore")  # deprecations of a peer
     calls: dict[str, Prepared] = {}
     adapter = None
     for line in sys.stdin:
@@ -47,7 +47,7 @@ def serve(library: str) -> None:
 def introduce(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
     versions = version_of(LIBRARIES[request["library"]].distribution), version_of("numpy")
     python = platform.python_version()
-    return {"version": versions[0], "numpy": versions[1], "python": python, "remark": adapter.print_note()}
+    return {"version": versions[0], "numpy": versions[1], "python": python, "remark": adapter.remark()}
 
 
 def version_of(distribution: str) -> str:
@@ -63,13 +63,13 @@ def prepare(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
 
 
 def run(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
-    """Seconds for one unit of work, over so many calls in a row."""
+    """Measure a number of consecutive calls, and return the time of one unit of work [s]."""
     prepared, repeats = calls[request["call"]], request["repeats"]
     reset_peak_memory()
     before = peak_mb()
     result, cpu, wall = timed(prepared.run, repeats)
     spent, peak = process_time(), peak_mb()
-    answer: CommandResult = prepared.answer(result)
+    answer: Answer = prepared.answer(result)
     share = 1.0 / (repeats * answer.units)
     return {
         "cpu": cpu * share,
@@ -78,7 +78,7 @@ def run(adapter: Any, calls: dict[str, Prepared], request: Reply) -> Reply:
         "result": spent,
         "answer": answer.value,
         "begin": answer.begin,
-        "remark": answer.print_note,
+        "remark": answer.remark,
         "peak_mb": peak,
         "grown_mb": peak - before,
     }
@@ -96,13 +96,13 @@ def timed(call: Callable[[], Any], repeats: int) -> tuple[Any, float, float]:
 
 
 def reset_peak_memory() -> None:
-    """From now on the peak is counted anew, where the kernel lets us."""
+    """Reset the peak memory, if the kernel allows it."""
     if RESET.exists():
         RESET.write_text("5")
 
 
 def peak_mb() -> float:
-    """The most memory that this process held since then; Linux counts it in KiB."""
+    """Return the peak memory of this process since the reset [MB]; Linux counts it in KiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
 
 

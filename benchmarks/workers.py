@@ -1,4 +1,4 @@
-"""The calling side of a worker: starts the process of a library and asks it, over pipes."""
+"""Calling side of a worker: starts the process of a library and sends requests over pipes."""
 
 import json
 import os
@@ -11,31 +11,31 @@ from types import TracebackType
 from typing import Any, Self
 
 HERE = Path(__file__).parent
-TIMEOUT = 900.0  # s, longer than any one request should take
+TIMEOUT = 900.0  # s for one request
 THREADS = ("OPENBLAS", "OMP", "MKL", "BLIS", "NUMEXPR", "VECLIB_MAXIMUM")
 
 
 class WorkerError(Exception):
-    """A library could not do what it was asked; the message is what it said."""
+    """A library failed; the message is its own."""
 
 
 def timed_environment() -> dict[str, str]:
-    """The environment of every timed process: one thread for linear algebra, bytecode kept."""
+    """Return the environment of timed processes: one thread for linear algebra, cached bytecode."""
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return inherited | {f"{library}_NUM_THREADS": "1" for library in THREADS} | {"JAX_PLATFORMS": "cpu"}
 
 
 class Worker:
-    """Owns a long-lived process that holds one library."""
+    """Long-lived process with one library."""
 
     def __init__(self, python: Path, library: str, environment: Mapping[str, str]) -> None:
         self._library = library
-        self._words = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the worker
+        self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the worker
         self._process = subprocess.Popen(
             [str(python), str(HERE / "worker.py"), library],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._words,
+            stderr=self._output,
             text=True,
             env=environment,
         )
@@ -49,9 +49,10 @@ class Worker:
         self.close()
 
     def ask(self, do: str, **details: object) -> dict[str, Any]:
-        """The worker's answer to one request.
+        """Send a request and return the reply.
 
-        Raises: WorkerError, when the library failed, ended or did not answer in time.
+        Raises:
+            WorkerError: If the library failed, ended or did not reply in time.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -62,7 +63,7 @@ class Worker:
             raise WorkerError(self._last_output()) from None
         if not select.select([self._process.stdout], [], [], TIMEOUT)[0]:
             self.close()
-            raise WorkerError(f"no answer in {TIMEOUT:.0f} s")
+            raise WorkerError(f"no reply in {TIMEOUT:.0f} s")
         line = self._process.stdout.readline()
         if not line:
             raise WorkerError(self._last_output())
@@ -78,10 +79,10 @@ class Worker:
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe and not pipe.closed:
                 pipe.close()
-        self._words.close()
+        self._output.close()
 
     def _last_output(self) -> str:
         code = self._process.wait()
-        self._words.seek(0)
-        lines = self._words.read().strip().splitlines() or ["it said nothing"]
+        self._output.seek(0)
+        lines = self._output.read().strip().splitlines() or ["without output"]
         return f"the process ended with {code}: {lines[-1]}"

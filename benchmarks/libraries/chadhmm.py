@@ -1,10 +1,10 @@
-"""chadhmm's GaussianHSMM. Its fit also evaluates a likelihood each time, which is left out here."""
+"""chadhmm's GaussianHSMM, without the likelihood that its fit evaluates in each iteration."""
 
 from pathlib import Path
 
 import torch  # type: ignore[import-not-found]
 from chadhmm.hsmm import GaussianHSMM  # type: ignore[import-not-found]
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import SegmentProblem
 from torch.distributions import Categorical, MultivariateNormal  # type: ignore[import-not-found]
 
@@ -12,7 +12,7 @@ torch.set_num_threads(1)
 torch.set_default_dtype(torch.float64)
 
 
-def print_note() -> str:
+def remark() -> str:
     return f"torch {torch.__version__}"
 
 
@@ -31,29 +31,29 @@ def model_of(problem: SegmentProblem) -> GaussianHSMM:
     return model
 
 
-def em_visits(folder: Path) -> Prepared:
-    """Emissions, forward-backward and M-step, as its fit does them."""
+def em_semi_markov(folder: Path) -> Prepared:
+    """Prepare emissions, forward-backward and M-step, as in its fit."""
     problem = SegmentProblem.load(folder)
     x, n = torch.tensor(problem.x), problem.iterations
     lengths = problem.lengths.tolist()
 
     def run() -> tuple[GaussianHSMM, object]:
         model = model_of(problem)
-        seen = model.to_observations(x, lengths)
+        observations = model.to_observations(x, lengths)
         for _ in range(n):
-            model._params.update(model._estimate_model_params(seen, None))
-            seen.log_probs = [model.map_emission(one) for one in seen.sequence]
-        return model, seen
+            model._params.update(model._estimate_model_params(observations, None))
+            observations.log_probs = [model.map_emission(sequence) for sequence in observations.sequence]
+        return model, observations
 
-    def answer(result: tuple[GaussianHSMM, object]) -> CommandResult:
-        model, seen = result
+    def answer(result: tuple[GaussianHSMM, object]) -> Answer:
+        model, observations = result
         start = model_of(problem)
         begin = log_likelihood(start, start.to_observations(x, lengths))
-        return CommandResult(log_likelihood(model, seen), n, begin=begin)
+        return Answer(log_likelihood(model, observations), n, begin=begin)
 
     return Prepared(run, answer)
 
 
-def log_likelihood(model: GaussianHSMM, seen: object) -> float:
-    """Over all states and rests of duration at each last step; its own score sums over the states alone."""
-    return float(sum(alpha[-1].flatten().logsumexp(0) for alpha in model._forward(seen)))
+def log_likelihood(model: GaussianHSMM, observations: object) -> float:
+    """Return the log-likelihood over states and remaining durations; its own score sums over states only."""
+    return float(sum(alpha[-1].flatten().logsumexp(0) for alpha in model._forward(observations)))

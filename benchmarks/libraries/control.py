@@ -1,19 +1,19 @@
-"""python-control: a regulator of infinite horizon for each target. It has no finite-horizon tracker."""
+"""python-control: infinite-horizon LQR for each target; it has no finite-horizon tracker."""
 
 from pathlib import Path
 
 import control  # type: ignore[import-not-found]
 import numpy as np
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import Tracking
 
 
-def print_note() -> str:
+def remark() -> str:
     return f"slycot: {'yes' if control.slycot_check() else 'no, its Riccati solver is SciPy'}"
 
 
 def regulator(folder: Path) -> Prepared:
-    """Dlqr for each distinct weight, which we name for it, and its gain at each step of that target."""
+    """Prepare dlqr for each distinct weight, which it is given, and repeat the gain for each step."""
     problem = Tracking.load(folder)
     lasts = np.append(problem.begins[1:], len(problem.targets) - 1)
     spans = lasts - problem.begins
@@ -23,8 +23,8 @@ def regulator(folder: Path) -> Prepared:
         gains = [control.dlqr(problem.A, problem.B, weight, problem.control_cost)[0] for weight in weights]
         return np.repeat(np.stack(gains), spans, axis=0)
 
-    def answer(gains: np.ndarray) -> CommandResult:
+    def answer(gains: np.ndarray) -> Answer:
         constant = (gains @ problem.targets[:-1, :, None])[..., 0]
-        return CommandResult(float(np.sqrt((gains**2).sum() + (constant**2).sum())))
+        return Answer(float(np.sqrt((gains**2).sum() + (constant**2).sum())))
 
     return Prepared(run, answer)

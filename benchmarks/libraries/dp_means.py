@@ -1,4 +1,4 @@
-"""pdc-dp-means' MiniBatchDPMeans, one datapoint at a time and in batches of 100."""
+"""pdc-dp-means' MiniBatchDPMeans, point by point and in batches of 100."""
 
 from pathlib import Path
 from typing import Any
@@ -9,20 +9,20 @@ from problems import Stream
 from streaming import Peer, Setting, learn_in_batches, prepared
 
 
-def print_note() -> str:
+def remark() -> str:
     return "an extension of scikit-learn 1.2"
 
 
-def one_by_one(folder: Path) -> Prepared:
+def single_points(folder: Path) -> Prepared:
     return _prepared(folder, 1)
 
 
-def in_batches(folder: Path) -> Prepared:
+def batches(folder: Path) -> Prepared:
     return _prepared(folder, 100)
 
 
 def _prepared(folder: Path, step: int) -> Prepared:
-    """delta, the squared distance for one more cluster, by a cluster's own about its centre."""
+    """Tune delta, the squared distance for a new cluster, relative to the squared radius."""
     problem = Stream.load(folder)
     grid = [{"delta": share * problem.radius**2} for share in (0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)]
     peer = Peer(_make, learn_in_batches(MiniBatchDPMeans.partial_fit, step), MiniBatchDPMeans.predict)

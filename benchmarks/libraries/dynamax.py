@@ -1,6 +1,6 @@
-"""dynamax's GaussianHMM: every iteration inside one jit, in double precision, on one core.
+"""dynamax's GaussianHMM: all iterations in one jit, in double precision, on one core.
 
-On several cores XLA spends more CPU, waiting: on one it is at its best.
+On several cores XLA spends more CPU time while waiting; on one core it is fastest.
 """
 
 import os
@@ -11,11 +11,11 @@ os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # before XLA counts the
 import jax  # type: ignore[import-not-found]  # noqa: E402
 import jax.numpy as jnp  # type: ignore[import-not-found]  # noqa: E402
 from dynamax.hidden_markov_model import GaussianHMM  # type: ignore[import-not-found]  # noqa: E402
-from prepared import CommandResult, Prepared  # noqa: E402
+from prepared import Answer, Prepared  # noqa: E402
 from problems import Sequences  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
-WEAK = {  # none at all would be NaN, also where a transition is never seen
+WEAK = {  # without a prior, a transition that never occurs gives NaN
     "initial_probs_concentration": 1.0 + 1e-9,
     "transition_matrix_concentration": 1.0 + 1e-9,
     "emission_prior_concentration": 1e-10,
@@ -23,12 +23,12 @@ WEAK = {  # none at all would be NaN, also where a transition is never seen
 }
 
 
-def print_note() -> str:
+def remark() -> str:
     return f"jax {jax.__version__}, x64, pinned to one core"
 
 
 def em(folder: Path) -> Prepared:
-    """With the weakest priors that it allows; with its own where columns outnumber the steps of a state."""
+    """Prepare EM with the weakest priors, or the default ones if a state has fewer steps than columns."""
     problem = Sequences.load(folder)
     K, (N, D), M = len(problem.initial), problem.x.shape, len(problem.lengths)
     model = GaussianHMM(K, D, **(WEAK if N >= 4 * K * D else {}))
@@ -49,13 +49,13 @@ def em(folder: Path) -> Prepared:
         lambda parameters, x: jax.vmap(lambda one: model.marginal_log_prob(parameters, one))(x).sum()
     )
 
-    def answer(_: object) -> CommandResult:
+    def answer(_: object) -> Answer:
         begin, end = total(parameters, x), total(fit(parameters, x, n - 1), x)
-        return CommandResult(float(end), n, begin=float(begin))
+        return Answer(float(end), n, begin=float(begin))
 
-    known: list[CommandResult] = []  # the same whenever it is asked; its own compilation takes seconds
+    known: list[Answer] = []  # its compilation takes seconds
 
-    def answer_once(result: object) -> CommandResult:
+    def answer_once(result: object) -> Answer:
         known.append(known[0] if known else answer(result))
         return known[-1]
 

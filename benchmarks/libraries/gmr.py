@@ -1,19 +1,19 @@
-"""gmr's GMM, on what all frames see side by side."""
+"""gmr's GMM, on the coordinates in all frames side by side."""
 
 from pathlib import Path
 
 import numpy as np
 from gmr import GMM  # type: ignore[import-not-found]
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import Floats, FrameProblem
 
 
-def print_note() -> str:
+def remark() -> str:
     return ""
 
 
 def fit_mixture(folder: Path) -> Prepared:
-    """Gmr adds nothing to variances, and does not tell how many of the iterations it used."""
+    """Prepare a fit; gmr adds nothing to variances and does not report its iterations."""
     problem = FrameProblem.load(folder)
 
     def run() -> GMM:
@@ -21,10 +21,10 @@ def fit_mixture(folder: Path) -> Prepared:
             problem.weights.copy(),
             problem.means.copy(),
             problem.covariances.copy(),
-        )  # it writes into them
+        )  # it modifies them
         return GMM(problem.states, *start).from_samples(problem.joint, n_iter=problem.iterations)
 
-    return Prepared(run, lambda mixture: CommandResult(log_likelihood(mixture, problem.joint)))
+    return Prepared(run, lambda mixture: Answer(log_likelihood(mixture, problem.joint)))
 
 
 def log_likelihood(mixture: GMM, x: Floats) -> float:

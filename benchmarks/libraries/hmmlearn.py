@@ -1,19 +1,19 @@
-"""hmmlearn's GaussianHMM: maximum likelihood, its priors switched off unless the name says default."""
+"""hmmlearn's GaussianHMM: maximum likelihood, without priors unless the function name has default."""
 
 from pathlib import Path
 
 import numpy as np
 from hmmlearn.hmm import GaussianHMM  # type: ignore[import-not-found]
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import Sequences
 
 
-def print_note() -> str:
+def remark() -> str:
     return ""
 
 
 def model_of(problem: Sequences, implementation: str, **priors: float) -> GaussianHMM:
-    """The starting model. No tolerance: every iteration asked for is done."""
+    """Return the initial model; without a tolerance, all iterations are run."""
     settings = {"n_iter": problem.iterations, "tol": -np.inf, "init_params": ""}
     model = GaussianHMM(len(problem.initial), "full", implementation=implementation, **settings, **priors)
     model.startprob_, model.transmat_ = problem.initial, problem.transitions
@@ -22,7 +22,7 @@ def model_of(problem: Sequences, implementation: str, **priors: float) -> Gaussi
 
 
 def em(folder: Path) -> Prepared:
-    return _em(folder, "log", covars_prior=0.0)  # which adds nothing
+    return _em(folder, "log", covars_prior=0.0)
 
 
 def em_scaling(folder: Path) -> Prepared:
@@ -44,9 +44,9 @@ def _em(folder: Path, implementation: str, **priors: float) -> Prepared:
     def run() -> GaussianHMM:
         return model_of(problem, implementation, **priors).fit(problem.x, problem.lengths)
 
-    def answer(model: GaussianHMM) -> CommandResult:
+    def answer(model: GaussianHMM) -> Answer:
         begin = model_of(problem, implementation, **priors).score(problem.x, problem.lengths)
-        return CommandResult(float(model.monitor_.history[-1]), n, begin=float(begin))
+        return Answer(float(model.monitor_.history[-1]), n, begin=float(begin))
 
     return Prepared(run, answer)
 
@@ -55,5 +55,5 @@ def decode(folder: Path) -> Prepared:
     problem = Sequences.load(folder)
     model = model_of(problem, "log", covars_prior=0.0)
     return Prepared(
-        lambda: model.decode(problem.x, problem.lengths), lambda decoded: CommandResult(float(decoded[0]))
+        lambda: model.decode(problem.x, problem.lengths), lambda decoded: Answer(float(decoded[0]))
     )

@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from libraries.pilotfish_streams import endless, from_array, one_by_one, worst_case  # noqa: F401 - for the worker
-from prepared import CommandResult, Prepared
+from libraries.pilotfish_streams import from_array, repeated_stream, single_points, worst_case  # noqa: F401 - for the worker
+from prepared import Answer, Prepared
 from problems import Floats, FrameProblem, Poses, SegmentProblem, Sequences, Tracking
 
 from pilotfish import kernels
@@ -51,7 +51,7 @@ Chain = Callable[[Statistics, Dynamics | None], Dynamics]
 EStep = Callable[[HiddenModel, Views], Statistics]
 
 
-def print_note() -> str:
+def remark() -> str:
     return f"kernels: {kernels.BACKEND}"
 
 
@@ -63,7 +63,7 @@ def em_steps(
     chain: Chain = MarkovChain.fit,
     e_step: EStep = expected_statistics,
 ) -> tuple[float, float]:
-    """E- and M-steps by turns; the log-likelihood in the first E-step and in the last."""
+    """Run E- and M-steps; return the log-likelihoods of the first and the last E-step."""
     trace = []
     for _ in range(iterations):
         statistics = e_step(model, data)
@@ -89,11 +89,11 @@ def em_all_cores(folder: Path) -> Prepared:
     return _em(problem, model_of(problem), MarkovChain.fit, partial(expected_statistics, threads=0))
 
 
-def em_visits(folder: Path) -> Prepared:
+def em_semi_markov(folder: Path) -> Prepared:
     problem = SegmentProblem.load(folder)
-    S, shown = len(problem.durations), model_of(problem)
+    S, markov = len(problem.durations), model_of(problem)
     chain = SemiMarkovChain(problem.initial, problem.transitions, Histogram(problem.durations))
-    model = HiddenModel(chain, shown.means, shown.covariances)
+    model = HiddenModel(chain, markov.means, markov.covariances)
     m_step = partial(
         SemiMarkovChain.fit,
         duration_model=DurationModel(Histogram, max_duration=S),
@@ -105,11 +105,11 @@ def em_visits(folder: Path) -> Prepared:
 def _em(
     problem: Sequences, model: HiddenModel, chain: Chain, e_step: EStep = expected_statistics
 ) -> Prepared:
-    """With more columns than steps to fill them, something has to be added to variances."""
+    """Prepare EM; with more columns than steps of a state, variances are regularised."""
     data, n, (K, D) = Views(problem.x[None], problem.lengths), problem.iterations, problem.means.shape
-    added = 0.0 if len(problem.x) >= 4 * K * D else REGULARISATION
-    run = partial(em_steps, model, data, n, added, chain, e_step)
-    return Prepared(run, lambda trace: CommandResult(trace[1], n, begin=trace[0]))
+    regularisation = 0.0 if len(problem.x) >= 4 * K * D else REGULARISATION
+    run = partial(em_steps, model, data, n, regularisation, chain, e_step)
+    return Prepared(run, lambda trace: Answer(trace[1], n, begin=trace[0]))
 
 
 def em_frames(folder: Path) -> Prepared:
@@ -118,7 +118,7 @@ def em_frames(folder: Path) -> Prepared:
     initial_statistics = TimeBins().initial_statistics(data, problem.states, np.random.default_rng(0))
     model = maximise_likelihood(initial_statistics, None, Full(), REGULARISATION, MarkovChain.fit)
     run = partial(em_steps, model, data, n, REGULARISATION)
-    return Prepared(run, lambda trace: CommandResult(trace[1], n, begin=trace[0]))
+    return Prepared(run, lambda trace: Answer(trace[1], n, begin=trace[0]))
 
 
 def fit_semi_markov(folder: Path) -> Prepared:
@@ -130,61 +130,62 @@ def fit_mixture(folder: Path) -> Prepared:
 
 
 def fit_vast(folder: Path) -> Prepared:
-    """Demonstrations are what a user has; all that is allocated after them counts as the fit's."""
+    """Prepare a fit; memory that is allocated after the demonstrations counts as the fit's."""
     problem = Sequences.load(folder)
-    shown, states = sequences_of(problem), len(problem.initial)
+    demonstrations, states = sequences_of(problem), len(problem.initial)
     settings = EMSettings(max_iterations=problem.iterations)
     del problem
     return Prepared(
-        lambda: learn(shown, states=states, rng=np.random.default_rng(0), settings=settings), _read_fit
+        lambda: learn(demonstrations, states=states, rng=np.random.default_rng(0), settings=settings),
+        _read_fit,
     )
 
 
 def fit_poses(folder: Path) -> Prepared:
     problem = Poses.load(folder)
     names = [f"object {p}" for p in range(problem.objects.shape[1])]
-    shown = [
+    demonstrations = [
         to_sphere(
-            demonstration(x, PERIOD, pose_layout(), [_stand(*told) for told in zip(names, seen, strict=True)])
+            demonstration(
+                x, PERIOD, pose_layout(), [_object_frame(*pair) for pair in zip(names, objects, strict=True)]
+            )
         )
-        for x, seen in zip(problem.x, problem.objects, strict=True)
+        for x, objects in zip(problem.x, problem.objects, strict=True)
     ]
-    run = partial(learn, shown, states=problem.states, rng=np.random.default_rng(0))
+    run = partial(learn, demonstrations, states=problem.states, rng=np.random.default_rng(0))
     return Prepared(run, _read_fit)
 
 
-def _stand(name: str, place: Floats) -> Frame:
-    return frame_from_pose(name, pose_layout(), Pose(place[:3], place[3:]))
+def _object_frame(name: str, pose: Floats) -> Frame:
+    return frame_from_pose(name, pose_layout(), Pose(pose[:3], pose[3:]))
 
 
 def _fit(folder: Path, learner: Callable[..., Fit]) -> Prepared:
     problem = FrameProblem.load(folder)
     settings = EMSettings(max_iterations=problem.iterations)
-    shown, rng = demonstrations_of(problem), np.random.default_rng(0)
-    run = partial(learner, shown, states=problem.states, rng=rng, settings=settings)
+    demonstrations, rng = demonstrations_of(problem), np.random.default_rng(0)
+    run = partial(learner, demonstrations, states=problem.states, rng=rng, settings=settings)
     return Prepared(run, _read_fit)
 
 
-def _read_fit(fit: Fit) -> CommandResult:
-    return CommandResult(
-        float(fit.log_likelihoods[-1]), print_note=f"{fit.convergence.iterations} iterations"
-    )
+def _read_fit(fit: Fit) -> Answer:
+    return Answer(float(fit.log_likelihoods[-1]), remark=f"{fit.convergence.iterations} iterations")
 
 
 def decode(folder: Path) -> Prepared:
-    """The answer is the log-probability of the paths, which the kernel below viterbi tells."""
+    """Prepare Viterbi; the answer is the log-probability of the paths, from the kernel."""
     problem = Sequences.load(folder)
-    model, shown = model_of(problem), sequences_of(problem)
+    model, demonstrations = model_of(problem), sequences_of(problem)
 
-    def answer(paths: object) -> CommandResult:
+    def answer(paths: object) -> Answer:
         chain = problem.initial, problem.transitions
         own = [
             kernels.viterbi(log_emissions(model, Views(demo.x[None], np.array([len(demo.x)]))), *chain)
-            for demo in shown
+            for demo in demonstrations
         ]
-        return CommandResult(sum(path.log_probability for path in own))
+        return Answer(sum(path.log_probability for path in own))
 
-    return Prepared(lambda: [viterbi(model, demo) for demo in shown], answer)
+    return Prepared(lambda: [viterbi(model, demo) for demo in demonstrations], answer)
 
 
 def tracker(folder: Path) -> Prepared:
@@ -202,10 +203,10 @@ def _controller(folder: Path, controller: Callable[..., Feedback]) -> Prepared:
     return Prepared(partial(controller, system, reference, problem.control_cost), _read_feedback)
 
 
-def _read_feedback(feedback: Feedback) -> CommandResult:
+def _read_feedback(feedback: Feedback) -> Answer:
     targets = feedback.reference.targets[:-1, :, None]
     constant = feedback.feedforwards + (feedback.gains @ targets)[..., 0]  # u = constant - gain x
-    return CommandResult(float(np.sqrt((feedback.gains**2).sum() + (constant**2).sum())))
+    return Answer(float(np.sqrt((feedback.gains**2).sum() + (constant**2).sum())))
 
 
 def model_of(problem: Sequences) -> HiddenModel:

@@ -1,4 +1,4 @@
-"""river's clusterers, one datapoint at a time, as dictionaries that were made beforehand."""
+"""river's clusterers, point by point, with dictionaries that are built beforehand."""
 
 from collections.abc import Callable, Sequence
 from itertools import product
@@ -13,12 +13,12 @@ from streaming import Peer, Setting, prepared
 Point = dict[int, float]
 
 
-def print_note() -> str:
+def remark() -> str:
     return ""
 
 
 def dbstream(folder: Path) -> Prepared:
-    """The radius of a micro-cluster as a share of a cluster's, how fast it fades, when two are joined."""
+    """Tune radius and decay of micro-clusters, and the threshold at which two are joined."""
     scales = product((0.5, 0.7, 1.0), (0.0005, 0.002), (0.02, 0.05, 0.2))
     radius = Stream.load(folder).radius
     grid = [
@@ -30,7 +30,7 @@ def dbstream(folder: Path) -> Prepared:
 
 
 def denstream(folder: Path) -> Prepared:
-    """The radius of a micro-cluster as a share of a cluster's, and how fast it fades."""
+    """Tune radius and decay of micro-clusters."""
     radius = Stream.load(folder).radius
     scales = product((0.35, 0.5, 0.7, 1.0, 1.4), (0.2, 0.6, 2.0))
     grid = [{"epsilon": share * radius, "decaying_factor": fading} for share, fading in scales]
@@ -39,9 +39,9 @@ def denstream(folder: Path) -> Prepared:
 
 
 def clustream(folder: Path) -> Prepared:
-    """How far centres of the final clusters move, and how far apart they begin.
+    """Tune the step and the initial spread of the final centres.
 
-    The default of 100 micro-clusters gained .02 NMI where it was tried, and took four times as long as 50.
+    The default of 100 micro-clusters gained .02 NMI and took four times as long as 50.
     """
     problem = Stream.load(folder)
     grid = [
@@ -53,7 +53,7 @@ def clustream(folder: Path) -> Prepared:
 
 
 def stream_k_means(folder: Path) -> Prepared:
-    """How many points go into a chunk, how far centres move, and how far apart they begin."""
+    """Tune chunk size, step and initial spread of the centres."""
     problem = Stream.load(folder)
     scales = product((10, 100), (0.03, 0.1, 0.5), (0.03, 0.1), (0, 1, 2))
     grid = [

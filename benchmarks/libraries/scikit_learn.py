@@ -1,11 +1,11 @@
-"""scikit-learn: GaussianMixture, on what all frames see side by side; on streams, k-means and Birch."""
+"""scikit-learn: GaussianMixture on the coordinates in all frames; k-means and Birch on streams."""
 
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import FrameProblem, Sequences, Stream
 from sklearn.cluster import Birch, MiniBatchKMeans  # type: ignore[import-not-found]
 from sklearn.mixture import GaussianMixture  # type: ignore[import-not-found]
@@ -13,10 +13,10 @@ from streaming import Peer, Setting, learn_in_batches, prepared
 
 REGULARISATION = 1e-5  # as pilotfish
 
-KEPT = 0.1  # share of a stream that one who learns it may keep
+KEPT = 0.1  # share of a stream that a stream learner may store
 
 
-def print_note() -> str:
+def remark() -> str:
     return ""
 
 
@@ -29,15 +29,15 @@ def fit_mixture(folder: Path) -> Prepared:
     def run() -> GaussianMixture:
         return GaussianMixture(problem.states, **settings, **start).fit(problem.joint)
 
-    def answer(mixture: GaussianMixture) -> CommandResult:
+    def answer(mixture: GaussianMixture) -> Answer:
         log_likelihood = float(mixture.score(problem.joint)) * len(problem.joint)
-        return CommandResult(log_likelihood, print_note=f"{mixture.n_iter_} iterations")
+        return Answer(log_likelihood, remark=f"{mixture.n_iter_} iterations")
 
     return Prepared(run, answer)
 
 
 def em_mixture(folder: Path) -> Prepared:
-    """Exactly so many iterations: the tolerance is never met."""
+    """Prepare a fixed number of iterations, with a tolerance that is never met."""
     problem = Sequences.load(folder)
     K, (N, D), n = len(problem.initial), problem.x.shape, problem.iterations
     settings = {"max_iter": n, "tol": 0.0, "reg_covar": 0.0 if N >= 4 * K * D else REGULARISATION}
@@ -47,30 +47,32 @@ def em_mixture(folder: Path) -> Prepared:
     def run() -> GaussianMixture:
         return GaussianMixture(K, **settings, **start).fit(problem.x)
 
-    return Prepared(run, lambda mixture: CommandResult(float(mixture.lower_bounds_[-1]) * N, n))
+    return Prepared(run, lambda mixture: Answer(float(mixture.lower_bounds_[-1]) * N, n))
 
 
-def k_means_one_by_one(folder: Path) -> Prepared:
+def k_means_single_points(folder: Path) -> Prepared:
     return _k_means(folder, 1)
 
 
-def k_means_in_batches(folder: Path) -> Prepared:
+def k_means_batches(folder: Path) -> Prepared:
     return _k_means(folder, 100)
 
 
 def _k_means(folder: Path, step: int) -> Prepared:
-    """Centres begin at points of the whole stream: its first are of one cluster, and one alone is refused.
+    """Tune the reassignment ratio and the seed of the initial centres.
 
-    How light a centre is when it is put elsewhere, and which points, is tuned.
+    Initial centres come from the whole stream, since its first points belong to one cluster.
     """
     problem = Stream.load(folder)
     grid = [{"reassignment_ratio": r, "seed": seed} for r, seed in product((0.0, 0.01, 0.1), (0, 1, 2, 3))]
 
     def make(setting: Setting) -> MiniBatchKMeans:
-        drawn = np.random.default_rng(setting["seed"]).choice(len(problem.x), problem.clusters, replace=False)
+        chosen = np.random.default_rng(setting["seed"]).choice(
+            len(problem.x), problem.clusters, replace=False
+        )
         fixed = {"n_init": 1, "compute_labels": False, "random_state": setting["seed"]}
         ratio = setting["reassignment_ratio"]
-        centres = problem.x[drawn]
+        centres = problem.x[chosen]
         model = MiniBatchKMeans(problem.clusters, init=centres, reassignment_ratio=ratio, **fixed)
         return model.partial_fit(centres)
 
@@ -78,23 +80,23 @@ def _k_means(folder: Path, step: int) -> Prepared:
     return prepared(folder / f"k_means_{step}.json", peer, problem.x, problem.labels, grid)
 
 
-def birch_one_by_one(folder: Path) -> Prepared:
+def birch_single_points(folder: Path) -> Prepared:
     return _birch(folder, 1, KEPT)
 
 
-def birch_in_batches(folder: Path) -> Prepared:
+def birch_batches(folder: Path) -> Prepared:
     return _birch(folder, 100, KEPT)
 
 
-def birch_that_keeps(folder: Path) -> Prepared:
-    """With small subclusters, of a datapoint or two each: the stream is kept, and clustered as a batch."""
+def birch_unlimited(folder: Path) -> Prepared:
+    """Prepare Birch with small subclusters: it stores the stream and clusters it as a batch."""
     return _birch(folder, 100, 1.0)
 
 
-def _birch(folder: Path, step: int, most: float) -> Prepared:
-    """The radius of a subcluster by that of a cluster; subclusters are joined into clusters at the end.
+def _birch(folder: Path, step: int, max_share: float) -> Prepared:
+    """Tune the radius of a subcluster; subclusters are joined into clusters at the end.
 
-    A setting under which these are more than that share of the datapoints is left out.
+    Settings with more subclusters than a share of the datapoints are omitted.
     """
     problem = Stream.load(folder)
     grid = [{"threshold": share * problem.radius} for share in (0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)]
@@ -103,13 +105,13 @@ def _birch(folder: Path, step: int, most: float) -> Prepared:
         return Birch(n_clusters=None, compute_labels=False, **setting)
 
     def finish(model: Any) -> None:
-        if (kept := len(model.subcluster_centers_)) > most * len(problem.x):
-            raise ValueError(f"{kept} of {len(problem.x)} datapoints are kept")
+        if (kept := len(model.subcluster_centers_)) > max_share * len(problem.x):
+            raise ValueError(f"{kept} of {len(problem.x)} datapoints are stored")
         model.set_params(n_clusters=problem.clusters).partial_fit()
         model.set_params(n_clusters=None)
 
     def describe(model: Any) -> str:
-        return f"keeps {len(model.subcluster_centers_)} subclusters"
+        return f"stores {len(model.subcluster_centers_)} subclusters"
 
     peer = Peer(make, learn_in_batches(Birch.partial_fit, step), Birch.predict, finish, describe)
-    return prepared(folder / f"birch_{step}_{most}.json", peer, problem.x, problem.labels, grid)
+    return prepared(folder / f"birch_{step}_{max_share}.json", peer, problem.x, problem.labels, grid)

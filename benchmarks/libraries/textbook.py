@@ -1,19 +1,19 @@
-"""Linear quadratic tracking in NumPy, written down as a textbook has it: Anderson & Moore 1990, chapter 4."""
+"""Linear-quadratic tracking in NumPy, as in a textbook: Anderson & Moore 1990, chapter 4."""
 
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from prepared import CommandResult, Prepared
+from prepared import Answer, Prepared
 from problems import Floats, Tracking
 
 
-def print_note() -> str:
+def remark() -> str:
     return ""
 
 
 def lqt(A: Floats, B: Floats, Q: Floats, z: Floats, R: Floats) -> tuple[Floats, Floats]:
-    """u[t] = k[t] - K[t] x[t] makes  sum (x - z)^T Q (x - z) + sum u^T R u  least: dynamic programming."""
+    """Return K and k of u[t] = k[t] - K[t] x[t], which minimises sum (x - z)^T Q (x - z) + sum u^T R u."""
     T, (n, m) = len(z), B.shape
     K, k = np.empty((T - 1, m, n)), np.empty((T - 1, m))
     P, s = Q[-1], Q[-1] @ z[-1]
@@ -30,4 +30,6 @@ def lqt(A: Floats, B: Floats, Q: Floats, z: Floats, R: Floats) -> tuple[Floats, 
 def tracker(folder: Path) -> Prepared:
     problem = Tracking.load(folder)
     run = partial(lqt, problem.A, problem.B, problem.weights, problem.targets, problem.control_cost)
-    return Prepared(run, lambda law: CommandResult(float(np.sqrt((law[0] ** 2).sum() + (law[1] ** 2).sum()))))
+    return Prepared(
+        run, lambda control: Answer(float(np.sqrt((control[0] ** 2).sum() + (control[1] ** 2).sum())))
+    )

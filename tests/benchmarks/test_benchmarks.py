@@ -1,4 +1,4 @@
-"""The benchmarks run, judge fairly, and go on without a peer that is missing."""
+"""The benchmarks run, evaluate the requirements, and continue without a missing peer."""
 
 import json
 import subprocess
@@ -15,13 +15,13 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 @pytest.fixture
 def benchmark_module(monkeypatch: pytest.MonkeyPatch):
-    """Modules of benchmarks/, found as `python benchmarks/run.py` finds them."""
+    """Import modules of benchmarks/ like `python benchmarks/run.py`."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     return import_module
 
 
 def results(measure: ModuleType, kinds: ModuleType, case_results: dict[str, tuple[float, float]]):
-    """An entry for each library: every sample its CPU seconds, and its answer."""
+    """Return a result for each library with constant CPU time and an answer."""
     return [
         measure.Result(kinds.Entry(name, "", name), cpu=measure.sample_statistics([cpu] * 3), answer=answer)
         for name, (cpu, answer) in case_results.items()
@@ -35,16 +35,16 @@ def test_quick_run_fills_table_and_json(tmp_path: Path):
     command = [sys.executable, str(BENCHMARKS / "run.py"), *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    told = json.loads(figures.read_text(), parse_constant=pytest.fail)  # NaN is not JSON
-    assert len(told["cases"]) >= 8
-    for case in told["cases"]:
+    figures_read = json.loads(figures.read_text(), parse_constant=pytest.fail)  # NaN is not JSON
+    assert len(figures_read["cases"]) >= 8
+    for case in figures_read["cases"]:
         assert f"`{case['case']}`" in table.read_text()
         for entry in case["entries"]:
             assert entry["entry"]["library"] == "pilotfish"
             assert not entry["failure"], entry["failure"]
             assert 0 < entry["cpu"]["minimum"] <= entry["cpu"]["median"]
             assert entry["first"]["peak_mb"] > 1
-    assert {target["verdict"] for target in told["targets"]} <= {"pass", "miss", "not measured"}
+    assert {target["verdict"] for target in figures_read["targets"]} <= {"pass", "miss", "not measured"}
     assert table.read_text() + "\n" == done.stdout
 
 
@@ -66,25 +66,29 @@ def test_quartiles_contain_half_of_samples(benchmark_module, rng: np.random.Gene
 
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-3, "pass"), (2e-3, "pass"), (2.1e-3, "miss")])
 def test_time_limit_is_upper_bound(benchmark_module, cpu: float, verdict: str):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "lqt")
     case_results = [(case, results(measure, kinds, {"pilotfish": (cpu, 1.0)}))]
     assert (
-        judging.evaluate_requirement(kinds.TimeLimit("lqt", milliseconds=2.0), case_results).verdict
+        judging.evaluate_requirement(requirements.TimeLimit("lqt", milliseconds=2.0), case_results).verdict
         == verdict
     )
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(4.5, "pass"), (3.5, "miss")])
 def test_min_speedup_uses_fastest_entry_of_peer(benchmark_module, slower: float, verdict: str):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "em_valve")
     own = results(measure, kinds, {"pilotfish": (1e-3, 1.0)})
     slow, fast = (results(measure, kinds, {"hmmlearn": (s * 1e-3, 1.0)}) for s in (9.0, slower))
     case_results = [(case, [*own, *slow, *fast])]
     assert (
         judging.evaluate_requirement(
-            kinds.MinSpeedup("em_valve", over="hmmlearn", times=4.0), case_results
+            requirements.MinSpeedup("em_valve", over="hmmlearn", times=4.0), case_results
         ).verdict
         == verdict
     )
@@ -92,28 +96,34 @@ def test_min_speedup_uses_fastest_entry_of_peer(benchmark_module, slower: float,
 
 @pytest.mark.parametrize("answer", [1.1, np.nan])
 def test_requirements_different_answers_are_not_comparable(benchmark_module, answer: float):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "em_valve")
     case_results = results(measure, kinds, {"pilotfish": (1e-3, 1.0), "hmmlearn": (9e-3, answer)})
     judged = judging.evaluate_requirement(
-        kinds.MinSpeedup("em_valve", over="hmmlearn", times=4.0), [(case, case_results)]
+        requirements.MinSpeedup("em_valve", over="hmmlearn", times=4.0), [(case, case_results)]
     )
     assert judged.verdict.startswith("not comparable")
 
 
 @pytest.mark.parametrize(("slower", "verdict"), [(3.5, "pass"), (2.5, "miss")])
 def test_min_speedup_over_all_uses_fastest_peer(benchmark_module, slower: float, verdict: str):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "em_valve")
     seconds = {"pilotfish": 1.0, "pilotfish_baseline": 1.1, "hmmlearn": 9.0, "dynamax": slower}
     case_results = [(case, results(measure, kinds, {name: (s * 1e-3, 1.0) for name, s in seconds.items()}))]
-    judged = judging.evaluate_requirement(kinds.MinSpeedup("em_valve", times=3.0), case_results)
+    judged = judging.evaluate_requirement(requirements.MinSpeedup("em_valve", times=3.0), case_results)
     assert (judged.verdict, judged.measured) == (verdict, f"{slower:.1f} x (dynamax)")
 
 
 @pytest.mark.parametrize(("grown", "verdict"), [(134.0, "pass"), (135.0, "miss")])
 def test_memory_limit_uses_added_memory(benchmark_module, grown: float, verdict: str):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "fit_vast")
     first = measure.FirstCall(cpu=1.0, wall=1.0, result=2.0, peak_mb=1e4, grown_mb=grown)
     case_results = measure.Result(
@@ -121,7 +131,7 @@ def test_memory_limit_uses_added_memory(benchmark_module, grown: float, verdict:
     )
     assert (
         judging.evaluate_requirement(
-            kinds.MemoryLimit("fit_vast", 67.2, 2.0), [(case, [case_results])]
+            requirements.MemoryLimit("fit_vast", 67.2, 2.0), [(case, [case_results])]
         ).verdict
         == verdict
     )
@@ -129,14 +139,18 @@ def test_memory_limit_uses_added_memory(benchmark_module, grown: float, verdict:
 
 @pytest.mark.parametrize(("begin", "comparable"), [(2.0, True), (2.1, False), (np.nan, False)])
 def test_agreement_different_model_compares_start(benchmark_module, begin: float, comparable: bool):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "em_valve")
     own = measure.Result(
         kinds.Entry("pilotfish", "", ""), measure.sample_statistics([1.0]), answer=5.0, begin=2.0
     )
     other = kinds.Entry("dynamax", "", "", differs="its prior")
     case_results = [own, measure.Result(other, measure.sample_statistics([9.0]), answer=4.0, begin=begin)]
-    judged = judging.evaluate_requirement(kinds.MinSpeedup("em_valve", times=3.0), [(case, case_results)])
+    judged = judging.evaluate_requirement(
+        requirements.MinSpeedup("em_valve", times=3.0), [(case, case_results)]
+    )
     assert judged.verdict == ("pass" if comparable else "not comparable: the answers differ")
 
 

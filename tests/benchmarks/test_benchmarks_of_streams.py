@@ -1,4 +1,4 @@
-"""Streams are what they say they are, peers are tuned to their best, promises about both are judged."""
+"""Streams have the stated parameters, peers are tuned, and requirements on streams are evaluated."""
 
 import subprocess
 import sys
@@ -15,13 +15,13 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 @pytest.fixture
 def benchmark_module(monkeypatch: pytest.MonkeyPatch):
-    """Modules of benchmarks/, found as `python benchmarks/run.py` finds them."""
+    """Import modules of benchmarks/ like `python benchmarks/run.py`."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     return import_module
 
 
-def taken_of(kinds, measure, case_results: dict[str, tuple[float, float]]):
-    """An entry for each library: every sample its CPU seconds, and its answer."""
+def results(kinds, measure, case_results: dict[str, tuple[float, float]]):
+    """Return a result for each library with constant CPU time and an answer."""
     return [
         measure.Result(kinds.Entry(name, "", name), cpu=measure.sample_statistics([cpu] * 3), answer=answer)
         for name, (cpu, answer) in case_results.items()
@@ -49,7 +49,7 @@ def test_sample_stream_has_stated_shape(benchmark_module, rng: np.random.Generat
     for group in groups:
         deviations = np.sqrt(np.linalg.eigvalsh(np.cov(group.T))[::-1])
         along = deviations > 0.5 * shape.extent
-        assert shape.least <= along.sum() <= shape.most
+        assert shape.min_dimension <= along.sum() <= shape.max_dimension
         # a correlation of .9 leaves a nineteenth of 2800 steps: 150 to estimate a deviation from
         assert np.all(np.abs(deviations[along] / shape.extent - 1.0) < 0.5)
         assert np.all(np.abs(deviations[~along] / stream.noise - 1.0) < 0.25)
@@ -59,9 +59,9 @@ def test_centres_are_separated(benchmark_module, rng: np.random.Generator):
     sample_separated_centres = benchmark_module("make_streams").sample_separated_centres
     for K, D in ((1, 3), (7, 14), (50, 3), (20, 75)):
         points = sample_separated_centres(rng, K, D, 2.0)
-        apart = np.sqrt(((points[:, None] - points) ** 2).sum(axis=-1)) + 9.0 * np.eye(K)
+        distances = np.sqrt(((points[:, None] - points) ** 2).sum(axis=-1)) + 9.0 * np.eye(K)
         assert points.shape == (K, D)
-        assert apart.min() >= 2.0
+        assert distances.min() >= 2.0
 
 
 def test_coordinates_are_correlated_within_segments(benchmark_module, rng: np.random.Generator):
@@ -96,59 +96,67 @@ def test_tune_chooses_best_setting(benchmark_module, tmp_path: Path):
     assert passes == [1, 2]
     assert first.answer(first.run()).value == again.answer(again.run()).value == pytest.approx(1.0)
     assert first.answer(2).units == 300
-    assert "modulus 2" in first.answer(2).print_note
+    assert "modulus 2" in first.answer(2).remark
     with pytest.raises(ValueError, match="no such modulus"):
         streaming.tune(peer, points, truth, [{"modulus": 0}])
 
 
 @pytest.mark.parametrize(("cpu", "verdict"), [(1.9e-6, "pass"), (2e-6, "pass"), (2.1e-6, "miss")])
 def test_min_rate_is_lower_bound(benchmark_module, cpu: float, verdict: str):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "long_3")
-    case_results = [(case, taken_of(kinds, measure, {"pilotfish": (cpu, 1.0)}))]
-    assert judging.evaluate_requirement(kinds.MinRate("long_3", 500_000), case_results).verdict == verdict
+    case_results = [(case, results(kinds, measure, {"pilotfish": (cpu, 1.0)}))]
+    assert (
+        judging.evaluate_requirement(requirements.MinRate("long_3", 500_000), case_results).verdict == verdict
+    )
 
 
 @pytest.mark.parametrize(
     ("best", "verdict"), [(0.89, "pass"), (0.9, "miss"), (0.95, "miss"), (np.nan, "pass")]
 )
 def test_best_answer_compares_every_peer(benchmark_module, best: float, verdict: str):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "stream_14")
     answers = {"pilotfish": 0.9, "pilotfish_baseline": 0.99, "river": best, "scikit_learn": 0.5}
-    case_results = taken_of(kinds, measure, {name: (1e-6, answer) for name, answer in answers.items()})
-    judged = judging.evaluate_requirement(kinds.BestAnswer("stream_14"), [(case, case_results)])
+    case_results = results(kinds, measure, {name: (1e-6, answer) for name, answer in answers.items()})
+    judged = judging.evaluate_requirement(requirements.BestAnswer("stream_14"), [(case, case_results)])
     assert judged.verdict == verdict
     assert (
-        judging.evaluate_requirement(kinds.BestAnswer("stream_14"), [(case, case_results[:2])]).verdict
+        judging.evaluate_requirement(requirements.BestAnswer("stream_14"), [(case, case_results[:2])]).verdict
         == "not measured"
     )
 
 
 def test_time_limit_of_labelled_entry_is_used(benchmark_module):
-    cases, kinds, measure, judging = map(benchmark_module, ("cases", "kinds", "measure", "judging"))
+    cases, kinds, measure, judging, requirements = map(
+        benchmark_module, ("cases", "kinds", "measure", "judging", "requirements")
+    )
     case = next(case for case in cases.CASES if case.name == "stream_14")
     case_results = [
         measure.Result(
             kinds.Entry("pilotfish", "", label), cpu=measure.sample_statistics([cpu] * 3), answer=1.0
         )
-        for label, cpu in (("array", 1e-6), ("one by one", 9e-6))
+        for label, cpu in (("array", 1e-6), ("point by point", 9e-6))
     ]
     for milliseconds, verdict in ((0.01, "pass"), (0.005, "miss")):
         judged = judging.evaluate_requirement(
-            kinds.TimeLimit("stream_14", milliseconds, entry="one by one"), [(case, case_results)]
+            requirements.TimeLimit("stream_14", milliseconds, entry="point by point"), [(case, case_results)]
         )
         assert judged.verdict == verdict
 
 
 def test_requirements_refer_to_existing_cases(benchmark_module):
-    cases, kinds = map(benchmark_module, ("cases", "kinds"))
+    cases, peers = map(benchmark_module, ("cases", "peers"))
     known = {case.name: [entry.label for entry in case.entries] for case in cases.CASES}
     assert len(known) == len(cases.CASES)
-    for target in cases.TARGETS:
+    for target in cases.REQUIREMENTS:
         assert target.case in known
-        assert not isinstance(target, kinds.TimeLimit) or target.entry in ("", *known[target.case])
-    assert {entry.library for case in cases.CASES for entry in case.entries} == set(cases.LIBRARIES)
+        assert target.entry in ("", *known[target.case])
+    assert {entry.library for case in cases.CASES for entry in case.entries} == set(peers.LIBRARIES)
 
 
 def test_streams_quick_run_omits_long_case(benchmark_module, monkeypatch):
@@ -156,9 +164,9 @@ def test_streams_quick_run_omits_long_case(benchmark_module, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["run.py", "--quick"])
     names = {case.name for case in run.select_cases(run.arguments())}
     assert "stream_14" in names
-    assert "endless_3" not in names
-    monkeypatch.setattr(sys, "argv", ["run.py", "--quick", "--cases", "endless_3"])
-    assert [case.name for case in run.select_cases(run.arguments())] == ["endless_3"]
+    assert "repeated_3" not in names
+    monkeypatch.setattr(sys, "argv", ["run.py", "--quick", "--cases", "repeated_3"])
+    assert [case.name for case in run.select_cases(run.arguments())] == ["repeated_3"]
 
 
 @pytest.mark.slow  # times streams of many sizes

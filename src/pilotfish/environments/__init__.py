@@ -5,6 +5,8 @@ it is gripped and turned.
 """
 
 from pilotfish.environments import human
+from pilotfish.environments.contacts import contact_forces
+from pilotfish.environments.guidance import linear_path
 from pilotfish.environments.manipulation import Manipulation
 from pilotfish.environments.scene_renderer import CameraView, SceneRenderer
 from pilotfish.environments.tasks.recorded_valve import RECORDED_VALVE, RecordedValve
@@ -23,5 +25,7 @@ __all__ = [
     "SceneRenderer",
     "Task",
     "Workcell",
+    "contact_forces",
     "human",
+    "linear_path",
 ]
