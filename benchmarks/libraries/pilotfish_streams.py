@@ -115,9 +115,7 @@ def repeated_stream(folder: Path) -> Prepared:
     def answer(result: Labelled) -> Answer:
         model, assignments = result
         nmi = normalised_mutual_information(assignments.current_cluster_ids(), problem.labels[:CHUNK])
-        return Answer(
-            nmi, CHUNKS * len(x), f"{model.datapoints:,} datapoints; {_describe_clusters(model)}"
-        )
+        return Answer(nmi, CHUNKS * len(x), f"{model.datapoints:,} datapoints; {_describe_clusters(model)}")
 
     return Prepared(run, answer)
 
