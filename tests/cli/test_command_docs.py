@@ -42,6 +42,13 @@ def test_docs_contain_help_sentence_example_and_options(all_commands: dict[str, 
             assert all(f"`{name}" in text for name in names), (path, names)
 
 
+def test_docs_option_tables_list_existing_options(all_commands: dict[str, click.Command]):
+    for path, command in all_commands.items():
+        options = {name for p in command.params for name in (*p.opts, *p.secondary_opts)}
+        rows = re.findall(r"^\| (`--[^|]*) \|", section(path), re.MULTILINE)
+        assert set(re.findall(r"`(--[a-z-]+)`", " ".join(rows))) <= options, path
+
+
 # It records four carabiners, and hooks two, in physics: 15 CPU seconds.
 @pytest.mark.slow
 def test_docs_command_lines_run(

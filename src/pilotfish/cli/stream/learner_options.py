@@ -90,12 +90,12 @@ def _penalty_option(name: str, meaning: str) -> Command:
 
 
 def option_name(name: str) -> str:
-    """Return an option as it is typed: forget_below becomes --forget-below."""
+    """Return the option of a parameter: --forget-below for forget_below."""
     return f"--{name.replace('_', '-')}"
 
 
 def given_options(options: Options, names: tuple[str, ...] = NAMES) -> list[str]:
-    """Return the options that were given, as they are typed."""
+    """Return the options that were given, in the form --forget-below."""
     return [option_name(name) for name in names if options[name] is not None]
 
 

@@ -253,7 +253,7 @@ class StreamSession:
 
 
 def infer_layout(columns: ColumnHeader) -> Layout:
-    """Return the layout of rows: a position or pose, with or without velocities, if the names say so."""
+    """Return the layout of rows: a position or pose, with or without velocities, if the names are theirs."""
     known = (position_layout(2), position_layout(3), pose_layout())
     for layout in (*known, *(coordinates.differentiate() for coordinates in known)):
         if layout.names == columns.names:
