@@ -165,12 +165,12 @@ def test_unknown_data_set_suggests_synthetic_valve(run_failing: RunFailing, name
 
 
 def test_export_replaces_only_demonstrations_with_force(run_failing: RunFailing, tmp_path: Path):
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "letter.txt").write_text("dear")
-    assert "mine exists" in run_failing("data", "export", "synthetic valve", "mine")
-    output = run_failing("data", "export", "synthetic valve", "mine", "--force")
-    assert "mine is not a folder of demonstrations and is not replaced" in output
-    assert (tmp_path / "mine" / "letter.txt").read_text() == "dear"
+    (tmp_path / "existing").mkdir()
+    (tmp_path / "existing" / "letter.txt").write_text("existing")
+    assert "existing exists" in run_failing("data", "export", "synthetic valve", "existing")
+    output = run_failing("data", "export", "synthetic valve", "existing", "--force")
+    assert "existing is not a folder of demonstrations and is not replaced" in output
+    assert (tmp_path / "existing" / "letter.txt").read_text() == "existing"
 
 
 CUP = {"name": "cup", "position": [0.5, 0.2, 0.1], "quaternion": [1, 0, 0, 0]}
@@ -186,7 +186,7 @@ WRONG_FRAMES: dict[str, tuple[Any, str]] = {
     "two coordinates": ([{**CUP, "position": [0, 0]}], "frame 0"),
     "an infinite place": ([{**CUP, "position": [0, 0, 1e999]}], "finite"),
     "an endless number": ([{**CUP, "position": [0, 0, 10**400]}], "frame 0"),
-    "text": ([{**CUP, "position": "here"}], "'here'"),
+    "text": ([{**CUP, "position": "text"}], "'text'"),
     "a number for a name": ([{**CUP, "name": 3}], "name of a frame is 3"),
     "a singular matrix": ([HOME, {"name": "cup", "A": [[0.0] * 7] * 7, "b": [0.0] * 7}], "singular"),
     "a narrow matrix": ([HOME, {"name": "cup", "A": [[1, 0], [0, 1]], "b": [0, 0]}], "2 columns"),
@@ -280,7 +280,7 @@ def test_plots_without_matplotlib_name_the_extra(
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for command in (
-        ["show", skill, "--plots", "here"],
+        ["show", skill, "--plots", "plots"],
         ["reproduce", skill, "--frames", frames, "--plot", "motion.png"],
     ):
         assert "pilotfish[plots]" in run_failing(*command)
@@ -289,7 +289,7 @@ def test_plots_without_matplotlib_name_the_extra(
 def test_show_existing_plot_is_kept(
     run_command_line: RunCommand, run_failing: RunFailing, skill: Path, tmp_path: Path
 ):
-    (tmp_path / "here").mkdir()
-    (tmp_path / "here" / "states.png").write_text("mine")
-    assert "states.png exists" in run_failing("show", skill, "--plots", "here")
-    assert [file.name for file in (tmp_path / "here").iterdir()] == ["states.png"]
+    (tmp_path / "plots").mkdir()
+    (tmp_path / "plots" / "states.png").write_text("existing")
+    assert "states.png exists" in run_failing("show", skill, "--plots", "plots")
+    assert [file.name for file in (tmp_path / "plots").iterdir()] == ["states.png"]

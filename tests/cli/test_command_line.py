@@ -117,7 +117,7 @@ def test_existing_output_is_replaced_only_with_force(
 
 
 @pytest.mark.parametrize("what", ["learn", "motion", "gains", "plot"])
-@pytest.mark.parametrize("place", ["missing/file.png", "here.png"])
+@pytest.mark.parametrize("place", ["missing/file.png", "folder.png"])
 def test_unwritable_output_is_rejected_before_work(
     run_failing: Callable[..., str],
     skill: Path,
@@ -127,7 +127,7 @@ def test_unwritable_output_is_rejected_before_work(
     what: str,
     place: str,
 ):
-    (tmp_path / "here.png").mkdir()
+    (tmp_path / "folder.png").mkdir()
     command, _ = outputs(skill, folder, frames)[what]
     assert place.split("/")[0] in run_failing(*command[:-1], place)
 

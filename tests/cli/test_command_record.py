@@ -47,7 +47,7 @@ def test_tasks_lists_every_task(run_json: RunJson, run_command_line: RunCommand)
 
 
 def test_record_writes_named_and_framed_demonstrations(alignment_skill: Path):
-    demonstrations = read_demonstrations(alignment_skill / "shown")
+    demonstrations = read_demonstrations(alignment_skill / "demonstrations")
     assert [demo.name for demo in demonstrations] == [f"lining up {m}" for m in range(3)]
     for m, demo in enumerate(demonstrations):
         assert demo.period == 0.1
@@ -57,7 +57,7 @@ def test_record_writes_named_and_framed_demonstrations(alignment_skill: Path):
 
 
 def test_recorded_folder_passes_check_and_learn(alignment_skill: Path, run_json: RunJson):
-    report = run_json("data", "check", alignment_skill / "shown")
+    report = run_json("data", "check", alignment_skill / "demonstrations")
     assert len(report["demonstrations"]) == 3
     assert "error" not in {finding["severity"] for finding in report["diagnostics"]}
     skill = open_skill(alignment_skill / "skill")
@@ -70,7 +70,7 @@ def test_record_same_seed_writes_same_files(
 ):
     command = ["record", alignment_task.name, "--demonstrations", "3"]
     output = run_json(*command, "--seed", "5", "--out", "again")
-    assert file_contents(tmp_path / "again") == file_contents(alignment_skill / "shown")
+    assert file_contents(tmp_path / "again") == file_contents(alignment_skill / "demonstrations")
     assert (output["folder"], output["task"], output["seed"]) == ("again", alignment_task.name, 5)
     for fact, demo in zip(output["demonstrations"], read_demonstrations(tmp_path / "again"), strict=True):
         assert (fact["name"], fact["steps"]) == (demo.name, len(demo.x))
@@ -181,7 +181,7 @@ def test_without_mujoco_extra_is_named(
 
 
 def test_record_command_equals_function(alignment_task: Task[Any], alignment_skill: Path, unchecked: None):
-    from_command = read_demonstrations(alignment_skill / "shown")
+    from_command = read_demonstrations(alignment_skill / "demonstrations")
     from_function = [recorded.demonstration for recorded, _ in record_demonstrations(alignment_task, 3, 5)]
     situation = situation_from_seed(alignment_task, "demonstration", 5, 2)
     rng = np.random.default_rng([5, recording.SPLITS["demonstration"], 2, 0])

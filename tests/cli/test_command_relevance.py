@@ -89,8 +89,8 @@ def test_relevance_uses_training_demonstrations(
 ):
     run_json("learn", distractor_folder, "--states", "2", "--only", "1-5", "--out", "few.skill")
     output = run_json("show", "few.skill", "--relevance", distractor_folder)
-    shown = [add_derivatives(demo) for demo in distractor_demonstrations[1:6]]
-    expected = relevance(open_skill(tmp_path / "few.skill"), shown)
+    demonstrations = [add_derivatives(demo) for demo in distractor_demonstrations[1:6]]
+    expected = relevance(open_skill(tmp_path / "few.skill"), demonstrations)
     for p, name in enumerate(expected.frame_names):
         np.testing.assert_allclose(output["relevance"][name], expected.values[p], atol=1e-6)
         np.testing.assert_allclose(output["relevance_costs"][name], expected.costs[p], atol=1e-6)

@@ -30,9 +30,11 @@ PERIOD = 0.1
 
 def save_learned_skill(path: Path, x: Sequence[np.ndarray], layout: Layout, states: int = 2) -> Path:
     """Learn a skill in the world frame from rows and save it."""
-    shown = [add_derivatives(demonstration(rows, PERIOD, layout)) for rows in x]
+    demonstrations = [add_derivatives(demonstration(rows, PERIOD, layout)) for rows in x]
     settings = EMSettings(max_iterations=3)
-    save_skill(learn(shown, states=states, rng=np.random.default_rng(0), settings=settings).skill, path)
+    save_skill(
+        learn(demonstrations, states=states, rng=np.random.default_rng(0), settings=settings).skill, path
+    )
     return path
 
 

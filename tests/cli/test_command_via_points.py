@@ -32,8 +32,8 @@ def skill_file(
     """Skill with quaternions as four numbers, and as orientations on S^3."""
     if request.param == "euclidean":
         return skill
-    shown = [add_derivatives(to_sphere(demo)) for demo in reach_demonstrations]
-    save_skill(learn(shown, states=3, rng=np.random.default_rng(0)).skill, tmp_path / "sphere.skill")
+    demonstrations = [add_derivatives(to_sphere(demo)) for demo in reach_demonstrations]
+    save_skill(learn(demonstrations, states=3, rng=np.random.default_rng(0)).skill, tmp_path / "sphere.skill")
     return tmp_path / "sphere.skill"
 
 
@@ -137,8 +137,8 @@ def test_via_point_invalid_is_rejected(
 def test_via_point_column_of_orientation_is_rejected(
     run_failing: RunFailing, reach_demonstrations: tuple[Demonstration, ...], frames: Path, tmp_path: Path
 ):
-    shown = [add_derivatives(to_sphere(demo)) for demo in reach_demonstrations]
-    save_skill(learn(shown, states=2, rng=np.random.default_rng(0)).skill, tmp_path / "sphere.skill")
+    demonstrations = [add_derivatives(to_sphere(demo)) for demo in reach_demonstrations]
+    save_skill(learn(demonstrations, states=2, rng=np.random.default_rng(0)).skill, tmp_path / "sphere.skill")
     output = run_failing(
         "reproduce", "sphere.skill", "--frames", frames, "--via-point", "orientation w=.5@1s+-.1"
     )

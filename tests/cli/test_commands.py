@@ -68,8 +68,8 @@ def test_data_check_error_has_exit_code_1(run_command_line: RunCommand, folder: 
 
 def test_learn_command_equals_function(run_json: RunJson, folder: Path, tmp_path: Path):
     output = run_json("learn", folder, "--states", "3", "--only", "0-2,4", "--out", "reach.skill")
-    shown = [add_derivatives(demo) for demo in read_demonstrations(folder)]
-    fit = learn([*shown[:3], shown[4]], states=3, rng=np.random.default_rng(0))
+    demonstrations = [add_derivatives(demo) for demo in read_demonstrations(folder)]
+    fit = learn([*demonstrations[:3], demonstrations[4]], states=3, rng=np.random.default_rng(0))
     assert (
         output["content_hash"]
         == content_hash(fit.skill)
@@ -109,10 +109,10 @@ def test_learn_every_dynamics_and_structure(
     chosen = ["--dynamics", name, "--structure", structure, "--states", "2", "--max-iterations", "3"]
     run_json("learn", folder, *chosen, "--out", "skill")
     assert isinstance(open_skill(tmp_path / "skill").dynamics, kind)
-    shown = run_json("show", "skill")
-    assert (shown["dynamics"], len(shown["states"])) == (name, 2)
-    assert shown["structure"] == label
-    assert shown["content_hash"] in run_command_line("show", "skill").stdout
+    output = run_json("show", "skill")
+    assert (output["dynamics"], len(output["states"])) == (name, 2)
+    assert output["structure"] == label
+    assert output["content_hash"] in run_command_line("show", "skill").stdout
 
 
 def test_learn_semi_tied_tying_factor(run_json: RunJson, folder: Path, tmp_path: Path):

@@ -78,7 +78,7 @@ def test_demo_reproductions_open_valves(demo_run: DemoRun):
 @SLOW
 def test_demo_simulation_table_equals_results(demo_run: DemoRun, evaluation: StructureEvaluation):
     table, results = demo_run.physics_table, demo_run.valve_openings
-    assert [row[0] for row in table.rows] == [showing.name for showing in evaluation.demonstrations]
+    assert [row[0] for row in table.rows] == [demo.name for demo in evaluation.demonstrations]
     assert [row[1] for row in table.rows] == ["yes"] * 4 + ["no"] * 4
     for row, opening in zip(table.rows, results, strict=True):
         assert row[2] == ("yes" if opening.outcome.success else "no")

@@ -48,7 +48,7 @@ FULL_REDIRECTS = [">/dev/full", "2>/dev/full", ">/dev/full 2>/dev/full"]
 @pytest.mark.parametrize("command", [[*LEARN, "--out", "new"], [*STREAM, "--every", "10", "--out", "new"]])
 def test_unwritable_standard_streams_lose_no_file(work_folder: Path, streams: str, command: list[str]):
     if "full" in streams and not FULL_DEVICE.exists():
-        pytest.skip("there is no /dev/full")
+        pytest.skip("/dev/full does not exist")
     result = run_shell(command, streams, work_folder)
     assert result.returncode == int(
         any(part in streams for part in (">&- ", ">/dev/full ")) or streams[0] == ">"
@@ -125,7 +125,7 @@ def test_signal_stops_stream_from_pipe_without_writer(
     descriptors = Path(f"/proc/{process.pid}/fd")
     if not descriptors.exists():
         process.kill()
-        pytest.skip("there is no /proc to see that the pipe is open")
+        pytest.skip("without /proc the open pipe cannot be detected")
     while not any(link.readlink() == named_pipe for link in descriptors.iterdir() if link.is_symlink()):
         time.sleep(0.05)
     process.send_signal(number)
@@ -219,6 +219,6 @@ def wait_until_caught(process: int, number: signal.Signals) -> None:
     """Return after the process has installed its handler of the signal."""
     status = Path(f"/proc/{process}/status")
     if not status.exists():
-        pytest.skip("there is no /proc to see that the command has begun")
+        pytest.skip("without /proc the start of the command cannot be detected")
     while not int(re.findall(r"SigCgt:\s*(\w+)", status.read_text())[0], 16) >> (number - 1) & 1:
         time.sleep(0.005)

@@ -167,7 +167,7 @@ def test_parse_lines_first_line_of_names_is_header():
 
 
 def test_parse_lines_blank_lines_and_comments():
-    text = b"1,2\n\n# here\n3,4\n  \t\n5\n6,7"
+    text = b"1,2\n\n# comment\n3,4\n  \t\n5\n6,7"
     rejected = RejectedLine(6, "the row has 1 numbers, expected 2")
     expected = [
         ColumnHeader(2),

@@ -1,4 +1,4 @@
-"""The commands of the fault sweep, what they read, and what they compute once (fault_sweep.py)."""
+"""Commands of the fault sweep, their inputs, and cached results of slow functions (see fault_sweep.py)."""
 
 import contextlib
 import signal
@@ -27,11 +27,11 @@ class Command:
     name: str
     line: list[str]
     outputs: list[str]  # files and folders
-    old: bool  # whether the outputs are there before, with other content
+    old: bool  # whether the outputs exist before, with other content
 
 
 def commands(inputs: Path) -> list[Command]:
-    """Every command that writes, with its outputs missing before, and with others there and --force."""
+    """Return every command that writes, without existing outputs, and with existing outputs and --force."""
     recordings, skill, rows = (str(inputs / name) for name in ("recordings", "a.skill", "rows"))
     stream = ["stream", rows, "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
     select = ["select", recordings, "--states", "2", "--structures", "full", "--max-iterations", "2"]
@@ -71,21 +71,21 @@ def commands(inputs: Path) -> list[Command]:
 
 
 def overwrite_command(inputs: Path) -> Command:
-    """A command that opens its output to write, as none of pilotfish does: replay, its precautions off."""
+    """Return a command that writes its output in place, which no command of pilotfish does."""
     from pilotfish.cli.commands import reproduce
 
     @contextlib.contextmanager
-    def careless(path: Path, **_: Any) -> Iterator[Path]:
+    def write_in_place(path: Path, **_: Any) -> Iterator[Path]:
         yield path
 
-    reproduce.atomic_file = careless
+    reproduce.atomic_file = write_in_place
     return Command(
         "in place", ["reproduce", str(inputs / "a.skill"), "--out", "m.csv", "--force"], ["m.csv"], True
     )
 
 
 def make_old(command: Command, path: Path) -> None:
-    """Another output of the same kind."""
+    """Create another output of the same kind."""
     if path.name != "set":
         path.write_bytes(b"the old content")
         return
@@ -99,7 +99,7 @@ def make_old(command: Command, path: Path) -> None:
 
 
 def make_inputs(inputs: Path) -> None:
-    """Two short recordings, a skill of two states, rows of numbers."""
+    """Create demonstrations, a skill of two states, and rows of numbers."""
     import numpy as np
 
     from pilotfish.demonstrations import add_derivatives, demonstration, position_layout
@@ -116,13 +116,13 @@ def make_inputs(inputs: Path) -> None:
     np.savetxt(inputs / "rows", np.vstack(arcs))
 
 
-CACHED_CALLS: "list[Kept]" = []
+CACHED_CALLS: "list[CachedCall]" = []
 
 
 class CachedCall:
-    """A function whose results are computed once, and then given again in the order of the calls.
+    """Function whose results are computed once, and then returned again in the order of the calls.
 
-    It stands for what takes long, physics and learning; writing is never kept.
+    It replaces slow functions, such as simulation and learning; writing is never cached.
     """
 
     def __init__(self, module: Any, name: str) -> None:
@@ -164,7 +164,7 @@ class CachedExecution(CachedCall):
 
 
 def run_once(chosen: list[Command], inputs: Path) -> None:
-    """Run each command once, here, so that every child has its imports and what takes long."""
+    """Run each command once in this process, so that every child has its imports and slow results."""
     from pilotfish.cli.output import figures
 
     figures.DOTS_PER_INCH = 20  # small figures are faster
@@ -182,7 +182,7 @@ def run_once(chosen: list[Command], inputs: Path) -> None:
 
 
 def cache_slow_calls(name: str) -> None:
-    """Keep what a command computes for long."""
+    """Cache the slow functions of a command."""
     if name == "select":
         from pilotfish.cli.commands import select as commands_select
 
@@ -201,7 +201,7 @@ def cache_slow_calls(name: str) -> None:
 
 
 def run_here(line: list[str]) -> None:
-    """Run a command line in this process, in a folder that is removed afterwards."""
+    """Run a command line in this process, in a temporary folder."""
     from click.testing import CliRunner
 
     from pilotfish.cli.main import cli
