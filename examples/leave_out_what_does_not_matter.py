@@ -1,4 +1,6 @@
-"""A chair stood about while a valve was opened. Find out that it does not matter, and leave it out.
+"""Find out from demonstrations that a frame is not relevant, and leave it out.
+
+A valve was opened while a chair stood at random places. The chair is recorded as a third frame.
 
 Run it:  python examples/leave_out_what_does_not_matter.py
 """
@@ -15,55 +17,54 @@ rng = np.random.default_rng(0)
 
 
 def add_chair_frame(demonstration):
-    """The same recording, seen from a chair as well, which stood anywhere."""
-    place = np.array([0.5, -0.9, 0.2]) + 0.3 * rng.normal(size=3)  # [m]
-    chair = frame_from_pose("chair", demonstration.layout, pose(place, normalise(rng.normal(size=4))))
+    """Return the recording with a chair at a random pose as a further frame."""
+    position = np.array([0.5, -0.9, 0.2]) + 0.3 * rng.normal(size=3)  # [m]
+    chair = frame_from_pose("chair", demonstration.layout, pose(position, normalise(rng.normal(size=4))))
     return replace(demonstration, frames=(*demonstration.frames, chair))
 
 
 training = [add_chair_frame(demonstration) for demonstration in pf.datasets.valve()[:4]]
 skill = pf.learn(training, states=7, rng=rng).skill
 
-# Each demonstration is held out in turn: how much of which frame foretells it best from the others?
-found = pf.relevance(skill, training)
-for name, row in zip(found.frame_names, found.values, strict=True):
+# Each demonstration is held out in turn: which powers of the frame Gaussians predict it best?
+frame_relevance = pf.relevance(skill, training)
+for name, row in zip(frame_relevance.frame_names, frame_relevance.values, strict=True):
     print(f"{name:<13}" + " ".join(f"{value:5.2f}" for value in row))
-print(f"matter at no state: {', '.join(found.distractors)}")
+print(f"relevant at no state: {', '.join(frame_relevance.distractors)}")
 
-# The same valve twice; only the chair has moved in between.
+# Two situations of the same valve that differ in the pose of the chair only.
 unseen = pf.datasets.valve()[4]
-before, after = add_chair_frame(unseen), add_chair_frame(unseen)
+situations = add_chair_frame(unseen), add_chair_frame(unseen)
+system = pf.control.double_integrator(7, period=0.1)
 
 
-def motion(skill, situation, relevance=None):
-    """The valve opened from where the person began."""
+def reproduce(skill, situation, relevance=None):
+    """Return the positions of the reproduction from the start of the demonstration."""
     adapted = pf.adapt(skill, situation.frames, relevance=relevance)
     reference = pf.plan(adapted, situation.x[0], horizon=200)
-    return pf.track(pf.control.double_integrator(7, period=0.1), reference, control_cost=9.0).rollout(
-        situation.x[0]
-    )
+    return pf.track(system, reference, control_cost=9.0).rollout(situation.x[0]).x[:, :3]
 
 
-def follow(skill, relevance=None):
-    """How far the motion is led astray by the chair, at most [mm]."""
-    one, other = (motion(skill, situation, relevance).x[:, :3] for situation in (before, after))
-    return 1000 * np.linalg.norm(one - other, axis=1).max()
+def largest_change(skill, relevance=None):
+    """Return the largest change of the reproduction by the pose of the chair [mm]."""
+    first, second = (reproduce(skill, situation, relevance) for situation in situations)
+    return 1000 * np.linalg.norm(first - second, axis=1).max()
 
 
-def error(x):
-    """Distance from what the person did, the mean over steps [mm]."""
-    return 1000 * np.linalg.norm(x[:, :3] - unseen.x[:, :3], axis=1).mean()
+def mean_error(positions):
+    """Return the mean distance from the demonstration [mm]."""
+    return 1000 * np.linalg.norm(positions - unseen.x[:, :3], axis=1).mean()
 
 
-print(f"the chair moved, all frames heard: the motion bends by up to {follow(skill):.0f} mm")
-print(f"the chair moved, each heard as it matters: {follow(skill, found.values):.3f} mm")
+print(f"the chair moves, all frames count equally: the motion changes by {largest_change(skill):.0f} mm")
+print(f"the chair moves, frames are weighted: {largest_change(skill, frame_relevance.values):.3f} mm")
 
-# Or learn anew without it: then nobody need know where the chair stands.
-fewer = pf.learn(pf.select_frames(training, found), states=7, rng=rng).skill
-print(f"learned anew from {' and '.join(fewer.frame_names)}")
-for how, x in (
-    ("all frames heard", motion(skill, before).x),
-    ("each as it matters", motion(skill, before, found.values).x),
-    ("without the chair", motion(fewer, unseen).x),
+# Or learn again without the chair: its pose is then not needed.
+selected = pf.learn(pf.select_frames(training, frame_relevance), states=7, rng=rng).skill
+print(f"learned again from {' and '.join(selected.frame_names)}; mean error of the reproduction:")
+for label, positions in (
+    ("equal frames", reproduce(skill, situations[0])),
+    ("weighted frames", reproduce(skill, situations[0], frame_relevance.values)),
+    ("without the chair", reproduce(selected, unseen)),
 ):
-    print(f"  {how}: on average {error(x):.0f} mm from what the person did")
+    print(f"  {label}: {mean_error(positions):.0f} mm")
