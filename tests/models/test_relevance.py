@@ -1,4 +1,4 @@
-"""Frames that matter are found from the demonstrations alone; the others do not move the plan."""
+"""Relevance of frames, estimated from held-out demonstrations."""
 
 from dataclasses import replace
 
@@ -12,11 +12,10 @@ from pilotfish.gaussians import Gaussian, affine_transform, log_density, product
 from pilotfish.geometry import normalise, pose
 from pilotfish.models import adapt, learn, relevance, select_frames
 from pilotfish.models.opinion_pools import (
-    HeldOutSegment,
+    FrameOpinions,
     fit_pool_weights,
     held_out_log_probs,
     log_prob_gradient,
-    pool_opinions,
 )
 
 P, E, M = 3, 2, 4
@@ -24,29 +23,29 @@ P, E, M = 3, 2, 4
 
 @pytest.fixture
 def pooled_segments(rng):
-    """Three frames' opinions of four held-out visits, made up."""
+    """Return random Gaussians of three frames for four held-out segments."""
     held, maps = [], []
     for _ in range(M):
         factors = np.tril(rng.normal(size=(P, E, E)))
         root = rng.normal(size=(P, E, E))
         maps.append(np.stack([np.linalg.qr(rng.normal(size=(E, E)))[0] for _ in range(P)]))
-        scatter = root[0] @ root[0].T  # one visit, seen from all frames
+        scatter = root[0] @ root[0].T  # one segment in all frames
         scatter_matrices = np.stack([B @ scatter @ B.T for B in maps[-1]])
-        held.append(HeldOutSegment(rng.normal(size=(P, E)), factors + 2.0 * np.eye(E), scatter_matrices))
-    return pool_opinions(maps, held), maps, held
+        held.append((rng.normal(size=(P, E)), factors + 2.0 * np.eye(E), scatter_matrices))
+    return FrameOpinions.from_frames(maps, held), maps, held
 
 
 def test_held_out_log_probs_equal_pooled_gaussian_density(rng, pooled_segments):
-    """Against the definition: the normalised product of the powered Gaussians, at sampled points."""
+    """The density is that of the normalised product of powers of the Gaussians."""
     pooled, maps, held = pooled_segments
     pool_weights = rng.uniform(0.2, 1.0, size=P)
     for m, score in enumerate(held_out_log_probs(pooled, pool_weights)):
         gaussians = []
         for p in range(P):
-            W, B = held[m].precision_cholesky[p], maps[m][p]
-            seen = Gaussian(held[m].offsets[p], np.linalg.inv(W.T @ W) / pool_weights[p])
-            gaussians.append(affine_transform(seen, np.linalg.inv(B), np.zeros(E)))
-        root = np.linalg.cholesky(maps[m][0].T @ held[m].scatter_matrices[0] @ maps[m][0])
+            W, B = held[m][1][p], maps[m][p]
+            weighted = Gaussian(held[m][0][p], np.linalg.inv(W.T @ W) / pool_weights[p])
+            gaussians.append(affine_transform(weighted, np.linalg.inv(B), np.zeros(E)))
+        root = np.linalg.cholesky(maps[m][0].T @ held[m][2][0] @ maps[m][0])
         points = np.sqrt(E) * np.concatenate([root.T, -root.T])  # of mean zero and exactly this scatter
         expected = log_density(product(gaussians), points).mean() + 0.5 * E * np.log(2.0 * np.pi)
         np.testing.assert_allclose(score, expected, rtol=1e-9)
@@ -67,8 +66,8 @@ def test_log_prob_gradient_equals_finite_difference(rng, pooled_segments):
     )
 
 
-def test_pool_weights_maximise_held_out_log_probs(rng, pooled_segments):
-    """A grid over all three powers finds nothing better than the concave search."""
+def test_fit_pool_weights_equals_best_of_grid(rng, pooled_segments):
+    """No weights of a grid have a higher held-out log-probability."""
     best = fit_pool_weights(pooled_segments[0], np.ones(P, dtype=bool))
     top = held_out_log_probs(pooled_segments[0], best).mean()
     grid = np.concatenate([[1e-9], np.geomspace(1e-3, 10.0, 18)])
@@ -82,10 +81,8 @@ def test_pool_weights_maximise_held_out_log_probs(rng, pooled_segments):
     np.testing.assert_array_equal(fit_pool_weights(pooled_segments[0], np.array([True, False, True]))[1], 0.0)
 
 
-def test_a_distractor_is_irrelevant_at_every_state_and_true_frames_where_they_matter(
-    make_two_object_demonstrations, rng
-):
-    """The first object matters at the first stop, the world at the second, the other object at the last."""
+def test_relevance_distractor_is_zero_at_every_state(make_two_object_demonstrations, rng):
+    """The first object is relevant at the first stop, the world at the second, the other object at the last."""
     demos = make_two_object_demonstrations(count=6, distractors=1)
     fit = learn(demos, states=3, rng=rng)
     found = relevance(fit.skill, demos)
@@ -95,7 +92,7 @@ def test_a_distractor_is_irrelevant_at_every_state_and_true_frames_where_they_ma
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_few_demonstrations_suffice_to_find_distractors(make_two_object_demonstrations, rng, count):
+def test_relevance_few_demonstrations_finds_distractors(make_two_object_demonstrations, rng, count):
     demos = make_two_object_demonstrations(count=count, distractors=2)
     found = relevance(learn(demos, states=3, rng=rng).skill, demos)
     assert found.distractors == ("distractor 0", "distractor 1")
@@ -103,7 +100,7 @@ def test_few_demonstrations_suffice_to_find_distractors(make_two_object_demonstr
 
 
 def test_identical_frames_share_relevance(make_two_object_demonstrations, rng):
-    """A copy of an object: the two together are heard where it matters, and are no distractors both."""
+    """An object and its copy: one of them has relevance 1, and excluding either costs nothing."""
     demos = [
         replace(d, frames=(*d.frames, replace(d.frames[0], name="copy")))
         for d in make_two_object_demonstrations(count=5)
@@ -114,7 +111,7 @@ def test_identical_frames_share_relevance(make_two_object_demonstrations, rng):
     assert np.abs(found.costs[[0, 3], 0]).max() < 0.1  # each alone can be done without
 
 
-def test_one_frame_alone_matters_everywhere(make_two_object_demonstrations, rng):
+def test_relevance_single_frame_is_one(make_two_object_demonstrations, rng):
     demos = [replace(d, frames=d.frames[:1]) for d in make_two_object_demonstrations(count=3)]
     found = relevance(learn(demos, states=3, rng=rng).skill, demos)
     np.testing.assert_array_equal(found.values, 1.0)
@@ -122,17 +119,15 @@ def test_one_frame_alone_matters_everywhere(make_two_object_demonstrations, rng)
 
 
 @pytest.mark.parametrize("dynamics", ["semi-markov", "markov", "mixture"])
-def test_every_dynamics_tells_the_same_frames(make_two_object_demonstrations, rng, dynamics):
+def test_relevance_any_dynamics_finds_distractor(make_two_object_demonstrations, rng, dynamics):
     demos = make_two_object_demonstrations(count=5, distractors=1)
     assert relevance(learn(demos, states=3, rng=rng, dynamics=dynamics).skill, demos).distractors == (
         "distractor 0",
     )
 
 
-def test_relevance_does_not_depend_on_the_world_nor_on_the_order_of_frames(
-    make_two_object_demonstrations, rng
-):
-    """The world turned and moved, frames reversed: the same powers."""
+def test_relevance_moved_world_and_reversed_frames_is_unchanged(make_two_object_demonstrations, rng):
+    """The world is rotated and moved, and frames are in reverse order."""
     demos = make_two_object_demonstrations(count=4, distractors=1)
     turn, _ = np.linalg.qr(rng.normal(size=(2, 2)))
     there = [
@@ -148,9 +143,7 @@ def test_relevance_does_not_depend_on_the_world_nor_on_the_order_of_frames(
     np.testing.assert_allclose(elsewhere.costs[::-1], here.costs, atol=1e-3)
 
 
-def test_selected_demonstrations_have_no_distractors_and_are_learned_from_as_if_there_never_were_any(
-    make_two_object_demonstrations, rng
-):
+def test_select_frames_learned_skill_equals_skill_without_distractors(make_two_object_demonstrations, rng):
     demos = make_two_object_demonstrations(count=5, distractors=2)
     kept = select_frames(demos, relevance(learn(demos, states=3, rng=rng).skill, demos))
     assert [f.name for f in kept[0].frames] == ["object 0", "object 1", "world"]
@@ -159,7 +152,7 @@ def test_selected_demonstrations_have_no_distractors_and_are_learned_from_as_if_
     np.testing.assert_array_equal(one.means, other.means)
 
 
-def test_relevance_with_insufficient_data_raises(make_two_object_demonstrations, rng):
+def test_relevance_invalid_demonstrations_are_refused(make_two_object_demonstrations, rng):
     demos = make_two_object_demonstrations(count=3)
     skill = learn(demos, states=3, rng=rng).skill
     with pytest.raises(InvalidInput, match="at least two"):
@@ -184,7 +177,7 @@ def test_relevance_with_insufficient_data_raises(make_two_object_demonstrations,
 
 
 def with_distractor(demos, rng):
-    """The same with a frame that has nothing to do with the movement, placed at random each time."""
+    """Return the demonstrations with a further frame at random poses."""
     everywhere = np.concatenate([d.x[:, :3] for d in demos])
     middle, spread = everywhere.mean(axis=0), everywhere.std(axis=0).max()
     return [replace(d, frames=(*d.frames, _move_frame(d, middle, spread, rng))) for d in demos]
@@ -195,10 +188,10 @@ def _move_frame(demo, middle, spread, rng):
     return frame_from_pose("distractor", demo.layout, placed)
 
 
-def test_a_moved_distractor_changes_a_weighted_plan_by_less_than_one_percent(data_folder, rng):
-    """The valve with a frame placed at random: targets and motion, relative to the extent of the motion.
+def test_plan_with_relevance_moved_distractor_changes_less_than_one_percent(data_folder, rng):
+    """Targets and motion of the valve, relative to the extent of the motion.
 
-    Without relevance the same frame, moved, bends the plan by more than a tenth of that.
+    Without relevance the moved frame changes the plan by more than a tenth of that.
     """
     demos = with_distractor(pf.datasets.valve()[:4], rng)
     skill = learn(demos, states=7, rng=rng).skill
@@ -214,7 +207,7 @@ def test_a_moved_distractor_changes_a_weighted_plan_by_less_than_one_percent(dat
 
 
 def _plan_change(skill, here, elsewhere, pool_weights):
-    """The largest change of target or motion position, as a share of the motion's extent."""
+    """Return the largest change of position in targets and motion, relative to the extent of the motion."""
     moves = []
     for demo in (here, elsewhere):
         adapted = adapt(skill, demo.frames, relevance=pool_weights)
@@ -226,8 +219,8 @@ def _plan_change(skill, here, elsewhere, pool_weights):
     return np.abs(moves[0] - moves[1]).max() / np.ptp(moves[0][:, 3:], axis=0).max()
 
 
-def test_the_sign_of_quaternions_does_not_change_relevance(data_folder, rng):
-    """A recording of -q, or a frame that does, is the same showing."""
+def test_relevance_negated_quaternions_is_unchanged(data_folder, rng):
+    """A recording or a frame with -q is equivalent."""
     demos = pf.datasets.valve()[:3]
     turned = np.repeat([1.0, -1.0, 1.0, -1.0], [3, 4, 3, 4])
     other = replace(demos[2], x=demos[2].x * turned)
@@ -239,8 +232,8 @@ def test_the_sign_of_quaternions_does_not_change_relevance(data_folder, rng):
     np.testing.assert_allclose(same.costs, found.costs, atol=1e-2)
 
 
-def test_costs_are_those_of_holding_each_demonstration_out(make_two_object_demonstrations, rng):
-    """One state, by definition: Gaussians of the others' points, pooled in the world, on all own points."""
+def test_relevance_costs_equal_definition(make_two_object_demonstrations, rng):
+    """One state: Gaussians of the points of the others, pooled in the world, on all held-out points."""
     demos = [
         replace(d, frames=d.frames[:2], x=d.x[:18])
         for d in make_two_object_demonstrations(count=4, noise=0.5)
@@ -254,9 +247,7 @@ def test_costs_are_those_of_holding_each_demonstration_out(make_two_object_demon
         ]
         x = np.concatenate(others)
         sample = np.cov(x.T, bias=True)
-        drawn = (
-            0.5 * sample + 0.5 * np.eye(2) * np.log_likelihoods(sample) / 2.0
-        )  # E + 1 = 3 against 3 demonstrations
+        drawn = 0.5 * sample + 0.5 * np.eye(2) * np.trace(sample) / 2.0  # E + 1 = 3 against 3 demonstrations
         frame = demos[m].frames[p]
         return affine_transform(Gaussian(x.mean(axis=0), drawn + 1e-5 * np.eye(2)), frame.A, frame.b)
 

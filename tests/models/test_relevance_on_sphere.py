@@ -1,4 +1,4 @@
-"""Frames that matter are told where orientations are points of S^3: by no sign, and from any side."""
+"""Relevance of frames for orientations on S^3."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def random_pose(rng, spread=1.0):
 
 
 def record_demonstration(rng, name):
-    """A tool rests by the cup and turned like it, then by the tray: what either sees differs a little."""
+    """Return a tool that rests at the cup in its orientation, then at the tray, with noise."""
     frames = [frame_from_pose(each, SPHERE, random_pose(rng)) for each in NAMES]
     stops = np.repeat(KEYPOINTS + 0.03 * rng.normal(size=(2, 6)), [18, 15], axis=0)
     stops += 0.01 * rng.normal(size=stops.shape)
@@ -42,7 +42,7 @@ def learn_relevance(demos, states=2):
 
 
 def negate_quaternions(demo, rng):
-    """Rows and frames at random told by -q."""
+    """Return the demonstration with random rows and frames negated."""
     x, frames = demo.x.copy(), []
     x[:, 3:7] *= np.where(rng.uniform(size=(len(x), 1)) < 0.5, -1.0, 1.0)
     for frame in demo.frames:
@@ -53,13 +53,13 @@ def negate_quaternions(demo, rng):
 
 
 def move_world(demo, world):
-    """The same showing, told by an observer who stands and is turned elsewhere."""
+    """Return the demonstration in another world frame."""
     to = frame_from_pose("there", demo.layout, world)
     frames = [replace(f, A=to.A @ f.A, b=to.A @ f.b + to.b) for f in demo.frames]
     return demonstration(demo.x @ to.A.T + to.b, demo.period, demo.layout, frames, demo.name)
 
 
-def test_a_distractor_matters_at_no_state_and_each_object_where_the_tool_rests_by_it(demos):
+def test_relevance_on_s3_distractor_is_zero_at_every_state(demos):
     found = learn_relevance(demos)
     np.testing.assert_allclose(found.values, [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], atol=0.05)
     assert found.distractors == ("distractor",)
@@ -67,11 +67,10 @@ def test_a_distractor_matters_at_no_state_and_each_object_where_the_tool_rests_b
     assert {tuple(f.name for f in demo.frames) for demo in kept} == {("cup", "tray")}
 
 
-def test_orientation_alone_tells_frames_apart(rng):
-    """No places, only how the tool is turned.
+def test_relevance_on_s3_orientation_only_finds_distractor(rng):
+    """Demonstrations without positions.
 
-    Eight showings: of five, a frame turned at random explains by chance what the object's leaves open, about
-    once in forty tries.
+    With five instead of eight demonstrations, a random frame explains the rest by chance once in forty draws.
     """
     demos = [record_demonstration(rng, f"passage {m}") for m in range(8)]
     turning = Layout((SPHERE.parts[1],))
@@ -86,14 +85,14 @@ def test_orientation_alone_tells_frames_apart(rng):
     assert found.values[0, 0] == found.values[1, 1] == 1.0
 
 
-def test_signs_of_quaternions_do_not_change_relevance_on_the_sphere(demos, rng):
-    """Any rows, any frames told by -q."""
+def test_relevance_on_s3_negated_quaternions_is_unchanged(demos, rng):
+    """Random rows and frames are negated."""
     one, other = learn_relevance(demos), learn_relevance([negate_quaternions(d, rng) for d in demos])
     np.testing.assert_allclose(other.values, one.values, atol=1e-6)
     np.testing.assert_allclose(other.costs, one.costs, atol=1e-4)
 
 
-def test_relevance_on_the_sphere_does_not_depend_on_where_the_world_has_its_axes(demos, rng):
+def test_relevance_on_s3_moved_world_is_unchanged(demos, rng):
     world = random_pose(rng, 3.0)
     one, other = learn_relevance(demos), learn_relevance([move_world(d, world) for d in demos])
     np.testing.assert_allclose(other.values, one.values, atol=1e-3)
@@ -101,7 +100,7 @@ def test_relevance_on_the_sphere_does_not_depend_on_where_the_world_has_its_axes
 
 
 def add_distractors(demos, rng):
-    """Recordings with a frame beside theirs that stands and is turned at random each time."""
+    """Return the demonstrations with a further frame at random poses."""
     return [replace(d, frames=(*d.frames, distractor(d.layout, rng))) for d in demos]
 
 
@@ -109,8 +108,8 @@ def distractor(layout, rng):
     return frame_from_pose("distractor", layout, random_pose(rng))
 
 
-def test_the_valve_on_the_sphere_tells_its_frames_whatever_signs_and_axes(data_folder, rng):
-    """Recorded openings with speeds: grasped by the frame before, turned and left by the frame after."""
+def test_relevance_on_s3_valve_finds_frames(data_folder, rng):
+    """The frame before the turn is relevant at the grasp, the frame after it from the turn on."""
     demos = [pf.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
     found = learn_relevance(demos, states=7)
     assert found.distractors == ("distractor",)
@@ -123,10 +122,10 @@ def test_the_valve_on_the_sphere_tells_its_frames_whatever_signs_and_axes(data_f
         np.testing.assert_allclose(again.costs, found.costs, atol=0.01)
 
 
-def test_a_distractor_moved_changes_no_weighted_plan_on_the_sphere(data_folder, rng):
-    """The valve: targets and motion, places and turns, by less than a hundredth of the motion's extent.
+def test_plan_on_s3_moved_distractor_changes_less_than_one_percent(data_folder, rng):
+    """Targets and motion of the valve, positions and orientations, relative to the extent of the motion.
 
-    Unweighted, the same frame moved bends places and turns by more than a twentieth.
+    Without relevance the moved frame changes both by more than a twentieth.
     """
     demos = [pf.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
     skill = learn(demos, states=7, rng=rng).skill
@@ -138,7 +137,7 @@ def test_a_distractor_moved_changes_no_weighted_plan_on_the_sphere(data_folder, 
 
 
 def plan_changes(skill, here, elsewhere, pool_weights):
-    """The largest change of place and of turn, in targets or motion, as shares of the motion's extents."""
+    """Return the largest change of position and orientation, relative to the extents of the motion."""
     one, other = (plan_in_tangent_chart(skill, demo.frames, here, pool_weights) for demo in (here, elsewhere))
     motion = one[len(one) // 2 :]
     place = np.abs(one - other)[:, :3].max() / np.ptp(motion[:, :3], axis=0).max()
@@ -147,7 +146,7 @@ def plan_changes(skill, here, elsewhere, pool_weights):
 
 
 def plan_in_tangent_chart(skill, frames, here, pool_weights):
-    """Targets, then the tracked motion, as poses of the world; the map is the same for all."""
+    """Return targets and tracked motion as poses in the world, with one tangent chart."""
     flat = pf.planning.tangent_chart(adapt(skill, frames, relevance=pool_weights), base_pose=here.x[0])
     start, steps = flat.to_tangent(here.x[0]), len(here.x)
     reference = pf.plan(flat.skill, start, horizon=steps)
