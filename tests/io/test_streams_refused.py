@@ -58,7 +58,7 @@ JSON = st.recursive(
 @given(st.data())
 @settings(max_examples=300)
 def test_decode_stream_any_json_in_header_is_refused_or_kept(data: st.DataObject):
-    """With a valid hash, decoding fails with UnreadableFile only, and what opens encodes to the same header."""
+    """Decoding fails with UnreadableFile only, and what opens encodes to the same header."""
     header, arrays = split_container(data.draw(st.sampled_from(FILES)))
     if data.draw(st.booleans()):
         header, arrays = {**header, "counters": EMPTY_COUNTERS.copy()}, empty(arrays)

@@ -67,7 +67,7 @@ def test_observe_stream_separated_clusters_finds_four(rng, settings):
 
 
 def test_observe_stream_special_case_equals_general_learner(rng):
-    """A dimension penalty that no direction can pay gives spheres; transition penalties of 0 give a mixture."""
+    """A dimension penalty that no direction pays gives spheres; transition penalties of 0 a mixture."""
     x, _ = cycle(rng, N=400)
     costly = 1e6  # no dimension explains so much
     for special, general in [

@@ -1,4 +1,4 @@
-"""Regression along time: against listing every path of states, and by finite differences."""
+"""Regression over time, compared with enumeration of all state paths and finite differences."""
 
 import itertools
 from dataclasses import replace
@@ -21,7 +21,7 @@ from pilotfish.models import (
     filtered_regression,
     smoothed_regression,
 )
-from pilotfish.models.durations import Gaussian as GaussianDurations
+from pilotfish.models.durations import Gaussian as DurationGaussian
 from pilotfish.planning import tangent_chart
 
 K, D = 3, 3
@@ -33,11 +33,11 @@ def markov(rng):
 
 
 def semi_markov(rng):
-    """The last state is final: once there, the skill stays."""
+    """Return a chain whose last state is final."""
     transitions = rng.random((K, K)) * (1.0 - np.eye(K))
     transitions[-1] = 0.0
     transitions[:-1] /= transitions[:-1].sum(axis=1, keepdims=True)
-    durations = GaussianDurations(rng.uniform(1.0, 3.0, K), rng.uniform(0.5, 1.0, K))
+    durations = DurationGaussian(rng.uniform(1.0, 3.0, K), rng.uniform(0.5, 1.0, K))
     return SemiMarkovChain(rng.dirichlet(np.ones(K)), transitions, durations)
 
 
@@ -49,7 +49,7 @@ def skill(rng, dynamics):
 
 
 def log_prior(dynamics, path):
-    """Log p of a path of states whose last visit may go on: initial, transitions and whole durations."""
+    """Return log p of a state path whose last segment is right-censored."""
     with np.errstate(divide="ignore"):
         log_initial, log_A = np.log(dynamics.initial), np.log(dynamics.transitions)
     if isinstance(dynamics, MarkovChain):
@@ -63,27 +63,25 @@ def log_prior(dynamics, path):
 
 
 def regression_by_enumeration(model, x, t):
-    """Mean and covariance of the output at step t given inputs x, path by path."""
-    densities, guesses = np.empty((len(x), K)), []
+    """Return mean and covariance of the output at step t given inputs x, by enumeration of paths."""
+    densities, conditionals = np.empty((len(x), K)), []
     for k in range(K):
         state = Gaussian(model.means[k], model.covariances[k])
         own = marginal(state, INPUTS)
         densities[:, k] = multivariate_normal(own.mean, own.covariance).logpdf(x)
-        guesses.append(condition(state, INPUTS, x[t]))
+        conditionals.append(condition(state, INPUTS, x[t]))
     total, first, second = 0.0, 0.0, 0.0
     for path in itertools.product(range(K), repeat=len(x)):
         p = np.exp(log_prior(model.dynamics, path) + densities[np.arange(len(x)), list(path)].sum())
-        initial_statistics = guesses[path[t]]
-        total, first = total + p, first + p * initial_statistics.mean
-        second = second + p * (
-            initial_statistics.covariance + np.outer(initial_statistics.mean, initial_statistics.mean)
-        )
+        conditional = conditionals[path[t]]
+        total, first = total + p, first + p * conditional.mean
+        second = second + p * (conditional.covariance + np.outer(conditional.mean, conditional.mean))
     mean = first / total
     return mean, second / total - np.outer(mean, mean)
 
 
 @pytest.mark.parametrize("chain", [markov, semi_markov])
-def test_filtered_regression_agrees_with_listing_every_path_so_far(rng, chain):
+def test_filtered_regression_equals_enumeration(rng, chain):
     model, x = skill(rng, chain(rng)), 2.0 * rng.normal(size=(5, 2))
     regression = filtered_regression(model, INPUTS, x)
     for t in range(5):
@@ -93,7 +91,7 @@ def test_filtered_regression_agrees_with_listing_every_path_so_far(rng, chain):
 
 
 @pytest.mark.parametrize("chain", [markov, semi_markov])
-def test_smoothed_regression_agrees_with_listing_every_path(rng, chain):
+def test_smoothed_regression_equals_enumeration(rng, chain):
     model, x = skill(rng, chain(rng)), 2.0 * rng.normal(size=(5, 2))
     regression = smoothed_regression(model, INPUTS, x)
     for t in range(5):
@@ -102,22 +100,25 @@ def test_smoothed_regression_agrees_with_listing_every_path(rng, chain):
         np.testing.assert_allclose(regression.covariances[t], covariance, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("follow", [filtered_regression, smoothed_regression])
+@pytest.mark.parametrize("regress_over_time", [filtered_regression, smoothed_regression])
 @pytest.mark.parametrize("chain", [markov, semi_markov])
-def test_the_jacobian_is_the_finite_difference_along_the_steps_own_input(rng, chain, follow):
-    """The shares move with the input too: a share's prior is what other steps saw, which does not."""
+def test_regression_jacobian_equals_finite_difference(rng, chain, regress_over_time):
+    """Responsibilities change with the input of the step; those of other steps do not."""
     model, x = skill(rng, chain(rng)), rng.normal(size=(6, 2))
-    exact = follow(model, INPUTS, x).jacobians
+    exact = regress_over_time(model, INPUTS, x).jacobians
     for t, i in itertools.product(range(6), range(2)):
         step = np.zeros_like(x)
         step[t, i] = 1e-5
-        more, less = follow(model, INPUTS, x + step).means[t], follow(model, INPUTS, x - step).means[t]
+        more, less = (
+            regress_over_time(model, INPUTS, x + step).means[t],
+            regress_over_time(model, INPUTS, x - step).means[t],
+        )
         np.testing.assert_allclose(exact[t, :, i], (more - less) / 2e-5, rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.parametrize("chain", [markov, semi_markov])
-def test_filtered_equals_smoothed_at_last_step(rng, chain):
-    """Filtered and smoothed agree there; a step before, the future has its say."""
+def test_filtered_regression_equals_smoothed_at_last_step(rng, chain):
+    """At earlier steps they differ."""
     model, x = skill(rng, chain(rng)), rng.normal(size=(30, 2))
     filtered, smoothed = filtered_regression(model, INPUTS, x), smoothed_regression(model, INPUTS, x)
     np.testing.assert_allclose(filtered.means[-1], smoothed.means[-1], rtol=1e-8)
@@ -127,64 +128,64 @@ def test_filtered_equals_smoothed_at_last_step(rng, chain):
 
 def test_filtered_regression_is_causal(rng):
     model, x = skill(rng, semi_markov(rng)), rng.normal(size=(9, 2))
-    whole, begun = filtered_regression(model, INPUTS, x), filtered_regression(model, INPUTS, x[:4])
-    np.testing.assert_allclose(whole.means[:4], begun.means, rtol=1e-9)
+    whole, beginning = filtered_regression(model, INPUTS, x), filtered_regression(model, INPUTS, x[:4])
+    np.testing.assert_allclose(whole.means[:4], beginning.means, rtol=1e-9)
 
 
-def test_regression_of_memoryless_chain_equals_mixture(rng):
-    """All rows of the transitions alike: steps tell nothing of each other, and regress is right."""
+def test_regression_memoryless_chain_equals_mixture(rng):
+    """With equal rows of transitions, steps are independent."""
     weights = rng.dirichlet(np.ones(K))
     forgetful = skill(rng, MarkovChain(weights, np.tile(weights, (K, 1))))
     mixture, x = replace(forgetful, dynamics=MixtureWeights(weights)), rng.normal(size=(4, 2))
     expected = regress(as_mixture(mixture), INPUTS, x)
     for model in (forgetful, mixture):
-        for follow in (filtered_regression, smoothed_regression):
-            regression = follow(model, INPUTS, x)
+        for regress_over_time in (filtered_regression, smoothed_regression):
+            regression = regress_over_time(model, INPUTS, x)
             np.testing.assert_allclose(regression.means, expected.means)
             np.testing.assert_allclose(regression.covariances, expected.covariances, rtol=1e-6)
             np.testing.assert_allclose(regression.jacobians, expected.jacobians, rtol=1e-6)
 
 
-def test_the_same_input_at_two_moments_is_told_apart_by_what_led_there():
-    """Out and back along one line, the output says which: a mixture can only give their mean."""
+def test_filtered_regression_equal_inputs_are_distinguished_by_past():
+    """On a path out and back along one line; a mixture predicts the mean of both."""
     means = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 0.0], [1.0, -1.0], [0.0, 0.0]])
-    chain = SemiMarkovChain(np.eye(5)[0], np.eye(5, k=1), GaussianDurations(np.full(5, 4.0), np.full(5, 1.0)))
+    chain = SemiMarkovChain(np.eye(5)[0], np.eye(5, k=1), DurationGaussian(np.full(5, 4.0), np.full(5, 1.0)))
     layout = Layout((Part("place", Quantity.SCALAR, 2, "m"),))
     model = AdaptedSkill(chain, means, np.tile(1e-2 * np.eye(2), (5, 1, 1)), layout, 0.1)
     x = np.repeat(means[:, :1], 4, axis=0)
-    for follow in (filtered_regression, smoothed_regression):
-        regression = follow(model, np.array([0]), x).means[:, 0]
+    for regress_over_time in (filtered_regression, smoothed_regression):
+        regression = regress_over_time(model, np.array([0]), x).means[:, 0]
         np.testing.assert_allclose(regression[[5, 13]], [1.0, -1.0], atol=1e-3)
     mixture = replace(model, dynamics=MixtureWeights(np.full(5, 0.2)))
     np.testing.assert_allclose(filtered_regression(mixture, np.array([0]), x).means[5], 0.0, atol=1e-3)
 
 
-def test_inputs_far_from_every_state_still_get_an_answer(rng):
+def test_regression_distant_inputs_gives_finite_result(rng):
     for dynamics in (markov(rng), semi_markov(rng), MixtureWeights(np.full(K, 1 / K))):
         model, x = skill(rng, dynamics), 1e7 * rng.normal(size=(5, 2))
-        for follow in (filtered_regression, smoothed_regression):
-            regression = follow(model, INPUTS, x)
+        for regress_over_time in (filtered_regression, smoothed_regression):
+            regression = regress_over_time(model, INPUTS, x)
             assert np.isfinite(regression.means).all()
             assert np.isfinite(regression.jacobians).all()
 
 
-def test_inputs_that_cannot_be_followed_are_refused(rng):
+def test_regression_invalid_inputs_are_refused(rng):
     model = skill(rng, markov(rng))
-    for follow in (filtered_regression, smoothed_regression):
+    for regress_over_time in (filtered_regression, smoothed_regression):
         with pytest.raises(InvalidInput, match="no rows"):
-            follow(model, INPUTS, np.empty((0, 2)))
+            regress_over_time(model, INPUTS, np.empty((0, 2)))
         with pytest.raises(InvalidInput, match="1 columns, expected 2"):
-            follow(model, INPUTS, np.zeros((4, 1)))
+            regress_over_time(model, INPUTS, np.zeros((4, 1)))
         with pytest.raises(InvalidInput, match=r"x\[1, 0\] is nan"):
-            follow(model, INPUTS, np.array([[0.0, 0.0], [np.nan, 0.0]]))
-        with pytest.raises(InvalidInput, match="nothing to map"):
-            follow(model, np.arange(3), np.zeros((4, 3)))
+            regress_over_time(model, INPUTS, np.array([[0.0, 0.0], [np.nan, 0.0]]))
+        with pytest.raises(InvalidInput, match="at least one input and one output"):
+            regress_over_time(model, np.arange(3), np.zeros((4, 3)))
         with pytest.raises(NotPositiveDefinite, match="component 0"):
-            follow(replace(model, covariances=np.zeros((K, D, D))), INPUTS, np.zeros((4, 2)))
+            regress_over_time(replace(model, covariances=np.zeros((K, D, D))), INPUTS, np.zeros((4, 2)))
 
 
-def test_unobserved_steps_do_not_change_state_probs(rng):
-    """Rows of zeros after the last observation leave the prediction; before it, the future is heard."""
+def test_smoothed_state_probs_unobserved_steps_equal_prediction(rng):
+    """Rows of zeros after the last observation are a prediction."""
     for chain in (markov(rng), semi_markov(rng)):
         log_observed = np.vstack([3.0 * rng.normal(size=(2, K)), np.zeros((4, K))])
         expected = chain.filtered_state_probs(log_observed[:2], 6)
@@ -193,8 +194,8 @@ def test_unobserved_steps_do_not_change_state_probs(rng):
         )
 
 
-def test_what_follows_the_last_observation_stays_open(rng):
-    """Also for a skill learned from recordings that ended with a visit: a robot is asked on its way."""
+def test_smoothed_state_probs_ignore_censoring_of_training_data(rng):
+    """The last segment of a running robot is right-censored."""
     chain, log_observed = semi_markov(rng), rng.normal(size=(5, K))
     ended = replace(chain, censoring=Censoring.NONE)
     np.testing.assert_allclose(
@@ -202,15 +203,15 @@ def test_what_follows_the_last_observation_stays_open(rng):
     )
 
 
-def test_posteriors_of_nothing_or_of_the_impossible_are_refused(rng):
+def test_smoothed_state_probs_invalid_observations_are_refused(rng):
     with pytest.raises(InvalidInput, match="no rows"):
         markov(rng).smoothed_state_probs(np.empty((0, K)))
     with pytest.raises(InvalidInput, match=r"observation 1 in state 2 is -inf"):
         markov(rng).smoothed_state_probs(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -np.inf]]))
 
 
-def test_a_skill_on_the_sphere_is_followed_on_a_flat_map_of_it(rng):
-    """About one axis S^3 is a circle: what the map answers is what the sphere does, without a map."""
+def test_smoothed_regression_on_s3_equals_tangent_chart(rng):
+    """About one axis S^3 is a circle."""
     layout = Layout((Part("time", Quantity.SCALAR, 1, "s"), Part("turn", Quantity.ORIENTATION, 4, "1")))
     q = quaternion_exp(0.2 * np.arange(K)[:, None] * np.array([0.0, 0.0, 1.0]))
     means = np.hstack([np.arange(K)[:, None], q])

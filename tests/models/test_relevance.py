@@ -82,7 +82,7 @@ def test_fit_pool_weights_equals_best_of_grid(rng, pooled_segments):
 
 
 def test_relevance_distractor_is_zero_at_every_state(make_two_object_demonstrations, rng):
-    """The first object is relevant at the first stop, the world at the second, the other object at the last."""
+    """The first object is relevant at the first stop, the world at the second, the other at the last."""
     demos = make_two_object_demonstrations(count=6, distractors=1)
     fit = learn(demos, states=3, rng=rng)
     found = relevance(fit.skill, demos)

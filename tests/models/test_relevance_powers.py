@@ -27,7 +27,7 @@ def test_adapt_relevance_one_equals_unweighted(skill, make_demonstrations):
 
 
 def test_adapt_density_equals_product_of_powers(skill, make_demonstrations, rng):
-    """log p(x) - sum_j r_j log p_j(x) is the same constant for every x."""
+    """The difference log p(x) - sum_j r_j log p_j(x) is the same constant for every x."""
     frames, pool_weights = make_demonstrations(frames=3)[0].frames, rng.uniform(0.05, 1.0, size=(3, 3))
     pool_weights[1, 2] = 0.0
     adapted, x = adapt(skill, frames, relevance=pool_weights), rng.normal(size=(9, 2))
