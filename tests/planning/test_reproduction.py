@@ -99,7 +99,7 @@ def test_reproduce_precise_via_point_is_passed(sphere: bool):
     ]
     x = reproduce(skill, situation.frames, situation.x[0], horizon=HORIZON, via_points=points).motion.x
     assert np.linalg.norm(x[30, :3] - position) < 1e-5
-    assert angle(x[30, 3:7], q) < 1e-4
+    assert angle(x[30, 3:7], q) < 3e-4  # three deviations
 
 
 def test_reproduce_default_horizon_is_mean_demonstration_length():

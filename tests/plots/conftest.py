@@ -1,4 +1,4 @@
-"""Small skills, demonstrations and motions to draw, built without learning anything."""
+"""Small skills, demonstrations and motions to plot, built without learning."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from pilotfish.models import (
     SemiMarkovChain,
     Skill,
 )
-from pilotfish.models.durations import Gaussian
+from pilotfish.models import durations as duration_models
 from pilotfish.models.online import (
     SOSC,
     Maintenance,
@@ -39,7 +39,7 @@ from pilotfish.models.online import (
     observe_stream,
     online_model,
 )
-from pilotfish.planning import reference_from_states
+from pilotfish.planning.plan import reference_from_states
 
 PERIOD = 0.1  # s
 LAYOUT = pose_layout().differentiate()
@@ -47,14 +47,14 @@ FRAMES = ("cup before", "cup after")
 
 
 def random_covariances(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
-    """Symmetric positive definite matrices whose deviations are about a tenth."""
+    """Return symmetric positive definite matrices with deviations of about a tenth."""
     root = rng.normal(scale=0.1 / np.sqrt(width), size=(count, width, width))
     return root @ root.transpose(0, 2, 1) + 1e-4 * np.eye(width)
 
 
 def left_right_chain(rng: np.random.Generator, states: int) -> SemiMarkovChain:
-    """One state after the other; the last is final."""
-    durations = Gaussian(rng.uniform(3.0, 9.0, states), rng.uniform(0.5, 3.0, states))
+    """Return a chain in which one state follows the other and the last is final."""
+    durations = duration_models.Gaussian(rng.uniform(3.0, 9.0, states), rng.uniform(0.5, 3.0, states))
     return SemiMarkovChain(np.eye(states)[0], np.eye(states, k=1), durations)
 
 
@@ -71,7 +71,7 @@ def make_skill(
     *,
     semi_tied_skill: bool = False,
 ) -> Skill:
-    """A skill of so many states, seen from these frames, its covariances full or semi-tied."""
+    """Return a skill with full or semi-tied covariances."""
     width = layout.width
     covariances = [
         semi_tied(rng, states, width)
@@ -90,22 +90,22 @@ def make_frames(rng: np.random.Generator) -> tuple[Frame, ...]:
     quaternions = rng.normal(size=(len(FRAMES), 4))
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
     poses = [Pose(rng.normal(scale=0.3, size=3), q) for q in quaternions]
-    return tuple(frame_from_pose(name, LAYOUT, where) for name, where in zip(FRAMES, poses, strict=True))
+    return tuple(frame_from_pose(name, LAYOUT, pose) for name, pose in zip(FRAMES, poses, strict=True))
 
 
 def make_demonstrations(rng: np.random.Generator, frames: tuple[Frame, ...]) -> tuple[Demonstration, ...]:
-    """Three smooth random paths of different lengths."""
-    shown = []
+    """Return three smooth random paths of different lengths."""
+    demos = []
     for m, steps in enumerate((20, 25, 31)):
         x = np.cumsum(rng.normal(scale=0.03, size=(steps, LAYOUT.width)), axis=0)
         q = np.array([1.0, 0.0, 0.0, 0.0]) + 0.3 * x[:, 3:7]
         x[:, 3:7] = q / np.linalg.norm(q, axis=1, keepdims=True)
-        shown.append(demonstration(x, PERIOD, LAYOUT, frames, f"showing {m}"))
-    return tuple(shown)
+        demos.append(demonstration(x, PERIOD, LAYOUT, frames, f"demonstration {m}"))
+    return tuple(demos)
 
 
 def make_selection(rng: np.random.Generator) -> Selection:
-    """Scores of three structures, two kinds of durations and five sizes; larger ones do better, and worse."""
+    """Return scores of three structures, two duration models and five numbers of states."""
     tried = [
         Candidate(states, structure, dynamics)
         for structure in (Full(), Diagonal(), SemiTied())
@@ -120,14 +120,14 @@ def make_selection(rng: np.random.Generator) -> Selection:
 
 
 def make_relevance(rng: np.random.Generator, states: int = 4) -> FrameRelevance:
-    """One frame or the other matters most, or both; the third is a distractor."""
+    """Return relevance in which the third frame is a distractor."""
     values = np.vstack([rng.uniform(0.01, 1.0, (2, states)), np.zeros(states)])
     values /= values.max(axis=0)
     return FrameRelevance(values, rng.gamma(0.5, 40.0, (3, states)), (*FRAMES, "distractor"))
 
 
 def make_online_models(rng: np.random.Generator) -> list[OnlineModel]:
-    """Two frames, five places on lines and planes; one is left early and forgotten."""
+    """Return the states of an online model with five clusters, one of which is deleted."""
     maintenance = Maintenance(discount=0.98, forget_below=0.3)
     model = online_model(
         SOSC(2.0, 0.1, 0.01, 50.0, maintenance=maintenance), position_layout(3), PERIOD, FRAMES
@@ -144,13 +144,13 @@ def make_online_models(rng: np.random.Generator) -> list[OnlineModel]:
 
 @dataclass(frozen=True)
 class PlotInputs:
-    """All that the pictures of the room show."""
+    """Arguments of all plots."""
 
     skill: Skill
     semi_tied_skill: Skill
     frames: tuple[Frame, ...]
     demonstrations: tuple[Demonstration, ...]
-    adapted: AdaptedSkill  # the skill as its first frame sees it
+    adapted: AdaptedSkill  # the skill in its first frame
     states: np.ndarray  # a plan that visits every state for a while
     feedback: Feedback
     motion: Motion
@@ -162,12 +162,12 @@ class PlotInputs:
 
 def make_plot_inputs(rng: np.random.Generator) -> PlotInputs:
     skill, frames = make_skill(rng), make_frames(rng)
-    shown = make_demonstrations(rng, frames)
+    demos = make_demonstrations(rng, frames)
     adapted = AdaptedSkill(skill.dynamics, skill.means[0], skill.covariances[0].dense, LAYOUT, PERIOD)
     states = np.repeat(np.arange(skill.states), 6)
     feedback = track(double_integrator(7, PERIOD), reference_from_states(adapted, states, 2e-3), 9.0)
-    fit = Fit(skill, skill, np.sort(rng.normal(size=8)), Convergence(True, 8, "it was enough", ()))
-    motion = feedback.rollout(shown[0].x[0])
+    fit = Fit(skill, skill, Convergence(np.sort(rng.normal(size=8)), True, 8, "converged", ()))
+    motion = feedback.rollout(demos[0].x[0])
     semi_tied_skill, chosen = make_skill(rng, semi_tied_skill=True), make_selection(rng)
     frame_relevance = make_relevance(rng)
     online_models = make_online_models(rng)
@@ -175,7 +175,7 @@ def make_plot_inputs(rng: np.random.Generator) -> PlotInputs:
         skill,
         semi_tied_skill,
         frames,
-        shown,
+        demos,
         adapted,
         states,
         feedback,
@@ -194,17 +194,17 @@ def inputs(rng: np.random.Generator) -> PlotInputs:
 
 @pytest.fixture(scope="module")
 def fixed_inputs() -> PlotInputs:
-    """Drawn once for many laws: pictures take time."""
+    """Return inputs that several tests share: plots take time."""
     return make_plot_inputs(np.random.default_rng(0))
 
 
 @pytest.fixture
 def make_skill_of_size(rng: np.random.Generator) -> Callable[..., Skill]:
-    """Makes skills of other sizes."""
+    """Return a function that creates skills of other sizes."""
     return partial(make_skill, rng)
 
 
 @pytest.fixture(scope="module")
 def make_fixed_skill() -> Callable[..., Skill]:
-    """Makes the same skills of other sizes for every law."""
+    """Return a function that creates the same skills for every test."""
     return partial(make_skill, np.random.default_rng(0))

@@ -1,4 +1,4 @@
-"""What holds of every picture: drawn without a warning, labelled with units, nothing cut off or covered."""
+"""Properties of every plot: no warning, labels with units, nothing cut off or covered."""
 
 import os
 import re
@@ -18,7 +18,7 @@ from pilotfish.models import FrameRelevance, Skill
 from pilotfish.planning import via_point
 
 DRAW: dict[str, Callable[[Any], Figure]] = {
-    "demonstrations_seen": lambda t: plots.demonstrations_in_frames(t.skill, t.demonstrations),
+    "demonstrations_in_frames": lambda t: plots.demonstrations_in_frames(t.skill, t.demonstrations),
     "state_graph": lambda t: plots.state_graph(t.skill),
     "forward_variable": lambda t: plots.forward_variable(t.skill, horizon=40),
     "reproduction": lambda t: plots.reproduction(
@@ -27,7 +27,7 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
     "tracked_coordinates": lambda t: plots.tracked_coordinates(
         t.adapted, t.states, t.motion, demonstration=t.demonstrations[0]
     ),
-    "gains": lambda t: plots.feedback_gains(t.feedback, t.adapted.layout),
+    "feedback_gains": lambda t: plots.feedback_gains(t.feedback, t.adapted.layout),
     "via_points": lambda t: plots.via_points(
         t.adapted.layout,
         t.motion,
@@ -37,12 +37,12 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
         ],
         baseline=t.motion,
     ),
-    "deviations": lambda t: plots.state_deviations(t.skill),
+    "state_deviations": lambda t: plots.state_deviations(t.skill),
     "basis_vectors": lambda t: plots.basis_vectors(t.semi_tied_skill),
-    "component_correlations": lambda t: plots.covariance_correlations([t.skill, t.semi_tied_skill]),
-    "model_sizes": lambda t: plots.model_selection(t.selection),
+    "covariance_correlations": lambda t: plots.covariance_correlations([t.skill, t.semi_tied_skill]),
+    "model_selection": lambda t: plots.model_selection(t.selection),
     "frame_relevance": lambda t: plots.frame_relevance(t.frame_relevance),
-    "growth": lambda t: plots.online_clusters(t.online_models),
+    "online_clusters": lambda t: plots.online_clusters(t.online_models),
     "likelihood_trace": lambda t: plots.likelihood_trace([t.fit, t.fit]),
 }
 WITH_UNIT = re.compile(r"\[.+\]$")
@@ -51,7 +51,7 @@ COUNTS = {"state", "states", "iteration", "basis vector (first is 0)", "frame"} 
 
 @pytest.fixture(scope="module", params=DRAW)
 def picture(request: pytest.FixtureRequest, fixed_inputs: Any) -> Figure:
-    """Each picture of the room, drawn; matplotlib's settings stay as they were."""
+    """Draw each plot, and check that matplotlib's settings are unchanged."""
     before = dict(mpl.rcParams)
     figure = DRAW[request.param](fixed_inputs)
     FigureCanvasAgg(figure).draw()
@@ -60,29 +60,29 @@ def picture(request: pytest.FixtureRequest, fixed_inputs: Any) -> Figure:
 
 
 def assert_texts_inside_figure(figure: Figure) -> None:
-    """All that is drawn, texts above all, lies inside the figure, give or take a pixel and a half."""
+    """Check that all artists lie inside the figure, within 1.5 pixels."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     box = figure.get_tightbbox(canvas.get_renderer())  # inches
-    covariance_regularisation = 1.5 / figure.dpi
-    assert box.x0 >= -covariance_regularisation
-    assert box.y0 >= -covariance_regularisation
-    assert box.x1 <= figure.get_figwidth() + covariance_regularisation
-    assert box.y1 <= figure.get_figheight() + covariance_regularisation
+    margin = 1.5 / figure.dpi
+    assert box.x0 >= -margin
+    assert box.y0 >= -margin
+    assert box.x1 <= figure.get_figwidth() + margin
+    assert box.y1 <= figure.get_figheight() + margin
 
 
-def test_every_picture_of_the_room_is_tried():
-    """The laws below hold of every function of the room that makes a figure."""
-    assert set(DRAW) == set(plots.__all__) - {"MOST_STATES", "state_colour"}
+def test_plots_all_functions_are_covered():
+    """The tests below cover every function that creates a figure."""
+    assert set(DRAW) == set(plots.__all__) - {"MAX_STATES", "state_colour"}
 
 
-def test_nothing_is_cut_off(picture: Figure):
-    """Every text and line of every picture lies inside its figure."""
+def test_plot_is_inside_figure(picture: Figure):
+    """Every text and line lies inside the figure."""
     assert_texts_inside_figure(picture)
 
 
-def test_every_axis_has_a_label_with_its_unit(picture: Figure):
-    """Each visible axis says what it shows and in which unit, unless it only counts."""
+def test_plot_axes_have_labels_with_units(picture: Figure):
+    """Each visible axis has a label with its unit, unless it counts."""
     for axes in picture.axes:
         for label, ticks in (
             (axes.get_xlabel(), axes.get_xticklabels()),
@@ -94,8 +94,8 @@ def test_every_axis_has_a_label_with_its_unit(picture: Figure):
             assert hidden or rows or label in COUNTS or WITH_UNIT.search(label), (label, texts)
 
 
-def test_legends_cover_no_data(picture: Figure):
-    """The legend of a sheet lies outside all of its panels, and no panel has one of its own."""
+def test_plot_legend_is_outside_panels(picture: Figure):
+    """The legend lies outside all panels, and no panel has its own."""
     renderer = FigureCanvasAgg(picture).get_renderer()
     for legend in picture.legends:
         box = legend.get_window_extent(renderer)
@@ -103,21 +103,21 @@ def test_legends_cover_no_data(picture: Figure):
     assert not any(axes.get_legend() for axes in picture.axes)
 
 
-def test_drawing_needs_no_pyplot():
-    """The room does not load pyplot, which keeps figures alive and picks a window system."""
+def test_plots_import_does_not_load_pyplot():
+    """Pyplot is not imported: it keeps figures alive and selects a window system."""
     program = "import sys, pilotfish.plots; sys.exit('matplotlib.pyplot' in sys.modules)"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     subprocess.run([sys.executable, "-W", "ignore", "-c", program], check=True, env=environment)
 
 
 @pytest.mark.parametrize("count", [1, 20])
-def test_few_and_many_states_fit(count: int, make_fixed_skill: Callable[..., Skill]):
-    """Pictures of a skill with one state, or with twenty, keep all that they hold inside."""
+def test_plots_few_and_many_states_are_inside_figure(count: int, make_fixed_skill: Callable[..., Skill]):
+    """Plots of one state and of twenty keep everything inside."""
     skill = make_fixed_skill(count, ("world",))
     assert_texts_inside_figure(plots.state_graph(skill))
     assert_texts_inside_figure(plots.forward_variable(skill, horizon=30))
     assert_texts_inside_figure(plots.state_deviations(skill))
     assert_texts_inside_figure(plots.covariance_correlations([skill]))
     values = np.full((5, count), 0.987)
-    names = tuple(f"a thing with a long name {p}" for p in range(5))
+    names = tuple(f"a frame with a long name {p}" for p in range(5))
     assert_texts_inside_figure(plots.frame_relevance(FrameRelevance(values, 12345.0 * values, names)))

@@ -1,4 +1,4 @@
-"""Colours can be told apart, by people who see fewer of them too."""
+"""Colours are distinct, also for colour-blind readers."""
 
 from itertools import combinations
 
@@ -8,8 +8,8 @@ import pytest
 from pilotfish import plots
 from pilotfish.plots.style import AXIS_COLOURS, STATE_COLOURS, state_dash
 
-# What linear RGB becomes for the eye of a protanope, deuteranope and tritanope: Machado, Oliveira &
-# Fernandes 2009, IEEE TVCG 15(6), table 1, severity 1.
+# Linear RGB as perceived by a protanope, deuteranope and tritanope: Machado, Oliveira & Fernandes 2009,
+# IEEE TVCG 15(6), table 1, severity 1.
 COLOUR_VISION = {
     "all": np.eye(3),
     "no red": np.array(
@@ -26,7 +26,7 @@ XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1
 
 
 def lab(colour: str, vision: np.ndarray) -> np.ndarray:
-    """CIELAB of a hex colour as that eye sees it: distances are about what can just be seen."""
+    """Return CIELAB coordinates of a hex colour as an eye perceives it."""
     rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     xyz = XYZ @ np.clip(vision @ linear, 0.0, 1.0) / XYZ.sum(axis=1)
@@ -34,15 +34,15 @@ def lab(colour: str, vision: np.ndarray) -> np.ndarray:
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-@pytest.mark.parametrize("eye", COLOUR_VISION)
+@pytest.mark.parametrize("vision", COLOUR_VISION)
 @pytest.mark.parametrize("colours", [STATE_COLOURS, tuple(AXIS_COLOURS.values())], ids=["states", "axes"])
-def test_colours_stay_apart(vision: str, colours: tuple[str, ...]):
-    """Any two colours differ by 15 or more in CIELAB, six times what is just seen, for every eye."""
-    seen = [lab(colour, COLOUR_VISION[vision]) for colour in colours]
-    assert min(float(np.linalg.norm(a - b)) for a, b in combinations(seen, 2)) >= 15.0
+def test_colours_every_vision_are_distinct(vision: str, colours: tuple[str, ...]):
+    """Any two colours differ by 15 or more in CIELAB, six times the perceptible difference, for every eye."""
+    coordinates = [lab(colour, COLOUR_VISION[vision]) for colour in colours]
+    assert min(float(np.linalg.norm(a - b)) for a, b in combinations(coordinates, 2)) >= 15.0
 
 
-def test_every_state_looks_different():
-    """Colour and dash together differ for all states that are allowed."""
-    looks = {(plots.state_colour(k), state_dash(k)) for k in range(plots.MAX_STATES)}
-    assert len(looks) == plots.MAX_STATES
+def test_state_colour_and_dash_are_unique():
+    """Colour and dash together differ for all allowed states."""
+    styles = {(plots.state_colour(k), state_dash(k)) for k in range(plots.MAX_STATES)}
+    assert len(styles) == plots.MAX_STATES

@@ -1,4 +1,4 @@
-"""Pictures stay readable where things coincide, where states are many, and where there is only one."""
+"""Readability of plots with coinciding marks, many states, or one state."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,7 +20,7 @@ MAX_WIDTH = 16.0  # inches
 
 
 def overlapping_labels_figure(inputs: Any) -> Figure:
-    """Frames stand where two of the states are, and the motion begins at the first of them."""
+    """Plot frames at two states, and a motion that begins at the first of them."""
     space, frames = slice(0, 3), []
     for frame, mean in zip(inputs.frames, inputs.adapted.means, strict=False):
         b = frame.b.copy()
@@ -31,71 +31,72 @@ def overlapping_labels_figure(inputs: Any) -> Figure:
     return plots.reproduction(inputs.adapted, replace(inputs.motion, x=x), frames)
 
 
-def test_labels_cover_neither_each_other_nor_leave_their_panel(inputs: Any):
-    """States that coincide with frames, and frames at the rim, have labels that can all be read."""
+def test_place_labels_coinciding_marks_do_not_overlap(inputs: Any):
+    """Labels of states that coincide with frames do not overlap and stay in the panel."""
     figure = overlapping_labels_figure(inputs)
     renderer = FigureCanvasAgg(figure).get_renderer()
     figure.draw(renderer)
     for panel in figure.axes[:2]:
         boxes = [text.get_window_extent(renderer) for text in panel.texts if isinstance(text, Annotation)]
         assert len(boxes) >= inputs.adapted.states + len(inputs.frames)
-        for one, two in combinations(boxes, 2):
-            width = min(one.x1, two.x1) - max(one.x0, two.x0)
-            height = min(one.y1, two.y1) - max(one.y0, two.y0)
+        for a, b in combinations(boxes, 2):
+            width = min(a.x1, b.x1) - max(a.x0, b.x0)
+            height = min(a.y1, b.y1) - max(a.y0, b.y0)
             assert min(width, height) <= 1.0  # pixel
-        rim = panel.get_window_extent(renderer).padded(1.0)
-        assert all(rim.containsx(x) and rim.containsy(y) for box in boxes for x, y in box.corners())
+        border = panel.get_window_extent(renderer).padded(1.0)
+        assert all(border.containsx(x) and border.containsy(y) for box in boxes for x, y in box.corners())
 
 
-def test_the_beginning_lies_above_frames_and_states(inputs: Any):
-    """No square of a frame hides the dot where the motion begins."""
+def test_reproduction_start_is_drawn_above_frames(inputs: Any):
+    """No square of a frame hides the dot at the start of the motion."""
     for panel in overlapping_labels_figure(inputs).axes:
         (dot,) = (line for line in panel.get_lines() if line.get_marker() == "o" and line.get_zorder() == 7)
         assert all(line is dot or line.get_zorder() < 7 for line in panel.get_lines())
 
 
-@pytest.mark.parametrize("stretch", [1.0, 0.01, 30.0])
-def test_space_has_one_scale(inputs: Any, stretch: float):
-    """A metre is drawn equally long along x, y and z, be the motion long or flat."""
+@pytest.mark.parametrize("scale", [1.0, 0.01, 30.0])
+def test_reproduction_space_has_equal_scales(inputs: Any, scale: float):
+    """One metre has the same length along x, y and z, for long and for flat motions."""
     x = inputs.motion.x.copy()
-    x[:, 2] *= stretch
+    x[:, 2] *= scale
     panel = plots.reproduction(inputs.adapted, replace(inputs.motion, x=x), inputs.frames).axes[2]
     ranges = np.ptp([panel.get_xlim3d(), panel.get_ylim3d(), panel.get_zlim3d()], axis=1)
-    shares = ranges / panel.get_box_aspect()
-    np.testing.assert_allclose(shares, shares[0])
+    scales = ranges / panel.get_box_aspect()
+    np.testing.assert_allclose(scales, scales[0])
 
 
-def test_a_skill_of_one_state_says_why_no_visit_ends(make_skill_of_size: Callable[..., Skill]):
-    """The lower panel of the forward variable is not left empty without a word."""
+def test_forward_variable_one_state_has_note(make_skill_of_size: Callable[..., Skill]):
+    """The lower panel of the forward variable has a note instead of curves."""
     _, below = plots.forward_variable(make_skill_of_size(1, ("world",)), horizon=9).axes
-    assert [text.get_text() for text in below.texts] == ["a final state: no visit ends"]
+    assert [text.get_text() for text in below.texts] == ["final state: no segment ends"]
     assert not plots.forward_variable(make_skill_of_size(2, ("world",)), horizon=9).axes[1].texts
 
 
 @pytest.mark.parametrize("count", [2, 10, 11, 24])
-def test_a_graph_of_many_states_fits_a_page_and_keeps_every_arrow(
+def test_state_graph_many_states_fits_page_with_every_arrow(
     make_skill_of_size: Callable[..., Skill], rng: np.random.Generator, count: int
 ):
-    """Rows are added, not breadth; each transition, within a row or out of it, has one arrow."""
+    """The figure grows in rows, and every transition has one arrow."""
     skill = make_skill_of_size(count, ("world",))
-    onward = np.triu(rng.uniform(size=(count, count)) * (rng.uniform(size=(count, count)) < 0.2), k=2)
-    onward[np.arange(count - 1), np.arange(1, count)] = 1.0
-    onward[count // 2, 0] = 0.5
-    onward /= np.maximum(onward.sum(axis=1, keepdims=True), 1e-300)
+    transitions = np.triu(rng.uniform(size=(count, count)) * (rng.uniform(size=(count, count)) < 0.2), k=2)
+    transitions[np.arange(count - 1), np.arange(1, count)] = 1.0
+    transitions[count // 2, 0] = 0.5
+    transitions /= np.maximum(transitions.sum(axis=1, keepdims=True), 1e-300)
     durations = skill.dynamics.durations
     figure = plots.state_graph(
-        replace(skill, dynamics=SemiMarkovChain(np.eye(count)[0], onward, durations)), min_probability=0.0
+        replace(skill, dynamics=SemiMarkovChain(np.eye(count)[0], transitions, durations)),
+        min_probability=0.0,
     )
     arrows = [a for axes in figure.axes for a in axes.patches if isinstance(a, FancyArrowPatch)]
     assert figure.get_figwidth() <= MAX_WIDTH
-    assert len(arrows) == np.count_nonzero(onward)
+    assert len(arrows) == np.count_nonzero(transitions)
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.85, 0.97), (0.02, 0.05), (0.011, 0.4)])
-def test_deviations_have_plain_numbers_at_narrow_scales(
+def test_state_deviations_narrow_scale_has_plain_ticks(
     make_skill_of_size: Callable[..., Skill], low: float, high: float
 ):
-    """Ticks are numbers such as 0.9, at least two of them, and not powers of ten."""
+    """Tick labels are at least two numbers such as 0.9, and no powers of ten."""
     skill = make_skill_of_size(4, ("world",))
     dense = np.stack([np.eye(skill.width) * d**2 for d in np.geomspace(low, high, 4)])
     figure = plots.state_deviations(replace(skill, covariances=(DenseCovariances(dense),)))

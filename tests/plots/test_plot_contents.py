@@ -1,4 +1,4 @@
-"""What is drawn is what the values say: contours, bands, arrows, densities, lines and shades."""
+"""Contents of plots: contours, bands, arrows, densities, lines and colours equal their values."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,8 +21,15 @@ from pilotfish.gaussians.structures import (
     SemiTiedCovariances,
     component_correlation,
 )
-from pilotfish.models import FrameRelevance, Selection, SemiMarkovChain, Skill
-from pilotfish.models.durations import Gaussian
+from pilotfish.models import (
+    Candidate,
+    DurationModel,
+    FrameRelevance,
+    Selection,
+    SemiMarkovChain,
+    Skill,
+    durations,
+)
 from pilotfish.planning import via_point
 
 LAYOUT = pose_layout().differentiate()
@@ -34,15 +41,15 @@ def by_gid(figure: Figure, kind: type, text: str) -> list[Any]:
 
 
 def chain(rng: np.random.Generator) -> SemiMarkovChain:
-    """Four states in a circle with leaps and ways back; none is final."""
-    onward = rng.uniform(0.05, 1.0, (4, 4)) * (1.0 - np.eye(4))
-    onward /= onward.sum(axis=1, keepdims=True)
-    durations = Gaussian(rng.uniform(3.0, 9.0, 4), rng.uniform(0.5, 2.0, 4))
-    return SemiMarkovChain(np.eye(4)[0], onward, durations)
+    """Return four states in a circle with forward and backward transitions; none is final."""
+    transitions = rng.uniform(0.05, 1.0, (4, 4)) * (1.0 - np.eye(4))
+    transitions /= transitions.sum(axis=1, keepdims=True)
+    gaussian = durations.Gaussian(rng.uniform(3.0, 9.0, 4), rng.uniform(0.5, 2.0, 4))
+    return SemiMarkovChain(np.eye(4)[0], transitions, gaussian)
 
 
-def test_ellipses_are_the_contours_at_one_deviation(inputs: Any):
-    """Every vertex drawn for a state lies at Mahalanobis distance one from the marginal of its Gaussian."""
+def test_demonstrations_in_frames_ellipses_have_unit_distance(inputs: Any):
+    """Every vertex of an ellipse has Mahalanobis distance one."""
     figure = plots.demonstrations_in_frames(inputs.skill, inputs.demonstrations)
     for p, name in enumerate(inputs.skill.frame_names):
         for k in range(inputs.skill.states):
@@ -56,16 +63,16 @@ def test_ellipses_are_the_contours_at_one_deviation(inputs: Any):
                 np.testing.assert_allclose(distances, 1.0, rtol=1e-9)
 
 
-def test_there_is_one_ellipse_for_each_state_frame_and_plane(inputs: Any):
-    """Named planes draw as many ellipses as there are states, in each row of panels."""
+def test_demonstrations_in_frames_one_ellipse_per_state_frame_and_plane(inputs: Any):
+    """There is one ellipse per state, frame and plane."""
     planes = [("position y", "position z"), ("position x", "position x'"), ("position z", "position y")]
     figure = plots.demonstrations_in_frames(inputs.skill, inputs.demonstrations, planes=planes)
     count = len(by_gid(figure, Polygon, "state "))
     assert count == inputs.skill.states * len(inputs.skill.frame_names) * len(planes)
 
 
-def test_demonstrations_are_drawn_as_their_frames_see_them(inputs: Any):
-    """The paths in a row of panels are the views from that row's frame, one a demonstration."""
+def test_demonstrations_in_frames_paths_equal_views(inputs: Any):
+    """The paths in a row of panels are the views from its frame."""
     figure = plots.demonstrations_in_frames(inputs.skill, inputs.demonstrations)
     data, ends = views(inputs.demonstrations), np.cumsum([len(d.x) for d in inputs.demonstrations])
     for p in range(2):
@@ -74,13 +81,13 @@ def test_demonstrations_are_drawn_as_their_frames_see_them(inputs: Any):
             np.testing.assert_array_equal(line.get_xydata(), path[:, :2])
 
 
-def test_a_state_has_the_same_colour_in_every_picture(inputs: Any):
-    """Ellipse, node and band of a state are of one colour."""
-    seen = plots.demonstrations_in_frames(inputs.skill, inputs.demonstrations)
+def test_plots_state_has_same_colour_everywhere(inputs: Any):
+    """Ellipse, node and band of a state have the same colour."""
+    ellipses = plots.demonstrations_in_frames(inputs.skill, inputs.demonstrations)
     graph = plots.state_graph(inputs.skill)
     tracked = plots.tracked_coordinates(inputs.adapted, inputs.states, inputs.motion)
     for k in range(inputs.skill.states):
-        ellipse = by_gid(seen, Polygon, f"state {k}")[0].get_edgecolor()
+        ellipse = by_gid(ellipses, Polygon, f"state {k}")[0].get_edgecolor()
         node = by_gid(graph, Circle, f"state {k}")[0].get_facecolor()
         band = by_gid(tracked, object, f"band of state {k}")[0].get_facecolor()[0]
         np.testing.assert_allclose(ellipse[:3], node[:3])
@@ -88,8 +95,8 @@ def test_a_state_has_the_same_colour_in_every_picture(inputs: Any):
 
 
 @pytest.mark.parametrize("gap", [-0.03, 0.0, 0.001, 0.03, 0.5])
-def test_names_of_frames_that_stand_together_are_readable(inputs: Any, gap: float):
-    """However close two origins are, in either order, their names do not overlap."""
+def test_reproduction_close_frames_have_distinct_names(inputs: Any, gap: float):
+    """Names of two close origins do not overlap, in either order."""
     first, second = inputs.frames
     near = first.b.copy()
     near[:3] += gap
@@ -98,12 +105,12 @@ def test_names_of_frames_that_stand_together_are_readable(inputs: Any, gap: floa
     figure.draw(renderer)
     for panel in figure.axes[:2]:
         names = [text for text in panel.texts if text.get_text() in inputs.skill.frame_names]
-        one, two = (text.get_window_extent(renderer) for text in names)
-        assert not one.overlaps(two)
+        a, b = (text.get_window_extent(renderer) for text in names)
+        assert not a.overlaps(b)
 
 
-def test_bands_are_one_deviation_about_the_planned_mean(inputs: Any):
-    """In each panel the band of a visit reaches from mean - deviation to mean + deviation, as long as it."""
+def test_tracked_coordinates_bands_equal_mean_and_deviation(inputs: Any):
+    """A band covers mean minus to mean plus deviation over its segment."""
     figure = plots.tracked_coordinates(inputs.adapted, inputs.states, inputs.motion)
     for column, panel in enumerate(figure.axes):
         end = -0.05  # half a step before the first
@@ -117,64 +124,64 @@ def test_bands_are_one_deviation_about_the_planned_mean(inputs: Any):
             end = x1
 
 
-def test_every_sufficient_transition_has_an_arrow(inputs: Any, rng: np.random.Generator):
-    """As many arrows are drawn as transitions reach the least probability asked for."""
+def test_state_graph_min_probability_selects_arrows(inputs: Any, rng: np.random.Generator):
+    """There is one arrow per transition of at least the smallest probability."""
     skill = replace(inputs.skill, dynamics=chain(rng))
     for min_probability in (0.0, 0.2, 0.5):
         figure = plots.state_graph(skill, min_probability=min_probability)
         arrows = [a for a in figure.axes[0].patches if isinstance(a, FancyArrowPatch)]
-        wanted = (skill.dynamics.transitions >= min_probability) & (skill.dynamics.transitions > 0.0)
-        assert len(arrows) == wanted.sum()
+        expected = (skill.dynamics.transitions >= min_probability) & (skill.dynamics.transitions > 0.0)
+        assert len(arrows) == expected.sum()
 
 
-def test_the_order_of_the_graph_is_that_of_time_whatever_the_labels(inputs: Any, rng: np.random.Generator):
-    """Relabelling the states of a skill relabels its nodes and moves none."""
+def test_state_graph_order_is_independent_of_labels(inputs: Any, rng: np.random.Generator):
+    """A permutation of the states permutes the labels of the nodes only."""
     plain, shuffled = inputs.skill.dynamics, rng.permutation(4)
     relabelled = SemiMarkovChain(
         plain.initial[shuffled],
         plain.transitions[np.ix_(shuffled, shuffled)],
-        Gaussian(plain.durations.means[shuffled], plain.durations.deviations[shuffled]),
+        durations.Gaussian(plain.durations.means[shuffled], plain.durations.deviations[shuffled]),
     )
     figure = plots.state_graph(replace(inputs.skill, dynamics=relabelled))
-    places = [by_gid(figure, Circle, f"state {k}")[0].get_center()[0] for k in range(4)]
-    np.testing.assert_array_equal(places, shuffled)
+    positions = [by_gid(figure, Circle, f"state {k}")[0].get_center()[0] for k in range(4)]
+    np.testing.assert_array_equal(positions, shuffled)
 
 
-def test_duration_densities_integrate_to_one(inputs: Any):
-    """Under each node the density times the period sums to one, but for what lies out of sight."""
+def test_state_graph_duration_densities_sum_to_one(inputs: Any):
+    """The density times the period sums to one, up to the tail."""
     figure = plots.state_graph(inputs.skill)
     for axes in figure.axes[1:]:
         density = axes.get_lines()[0].get_ydata()
         assert float(np.sum(density)) * inputs.skill.period == pytest.approx(1.0, abs=1.001e-4)
 
 
-def test_the_forward_picture_shows_occupancy_and_rows_that_sum_to_one(inputs: Any, rng: np.random.Generator):
-    """The upper curves are the occupancy; both panels sum to one wherever anything can be."""
+def test_forward_variable_curves_equal_state_probabilities(inputs: Any, rng: np.random.Generator):
+    """The upper curves are state probabilities; the rows of both panels sum to one."""
     skill = replace(inputs.skill, dynamics=chain(rng))
     above, below = plots.forward_variable(skill, horizon=25).axes
-    shares = np.stack([line.get_ydata() for line in above.get_lines()], axis=1)
-    np.testing.assert_allclose(shares, occupancy(skill.dynamics, NO_OBSERVATIONS, 25))
+    probabilities = np.stack([line.get_ydata() for line in above.get_lines()], axis=1)
+    np.testing.assert_allclose(probabilities, skill.dynamics.filtered_state_probs(NO_OBSERVATIONS, 25))
     ends = np.stack([line.get_ydata() for line in below.get_lines()], axis=1).sum(axis=1)
     np.testing.assert_allclose(ends[~np.isnan(ends)], 1.0)
     assert np.isfinite(ends[-1])
 
 
-def test_gains_show_the_diagonal_and_the_norm_of_each_part(inputs: Any):
-    """The lines of a part are its own stiffness or damping; the last is the norm of its block."""
+def test_feedback_gains_lines_equal_diagonal_and_norm(inputs: Any):
+    """Lines are the diagonal of each part; the last is the norm of its block."""
     blocks = (inputs.feedback.stiffness, inputs.feedback.damping)
     figure = plots.feedback_gains(inputs.feedback, inputs.adapted.layout)
-    for panel, (row, here) in zip(
-        figure.axes, ((row, here) for row in blocks for here in (slice(0, 3), slice(3, 7))), strict=True
+    for panel, (row, columns) in zip(
+        figure.axes, ((row, columns) for row in blocks for columns in (slice(0, 3), slice(3, 7))), strict=True
     ):
         lines = [line.get_ydata() for line in panel.get_lines()]
-        block = row[:, here, here]
+        block = row[:, columns, columns]
         np.testing.assert_array_equal(np.transpose(lines[: block.shape[1]]), np.diagonal(block, 0, 1, 2))
         np.testing.assert_allclose(lines[block.shape[1]], np.sqrt((block**2).sum(axis=(1, 2))))
 
 
 @pytest.mark.parametrize("precise", [0, 2, 3])
-def test_the_most_precise_state_of_a_frame_is_shaded(inputs: Any, precise: int):
-    """A state whose covariance shrinks a thousandfold is the one that is shaded, in that frame."""
+def test_state_deviations_most_precise_state_is_shaded(inputs: Any, precise: int):
+    """A state whose covariance is a thousandth is shaded, in that frame."""
     dense = inputs.skill.covariances[1].dense.copy()
     dense[precise] *= 1e-3
     covariances = (inputs.skill.covariances[0], DenseCovariances(dense))
@@ -184,16 +191,16 @@ def test_the_most_precise_state_of_a_frame_is_shaded(inputs: Any, precise: int):
         assert shade.get_x() + 0.5 * shade.get_width() == pytest.approx(precise)
 
 
-def test_deviations_are_roots_of_variances(inputs: Any):
-    """The line of a column is the root of the diagonal of the states' covariances."""
+def test_state_deviations_lines_equal_roots_of_variances(inputs: Any):
+    """The line of a column is the root of the variances."""
     figure = plots.state_deviations(inputs.skill, columns=["position y", "orientation w"])
     for p, panel in enumerate(figure.axes[::2]):
         expected = np.sqrt(inputs.skill.covariances[p].dense[:, 1, 1])
         np.testing.assert_allclose(panel.get_lines()[0].get_ydata(), expected)
 
 
-def test_a_basis_looks_the_same_at_any_scale_and_sign(inputs: Any, rng: np.random.Generator):
-    """Basis vectors have no scale of their own: the heat map does not change when columns are scaled."""
+def test_basis_vectors_scaled_basis_is_unchanged(inputs: Any, rng: np.random.Generator):
+    """Scaling the basis vectors does not change the heat map."""
 
     def scaled(c: SemiTiedCovariances) -> SemiTiedCovariances:
         return replace(c, basis=c.basis * rng.choice([-3.0, 0.1, 7.0], size=c.basis.shape[1]))
@@ -201,15 +208,17 @@ def test_a_basis_looks_the_same_at_any_scale_and_sign(inputs: Any, rng: np.rando
     other = replace(
         inputs.semi_tied_skill, covariances=tuple(map(scaled, inputs.semi_tied_skill.covariances))
     )
-    for one, two in zip(
+    for first, second in zip(
         plots.basis_vectors(inputs.semi_tied_skill).axes, plots.basis_vectors(other).axes, strict=True
     ):
-        for a, b in zip(one.get_images(), two.get_images(), strict=True):
+        for a, b in zip(first.get_images(), second.get_images(), strict=True):
             np.testing.assert_allclose(a.get_array(), b.get_array())
             np.testing.assert_allclose(np.abs(a.get_array()).max(axis=0), 1.0)
 
 
-def test_correlations_are_those_of_the_covariances(inputs: Any, make_skill_of_size: Callable[..., Skill]):
+def test_covariance_correlations_equal_component_correlation(
+    inputs: Any, make_skill_of_size: Callable[..., Skill]
+):
     """Rows of panels are frames, columns are skills; skills may differ in states."""
     both = [inputs.skill, make_skill_of_size(6)]
     panels = iter(plots.covariance_correlations(both).axes)
@@ -219,8 +228,8 @@ def test_correlations_are_those_of_the_covariances(inputs: Any, make_skill_of_si
             np.testing.assert_array_equal(next(panels).get_images()[0].get_array(), expected)
 
 
-def test_the_trace_is_that_of_each_fit(inputs: Any):
-    """Every line holds the log-likelihoods of its fit, and says whether that converged."""
+def test_likelihood_trace_lines_equal_log_likelihoods(inputs: Any):
+    """Every line has the log-likelihoods of its fit, and the label says whether it converged."""
     failed = replace(inputs.fit, convergence=replace(inputs.fit.convergence, converged=False))
     lines = plots.likelihood_trace([inputs.fit, failed]).axes[0].get_lines()
     for line in lines:
@@ -229,8 +238,8 @@ def test_the_trace_is_that_of_each_fit(inputs: Any):
     assert "not converged" not in str(lines[0].get_label())
 
 
-def test_points_stand_at_their_time_and_place_in_the_panels_that_they_name(inputs: Any):
-    """One panel for each column named; the bar reaches one deviation up and down."""
+def test_via_points_markers_have_time_value_and_deviation(inputs: Any):
+    """There is one panel per column; the bar is one deviation up and down."""
     points = [
         via_point("position", [0.1, 0.2, 0.3], time=0.5, deviation=[0.01, 0.02, 0.03]),
         via_point("position y", 0.4, time=1.1, deviation=0.05),
@@ -238,18 +247,18 @@ def test_points_stand_at_their_time_and_place_in_the_panels_that_they_name(input
     figure = plots.via_points(LAYOUT, inputs.motion, points)
     panels = {axes.get_ylabel(): axes for axes in figure.axes}
     assert list(panels) == ["position x [m]", "position y [m]", "position z [m]"]
-    (bar,), other = (panels[f"position {axis} [m]"].containers for axis in "xy")
-    assert len(other) == 2
+    (bar,), bars = (panels[f"position {axis} [m]"].containers for axis in "xy")
+    assert len(bars) == 2
     mark, _, (column,) = bar.lines
     np.testing.assert_allclose(mark.get_xydata(), [[0.5, 0.1]])
     np.testing.assert_allclose(column.get_segments()[0], [[0.5, 0.09], [0.5, 0.11]])
-    np.testing.assert_allclose(other[1].lines[0].get_xydata(), [[1.1, 0.4]])
+    np.testing.assert_allclose(bars[1].lines[0].get_xydata(), [[1.1, 0.4]])
     line = panels["position z [m]"].get_lines()[0]
     np.testing.assert_allclose(line.get_ydata(), inputs.motion.x[:, 2])
 
 
-def test_sizes_show_differences_to_the_best_with_their_errors_and_ring_the_choice(inputs: Any):
-    """A point lies where its score is, less the highest; its bar is the error of that difference."""
+def test_model_selection_points_equal_scores_and_ring_selection(inputs: Any):
+    """A point is the score minus the highest; its bar is the error of the difference."""
     selection, top = inputs.selection, inputs.selection.highest_held_out
     left, right = plots.model_selection(selection).axes
     bars = {float(y): bar for c in left.containers for y, bar in _points_and_bars(c)}
@@ -268,29 +277,34 @@ def test_sizes_show_differences_to_the_best_with_their_errors_and_ring_the_choic
     assert float(ring.get_ydata()[0]) == best.bic
 
 
-def test_kinds_of_durations_that_score_alike_stand_side_by_side(inputs: Any):
-    """In both panels no marks of one structure cover each other; each kind has its own, as in the legend."""
+def test_model_selection_equal_scores_do_not_overlap(inputs: Any):
+    """Markers of one structure do not overlap; each duration model has its own, as in the legend."""
     first = inputs.selection.scores[0]
-    alike = tuple(
-        replace(first, candidate=replace(first.candidate, structure=structure, durations=name, states=states))
+    dynamics = {
+        "counted": {},
+        "gaussian": {"durations": DurationModel(durations.Gaussian)},
+        "gamma": {"durations": DurationModel(durations.Gamma)},
+        "poisson": {"durations": DurationModel(durations.Poisson)},
+        "markov": {"dynamics": "markov"},
+    }
+    equal = tuple(
+        replace(first, candidate=Candidate(states, structure, **choice))
         for structure in (Full(), SemiTied())
-        for name in ("viterbi", "gaussian", "gamma", "poisson", "markov")
+        for choice in dynamics.values()
         for states in range(3, 9)
     )
-    figure = plots.model_selection(Selection(alike, ()))
+    figure = plots.model_selection(Selection(equal, ()))
     figure.draw_without_rendering()
     for panel in figure.axes:
         lines = [line for line in panel.get_lines() if len(line.get_xdata()) == 6]
         assert len(lines) == 10
         for colour in {line.get_color() for line in lines}:
-            kinds = [line for line in lines if line.get_color() == colour]
-            shown = panel.transData.transform([line.get_xydata()[0] for line in kinds])
-            assert np.diff(np.sort(shown[:, 0])).min() > kinds[0].get_markersize() / 72.0 * figure.dpi
+            same = [line for line in lines if line.get_color() == colour]
+            pixels = panel.transData.transform([line.get_xydata()[0] for line in same])
+            assert np.diff(np.sort(pixels[:, 0])).min() > same[0].get_markersize() / 72.0 * figure.dpi
         assert len({line.get_marker() for line in lines}) == 5
-    told = {t.get_text(): h.get_marker() for t, h in _legend(figure)}
-    assert {told[name] for name in ("viterbi", "gaussian", "gamma", "poisson", "markov")} == {
-        line.get_marker() for line in lines
-    }
+    markers = {t.get_text(): h.get_marker() for t, h in _legend(figure)}
+    assert {markers[name] for name in dynamics} == {line.get_marker() for line in lines}
 
 
 def _legend(figure: Figure) -> list[tuple[Any, Any]]:
@@ -304,18 +318,18 @@ def _points_and_bars(container: Any) -> list[tuple[float, float]]:
     return list(zip(points.get_ydata(), heights, strict=True))
 
 
-def test_an_impossible_demonstration_is_a_triangle_at_the_lower_edge(inputs: Any):
-    """A score of minus infinity has no place on the scale, and is not left out."""
-    one, *others = inputs.selection.scores
-    never = replace(one, held_out=np.array([1.0, 2.0, -np.inf, 3.0]))
-    left = plots.model_selection(Selection((never, *others), ())).axes[0]
+def test_model_selection_impossible_demonstration_is_triangle(inputs: Any):
+    """A score of minus infinity is a triangle at the lower edge."""
+    first, *others = inputs.selection.scores
+    impossible = replace(first, held_out=np.array([1.0, 2.0, -np.inf, 3.0]))
+    left = plots.model_selection(Selection((impossible, *others), ())).axes[0]
     marks = [line for line in left.get_lines() if line.get_marker() == "v" and len(line.get_xdata())]
     assert len(marks) == 1
-    assert abs(float(marks[0].get_xdata()[0]) - one.candidate.states) < 0.5
+    assert abs(float(marks[0].get_xdata()[0]) - first.candidate.states) < 0.5
     assert 0.0 < float(marks[0].get_ydata()[0]) < 0.1
 
 
-def test_more_structures_than_colours_are_refused(inputs: Any):
+def test_model_selection_too_many_structures_are_refused(inputs: Any):
     many = [
         replace(s, candidate=replace(s.candidate, structure=SemiTied(tying=n / 100.0)))
         for n, s in enumerate(inputs.selection.scores)
@@ -324,74 +338,74 @@ def test_more_structures_than_colours_are_refused(inputs: Any):
         plots.model_selection(Selection(tuple(many), ()))
 
 
-def test_of_many_columns_the_legend_names_one_a_colour(make_skill_of_size: Callable[..., Skill]):
-    """28 places x y z: every column is drawn, the legend counts those that share a colour, and fits below."""
+def test_state_deviations_many_columns_have_short_legend(make_skill_of_size: Callable[..., Skill]):
+    """Of 84 columns, the legend lists one per colour with the number of others."""
     body = Layout(tuple(Part(f"node {n}", Quantity.POSITION, 3, "m") for n in range(28)))
     figure = plots.state_deviations(make_skill_of_size(layout=body, frames=("world",)))
     assert len([line for line in figure.axes[0].get_lines() if len(line.get_xdata()) == 4]) == 84
     (legend,) = figure.legends
-    told = [text.get_text() for text in legend.get_texts()]
-    assert told == [*(f"node 0 {axis} and 27 more" for axis in "xyz"), "most precise state"]
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == [*(f"node 0 {axis} and 27 more" for axis in "xyz"), "most precise state"]
 
 
-def test_relevance_and_costs_are_in_the_cells_of_their_frame_and_state(inputs: Any, rng: np.random.Generator):
-    """Figures are the values, rounded; a cell without one is zero; a frame alone cannot be done without."""
+def test_frame_relevance_cells_equal_values(inputs: Any, rng: np.random.Generator):
+    """Numbers are the rounded values; an empty cell is zero; an infinite cost has its sign."""
     values, costs = inputs.frame_relevance.values.copy(), inputs.frame_relevance.costs.copy()
     values[1, 2], values[0, 1], costs[0, 0], costs[2, 3], costs[1, 1] = 1e-4, 1.0, np.inf, -1e-9, 3.14
     above, below = plots.frame_relevance(replace(inputs.frame_relevance, values=values, costs=costs)).axes[:2]
     for panel, numbers, close in ((above, values, 0.005), (below, costs, 0.5)):
-        told = {(round(t.get_position()[1]), round(t.get_position()[0])): t.get_text() for t in panel.texts}
-        assert len(told) == numbers.size
-        for place, number in np.ndenumerate(numbers):
-            if told[place] not in ("<.01", "∞"):
-                assert float(told[place] or 0.0) == pytest.approx(number, abs=close + 1e-12)
-    assert (told[0, 0], told[2, 3], told[1, 1]) == ("∞", "", "3.1")
+        cells = {(round(t.get_position()[1]), round(t.get_position()[0])): t.get_text() for t in panel.texts}
+        assert len(cells) == numbers.size
+        for cell, number in np.ndenumerate(numbers):
+            if cells[cell] not in ("<.01", "∞"):
+                assert float(cells[cell] or 0.0) == pytest.approx(number, abs=close + 1e-12)
+    assert (cells[0, 0], cells[2, 3], cells[1, 1]) == ("∞", "", "3.1")
     assert {t.get_text() for t in above.texts if t.get_position() == (2, 1)} == {"<.01"}
 
 
-def test_shades_grow_with_relevance_and_with_cost(inputs: Any):
-    """The shade of a cell is the norm of its value: white at zero, darkest at one, in the order of costs."""
+def test_frame_relevance_colours_are_ordered(inputs: Any):
+    """The colour of a cell is the norm of its value, in the order of costs."""
     above, below = (axes.get_images()[0] for axes in plots.frame_relevance(inputs.frame_relevance).axes[:2])
     np.testing.assert_array_equal(above.norm(above.get_array()), inputs.frame_relevance.values)
-    shades = np.asarray(below.norm(below.get_array()))
+    colours = np.asarray(below.norm(below.get_array()))
     np.testing.assert_array_equal(
-        np.argsort(shades.ravel()), np.argsort(inputs.frame_relevance.costs.ravel())
+        np.argsort(colours.ravel()), np.argsort(inputs.frame_relevance.costs.ravel())
     )
-    assert shades.min() > 0.0
-    assert shades.max() == pytest.approx(1.0)
+    assert colours.min() > 0.0
+    assert colours.max() == pytest.approx(1.0)
 
 
-def test_frames_that_matter_at_no_state_are_named_in_grey(inputs: Any):
+def test_frame_relevance_distractor_has_grey_name(inputs: Any):
     for panel in plots.frame_relevance(inputs.frame_relevance).axes[:2]:
         grey = [tick.get_text() for tick in panel.get_yticklabels() if tick.get_color() != "black"]
         assert grey == ["distractor"]
 
 
-def test_of_many_states_only_shades_of_relevance_are_drawn():
-    """25 states have no figures, 24 have."""
+def test_frame_relevance_many_states_have_no_numbers():
+    """25 states have no numbers, 24 have."""
     for states, figures in ((24, 48), (25, 0)):
         frame_relevance = FrameRelevance(np.ones((2, states)), np.ones((2, states)), ("one", "other"))
         panels = plots.frame_relevance(frame_relevance).axes[:2]
         assert [len(panel.texts) for panel in panels] == [figures, figures]
 
 
-def test_growth_is_the_number_of_clusters_and_their_dimensions(inputs: Any):
-    """Above, K at every moment; below, within the dodge, each cluster's dimension while it lives."""
+def test_online_clusters_lines_equal_clusters_and_dimensions(inputs: Any):
+    """Above is K at every time; below is each cluster's dimension while it exists."""
     figure, last = plots.online_clusters(inputs.online_models), inputs.online_models[-1]
     times = [model.datapoints for model in inputs.online_models]
     (line,) = figure.axes[0].get_lines()
     np.testing.assert_array_equal(line.get_xdata(), times)
     np.testing.assert_array_equal(line.get_ydata(), [model.clusters for model in inputs.online_models])
-    born = {int(i) for model in inputs.online_models for i in model.cluster_ids}
-    assert born > set(last.cluster_ids.tolist())  # one is no more
+    clusters = {int(i) for model in inputs.online_models for i in model.cluster_ids}
+    assert clusters > set(last.cluster_ids.tolist())  # one was deleted
     for p in range(2):
-        for cluster_id in born:
+        for cluster_id in clusters:
             (drawn,) = by_gid(figure, Line2D, f"cluster {cluster_id} frame {p}")
             true = [
                 dict(zip(m.cluster_ids.tolist(), m.dimensions[:, p].tolist(), strict=True)).get(cluster_id)
                 for m in inputs.online_models
             ]
             expected = np.array([np.nan if d is None else d for d in true])
-            off = drawn.get_ydata() - expected
-            assert np.isnan(expected).tolist() == np.isnan(off).tolist()
-            assert np.nanmax(np.abs(off)) < 0.2
+            offset = drawn.get_ydata() - expected
+            assert np.isnan(expected).tolist() == np.isnan(offset).tolist()
+            assert np.nanmax(np.abs(offset)) < 0.2

@@ -1,21 +1,22 @@
-"""Pictures of demonstrations, skills and motions: values in, a matplotlib figure out, one function a picture.
-Nothing is shown or saved here; `figure.savefig(path)` does.
+"""Plots of demonstrations, skills and motions: each function returns a matplotlib figure.
+
+Nothing is displayed or saved; call `figure.savefig(path)`.
 """
 
-from pilotfish.plots.coordinates import tracked_coordinates
-from pilotfish.plots.evolution import forward_variable
-from pilotfish.plots.gains import feedback_gains
-from pilotfish.plots.graph import state_graph
-from pilotfish.plots.growth import online_clusters
+from pilotfish.plots.demonstrations_in_frames import demonstrations_in_frames
+from pilotfish.plots.feedback_gains import feedback_gains
+from pilotfish.plots.forward_variable import forward_variable
+from pilotfish.plots.frame_relevance import frame_relevance
+from pilotfish.plots.likelihood_trace import likelihood_trace
 from pilotfish.plots.matrices import basis_vectors, covariance_correlations
-from pilotfish.plots.passing import via_points
-from pilotfish.plots.precision import state_deviations
-from pilotfish.plots.relevant import frame_relevance
-from pilotfish.plots.replay import reproduction
-from pilotfish.plots.seen import demonstrations_in_frames
-from pilotfish.plots.sizes import model_selection
+from pilotfish.plots.model_selection import model_selection
+from pilotfish.plots.online_clusters import online_clusters
+from pilotfish.plots.reproduction import reproduction
+from pilotfish.plots.state_deviations import state_deviations
+from pilotfish.plots.state_graph import state_graph
 from pilotfish.plots.style import MAX_STATES, state_colour
-from pilotfish.plots.trace import likelihood_trace
+from pilotfish.plots.tracked_coordinates import tracked_coordinates
+from pilotfish.plots.via_points import via_points
 
 __all__ = [
     "MAX_STATES",

@@ -1,4 +1,4 @@
-"""Gaussians on paper: 1-sigma ellipses in a plane, crosses in space, triads of axes where frames stand."""
+"""Gaussians as 1-sigma ellipses in a plane or principal axes in space, and axes of frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +15,18 @@ from pilotfish.plots.labels import add_label
 from pilotfish.plots.style import SMALL_FONT, add_outline, state_colour, state_dash
 from pilotfish.types import Array, Float
 
-CONTOUR_POINTS = 73  # one every five degrees
+CONTOUR_POINTS = 73  # every five degrees
 
 
 @dataclass(frozen=True, slots=True)
 class FrameAxes:
-    """A frame's name, and its origin and axes in D columns, the axes side by side."""
+    """Name, origin and axes of a frame in the drawn columns.
+
+    Attributes:
+        name: Name of the frame.
+        origin: Origin.
+        axes: Axes x, y and z, side by side.
+    """
 
     name: str
     origin: Float[Array, " D"]
@@ -34,10 +40,7 @@ def draw_ellipses(
     plane: tuple[int, int],
     gid: str,
 ) -> list[Annotation]:
-    """The 1-sigma contour of every state's marginal in the plane, its number where it lies outermost.
-
-    The numbers are returned: they are to be settled when all is drawn.
-    """
+    """Draw the 1-sigma contour of each state's marginal, and return the labels to be placed at the end."""
     labels = []
     centre = means[:, plane].mean(axis=0)
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
@@ -56,7 +59,7 @@ def draw_ellipses(
 
 
 def draw_principal_axes(axes: Axes3D, means: Float[Array, "K 3"], covariances: Float[Array, "K 3 3"]) -> None:
-    """The principal axes of every state's 1-sigma ellipsoid."""
+    """Draw the principal axes of every state's 1-sigma ellipsoid."""
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         values, vectors = np.linalg.eigh(covariance)
         for axis in (vectors * np.sqrt(np.maximum(values, 0.0))).T:
@@ -65,7 +68,7 @@ def draw_principal_axes(axes: Axes3D, means: Float[Array, "K 3"], covariances: F
 
 
 def draw_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes]) -> None:
-    """Where frames stand: their axes, in a plane or in space."""
+    """Draw the axes of frames, in a plane or in space."""
     for frame in frame_axes:
         for axis in frame.axes.T:
             axes.plot(
@@ -77,17 +80,18 @@ def draw_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes]) -> None:
 def frame_axes_in(
     frames: Sequence[Frame], position: Sequence[int], columns: Sequence[int], length: float
 ) -> list[FrameAxes]:
-    """The axes of frames, so long, in the columns shown; space lists those of the whole position."""
-    places = [position.index(column) for column in columns]
+    """Return the axes of frames, of a given length, in the drawn columns of the position."""
+    rows = [position.index(column) for column in columns]
     return [
         FrameAxes(
-            frame.name, frame.b[list(position)][places], length * frame.A[np.ix_(position, position)][places]
+            frame.name, frame.b[list(position)][rows], length * frame.A[np.ix_(position, position)][rows]
         )
         for frame in frames
     ]
 
 
 def label_frame_axes_3d(axes: Axes3D, frame_axes: Sequence[FrameAxes]) -> None:
+    """Label the axes of frames in space by letters."""
     for frame in frame_axes:
         for name, axis in zip("xyz", frame.axes.T, strict=False):
             letter = axes.text(
@@ -97,7 +101,7 @@ def label_frame_axes_3d(axes: Axes3D, frame_axes: Sequence[FrameAxes]) -> None:
 
 
 def label_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes], length: float) -> list[Annotation]:
-    """A letter beyond each axis, but for those that point at the viewer, and names beneath the origins."""
+    """Label axes by letters, except those that point at the viewer, and origins by names."""
     names = [add_label(axes, frame.name, frame.origin, (0.0, -14.0)) for frame in frame_axes]
     letters = [
         add_label(axes, letter, frame.origin + axis, _label_offset(axis))
@@ -113,6 +117,6 @@ def label_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes], length: float)
 
 
 def _label_offset(axis: Float[Array, "2"]) -> tuple[float, float]:
-    """Seven points further."""
+    """Return an offset of seven points along the axis."""
     right, up = 7.0 * axis / np.linalg.norm(axis)
     return float(right), float(up)

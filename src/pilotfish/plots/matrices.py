@@ -1,4 +1,4 @@
-"""Heat maps: the basis that semi-tied states share, and how alike the covariances of states are."""
+"""Heat maps of the basis of semi-tied covariances, and of the correlation between covariances."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -13,20 +13,27 @@ from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import SemiTiedCovariances, component_correlation
 from pilotfish.models import Skill
-from pilotfish.plots.kinds import require_sequence, require_type
 from pilotfish.plots.style import SMALL_FONT, new_figure
+from pilotfish.plots.validation import require_sequence, require_type
 from pilotfish.types import Array, Float
 
-MAX_LABELS = 40  # more are illegible: then only some columns are named
+MAX_LABELS = 40  # of more columns only some are labelled
 MAX_COMPONENTS = 200
 
 
 def basis_vectors(skill: Skill) -> Figure:
-    """For each frame the shared basis H, a column a vector, each scaled to a largest entry of one.
+    """Plot the shared basis H of semi-tied covariances in each frame, one column per basis vector.
 
-    H has no scale of its own; the sign is such that the largest entry is positive.
-    Raises: InvalidInput, when the skill is not semi-tied.
-    Source: Tanwani 2018, equation 4.17 and figure 4.2.
+    H has no scale of its own: each vector is scaled so that its largest entry is 1.
+
+    Args:
+        skill: Skill with semi-tied covariances.
+
+    Raises:
+        InvalidInput: If the skill is not semi-tied.
+
+    Source:
+        Tanwani 2018, equation 4.17 and figure 4.2.
     """
     require_type("skill", skill, Skill)
     bases = [_basis(covariances, skill.provenance.structure) for covariances in skill.covariances]
@@ -37,7 +44,7 @@ def basis_vectors(skill: Skill) -> Figure:
         image = _draw_matrix(panel, _normalise_columns(H), f"frame {name!r}")
         panel.set(xlabel="basis vector (first is 0)")
         _label_columns(panel, skill.layout.tangent, first=panel is panels[0])
-    figure.colorbar(image, ax=list(panels), label="share of the vector's largest entry [1]", shrink=0.9)
+    figure.colorbar(image, ax=list(panels), label="relative to the largest entry [1]", shrink=0.9)
     return figure
 
 
@@ -55,17 +62,24 @@ def _normalise_columns(H: Float[Array, "D D"]) -> Float[Array, "D D"]:
 
 
 def _label_columns(panel: Axes, layout: Layout, *, first: bool) -> None:
-    shown = range(0, layout.width, ceil(layout.width / MAX_LABELS))
-    names = [f"{layout.names[i]} [{layout.units[i]}]" if first else "" for i in shown]
-    panel.set_yticks(list(shown), names, fontsize=SMALL_FONT)
+    labelled = range(0, layout.width, ceil(layout.width / MAX_LABELS))
+    names = [f"{layout.names[i]} [{layout.units[i]}]" if first else "" for i in labelled]
+    panel.set_yticks(list(labelled), names, fontsize=SMALL_FONT)
 
 
 def covariance_correlations(skills: Sequence[Skill]) -> Figure:
-    """How alike the covariances of states are: a row for each frame, a column for each skill.
+    """Plot the correlation between the covariances of states: a row per frame, a column per skill.
 
-    Entries are correlation coefficients; tying makes components alike.
-    Raises: InvalidInput, when there is no skill, skills differ in frames, or states are too many.
-    Source: Tanwani 2018, equation 4.25.
+    Tying makes components more alike.
+
+    Args:
+        skills: Skills with the same frames.
+
+    Raises:
+        InvalidInput: If there is no skill, skills differ in frames, or there are too many states.
+
+    Source:
+        Tanwani 2018, equation 4.25.
     """
     _require_comparable(skills)
     names = skills[0].frame_names
@@ -83,7 +97,7 @@ def covariance_correlations(skills: Sequence[Skill]) -> Figure:
 def _require_comparable(skills: Sequence[Skill]) -> None:
     require_sequence("skills", skills, Skill)
     if not skills:
-        raise InvalidInput("no skills were given, expected at least one")
+        raise InvalidInput("skills is empty, expected at least one")
     if differing := {skill.frame_names for skill in skills} - {skills[0].frame_names}:
         raise InvalidInput(f"skills differ in frames: {skills[0].frame_names} and {differing.pop()}")
     if (most := max(skill.states for skill in skills)) > MAX_COMPONENTS:

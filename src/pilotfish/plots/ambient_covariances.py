@@ -1,4 +1,4 @@
-"""Covariances of deviations as those of the columns that a picture has for axes."""
+"""Covariances of deviations on S^3 as covariances of the columns of points."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from pilotfish.types import Array, Float
 def ambient_covariances(
     means: Float[Array, "K D"], covariances: Float[Array, "K E E"], layout: Layout
 ) -> Float[Array, "K D D"]:
-    """The covariances of the columns themselves: the same, where no orientation is on S^3.
+    """Return covariances in the columns of points; unchanged if no orientation is on S^3.
 
-    Turning by a rotation vector v in body axes takes the unit quaternion q to q + q (0, v / 2), to first
-    order; along q itself its columns do not spread.
+    To first order, a rotation vector v in body axes changes the unit quaternion q by q (0, v / 2). Along q
+    itself the variance is zero.
     """
     K, D = means.shape
     J = np.zeros((K, D, covariances.shape[-1]))

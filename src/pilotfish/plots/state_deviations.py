@@ -1,4 +1,4 @@
-"""Where each frame is precise: the deviation of every state along the columns."""
+"""Plot of the standard deviations of states in each frame."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -12,7 +12,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from pilotfish.demonstrations import Layout
 from pilotfish.models import Skill
-from pilotfish.plots.kinds import require_type
 from pilotfish.plots.style import (
     FIGURE_WIDTH,
     column_colour,
@@ -21,27 +20,34 @@ from pilotfish.plots.style import (
     new_figure,
     style_axes,
 )
-from pilotfish.plots.validation import column_indices, require_states
+from pilotfish.plots.validation import column_indices, require_states, require_type
 from pilotfish.types import Array, Float
 
 HIGHLIGHT = "#CFE3F5"
 MAX_TICKS = 15
-MAX_LEGEND_ENTRIES = 24  # columns; of more, a legend would cover the picture
-ONE_DECADE, MANY_DECADES = 0.8, 3.0  # less than the first is about linear
+MAX_LEGEND_ENTRIES = 24  # columns; of more, the legend would cover the plot
+ONE_DECADE, MANY_DECADES = 0.8, 3.0  # below the first, linear ticks
 
 
 def state_deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> Figure:
-    """A row for each frame: the standard deviation of each state, column by column, on a logarithmic scale.
+    """Plot the standard deviation of each state in each frame, column by column, on a logarithmic scale.
 
-    Columns of one unit share a panel. Shaded is the state that the frame sees most precisely: the one of
-    least product of deviations in the panel. columns are names; all that are no derivatives if not given. An
-    orientation on S^3 deviates by a rotation vector in body axes: "orientation 1", 2 and 3 [rad].
-    Raises: InvalidInput, when a column is unknown or states are too many.
-    Source: after Tanwani 2018, figure 3.7.
+    Columns of one unit share a panel. The state with the smallest product of deviations in a panel is shaded.
+    An orientation on S^3 deviates by a rotation vector in body axes: "orientation 1", 2 and 3 [rad].
+
+    Args:
+        skill: Learned skill.
+        columns: Names of columns of the tangent layout; None for all that are not derivatives.
+
+    Raises:
+        InvalidInput: If a column is unknown or there are too many states.
+
+    Source:
+        After Tanwani 2018, figure 3.7.
     """
     require_type("skill", skill, Skill)
     require_states(skill.states)
-    layout = skill.layout.tangent  # covariances are of deviations
+    layout = skill.layout.tangent
     groups = _group_by_unit(layout, column_indices(layout, columns))
     rows = len(skill.frame_names)
     figure = new_figure(max(5.5, 0.5 * FIGURE_WIDTH * len(groups)), 2.7 * rows + 0.6)
@@ -51,36 +57,36 @@ def state_deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> F
         for panel, group in zip(panels[p], groups, strict=True):
             _draw_deviations(panel, np.sqrt(variances[:, group]), [layout.names[c] for c in group])
             unit = layout.units[group[0]]
-            style_axes(panel, x="state", y=f"deviation [{unit}]", title=f"seen from {name!r}")
+            style_axes(panel, x="state", y=f"deviation [{unit}]", title=f"frame {name!r}")
             panel.tick_params(labelleft=True, labelbottom=True)
-    for panel in panels[0]:  # a column of panels has one scale
+    for panel in panels[0]:  # the panels of a column share their scale
         _set_ticks(panel)
     legend_below(figure, _handles(layout, groups))
     return figure
 
 
 def _group_by_unit(layout: Layout, columns: list[int]) -> list[list[int]]:
-    """Columns of the same unit together, in the order in which units appear."""
+    """Group columns by unit, in order of appearance."""
     units = list(dict.fromkeys(layout.units[column] for column in columns))
     return [[column for column in columns if layout.units[column] == unit] for unit in units]
 
 
-def _draw_deviations(panel: Axes, spread: Float[Array, "K C"], names: Sequence[str]) -> None:
-    states = np.arange(len(spread))
-    precise = int(np.log(spread).sum(axis=1).argmin())
+def _draw_deviations(panel: Axes, deviations: Float[Array, "K C"], names: Sequence[str]) -> None:
+    states = np.arange(len(deviations))
+    precise = int(np.log(deviations).sum(axis=1).argmin())
     panel.axvspan(precise - 0.5, precise + 0.5, color=HIGHLIGHT, zorder=0, gid="most precise")
     for i, name in enumerate(names):
         colour, dash = column_colour(name, i), column_dash(name, i)
         panel.plot(
-            states, spread[:, i], color=colour, linestyle=dash, marker="o", markersize=4, linewidth=1.4
+            states, deviations[:, i], color=colour, linestyle=dash, marker="o", markersize=4, linewidth=1.4
         )
     panel.set_yscale("log")
     panel.set_xticks(states[:: ceil(len(states) / MAX_TICKS)])
-    panel.set_xlim(-0.5, len(spread) - 0.5)
+    panel.set_xlim(-0.5, len(deviations) - 0.5)
 
 
 def _set_ticks(panel: Axes) -> None:
-    """Plain numbers at round values; powers of ten only where the scale spans several."""
+    """Use plain tick labels at round values, or powers of ten if the scale spans several decades."""
     low, high = panel.get_ylim()
     if (decades := np.log10(high / low)) >= MANY_DECADES:
         return
@@ -92,10 +98,10 @@ def _set_ticks(panel: Axes) -> None:
 
 
 def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:
-    places = [(i, c) for group in groups for i, c in enumerate(group)]
-    colours = {c: column_colour(layout.names[c], i) for i, c in places}
-    dashes = {c: column_dash(layout.names[c], i) for i, c in places}
-    labels = {c: layout.names[c] for _, c in places}
+    indices = [(i, c) for group in groups for i, c in enumerate(group)]
+    colours = {c: column_colour(layout.names[c], i) for i, c in indices}
+    dashes = {c: column_dash(layout.names[c], i) for i, c in indices}
+    labels = {c: layout.names[c] for _, c in indices}
     if len(labels) > MAX_LEGEND_ENTRIES:
         labels = _unique_labels(labels, colours)
     lines = [
@@ -106,10 +112,10 @@ def _handles(layout: Layout, groups: list[list[int]]) -> list[Line2D | Patch]:
 
 
 def _unique_labels(labels: dict[int, str], colours: dict[int, str]) -> dict[int, str]:
-    """One column of each colour, labelled with its name and how many others share the colour."""
-    shown: dict[int, str] = {}
+    """Return one column per colour, labelled with its name and how many others share the colour."""
+    unique: dict[int, str] = {}
     for colour in dict.fromkeys(colours.values()):
-        alike = [c for c in labels if colours[c] == colour]
-        more = f" and {len(alike) - 1} more" if len(alike) > 1 else ""
-        shown[alike[0]] = labels[alike[0]] + more
-    return shown
+        same = [c for c in labels if colours[c] == colour]
+        more = f" and {len(same) - 1} more" if len(same) > 1 else ""
+        unique[same[0]] = labels[same[0]] + more
+    return unique

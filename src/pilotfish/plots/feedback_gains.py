@@ -1,4 +1,4 @@
-"""How firmly a tracker holds each coordinate, over time."""
+"""Plot of the gains of a tracker over time."""
 
 from dataclasses import replace
 
@@ -10,18 +10,23 @@ from matplotlib.lines import Line2D
 from pilotfish.control import Feedback
 from pilotfish.demonstrations import Layout, Part
 from pilotfish.errors import InvalidInput
-from pilotfish.plots.kinds import require_type
 from pilotfish.plots.style import FIGURE_WIDTH, column_colour, legend_below, new_figure, style_axes
-from pilotfish.plots.validation import require_width
+from pilotfish.plots.validation import require_type, require_width
 from pilotfish.types import Array, Float
 
 
 def feedback_gains(feedback: Feedback, layout: Layout) -> Figure:
-    """Stiffness K^P [1/s^2] above and damping K^V [1/s] below, a column of panels for each part.
+    """Plot stiffness K^P [1/s^2] and damping K^V [1/s] over time, a column of panels per part.
 
     Lines are the diagonal: the acceleration of a coordinate for a deviation of its own. The dashed line is
-    the Frobenius norm of the part's whole block, couplings between its coordinates included.
-    Raises: InvalidInput, when the layout is not positions followed by their derivatives, or of another width.
+    the Frobenius norm of the block of the part, which includes couplings.
+
+    Args:
+        feedback: Feedback of a second-order system.
+        layout: Columns of the state: coordinates, then their derivatives.
+
+    Raises:
+        InvalidInput: If the layout has other columns than these, or another width.
     """
     require_type("feedback", feedback, Feedback)
     require_type("layout", layout, Layout)
@@ -30,10 +35,10 @@ def feedback_gains(feedback: Feedback, layout: Layout) -> Figure:
     figure = new_figure(max(5.5, 0.5 * FIGURE_WIDTH * len(parts)), 5.4)
     panels = figure.subplots(2, len(parts), squeeze=False, sharex=True)
     seconds = feedback.system.period * np.arange(len(feedback.gains))
-    for (part, here), (above, below) in zip(parts, panels.T, strict=True):
-        names = layout.names[here]
-        _draw_block(above, seconds, feedback.stiffness[:, here, here], names)
-        _draw_block(below, seconds, feedback.damping[:, here, here], names)
+    for (part, columns), (above, below) in zip(parts, panels.T, strict=True):
+        names = layout.names[columns]
+        _draw_block(above, seconds, feedback.stiffness[:, columns, columns], names)
+        _draw_block(below, seconds, feedback.damping[:, columns, columns], names)
         style_axes(above, x="time [s]", y="stiffness [1/s²]", title=part.name).set_xlabel("")
         style_axes(below, x="time [s]", y="damping [1/s]")
     legend_below(figure, _handles(layout, parts))
@@ -41,16 +46,16 @@ def feedback_gains(feedback: Feedback, layout: Layout) -> Figure:
 
 
 def _parts(feedback: Feedback, layout: Layout) -> list[tuple[Part, slice]]:
-    """The parts of the first half, whose derivatives are the second."""
+    """Return the parts of the first half, whose derivatives are the second."""
     half, inputs = layout.width // 2, feedback.gains.shape[1]
     pairs = list(zip(layout.parts, layout.slices, strict=True))
-    first = [(part, here) for part, here in pairs if here.stop <= half]
+    first = [(part, columns) for part, columns in pairs if columns.stop <= half]
     derivatives = [replace(part, derivative=part.derivative + 1, unit="") for part, _ in first]
-    second = [replace(part, unit="") for part, here in pairs if here.stop > half]
+    second = [replace(part, unit="") for part, columns in pairs if columns.stop > half]
     if derivatives != second or inputs != half:
         raise InvalidInput(
             f"the layout is {', '.join(layout.names)} with {inputs} inputs, expected coordinates, then the "
-            "derivative of each, and an input for each coordinate; see with_derivatives"
+            "derivative of each, and an input for each coordinate; see add_derivatives"
         )
     return first
 
@@ -67,7 +72,7 @@ def _draw_block(
 def _handles(layout: Layout, parts: list[tuple[Part, slice]]) -> list[Line2D]:
     lines = [
         Line2D([], [], color=column_colour(name, i), label=name)
-        for _, here in parts
-        for i, name in enumerate(layout.names[here])
+        for _, columns in parts
+        for i, name in enumerate(layout.names[columns])
     ]
     return [*lines, Line2D([], [], color="black", linestyle="--", label="norm of the block")]

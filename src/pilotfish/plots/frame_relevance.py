@@ -1,4 +1,4 @@
-"""Which frames matter at which state, and what each is worth: two tables, shaded."""
+"""Plot of frame relevance: heat maps of relevance and cost."""
 
 from collections.abc import Callable
 
@@ -10,24 +10,28 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pilotfish.models import FrameRelevance
-from pilotfish.plots.kinds import require_type
 from pilotfish.plots.style import DEMONSTRATION, SMALL_FONT, new_figure
+from pilotfish.plots.validation import require_type
 from pilotfish.types import Array, Float
 
-WHITE_TEXT_THRESHOLD = 0.55  # of the shades: from here on figures are white
-MAX_NUMBERED_STATES = 24  # states; of more, figures would not fit their cells
+WHITE_TEXT_THRESHOLD = 0.55  # fraction of the colour scale from which numbers are white
+MAX_NUMBERED_STATES = 24  # states; of more, numbers would not fit their cells
 CELL, TITLE = 0.48, 2.8  # inches
-SIGNIFICANT_COST = 3.0  # nats: what costs less is hardly told from chance, so it is hardly shaded
-MIN_COST_SCALE = 10.0  # nats, at least
+SIGNIFICANT_COST = 3.0  # nat; smaller costs are hardly significant
+MIN_COST_SCALE = 10.0  # nat
 
 
 def frame_relevance(frame_relevance: FrameRelevance) -> Figure:
-    """A row for each frame, a column for each state: above how relevant it is, below what it is worth.
+    """Plot the relevance of each frame at each state, and below it the cost of leaving the frame out.
 
-    Above is the power to which the frame's Gaussian should be raised, relative to the frame that matters most
-    there. Frames that matter at no state are named in grey. Below is what the demonstrations held out would
-    lose if this frame alone were left out of the state [nats]; shades are linear to three nats, logarithmic
-    beyond. Cells without a figure are zero, or below 0.05 nats. Of more than 24 states only shades are drawn.
+    The relevance is the power of the frame's Gaussian in the product, relative to the most relevant frame of
+    the state. The cost is what held-out demonstrations lose if this frame alone is left out of the state
+    [nat]. Its colours are linear up to three nats and logarithmic beyond. Frames without relevance at any
+    state have grey names. Cells without a number are zero, or below 0.05 nat. Above 24 states only colours
+    are drawn.
+
+    Args:
+        frame_relevance: Result of `models.relevance`.
     """
     require_type("frame_relevance", frame_relevance, FrameRelevance)
     figure = _new_figure(frame_relevance)
@@ -39,7 +43,7 @@ def frame_relevance(frame_relevance: FrameRelevance) -> Figure:
     scale = SymLogNorm(SIGNIFICANT_COST, linscale=0.4, vmin=0.0, vmax=most)
     bar = _draw_heat_map(below, frame_relevance.costs, scale, _format_cost, "cost [nat]")
     bar.set_ticks([0.0, SIGNIFICANT_COST, *10.0 ** np.arange(1, np.log10(most) + 1e-9)])
-    _label(above, frame_relevance, "how relevant each frame is")
+    _label(above, frame_relevance, "relevance of each frame")
     _label(below, frame_relevance, "cost of leaving out this frame alone")
     return figure
 
@@ -57,12 +61,12 @@ def _draw_heat_map(
     format_value: Callable[[float], str],
     label: str,
 ) -> Colorbar:
-    """A cell for each value, with its figure where it fits, and a bar that tells the shades."""
-    shown = np.clip(values, scale.vmin, scale.vmax)
-    image = panel.imshow(shown, cmap="Blues", norm=scale, aspect="auto", interpolation="nearest")
+    """Draw a heat map with numbers where they fit, and its colour bar."""
+    clipped = np.clip(values, scale.vmin, scale.vmax)
+    image = panel.imshow(clipped, cmap="Blues", norm=scale, aspect="auto", interpolation="nearest")
     if values.shape[1] <= MAX_NUMBERED_STATES:
         for (p, k), value in np.ndenumerate(values):
-            colour = "white" if scale(shown[p, k]) > WHITE_TEXT_THRESHOLD else "black"
+            colour = "white" if scale(clipped[p, k]) > WHITE_TEXT_THRESHOLD else "black"
             panel.text(k, p, format_value(value), color=colour, fontsize=SMALL_FONT, ha="center", va="center")
     bar = panel.figure.colorbar(image, ax=panel, label=label, aspect=12)
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -1,4 +1,4 @@
-"""How a skill expects its states to follow each other in time."""
+"""Plot of the state probabilities of a semi-Markov skill over time."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, SemiMarkovChain, Skill
-from pilotfish.plots.kinds import require_array, require_integer, require_type
 from pilotfish.plots.style import (
     FIGURE_WIDTH,
     legend_below,
@@ -16,27 +15,37 @@ from pilotfish.plots.style import (
     state_legend_handles,
     style_axes,
 )
-from pilotfish.plots.validation import require_states
+from pilotfish.plots.validation import require_array, require_integer, require_states, require_type
 from pilotfish.types import Array, Float
 
-NO_END_TEXT = "a final state: no visit ends"
+NO_END_TEXT = "final state: no segment ends"
 
 
 def forward_variable(
     skill: Skill | AdaptedSkill, *, horizon: int, log_observed: Float[Array, "S K"] | None = None
 ) -> Figure:
-    """Occupancy of the states over time, and below it the rescaled forward variable.
+    """Plot filtered state probabilities over time, and below them the rescaled forward variable.
 
-    Occupancy is the probability to be in a state; it is what a plan follows. The rescaled forward variable
-    h_t,i is the probability that a visit to i ends at t, given that some visit does; a final state is never
-    left, so it has none. horizon counts steps; log_observed[t, i] = log p(x_t | state i) for the first S.
-    Raises: InvalidInput, when the skill is not semi-Markov, has too many states, or horizon is too short.
-    Source: after Tanwani 2018, figure 3.6 and equations 3.40-3.42.
+    The state probability is what a plan follows. The rescaled forward variable h_t,i is the probability that
+    a segment of state i ends at t, given that some segment does; a final state is never left and has none.
+
+    Args:
+        skill: Skill with semi-Markov dynamics.
+        horizon: Number of steps.
+        log_observed: log p(x_t | state i) for the first S steps; None for no observation.
+
+    Raises:
+        InvalidInput: If the skill is not semi-Markov, has too many states, or horizon is too short.
+
+    Source:
+        After Tanwani 2018, figure 3.6 and equations 3.40-3.42.
     """
     require_type("skill", skill, Skill, AdaptedSkill)
     require_integer("horizon", horizon)
     if log_observed is not None:
-        require_array("log_observed", log_observed, "S K", np.floating, "log_likelihood_of_states makes one")
+        require_array(
+            "log_observed", log_observed, "S K", np.floating, "models.log_state_likelihoods makes one"
+        )
     chain = skill.dynamics
     if not isinstance(chain, SemiMarkovChain):
         raise InvalidInput(
@@ -51,8 +60,8 @@ def forward_variable(
     seconds = skill.period * np.arange(horizon)
     for axes, log_p in ((above, forward.log_forward), (below, forward.log_segment_ends)):
         _draw_probabilities(axes, seconds, _normalise_rows(log_p))
-    style_axes(above, x="time [s]", y="probability [1]", title="in the state (occupancy)")
-    style_axes(below, x="time [s]", y="probability [1]", title="a visit ends (forward variable, rescaled)")
+    style_axes(above, x="time [s]", y="probability [1]", title="state probability")
+    style_axes(below, x="time [s]", y="probability [1]", title="a segment ends (rescaled forward variable)")
     above.set_xlabel("")
     if not chain.transitions.any():
         note = below.text(0.5, 0.5, NO_END_TEXT, transform=below.transAxes, color="0.35")
@@ -62,7 +71,7 @@ def forward_variable(
 
 
 def _normalise_rows(log_p: Float[Array, "T K"]) -> Float[Array, "T K"]:
-    """Rows that sum to one; where nothing is possible, nothing is drawn: nan."""
+    """Normalise rows to sum to one; a row of zero probability is nan, so that nothing is drawn."""
     total = np.logaddexp.reduce(log_p, axis=1)
     total[np.isneginf(total)] = np.nan
     return np.asarray(np.exp(log_p - total[:, None]))

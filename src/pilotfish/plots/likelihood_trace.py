@@ -1,4 +1,4 @@
-"""How a fit went: the likelihood along the iterations."""
+"""Plot of the log-likelihood of fits over the iterations of EM."""
 
 from collections.abc import Sequence
 
@@ -7,18 +7,22 @@ from matplotlib.ticker import MaxNLocator
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Fit
-from pilotfish.plots.kinds import require_sequence
 from pilotfish.plots.style import COLUMN_COLOURS, legend_below, new_figure, style_axes
+from pilotfish.plots.validation import require_sequence
 
 
 def likelihood_trace(fits: Sequence[Fit]) -> Figure:
-    """Log-likelihood of the demonstrations before each iteration, a line for each fit.
+    """Plot the log-likelihood before each iteration, one line per fit.
 
-    Raises: InvalidInput, when there are no fits, or more than can be told apart.
+    Args:
+        fits: Fits, at most as many as there are colours.
+
+    Raises:
+        InvalidInput: If there are no fits or too many.
     """
     require_sequence("fits", fits, Fit)
     if not 1 <= len(fits) <= len(COLUMN_COLOURS):
-        raise InvalidInput(f"{len(fits)} fits were given, expected 1 to {len(COLUMN_COLOURS)}")
+        raise InvalidInput(f"fits has {len(fits)} entries, expected 1 to {len(COLUMN_COLOURS)}")
     figure = new_figure(7.0, 4.0)
     axes = figure.subplots()
     for fit, colour in zip(fits, COLUMN_COLOURS, strict=False):

@@ -1,4 +1,4 @@
-"""A semi-Markov skill as a graph: which state follows which, and how long each lasts."""
+"""Plot of a semi-Markov skill as a graph with its duration distributions."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -16,29 +16,25 @@ from pilotfish.models import (
     SemiMarkovChain,
     Skill,
 )
-from pilotfish.plots.kinds import require_number, require_type
 from pilotfish.plots.style import SMALL_FONT, add_outline, new_figure, state_colour, state_dash, style_axes
-from pilotfish.plots.validation import require_states
+from pilotfish.plots.validation import require_number, require_states, require_type
 from pilotfish.types import Array, Int
 
 NODE_SPACING = 1.35  # inches between nodes
-NODE_RADIUS = 0.27  # of a node; nodes stand one apart
+NODE_RADIUS = 0.27  # in units of the node spacing
 FINAL_RING_RADIUS = NODE_RADIUS + 0.06  # around a final node
-ARROW_RISE = 0.22  # how much higher an arrow climbs for each further node it passes over
-LINE_HEIGHT = 0.2  # between names of goals in other rows
-MAX_STATES_PER_ROW, ROW_MARGIN = (
-    10,
-    1,
-)  # most states in a row; room at its end, in nodes, when there are several
-DURATION_PANEL_HEIGHT = 2.2  # inches that the densities of a row are high
-TAIL_PROBABILITY = 1e-4  # how much of a state's durations lies to the right of what is drawn
+ARROW_RISE = 0.22  # height of an arrow per node that it passes
+LINE_HEIGHT = 0.2  # between labels of targets in other rows
+MAX_STATES_PER_ROW, ROW_MARGIN = 10, 1  # margin in nodes at the end of a row, if there are several
+DURATION_PANEL_HEIGHT = 2.2  # inches
+TAIL_PROBABILITY = 1e-4  # of durations beyond the drawn range
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Where states of a row stand, the arrows within and out of it, and the heights it needs.
+    """Positions of the states of a row, its arrows, and its vertical extent.
 
-    Arrows within lie between foot and top; low and high have room for what stands beyond.
+    Arrows within the row lie between arrow_bottom and arrow_top; y_min and y_max include labels beyond.
     """
 
     position: dict[int, int]
@@ -51,14 +47,23 @@ class Row:
 
 
 def state_graph(skill: Skill | AdaptedSkill, *, min_probability: float = 0.01) -> Figure:
-    """States from left to right in order of time, transitions as arrows, and durations under each state.
+    """Plot states in order of time, transitions as arrows, and duration distributions under each state.
 
-    Many states fill several rows; an arrow to another row points up and names its goal. Others run above
-    when they lead onward and below when back; those less probable than least are left out. A double ring is
-    a final state, an arrow from nowhere tells how probable it is to begin there. Under each state: how
-    probable it is that a visit lasts so long, and mean and deviation of its law [s].
-    Raises: InvalidInput, when the skill is not semi-Markov, has too many states or min_probability is no probability.
-    Source: after Tanwani 2018, figure 3.6.
+    Many states fill several rows; an arrow to another row points up and names its target. Arrows within a
+    row run above if they lead forward and below if back. A double ring is a final state; an arrow from below
+    gives the initial probability. Under each state is the density of its durations, with mean and standard
+    deviation [s].
+
+    Args:
+        skill: Skill with semi-Markov dynamics.
+        min_probability: Smallest transition probability that is drawn.
+
+    Raises:
+        InvalidInput: If the skill is not semi-Markov, has too many states, or min_probability is not from 0
+            to 1.
+
+    Source:
+        After Tanwani 2018, figure 3.6.
     """
     require_type("skill", skill, Skill, AdaptedSkill)
     require_number("min_probability", min_probability)
@@ -68,7 +73,7 @@ def state_graph(skill: Skill | AdaptedSkill, *, min_probability: float = 0.01) -
             f"the skill has {type(chain).__name__}, expected a SemiMarkovChain: learn makes one"
         )
     if not 0.0 <= min_probability <= 1.0:
-        raise InvalidInput(f"min_probability is {min_probability}, expected a probability such as .01")
+        raise InvalidInput(f"min_probability is {min_probability}, expected a probability such as 0.01")
     require_states(skill.states)
     lines = _split_into_rows(_order_by_time(chain))
     arrows = [
@@ -92,7 +97,7 @@ def state_graph(skill: Skill | AdaptedSkill, *, min_probability: float = 0.01) -
 
 
 def _split_into_rows(order: Int[Array, " K"]) -> list[Int[Array, " L"]]:
-    """States in lines of equal length, but for the last; so few that a page holds them."""
+    """Split the states into rows of equal length, except the last, that fit a page."""
     length = ceil(len(order) / ceil(len(order) / MAX_STATES_PER_ROW))
     return [order[n : n + length] for n in range(0, len(order), length)]
 
@@ -106,7 +111,7 @@ def _row(line: Int[Array, " L"], arrows: list[tuple[int, int]]) -> Row:
         max([FINAL_RING_RADIUS, *peaks]) + 0.2,
         min([-FINAL_RING_RADIUS - 0.2, *peaks]) - 0.2,
     )
-    most = max((sum(i == k for i, _ in outgoing_arrows) for k in position), default=0)
+    count = max((sum(i == k for i, _ in outgoing_arrows) for k in position), default=0)
     return Row(
         position,
         internal_arrows,
@@ -114,12 +119,12 @@ def _row(line: Int[Array, " L"], arrows: list[tuple[int, int]]) -> Row:
         arrow_bottom,
         arrow_top,
         arrow_bottom - 0.12,
-        arrow_top + LINE_HEIGHT * most,
+        arrow_top + LINE_HEIGHT * count,
     )
 
 
 def _order_by_time(chain: SemiMarkovChain) -> Int[Array, " K"]:
-    """States by the average time at which the skill is in them; those never reached come last."""
+    """Order states by their mean time; unreachable ones come last."""
     horizon = int(np.ceil(chain.durations.means.sum())) + 1
     probabilities = chain.filtered_state_probs(np.empty((0, len(chain.initial))), horizon)  # (T, K)
     expected_steps = probabilities.sum(axis=0)
@@ -133,7 +138,7 @@ def _order_by_time(chain: SemiMarkovChain) -> Int[Array, " K"]:
 
 
 def _arrow_peak(start: int, end: int) -> float:
-    """How high an arrow climbs between two places; negative if it leads back and hangs below."""
+    """Return the height of an arrow between two positions; negative if it leads back."""
     distance = end - start
     return (
         0.0
@@ -153,12 +158,12 @@ def _draw_graph(axes: Axes, chain: SemiMarkovChain, row: Row) -> None:
     for k, x in position.items():
         targets = [j for i, j in row.outgoing_arrows if i == k]
         _draw_outgoing_arrows(axes, x, row.arrow_top, {j: float(chain.transitions[k, j]) for j in targets})
-        if chain.initial[k] >= 0.005:  # what would be shown as 0.00 is not
+        if chain.initial[k] >= 0.005:  # omit 0.00
             _draw_initial_arrow(axes, x, row.arrow_bottom, float(chain.initial[k]))
 
 
 def _draw_outgoing_arrows(axes: Axes, x: int, arrow_top: float, targets: dict[int, float]) -> None:
-    """Arrows from a node upwards, past all others, to nodes of other rows: one above the other, named."""
+    """Draw arrows from a node upward to targets in other rows, one above the other, with labels."""
     for n, (target, probability) in enumerate(targets.items()):
         tip = arrow_top + LINE_HEIGHT * n
         arrow = FancyArrowPatch((x, NODE_RADIUS), (x, tip), shrinkA=0.0, shrinkB=0.0, zorder=2)
@@ -173,9 +178,9 @@ def _draw_outgoing_arrows(axes: Axes, x: int, arrow_top: float, targets: dict[in
 
 
 def _draw_node(axes: Axes, x: int, state: int, *, final: bool) -> Circle:
-    """The node, whose outline is where arrows end."""
+    """Draw a node, and return the outline at which arrows end."""
     axes.add_patch(Circle((x, 0.0), NODE_RADIUS, color=state_colour(state), zorder=3, gid=f"state {state}"))
-    if state_dash(state) != "-":  # the colour is that of another state too
+    if state_dash(state) != "-":  # the colour is used twice
         dashes = Circle(
             (x, 0.0), 0.82 * NODE_RADIUS, fill=False, edgecolor="white", linestyle=state_dash(state)
         )
@@ -195,7 +200,7 @@ def _draw_arrow(axes: Axes, arrow: FancyArrowPatch, x: int, target: int, probabi
     peak = _arrow_peak(x, target)
     arrow.set_connectionstyle(
         "arc3", rad=-2.0 * peak / (target - x)
-    )  # its top lies at half of rad times span
+    )  # the peak is half of rad times the distance
     arrow.set_arrowstyle("-|>")
     arrow.set_mutation_scale(11.0)
     arrow.set(color="0.35", linewidth=0.6 + 2.0 * probability)
@@ -206,11 +211,11 @@ def _draw_arrow(axes: Axes, arrow: FancyArrowPatch, x: int, target: int, probabi
 
 
 def _draw_initial_arrow(axes: Axes, x: int, arrow_bottom: float, probability: float) -> None:
-    """An arrow from nowhere, below all others, into a first state."""
+    """Draw the arrow of an initial probability, below all others."""
     arrow = {"arrowstyle": "-|>", "color": "0.35", "linewidth": 0.6 + 2.0 * probability}
     axes.annotate("", (x, -NODE_RADIUS), (x, arrow_bottom), arrowprops=arrow)
     axes.text(
-        x + 0.06, arrow_bottom, f"begins {probability:.2f}", fontsize=SMALL_FONT, ha="left", va="center"
+        x + 0.06, arrow_bottom, f"initial {probability:.2f}", fontsize=SMALL_FONT, ha="left", va="center"
     )
 
 
@@ -222,7 +227,7 @@ def _draw_durations(
     n_columns: int,
     period: float,
 ) -> None:
-    """How probable each duration is, state by state, on the same scales for all states of the skill."""
+    """Draw the duration density of each state, with the same scales for all states."""
     max_duration = chain.durations.max_duration(TAIL_PROBABILITY)
     density = np.exp(chain.durations.log_table(max_duration)) / period  # (S, K), per second
     seconds = period * np.arange(1, max_duration + 1)
@@ -235,6 +240,6 @@ def _draw_durations(
         axes.set(xlim=(0.0, seconds[-1]), ylim=(0.0, 1.05 * density.max()))
         style_axes(axes, x="duration [s]", y="" if x else "density [1/s]").tick_params(labelleft=x == 0)
         mean, deviation = period * chain.durations.means[k], period * chain.durations.deviations[k]
-        # two that count; visits that all last as long have no deviation
+        # two significant digits; the deviation may be zero
         digits = max(0, 1 - int(np.floor(np.log10(deviation or period))))
         axes.set_title(f"{mean:.{digits}f} ± {deviation:.{digits}f} s", fontsize=SMALL_FONT + 1)

@@ -1,4 +1,4 @@
-"""How a model grew with its stream."""
+"""Plot of the growth of an online model."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,6 @@ from matplotlib.ticker import MaxNLocator
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import online
-from pilotfish.plots.kinds import require_sequence
 from pilotfish.plots.style import (
     BACKGROUND,
     FIGURE_WIDTH,
@@ -20,29 +19,35 @@ from pilotfish.plots.style import (
     state_legend_handles,
     style_axes,
 )
-from pilotfish.plots.validation import require_states
+from pilotfish.plots.validation import require_sequence, require_states
 from pilotfish.types import Array, Float
 
-LINE_OFFSET = 0.35  # dimensions from the first line to the last: equal ones stand side by side
+LINE_OFFSET = 0.35  # dimensions between the first and the last line, so that equal ones are distinct
 
 
 def online_clusters(models: Sequence[online.OnlineModel]) -> Figure:
-    """The number of clusters over the datapoints, and below it the dimension of each in every frame.
+    """Plot the number of clusters over the datapoints, and the dimension of each cluster in every frame.
 
-    models are one model at moments of its stream, earliest first. States are those of the last model, as it
-    reads out; clusters that were merged or forgotten before are grey. Dimensions are whole numbers: lines are
-    drawn a little to the side of each other.
-    Raises: InvalidInput, when there is no model, they are of different streams or have too many states.
-    Source: after Tanwani 2018, figure 5.6.
+    States are those of the last model. Clusters that were merged or deleted before are grey. Dimensions are
+    whole numbers; their lines are drawn slightly apart.
+
+    Args:
+        models: One model at several times of its stream, earliest first.
+
+    Raises:
+        InvalidInput: If there is no model, they are of different streams, or the last has too many states.
+
+    Source:
+        After Tanwani 2018, figure 5.6.
     """
     require_sequence("models", models, online.OnlineModel)
     if not models or not models[-1].clusters:
-        raise InvalidInput("no model has a cluster to draw, expected the model at one moment at least")
+        raise InvalidInput("models has no model with a cluster, expected at least one")
     last = models[-1]
     require_states(last.clusters)
     times = [model.datapoints for model in models]
     if times != sorted(times) or any(model.frame_names != last.frame_names for model in models):
-        raise InvalidInput("the models are not one model as it grew, expected its earliest moment first")
+        raise InvalidInput("models are not one model in order of time, expected the earliest first")
     figure = new_figure(FIGURE_WIDTH, 1.6 + 1.9 * (1 + len(last.frame_names)))
     above, *below = figure.subplots(1 + len(last.frame_names), 1, sharex=True)
     above.step(times, [model.clusters for model in models], where="post", color="black", linewidth=1.6)
@@ -61,13 +66,13 @@ def online_clusters(models: Sequence[online.OnlineModel]) -> Figure:
     for axes in (above, *below):
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     below[-1].set_xlabel("datapoints [1]")
-    grey = [Line2D([], [], color=BACKGROUND, label="merged or forgotten since")] if removed else []
+    grey = [Line2D([], [], color=BACKGROUND, label="merged or deleted")] if removed else []
     legend_below(figure, [*state_legend_handles(last.clusters), *grey])
     return figure
 
 
 def _dimensions_by_cluster(models: Sequence[online.OnlineModel], p: int) -> dict[int, Float[Array, " M"]]:
-    """The dimension of every cluster there ever was in frame p, nan where it is not."""
+    """Return the dimension of every cluster in frame p over the models, nan where it does not exist."""
     lines: dict[int, Float[Array, " M"]] = {}
     for m, model in enumerate(models):
         for cluster_id, d in zip(model.cluster_ids.tolist(), model.dimensions[:, p].tolist(), strict=True):
@@ -76,7 +81,7 @@ def _dimensions_by_cluster(models: Sequence[online.OnlineModel], p: int) -> dict
 
 
 def _line_style(last: online.OnlineModel, cluster_id: int) -> tuple[dict[str, object], int]:
-    """How a cluster's line looks, and its place among the states; -1 when it is no more."""
+    """Return the line style of a cluster and its state index; -1 if it was deleted."""
     indices = np.flatnonzero(last.cluster_ids == cluster_id)
     if not len(indices):
         return {"color": BACKGROUND, "linewidth": 1.0, "zorder": 1}, -1

@@ -1,4 +1,4 @@
-"""Coordinates over time: what the skill asked for, what the tracker did, and what was shown."""
+"""Plot of coordinates over time: planned states, tracked motion and demonstration."""
 
 from collections.abc import Sequence
 
@@ -12,8 +12,7 @@ from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, state_segments
-from pilotfish.plots.kinds import require_array, require_type
-from pilotfish.plots.spreads import ambient_covariances
+from pilotfish.plots.ambient_covariances import ambient_covariances
 from pilotfish.plots.style import (
     DEMONSTRATION,
     MOTION,
@@ -26,10 +25,12 @@ from pilotfish.plots.style import (
 )
 from pilotfish.plots.validation import (
     column_indices,
+    require_array,
     require_motion,
     require_period,
     require_same_columns,
     require_states,
+    require_type,
 )
 from pilotfish.types import Array, Int
 
@@ -44,16 +45,22 @@ def tracked_coordinates(
     demonstration: Demonstration | None = None,
     columns: Sequence[str] | None = None,
 ) -> Figure:
-    """A panel for each column: the planned states' means with bands of one deviation, and the motion on top.
+    """Plot the planned means with bands of one standard deviation, and the motion, in a panel per column.
 
-    states is the planned sequence, one a step of the motion. Bands are the model's, without the slack that a
-    plan adds: a wide band is where the tracker may yield. columns are names; all that are no derivatives if
-    not given.
-    Raises: InvalidInput, when lengths, widths or periods differ, or a state or column is unknown.
+    Args:
+        skill: Adapted skill. The bands are those of its covariances, without the regularisation of a plan:
+            the tracker may deviate further where a band is wide.
+        states: Planned state of each step of the motion.
+        motion: Tracked motion.
+        demonstration: Demonstration in the same situation, for comparison.
+        columns: Names of columns; None for all that are not derivatives.
+
+    Raises:
+        InvalidInput: If lengths, columns or periods differ, or a state or column is unknown.
     """
     require_type("skill", skill, AdaptedSkill)
     require_type("motion", motion, Motion)
-    require_array("states", states, "T", np.integer, "pilotfish.planning.planned_states makes one")
+    require_array("states", states, "T", np.integer, "planning.plan_states makes one")
     require_states(skill.states)
     require_motion(motion, skill.layout)
     require_period("the motion", motion.period, skill.period)
@@ -62,9 +69,9 @@ def tracked_coordinates(
         require_period(f"demonstration {demonstration.name!r}", demonstration.period, skill.period)
     _require_planned_states(states, skill.states, len(motion.x))
     rows = panel_rows(skill.layout, column_indices(skill.layout, columns))
-    most = max(map(len, rows))
-    figure = new_figure(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
-    cells = figure.add_gridspec(len(rows), most)
+    width = max(map(len, rows))
+    figure = new_figure(max(5.0, 3.2 * width), 2.4 * len(rows) + 0.8)
+    cells = figure.add_gridspec(len(rows), width)
     for r, row in enumerate(rows):
         for c, column in enumerate(row):
             panel = style_axes(
@@ -79,27 +86,27 @@ def tracked_coordinates(
 def _require_planned_states(states: Int[Array, " T"], known: int, steps: int) -> None:
     if len(states) != steps:
         raise InvalidInput(
-            f"{len(states)} states were planned, expected {steps}: one for each step of the motion"
+            f"states has {len(states)} entries, expected {steps}: one for each step of the motion"
         )
     if states.min() < 0 or states.max() >= known:
         raise InvalidInput(
-            f"states run from {states.min()} to {states.max()}, the skill has 0 to {known - 1}"
+            f"states has entries from {states.min()} to {states.max()}, expected 0 to {known - 1}"
         )
 
 
 def panel_rows(layout: Layout, chosen: list[int]) -> list[list[int]]:
-    """The columns of a part side by side, parts of one column too, at most so many in a row."""
+    """Return the columns of each row of panels: those of one part, and parts of one column together."""
     parts: list[list[int]] = []
-    alone = False  # whether the last row is of parts of one column
-    for here in layout.slices:
-        if not (part := [i for i in range(here.start, here.stop) if i in chosen]):
+    last_is_single = False  # whether the last row has parts of one column
+    for columns in layout.slices:
+        if not (part := [i for i in range(columns.start, columns.stop) if i in chosen]):
             continue
-        single = here.stop - here.start == 1
-        if single and alone:
+        is_single = columns.stop - columns.start == 1
+        if is_single and last_is_single:
             parts[-1] += part
         else:
             parts.append(part)
-        alone = single
+        last_is_single = is_single
     return [
         part[n : n + MAX_PANELS_PER_ROW] for part in parts for n in range(0, len(part), MAX_PANELS_PER_ROW)
     ]
@@ -113,13 +120,13 @@ def _draw_lines(panel: Axes, motion: Motion, demonstration: Demonstration | None
 
 
 def _draw_bands(panel: Axes, skill: AdaptedSkill, states: Int[Array, " T"], column: int) -> None:
-    """Mean and deviation of each visit, from half a step before its first to half a step past the last."""
-    visited, lengths = state_segments(states)
+    """Draw mean and standard deviation of each segment, half a step beyond its ends."""
+    segment_states, lengths = state_segments(states)
     variances = np.diagonal(
         ambient_covariances(skill.means, skill.covariances, skill.layout), axis1=1, axis2=2
     )
     ends = np.cumsum(lengths)
-    for k, first, end in zip(visited, ends - lengths, ends, strict=True):
+    for k, first, end in zip(segment_states, ends - lengths, ends, strict=True):
         seconds = skill.period * np.array([first - 0.5, end - 0.5])
         mean, deviation = skill.means[k, column], np.sqrt(variances[k, column])
         colour = state_colour(int(k))

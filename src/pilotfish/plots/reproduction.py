@@ -1,4 +1,4 @@
-"""A skill in the situation at hand, and the motion that came of it."""
+"""Plot of an adapted skill and its reproduction, in planes and in space."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +15,7 @@ from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Frame
 from pilotfish.models import AdaptedSkill
 from pilotfish.planning import ViaPoint, ViaPointObservation, observe_via_points
+from pilotfish.plots.ambient_covariances import ambient_covariances
 from pilotfish.plots.ellipses import (
     FrameAxes,
     draw_ellipses,
@@ -24,9 +25,7 @@ from pilotfish.plots.ellipses import (
     label_frame_axes,
     label_frame_axes_3d,
 )
-from pilotfish.plots.kinds import require_sequence, require_type
 from pilotfish.plots.labels import place_labels
-from pilotfish.plots.spreads import ambient_covariances
 from pilotfish.plots.style import (
     DEMONSTRATION,
     MOTION,
@@ -42,7 +41,9 @@ from pilotfish.plots.validation import (
     position_columns,
     require_motion,
     require_same_columns,
+    require_sequence,
     require_states,
+    require_type,
     require_width,
 )
 from pilotfish.types import Array, Float
@@ -69,16 +70,25 @@ def reproduction(
     planes: Sequence[Plane] | None = None,
     points: Sequence[ViaPoint] = (),
 ) -> Figure:
-    """The adapted states and the motion in each plane, and in space when the position has three axes.
+    """Plot adapted states and motion in each plane, and in space if the position has three axes.
 
-    Frames stand as triads of axes. human is what was shown in the same situation, for comparison. points are
-    via-points: diamonds where they name all axes of a panel.
-    Raises: InvalidInput, when widths differ, states are too many or a point is at no step of the motion.
-    Source: after Tanwani 2018, figures 3.3 and 3.6.
+    Args:
+        skill: Adapted skill.
+        motion: Reproduced motion.
+        frames: Frames of the objects, drawn as axes.
+        demonstration: Demonstration in the same situation, for comparison.
+        planes: Pairs of column names; None for x-y and x-z of the first position.
+        points: Via-points, drawn as diamonds in panels all of whose axes they have.
+
+    Raises:
+        InvalidInput: If columns differ, there are too many states, or a point is at no step of the motion.
+
+    Source:
+        After Tanwani 2018, figures 3.3 and 3.6.
     """
     _validate(skill, motion, frames, demonstration)
     require_sequence("points", points, ViaPoint)
-    observed = observe_via_points(points, skill.layout, motion.x, motion.period)
+    observations = observe_via_points(points, skill.layout, motion.x, motion.period)
     plane_indices, space = plane_columns(skill.layout, planes), position_columns(skill.layout)
     is_spatial = len(space) == SPACE_DIMENSIONS
     count = len(plane_indices) + is_spatial
@@ -94,17 +104,17 @@ def reproduction(
             *label_frame_axes(panel, frame_axes, length),
             *_draw_plane(panel, skill, motion, demonstration, plane),
         ]
-        _draw_via_points(panel, observed, plane)
+        _draw_via_points(panel, observations, plane)
         drawn.append((panel, labels, np.stack([motion.x[0, list(plane)], *(t.origin for t in frame_axes)])))
     if is_spatial:
         frame_axes = frame_axes_in(frames, space, space, length)
         panel = figure.add_subplot(cells[0, -1], projection="3d")
         _draw_space(panel, skill, motion, demonstration, frame_axes)
-        _draw_via_points(panel, observed, tuple(space))
+        _draw_via_points(panel, observations, tuple(space))
     legend_below(
         figure, [*_path_handles(demonstration is not None, bool(points)), *state_legend_handles(skill.states)]
     )
-    figure.draw_without_rendering()  # only then is known where labels stand
+    figure.draw_without_rendering()  # label positions are known afterwards
     for panel, labels, marks in drawn:
         place_labels(panel, labels, marks)
     return figure
@@ -125,10 +135,10 @@ def _validate(
 
 
 def _draw_via_points(
-    panel: Axes | Axes3D, observed: Sequence[ViaPointObservation], axes: tuple[int, ...]
+    panel: Axes | Axes3D, observations: Sequence[ViaPointObservation], axes: tuple[int, ...]
 ) -> None:
-    """Where the motion was asked to pass, by points that name all axes of the panel."""
-    for o in observed:
+    """Draw via-points that have all axes of the panel."""
+    for o in observations:
         values = dict(zip(o.columns.tolist(), o.values.tolist(), strict=True))
         if set(axes) <= set(values):
             panel.plot(*([values[column]] for column in axes), **VIA_POINT_MARKER, zorder=9)
@@ -141,8 +151,8 @@ def _draw_plane(
     demonstration: Demonstration | None,
     plane: tuple[int, int],
 ) -> list[Annotation]:
-    """All but the frames; the numbers of states are returned, to be settled."""
-    panel.margins(0.1)  # room for labels
+    """Draw states and paths in a plane, and return the labels of states to be placed."""
+    panel.margins(0.1)  # for labels
     numbers = draw_ellipses(panel, skill.means, _covariances(skill), plane, "adapted")
     if demonstration is not None:
         panel.plot(*demonstration.x[:, plane].T, color=DEMONSTRATION, linestyle="--", linewidth=1.6, zorder=2)
@@ -180,19 +190,19 @@ def _draw_space(
 
 
 def _set_equal_aspect(axes: Axes3D) -> None:
-    """A metre is as long in every direction; a flat box is made thick enough for its ticks."""
+    """Use one scale in all directions; a flat box is made thick enough for its ticks."""
     limits = np.array([axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()])
     half = np.maximum(np.ptp(limits, axis=1), MIN_RELATIVE_HEIGHT * np.ptp(limits, axis=1).max()) / 2
     low, high = limits.mean(axis=1) - half, limits.mean(axis=1) + half
     axes.set(xlim3d=(low[0], high[0]), ylim3d=(low[1], high[1]), zlim3d=(low[2], high[2]))
-    axes.set_box_aspect(half, zoom=0.84)  # room for the labels, which no layout engine knows of
+    axes.set_box_aspect(half, zoom=0.84)  # for the labels, which layout engines ignore
 
 
 def _path_handles(demonstration: bool, points: bool) -> list[Line2D]:
     handles = [
         Line2D([], [], color=MOTION, label="reproduction"),
-        Line2D([], [], **START_MARKER, linestyle="", label="its beginning"),
-        *([Line2D([], [], **VIA_POINT_MARKER, label="point to pass")] if points else []),
+        Line2D([], [], **START_MARKER, linestyle="", label="start"),
+        *([Line2D([], [], **VIA_POINT_MARKER, label="via-point")] if points else []),
     ]
-    shown = Line2D([], [], color=DEMONSTRATION, linestyle="--", label="demonstration")
-    return [*handles, shown] if demonstration else handles
+    reference = Line2D([], [], color=DEMONSTRATION, linestyle="--", label="demonstration")
+    return [*handles, reference] if demonstration else handles

@@ -1,4 +1,4 @@
-"""Points that a motion was asked to pass, and what it did about them."""
+"""Plot of a motion and its via-points over time."""
 
 from collections.abc import Sequence
 
@@ -12,10 +12,9 @@ from pilotfish.control import Motion
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.planning import ViaPoint, ViaPointObservation, observe_via_points
-from pilotfish.plots.coordinates import panel_rows
-from pilotfish.plots.kinds import require_sequence, require_type
 from pilotfish.plots.style import DEMONSTRATION, MOTION, axis_label, legend_below, new_figure, style_axes
-from pilotfish.plots.validation import column_indices, require_motion
+from pilotfish.plots.tracked_coordinates import panel_rows
+from pilotfish.plots.validation import column_indices, require_motion, require_sequence, require_type
 
 VIA_POINT_COLOUR = "#D55E00"
 
@@ -28,12 +27,18 @@ def via_points(
     baseline: Motion | None = None,
     columns: Sequence[str] | None = None,
 ) -> Figure:
-    """A panel for each column that points name: the motion over time, and the points with their deviations.
+    """Plot a motion over time and its via-points with their standard deviations, a panel per column.
 
-    without is the motion as it would have been, for comparison. columns are names; if not given, those that
-    points name.
-    Raises: InvalidInput, when widths or steps differ, a point is at no step of the motion, no columns are
-    left or one is unknown.
+    Args:
+        layout: Columns of the motion.
+        motion: Motion.
+        points: Via-points.
+        baseline: Motion without via-points, for comparison.
+        columns: Names of columns; None for those of the via-points.
+
+    Raises:
+        InvalidInput: If columns or numbers of steps differ, a point is at no step of the motion, there are no
+            columns, or one is unknown.
     """
     require_type("layout", layout, Layout)
     require_type("motion", motion, Motion)
@@ -43,37 +48,43 @@ def via_points(
         require_type("baseline", baseline, Motion)
         if baseline.x.shape != motion.x.shape:
             raise InvalidInput(
-                f"the motion without points has the shape {baseline.x.shape}, expected {motion.x.shape}"
+                f"baseline has shape {baseline.x.shape}, expected {motion.x.shape} as the motion"
             )
-    observed = observe_via_points(points, layout, motion.x, motion.period)
-    named = sorted({int(c) for o in observed for c in o.columns})
-    rows = panel_rows(layout, named if columns is None else column_indices(layout, columns))
+    observations = observe_via_points(points, layout, motion.x, motion.period)
+    point_columns = sorted({int(c) for observation in observations for c in observation.columns})
+    rows = panel_rows(layout, point_columns if columns is None else column_indices(layout, columns))
     if not rows:
-        raise InvalidInput("there are no points, so no columns that they name; name columns to draw")
-    most = max(map(len, rows))
-    figure = new_figure(max(5.0, 3.2 * most), 2.4 * len(rows) + 0.8)
-    cells = figure.add_gridspec(len(rows), most)
+        raise InvalidInput("points is empty, expected at least one; or pass columns to draw")
+    width = max(map(len, rows))
+    figure = new_figure(max(5.0, 3.2 * width), 2.4 * len(rows) + 0.8)
+    cells = figure.add_gridspec(len(rows), width)
     for r, row in enumerate(rows):
         for c, column in enumerate(row):
             panel = style_axes(figure.add_subplot(cells[r, c]), x="time [s]", y=axis_label(layout, column))
-            _draw(panel, motion, baseline, observed, column)
+            _draw(panel, motion, baseline, observations, column)
     legend_below(figure, _handles(baseline is not None))
     return figure
 
 
 def _draw(
-    panel: Axes, motion: Motion, baseline: Motion | None, observed: Sequence[ViaPointObservation], column: int
+    panel: Axes,
+    motion: Motion,
+    baseline: Motion | None,
+    observations: Sequence[ViaPointObservation],
+    column: int,
 ) -> None:
     seconds = motion.period * np.arange(len(motion.x))
     if baseline is not None:
         panel.plot(seconds, baseline.x[:, column], color=DEMONSTRATION, linestyle="--", linewidth=1.6)
     panel.plot(seconds, motion.x[:, column], color=MOTION, linewidth=1.6)
-    for o in observed:
-        for c, value, deviation in zip(o.columns, o.values, o.deviations, strict=True):
+    for observation in observations:
+        for c, value, deviation in zip(
+            observation.columns, observation.values, observation.deviations, strict=True
+        ):
             if c == column:
-                when = motion.period * o.step
+                time = motion.period * observation.step
                 panel.errorbar(
-                    when,
+                    time,
                     value,
                     deviation,
                     color=VIA_POINT_COLOUR,
@@ -88,8 +99,13 @@ def _handles(baseline: bool) -> list[Artist]:
     handles: list[Artist] = [
         Line2D([], [], color=MOTION, label="motion"),
         Line2D(
-            [], [], color=VIA_POINT_COLOUR, marker="o", linestyle="", label="point to pass, and its deviation"
+            [],
+            [],
+            color=VIA_POINT_COLOUR,
+            marker="o",
+            linestyle="",
+            label="via-point and its deviation",
         ),
     ]
-    dashed = Line2D([], [], color=DEMONSTRATION, linestyle="--", label="motion without points")
+    dashed = Line2D([], [], color=DEMONSTRATION, linestyle="--", label="motion without via-points")
     return [*handles, dashed] if baseline else handles

@@ -1,4 +1,4 @@
-"""How candidates for a model compare: the score on held-out demonstrations, and the Bayesian criterion."""
+"""Plot of model selection: held-out score and Bayesian information criterion of candidates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from matplotlib.typing import LineStyleType
 
 from pilotfish.errors import InvalidInput
 from pilotfish.models import Score, Selection
-from pilotfish.plots.kinds import require_type
 from pilotfish.plots.style import COLUMN_COLOURS, FIGURE_WIDTH, legend_below, new_figure, style_axes
+from pilotfish.plots.validation import require_type
 from pilotfish.types import Array, Float
 
 LINE_DASHES: tuple[LineStyleType, ...] = (
@@ -27,21 +27,29 @@ LINE_DASHES: tuple[LineStyleType, ...] = (
     (0.0, (8.0, 3.0)),
     (0.0, (2.0, 2.0, 6.0, 2.0)),
 )
-MARKERS = "osD^P*Xp"  # one with each kind of dashes; "v" is an impossible demonstration
-LINE_OFFSET = 0.1  # states from line to line, so that what nearly coincides stands side by side
-MAX_OFFSET = 0.6  # states from the first line to the last
+MARKERS = "osD^P*Xp"  # one per dash pattern; "v" marks an impossible demonstration
+LINE_OFFSET = 0.1  # states from line to line, so that similar scores are distinct
+MAX_OFFSET = 0.6  # states from the first to the last line
 MIN_LINEAR_RANGE = (
     0.1  # nats per datapoint: smaller differences are drawn in proportion, larger ones by their decades
 )
 
 
-HELD_OUT_TITLE = "demonstrations held out (higher is better)"
+HELD_OUT_TITLE = "held-out demonstrations (higher is better)"
 BIC_TITLE = "BIC, all demonstrations (lower is better)"
 
 
 @dataclass(frozen=True, slots=True)
 class ScoreLine:
-    """The scores of one structure and one kind of durations, by their number of states."""
+    """Scores of one structure and one duration model, by number of states.
+
+    Attributes:
+        scores: Scores in order of the number of states.
+        colour: Colour of the structure.
+        dash: Dashes of the duration model.
+        marker: Marker of the duration model.
+        shift: Horizontal offset, in states.
+    """
 
     scores: tuple[Score, ...]
     colour: str
@@ -51,21 +59,26 @@ class ScoreLine:
 
     @property
     def x_positions(self) -> list[float]:
-        """Numbers of states, a little to the side."""
+        """Numbers of states with the horizontal offset."""
         return [score.candidate.states + self.shift for score in self.scores]
 
 
 def model_selection(selection: Selection) -> Figure:
-    """Scores by numbers of states: a colour for each structure, marks and dashes for each kind of durations.
+    """Plot the scores of candidates by number of states.
 
-    On the left the log-likelihood per datapoint of demonstrations held out, against the highest of all; bars
-    are the standard error of that difference over demonstrations, so that a candidate whose bar reaches zero
-    is about as good. The scale is linear near zero, logarithmic beyond; a triangle at the lower edge stands
-    for demonstrations that are impossible. On the right the Bayesian information criterion of all
-    demonstrations. Lines stand a little to the side of one another. The choice is ringed. Candidates that
-    failed are missing.
-    Raises: InvalidInput, when all candidates failed, or there are more structures or kinds of durations than
-    can be told apart.
+    Colours are structures, markers and dashes are duration models. On the left is the log-likelihood per
+    datapoint of held-out demonstrations, relative to the highest. Bars are the standard error of this
+    difference over demonstrations: a candidate whose bar reaches zero is about as good. The scale is linear
+    near zero and logarithmic beyond; a triangle at the lower edge marks impossible demonstrations. On the
+    right is the Bayesian information criterion of all demonstrations. The selected candidate has a ring;
+    failed ones are missing.
+
+    Args:
+        selection: Result of `models.select`.
+
+    Raises:
+        InvalidInput: If all candidates failed, or there are too many structures or duration models to
+            distinguish.
     """
     require_type("selection", selection, Selection)
     best, top = selection.best, selection.highest_held_out
@@ -81,14 +94,14 @@ def model_selection(selection: Selection) -> Figure:
             _mark_selected(left, best.candidate.states + line.shift, float(_differences(best, top).mean()))
             _mark_selected(right, best.candidate.states + line.shift, best.bic)
     style_axes(
-        left, x="states", y="log-likelihood per datapoint,\nagainst the best [nat]", title=HELD_OUT_TITLE
+        left, x="states", y="log-likelihood per datapoint,\nrelative to the best [nat]", title=HELD_OUT_TITLE
     )
     style_axes(right, x="states", y="Bayesian information criterion [nat]", title=BIC_TITLE)
     for axes in (left, right):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     legend_below(figure, _handles(structures, durations))
-    figure.suptitle(f"Chosen: {best.candidate.label}", fontsize="medium")
+    figure.suptitle(f"Selected: {best.candidate.label}", fontsize="medium")
     return figure
 
 
@@ -98,17 +111,17 @@ def _line_names(scores: Sequence[Score]) -> tuple[list[str], list[str]]:
     )
     for name, present, most in (
         ("structures", structures, len(COLUMN_COLOURS)),
-        ("kinds of durations", durations, len(LINE_DASHES)),
+        ("duration models", durations, len(LINE_DASHES)),
     ):
         if len(present) > most:
             raise InvalidInput(
-                f"there are {len(present)} {name}, expected at most {most}: draw fewer at once"
+                f"there are {len(present)} {name}, expected at most {most}; draw fewer at once"
             )
     return structures, durations
 
 
 def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequence[str]) -> list[ScoreLine]:
-    """One structure's kinds of durations are the likeliest to coincide, and stand the furthest apart."""
+    """Return one line per structure and duration model; those of one structure are furthest apart."""
     present = set(map(_line_name, scores))
     pairs = [(s, d) for d in durations for s in structures if (s, d) in present]
     half_width = min(MAX_OFFSET, LINE_OFFSET * (len(pairs) - 1)) / 2
@@ -130,7 +143,7 @@ def _line_name(score: Score) -> tuple[str, str]:
 
 
 def _differences(score: Score, top: Score) -> Float[Array, " M"]:
-    """Demonstration by demonstration; where neither explains one, there is nothing to tell."""
+    """Return the differences by demonstration; nan where both are impossible."""
     with np.errstate(invalid="ignore"):
         return np.asarray(score.held_out - top.held_out)
 
