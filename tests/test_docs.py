@@ -120,6 +120,20 @@ def test_glossary_commands_are_those_of_the_command_line():
     )
 
 
+@pytest.mark.parametrize(
+    "term",
+    [
+        "TP-HSMM", "TP-GMM", "forward-backward", "Gaussian mixture regression", "exponential map",
+        "right-censored",
+        "kinesthetic", "LQR", "LQT", "via-point", "impedance", "Viterbi", "responsibilities", "tangent space",
+    ],
+)  # fmt: skip
+def test_term_of_the_field_is_found_in_source_and_pages(term: str):
+    source = [file.read_text(encoding="utf-8") for file in (TOP / "src").rglob("*.py")]
+    pages = [page.read_text(encoding="utf-8") for page in PAGES]
+    assert all(any(term.lower() in text.lower() for text in texts) for texts in (source, pages))
+
+
 # ------------------------------------------------------------------------------------------------ reference
 
 
