@@ -35,7 +35,7 @@ def format_row(label, skill):
     """Format the mean and deviation of each phase [s], and the log-likelihood per step of new recordings."""
     durations, order = skill.dynamics.durations, np.argsort(skill.means[0, :, 0])
     columns = [f"{PERIOD * durations.means[k]:.2f} +- {PERIOD * durations.deviations[k]:.2f}" for k in order]
-    log_likelihood = pf.log_likelihood(skill, test).sum() / sum(len(d.x) for d in test)
+    log_likelihood = pf.models.log_likelihood(skill, test).sum() / sum(len(d.x) for d in test)
     return f"{label:<26} {'   '.join(columns)}   {log_likelihood:.4f}"
 
 

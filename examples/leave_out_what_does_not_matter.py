@@ -60,7 +60,7 @@ print(f"the chair moves, all frames count equally: the motion changes by {larges
 print(f"the chair moves, frames are weighted: {largest_change(skill, frame_relevance.values):.3f} mm")
 
 # Or learn again without the chair: its pose is then not needed.
-selected = pf.learn(pf.select_frames(training, frame_relevance), states=7, rng=rng).skill
+selected = pf.learn(pf.models.select_frames(training, frame_relevance), states=7, rng=rng).skill
 print(f"learned again from {' and '.join(selected.frame_names)}; mean error of the reproduction:")
 for label, positions in (
     ("equal frames", reproduce(skill, situations[0])),

@@ -148,7 +148,7 @@ def training_part(dance: Demonstration) -> Demonstration:
 
 
 @cache
-def learn_skill(dance: Demonstration, label: str, states: int) -> pf.Fit:
+def learn_skill(dance: Demonstration, label: str, states: int) -> pf.models.Fit:
     rng = np.random.default_rng(0)
     return pf.learn(
         [dance],

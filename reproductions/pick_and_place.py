@@ -200,7 +200,7 @@ def learn_skill(
     structure: CovarianceStructure,
     states: int = STATES,
     regularisation: float = 1e-5,
-) -> pf.Fit:
+) -> pf.models.Fit:
     settings = pf.models.EMSettings(regularisation=regularisation)
     rng = np.random.default_rng(0)
     return pf.learn(demonstrations, states=states, rng=rng, structure=structure, settings=settings)
@@ -217,7 +217,7 @@ def mean_error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_
     )
 
 
-def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
+def table_row(alpha: float, fit: pf.models.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
     train, test = demonstrations[::2], demonstrations[1::2]
     spent = []
     for _ in range(TIMED_FITS):

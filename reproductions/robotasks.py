@@ -86,11 +86,11 @@ def with_end_frames(demonstration: pf.Demonstration) -> pf.Demonstration:
 
 def to_representation(demonstrations: Sequence[pf.Demonstration], sphere: bool) -> list[pf.Demonstration]:
     return (
-        [pf.to_sphere(demonstration) for demonstration in demonstrations] if sphere else list(demonstrations)
+        [pf.demonstrations.to_sphere(demonstration) for demonstration in demonstrations] if sphere else list(demonstrations)
     )
 
 
-def learn_skill(demonstrations: Sequence[pf.Demonstration]) -> pf.Fit:
+def learn_skill(demonstrations: Sequence[pf.Demonstration]) -> pf.models.Fit:
     return pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0))
 
 

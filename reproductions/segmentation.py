@@ -153,7 +153,7 @@ def fit_skill(
     regularisation: float,
     dynamics: str = "semi-markov",
     durations: pf.models.DurationModel | None = None,
-) -> pf.Fit:
+) -> pf.models.Fit:
     return pf.learn(
         seen,
         states=STATES,

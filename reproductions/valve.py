@@ -75,7 +75,7 @@ def structure(alpha: float, sweeps: int = 2) -> CovarianceStructure:
     return pf.structures.SemiTied(alpha, sweeps) if alpha else pf.structures.Full()
 
 
-def learn_skill(demonstrations: Sequence[Demonstration], structure: CovarianceStructure) -> pf.Fit:
+def learn_skill(demonstrations: Sequence[Demonstration], structure: CovarianceStructure) -> pf.models.Fit:
     return pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0), structure=structure)
 
 
@@ -90,7 +90,7 @@ def mean_error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_
     )
 
 
-def table_row(alpha: float, fit: pf.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
+def table_row(alpha: float, fit: pf.models.Fit, demonstrations: Sequence[Demonstration]) -> dict[str, object]:
     train, test = demonstrations[:4], demonstrations[4:]
     spent = []
     for _ in range(TIMED_FITS):
@@ -153,7 +153,7 @@ def print_sweeps(rows: Sequence[dict[str, object]]) -> None:
         print(f"{label}  train {row['train_mse']:.5f}  test {row['test_mse']:.5f}")
 
 
-def pictures(fits: dict[float, pf.Fit], demonstrations: Sequence[Demonstration]) -> dict[str, Figure]:
+def pictures(fits: dict[float, pf.models.Fit], demonstrations: Sequence[Demonstration]) -> dict[str, Figure]:
     free, tied = fits[0.0].skill, fits[1.0].skill
     drawn = {
         "figure-3.6-graph": plots.state_graph(free),

@@ -1,17 +1,23 @@
 """Learn manipulation skills from a few demonstrations and reproduce them in new situations.
 
+A demonstration is a recording of a task with one frame (task parameter) per object. From a few of them
+`learn` fits a task-parameterised hidden semi-Markov model (TP-HSMM): Gaussians in every frame, with
+durations. `adapt` multiplies these Gaussians where the objects are now, `plan` turns the state sequence into
+targets and weights, and `track` follows them by linear quadratic tracking (LQT). `reproduce` does the three
+in one call.
+
 Import it as `import pilotfish as pf`. The public names by step:
 
-    data        load, demonstration, datasets -> Demonstration with one Frame per object; add_derivatives,
-                to_sphere
-    learn       learn -> Fit, which holds a Skill; structures and durations are choices of the model
-    compare     log_likelihood, select, relevance, select_frames
-    files       save_skill, open_skill, save_stream, open_stream
-    reproduce   reproduce does adapt -> plan -> track in one call; via_point
-    stream      online: learn from one datapoint at a time
-    errors      SkillError is the base class; InvalidInput is an argument that cannot be used
+    demonstrate  load, datasets, demonstration -> Demonstration, with one Frame per object; add_derivatives
+    learn        learn -> a fit that holds a Skill; choices: pf.structures, pf.durations
+    compare      select candidates; relevance of frames
+    keep         save_skill, open_skill
+    reproduce    adapt, plan, track, or all in one: reproduce; via_point
+    stream       online: learn from one datapoint at a time
+    errors       SkillError is the base class; InvalidInput: an argument cannot be used
 
-The packages hold the rest: `pilotfish.models`, `pilotfish.control`, `pilotfish.plots` and others.
+The packages hold the rest: `pf.models`, `pf.demonstrations`, `pf.planning`, `pf.control`, `pf.io`,
+`pf.plots`, `pf.simulation` and others.
 """
 
 from importlib import import_module
@@ -19,19 +25,19 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-# Where each public name is defined. A package is imported when one of its names is first used, so that
-# `import pilotfish` takes a few milliseconds. __init__.pyi says the same to static type checkers.
+# The package of each public name. A package is imported when one of its names is first used, so that
+# `import pilotfish` takes a few milliseconds. Keep __init__.pyi, for static type checkers, in step.
 _PACKAGES = {
     "control": "track",
-    "demonstrations": "Demonstration Frame demonstration add_derivatives to_sphere",
+    "demonstrations": "Demonstration Frame demonstration add_derivatives",
     "errors": "InvalidInput SkillError",
-    "io": "datasets load open_skill open_stream save_skill save_stream",
-    "models": "Fit Skill adapt learn log_likelihood online relevance select select_frames",
+    "io": "datasets load open_skill save_skill",
+    "models": "Skill adapt learn online relevance select",
     "planning": "plan reproduce via_point",
 }
 _PACKAGE_OF = {name: package for package, names in _PACKAGES.items() for name in names.split()}
 __all__ = sorted(_PACKAGE_OF)  # noqa: PLE0605 - a list, derived from the table
-_NAMES_THERE = {"load": "read_demonstrations"}  # where the package calls it otherwise
+_NAMES_IN_PACKAGE = {"load": "read_demonstrations"}  # where the two differ
 _SUBPACKAGES = {
     **{
         package: package
@@ -47,7 +53,7 @@ def __getattr__(name: str) -> Any:
     """Import a public name, or a package, at its first use."""
     if name in _PACKAGE_OF:
         package = import_module(f"{__name__}.{_PACKAGE_OF[name]}")
-        value = getattr(package, _NAMES_THERE.get(name, name))
+        value = getattr(package, _NAMES_IN_PACKAGE.get(name, name))
     elif name in _SUBPACKAGES:
         value = import_module(f"{__name__}.{_SUBPACKAGES[name]}")
     else:

@@ -11,22 +11,12 @@ from pilotfish import planning as planning
 from pilotfish import plots as plots
 from pilotfish import simulation as simulation
 from pilotfish.control import track
-from pilotfish.demonstrations import Demonstration, Frame, add_derivatives, demonstration, to_sphere
+from pilotfish.demonstrations import Demonstration, Frame, add_derivatives, demonstration
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians import structures as structures
-from pilotfish.io import datasets, open_skill, open_stream, save_skill, save_stream
+from pilotfish.io import datasets, open_skill, save_skill
 from pilotfish.io import read_demonstrations as load
-from pilotfish.models import (
-    Fit,
-    Skill,
-    adapt,
-    learn,
-    log_likelihood,
-    online,
-    relevance,
-    select,
-    select_frames,
-)
+from pilotfish.models import Skill, adapt, learn, online, relevance, select
 from pilotfish.models import durations as durations
 from pilotfish.planning import plan, reproduce, via_point
 
@@ -34,7 +24,6 @@ __version__: str
 
 __all__ = [
     "Demonstration",
-    "Fit",
     "Frame",
     "InvalidInput",
     "Skill",
@@ -45,18 +34,13 @@ __all__ = [
     "demonstration",
     "learn",
     "load",
-    "log_likelihood",
     "online",
     "open_skill",
-    "open_stream",
     "plan",
     "relevance",
     "reproduce",
     "save_skill",
-    "save_stream",
     "select",
-    "select_frames",
-    "to_sphere",
     "track",
     "via_point",
 ]

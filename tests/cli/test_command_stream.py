@@ -159,7 +159,7 @@ def test_resume_equals_one_run(run_command_line: RunCommand, rows: Path, tmp_pat
 def test_resume_from_null_device_converts_to_skill(run_command_line: RunCommand, rows: Path, tmp_path: Path):
     assert run_command_line("stream", rows, *SOSC, "--out", "a.stream").exit_code == 0
     assert run_command_line("stream", os.devnull, "--resume", "a.stream", "--skill", "a.skill").exit_code == 0
-    pf.save_skill(online.to_skill(pf.open_stream(tmp_path / "a.stream")), tmp_path / "b.skill")
+    pf.save_skill(online.to_skill(pf.io.open_stream(tmp_path / "a.stream")), tmp_path / "b.skill")
     assert (tmp_path / "a.skill").read_bytes() == (tmp_path / "b.skill").read_bytes()
 
 
@@ -292,7 +292,7 @@ MISUSE = {
 def test_stream_invalid_options_are_usage_errors(
     run_command_line: RunCommand, rows: Path, tmp_path: Path, options: str
 ):
-    pf.save_stream(expected(walk(0, 9)), tmp_path / "a.stream")
+    pf.io.save_stream(expected(walk(0, 9)), tmp_path / "a.stream")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     result = run_command_line("stream", rows, *options.replace("ALL", " ".join(SOSC)).split())
     assert (result.exit_code, result.stdout) == (2, "")

@@ -170,7 +170,7 @@ def test_resume_rows_of_several_frames(
         ).exit_code
         == 0
     )
-    model = pf.open_stream(tmp_path / "a.stream")
+    model = pf.io.open_stream(tmp_path / "a.stream")
     rows_in_frames = np.random.default_rng(0).normal(size=(5, 2, 7))
     (tmp_path / "rows").write_text(
         "\n".join(" ".join(map(repr, row)) for row in rows_in_frames.reshape(5, 14).tolist())

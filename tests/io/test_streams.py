@@ -100,8 +100,8 @@ def is_refused_or_equal(data: bytes, model: online.OnlineModel) -> bool:
 def test_open_stream_saved_model_continues_bit_for_bit(learner: str, maintenance: str, tmp_path: Path):
     """For every learner and maintenance, both models and both files are equal after further datapoints."""
     model = trained_model(learner, maintenance)
-    pf.save_stream(model, tmp_path / "model.stream")
-    opened = pf.open_stream(tmp_path / "model.stream")
+    pf.io.save_stream(model, tmp_path / "model.stream")
+    opened = pf.io.open_stream(tmp_path / "model.stream")
     assert models_equal(opened, model)
     assert encode_stream(opened) == (tmp_path / "model.stream").read_bytes() == encode_stream(model)
     after, assignments = online.observe_stream(model, walk(1, 25))
@@ -199,7 +199,7 @@ def test_save_stream_invalid_model_is_refused(tmp_path: Path):
     """No file is left behind."""
     model = trained_model("sosc", "count")
     with pytest.raises(InvalidInput, match="counts"):
-        pf.save_stream(with_arrays(model, transition_counts=-model.transition_counts), tmp_path / "file")
+        pf.io.save_stream(with_arrays(model, transition_counts=-model.transition_counts), tmp_path / "file")
     assert not list(tmp_path.iterdir())
 
 
@@ -213,12 +213,12 @@ def test_decode_stream_older_version_is_refused():
 def test_load_any_skill_and_stream_are_distinguished(tmp_path: Path):
     """Each function refuses the file of the other and names the fix; load_any opens both."""
     model = trained_model("sosc", "count")
-    pf.save_stream(model, tmp_path / "stream")
+    pf.io.save_stream(model, tmp_path / "stream")
     pf.save_skill(online.to_skill(model), tmp_path / "skill")
     with pytest.raises(UnreadableFile, match=r"stream: .*'pilotfish-stream'.*--resume FILE --skill"):
         pf.open_skill(tmp_path / "stream")
     with pytest.raises(UnreadableFile, match=r"skill: .*'pilotfish-skill'.*open_skill"):
-        pf.open_stream(tmp_path / "skill")
+        pf.io.open_stream(tmp_path / "skill")
     assert isinstance(load_any(tmp_path / "skill"), pf.Skill)
     assert isinstance(load_any(tmp_path / "stream"), online.OnlineModel)
 
@@ -227,7 +227,7 @@ def test_open_stream_missing_file_is_refused(tmp_path: Path):
     """A folder is refused as well; the message says what was expected."""
     for place in (tmp_path / "none", tmp_path):
         with pytest.raises(InvalidInput, match="expected a stream file"):
-            pf.open_stream(place)
+            pf.io.open_stream(place)
 
 
 def test_documentation_program_continues_stream(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -237,4 +237,4 @@ def test_documentation_program_continues_stream(tmp_path: Path, monkeypatch: pyt
     names: dict[str, Any] = {}
     exec("\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)  # noqa: S102 - our own text
     assert names["model"].datapoints == 2
-    assert pf.open_stream("now.stream").datapoints == 1
+    assert pf.io.open_stream("now.stream").datapoints == 1

@@ -207,6 +207,6 @@ def test_open_stream_invalid_content_is_refused(what: str, tmp_path: Path):
     edit(header, arrays)
     (tmp_path / "file").write_bytes(with_hash(header, arrays))
     with pytest.raises(UnreadableFile, match=words) as refusal:
-        pf.open_stream(tmp_path / "file")
+        pf.io.open_stream(tmp_path / "file")
     assert str(refusal.value).startswith(str(tmp_path / "file"))
     assert "\n" not in str(refusal.value)

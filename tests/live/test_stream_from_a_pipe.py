@@ -86,7 +86,7 @@ def wait_until(true: Callable[[], bool]) -> None:
 def saved_datapoints(folder: Path) -> int:
     """Return the number of datapoints in the saved stream file."""
     path = folder / "now.stream"
-    return pf.open_stream(path).datapoints if path.exists() else 0
+    return pf.io.open_stream(path).datapoints if path.exists() else 0
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

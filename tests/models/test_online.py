@@ -344,7 +344,7 @@ def test_online_settings_invalid_value_is_refused(make, words):
 
 
 def test_online_model_orientations_on_s3_are_refused(rng):
-    layout = pf.to_sphere(synthetic_valve(rng)[0]).layout
+    layout = pf.demonstrations.to_sphere(synthetic_valve(rng)[0]).layout
     with pytest.raises(InvalidInput, match="without on_sphere"):
         empty_model(layout=layout)
 

@@ -117,6 +117,6 @@ def test_scaling_incompatible_layout_is_refused(rng):
     layout = pose_layout()
     things = [frame_from_pose("thing", layout, random_pose(rng)) for _ in demos]
     poses = [demonstration(d.x[:, :7], 0.1, layout, [f]) for d, f in zip(demos, things, strict=True)]
-    spherical = [add_derivatives(pf.to_sphere(d)) for d in poses]
+    spherical = [add_derivatives(pf.demonstrations.to_sphere(d)) for d in poses]
     with pytest.raises(InvalidInput, match="orientations on S"):
         pf.online.column_scales(pf.learn(spherical, states=2, rng=rng).skill)

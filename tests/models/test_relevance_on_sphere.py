@@ -110,7 +110,7 @@ def distractor(layout, rng):
 
 def test_relevance_on_s3_valve_finds_frames(data_folder, rng):
     """The frame before the turn is relevant at the grasp, the frame after it from the turn on."""
-    demos = [pf.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
+    demos = [pf.demonstrations.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
     found = learn_relevance(demos, states=7)
     assert found.distractors == ("distractor",)
     assert found.values[0, 1] == 1.0
@@ -127,7 +127,7 @@ def test_plan_on_s3_moved_distractor_changes_less_than_one_percent(data_folder, 
 
     Without relevance the moved frame changes both by more than a twentieth.
     """
-    demos = [pf.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
+    demos = [pf.demonstrations.to_sphere(d) for d in add_distractors(pf.datasets.valve()[:4], rng)]
     skill = learn(demos, states=7, rng=rng).skill
     pool_weights = relevance(skill, demos).values
     here = demos[0]

@@ -184,7 +184,7 @@ def _require_angular_velocities(layout: Layout) -> None:
         if part.name in orientations and part.derivative and (part.derivative, part.size) != (1, 3):
             raise InvalidInput(
                 f"part {part.name!r} has derivatives other than an angular velocity of three columns; "
-                "expected those of pf.to_sphere or pf.add_derivatives"
+                "expected those of pf.demonstrations.to_sphere or pf.add_derivatives"
             )
 
 
