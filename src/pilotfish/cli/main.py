@@ -86,8 +86,8 @@ for command in COMMANDS:
 def main() -> None:
     """Run the command line and exit.
 
-    The exit code is 0 after success, 1 after an error or if the result could not be printed, 2 after a usage
-    error, and 128 + n after signal n.
+    The exit code is 0 after success and 2 after a usage error. It is 1 after another error, or if the result
+    could not be printed, and 128 + n after signal n.
     """
     open_closed_streams()
     try:

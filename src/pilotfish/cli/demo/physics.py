@@ -20,10 +20,10 @@ STEPS_PER_SECOND = 1000
 INTRODUCTION = (
     "A simulated Baxter executed each reproduction on a valve with the dimensions of the recorded one. An "
     "impedance controller at 1 kHz tracks the planned pose; the lever turns only through contact. The "
-    "recording does not contain the gripper. Here it closes where the plan is nearest to the handle before "
-    "the turn, and opens where the plan is nearest to the handle after it. Friction and masses of the valve "
-    "are assumed. The valve counts as open within 10 degrees of the angle at which the person left it, if it "
-    "is nearer to that angle than to its initial one."
+    "recording does not contain the gripper. Here it closes where the plan is nearest to the handle "
+    "before the turn. It opens where the plan is nearest to the handle after the turn. Friction and "
+    "masses of the valve are assumed. The valve counts as open within 10 degrees of the angle at which the "
+    "person left it. It must also be nearer to that angle than to its initial one."
 )
 HEADER = (
     "situation",
@@ -141,8 +141,8 @@ def _film_images(camera: FilmRecorder, name: str) -> tuple[Image, ...]:
             encode_film(camera.images),
             "image/webp",
             f"{name}, a new situation, in simulation. The planned path of the tool is orange.",
-            "Film: the robot's right arm reaches for the lever of a valve, closes its gripper around it, "
-            "turns it to a green mark, lets go and withdraws.",
+            "Film: the robot's right arm reaches for the lever of a valve, closes its gripper and turns "
+            "the lever to a green mark. Then it lets go and withdraws.",
         ),
         figure_image(
             film_strip(camera.images, camera.times),

@@ -20,9 +20,9 @@ GENERATED_TEXT = "The demonstrations of opening a valve at eight different angle
 INTRODUCTION = (
     "A task-parameterised hidden semi-Markov model (TP-HSMM) was learned from the first four demonstrations. "
     "It has seven states in a sequence. Each state has a duration, and a Gaussian in two frames: the valve "
-    "before and the valve after the turn. In each of the eight situations, four of which are new, the skill "
-    "was adapted to the frames, and a linear-quadratic tracker (LQT) computed the motion. States are "
-    "numbered from 0 and have the same colour in every figure."
+    "before and the valve after the turn. Four of the eight situations are new. In each, the skill was "
+    "adapted to the frames, and a linear-quadratic tracker (LQT) computed the motion. States are numbered "
+    "from 0 and have the same colour in every figure."
 )
 ERROR_NOTE = (
     "Until the valve is open, the frames determine the position of the hand. Then the person lets go, and "

@@ -27,55 +27,57 @@ MAINTENANCE = tuple(field.name for field in fields(online.Maintenance))
 NAMES = ("learner", *PENALTIES, *MAINTENANCE)
 
 
+LEARNER_OPTION = click.option(
+    "--learner", type=click.Choice(tuple(online.LEARNERS)), help="Online learner.  [default: sosc]"
+)
+MAINTENANCE_OPTIONS = (
+    click.option(
+        "--discount",
+        type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+        callback=require_finite_option,
+        help="Factor on the weights of all clusters per datapoint, such as 0.995.  [default: no decay]",
+    ),
+    click.option(
+        "--forget-below",
+        type=click.FloatRange(0.0, 1.0, max_open=True),
+        callback=require_finite_option,
+        help="Weight below which a cluster is removed, with --discount.  [default: 0]",
+    ),
+    click.option(
+        "--constant-weight",
+        type=click.FloatRange(min=0.0, min_open=True),
+        callback=require_finite_option,
+        help="Weight of every cluster at all times [datapoints]; excludes --discount.",
+    ),
+    click.option(
+        "--merge-distance",
+        type=click.FloatRange(min=0.0),
+        callback=require_finite_option,
+        help="Distance between means below which two clusters are merged; 0 merges none.  "
+        "[default: square root of --cluster]",
+    ),
+    click.option(
+        "--extra-directions",
+        type=click.IntRange(0, online.Maintenance.MAX_EXTRA_DIRECTIONS),
+        help="Subspace directions that are tracked beyond the dimension.  [default: 1]",
+    ),
+    click.option(
+        "--max-clusters",
+        type=click.IntRange(1, MAX_STATES),
+        help="Maximum number of clusters; the lightest is removed for a new one.  [default: 256]",
+    ),
+    click.option(
+        "--batch",
+        type=click.IntRange(1, online.Maintenance.MAX_BATCH),
+        help="Mini-batch size: datapoints assigned before subspaces are updated.  [default: 1]",
+    ),
+)
+
+
 def learner_options(command: Command) -> Command:
     """Add the options named in NAMES to a command; a default of None means not given."""
-    options = [
-        click.option(
-            "--learner", type=click.Choice(tuple(online.LEARNERS)), help="Online learner.  [default: sosc]"
-        ),
-        *(_penalty_option(name, meaning) for name, meaning in PENALTIES.items()),
-        click.option(
-            "--discount",
-            type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
-            callback=require_finite_option,
-            help="Factor on the weights of all clusters per datapoint, such as 0.995.  [default: no decay]",
-        ),
-        click.option(
-            "--forget-below",
-            type=click.FloatRange(0.0, 1.0, max_open=True),
-            callback=require_finite_option,
-            help="Weight below which a cluster is removed, with --discount.  [default: 0]",
-        ),
-        click.option(
-            "--constant-weight",
-            type=click.FloatRange(min=0.0, min_open=True),
-            callback=require_finite_option,
-            help="Weight of every cluster at all times [datapoints]; excludes --discount.",
-        ),
-        click.option(
-            "--merge-distance",
-            type=click.FloatRange(min=0.0),
-            callback=require_finite_option,
-            help="Distance between means below which two clusters are merged; 0 merges none.  "
-            "[default: square root of --cluster]",
-        ),
-        click.option(
-            "--extra-directions",
-            type=click.IntRange(0, online.Maintenance.MAX_EXTRA_DIRECTIONS),
-            help="Subspace directions that are tracked beyond the dimension.  [default: 1]",
-        ),
-        click.option(
-            "--max-clusters",
-            type=click.IntRange(1, MAX_STATES),
-            help="Maximum number of clusters; the lightest is removed for a new one.  [default: 256]",
-        ),
-        click.option(
-            "--batch",
-            type=click.IntRange(1, online.Maintenance.MAX_BATCH),
-            help="Mini-batch size: datapoints assigned before subspaces are updated.  [default: 1]",
-        ),
-    ]
-    for option in reversed(options):
+    penalties = (_penalty_option(name, meaning) for name, meaning in PENALTIES.items())
+    for option in reversed((LEARNER_OPTION, *penalties, *MAINTENANCE_OPTIONS)):
         command = option(command)
     return command
 
