@@ -1,4 +1,4 @@
-"""Switches the checks of annotations off where they cost more than what they check, and on again."""
+"""Switch for the checks of annotations, which cost more than the physics in some tests."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from jaxtyping import config
 
 @contextmanager
 def check_annotations(enabled: bool) -> Iterator[None]:
-    """Run what is inside with or without checks of annotations."""
+    """Run the body with or without checks of annotations."""
     before = config.jaxtyping_disable
     config.update("jaxtyping_disable", not enabled)
     try:

@@ -282,7 +282,16 @@ def alignment_skill(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch, check_annotations(False):
         patch.setitem(TASKS, ALIGNMENT_TASK.name, ALIGNMENT_TASK)
         patch.chdir(folder)
-        record_command = ["record", ALIGNMENT_TASK.name, "--demonstrations", "3", "--seed", "5", "--out", "demonstrations"]
+        record_command = [
+            "record",
+            ALIGNMENT_TASK.name,
+            "--demonstrations",
+            "3",
+            "--seed",
+            "5",
+            "--out",
+            "demonstrations",
+        ]
         for line in (record_command, ["learn", "demonstrations", "--states", "2", "--out", "skill"]):
             CliRunner().invoke(cli, line, prog_name="pilotfish", catch_exceptions=False)
     return folder

@@ -1,4 +1,4 @@
-"""Files of skills and streams as their pages in docs/ say they are built, written down a second time."""
+"""Independent implementation of skill and stream files, written from their pages in docs/."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ Arrays = dict[str, np.ndarray]
 
 
 def split_container(data: bytes) -> tuple[Header, Arrays]:
-    """The header and the arrays, by the documented layout of the file alone."""
+    """Return the header and the arrays of a file."""
     length = int.from_bytes(data[:8], "little")
     table = json.loads(data[8 : 8 + length])
     header, body = json.loads(table.pop("__metadata__")["pilotfish"]), data[8 + length :]
@@ -36,6 +36,6 @@ def documented_hash(header: Header, arrays: Arrays) -> str:
 
 
 def with_hash(header: Header, arrays: Arrays) -> bytes:
-    """A file of these contents with the right hash, whatever they are."""
+    """Return a file of these contents with a valid hash."""
     header = header | {"content": documented_hash(header, arrays)}
     return bytes(save(arrays, {"pilotfish": json.dumps(header)}))

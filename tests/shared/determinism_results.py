@@ -1,14 +1,15 @@
-"""Compute every kind of public result and print its name and the hash of its bits, one a line.
+"""Compute every kind of public result and print a line with its name and the hash of its bits.
 
-Usage: python tests/shared/public_results.py OFFSET
-OFFSET moves what is computed about in memory; results must not depend on it (tests/live/test_determinism.py).
+Usage: python tests/shared/determinism_results.py OFFSET
+
+OFFSET changes the memory addresses; results must not depend on it (tests/live/test_determinism.py).
 """
 
 import sys
 from hashlib import sha256
 
 OFFSET = int(sys.argv[1]) if __name__ == "__main__" else 0
-# Before NumPy and the kernels ask for any memory: blocks of odd sizes, and every second one freed again.
+# Before NumPy and the kernels allocate memory: blocks of odd sizes, every second one freed.
 PADDING = [bytes(16 * OFFSET + 24 * n + 1) for n in range(200)]
 del PADDING[OFFSET % 2 :: 2]
 
@@ -18,7 +19,7 @@ from typing import Any  # noqa: E402
 
 import numpy as np  # noqa: E402
 from fuzzing.public_examples import examples, function_named  # noqa: E402
-from fuzzing.seeds import FAST_SETTINGS, lines, valves  # noqa: E402
+from fuzzing.seeds import FAST_SETTINGS, lines, valve_demonstrations  # noqa: E402
 
 from pilotfish import gaussians, models  # noqa: E402
 from pilotfish.demonstrations import add_derivatives, to_sphere  # noqa: E402
@@ -77,8 +78,8 @@ def array_bytes(value: Any) -> Iterator[bytes]:
 
 
 def learn_all_variants() -> Iterator[tuple[str, Compute]]:
-    """Yield what learns with every covariance structure, duration distribution and kind of dynamics."""
-    given = [add_derivatives(demo) for demo in valves()]
+    """Yield functions that learn with every structure, duration distribution and kind of dynamics."""
+    given = [add_derivatives(demo) for demo in valve_demonstrations()]
     for structure in STRUCTURES:
         yield (
             f"learn with {structure.label}",
@@ -96,13 +97,13 @@ def learn_all_variants() -> Iterator[tuple[str, Compute]]:
                 settings=FAST_SETTINGS,
             ),
         )
-    curved = [add_derivatives(to_sphere(demo)) for demo in valves()]
+    on_sphere = [add_derivatives(to_sphere(demo)) for demo in valve_demonstrations()]
     for threads in (1, 2):
         settings = replace(FAST_SETTINGS, threads=threads)
         yield (
             f"learn on the sphere with {threads} threads",
             lambda settings=settings: models.learn(
-                curved, states=3, rng=np.random.default_rng(0), settings=settings
+                on_sphere, states=3, rng=np.random.default_rng(0), settings=settings
             ),
         )
     yield (
@@ -123,7 +124,7 @@ def learn(learner: Callable[..., Any], given: list[Any], structure: Any) -> Any:
 
 
 def results() -> Iterator[tuple[str, Compute]]:
-    """Yield the name of every result and what computes it."""
+    """Yield the name of every result and the function that computes it."""
     yield from learn_all_variants()
     for package in PACKAGES:
         for name, arguments in examples(package).items():
@@ -131,15 +132,15 @@ def results() -> Iterator[tuple[str, Compute]]:
 
 
 def rollout() -> list[Any]:
-    """Return what the physics of a task does in twenty steps."""
+    """Return the results of twenty steps of a task."""
     step = function_named("manipulation.step")
     action = examples("environments")["manipulation.step"]["action"]
     return [step(action) for _ in range(20)]
 
 
 def main() -> None:
-    """Print every result's name and hash."""
-    kept = []  # so that later results lie elsewhere than in another process
+    """Print the name and the hash of every result."""
+    kept = []  # so that later results have other addresses than in another process
     for name, compute in [*results(), ("a rollout of physics", rollout)]:
         kept.append(np.empty(1 + (7 * len(kept) + 2 * OFFSET) % 23))
         digest = sha256()

@@ -1,4 +1,4 @@
-"""Commands of the fault sweep, their inputs, and cached results of slow functions (see fault_sweep.py)."""
+"""Commands of the fault sweep, their inputs, and the slow computations that are cached (fault_sweep.py)."""
 
 import contextlib
 import signal
@@ -9,7 +9,7 @@ from errno import EIO, ENOSPC
 from pathlib import Path
 from typing import Any
 
-KILL, FAIL, FULL, SIGNAL = 1, 2, 3, 4  # as in faults.c
+KILL, FAIL, FULL, SIGNAL = 1, 2, 3, 4  # actions of faults.c
 FAULTS = {
     "killed": (KILL, 0),
     "disk full": (FULL, ENOSPC),
@@ -22,16 +22,23 @@ FAULTS = {
 
 @dataclass(frozen=True)
 class Command:
-    """A command line whose outputs are in the folder where it runs."""
+    """Command line whose outputs are in its working directory.
+
+    Attributes:
+        name: Name of the command in the table.
+        line: Arguments of pilotfish.
+        outputs: Files and folders that it writes.
+        old: Whether the outputs exist before, with other content.
+    """
 
     name: str
     line: list[str]
-    outputs: list[str]  # files and folders
-    old: bool  # whether the outputs exist before, with other content
+    outputs: list[str]
+    old: bool
 
 
 def commands(inputs: Path) -> list[Command]:
-    """Return every command that writes, without existing outputs, and with existing outputs and --force."""
+    """Return every command that writes, once with missing outputs and once with old outputs and --force."""
     recordings, skill, rows = (str(inputs / name) for name in ("recordings", "a.skill", "rows"))
     stream = ["stream", rows, "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
     select = ["select", recordings, "--states", "2", "--structures", "full", "--max-iterations", "2"]
@@ -71,7 +78,7 @@ def commands(inputs: Path) -> list[Command]:
 
 
 def overwrite_command(inputs: Path) -> Command:
-    """Return a command that writes its output in place, which no command of pilotfish does."""
+    """Return a command that writes its output in place: reproduce without atomic writes."""
     from pilotfish.cli.commands import reproduce
 
     @contextlib.contextmanager
@@ -85,7 +92,7 @@ def overwrite_command(inputs: Path) -> Command:
 
 
 def make_old(command: Command, path: Path) -> None:
-    """Create another output of the same kind."""
+    """Write another output of the same kind."""
     if path.name != "set":
         path.write_bytes(b"the old content")
         return
@@ -99,7 +106,7 @@ def make_old(command: Command, path: Path) -> None:
 
 
 def make_inputs(inputs: Path) -> None:
-    """Create demonstrations, a skill of two states, and rows of numbers."""
+    """Write short recordings, a skill of two states, and rows of numbers."""
     import numpy as np
 
     from pilotfish.demonstrations import add_derivatives, demonstration, position_layout
@@ -120,9 +127,9 @@ CACHED_CALLS: "list[CachedCall]" = []
 
 
 class CachedCall:
-    """Function whose results are computed once, and then returned again in the order of the calls.
+    """Function whose results are computed once and then returned in the order of the calls.
 
-    It replaces slow functions, such as simulation and learning; writing is never cached.
+    Physics and learning are cached; writing never is.
     """
 
     def __init__(self, module: Any, name: str) -> None:
@@ -144,27 +151,27 @@ class CachedCall:
 
 
 class CachedRecordings(CachedCall):
-    """simulation.record_demonstrations, a generator."""
+    """Cache of simulation.record_demonstrations, a generator."""
 
     def result(self, *arguments: Any, **options: Any) -> Any:
         return list(self.real(*arguments, **options))
 
 
 class CachedExecution(CachedCall):
-    """simulation.perform, which a FilmRecorder records."""
+    """Cache of simulation.perform, whose images a FilmRecorder records."""
 
     def result(self, *arguments: Any, **options: Any) -> Any:
-        made, watch = self.real(*arguments, **options), options["on_period"]
-        watch.close()
-        return made, watch.images, watch.times
+        execution, recorder = self.real(*arguments, **options), options["on_period"]
+        recorder.close()
+        return execution, recorder.images, recorder.times
 
     def given(self, result: Any, **options: Any) -> Any:
-        made, options["on_period"].images, options["on_period"].times = result
-        return made
+        execution, options["on_period"].images, options["on_period"].times = result
+        return execution
 
 
 def run_once(chosen: list[Command], inputs: Path) -> None:
-    """Run each command once in this process, so that every child has its imports and slow results."""
+    """Run each command once in this process, so that every child has its imports and cached results."""
     from pilotfish.cli.output import figures
 
     figures.DOTS_PER_INCH = 20  # small figures are faster
@@ -174,19 +181,21 @@ def run_once(chosen: list[Command], inputs: Path) -> None:
 
         CachedRecordings(simulation, "record_demonstrations")
         record = ["record", "valve", "--demonstrations", "2", "--out", str(inputs / "valve")]
-        run_here(record)
-        run_here(["learn", str(inputs / "valve"), "--states", "4", "--out", str(inputs / "valve.skill")])
+        run_in_process(record)
+        run_in_process(
+            ["learn", str(inputs / "valve"), "--states", "4", "--out", str(inputs / "valve.skill")]
+        )
     for name, line in lines.items():
         cache_slow_calls(name)
-        run_here(line)
+        run_in_process(line)
 
 
 def cache_slow_calls(name: str) -> None:
-    """Cache the slow functions of a command."""
+    """Cache the slow computations of a command."""
     if name == "select":
-        from pilotfish.cli.commands import select as commands_select
+        from pilotfish.cli.commands import select
 
-        CachedCall(commands_select, "_score_candidates")
+        CachedCall(select, "_score_candidates")
     if name == "perform":
         from pilotfish import simulation
 
@@ -200,8 +209,8 @@ def cache_slow_calls(name: str) -> None:
         CachedCall(html_report, "render_report")
 
 
-def run_here(line: list[str]) -> None:
-    """Run a command line in this process, in a temporary folder."""
+def run_in_process(line: list[str]) -> None:
+    """Run a command line in this process, in a folder that is removed afterwards."""
     from click.testing import CliRunner
 
     from pilotfish.cli.main import cli

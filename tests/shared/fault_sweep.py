@@ -1,11 +1,11 @@
-"""Kill every command that writes, fill its disk, and send it signals, at each system call of its writing.
+"""Inject faults into every command that writes: kill it, fill its disk or send signals, at each system call.
 
-    python tests/shared/fault_sweep.py --markdown docs/robustness.md     # the table of all commands
-    python tests/shared/fault_sweep.py learn export                      # some of them, as JSON
+    python tests/shared/fault_sweep.py --brief --markdown docs/robustness.md    # table of all commands
+    python tests/shared/fault_sweep.py learn "data export"                      # two of them
 
-The library faults.c is preloaded: it counts the calls that act on the output folder, and kills the process
-or fails at the n-th. One process imports pilotfish and computes what a command writes; for each moment a
-child of it runs the command line, from its main function on, in a folder made anew.
+The library faults.c is preloaded: it counts the system calls on the output folder, and kills the process or
+fails at the n-th call. One process imports pilotfish and computes what the commands write. For each fault, a
+forked child runs the command line from its main function in a new folder.
 """
 
 import argparse
@@ -32,7 +32,20 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run with one fault left."""
+    """Result of one run with one fault.
+
+    Attributes:
+        command: Name of the command.
+        replaces: Whether old outputs existed.
+        fault: Name of the fault.
+        number: Number of the system call, from 1.
+        call: The system call.
+        code: Exit code; negative if killed.
+        outputs: State of each output: missing, old, new, or neither old nor new.
+        extra_files: Other names in the folder.
+        traceback: Whether a traceback was printed.
+        next_code: Exit code of the same command afterwards, without a fault.
+    """
 
     command: str
     replaces: bool
@@ -40,24 +53,24 @@ class Outcome:
     number: int
     call: str
     code: int
-    outputs: dict[str, str]  # missing, old, new, or what else
-    extra_files: list[str]  # other names in the folder
+    outputs: dict[str, str]
+    extra_files: list[str]
     traceback: bool
-    again: int = 0  # exit code of the same command afterwards, without a fault
+    next_code: int = 0
 
     @property
     def faulty(self) -> str:
-        """What is wrong with it; nothing, when it is as it must be."""
-        fine = {"old", "new"} if self.replaces else {"missing", "new"}
-        if bad := {name: was for name, was in self.outputs.items() if was not in fine}:
+        """What is wrong with the result; empty if nothing is."""
+        valid = {"old", "new"} if self.replaces else {"missing", "new"}
+        if bad := {name: was for name, was in self.outputs.items() if was not in valid}:
             return f"{bad}"
         hidden = all(name.startswith(".pilotfish-") for name in self.extra_files)
         if self.extra_files and not (self.fault == "killed" and hidden):
             return f"left behind: {self.extra_files}"
         if self.traceback:
             return "a traceback"
-        if self.again:
-            return f"exit code {self.again} at the next run"
+        if self.next_code:
+            return f"exit code {self.next_code} at the next run"
         if self.fault.startswith("SIG") and self.code != 128 + FAULTS[self.fault][1]:
             return f"exit code {self.code}"
         if "new" not in self.outputs.values() and self.code == 0:
@@ -66,7 +79,7 @@ class Outcome:
 
 
 def build_fault_library(folder: Path) -> Path | None:
-    """The preloaded library, compiled; None where there is no compiler."""
+    """Compile the library to preload; return None if there is no compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return None
@@ -77,14 +90,21 @@ def build_fault_library(folder: Path) -> Path | None:
 
 
 def sweep(chosen: list[str], faults: Sequence[str], folder: Path, *, brief: bool = False) -> list[Outcome]:
-    """Run the commands of those names with those faults at every call.    Raises: RuntimeError.
+    """Run commands with faults at every system call, in a process with the preloaded library.
 
-    Brief is for outputs that replace others, at calls that differ, without the run afterwards.
+    Args:
+        chosen: Names of commands; empty for all.
+        faults: Names of faults.
+        folder: Empty folder for the library, inputs and outputs.
+        brief: Whether to run only with old outputs, at calls that differ, and without a run afterwards.
+
+    Raises:
+        RuntimeError: If there is no compiler or the process fails.
     """
     if (library := build_fault_library(folder)) is None:
         raise RuntimeError("no C compiler was found; install gcc")
     environment = {**os.environ, "LD_PRELOAD": str(library), "OPENBLAS_NUM_THREADS": "1"}
-    if find_library("OSMesa"):  # it draws without a screen
+    if find_library("OSMesa"):  # renders without a screen
         environment.setdefault("MUJOCO_GL", "osmesa")
     command = [sys.executable, "-W", "ignore", __file__, *chosen, "--inside", str(folder)]
     command += ["--faults", *faults, *(["--brief"] if brief else [])]
@@ -98,7 +118,7 @@ def sweep(chosen: list[str], faults: Sequence[str], folder: Path, *, brief: bool
 
 
 class SweepWorker:
-    """The process that the library is preloaded in: inputs, and a run for each moment."""
+    """Runs of commands with faults, in the process with the preloaded library."""
 
     def __init__(self, work: Path, brief: bool) -> None:
         self.work, self.target, self.brief = work, work / "target", brief
@@ -106,7 +126,7 @@ class SweepWorker:
         self.library.fault_calls.restype = ctypes.c_char_p
 
     def sweep(self, command: Command, faults: Sequence[str]) -> Iterator[Outcome]:
-        """Every fault at every call that the command makes without a fault."""
+        """Yield the outcome of every fault at every call of the command."""
         before, after = self.contents(command)
         calls = before.calls
         for fault in faults:
@@ -114,7 +134,7 @@ class SweepWorker:
                 yield self.outcome(command, before, after, (fault, number, calls[number - 1]))
 
     def contents(self, command: Command) -> "tuple[Contents, Contents]":
-        """What the folder holds before the command, and after it, without a fault."""
+        """Return the folder before and after the command without a fault."""
         self.fresh(None)
         if command.old:
             for name in command.outputs:
@@ -132,8 +152,8 @@ class SweepWorker:
         code, printed = self.run(command, number, fault, before)
         outputs = {name: state(name, self.target, before, after) for name in command.outputs}
         extra_files = names(self.target) - names(before.folder) - set(command.outputs)
-        extra_files = {name for name in extra_files if name not in printed}  # as the message says
-        again = self.again(command, after) if fault == "killed" and not self.brief else 0
+        extra_files = {name for name in extra_files if name not in printed}  # unless the message names it
+        next_code = self.run_again(command, after) if fault == "killed" and not self.brief else 0
         return Outcome(
             command.name,
             command.old,
@@ -144,11 +164,11 @@ class SweepWorker:
             outputs,
             sorted(extra_files),
             "Traceback" in printed,
-            again,
+            next_code,
         )
 
-    def again(self, command: Command, after: "Contents") -> int:
-        """The same command once more, in the folder as it is, with --force: its exit code, 1 if not new."""
+    def run_again(self, command: Command, after: "Contents") -> int:
+        """Run the command once more with --force; return its exit code, or 1 if an output is not new."""
         line = command.line if command.name == "demo" else [*command.line, "--force"]
         code, _ = self.child(line, 0, NO_FAULT)
         states = {state(name, self.target, after, after) for name in command.outputs}
@@ -166,7 +186,7 @@ class SweepWorker:
             shutil.copytree(source, self.target, symlinks=True)
 
     def child(self, line: list[str], number: int, fault: str) -> tuple[int, str]:
-        """Run the command line in a child, with the fault at that call; its exit code and what it printed."""
+        """Run a command line in a child with a fault; return its exit code and output."""
         printed = self.work / "printed"
         if (child := os.fork()) == 0:
             self.in_child(line, number, fault, printed)
@@ -197,16 +217,16 @@ class SweepWorker:
 
 @dataclass
 class Contents:
-    """A copy of the output folder."""
+    """Copy of the output folder, with the calls that led to it."""
 
     folder: Path
     calls: list[str] = field(default_factory=list)
 
 
 def select_calls(calls: list[str], brief: bool) -> list[int]:
-    """The number of each call, from 1, but of a run of equal calls only the first two and the last.
+    """Return the numbers of the calls to test, from 1: of a run of equal calls the first two and the last.
 
-    Brief takes the first two and the last of all calls that are alike but for the name of a recording.
+    With brief, calls that differ only in the name of a recording count as equal, wherever they are.
     """
     if brief:
         alike = [re.sub(r"[0-9]+-[a-z0-9-]+", "*", call) for call in calls]
@@ -218,10 +238,10 @@ def select_calls(calls: list[str], brief: bool) -> list[int]:
     ]
 
 
-def copy_folder(folder: Path, place: Path) -> Path:
-    shutil.rmtree(place, ignore_errors=True)
-    shutil.copytree(folder, place, symlinks=True)
-    return place
+def copy_folder(folder: Path, target: Path) -> Path:
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(folder, target, symlinks=True)
+    return target
 
 
 def state(name: str, folder: Path, before: Contents, after: Contents) -> str:
@@ -247,45 +267,49 @@ def content(path: Path) -> dict[str, bytes] | bytes | None:
 
 
 def markdown(outcomes: list[Outcome]) -> str:
-    """The table command x moment x outcome; calls that follow one another and end alike share a row."""
-    head = "| command | before | fault | at the calls | exit code | outputs | beside them |"
+    """Return the table of outcomes; consecutive calls with equal results share a row."""
+    head = "| command | before | fault | calls | exit code | outputs | other files |"
     lines = [HEAD, head, "|-" * 7 + "|"]
-    for alike, rows in groupby(outcomes, cells):
+    for equal_cells, rows in groupby(outcomes, cells):
         first, *others = rows
         calls = f"{first.number} {first.call}"
         if others:
             calls += f" ... {others[-1].number} {others[-1].call}"
-        command, before, fault, *rest = alike
+        command, before, fault, *rest = equal_cells
         lines.append("| " + " | ".join([command, before, fault, calls, *rest]) + " |")
     return "\n".join([*lines, ""])
 
 
 def cells(outcome: Outcome) -> tuple[str, ...]:
-    """What a row says, but for the calls."""
+    """Return the cells of a row without the calls."""
     hidden = ", ".join(sorted({re.sub(r"[0-9a-f]{16}", "*", name) for name in outcome.extra_files}))
     states = "; ".join(f"{name} {was}" for name, was in outcome.outputs.items())
     return (
         outcome.command,
-        "other content" if outcome.replaces else "nothing",
+        "old outputs" if outcome.replaces else "no outputs",
         outcome.fault,
         "killed" if outcome.code < 0 else str(outcome.code),
         states,
-        f"{hidden or 'nothing'}{outcome.faulty and f' (WRONG: {outcome.faulty})'}",
+        f"{hidden or 'none'}{outcome.faulty and f' (WRONG: {outcome.faulty})'}",
     )
 
 
 HEAD = """# Killed processes and full disks
 
-Every command that writes is run with a fault at each system call of its writing: the process is killed (a
-write has written half its bytes by then), the disk is full from there on, one call fails with an input/output
-error, or a signal arrives. Each output must then be the old one or the new one, whole. Only a killed process
-may leave a hidden file or folder (`.pilotfish-*`), which nothing reads, and the same command with `--force`
-must then succeed.
+Every command that writes runs with a fault at each system call of its writing. The faults are:
 
-Made by `python tests/shared/fault_sweep.py --brief --markdown docs/robustness.md`: outputs that replace
-others, and of calls that differ only in the name of a recording the first two and the last; without `--brief`
-also outputs that replace nothing, and every call. `tests/files/test_faults.py` runs the same faults. In a
-row, calls that follow one another and end alike stand together.
+- the process is killed; a write has written half of its bytes by then,
+- the disk is full from that call on,
+- one call fails with an input/output error,
+- a signal arrives.
+
+Afterwards each output must be the old one or the new one, complete. Only a killed process may leave a hidden
+file or folder (`.pilotfish-*`), which nothing reads. The same command with `--force` must then succeed.
+
+The table was written by `python tests/shared/fault_sweep.py --brief --markdown docs/robustness.md`. It has
+outputs that replace old ones. Of calls that differ only in the name of a recording, it has the first two and
+the last. Without `--brief` the sweep has every call, and outputs that replace nothing.
+`tests/io/test_write_faults.py` runs the same faults. Consecutive calls with equal results share a row.
 """
 
 
@@ -296,14 +320,14 @@ def main() -> None:
     parser.add_argument("--brief", action="store_true")
     parser.add_argument("--inside", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("names", nargs="*")
-    asked = parser.parse_args()
-    if asked.inside:
-        json.dump([asdict(outcome) for outcome in run_sweep(asked)], sys.stdout)
+    arguments = parser.parse_args()
+    if arguments.inside:
+        json.dump([asdict(outcome) for outcome in run_sweep(arguments)], sys.stdout)
         return
     with tempfile.TemporaryDirectory() as folder:
-        outcomes = sweep(asked.names, asked.faults, Path(folder), brief=asked.brief)
-    if asked.markdown:
-        asked.markdown.write_text(markdown(outcomes), encoding="utf-8")
+        outcomes = sweep(arguments.names, arguments.faults, Path(folder), brief=arguments.brief)
+    if arguments.markdown:
+        arguments.markdown.write_text(markdown(outcomes), encoding="utf-8")
     faulty = [outcome for outcome in outcomes if outcome.faulty]
     for outcome in faulty:
         sys.stdout.write(f"{outcome}: {outcome.faulty}\n")
@@ -311,19 +335,19 @@ def main() -> None:
     sys.exit(bool(faulty))
 
 
-def run_sweep(asked: argparse.Namespace) -> Iterator[Outcome]:
-    """All outcomes of the commands of those names, of all commands when there are none."""
-    work, wanted = asked.inside, asked.names
+def run_sweep(arguments: argparse.Namespace) -> Iterator[Outcome]:
+    """Yield the outcomes of the commands with the given names, or of all commands."""
+    work, wanted = arguments.inside, arguments.names
     make_inputs(work / "inputs")
-    there = commands(work / "inputs")
-    chosen = [command for command in there if not wanted or command.name in wanted]
+    known = commands(work / "inputs")
+    chosen = [command for command in known if not wanted or command.name in wanted]
     run_once(chosen, work / "inputs")
     if "in place" in wanted:
         chosen.append(overwrite_command(work / "inputs"))
-    inside = SweepWorker(work, asked.brief)
+    worker = SweepWorker(work, arguments.brief)
     for command in chosen:
-        if command.old or not asked.brief:
-            yield from inside.sweep(command, asked.faults)
+        if command.old or not arguments.brief:
+            yield from worker.sweep(command, arguments.faults)
 
 
 if __name__ == "__main__":

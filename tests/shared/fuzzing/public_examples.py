@@ -46,6 +46,10 @@ EXCLUDED: Mapping[str, str] = {
     "models.relevance": "takes a skill and demonstrations only, and a second per call",
     "models.fit_em": "takes functions; `learn` calls it",
     "models.maximise_likelihood": "takes functions; `learn` calls it",
+    **{
+        f"environments.{name}": "takes models of MuJoCo or poses of objects"
+        for name in ("contact_forces", "linear_path")
+    },
     "plots.state_colour": "takes the index of a state only",
 }
 
