@@ -9,7 +9,7 @@ namespace pilotfish {
 
 namespace {
 
-// target -= sum over j < count of factor[j * step] rows[j], from column `begin` to `end`, multiples of LANES.
+// Subtracts sum over j < count of factor[j * step] rows[j] from target, in columns begin to end, multiples of LANES.
 void subtract(double* target, const double* factor, long step, const double* rows, long stride, int count,
               long begin, long end) {
   for (long c = begin; c < end; c += LANES) {
@@ -24,16 +24,16 @@ void subtract(double* target, const double* factor, long step, const double* row
   }
 }
 
-// One covariance at a time, in rows padded to a multiple of LANES.
-class Whitening {
+// Factorises one covariance at a time, in rows padded to a multiple of LANES.
+class Factorisation {
  public:
-  explicit Whitening(int D)
+  explicit Factorisation(int D)
       : D_(D),
         width_((D + LANES - 1) / LANES * LANES),
         factor_(size_t(D) * width_, 0.0),
         inverse_(factor_.size()) {}
 
-  bool whiten(const double* covariance, double* W) {
+  bool precision_cholesky(const double* covariance, double* W) {
     if (!factorise(covariance)) return false;
     invert();
     for (int i = 0; i < D_; ++i) {
@@ -44,7 +44,7 @@ class Whitening {
   }
 
  private:
-  // U^T U = covariance, U upper triangular, row by row.
+  // Computes U with U^T U = covariance, upper triangular, row by row.
   bool factorise(const double* covariance) {
     for (int i = 0; i < D_; ++i) {
       double* row = factor_.data() + i * width_;
@@ -58,7 +58,7 @@ class Whitening {
     return true;
   }
 
-  // U^-T, row by row.
+  // Computes U^-T, row by row.
   void invert() {
     for (int i = 0; i < D_; ++i) {
       double* row = inverse_.data() + i * width_;
@@ -78,10 +78,10 @@ class Whitening {
 }  // namespace
 
 long precision_cholesky(long K, int D, const double* covariances, double* W) {
-  Whitening whitening(D);
+  Factorisation factorisation(D);
   const size_t size = size_t(D) * D;
   for (long k = 0; k < K; ++k)
-    if (!whitening.whiten(covariances + k * size, W + k * size)) return k;
+    if (!factorisation.precision_cholesky(covariances + k * size, W + k * size)) return k;
   return -1;
 }
 

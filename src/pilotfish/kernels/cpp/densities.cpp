@@ -10,7 +10,7 @@ namespace {
 
 constexpr double LOG_TWO_PI = 1.8378770664093454836;
 
-// |W e|^2 for WIDE steps. The triangle comes in strips of ROWS rows, each strip column by column.
+// Returns |W e|^2 for WIDE steps. The triangle is packed in strips of ROWS rows, each strip column by column.
 template <int ROWS, int WIDE>
 inline Lanes<WIDE> squared_norm(const double* triangle, const double* error, int E) {
   Lanes<WIDE> sum = Lanes<WIDE>::Zero();
@@ -33,24 +33,24 @@ void squared_norms(const double* triangle, const double* error, int E, double* n
     lanes<WIDE>(norms + c) = squared_norm<ROWS, WIDE>(triangle, error + c, E);
 }
 
-// Few rows at a time waste little of a small triangle; many keep registers busier on a large one.
-constexpr int FEW = 2, MANY = 3, LARGE = 24;
+// Strips of few rows waste little of a small triangle; strips of more rows use registers better in a large one.
+constexpr int FEW_ROWS = 2, MANY_ROWS = 3, LARGE_SIZE = 24;
 
-int strip(int E) { return E < LARGE ? FEW : MANY; }
+int strip_rows(int E) { return E < LARGE_SIZE ? FEW_ROWS : MANY_ROWS; }
 
 size_t packed_size(int E) {
   size_t size = 0;
-  for (int i = 0, rows = strip(E); i < E; i += rows) size += size_t(rows) * std::min(i + rows, E);
+  for (int i = 0, rows = strip_rows(E); i < E; i += rows) size += size_t(rows) * std::min(i + rows, E);
   return size;
 }
 
-void pack(const double* whitener, int E, double* triangle) {
-  const int rows = strip(E);
+void pack(const double* precision_factor, int E, double* triangle) {
+  const int rows = strip_rows(E);
   for (int i = 0; i < E; i += rows) {
     const int columns = std::min(i + rows, E);
     for (int r = 0; r < rows; ++r) {
       const int within = i + r < E ? i + r + 1 : 0;
-      const double* row = whitener + size_t(i + r) * E;
+      const double* row = precision_factor + size_t(i + r) * E;
       for (int j = 0; j < within; ++j) triangle[j * rows + r] = row[j];
       for (int j = within; j < columns; ++j) triangle[j * rows + r] = 0.0;
     }
@@ -85,12 +85,12 @@ void differences(const double* block, const double* mean, int columns, double* e
 
 void deviations(const double* block, const double* mean, const Sizes& sizes, double* error) {
   int from = 0;
-  for (int turn : sizes.orientation_starts) {
-    differences(block + from * BLOCK, mean + from, turn - from, error);
-    error += (turn - from) * BLOCK;
-    rotation_vectors(block + turn * BLOCK, mean + turn, error);
+  for (int start : sizes.orientation_starts) {
+    differences(block + from * BLOCK, mean + from, start - from, error);
+    error += (start - from) * BLOCK;
+    rotation_vectors(block + start * BLOCK, mean + start, error);
     error += 3 * BLOCK;
-    from = turn + 4;
+    from = start + 4;
   }
   differences(block + from * BLOCK, mean + from, sizes.D - from, error);
 }
@@ -106,11 +106,11 @@ Densities::Densities(const Sizes& sizes, const double* means, const double* prec
   const int E = sizes.E();
   for (int p = 0; p < sizes.P; ++p)
     for (int k = 0; k < sizes.K; ++k) {
-      const double* whitener = precision_cholesky + (size_t(p) * sizes.K + k) * E * E;
+      const double* precision_factor = precision_cholesky + (size_t(p) * sizes.K + k) * E * E;
       double& constant = constants_[size_t(p) * sizes.K + k];
       constant = -0.5 * E * LOG_TWO_PI;
-      for (int e = 0; e < E; ++e) constant += std::log(whitener[e * E + e]);
-      pack(whitener, E, triangle(p, k));
+      for (int e = 0; e < E; ++e) constant += std::log(precision_factor[e * E + e]);
+      pack(precision_factor, E, triangle(p, k));
     }
 }
 
@@ -128,7 +128,7 @@ void Densities::evaluate(const double* x, long begin, long end, double* log_dens
 void Densities::add(int p, int k, double* log_density, long stride) {
   const size_t state = size_t(p) * sizes_.K + k;
   const int E = sizes_.E();
-  const auto norms = strip(E) == FEW ? squared_norms<FEW, 16> : squared_norms<MANY, 16>;
+  const auto norms = strip_rows(E) == FEW_ROWS ? squared_norms<FEW_ROWS, 16> : squared_norms<MANY_ROWS, 16>;
   alignas(64) double norm[BLOCK];
   for (long b = 0; b < page_.blocks(); ++b) {
     deviations(page_.block(b), means_ + state * sizes_.D, sizes_, error_.data());

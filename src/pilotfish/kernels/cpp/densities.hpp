@@ -1,4 +1,5 @@
-// Datapoints laid out for vector registers, and the Gaussians that read them.
+// Datapoints in blocks for vector registers, and the densities of Gaussians at them.
+// Defined by kernels/reference/emission.py.
 #pragma once
 
 #include <algorithm>
@@ -13,15 +14,15 @@ struct Sizes {
   int P;
   long N;
   int K, D;
-  std::vector<int> orientation_starts;  // first columns of the unit quaternions, in rising order
-  int E() const { return D - int(orientation_starts.size()); }  // dimensions of a deviation
-  int rows() const { return (E() + 3) / 4 * 4; }   // the same padded: tiles of four need no remainder
+  std::vector<int> orientation_starts;  // first columns of the unit quaternions, increasing
+  int E() const { return D - int(orientation_starts.size()); }  // columns of a deviation
+  int rows() const { return (E() + 3) / 4 * 4; }   // E padded to a multiple of 4
 };
 
 constexpr int PAGE = 8;              // blocks of a page
 constexpr int STEPS = PAGE * BLOCK;  // time steps of a page
 
-// Up to STEPS consecutive datapoints of one frame, column by column: block, column, step. Padding is zero.
+// Up to STEPS consecutive datapoints of one frame, in the order block, column, step; padded with zeros.
 class Page {
  public:
   explicit Page(const Sizes& sizes) : D_(sizes.D), x_(size_t(PAGE) * D_ * BLOCK) {}
@@ -36,15 +37,15 @@ class Page {
   Buffer x_;
 };
 
-// error = x - mean for a block, rotation vectors where columns turn; error's padded rows stay as they are.
+// Computes error = x - mean for a block, with rotation vectors for orientations; padded rows are not written.
 void deviations(const double* block, const double* mean, const Sizes& sizes, double* error);
 
-// Densities of K Gaussians in each of P frames; the whiteners' lower triangles are packed as they are used.
+// Densities of K Gaussians in each of P frames; lower triangles of W are packed in the order of their use.
 class Densities {
  public:
   Densities(const Sizes& sizes, const double* means, const double* precision_cholesky);
 
-  // log_density[n * stride + k] = sum over frames of log N(x[p, begin + n]) for the datapoints begin to end.
+  // Computes log_density[n * stride + k] = sum over frames p of log N(x[p, begin + n]), for begin + n < end.
   void evaluate(const double* x, long begin, long end, double* log_density, long stride);
 
  private:

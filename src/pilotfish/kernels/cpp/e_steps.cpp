@@ -2,21 +2,21 @@
 
 #include <algorithm>
 
-#include "parallel.hpp"
 #include "moments.hpp"
+#include "parallel.hpp"
 #include "scaled_forward_backward.hpp"
 
 namespace pilotfish {
 
 namespace {
 
-// Multiplications of a group: about a millisecond, where a thread starts in a twentieth of one.
-constexpr double WORTH = 4e6;
+// Smallest number of multiplications of a group: about 1 ms, while a thread starts in 0.05 ms.
+constexpr double MIN_GROUP_WORK = 4e6;
 
-// Beside a state's largest share of a demonstration: a million times as little would be lost in rounding.
+// Relative to the largest state probability in a demonstration; already 1e-24 of it is lost in rounding.
 constexpr double NEGLIGIBLE = 1e-30;
 
-// What one group's demonstrations add up to: the caller's own arrays for the first, its own for the others.
+// Sums over the demonstrations of one group: in the caller's arrays for the first group, else in its own.
 class GroupSums {
  public:
   GroupSums(const Sizes& sizes, long S) : sizes_(sizes), S_(S) {}
@@ -46,7 +46,7 @@ class GroupSums {
     const size_t P = sizes_.P, K = sizes_.K, E = sizes_.E(), S = S_;
     visit(sums.counts, K);
     visit(sums.initial_counts, K);
-    visit(sums.transitions, K * K);
+    visit(sums.transition_counts, K * K);
     visit(sums.offsets, P * K * E);
     visit(sums.scatter_matrices, P * K * E * E);
     visit(sums.segments, 4 * S * K);
@@ -67,14 +67,15 @@ class GroupSums {
 };
 
 void add_expected(const MarkovInference& inference, Sums sums) {
-  const Buffer& transition_counts = inference.transitions();
-  for (size_t i = 0; i < transition_counts.size(); ++i) sums.transitions[i] += transition_counts[i];
+  const Buffer& transition_counts = inference.transition_counts();
+  for (size_t i = 0; i < transition_counts.size(); ++i) sums.transition_counts[i] += transition_counts[i];
 }
 
 void add_expected(const SemiMarkovInference& inference, Sums sums) {
-  inference.add_to(sums.transitions, sums.segments, sums.tail_counts);
+  inference.add_to(sums.transition_counts, sums.segments, sums.tail_counts);
 }
 
+// Adds the statistics of the demonstrations of one group.
 template <typename Inference, typename AnyChain>
 void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyChain& chain,
                Gaussians gaussians, Sums sums) {
@@ -84,27 +85,27 @@ void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyCh
   Densities densities(sizes, gaussians.means, gaussians.precision_cholesky);
   Moments moments(sizes, gaussians.means, sums.offsets, sums.scatter_matrices);
   Inference inference(chain, max_duration);
-  Buffer log_emissions(max_duration * width, NEVER), gamma(max_duration * width), counts(width, 0.0), least(width);
+  Buffer log_emissions(max_duration * width, NEVER), gamma(max_duration * width), counts(width, 0.0), min_weights(width);
   for (long m = group.first, begin = group.begin; m < group.last; begin += lengths[m++]) {
     const long T = lengths[m];
     densities.evaluate(data.x, begin, begin + T, log_emissions.data(), width);
     sums.log_likelihoods[m] = inference.infer(log_emissions.data(), T, gamma.data());
     if (sums.log_likelihoods[m] == NEVER) continue;
     for (int k = 0; k < K; ++k) sums.initial_counts[k] += gamma[k];
-    std::fill(least.begin(), least.end(), 0.0);
+    std::fill(min_weights.begin(), min_weights.end(), 0.0);
     for (long t = 0; t < T; ++t)
       for (long k = 0; k < width; ++k) {
         counts[k] += gamma[t * width + k];
-        least[k] = std::max(least[k], NEGLIGIBLE * gamma[t * width + k]);
+        min_weights[k] = std::max(min_weights[k], NEGLIGIBLE * gamma[t * width + k]);
       }
-    moments.add(data.x, begin, begin + T, gamma.data(), width, least.data());
+    moments.add(data.x, begin, begin + T, gamma.data(), width, min_weights.data());
   }
   std::copy_n(counts.begin(), K, sums.counts);
   moments.finish();
   add_expected(inference, sums);
 }
 
-// The multiplications of a step, by and large.
+// Returns the approximate number of multiplications of a step.
 double work(const Sizes& sizes, const Chain&) {
   const double E = sizes.E();
   return sizes.K * (sizes.P * E * E + 4.0 * sizes.K);
@@ -118,7 +119,7 @@ double work(const Sizes& sizes, const SemiMarkovChain& chain) {
 template <typename Inference, typename AnyChain>
 void add_all(const Sizes& sizes, Demonstrations data, const AnyChain& chain, Gaussians gaussians, long S,
              int threads, Sums sums) {
-  const auto groups = split_groups(data.lengths, data.M, WORTH / work(sizes, chain));
+  const auto groups = split_groups(data.lengths, data.M, MIN_GROUP_WORK / work(sizes, chain));
   std::vector<GroupSums> parts(groups.size(), GroupSums(sizes, S));
   run_groups(int(groups.size()), threads, [&](int g) {
     add_group<Inference>(sizes, data, groups[g], chain, gaussians, parts[g].begin(sums, g > 0));

@@ -1,4 +1,4 @@
-// Numbers side by side in the processor's vector registers, and exp and log of them.
+// Vector registers (SIMD): fixed-size arrays of doubles, and exp and log of them.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,24 +9,24 @@
 
 namespace pilotfish {
 
-// Eigen keeps arrays of a fixed size in registers, whatever their width; a compiler's own loops do not.
+// Eigen keeps arrays of a fixed size in registers; a compiler does not do so for plain loops.
 #ifdef __AVX__
 constexpr int REGISTER = 4;
 #else
 constexpr int REGISTER = 2;
 #endif
 constexpr int LANES = 8;   // states of a chain are padded to a multiple of this
-constexpr int BLOCK = 32;  // time steps of a block, laid side by side
+constexpr int BLOCK = 32;  // time steps of a block, adjacent in memory
 constexpr double NEVER = -std::numeric_limits<double>::infinity();  // log of probability zero
 
 template <int N>
 using Lanes = Eigen::Array<double, N, 1>;
 using Buffer = std::vector<double, Eigen::aligned_allocator<double>>;
 
-// The bits of a result must not depend on where malloc puts an array. Eigen's sum() and prod() over a Map, a
-// block or a segment begin at the first entry on a register's boundary, and an assignment to one computes the
-// entries before that boundary in another loop. So Maps are copied or multiplied, but summed only where their
-// size is fixed (Lanes) or through sum_in_order, and products are computed into memory that Eigen allocates.
+// The bits of a result must not depend on the address of an array. Eigen's sum() and prod() over a Map, a block or
+// a segment begin at the first aligned entry, and an assignment to one computes the entries before it in another
+// loop. Therefore Maps are copied or multiplied, but summed only if their size is fixed (Lanes) or by sum_in_order,
+// and products are computed into memory that Eigen allocates.
 inline double sum_in_order(const double* x, long n) {
   double sum = 0.0;
   for (long i = 0; i < n; ++i) sum += x[i];
@@ -43,7 +43,7 @@ inline Eigen::Map<const Lanes<N>, Eigen::AlignedMax> lanes(const double* at) {
   return Eigen::Map<const Lanes<N>, Eigen::AlignedMax>(at);
 }
 
-// The same wherever it begins.
+// As lanes, for any address.
 template <int N>
 inline Eigen::Map<Lanes<N>, Eigen::Unaligned> loose_lanes(double* at) {
   return Eigen::Map<Lanes<N>, Eigen::Unaligned>(at);
@@ -66,18 +66,18 @@ inline uint64_t as_bits(double real) {
   return bits;
 }
 
-constexpr double LN2_HIGH = 0x1.62e42feep-1;  // so few bits that whole multiples up to 2^11 are exact
+constexpr double LN2_HIGH = 0x1.62e42feep-1;  // few enough bits that integer multiples up to 2^11 are exact
 constexpr double LN2_LOW = 0x1.a39ef35793c76p-33;
 
-// exp(x) for x <= 0, to one unit in the last place; exactly zero below -708, where results turn subnormal.
-// x = n log 2 + f with |f| <= log(2) / 2, and Taylor's series for exp(f). No branch: loops vectorise.
+// Returns exp(x) for x <= 0, to one unit in the last place; zero below -708, where results would be subnormal.
+// x = n log 2 + f with |f| <= log(2) / 2, and the Taylor series of exp(f). Without branches, so that loops vectorise.
 inline double exponential(double x) {
   // clang-format off
   constexpr double INVERSE_FACTORIAL[] = {
       1.0, 1.0, 1.0 / 2, 1.0 / 6, 1.0 / 24, 1.0 / 120, 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880,
       1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
   // clang-format on
-  constexpr double ROUND = 0x1.8p52;  // adding it leaves the nearest integer in the low bits
+  constexpr double ROUND = 0x1.8p52;  // adding it puts the nearest integer into the low bits
   const double clipped = x < -708.0 ? -708.0 : x;
   const double rounded = clipped * 0x1.71547652b82fep0 + ROUND;  // x / log 2
   const double n = rounded - ROUND;
@@ -88,8 +88,8 @@ inline double exponential(double x) {
   return x < -708.0 ? 0.0 : series * power;
 }
 
-// log(x) for normal x > 0, to one unit in the last place: x = 2^n m with m in [1/sqrt 2, sqrt 2), and the
-// series of log m = 2 artanh(s), s = (m - 1) / (m + 1). Without a branch, so that loops vectorise.
+// Returns log(x) for normal x > 0, to one unit in the last place: x = 2^n m with m in [1/sqrt 2, sqrt 2), and the
+// series of log m = 2 artanh(s), s = (m - 1) / (m + 1). Without branches, so that loops vectorise.
 inline double logarithm(double x) {
   constexpr uint64_t ROOT_HALF = 0x3fe6a09e667f3bcdULL;  // 1 / sqrt 2
   constexpr uint64_t EXPONENT = 0xfff0000000000000ULL;
@@ -101,11 +101,11 @@ inline double logarithm(double x) {
   const double z = s * s;
   double series = 2.0 / 19;
   for (int i = 17; i >= 3; i -= 2) series = series * z + 2.0 / i;
-  const double half = 0.5 * g * g;  // 2 s = g - s g, and s g = half - s half: no rounding of g is lost
+  const double half = 0.5 * g * g;  // 2 s = g - s g, and s g = half - s half, which keeps the rounding error of g
   return n * LN2_HIGH - ((half - (s * (half + z * series) + n * LN2_LOW)) - g);
 }
 
-// y = exp(x - shift), over a width that is a multiple of LANES.
+// Computes y = exp(x - shift), for a width that is a multiple of LANES.
 inline void exponentials(const double* x, double shift, double* y, int width) {
   for (int c = 0; c < width; c += LANES)
     for (int i = c; i < c + LANES; ++i) y[i] = exponential(x[i] - shift);

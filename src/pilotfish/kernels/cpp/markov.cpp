@@ -7,14 +7,14 @@ namespace pilotfish {
 
 namespace {
 
-// A larger drop of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
+// A larger decrease of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
 constexpr double MAX_DROP = 1e6;
 
-constexpr double DOUBTFUL = 1e-280;  // a sum this small may have lost a term to underflow, at 1e-308
+constexpr double UNDERFLOW_RISK = 1e-280;  // a smaller sum may have lost a term to underflow, at 1e-308
 
 int padded(int K) { return (K + LANES - 1) / LANES * LANES; }
 
-// (K, width) copy of a (K, K) matrix or its transpose, padded with ones: no sum over the padding is doubtful.
+// Returns a (K, width) copy of a (K, K) matrix or its transpose, padded with ones so that no sum is small.
 Buffer pad(const double* matrix, int K, bool transposed) {
   const int width = padded(K);
   Buffer rows(size_t(K) * width, 1.0);
@@ -24,7 +24,7 @@ Buffer pad(const double* matrix, int K, bool transposed) {
   return rows;
 }
 
-// The best emission of a step, zero where none is possible.
+// Returns the largest log-emission of a step, or zero if all are -inf.
 double step_best(const double* log_emissions, int width) {
   const double best = *std::max_element(log_emissions, log_emissions + width);
   return best == NEVER ? 0.0 : best;
@@ -32,7 +32,7 @@ double step_best(const double* log_emissions, int width) {
 
 }  // namespace
 
-// Two sums at a time, so that additions overlap.
+// Two partial sums, so that additions overlap.
 void product(const double* weight, const double* rows, int K, int width, double* sum) {
   for (int c = 0; c < width; c += LANES, rows += LANES, sum += LANES) {
     Lanes<LANES> even = weight[0] * lanes<LANES>(rows), odd = Lanes<LANES>::Zero();
@@ -105,9 +105,9 @@ double Chain::forward(const double* log_emissions, long T, double* forward, doub
     product(likelihood.data(), from_.data(), K_, width_, sum.data());
     double* next = forward + width_;
     logarithms(sum.data(), next, width_);
-    if (smallest(sum.data(), width_) < DOUBTFUL) {
+    if (smallest(sum.data(), width_) < UNDERFLOW_RISK) {
       for (int k = 0; k < K_; ++k)
-        if (sum[k] < DOUBTFUL) next[k] = origins_.log_sum(k, forward, terms.data()) - most;
+        if (sum[k] < UNDERFLOW_RISK) next[k] = origins_.log_sum(k, forward, terms.data()) - most;
     }
     log_emissions += width_;
     best = step_best(log_emissions, width_);
@@ -116,23 +116,23 @@ double Chain::forward(const double* log_emissions, long T, double* forward, doub
   }
 }
 
-// From step t + 1 back to step t.
+// Work memory of the step from t + 1 back to t.
 struct Chain::Step {
   explicit Step(int K, int width)
       : ahead(width), likelihood(width), sum(width), terms(width), ratios(size_t(K) * width), exact(ratios) {}
-  Buffer ahead;       // log p(step t + 1 and all later | state there), relative
+  Buffer ahead;       // log p(step t + 1 and all later | state at t + 1), relative
   Buffer likelihood;  // exp of it, relative to the largest
   Buffer sum;         // sum over k of a_jk likelihood_k
-  Buffer terms;       // room to work in
-  Buffer ratios;      // over all steps, sum of gamma_j / sum_j likelihood_k: times a_jk it counts transitions
-  Buffer exact;       // over all steps, transitions of rows whose sum was doubtful
+  Buffer terms;       // scratch
+  Buffer ratios;      // sum over t of gamma_j likelihood_k / sum_j: times a_jk, the expected transitions
+  Buffer exact;       // sum over t of expected transitions of rows whose sum was small
 };
 
 void Chain::backward(const double* log_emissions, long T, double* forward, double* transition_counts,
                      double drop) const {
-  if (drop > MAX_DROP) return beside_best_path(log_emissions, T, forward, transition_counts);
+  if (drop > MAX_DROP) return relative_to_best_path(log_emissions, T, forward, transition_counts);
   Step step(K_, width_);
-  Buffer later(width_, 0.0), joint(width_);  // log p(all later steps | state), relative
+  Buffer later(width_, 0.0), joint(width_);  // later: log p(all later steps | state), relative
   for (long t = T - 1; t >= 0; --t) {
     if (t + 1 < T) {
       const double* emission = log_emissions + (t + 1) * width_;
@@ -159,18 +159,18 @@ void Chain::backward_step(Step& step, double* later) const {
   exponentials(step.ahead.data(), most, step.likelihood.data(), width_);
   product(step.likelihood.data(), into_.data(), K_, width_, step.sum.data());
   logarithms(step.sum.data(), later, width_);
-  if (smallest(step.sum.data(), width_) >= DOUBTFUL) return;
+  if (smallest(step.sum.data(), width_) >= UNDERFLOW_RISK) return;
   for (int j = 0; j < K_; ++j)
-    if (step.sum[j] < DOUBTFUL)
+    if (step.sum[j] < UNDERFLOW_RISK)
       later[j] = successors_.log_sum(j, step.ahead.data(), step.terms.data()) - most;
 }
 
-// zeta_jk = gamma_j a_jk likelihood_k / sum_j: the state now, then where it goes.
+// Adds zeta_jk = gamma_j a_jk likelihood_k / sum_j.
 void Chain::add_transitions(Step& step, const double* gamma) const {
   for (int j = 0; j < K_; ++j) {
     if (gamma[j] == 0.0) continue;
     double* ratios = step.ratios.data() + size_t(j) * width_;
-    if (step.sum[j] >= DOUBTFUL) {
+    if (step.sum[j] >= UNDERFLOW_RISK) {
       const double ratio = gamma[j] / step.sum[j];
       for (int c = 0; c < width_; c += LANES)
         lanes<LANES>(ratios + c) += ratio * lanes<LANES>(step.likelihood.data() + c);
@@ -185,9 +185,9 @@ void Chain::add_transitions(Step& step, const double* gamma) const {
   }
 }
 
-// The same in logarithms throughout, from emissions relative to those of the best path. forward (T, width) is
-// filled anew, and nothing is taken out of it: the best partial path may lie far above the paths that matter.
-void Chain::beside_best_path(const double* log_emissions, long T, double* forward, double* transition_counts) const {
+// Forward-backward in logarithms throughout, from emissions relative to those of the most probable path. It fills
+// forward (T, width) again, without offsets: the best partial path may be far above the likely paths.
+void Chain::relative_to_best_path(const double* log_emissions, long T, double* forward, double* transition_counts) const {
   std::vector<int64_t> path(T);
   viterbi(K_, T, log_emissions, width_, log_initial_.data(), log_transitions_, path.data());
   Buffer emissions(T * width_, NEVER), terms(width_), later(width_, 0.0), ahead(width_, NEVER);
@@ -237,10 +237,10 @@ double forward_backward(const Chain& chain, const double* log_emissions, long T,
 
 namespace {
 
-// The recursion of Viterbi from emissions less what is taken out of each step.
+// Viterbi recursion, from emissions less the offset of each step.
 double best_path(int K, long T, const double* log_emissions, long stride, const std::vector<double>& log_offsets,
                  const double* log_initial, const double* log_transitions, int64_t* states) {
-  std::vector<double> best(K), score(K), origin(K);  // origins as real numbers: one vector width for all
+  std::vector<double> best(K), score(K), origin(K);  // origins as doubles: the same vector width
   std::vector<int32_t> origins(size_t(T) * K);
   for (int k = 0; k < K; ++k) best[k] = log_initial[k] + (log_emissions[k] - log_offsets[0]);
   for (long t = 1; t < T; ++t) {
@@ -259,7 +259,7 @@ double best_path(int K, long T, const double* log_emissions, long stride, const 
       origins[t * K + k] = int32_t(origin[k]);
     }
   }
-  states[T - 1] = std::max_element(best.begin(), best.end()) - best.begin();  // the first of equals
+  states[T - 1] = std::max_element(best.begin(), best.end()) - best.begin();  // the first of equal ones
   for (long t = T - 1; t > 0; --t) states[t - 1] = origins[t * K + states[t]];
   return best[states[T - 1]];
 }
@@ -271,11 +271,11 @@ double viterbi(int K, long T, const double* log_emissions, long stride, const do
   std::vector<double> log_offsets(T);
   for (long t = 0; t < T; ++t) log_offsets[t] = step_best(log_emissions + t * stride, K);
   double best = best_path(K, T, log_emissions, stride, log_offsets, log_initial, log_transitions, states);
-  if (best < -MAX_DROP && best != NEVER) {  // rounding may hide which of two paths is the better one
+  if (best < -MAX_DROP && best != NEVER) {  // rounding may hide which of two paths is more probable
     for (long t = 0; t < T; ++t) log_offsets[t] = log_emissions[t * stride + states[t]];
     best = best_path(K, T, log_emissions, stride, log_offsets, log_initial, log_transitions, states);
   }
-  for (double reference : log_offsets) best += reference;
+  for (double offset : log_offsets) best += offset;
   return best;
 }
 

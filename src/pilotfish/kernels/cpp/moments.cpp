@@ -8,14 +8,14 @@ namespace {
 
 using Sum = Lanes<REGISTER>;
 
-// The lower triangle in tiles of 2 rows and 4 columns: visit(i, j) for the tile's upper left corner.
+// Calls visit(i, j) for the upper left corner of each tile of 2 rows and 4 columns of the lower triangle.
 template <typename Visit>
 inline void for_each_tile(int E, Visit visit) {
   for (int i = 0; i < E; i += 2)
     for (int j = 0; j < i + 2; j += 4) visit(i, j);
 }
 
-// sum[r][c] += left[r] right[c], summed over the steps of a block, REGISTER steps apart.
+// Adds left[r] right[c], summed over the steps of a block, to REGISTER partial sums of sum[r][c].
 inline void add_tile(const double* left, const double* right, double* sum) {
   Sum s00 = lanes<REGISTER>(sum), s01 = lanes<REGISTER>(sum + REGISTER);
   Sum s02 = lanes<REGISTER>(sum + 2 * REGISTER), s03 = lanes<REGISTER>(sum + 3 * REGISTER);
@@ -58,39 +58,39 @@ Moments::Moments(const Sizes& sizes, const double* means, double* offsets, doubl
 }
 
 void Moments::add(const double* x, long begin, long end, const double* gamma, long stride,
-                  const double* least) {
+                  const double* min_weights) {
   for (; begin < end; begin += STEPS, gamma += STEPS * stride) {
     for (int p = 0; p < sizes_.P; ++p) {
       page_.read(x + (p * sizes_.N + begin) * sizes_.D, std::min<long>(STEPS, end - begin));
-      for (int k = 0; k < sizes_.K; ++k) add_state(size_t(p) * sizes_.K + k, gamma + k, stride, least[k]);
+      for (int k = 0; k < sizes_.K; ++k) add_state(size_t(p) * sizes_.K + k, gamma + k, stride, min_weights[k]);
     }
   }
 }
 
-void Moments::add_state(size_t state, const double* gamma, long stride, double least) {
-  alignas(64) double run_groups[BLOCK];
+void Moments::add_state(size_t state, const double* gamma, long stride, double min_weight) {
+  alignas(64) double weights[BLOCK];
   bool any = false;
   for (long b = 0; b < page_.blocks(); ++b) {
-    std::fill_n(run_groups, BLOCK, 0.0);
+    std::fill_n(weights, BLOCK, 0.0);
     for (long l = 0; l < page_.steps_in(b); ++l) {
-      const double given = gamma[(b * BLOCK + l) * stride];
-      run_groups[l] = given < least ? 0.0 : given;
+      const double weight = gamma[(b * BLOCK + l) * stride];
+      weights[l] = weight < min_weight ? 0.0 : weight;
     }
-    if (std::all_of(run_groups, run_groups + BLOCK, [](double s) { return s == 0.0; })) continue;
+    if (std::all_of(weights, weights + BLOCK, [](double weight) { return weight == 0.0; })) continue;
     deviations(page_.block(b), means_ + state * sizes_.D, sizes_, error_.data());
-    add_block(run_groups);
+    add_block(weights);
     any = true;
   }
   if (any) collect(state);
 }
 
-void Moments::add_block(const double* run_groups) {
+void Moments::add_block(const double* weights) {
   const double* error = error_.data();
   double* weighted = weighted_.data();
   for (int i = 0; i < sizes_.E(); ++i) {
     Sum sum = lanes<REGISTER>(first_.data() + i * REGISTER);
     for (int l = 0; l < BLOCK; l += REGISTER) {
-      const Sum product = lanes<REGISTER>(run_groups + l) * lanes<REGISTER>(error + i * BLOCK + l);
+      const Sum product = lanes<REGISTER>(weights + l) * lanes<REGISTER>(error + i * BLOCK + l);
       lanes<REGISTER>(weighted + i * BLOCK + l) = product;
       sum += product;
     }

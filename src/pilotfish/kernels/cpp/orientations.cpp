@@ -8,20 +8,20 @@ namespace pilotfish {
 
 namespace {
 
-// Twice the angle whose sine and cosine, both positive, are in this ratio, over the sine. The tangent of
-// half the angle is at most one; less a multiple of pi / 8 its arc tangent is within pi / 16, where Taylor's
-// series ends after eleven terms. No branch: loops vectorise.
-inline double turn_over_sine(double sine, double cosine) {
-  constexpr double TAN_1 = 0.19891236737965800691, TAN_2 = 0.41421356237309504880;  // of 1, 2, 3 pi / 16
+// Returns 2 a / sin a for the angle a with this (scaled) sine and cosine, both at least 0. The tangent of a / 2 is at
+// most one; its arc tangent less a multiple of pi / 8 is within pi / 16, where eleven terms of the Taylor series
+// suffice. Without branches, so that loops vectorise.
+inline double double_angle_over_sine(double sine, double cosine) {
+  constexpr double TAN_1 = 0.19891236737965800691, TAN_2 = 0.41421356237309504880;  // tangents of 1, 2, 3 pi / 16
   constexpr double TAN_3 = 0.66817863791929891999, EIGHTH = 0.39269908169872415481;  // pi / 8
   const double half = sine / (cosine + std::sqrt(sine * sine + cosine * cosine));
-  const double known = half > TAN_3 ? 1.0 : (half > TAN_1 ? TAN_2 : 0.0);
+  const double table_tangent = half > TAN_3 ? 1.0 : (half > TAN_1 ? TAN_2 : 0.0);
   const double angle = half > TAN_3 ? 2.0 * EIGHTH : (half > TAN_1 ? EIGHTH : 0.0);
-  const double rest = (half - known) / (1.0 + half * known);
-  const double square = rest * rest;
+  const double remainder = (half - table_tangent) / (1.0 + half * table_tangent);
+  const double square = remainder * remainder;
   double series = 1.0 / 21;
   for (int i = 19; i >= 1; i -= 2) series = 1.0 / i - series * square;
-  return sine > 0.0 ? 4.0 * (angle + rest * series) / sine : 2.0;
+  return sine > 0.0 ? 4.0 * (angle + remainder * series) / sine : 2.0;
 }
 
 }  // namespace
@@ -35,10 +35,10 @@ void rotation_vectors(const double* q, const double* mean, double* error) {
     const double j = w * c - y * a + x * d - z * b;
     const double k = w * d - z * a + y * b - x * c;
     const double sine = std::sqrt(i * i + j * j + k * k);
-    const double turn = turn_over_sine(sine, std::abs(cosine)) * (cosine < 0.0 ? -1.0 : 1.0);
-    error[l] = turn * i;
-    error[BLOCK + l] = turn * j;
-    error[2 * BLOCK + l] = turn * k;
+    const double factor = double_angle_over_sine(sine, std::abs(cosine)) * (cosine < 0.0 ? -1.0 : 1.0);
+    error[l] = factor * i;
+    error[BLOCK + l] = factor * j;
+    error[2 * BLOCK + l] = factor * k;
   }
 }
 

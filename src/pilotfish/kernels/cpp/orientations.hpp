@@ -1,9 +1,9 @@
-// How unit quaternions deviate from one another.
+// Deviations of unit quaternions: logarithmic map of S^3.
 #pragma once
 
 namespace pilotfish {
 
-// error (3, BLOCK) = 2 log(mean* q) of q (4, BLOCK) or -q, whichever is nearer; mean is w, x, y, z.
+// Computes error (3, BLOCK) = 2 log(mean* q) for the nearer of q (4, BLOCK) and -q; mean is w, x, y, z.
 void rotation_vectors(const double* q, const double* mean, double* error);
 
 }  // namespace pilotfish

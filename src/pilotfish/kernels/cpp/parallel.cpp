@@ -17,9 +17,9 @@ namespace pilotfish {
 
 namespace {
 
-constexpr long MOST = 16;  // groups: their sums take memory
+constexpr long MAX_GROUPS = 16;  // each has its own sums in memory
 
-int available() {
+int available_cores() {
 #ifdef __linux__
   cpu_set_t allowed;
   if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) return CPU_COUNT(&allowed);
@@ -30,16 +30,16 @@ int available() {
 }  // namespace
 
 std::vector<Group> split_groups(const int64_t* lengths, long M, double min_points) {
-  long N = 0, done = 0;
+  long N = 0, before = 0;
   for (long m = 0; m < M; ++m) N += lengths[m];
-  const long wanted = std::max(1L, std::min({MOST, M, long(double(N) / min_points)}));
+  const long count = std::max(1L, std::min({MAX_GROUPS, M, long(double(N) / min_points)}));
   std::vector<Group> groups{{0, 0, 0}};
   for (long m = 0; m < M; ++m) {
     const long g = long(groups.size());
-    // A group ends where the datapoints so far are nearest to its share of them all.
-    if (g < wanted && m > groups.back().first && 2 * done + lengths[m] > 2 * N / wanted * g)
-      groups.push_back({m, m, done});
-    done += lengths[m];
+    // A group ends where the number of datapoints so far is nearest to its fraction of all.
+    if (g < count && m > groups.back().first && 2 * before + lengths[m] > 2 * N / count * g)
+      groups.push_back({m, m, before});
+    before += lengths[m];
     groups.back().last = m + 1;
   }
   return groups;
@@ -48,25 +48,25 @@ std::vector<Group> split_groups(const int64_t* lengths, long M, double min_point
 void run_groups(int count, int threads, const std::function<void(int)>& work) {
   std::atomic<int> next{0};
   std::exception_ptr thrown;
-  std::mutex one_at_a_time;
+  std::mutex mutex;
   const auto work_on = [&] {
-    const SubnormalsFlushed flushed;  // threads inherit it on Linux; no standard promises that
+    const SubnormalsFlushed flushed;  // inherited on Linux, but not guaranteed by a standard
     try {
       for (int i; (i = next++) < count;) work(i);
     } catch (...) {
-      const std::lock_guard<std::mutex> alone(one_at_a_time);
+      const std::lock_guard<std::mutex> lock(mutex);
       thrown = std::current_exception();
       next = count;
     }
   };
-  std::vector<std::thread> others;
-  const int wanted = std::min(threads > 0 ? threads : available(), count) - 1;
+  std::vector<std::thread> workers;
+  const int worker_count = std::min(threads > 0 ? threads : available_cores(), count) - 1;
   try {
-    for (int i = 0; i < wanted; ++i) others.emplace_back(work_on);
-  } catch (const std::system_error&) {  // no more threads to be had: fewer do the same work
+    for (int i = 0; i < worker_count; ++i) workers.emplace_back(work_on);
+  } catch (const std::system_error&) {  // no more threads available: fewer do the work
   }
   work_on();
-  for (std::thread& other : others) other.join();
+  for (std::thread& worker : workers) worker.join();
   if (thrown) std::rethrow_exception(thrown);
 }
 

@@ -1,4 +1,4 @@
-// Demonstrations cut into groups that several threads share.
+// Groups of demonstrations, which several threads process.
 #pragma once
 
 #include <cstdint>
@@ -8,16 +8,16 @@
 namespace pilotfish {
 
 struct Group {
-  long first, last;  // demonstrations, the last one excluded
-  long begin;        // datapoints before the first
+  long first, last;  // demonstrations first .. last - 1
+  long begin;        // number of datapoints before them
 };
 
-// At most a few groups of about equally many datapoints, at least `worth` in each. They depend on nothing but
-// the arguments: sums over groups, added in order, are the same to the last digit on any computer.
+// Returns groups of about equal numbers of datapoints, at least min_points in each. They depend only on the
+// arguments, so that sums over groups, added in order, have the same bits on every computer.
 std::vector<Group> split_groups(const int64_t* lengths, long M, double min_points);
 
-// Calls work(0) to work(count - 1), each once, on up to `threads` threads; zero is as many as this process
-// may use. What work throws is thrown here, once all threads have ended.
+// Calls work(0) .. work(count - 1), each once, on up to `threads` threads; zero means all cores of this process.
+// Rethrows an exception of work after all threads have ended.
 void run_groups(int count, int threads, const std::function<void(int)>& work);
 
 }  // namespace pilotfish

@@ -8,7 +8,7 @@ namespace pilotfish {
 namespace {
 
 constexpr double EPS = std::numeric_limits<double>::epsilon();
-constexpr int MOST_STEPS = 100;  // of which bisection alone would need 64
+constexpr int MAX_ITERATIONS = 100;  // bisection alone would need 64
 
 }  // namespace
 
@@ -18,15 +18,15 @@ void RankOne::reserve(int n) {
   gap_.resize(size_t(n) * n);
   kept_.resize(n);
   order_.resize(n);
-  turns_.reserve(n);
+  rotations_.reserve(n);
 }
 
-// Leaves in kept_ the places of the m poles that are still coupled; the others are eigenpairs of their own.
+// Deflation: writes to kept_ the indices of the m poles that remain; the others are eigenvalues already.
 int RankOne::deflate(int n) {
   double square = 0.0;
   for (int i = 0; i < n; ++i) square += z_[i] * z_[i];
   const double tiny = 8.0 * EPS * std::max(d_[0], square), length = std::sqrt(square);
-  turns_.clear();
+  rotations_.clear();
   int m = 0;
   for (int i = 0; i < n; ++i) {
     if (std::abs(z_[i]) * length <= tiny) {
@@ -35,10 +35,10 @@ int RankOne::deflate(int n) {
     }
     if (m > 0) {
       const int before = kept_[m - 1];
-      const double apart = d_[before] - d_[i], both = z_[before] * z_[before] + z_[i] * z_[i];
-      if (!(apart * std::abs(z_[before] * z_[i]) > tiny * both)) {  // turned: the former is coupled no longer
+      const double difference = d_[before] - d_[i], squares = z_[before] * z_[before] + z_[i] * z_[i];
+      if (!(difference * std::abs(z_[before] * z_[i]) > tiny * squares)) {  // rotate: z of the former becomes zero
         const double r = std::hypot(z_[before], z_[i]), c = z_[i] / r, s = z_[before] / r;
-        turns_.push_back({before, i, c, s});
+        rotations_.push_back({before, i, c, s});
         z_[i] = r;
         z_[before] = 0.0;
         const double upper = d_[before], lower = d_[i];
@@ -53,10 +53,9 @@ int RankOne::deflate(int n) {
   return m;
 }
 
-// shift_[k]: the root above pole k, and gap_ row k: the poles' distances from it; for k to k + 3, those that
-// there are. Each lane is a root of its own, sought from the nearer pole, so that no digit of the distance to
-// it is lost. A step goes to the root of 1 + p + q / (left - x) + r + s / (right - x), which has the same
-// values and slopes as the sums over the poles below and above; where it would leave the bracket, half-way.
+// Computes the roots above poles k to k + 3, as far as they exist: shift_[k], and in row k of gap_ the distances of the
+// poles from it. Each lane is one root. A step goes to the root of 1 + p + q / (left - x) + r + s / (right - x), which
+// has the same values and slopes as the sums over the poles below and above.
 void RankOne::roots(int k, int m) {
   const int lanes_used = std::min(4, m - k);
   double total = 0.0;
@@ -71,10 +70,10 @@ void RankOne::roots(int k, int m) {
     if (at == 0) first[lane] = 1.0;
   }
   Lanes<4> half = 0.5 * (above_own - own);
-  if (k == 0) half[0] = 0.5 * total;  // all of it, where the pole would round some away
+  if (k == 0) half[0] = 0.5 * total;  // exact, also if adding the pole would round
   Lanes<4> middle = Lanes<4>::Ones();
   for (int j = 0; j < m; ++j) middle += weight_[j] / ((pole_[j] - own) - half);
-  // where the nearest two poles would have it, the others being as they are half-way: a quadratic equation
+  // Initial value: root with the two nearest poles exact and the other terms as at the midpoint (quadratic equation).
   const Lanes<4> rest = middle + (w_own - w_above) / half;
   const Lanes<4> linear = 2.0 * half * rest + w_own + w_above, constant = 2.0 * half * w_own;
   const Lanes<4> apart = (linear * linear - 4.0 * rest * constant).max(0.0).sqrt();
@@ -91,7 +90,7 @@ void RankOne::roots(int k, int m) {
   }
   const Lanes<4> left = own - origin, right = above_own - origin;
   bool found[4] = {false, false, false, false};
-  for (int step = 0, open = 4; step < MOST_STEPS && open > 0; ++step) {
+  for (int step = 0, open = 4; step < MAX_ITERATIONS && open > 0; ++step) {
     Lanes<4> below = Lanes<4>::Zero(), above = below, slope_below = below, slope_above = below;
     for (int j = 0; j < m; ++j) {
       const Lanes<4> inverse = 1.0 / ((pole_[j] - origin) - x), term = weight_[j] * inverse;
@@ -104,7 +103,7 @@ void RankOne::roots(int k, int m) {
     const Lanes<4> f = 1.0 + below + above, error = 2.0 * EPS * m * (1.0 - below + above);
     const Lanes<4> a = left - x, b = right - x, q = slope_below * a * a, s = slope_above * b * b;
     const Lanes<4> c = f - slope_below * a - slope_above * b;
-    // of the step t from x: c t^2 - B t + C = 0
+    // The step t from x solves c t^2 - B t + C = 0.
     const Lanes<4> B = c * (a + b) + q + s, C = c * a * b + q * b + s * a;
     const Lanes<4> root = (B * B - 4.0 * c * C).max(0.0).sqrt();
     const Lanes<4> stable = 2.0 * C / (B + root), other = (B - root) / (2.0 * c);
@@ -135,7 +134,7 @@ void RankOne::roots(int k, int m) {
   }
 }
 
-// The unit vector of root k, into that column.
+// Writes the eigenvector of root k to a column.
 void RankOne::put_vector(int k, int column, int m, int width, double* R) {
   const double* gap = &gap_[size_t(k) * m];
   double square = 0.0;
@@ -154,7 +153,7 @@ void RankOne::vectors(int n, int m, int width, double* values, double* R) {
       if (k != j) square *= gap_[size_t(k) * m + j] / (pole_[j] - pole_[k]);
     true_z_[j] = std::copysign(std::sqrt(std::max(square, 0.0)), z_[kept_[j]]);
   }
-  if (m == n) {  // the usual case: roots are in falling order already
+  if (m == n) {  // the usual case: roots are in decreasing order
     for (int column = 0; column < n; ++column) {
       values[column] = std::max(shift_[column], 0.0);
       put_vector(column, column, m, width, R);
@@ -179,13 +178,13 @@ void RankOne::vectors(int n, int m, int width, double* values, double* R) {
     }
     put_vector(int(place - kept_.data()), column, m, width, R);
   }
-  for (size_t t = turns_.size(); t-- > 0;) {
-    const Turn& turn = turns_[t];
-    double *one = R + size_t(turn.i) * width, *other = R + size_t(turn.j) * width;
+  for (size_t t = rotations_.size(); t-- > 0;) {
+    const Rotation& rotation = rotations_[t];
+    double *row_i = R + size_t(rotation.i) * width, *row_j = R + size_t(rotation.j) * width;
     for (int column = 0; column < n; ++column) {
-      const double u = one[column], v = other[column];
-      one[column] = turn.c * u + turn.s * v;
-      other[column] = turn.c * v - turn.s * u;
+      const double u = row_i[column], v = row_j[column];
+      row_i[column] = rotation.c * u + rotation.s * v;
+      row_j[column] = rotation.c * v - rotation.s * u;
     }
   }
 }

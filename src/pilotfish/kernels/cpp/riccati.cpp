@@ -15,12 +15,12 @@ using GivenVector = Eigen::Map<const Vector>;
 
 }  // namespace
 
-// Results are computed in matrices of Eigen's own and then copied out: see sum_in_order.
+// Results are computed in matrices that Eigen allocates, then copied: see sum_in_order in lanes.hpp.
 long riccati(Tracking problem, Gains result) {
   const long T = problem.T, n = problem.n, m = problem.m;
   const GivenMatrix R(problem.control_cost, m, m);
   Matrix PA(n, n), PB(n, m), S(m, m), G(m, n), Y(m, n), K(m, n), V(n, n);
-  Vector pull(n), push(m), ahead(n), drift(n);
+  Vector state_gradient(n), control_gradient(m), cost_gradient(n), drift(n);
   Eigen::LLT<Matrix> factor(m);
   const auto value = [&](long t) { return Eigen::Map<Matrix>(result.values + t * n * n, n, n); };
   const auto gradient = [&](long t) { return Eigen::Map<Vector>(result.gradients + t * n, n); };
@@ -29,8 +29,8 @@ long riccati(Tracking problem, Gains result) {
   value(T - 1) = weight(T - 1);
   gradient(T - 1).setZero();
   for (long t = T - 2; t >= 0; --t) {
-    const long now = problem.varying ? t : 0;
-    const GivenMatrix A(problem.A + now * n * n, n, n), B(problem.B + now * n * m, n, m);
+    const long index = problem.varying ? t : 0;
+    const GivenMatrix A(problem.A + index * n * n, n, n), B(problem.B + index * n * m, n, m);
     const auto P = value(t + 1);
     PA.noalias() = P * A;
     PB.noalias() = P * B;
@@ -48,14 +48,14 @@ long riccati(Tracking problem, Gains result) {
     value(t) = 0.5 * (V + V.transpose());
     drift.noalias() = A * target(t);
     drift -= target(t + 1);
-    pull.noalias() = P * drift;
-    pull += gradient(t + 1);
-    push.noalias() = B.transpose() * pull;
-    ahead.noalias() = A.transpose() * pull;
-    ahead.noalias() -= K.transpose() * push;
-    gradient(t) = ahead;
-    factor.solveInPlace(push);
-    Eigen::Map<Vector>(result.feedforwards + t * m, m) = -push;
+    state_gradient.noalias() = P * drift;
+    state_gradient += gradient(t + 1);
+    control_gradient.noalias() = B.transpose() * state_gradient;
+    cost_gradient.noalias() = A.transpose() * state_gradient;
+    cost_gradient.noalias() -= K.transpose() * control_gradient;
+    gradient(t) = cost_gradient;
+    factor.solveInPlace(control_gradient);
+    Eigen::Map<Vector>(result.feedforwards + t * m, m) = -control_gradient;
   }
   return -1;
 }

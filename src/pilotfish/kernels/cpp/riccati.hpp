@@ -1,9 +1,9 @@
-// The Riccati recursion of the finite-horizon tracker.
+// Riccati recursion of finite-horizon linear-quadratic tracking. Defined by kernels/reference/riccati.py.
 #pragma once
 
 namespace pilotfish {
 
-// Row-major stacks. A and B hold one matrix, or T - 1 of them.
+// Problem in row-major arrays. A and B have one matrix, or T - 1 if varying.
 struct Tracking {
   long T;
   int n, m;
@@ -15,7 +15,7 @@ struct Gains {
   double *gains, *feedforwards, *values, *gradients;
 };
 
-// Returns -1, or the step at which effort + B^T P B has no Cholesky factor.
+// Returns -1, or the step at which control_cost + B^T P B has no Cholesky factor.
 long riccati(Tracking problem, Gains result);
 
 }  // namespace pilotfish

@@ -7,14 +7,15 @@ namespace pilotfish {
 
 namespace {
 
-// What follows from a state is never underestimated: fewer than ten million terms, each of them at most 1e160
-// and times an emission lost below 1e-307, lose less than this floor, and a floor is the share of the
-// posterior that it adds, at most. So any path that the forward pass lost, at a state that it first lost below
-// 1e-307, has a share of at most 1e-307 times what follows from there.
+// Bounds. Backward variables are at most MAX_BACKWARD, and the backward pass adds FLOOR to them. The terms that it may
+// lose - fewer than 1e7, each at most 1e160 times an emission below 1e-307 - are less than FLOOR, so that backward
+// variables are never underestimated. A path that the forward pass lost was below 1e-307 at the state where it was
+// lost first. Its posterior probability is therefore at most 1e-307 times the backward variable there, at most 1e-147.
+// What FLOOR adds to a posterior probability is at most 1e-140. Both are far below MIN_PROBABILITY.
 constexpr double FLOOR = 1e-140;
-constexpr double MOST_FOLLOWS = 1e160;  // from a state, relative to the sum of its step
-constexpr double LEAST_SUM = 1e-300;
-constexpr double NOUGHT = 1e-120;  // all that is lost or added is much less
+constexpr double MAX_BACKWARD = 1e160;  // relative to the sum of its step
+constexpr double MIN_SUM = 1e-300;
+constexpr double MIN_PROBABILITY = 1e-120;  // smaller results become zero
 
 }  // namespace
 
@@ -37,18 +38,18 @@ bool ScaledPass::forward(const double* log_emissions, long T, double* log_likeli
     shifts += most;
     exponentials(log_emissions + t * width, most, emissions_.data() + t * width, width);
   }
-  double* here = forward_.data();
-  for (int k = 0; k < width; ++k) here[k] = chain_.initial()[k] * emissions_[k];
-  for (long t = 0;; ++t, here += width) {
-    sums_[t] = total(here, width);
-    if (!(sums_[t] > LEAST_SUM)) return false;
+  double* current = forward_.data();
+  for (int k = 0; k < width; ++k) current[k] = chain_.initial()[k] * emissions_[k];
+  for (long t = 0;; ++t, current += width) {
+    sums_[t] = total(current, width);
+    if (!(sums_[t] > MIN_SUM)) return false;
     if (t + 1 == T) break;
-    product(here, chain_.from(), K, width, here + width);
-    // The sum of a step divides the next: it is added up while the product is under way.
+    product(current, chain_.from(), K, width, current + width);
+    // The sum of a step scales the next one; it is computed at the same time as the product.
     const double scale = 1.0 / sums_[t];
     const double* emission = emissions_.data() + (t + 1) * width;
     for (int c = 0; c < width; c += LANES)
-      lanes<LANES>(here + width + c) *= lanes<LANES>(emission + c) * scale;
+      lanes<LANES>(current + width + c) *= lanes<LANES>(emission + c) * scale;
   }
   for (long t = 0; t < T; ++t) shifts += std::log(sums_[t]);
   *log_likelihood = shifts;
@@ -57,36 +58,36 @@ bool ScaledPass::forward(const double* log_emissions, long T, double* log_likeli
 
 bool ScaledPass::backward(long T, double* smoothed_state_probs) {
   const int K = chain_.states(), width = chain_.width();
-  Buffer follows(width, 1.0);
+  Buffer backward(width, 1.0);
   Lanes<LANES> most = Lanes<LANES>::Zero();
-  double furthest = 0.0;  // from one, of a step's posteriors
+  double largest_error = 0.0;  // of the sum of a step's posterior probabilities, which should be 1
   for (long t = T - 1; t >= 0; --t) {
     if (t + 1 < T) {
-      product(emissions_.data() + (t + 1) * width, chain_.into(), K, width, follows.data());
+      product(emissions_.data() + (t + 1) * width, chain_.into(), K, width, backward.data());
       for (int c = 0; c < width; c += LANES)
-        lanes<LANES>(follows.data() + c) = lanes<LANES>(follows.data() + c).max(FLOOR);
+        lanes<LANES>(backward.data() + c) = lanes<LANES>(backward.data() + c).max(FLOOR);
     }
     const double scale = 1.0 / sums_[t];
-    double *here = forward_.data() + t * width, *gamma = smoothed_state_probs + t * width;
+    double *current = forward_.data() + t * width, *gamma = smoothed_state_probs + t * width;
     double* emission = emissions_.data() + t * width;
     for (int c = 0; c < width; c += LANES) {
-      const Lanes<LANES> after = lanes<LANES>(follows.data() + c) * scale;
+      const Lanes<LANES> after = lanes<LANES>(backward.data() + c) * scale;
       most = most.max(after);
       lanes<LANES>(emission + c) *= after;
-      lanes<LANES>(gamma + c) = lanes<LANES>(here + c) * after;
+      lanes<LANES>(gamma + c) = lanes<LANES>(current + c) * after;
     }
-    const double sum = total(gamma, width), run_groups = 1.0 / sum;
-    furthest = std::max(furthest, std::abs(sum - 1.0));
+    const double sum = total(gamma, width), normaliser = 1.0 / sum;
+    largest_error = std::max(largest_error, std::abs(sum - 1.0));
     for (int c = 0; c < width; c += LANES) {
-      const Lanes<LANES> whole = lanes<LANES>(gamma + c) * run_groups;
-      lanes<LANES>(gamma + c) = (whole >= NOUGHT).select(whole, 0.0);
-      lanes<LANES>(here + c) *= scale * run_groups;
+      const Lanes<LANES> probability = lanes<LANES>(gamma + c) * normaliser;
+      lanes<LANES>(gamma + c) = (probability >= MIN_PROBABILITY).select(probability, 0.0);
+      lanes<LANES>(current + c) *= scale * normaliser;
     }
   }
-  return most.maxCoeff() <= MOST_FOLLOWS && furthest < 1e-6;
+  return most.maxCoeff() <= MAX_BACKWARD && largest_error < 1e-6;
 }
 
-// zeta_jk = forward_j a_jk emission_k follows_k, the last two one step later. Four rows of sums at a time stay
+// Adds zeta_jk = forward_j a_jk emission_k backward_k, the last two one step later. Four rows of sums at a time stay
 // in registers.
 void ScaledPass::add_transitions(long T, double* transition_counts) const {
   const int K = chain_.states(), width = chain_.width();
@@ -103,7 +104,7 @@ void ScaledPass::add_transitions(long T, double* transition_counts) const {
       for (int j = i; j < std::min(i + 4, K); ++j)
         for (int k = c; k < std::min(c + LANES, K); ++k) {
           const double count = chain_.from()[size_t(j) * width + k] * rows[j - i][k - c];
-          if (count >= NOUGHT) transition_counts[j * K + k] += count;
+          if (count >= MIN_PROBABILITY) transition_counts[j * K + k] += count;
         }
     }
 }

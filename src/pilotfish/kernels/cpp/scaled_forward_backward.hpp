@@ -1,21 +1,21 @@
-// Posteriors along a Markov chain by scaled probabilities, where these are certain to be right.
+// Forward-backward of a Markov chain with scaled probabilities, used only if its error is certain to be negligible.
 #pragma once
 
 #include "markov.hpp"
 
 namespace pilotfish {
 
-// Rabiner 1989, section V.A: no logarithm is taken of what a step multiplies. Underflow could lose paths; what
-// follows from a state is therefore never underestimated, which bounds the share of the posterior that lost
-// paths can have. Unless that is below anything that matters, there is no answer.
+// Scaled forward-backward, without logarithms inside a step (Rabiner 1989, section V.A). Underflow may lose paths.
+// Backward variables are therefore never underestimated, which bounds the posterior probability of lost paths. If
+// the bound is not negligible, `infer` returns false.
 class ScaledPass {
  public:
-  // Room for demonstrations of up to `longest` steps.
+  // Allocates memory for demonstrations of up to max_duration steps.
   ScaledPass(const Chain& chain, long max_duration);
 
-  // posteriors (T, width) from log_emissions (T, width), and the expected transitions added to counts
-  // (K, K); of both, what is below 1e-120 is zero. False where this cannot be told so: then nothing is added,
-  // and posteriors mean nothing.
+  // Computes state probabilities (T, width) from log_emissions (T, width), and adds the expected transitions to
+  // transition_counts (K, K); values below 1e-120 become zero. Returns false if the result may be wrong: then nothing
+  // is added, and smoothed_state_probs is undefined.
   bool infer(const double* log_emissions, long T, double* smoothed_state_probs, double* transition_counts, double* log_likelihood);
 
  private:
@@ -24,24 +24,24 @@ class ScaledPass {
   void add_transitions(long T, double* transition_counts) const;
 
   const Chain& chain_;
-  Buffer emissions_;  // (T, width) relative to the largest of a step; then times what follows
-  Buffer forward_;    // (T, width) p(state | steps so far) times its sum
+  Buffer emissions_;  // (T, width) relative to the largest of a step; later times the backward variable
+  Buffer forward_;    // (T, width) p(state | steps so far), before normalisation
   Buffer sums_;       // (T) of forward_
 };
 
-// Infers demonstrations one at a time, and adds up what is expected of all of them: by scaling, and in
-// logarithms where that gives no answer.
+// Inference in one demonstration after another, which sums the expected transitions. It uses scaling, and logarithms
+// if scaling fails.
 class MarkovInference {
  public:
-  // Room for demonstrations of up to `longest` steps.
+  // Allocates memory for demonstrations of up to max_duration steps.
   MarkovInference(const Chain& chain, long max_duration)
       : chain_(chain),
         scaled_(chain, max_duration),
         offsets_(max_duration),
         counts_(size_t(chain.states()) * chain.states(), 0.0) {}
 
-  // posteriors (T, width) from log_emissions (T, width). Returns log p(all steps); at -inf nothing is added,
-  // and posteriors mean nothing.
+  // Computes state probabilities (T, width) from log_emissions (T, width). Returns log p(all steps); at -inf nothing
+  // is added, and smoothed_state_probs is undefined.
   double infer(const double* log_emissions, long T, double* smoothed_state_probs) {
     double log_likelihood;
     if (scaled_.infer(log_emissions, T, smoothed_state_probs, counts_.data(), &log_likelihood)) return log_likelihood;
@@ -51,7 +51,7 @@ class MarkovInference {
     return log_likelihood;
   }
 
-  const Buffer& transitions() const { return counts_; }  // (K, K), expected over all demonstrations
+  const Buffer& transition_counts() const { return counts_; }  // (K, K), over all demonstrations
 
  private:
   const Chain& chain_;

@@ -7,19 +7,19 @@ namespace pilotfish {
 
 namespace {
 
-// A larger drop of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
+// A larger decrease of the best partial path costs the surviving paths digits: 2e-16 of it, in nats.
 constexpr double MAX_DROP = 1e6;
 
-constexpr double NEGLIGIBLE = -60.0;  // e^-60: a million of them leave a sum as it was, to the last digit
+constexpr double NEGLIGIBLE = -60.0;  // e^-60: a million such terms do not change a sum
 
-// Whole registers are read and written beyond the ends of rows; there is room for that.
+// Returns the padded size of a row: whole registers are read and written beyond its end.
 long padded(long n) { return (n + LANES - 1) / LANES * LANES + LANES; }
 
 struct Largest {
   double value, term;
 };
 
-// Adds step to n values, and weights to these: into terms. Returns the largest value and term.
+// Adds step to n values, and writes value + weight to terms. Returns the largest value and term.
 Largest advance(double* values, double step, const double* weights, long n, double* terms) {
   Lanes<LANES> most = Lanes<LANES>::Constant(NEVER), best = most;
   for (long c = 0; c < n; c += LANES) {
@@ -33,7 +33,7 @@ Largest advance(double* values, double step, const double* weights, long n, doub
   return {best.maxCoeff(), most.maxCoeff()};
 }
 
-// Turns n terms into exponentials relative to the largest, which is finite; returns their sum.
+// Replaces n terms by their exponentials relative to the largest, which is finite; returns their sum.
 double exponential_sum(double* terms, double most, long n) {
   Lanes<LANES> sum = Lanes<LANES>::Zero();
   for (long c = 0; c < n; c += LANES) {
@@ -47,15 +47,15 @@ double exponential_sum(double* terms, double most, long n) {
   return sum.sum();
 }
 
-// log(e^a + e^b)
+// Returns log(e^a + e^b).
 double log_add(double a, double b) {
   const double most = std::max(a, b), least = std::min(a, b);
   return least == NEVER ? most : most + std::log1p(std::exp(least - most));
 }
 
-// log(e^one + sum over n terms of e^term), whose largest is most.
-double log_sum(double* terms, double most, long n, double one) {
-  return most == NEVER ? one : log_add(most + std::log(exponential_sum(terms, most, n)), one);
+// Returns log(e^other + sum over n terms of e^term), where most is the largest term.
+double log_sum(double* terms, double most, long n, double other) {
+  return most == NEVER ? other : log_add(most + std::log(exponential_sum(terms, most, n)), other);
 }
 
 }  // namespace
@@ -96,7 +96,7 @@ Lattice::Lattice(const SemiMarkovChain& chain, long max_duration)
       values(emissions.size()),
       longer(chain.states()),
       terms(capacity),
-      few(chain.states()) {}
+      state_terms(chain.states()) {}
 
 void Lattice::read(const double* log_emissions, long steps) {
   const int K = chain.states();
@@ -138,29 +138,29 @@ void Lattice::forward(End end, Start start) {
     row(values, k)[0] = row(starts, k)[0] = chain.log_initial(k);
     row(ends, k)[0] = NEVER;
   }
-  double late = 0.0;  // taken out of the step before, but not yet of values
+  double pending_offset = 0.0;  // offset of the previous step, not yet subtracted from values
   for (long t = 1; t < T; ++t) {
     double best = NEVER;
     for (int k = 0; k < K; ++k) {
       const long from = std::max<long>(1, t - chain.max_duration(false, k)), n = t - from;
-      const double step = row(emissions, k)[t - 1] - late;
+      const double step = row(emissions, k)[t - 1] - pending_offset;
       double* value = row(values, k);
       const Largest most = advance(value + from, step, chain.segments_backwards(k, n), n, terms.data());
       value[0] += step;
       if (from > 1) longer[k] = std::max(longer[k], value[from - 1]) + step;
       best = std::max(best, best_running(t, k, most.value));
       const double first = t <= chain.max_duration() ? value[0] + chain.segments(true, k)[t - 1] : NEVER;
-      few[k] = row(ends, k)[t] = end(Ending{t, k, n, step, most.term, first});
+      state_terms[k] = row(ends, k)[t] = end(Ending{t, k, n, step, most.term, first});
     }
     for (int k = 0; k < K; ++k) best = std::max(best, row(values, k)[t] = row(starts, k)[t] = start(t, k));
-    late = subtract_offset(t, best);
+    pending_offset = subtract_offset(t, best);
   }
 }
 
 double Lattice::best_running(long t, int k, double most) const {
   if (chain.may_exceed_tables(false, k)) most = std::max(most, longer[k]);
-  const bool goes_on = t < chain.max_duration(true, k) || chain.may_exceed_tables(true, k);
-  return goes_on ? std::max(most, row(values, k)[0]) : most;
+  const bool continues = t < chain.max_duration(true, k) || chain.may_exceed_tables(true, k);
+  return continues ? std::max(most, row(values, k)[0]) : most;
 }
 
 double Lattice::subtract_offset(long t, double best) {
@@ -177,7 +177,7 @@ double Lattice::subtract_offset(long t, double best) {
 }
 
 template <typename Visit>
-void Lattice::for_each_last_visit(int k, Visit visit) const {
+void Lattice::for_each_last_segment(int k, Visit visit) const {
   double remaining = 0.0;
   for (long b = T - 1; b >= 0; --b) {
     remaining += row(emissions, k)[b];
@@ -198,7 +198,7 @@ SemiMarkovInference::SemiMarkovInference(const SemiMarkovChain& chain, long max_
       ending_(lattice_.emissions.size()),
       remaining_(chain.states()),
       after_(chain.states()),
-      transitions_(size_t(chain.states()) * chain.states(), 0.0),
+      transition_counts_(size_t(chain.states()) * chain.states(), 0.0),
       segments_(size_t(4) * chain.states() * chain.stride(), 0.0),
       tail_counts_(size_t(2) * chain.states(), 0.0) {}
 
@@ -208,7 +208,7 @@ double SemiMarkovInference::infer(const double* log_emissions, long T, double* s
   double log_likelihood = this->log_likelihood();
   if (log_likelihood == NEVER) return NEVER;
   if (lattice_.loses_precision(log_likelihood))
-    log_likelihood = log_likelihood_beside_best_path(log_emissions, T);
+    log_likelihood = log_likelihood_relative_to_best_path(log_emissions, T);
   backward(log_likelihood);
   write(smoothed_state_probs);
   return log_likelihood + lattice_.total_log_offset();
@@ -218,7 +218,7 @@ void SemiMarkovInference::forward() {
   double* terms = lattice_.terms.data();
   lattice_.forward(
       [&](const Ending& at) { return log_sum(terms, at.most, at.n, at.first); },
-      [&](long, int k) { return chain_.origins().log_sum(k, lattice_.few.data(), after_.data()); });
+      [&](long, int k) { return chain_.origins().log_sum(k, lattice_.state_terms.data(), after_.data()); });
 }
 
 double SemiMarkovInference::log_likelihood() {
@@ -226,7 +226,7 @@ double SemiMarkovInference::log_likelihood() {
   double log_likelihood = NEVER;
   for (int k = 0; k < chain_.states(); ++k) {
     double most = NEVER;
-    lattice_.for_each_last_visit(k, [&](long b, double log_p) {
+    lattice_.for_each_last_segment(k, [&](long b, double log_p) {
       terms[b] = log_p;
       most = std::max(most, log_p);
     });
@@ -248,43 +248,43 @@ void SemiMarkovInference::backward(double log_likelihood) {
     for (int k = 0; k < K; ++k) after_[k] = backward_step(b, k, log_likelihood);
     if (b == 0) break;
     for (int k = 0; k < K; ++k)
-      in.row(in.values, k)[b] = chain_.successors().log_sum(k, after_.data(), in.few.data());
+      in.row(in.values, k)[b] = chain_.successors().log_sum(k, after_.data(), in.state_terms.data());
     add_transitions(b);
   }
 }
 
-// log p(all later steps | a visit begins after b); counts the visits that do. Where none can, no number is
-// asked for.
+// Returns log p(all later steps | a segment of k begins at b) and adds the expected segments that do. If none can, it
+// returns -inf.
 double SemiMarkovInference::backward_step(long b, int k, double log_likelihood) {
   Lattice& in = lattice_;
   const bool first = b == 0;
   const long S = chain_.max_duration(), n = std::min(S, in.T - 1 - b);
   const double step = in.row(in.emissions, k)[b], start = in.row(in.starts, k)[b];
-  double *begun = in.row(starting_, k) + b, *until = in.row(ending_, k) + b + 1, *terms = in.terms.data();
+  double *expected_starts = in.row(starting_, k) + b, *until = in.row(ending_, k) + b + 1, *terms = in.terms.data();
   double most = advance(in.row(in.values, k) + b + 1, step, chain_.segments(first, k), n, terms).term;
   remaining_[k] += step;
-  *begun = 0.0;
+  *expected_starts = 0.0;
   if (start == NEVER) return NEVER;
   const double last = remaining_[k] + chain_.last(first, k, in.T - b);
   most = std::max(most, last);
   if (most == NEVER) return NEVER;
-  const double last_share = std::exp(last - most), sum = exponential_sum(terms, most, n) + last_share;
+  const double last_term = std::exp(last - most), sum = exponential_sum(terms, most, n) + last_term;
   const double log_after = most + std::log(sum);
-  *begun = std::exp(start + log_after - log_likelihood);
-  if (*begun == 0.0) return log_after;
-  const double scale = *begun / sum;
-  double* lasted = transition_counts(first, k);
+  *expected_starts = std::exp(start + log_after - log_likelihood);
+  if (*expected_starts == 0.0) return log_after;
+  const double scale = *expected_starts / sum;
+  double* counts = segments(first, k);
   for (long c = 0; c < n; c += LANES) {
-    const Lanes<LANES> segments = scale * lanes<LANES>(terms + c);
-    lanes<LANES>(lasted + c) += segments;
-    loose_lanes<LANES>(until + c) += segments;
+    const Lanes<LANES> expected = scale * lanes<LANES>(terms + c);
+    lanes<LANES>(counts + c) += expected;
+    loose_lanes<LANES>(until + c) += expected;
   }
   const long s = in.T - b;
-  (s <= S ? transition_counts(2 + first, k)[s - 1] : tail_counts_[first * chain_.states() + k]) += scale * last_share;
+  (s <= S ? segments(2 + first, k)[s - 1] : tail_counts_[first * chain_.states() + k]) += scale * last_term;
   return log_after;
 }
 
-// Those who begin a visit after b came from a state whose visit ended there.
+// Adds the expected transitions into the segments that begin at b.
 void SemiMarkovInference::add_transitions(long b) {
   Lattice& in = lattice_;
   const Neighbours& origins = chain_.origins();
@@ -294,13 +294,13 @@ void SemiMarkovInference::add_transitions(long b) {
     if (expected == 0.0) continue;
     for (int i = origins.begin[k]; i < origins.begin[k + 1]; ++i) {
       const int j = origins.states[i];
-      const double run_groups = in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
-      transitions_[size_t(j) * K + k] += expected * std::exp(run_groups);
+      const double log_fraction = in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
+      transition_counts_[size_t(j) * K + k] += expected * std::exp(log_fraction);
     }
   }
 }
 
-// A state is where visits to it have begun but not ended; rounding is put right.
+// Computes state probabilities as segments that have begun less those that have ended, normalised.
 void SemiMarkovInference::write(double* smoothed_state_probs) {
   const int K = chain_.states();
   std::fill(after_.begin(), after_.end(), 0.0);
@@ -314,10 +314,10 @@ void SemiMarkovInference::write(double* smoothed_state_probs) {
   }
 }
 
-void SemiMarkovInference::add_to(double* transitions, double* segments, double* tail_counts) const {
+void SemiMarkovInference::add_to(double* transition_counts, double* segments, double* tail_counts) const {
   const int K = chain_.states();
   const long S = chain_.max_duration();
-  for (size_t i = 0; i < transitions_.size(); ++i) transitions[i] += transitions_[i];
+  for (size_t i = 0; i < transition_counts_.size(); ++i) transition_counts[i] += transition_counts_[i];
   for (size_t i = 0; i < tail_counts_.size(); ++i) tail_counts[i] += tail_counts_[i];
   for (size_t kind = 0; kind < 4; ++kind)
     for (long s = 0; s < S; ++s)
@@ -332,12 +332,12 @@ void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, 
   Lattice lattice(chain, T + 1);
   lattice.read(log_emissions, T);
   lattice.add_silent_step();
-  Buffer settled(K, NEVER), capacity(K);  // settled: visits of more than S steps, but for the first
-  double log_offsets = 0.0;                 // out of all steps but the last
+  Buffer long_segments(K, NEVER), terms_of_states(K);  // long_segments: later segments of more than S steps
+  double log_offsets = 0.0;                 // of all steps but the last
   double* terms = lattice.terms.data();
-  const auto occupancy = [&](const Ending& at) {
+  const auto log_state_prob = [&](const Ending& at) {
     const long t = at.t, from = t - at.n;
-    double *values = lattice.row(lattice.values, at.k), &longer = settled[at.k];
+    double *values = lattice.row(lattice.values, at.k), &longer = long_segments[at.k];
     if (from > 1) longer = log_add(longer, values[from - 1]) + at.step;
     const double most = advance(values + from, 0.0, chain.last_segments_backwards(at.k, at.n), at.n, terms).term;
     const double last = log_sum(terms, most, at.n, values[0] + chain.last(true, at.k, t));
@@ -348,29 +348,29 @@ void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, 
         if (at.k == 0 && at.t > 1) log_offsets += lattice.log_offsets[at.t - 2];
         const double scale = log_offsets + lattice.log_offsets[at.t - 1], end = log_sum(terms, at.most, at.n, at.first);
         log_segment_ends[(at.t - 1) * K + at.k] = end + scale;
-        log_forward[(at.t - 1) * K + at.k] = occupancy(at) + scale;
+        log_forward[(at.t - 1) * K + at.k] = log_state_prob(at) + scale;
         return end;
       },
-      [&](long, int k) { return chain.origins().log_sum(k, lattice.few.data(), capacity.data()); });
+      [&](long, int k) { return chain.origins().log_sum(k, lattice.state_terms.data(), terms_of_states.data()); });
 }
 
 namespace {
 
-// The best path's visits that end with each step, and the states before those that begin after it.
-struct BestVisits {
-  BestVisits(int K, long T) : K(K), begins(size_t(K) * T, 0), origins(size_t(K) * T, 0) {}
+// Best segments that end before each step, and the states before those that begin there.
+struct BestSegments {
+  BestSegments(int K, long T) : K(K), begins(size_t(K) * T, 0), origins(size_t(K) * T, 0) {}
 
   int32_t& begin(long t, int k) { return begins[size_t(t) * K + k]; }
   int32_t& origin(long b, int k) { return origins[size_t(b) * K + k]; }
 
-  // Of two visits with equal ends the later one, after b, wins if the state before it is lower than its own.
+  // Returns whether, of two equally probable segments, the one that begins later, at b, wins a tie.
   bool wins_tie(long b, int k) { return origin(b, k) < k; }
 
   int K;
   std::vector<int32_t> begins, origins;
 };
 
-void find_best_visits(Lattice& lattice, BestVisits& best) {
+void find_best_segments(Lattice& lattice, BestSegments& best) {
   lattice.forward(
       [&](const Ending& at) {
         const long from = at.t - at.n;
@@ -384,8 +384,8 @@ void find_best_visits(Lattice& lattice, BestVisits& best) {
         const Neighbours& origins = lattice.chain.origins();
         double most = NEVER;
         for (int i = origins.begin[k]; i < origins.begin[k + 1]; ++i) {
-          const double log_p = lattice.few[origins.states[i]] + origins.log_probabilities[i];
-          if (log_p > most) {  // the first of equals
+          const double log_p = lattice.state_terms[origins.states[i]] + origins.log_probabilities[i];
+          if (log_p > most) {  // the first of equal ones
             most = log_p;
             best.origin(t, k) = origins.states[i];
           }
@@ -394,17 +394,17 @@ void find_best_visits(Lattice& lattice, BestVisits& best) {
       });
 }
 
-// The most probable path of what the lattice has read; returns its log-probability, relative.
+// Writes the most probable path of the lattice; returns its log-probability, relative to the offsets.
 double best_path(Lattice& lattice, int64_t* states) {
   const int K = lattice.chain.states();
   const long T = lattice.T;
-  BestVisits best(K, T);
-  find_best_visits(lattice, best);
+  BestSegments best(K, T);
+  find_best_segments(lattice, best);
   double most = NEVER;
   long begin = 0;
   int state = 0;
   for (int k = 0; k < K; ++k) {
-    lattice.for_each_last_visit(k, [&](long b, double log_p) {
+    lattice.for_each_last_segment(k, [&](long b, double log_p) {
       if (log_p > most || (log_p == most && k == state && !best.wins_tie(begin, k))) {
         most = log_p;
         begin = b;
@@ -433,7 +433,7 @@ double viterbi(const SemiMarkovChain& chain, const double* log_emissions, long T
   return most + lattice.total_log_offset();
 }
 
-double SemiMarkovInference::log_likelihood_beside_best_path(const double* log_emissions, long T) {
+double SemiMarkovInference::log_likelihood_relative_to_best_path(const double* log_emissions, long T) {
   std::vector<int64_t> path(T);
   viterbi(chain_, log_emissions, T, path.data());
   lattice_.read(log_emissions, T, path.data());

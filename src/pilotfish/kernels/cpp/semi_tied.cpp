@@ -12,19 +12,19 @@ namespace {
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Vector = Eigen::VectorXd;
 
-// Turns the lower triangle of G into its Cholesky factor, column by column; false if there is none.
+// Replaces the upper triangle of G by the transpose of its Cholesky factor; returns false if there is none.
 bool factorise(Matrix& G) {
   const Eigen::Index D = G.rows();
   for (Eigen::Index j = 0; j < D; ++j) {
     const double pivot = G(j, j);
     if (!(pivot > 0.0 && pivot < std::numeric_limits<double>::infinity())) return false;
-    G.row(j).tail(D - j) /= std::sqrt(pivot);  // the factor's transpose, in the upper triangle
+    G.row(j).tail(D - j) /= std::sqrt(pivot);
     for (Eigen::Index i = j + 1; i < D; ++i) G.row(i).tail(D - i) -= G(j, i) * G.row(j).tail(D - i);
   }
   return true;
 }
 
-// U^T U x = x in place.
+// Replaces x by the solution y of U^T U y = x.
 void solve(const Matrix& U, Vector& x) {
   const Eigen::Index D = x.size();
   for (Eigen::Index i = 0; i < D; ++i) {
@@ -42,7 +42,7 @@ int semi_tied_sweeps(int K, int D, const double* covariances, const double* coun
   Eigen::Map<Matrix> B(transform, D, D);
   Matrix inverse(D, D), G(D, D);
   Vector cofactors(D), direction(D), change(D), image(D);
-  const double whole = sum_in_order(counts, K);
+  const double count_sum = sum_in_order(counts, K);
   const auto covariance = [&](int k) {
     return Eigen::Map<const Matrix>(covariances + size_t(k) * D * D, D, D);
   };
@@ -61,7 +61,7 @@ int semi_tied_sweeps(int K, int D, const double* covariances, const double* coun
       if (!factorise(G)) return d;
       direction = cofactors;
       solve(G, direction);
-      direction *= std::sqrt(whole / cofactors.dot(direction));
+      direction *= std::sqrt(count_sum / cofactors.dot(direction));
       change.noalias() = inverse.transpose() * (direction - B.row(d).transpose());
       inverse.noalias() -= cofactors * (change / (1.0 + change[d])).transpose();
       B.row(d) = direction.transpose();

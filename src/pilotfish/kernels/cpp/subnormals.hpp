@@ -1,4 +1,4 @@
-// Numbers below 1e-308 slow a processor down a hundredfold: for the life of this object they are zero.
+// Flushes subnormal numbers (below 1e-308) to zero while the object exists: they slow down a processor by 100.
 #pragma once
 
 #if defined(__SSE2__) || defined(_M_X64)
@@ -25,7 +25,7 @@ class SubnormalsFlushed {
 namespace pilotfish {
 
 struct SubnormalsFlushed {
-  SubnormalsFlushed() {}  // other processors are not slowed down
+  SubnormalsFlushed() {}  // not needed on other processors
 };
 
 }  // namespace pilotfish
