@@ -1,7 +1,11 @@
-"""Run pytest on kernels built elsewhere: -p sanitized_kernels, SANITIZED_FOLDER and SANITIZED_LEVEL."""
+"""Pytest plugin that tests kernels from another build: -p sanitized_kernels.
+
+SANITIZED_FOLDER is the folder of the build, SANITIZED_LEVEL its instruction set.
+"""
 
 import os
 import sys
+from importlib import import_module
 from importlib.machinery import ExtensionFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -10,7 +14,7 @@ FOLDER, LEVEL = Path(os.environ["SANITIZED_FOLDER"]), os.environ["SANITIZED_LEVE
 
 
 def load(name: str) -> None:
-    """Load a module of that folder in place of the installed one."""
+    """Load a module from the folder in place of the installed one."""
     (file,) = FOLDER.glob(f"{name}.*.so")
     full_name = f"pilotfish.kernels.{name}"
     loader = ExtensionFileLoader(full_name, str(file))
@@ -28,8 +32,8 @@ else:
 
 
 def pytest_report_header() -> str:
-    """Say which kernels run, after making sure that they do."""
-    compiled = __import__("pilotfish.kernels.compiled", fromlist=["LEVEL"])
-    assert compiled.LEVEL == LEVEL, f"{compiled.LEVEL} runs, expected {LEVEL}"
+    """Return a line with the tested kernels, after checking that they are in use."""
+    compiled = import_module("pilotfish.kernels.compiled")
+    assert compiled.INSTRUCTION_SET == LEVEL, f"{compiled.INSTRUCTION_SET} is in use, expected {LEVEL}"
     assert Path(compiled._native.__file__).parent.samefile(FOLDER)
     return f"kernels: {LEVEL} of {FOLDER}"

@@ -26,15 +26,15 @@ def random_gaussian(rng, D, scale=1.0):
 
 
 @pytest.mark.parametrize("D", [1, 2, 14])
-def test_log_density_is_the_one_of_an_independent_library(rng, D):
+def test_log_density_equals_scipy(rng, D):
     g, x = random_gaussian(rng, D), rng.normal(size=(9, D))
     np.testing.assert_allclose(
         log_density(g, x), multivariate_normal(g.mean, g.covariance).logpdf(x).reshape(9)
     )
 
 
-def test_log_density_has_no_floor_for_a_centimetre_wide_gaussian_in_14_dimensions():
-    """Log N(mean) = D (-log sigma - log(2 pi) / 2), though the determinant is far below machine epsilon."""
+def test_log_density_narrow_gaussian_in_14_dimensions_has_no_floor():
+    """Log N(mean) = D (-log sigma - log(2 pi) / 2), although the determinant is far below machine epsilon."""
     g = Gaussian(np.zeros(14), 1e-4 * np.eye(14))
     expected = 14 * (-np.log(1e-2) - 0.5 * np.log(2 * np.pi))
     np.testing.assert_allclose(log_density(g, np.zeros((1, 14))), expected, rtol=1e-12)
@@ -42,48 +42,48 @@ def test_log_density_has_no_floor_for_a_centimetre_wide_gaussian_in_14_dimension
 
 @pytest.mark.parametrize("P", [1, 2, 4])
 @pytest.mark.parametrize("D", [1, 3, 14])
-def test_product_is_the_pointwise_product_of_densities_up_to_a_constant(rng, D, P):
-    """sum_j log p_j(x) - log r(x) is the same number at every x."""
+def test_product_equals_pointwise_product_up_to_constant(rng, D, P):
+    """The sum of log p_j(x) minus log r(x) is the same at every x."""
     parts, x = [random_gaussian(rng, D) for _ in range(P)], rng.normal(size=(6, D))
     constants = sum(log_density(p, x) for p in parts) - log_density(product(parts), x)
     np.testing.assert_allclose(constants, constants[0], atol=1e-6 * max(1, abs(constants[0])))
 
 
-def test_product_does_not_depend_on_the_order(rng):
+def test_product_any_order_is_equal(rng):
     parts = [random_gaussian(rng, 4) for _ in range(3)]
     forward, backward = product(parts), product(parts[::-1])
     np.testing.assert_allclose(forward.mean, backward.mean)
     np.testing.assert_allclose(forward.covariance, backward.covariance)
 
 
-def test_product_keeps_its_precision_when_scales_differ_by_twelve_orders():
+def test_product_scales_of_twelve_orders_keeps_precision():
     wide, narrow = Gaussian(np.zeros(1), np.array([[1e6]])), Gaussian(np.ones(1), np.array([[1e-6]]))
     for fused in (product([wide, narrow]), product([narrow, wide])):
         np.testing.assert_allclose(fused.covariance, 1.0 / (1e-6 + 1e6), rtol=1e-12)
 
 
-def test_product_with_an_opinion_that_is_certain_in_one_direction(rng):
+def test_product_singular_factor_keeps_its_mean_there(rng):
     p, q = Gaussian(np.array([1.0, 2.0]), np.diag([0.0, 1.0])), random_gaussian(rng, 2)
     np.testing.assert_allclose(product([p, q]).mean[0], 1.0)
     np.testing.assert_allclose(product([q, p]).mean[0], 1.0)
 
 
-def test_product_of_two_certainties_about_one_direction_is_refused():
+def test_product_two_singular_factors_raises():
     p = Gaussian(np.zeros(2), np.diag([0.0, 1.0]))
-    with pytest.raises(NotPositiveDefinite, match="eigenvalues go from 0"):
+    with pytest.raises(NotPositiveDefinite, match="eigenvalues are from 0"):
         product([p, Gaussian(np.ones(2), np.diag([0.0, 1.0]))])
     with pytest.raises(InvalidInput, match="at least one"):
         product([])
 
 
-def test_transform_moves_the_density_with_the_points(rng):
-    """p(x) = |det A| q(A x + b), so a precision turns by A^-T, never by A."""
+def test_affine_transform_changes_density_by_determinant(rng):
+    """The density satisfies p(x) = |det A| q(A x + b), so a precision is transformed by A^-T."""
     g, A, b, x = random_gaussian(rng, 3), rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=(5, 3))
     moved = log_density(affine_transform(g, A, b), x @ A.T + b) + np.linalg.slogdet(A)[1]
     np.testing.assert_allclose(moved, log_density(g, x))
 
 
-def test_marginal_times_conditional_is_the_joint(rng):
+def test_marginal_times_conditional_equals_joint(rng):
     g, x = random_gaussian(rng, 5), rng.normal(size=5)
     columns, rest = np.array([3, 0]), np.array([1, 2, 4])
     known = log_density(marginal(g, columns), x[None, columns])
@@ -91,7 +91,7 @@ def test_marginal_times_conditional_is_the_joint(rng):
     np.testing.assert_allclose(known + unknown, log_density(g, x[None]))
 
 
-def test_samples_have_the_mean_and_covariance(rng):
+def test_sample_has_mean_and_covariance(rng):
     g, N = random_gaussian(rng, 3), 40_000
     x = sample(g, N, rng)
     deviations = np.sqrt(np.diag(g.covariance))
@@ -99,25 +99,25 @@ def test_samples_have_the_mean_and_covariance(rng):
     np.testing.assert_allclose(np.cov(x.T), g.covariance, atol=7 * deviations.max() ** 2 * np.sqrt(2 / N))
 
 
-def test_samples_of_a_singular_gaussian_stay_on_its_support(rng):
+def test_sample_singular_gaussian_stays_in_range(rng):
     x = sample(Gaussian(np.zeros(2), np.array([[1.0, 1.0], [1.0, 1.0]])), 50, rng)
     np.testing.assert_allclose(x[:, 0], x[:, 1], atol=1e-7)
 
 
 @pytest.mark.parametrize("D", [1, 2, 3, 5])
-def test_a_90_per_cent_region_holds_90_per_cent_of_the_samples(rng, D):
+def test_in_confidence_region_ninety_percent_contains_ninety_percent_of_samples(rng, D):
     g = random_gaussian(rng, D)
     share = in_confidence_region(g, sample(g, 20_000, rng), 0.9).mean()
     assert abs(share - 0.9) < 5 * np.sqrt(0.9 * 0.1 / 20_000)
 
 
-def test_one_sigma_of_one_dimension_holds_683_per_mille():
+def test_confidence_radius_one_dimension_one_sigma_is_683_per_mille():
     np.testing.assert_allclose(confidence_radius(1, 0.6826894921370859), 1.0)
     with pytest.raises(InvalidInput, match="between 0 and 1"):
         confidence_radius(2, 95.0)
 
 
-def test_an_ellipse_is_the_contour_of_its_mahalanobis_radius(rng):
+def test_ellipse_has_its_mahalanobis_radius(rng):
     g = random_gaussian(rng, 2)
     W = precision_cholesky(g.covariance[None])[0]
     np.testing.assert_allclose(np.linalg.norm((ellipse(g, 1.7) - g.mean) @ W.T, axis=1), 1.7)
@@ -125,7 +125,7 @@ def test_an_ellipse_is_the_contour_of_its_mahalanobis_radius(rng):
         ellipse(random_gaussian(rng, 3), 1.0)
 
 
-def test_a_singular_covariance_is_reported_with_its_number_and_the_remedy():
+def test_cholesky_singular_covariance_raises_with_index_and_fix():
     covariances = np.stack([np.eye(2), np.array([[1.0, 1.0], [1.0, 1.0]])])
     with pytest.raises(NotPositiveDefinite, match=r"state 1 is not positive definite.*regularisation"):
         precision_cholesky(covariances, "state")
@@ -134,8 +134,8 @@ def test_a_singular_covariance_is_reported_with_its_number_and_the_remedy():
 
 
 @pytest.mark.parametrize("D", [1, 16, 17, 33, 94])
-def test_precision_cholesky_of_any_width_are_lower_triangular_and_whiten(rng, D: int):
-    """W C W^T = 1, also where W is put together of halves of unequal size."""
+def test_precision_cholesky_any_width_is_lower_triangular_and_whitens(rng, D: int):
+    """W C W^T = I, also for block inversion with blocks of unequal size."""
     roots = rng.normal(size=(3, D, D))
     covariances = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(D)
     W = precision_cholesky(covariances)
@@ -145,7 +145,7 @@ def test_precision_cholesky_of_any_width_are_lower_triangular_and_whiten(rng, D:
     )
 
 
-def test_columns_may_be_counted_from_the_end_and_must_exist(rng):
+def test_marginal_negative_columns_count_from_end_and_missing_ones_raise(rng):
     g = random_gaussian(rng, 3)
     last, same = (condition(g, np.array([n]), np.array([0.3])) for n in (-1, 2))
     np.testing.assert_array_equal(last.mean, same.mean)

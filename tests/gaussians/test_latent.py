@@ -30,13 +30,13 @@ def latent(rng, K, D, L, size=1.0, noise=1.0):
 
 
 def auxiliary(counts, S, covariances):
-    """Twice the expected log-likelihood that an M-step maximises (4.18), constants left out."""
+    """Return twice the expected log-likelihood that an M-step maximises (4.18), up to a constant."""
     fit = np.trace(np.linalg.solve(covariances, S), axis1=1, axis2=2)
     return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
 
 def white_error(one: LatentCovariances) -> float:
-    """Largest entry of W Sigma W^T - I, in exact arithmetic on the numbers stored."""
+    """Return the largest entry of W Sigma W^T - I, in exact arithmetic on the stored numbers."""
     loadings, noise, W = (
         np.vectorize(Fraction, otypes=[object])(a)
         for a in (one.loadings[0], one.noise[0], one.precision_cholesky("the covariance of state")[0])
@@ -46,7 +46,7 @@ def white_error(one: LatentCovariances) -> float:
 
 
 @pytest.mark.parametrize(("K", "D", "L"), [(1, 1, 0), (1, 1, 1), (3, 5, 2), (2, 4, 0), (2, 4, 6)])
-def test_precision_cholesky_are_the_inverse_cholesky_factor(rng, K, D, L):
+def test_precision_cholesky_equals_inverse_cholesky_factor(rng, K, D, L):
     """W is lower triangular with a positive diagonal, and W^T W is the inverse of the covariance."""
     one = latent(rng, K, D, L)
     W = one.precision_cholesky("the covariance of state")
@@ -58,37 +58,32 @@ def test_precision_cholesky_are_the_inverse_cholesky_factor(rng, K, D, L):
 @pytest.mark.parametrize(
     ("size", "noise", "tolerance"), [(1.0, 1.0, 1e-14), (1e3, 1e-2, 1e-9), (1e3, 1e-10, 3e-6)]
 )
-def test_precision_cholesky_keep_noise_that_the_covariance_written_out_would_lose(
-    rng, size, noise, tolerance
-):
-    """Rounding grows with the root of the condition number, here in rational arithmetic.
-
-    At 1e16, where a Cholesky factor of the written covariance has no correct digit, six digits are left.
-    """
+def test_precision_cholesky_tiny_noise_equals_rational_arithmetic(rng, size, noise, tolerance):
+    """Rounding grows with the root of the condition number, against rational arithmetic."""
     assert white_error(latent(rng, 1, 5, 3, size, noise)) < tolerance
 
 
-def test_a_column_may_be_free_of_noise_of_its_own(rng):
-    """Two factors tell two columns exactly; the other columns' noise keeps the covariance definite."""
+def test_precision_cholesky_column_without_noise_is_exact(rng):
+    """Two factors determine two columns exactly; the noise of other columns keeps the covariance definite."""
     one = latent(rng, 1, 5, 2)
     free = LatentCovariances(one.loadings, one.noise * np.array([0.0, 1.0, 0.0, 1.0, 1.0]))
     assert white_error(free) < 1e-12
 
 
-def test_a_latent_covariance_without_surprise_is_refused_by_name(rng):
+def test_precision_cholesky_zero_innovation_raises_with_name(rng):
     one = latent(rng, 2, 3, 1)
     flat = LatentCovariances(one.loadings * [[[1.0], [1.0], [0.0]]], one.noise * np.array([1.0, 1.0, 0.0]))
     with pytest.raises(NotPositiveDefinite, match=r"the covariance of state 0 .* column 2"):
         flat.precision_cholesky("the covariance of state")
 
 
-def test_factors_are_counted_without_padding(rng):
+def test_factors_padded_loadings_are_not_counted(rng):
     S, _ = samples(rng, 3, 5)
     np.testing.assert_array_equal(principal_components(S, np.array([2, 0, 4])).factors, [2, 0, 4])
 
 
 @pytest.mark.parametrize("structure", [MFA(0), MFA(2), MFA(5), MPPCA(1), MPPCA(4), HDDC(3)])
-def test_estimates_on_the_same_samples_never_lose_likelihood(rng, structure):
+def test_estimate_repeated_never_lowers_likelihood(rng, structure):
     S, counts = samples(rng, 4, 6, points=9)
     values, before = [], None
     for _ in range(25):
@@ -99,8 +94,8 @@ def test_estimates_on_the_same_samples_never_lose_likelihood(rng, structure):
 
 
 @pytest.mark.parametrize("structure", [MFA(2), MFA(3), MPPCA(2), HDDC(2), HDDC(0.8)])
-def test_estimates_on_changing_samples_never_lose_likelihood(rng, structure):
-    """As inside expectation-maximisation, where every M-step meets other samples and goes on from before."""
+def test_estimate_changing_samples_never_lowers_likelihood(rng, structure):
+    """As in expectation-maximisation, where every M-step continues with other samples."""
     counts, before = rng.uniform(1.0, 50.0, size=4), None
     for S in (samples(rng, 4, 6, points=n)[0] for n in (8, 7, 20, 5, 6)):
         after = structure.estimate(counts, S, before)
@@ -110,8 +105,8 @@ def test_estimates_on_changing_samples_never_lose_likelihood(rng, structure):
         before = after
 
 
-def test_a_sweep_of_factor_analysis_is_the_printed_one(rng):
-    """Equations 4.9-4.13 with the D x D inverse they are written with."""
+def test_em_step_factor_analysis_equals_printed_equations(rng):
+    """Equations 4.9-4.13 with their D x D inverse."""
     S, counts = samples(rng, 3, 6)
     old = latent(rng, 3, 6, 2)
     new = MFA(2, sweeps=1).estimate(counts, S, old)
@@ -123,7 +118,7 @@ def test_a_sweep_of_factor_analysis_is_the_printed_one(rng):
         np.testing.assert_allclose(new.noise[k], np.diag(S[k] - loadings @ B @ S[k]), rtol=1e-9, atol=1e-11)
 
 
-def test_a_sweep_of_principal_components_is_the_corrected_one(rng):
+def test_em_step_principal_components_equals_corrected_equations(rng):
     """Equations 4.14-4.15 with M = Lambda^T Lambda + sigma^2 I in place of Sigma."""
     S, counts = samples(rng, 3, 6)
     old = LatentCovariances(rng.normal(size=(3, 6, 2)), np.tile(rng.uniform(0.2, 1.0, size=(3, 1)), (1, 6)))
@@ -138,8 +133,8 @@ def test_a_sweep_of_principal_components_is_the_corrected_one(rng):
 
 
 @pytest.mark.parametrize("components", [1, 2, 4])
-def test_the_iteration_of_principal_components_reaches_the_closed_form(rng, components):
-    """From random loadings, to the same likelihood and covariance: there is no other maximum (1999)."""
+def test_mppca_iteration_converges_to_closed_form(rng, components):
+    """From random loadings: there is no other maximum (Tipping & Bishop 1999)."""
     Q = np.linalg.qr(rng.normal(size=(3, 5, 5)))[0]
     S, counts = (Q * [6.0, 3.0, 1.5, 0.7, 0.3]) @ Q.transpose(0, 2, 1), np.ones(3)
     start = LatentCovariances(rng.normal(size=(3, 5, components)), np.ones((3, 5)))
@@ -151,15 +146,15 @@ def test_the_iteration_of_principal_components_reaches_the_closed_form(rng, comp
     np.testing.assert_allclose(reached.dense, closed.dense, rtol=1e-4, atol=1e-4 * np.abs(S).max())
 
 
-def test_principal_components_keep_leading_eigenvalues_and_average_the_others(rng):
+def test_principal_components_keep_leading_eigenvalues_and_average_others(rng):
     S, _ = samples(rng, 2, 6)
     found, true = (np.linalg.eigvalsh(M) for M in (principal_components(S, np.array([2, 4])).dense, S))
     np.testing.assert_allclose(found[0], [*[true[0, :4].mean()] * 4, *true[0, 4:]])
     np.testing.assert_allclose(found[1], [*[true[1, :2].mean()] * 2, *true[1, 2:]])
 
 
-def test_no_neighbour_of_the_principal_components_is_likelier(rng):
-    """Loadings and noise moved at random by a little always lose."""
+def test_principal_components_random_neighbours_are_less_likely(rng):
+    """Small random changes of loadings and noise lower the likelihood."""
     S, counts = samples(rng, 2, 5)
     best = principal_components(S, np.array([2, 2]))
     top = auxiliary(counts, S, best.dense)
@@ -169,16 +164,16 @@ def test_no_neighbour_of_the_principal_components_is_likelier(rng):
         assert auxiliary(counts, S, LatentCovariances(loadings, noise).dense) < top
 
 
-def test_factor_analysis_finds_the_factors_that_made_the_samples(rng):
-    """From samples of exactly two factors and unequal noise both come back, small noise slowest."""
+def test_mfa_exact_factor_model_is_recovered(rng):
+    """Samples of exactly two factors and unequal noise; small noise converges most slowly."""
     true = latent(rng, 2, 8, 2, size=2.0)
     found = MFA(2, sweeps=3000).estimate(np.ones(2), true.dense, None)
     np.testing.assert_allclose(found.dense, true.dense, rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(found.noise, true.noise, rtol=0.1)
 
 
-def test_factor_analysis_does_not_depend_on_units(rng):
-    """Columns scaled to other units give the covariance in those units; this is what MPPCA lacks."""
+def test_mfa_rescaled_columns_give_rescaled_covariance(rng):
+    """Unlike with MPPCA."""
     S, counts = samples(rng, 3, 5)
     scale = 10.0 ** rng.uniform(-4.0, 4.0, size=5)
     scaled = S * scale * scale[:, None]
@@ -186,7 +181,7 @@ def test_factor_analysis_does_not_depend_on_units(rng):
     np.testing.assert_allclose(there, here * scale * scale[:, None], rtol=1e-8)
 
 
-def test_no_factors_are_a_diagonal_or_a_spherical_covariance(rng):
+def test_zero_factors_equal_diagonal_or_spherical(rng):
     S, counts = samples(rng, 3, 4)
     for latent_one, plain in ((MFA(0), Diagonal()), (MPPCA(0), Spherical()), (HDDC(0), Spherical())):
         expected = plain.estimate(counts, S, None).dense
@@ -194,12 +189,12 @@ def test_no_factors_are_a_diagonal_or_a_spherical_covariance(rng):
 
 
 @pytest.mark.parametrize("structure", [MPPCA(4), HDDC(4), HDDC((4, 4))])
-def test_all_but_one_components_are_a_full_covariance(rng, structure):
+def test_all_but_one_components_equal_full(rng, structure):
     S, counts = samples(rng, 2, 5)
     np.testing.assert_allclose(structure.estimate(counts, S, None).dense, S, atol=1e-9)
 
 
-def test_a_share_keeps_the_fewest_directions_that_hold_it(rng):
+def test_hddc_fraction_keeps_fewest_directions_that_explain_it(rng):
     S, counts = samples(rng, 4, 6)
     kept = HDDC(0.9).estimate(counts, S, None).factors
     for values, d in zip(np.linalg.eigvalsh(S)[:, ::-1], kept, strict=True):
@@ -207,7 +202,7 @@ def test_a_share_keeps_the_fewest_directions_that_hold_it(rng):
         assert values[: d - 1].sum() < 0.9 * values.sum()
 
 
-def test_directions_are_gained_within_a_fit_and_never_lost(rng):
+def test_hddc_fraction_continued_fit_never_loses_directions(rng):
     wide, counts = np.tile(np.eye(5), (2, 1, 1)), np.ones(2)
     narrow = np.tile(np.diag([1e3, 1.0, 1.0, 1.0, 1.0]), (2, 1, 1))
     structure = HDDC(0.7)
@@ -220,7 +215,7 @@ def test_directions_are_gained_within_a_fit_and_never_lost(rng):
     )
 
 
-def test_likelihood_grows_with_the_number_of_factors(rng):
+def test_mfa_more_factors_are_more_likely(rng):
     S, counts = samples(rng, 3, 6)
     for structure in (MFA, HDDC):
         values = [auxiliary(counts, S, structure(d).estimate(counts, S, None).dense) for d in range(6)]
@@ -228,8 +223,8 @@ def test_likelihood_grows_with_the_number_of_factors(rng):
 
 
 @pytest.mark.parametrize("structure", [MFA(6), MPPCA(6), HDDC(6), HDDC(0.99)])
-def test_fewer_points_than_factors_are_held_by_regularisation(rng, structure):
-    """Three points in eight columns span two directions; with .01 added to every variance all is definite."""
+def test_estimate_fewer_points_than_factors_is_definite_with_regularisation(rng, structure):
+    """Three points in eight columns span two directions; every variance is raised by 0.01."""
     points = rng.normal(size=(3, 8))
     S = np.cov(points.T, bias=True)[None] + 0.01 * np.eye(8)
     found = structure.estimate(np.array([3.0]), S, None)
@@ -238,7 +233,7 @@ def test_fewer_points_than_factors_are_held_by_regularisation(rng, structure):
 
 
 @pytest.mark.parametrize("structure", [MPPCA(3), HDDC(3)])
-def test_samples_flat_outside_the_leading_directions_are_refused(rng, structure):
+def test_estimate_no_variance_outside_leading_directions_raises(rng, structure):
     points = rng.normal(size=(4, 8))
     S = np.cov(points.T, bias=True)[None]
     with pytest.raises(NotPositiveDefinite, match="state 0"):
@@ -246,15 +241,15 @@ def test_samples_flat_outside_the_leading_directions_are_refused(rng, structure)
 
 
 @pytest.mark.parametrize("structure", [MFA(1), MPPCA(1)])
-def test_a_constant_column_is_refused_by_name(rng, structure):
+def test_estimate_constant_column_raises_with_index(rng, structure):
     S, counts = samples(rng, 2, 3)
     S[1, 2], S[1, :, 2] = 0.0, 0.0
     with pytest.raises(NotPositiveDefinite, match=r"state 1 .* column 2"):
         structure.estimate(counts, S, None)
 
 
-def test_noise_of_a_column_stops_at_its_least_share(rng):
-    """A column that is one factor exactly would be left no noise at all."""
+def test_mfa_noise_stops_at_min_noise(rng):
+    """A column that equals one factor would have zero noise."""
     x = rng.normal(size=(500, 4)) @ np.diag([1.0, 1.0, 0.1, 0.1])
     x[:, 2:] += x[:, :2]
     S = np.cov(np.hstack([x, x[:, :1]]).T, bias=True)[None]
@@ -264,16 +259,16 @@ def test_noise_of_a_column_stops_at_its_least_share(rng):
 
 
 @pytest.mark.parametrize("structure", [MFA(2, min_noise=0.2), MPPCA(2, min_noise=0.2)])
-def test_noise_that_was_less_than_its_least_share_is_not_raised(rng, structure):
-    """Going on from covariances that are the samples themselves, nothing is better than to stay."""
+def test_estimate_previous_noise_below_min_noise_is_kept(rng, structure):
+    """Starting at covariances equal to those of the samples, which are optimal."""
     loadings = np.linalg.qr(rng.normal(size=(6, 2)))[0][None]
     true = LatentCovariances(3.0 * loadings, np.full((1, 6), 0.01))
     np.testing.assert_allclose(structure.estimate(np.ones(1), true.dense, true).dense, true.dense, rtol=1e-6)
 
 
 @pytest.mark.parametrize("structure", [MFA(1), MPPCA(1)])
-def test_factors_of_samples_that_had_none_grow_when_other_samples_have(rng, structure):
-    """A fit that begins with uncorrelated columns of equal variance still finds a factor that comes later."""
+def test_estimate_start_without_factors_finds_later_factor(rng, structure):
+    """A fit that starts from uncorrelated columns of equal variance finds a factor in later samples."""
     true = np.linalg.qr(rng.normal(size=(2, 5, 1)))[0]
     S = 3.0 * true @ true.transpose(0, 2, 1) + np.eye(5)
     start = structure.estimate(np.ones(2), np.tile(np.eye(5), (2, 1, 1)), None)
@@ -282,7 +277,7 @@ def test_factors_of_samples_that_had_none_grow_when_other_samples_have(rng, stru
 
 
 @pytest.mark.parametrize("structure", [MFA(2), MPPCA(2), HDDC(0.8)])
-def test_a_fit_begins_anew_after_covariances_of_another_kind_or_size(rng, structure):
+def test_estimate_previous_of_other_kind_or_size_is_ignored(rng, structure):
     S, counts = samples(rng, 3, 5)
     fresh = structure.estimate(counts, S, None).dense
     for previous in (Full().estimate(counts, S, None), latent(rng, 2, 5, 2), latent(rng, 3, 5, 1)):
@@ -293,25 +288,25 @@ def test_a_fit_begins_anew_after_covariances_of_another_kind_or_size(rng, struct
 
 @pytest.mark.parametrize("make", [MFA, MPPCA, HDDC])
 @pytest.mark.parametrize("factors", [-1, -5])
-def test_a_number_of_factors_that_is_none_is_refused(make, factors):
+def test_structure_negative_factors_raises(make, factors):
     with pytest.raises(InvalidInput, match=r"factors|components|dimensions"):
         make(factors)
 
 
 @pytest.mark.parametrize("structure", [MFA(5), MPPCA(5), HDDC((5, 1)), HDDC((1, 2, 3))])
-def test_factors_that_do_not_fit_the_data_are_refused(rng, structure):
+def test_estimate_too_many_factors_or_wrong_tuple_raises(rng, structure):
     S, counts = samples(rng, 2, 5)
     with pytest.raises(InvalidInput, match=r"fewer factors than columns|3 dimensions for 2 states"):
         structure.estimate(counts, S, None)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0, np.nan])
-def test_a_share_that_is_none_is_refused(share):
+def test_hddc_fraction_outside_zero_to_one_raises(share):
     with pytest.raises(InvalidInput, match="fraction"):
         HDDC(share)
 
 
 @pytest.mark.parametrize("setting", [{"sweeps": 0}, {"min_noise": 0.0}, {"min_noise": np.nan}])
-def test_settings_that_are_none_are_refused(setting):
+def test_structure_invalid_settings_raise_with_name(setting):
     with pytest.raises(InvalidInput, match=next(iter(setting))):
         MFA(2, **setting)

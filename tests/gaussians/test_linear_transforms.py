@@ -1,4 +1,4 @@
-"""Shared directions beyond one basis: more vectors (EMLLT) and more bases (MLT)."""
+"""Shared directions beyond one basis: more directions (EMLLT) and several bases (MLT)."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def samples(rng, K, D):
 
 
 def expansion(rng, K, R, D):
-    """A random one whose last R - D weights are negative, together half of what they may be."""
+    """Return random precisions whose last R - D weights are negative."""
     A, weights = rng.normal(size=(R, D)), rng.uniform(0.5, 2.0, size=(K, R))
     positive = ExpandedPrecisions(A[:D], weights[:, :D]).dense
     weights[:, D:] = -0.5 / (R - D) / np.einsum("ri,kij,rj->kr", A[D:], positive, A[D:])
@@ -34,7 +34,7 @@ def expansion(rng, K, R, D):
 
 
 def auxiliary(counts, S, covariances):
-    """Twice the expected log-likelihood that an M-step maximises (4.18), constants left out."""
+    """Return twice the expected log-likelihood that an M-step maximises (4.18), up to a constant."""
     fit = np.trace(np.linalg.solve(covariances, S), axis1=1, axis2=2)
     return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
@@ -47,37 +47,37 @@ def run_estimates(structure, counts, S, steps):
     return values, before
 
 
-def test_an_expansion_is_the_sum_over_its_directions(rng):
+def test_precisions_equal_weighted_sum_over_directions(rng):
     one = expansion(rng, 3, 6, 4)
     for k, dense in enumerate(one.dense):
         precision = sum(w * np.outer(a, a) for w, a in zip(one.weights[k], one.directions, strict=True))
         np.testing.assert_allclose(np.linalg.inv(dense), precision, rtol=1e-8, atol=1e-10)
 
 
-def test_precision_cholesky_of_an_expansion_are_lower_triangular_roots_of_its_precision(rng):
+def test_precision_cholesky_is_lower_triangular_root_of_precision(rng):
     one = expansion(rng, 3, 6, 4)
     W = one.precision_cholesky("the covariance of state")
     np.testing.assert_array_equal(W, np.tril(W))
     np.testing.assert_allclose(W.transpose(0, 2, 1) @ W @ one.dense, np.tile(np.eye(4), (3, 1, 1)), atol=1e-9)
 
 
-def test_an_expansion_that_is_not_definite_is_refused_by_name(rng):
+def test_precision_cholesky_indefinite_precision_raises_with_name(rng):
     one = expansion(rng, 3, 6, 4)
     one.weights[1, 0] = -50.0
     with pytest.raises(NotPositiveDefinite, match="the covariance of state 1"):
         one.precision_cholesky("the covariance of state")
 
 
-def test_a_weight_after_its_update_leaves_no_slope(rng):
-    """The last direction's weight is at its peak: a^T Sigma a = a^T S a, the derivative's zero."""
+def test_update_weights_last_weight_has_zero_derivative(rng):
+    """It satisfies a^T Sigma a = a^T S a for the last direction."""
     S, _ = samples(rng, 3, 4)
     after = update_weights(expansion(rng, 3, 7, 4), S)
     a = after.directions[-1]
     np.testing.assert_allclose(after.dense @ a @ a, S @ a @ a, rtol=1e-8)
 
 
-def test_every_pass_gains_likelihood(rng):
-    """Weights alone, and directions alone, from a random expansion with negative weights."""
+def test_update_weights_and_directions_raise_likelihood(rng):
+    """Each alone, from a random expansion with negative weights."""
     S, counts = samples(rng, 4, 5)
     one = expansion(rng, 4, 9, 5)
     values = [auxiliary(counts, S, one.dense)]
@@ -89,8 +89,8 @@ def test_every_pass_gains_likelihood(rng):
     assert np.diff(values).min() > 0.0
 
 
-def test_directions_move_along_the_slope_of_the_likelihood(rng):
-    """The gradient's direction against finite differences: a tiny step along the pass gains what they say."""
+def test_update_directions_follows_gradient_of_likelihood(rng):
+    """Against finite differences: a tiny step gains what the gradient predicts."""
     S, counts = samples(rng, 3, 4)
     one = update_weights(expansion(rng, 3, 6, 4), S)
     moved = update_directions(one, counts, S).directions[0] - one.directions[0]
@@ -107,8 +107,8 @@ def test_directions_move_along_the_slope_of_the_likelihood(rng):
 
 
 @pytest.mark.parametrize("length", [1.0, 30.0, 1e4])
-def test_a_step_is_halved_until_the_likelihood_itself_gains(rng, length):
-    """Against likelihoods of whole models: the first of the halved steps that is possible and gains."""
+def test_backtracking_step_returns_first_halved_step_that_gains(rng, length):
+    """Against likelihoods of whole models."""
     S, counts = samples(rng, 3, 4)
     one = expansion(rng, 3, 6, 4)
 
@@ -128,8 +128,8 @@ def test_a_step_is_halved_until_the_likelihood_itself_gains(rng, length):
         np.testing.assert_allclose(found, expected)
 
 
-def test_a_new_direction_is_the_best_that_any_state_has(rng):
-    """No direction tried at random would raise the likelihood of a state on its own as much."""
+def test_add_directions_no_random_direction_gains_more(rng):
+    """For the likelihood of a single state."""
     S, counts = samples(rng, 4, 5)
     tied = EMLLT(5).estimate(counts, S, None)
     new = add_directions(tied, counts, S, 6).directions[-1:]
@@ -139,7 +139,7 @@ def test_a_new_direction_is_the_best_that_any_state_has(rng):
     assert gains.max(axis=1).argmax() == 0
 
 
-def test_as_many_vectors_as_columns_reach_semi_tied_covariances(rng):
+def test_emllt_directions_equal_to_columns_reach_semi_tied(rng):
     S, counts = samples(rng, 5, 6)
     tied, _ = run_estimates(SemiTied(1.0, sweeps=100), counts, S, 4)
     values, found = run_estimates(EMLLT(6), counts, S, 100)
@@ -147,7 +147,7 @@ def test_as_many_vectors_as_columns_reach_semi_tied_covariances(rng):
     assert found.weights.min() > 0.0
 
 
-def test_enough_vectors_reach_full_covariances(rng):
+def test_emllt_maximum_directions_reach_full(rng):
     """D (D + 1) / 2 directions span all symmetric matrices."""
     S, counts = samples(rng, 4, 3)
     values, found = run_estimates(EMLLT(6, sweeps=10), counts, S, 20)
@@ -156,7 +156,7 @@ def test_enough_vectors_reach_full_covariances(rng):
 
 
 @pytest.mark.parametrize("structure", [EMLLT(5), EMLLT(8), EMLLT(15), MLT(1), MLT(2), MLT(4)])
-def test_likelihood_never_falls_and_stays_between_semi_tied_and_full(rng, structure):
+def test_estimate_likelihood_is_monotone_between_semi_tied_and_full(rng, structure):
     S, counts = samples(rng, 4, 5)
     values, _ = run_estimates(structure, counts, S, 30)
     assert np.diff(values).min() >= -1e-11 * abs(values[-1])
@@ -165,7 +165,7 @@ def test_likelihood_never_falls_and_stays_between_semi_tied_and_full(rng, struct
 
 
 @pytest.mark.parametrize("structure", [EMLLT(7), MLT(2)])
-def test_no_likelihood_is_lost_when_samples_change_between_estimates(rng, structure):
+def test_estimate_changing_samples_never_lowers_likelihood(rng, structure):
     counts, before = rng.uniform(1.0, 50.0, size=5), None
     for S in (samples(rng, 5, 5)[0] for _ in range(6)):
         after = structure.estimate(counts, S, before)
@@ -175,13 +175,13 @@ def test_no_likelihood_is_lost_when_samples_change_between_estimates(rng, struct
         before = after
 
 
-def test_more_vectors_are_likelier(rng):
+def test_emllt_more_directions_are_more_likely(rng):
     S, counts = samples(rng, 5, 4)
-    values = [run_estimates(EMLLT(vectors), counts, S, 20)[0][-1] for vectors in (4, 6, 8, 10)]
+    values = [run_estimates(EMLLT(count), counts, S, 20)[0][-1] for count in (4, 6, 8, 10)]
     assert np.diff(values).min() > 0.0
 
 
-def test_one_transform_is_semi_tied(rng):
+def test_mlt_one_transform_equals_semi_tied(rng):
     S, counts = samples(rng, 5, 5)
     np.testing.assert_allclose(
         run_estimates(MLT(1), counts, S, 60)[0][-1],
@@ -190,15 +190,15 @@ def test_one_transform_is_semi_tied(rng):
     )
 
 
-def test_a_transform_for_every_state_is_full(rng):
+def test_mlt_one_transform_per_state_equals_full(rng):
     S, counts = samples(rng, 3, 4)
     found = MLT(3).estimate(counts, S, None)
     np.testing.assert_allclose(found.dense, S, atol=1e-9)
     np.testing.assert_array_equal(found.membership.sum(axis=0), np.ones(3))
 
 
-def test_states_find_the_basis_that_they_were_made_with(rng):
-    """Two bases of five states each, mixed: the choice parts them and the samples come back."""
+def test_mlt_two_generating_bases_are_recovered(rng):
+    """Two bases of five states each: the assignment and the samples are recovered."""
     H, variances = rng.normal(size=(2, 4, 4)), rng.uniform(0.05, 5.0, size=(10, 4))
     origin = rng.permutation(np.repeat([0, 1], 5))
     roots = H[origin] * np.sqrt(variances)[:, None, :]
@@ -209,8 +209,8 @@ def test_states_find_the_basis_that_they_were_made_with(rng):
     np.testing.assert_allclose(found.dense, S, rtol=1e-3, atol=1e-3 * np.abs(S).max())
 
 
-def test_a_basis_that_no_state_takes_begins_anew(rng):
-    """Two copies of one transform: all states take the first, the second is given to the state told worst."""
+def test_mlt_unused_transform_is_reinitialised(rng):
+    """Of two equal transforms, all states take the first; the second is given to the state with most loss."""
     S, counts = samples(rng, 4, 3)
     tied = MLT(1).estimate(counts, S, None)
     twice = MultipleTransformCovariances(
@@ -224,7 +224,7 @@ def test_a_basis_that_no_state_takes_begins_anew(rng):
 @pytest.mark.parametrize(
     ("structure", "match"), [(EMLLT(3), "from 4"), (EMLLT(11), "to 10"), (MLT(4), "states")]
 )
-def test_sizes_that_do_not_fit_the_data_are_refused(rng, structure, match):
+def test_estimate_sizes_outside_range_raise(rng, structure, match):
     S, counts = samples(rng, 3, 4)
     with pytest.raises(InvalidInput, match=match):
         structure.estimate(counts, S, None)
@@ -232,13 +232,13 @@ def test_sizes_that_do_not_fit_the_data_are_refused(rng, structure, match):
 
 @pytest.mark.parametrize("make", [EMLLT, MLT])
 @pytest.mark.parametrize("arguments", [(0,), (-1,), (4, 0)])
-def test_numbers_that_are_none_are_refused(make, arguments):
+def test_structure_invalid_counts_raise(make, arguments):
     with pytest.raises(InvalidInput, match=r"directions|transforms|sweeps"):
         make(*arguments)
 
 
 @pytest.mark.parametrize("structure", [EMLLT(6), MLT(2)])
-def test_a_flat_sample_is_refused(rng, structure):
+def test_estimate_sample_without_variance_raises(rng, structure):
     S, counts = samples(rng, 3, 4)
     S[1] = np.diag([1.0, 1.0, 1.0, 0.0])
     with pytest.raises(NotPositiveDefinite, match="regularisation"):

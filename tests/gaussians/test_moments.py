@@ -12,26 +12,26 @@ def same(a, b, scale):
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6])
-def test_moments_of_halves_add_up_to_moments_of_the_whole(rng, offset):
+def test_add_moments_of_halves_equals_moments_of_whole(rng, offset):
     x, responsibilities = offset + rng.normal(size=(40, 3)), rng.dirichlet(np.ones(4), size=40)
     whole = moments(x, responsibilities)
     for cut in (0, 1, int(rng.integers(2, 39)), 40):
         same(moments(x[:cut], responsibilities[:cut]) + moments(x[cut:], responsibilities[cut:]), whole, 1e-6)
 
 
-def test_adding_does_not_depend_on_the_order(rng):
+def test_add_any_order_is_equal(rng):
     parts = [moments(rng.normal(size=(n, 2)), rng.dirichlet(np.ones(3), size=n)) for n in (1, 5, 30)]
     same(parts[0] + parts[1] + parts[2], parts[2] + (parts[0] + parts[1]), 1e-12)
 
 
-def test_an_empty_component_adds_nothing_and_is_no_nan():
+def test_moments_empty_component_is_finite_and_adds_nothing():
     nothing = Moments(np.zeros(1), np.full((1, 2), 9.0), np.zeros((1, 2, 2)))
     something = moments(np.array([[1.0, 2.0], [3.0, 4.0]]), np.ones((2, 1)))
     same(nothing + something, something, 0.0)
     same(something + nothing, something, 0.0)
 
 
-def test_moments_about_any_origin_are_the_same(rng):
+def test_moments_from_sums_any_origin_equals_moments(rng):
     x, responsibilities = rng.normal(size=(30, 3)), rng.dirichlet(np.ones(2), size=30)
     origins = rng.normal(size=(2, 3))
     error = x[:, None, :] - origins

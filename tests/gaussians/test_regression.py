@@ -27,8 +27,8 @@ def random_mixture(rng, K, D):
     )
 
 
-def test_regression_agrees_with_numerical_integration_of_the_joint_density(rng):
-    """E[y | x] and Var[y | x] by sums over a fine grid of y."""
+def test_regress_equals_numerical_integration(rng):
+    """Compare E[y | x] and Var[y | x] by sums over a fine grid of y."""
     mixture = random_mixture(rng, 3, 2)
     x = np.array([[0.3], [-1.2]])
     result = regress(mixture, np.array([0]), x)
@@ -45,7 +45,7 @@ def test_regression_agrees_with_numerical_integration_of_the_joint_density(rng):
 
 
 @pytest.mark.parametrize("K", [1, 4])
-def test_the_jacobian_is_the_finite_difference_of_the_mean(rng, K):
+def test_regress_jacobian_equals_finite_differences(rng, K):
     mixture, inputs, x = random_mixture(rng, K, 5), np.array([1, 3]), rng.normal(size=(4, 2))
     exact = regress(mixture, inputs, x).jacobians
     for i in range(2):
@@ -54,7 +54,7 @@ def test_the_jacobian_is_the_finite_difference_of_the_mean(rng, K):
         np.testing.assert_allclose(exact[:, :, i], slope, rtol=1e-5, atol=1e-7)
 
 
-def test_one_component_regresses_to_its_conditional(rng):
+def test_regress_one_component_equals_conditional(rng):
     mixture, inputs, x = random_mixture(rng, 1, 4), np.array([2, 0]), rng.normal(size=2)
     known = condition(Gaussian(mixture.means[0], mixture.covariances[0]), inputs, x)
     result = regress(mixture, inputs, x[None])
@@ -63,8 +63,8 @@ def test_one_component_regresses_to_its_conditional(rng):
 
 
 @pytest.mark.parametrize("distance", [1e4, 1e9, 1e100])
-def test_far_from_all_components_the_widest_predicts_alone(rng, distance):
-    """Shares are computed in logarithms: no distance makes them nothing over nothing."""
+def test_regress_far_input_uses_widest_component(rng, distance):
+    """Responsibilities are computed in logarithms, so that no distance gives 0 / 0."""
     mixture, inputs = random_mixture(rng, 3, 3), np.array([0])
     x = np.array([[distance], [-distance]])
     widest = int(mixture.covariances[:, 0, 0].argmax())
@@ -77,8 +77,8 @@ def test_far_from_all_components_the_widest_predicts_alone(rng, distance):
     np.testing.assert_allclose(result.jacobians, np.stack([slope, slope]), rtol=1e-9)
 
 
-def test_far_away_two_parallel_components_leave_their_slope(rng):
-    """Components that differ in the outputs alone keep their shares everywhere: only the slope is left."""
+def test_regress_far_input_parallel_components_keep_slope(rng):
+    """Components that differ only in the outputs keep their responsibilities everywhere."""
     one = random_mixture(rng, 1, 3)
     means = np.stack([one.means[0], one.means[0] + [0.0, 1.0, -2.0]])
     pair = GaussianMixture(np.array([0.3, 0.7]), means, np.repeat(one.covariances, 2, axis=0))
@@ -90,8 +90,8 @@ def test_far_away_two_parallel_components_leave_their_slope(rng):
     np.testing.assert_allclose(told.covariances[0], within + between, rtol=1e-4, atol=1e-5)
 
 
-def test_a_component_of_no_weight_has_no_influence(rng):
-    """Also where it alone would explain the input."""
+def test_regress_zero_weight_component_has_no_influence(rng):
+    """Also if it alone would explain the input."""
     mixture = random_mixture(rng, 2, 3)
     mixture.means[1] += 1e3
     silent = GaussianMixture(np.array([1.0, 0.0]), mixture.means, mixture.covariances)
@@ -102,7 +102,7 @@ def test_a_component_of_no_weight_has_no_influence(rng):
     np.testing.assert_allclose(told.jacobians, expected.jacobians)
 
 
-def test_input_densities_are_those_of_the_marginals(rng):
+def test_log_input_densities_equal_marginals(rng):
     mixture, inputs, x = random_mixture(rng, 3, 5), np.array([3, 0]), rng.normal(size=(4, 2))
     found = log_input_densities(conditional_gaussians(mixture.means, mixture.covariances, inputs), x)
     for k in range(3):
@@ -110,8 +110,8 @@ def test_input_densities_are_those_of_the_marginals(rng):
         np.testing.assert_allclose(found[:, k], log_density(own, x))
 
 
-def test_many_inputs_are_answered_one_by_one(rng, monkeypatch):
-    """Rows are worked on in blocks; where these are cut changes nothing, and no row is an answer to none."""
+def test_regress_blocks_equal_single_rows(rng, monkeypatch):
+    """Independent of the block size; no rows give no rows."""
     mixture, inputs, x = random_mixture(rng, 3, 4), np.array([1]), rng.normal(size=(7, 1))
     monkeypatch.setattr(regression, "MAX_ARRAY_SIZE", 2 * 3 * 3)  # two rows a block
     together = regress(mixture, inputs, x)
@@ -125,8 +125,7 @@ def test_many_inputs_are_answered_one_by_one(rng, monkeypatch):
     assert regress_means(mixture, inputs, x[:0]).shape == (0, 3)
 
 
-def test_units_and_the_order_of_inputs_do_not_matter(rng):
-    """Columns in other units, inputs named in another order: the same answer in those units."""
+def test_regress_rescaled_and_permuted_inputs_are_equivalent(rng):
     mixture, x = random_mixture(rng, 3, 4), rng.normal(size=(5, 2))
     units = 10.0 ** rng.uniform(-3, 3, size=4)
     scaled = GaussianMixture(
@@ -141,8 +140,8 @@ def test_units_and_the_order_of_inputs_do_not_matter(rng):
     np.testing.assert_allclose(other.jacobians, jacobians, rtol=1e-6, atol=1e-12)
 
 
-def test_a_component_that_has_the_whole_share_predicts_alone(rng):
-    """Shares may come from elsewhere, say from a chain."""
+def test_regress_with_responsibilities_one_hot_equals_conditional(rng):
+    """Responsibilities may come from elsewhere, such as a Markov chain."""
     mixture, inputs, x = random_mixture(rng, 3, 4), np.array([1, 2]), rng.normal(size=(3, 2))
     conditionals = conditional_gaussians(mixture.means, mixture.covariances, inputs)
     result = regress_with_responsibilities(conditionals, x, np.eye(3))
@@ -153,7 +152,7 @@ def test_a_component_that_has_the_whole_share_predicts_alone(rng):
         np.testing.assert_allclose(result.jacobians[k], conditionals.slopes[k])
 
 
-def test_inputs_that_cannot_be_used_are_refused(rng):
+def test_regress_invalid_inputs_raise(rng):
     mixture, inputs = random_mixture(rng, 2, 3), np.array([0, 2])
     with pytest.raises(InvalidInput, match="3 columns, expected 2"):
         regress(mixture, inputs, np.zeros((4, 3)))
@@ -163,18 +162,18 @@ def test_inputs_that_cannot_be_used_are_refused(rng):
         regress(mixture, inputs, x)
     with pytest.raises(InvalidInput, match=r"expected finite numbers of at most 1e\+150"):
         regress(mixture, inputs, np.array([[0.0, 0.0], [1e200, 0.0]]))
-    with pytest.raises(InvalidInput, match="name one twice"):
+    with pytest.raises(InvalidInput, match="each column once"):
         regress(mixture, np.array([0, -3]), x)
 
 
-def test_inputs_must_leave_something_to_predict(rng):
+def test_regress_inputs_without_outputs_raise(rng):
     with pytest.raises(InvalidInput, match="at least one input and one output"):
         regress(random_mixture(rng, 2, 2), np.array([0, 1]), np.zeros((1, 2)))
     with pytest.raises(InvalidInput, match="at least one input and one output"):
         regress(random_mixture(rng, 2, 2), np.array([], dtype=int), np.zeros((1, 0)))
 
 
-def test_a_component_that_is_singular_in_the_inputs_is_named(rng):
+def test_regress_singular_input_covariance_raises_with_index(rng):
     singular = GaussianMixture(np.ones(1), np.zeros((1, 3)), np.diag([0.0, 1.0, 1.0])[None])
     with pytest.raises(NotPositiveDefinite, match="component 0"):
         regress(singular, np.array([0]), np.zeros((1, 1)))

@@ -33,7 +33,7 @@ def base(rng):
     return np.concatenate([rng.normal(size=3), normalise(rng.normal(size=4))])
 
 
-def test_near_its_mean_the_density_is_that_of_its_tangent_vector(rng, base):
+def test_riemannian_log_density_equals_density_of_tangent_vector(rng, base):
     g, v = random_gaussian(rng, base), 0.5 * rng.normal(size=(5, 6))
     expected = log_density(Gaussian(np.zeros(6), g.covariance), v)
     np.testing.assert_allclose(
@@ -41,8 +41,8 @@ def test_near_its_mean_the_density_is_that_of_its_tangent_vector(rng, base):
     )
 
 
-def test_seen_at_a_point_a_density_has_its_own_height_and_slope_there(rng, base):
-    """The flat density in that tangent space touches the true one, but for a constant."""
+def test_tangent_gaussian_matches_value_and_slope(rng, base):
+    """At that point, up to the constant."""
     g, step = random_gaussian(rng, base), 1e-5
     there = exp_map(base, 0.6 * rng.normal(size=6), ORIENTATION_STARTS)
     seen, h = tangent_gaussian(g, there), step * rng.normal(size=(20, 6))
@@ -55,8 +55,8 @@ def test_seen_at_a_point_a_density_has_its_own_height_and_slope_there(rng, base)
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_the_product_peaks_where_the_densities_together_are_largest(rng, base, count):
-    """No point that a general optimiser finds is likelier."""
+def test_riemannian_product_mean_is_mode(rng, base, count):
+    """A general optimiser finds no more likely point."""
     said = [random_gaussian(rng, base) for _ in range(count)]
     fused = riemannian_product(said)
 
@@ -70,8 +70,8 @@ def test_the_product_peaks_where_the_densities_together_are_largest(rng, base, c
     np.testing.assert_allclose(found.x, 0.0, atol=1e-5)
 
 
-def test_the_products_covariance_is_the_curvature_of_its_logarithm(rng, base):
-    """Second differences; their share from the curvature of S^3 fades with the spread."""
+def test_riemannian_product_covariance_equals_curvature(rng, base):
+    """Second differences; the part from the curvature of S^3 vanishes with the standard deviations."""
     said = [random_gaussian(rng, base, apart=0.01, spread=0.01) for _ in range(2)]
     fused, step = riemannian_product(said), 1e-4
 
@@ -87,8 +87,8 @@ def test_the_products_covariance_is_the_curvature_of_its_logarithm(rng, base):
     np.testing.assert_allclose(fused.covariance @ hessian, np.eye(6), atol=0.02)
 
 
-def test_near_together_the_product_is_that_of_flat_space(rng, base):
-    """Within a thousandth of a radian: means to second order, covariances to first."""
+def test_riemannian_product_close_means_equals_flat_product(rng, base):
+    """Within 1e-3 rad: means to second order, covariances to first."""
     size = 1e-3
     said = [random_gaussian(rng, base, apart=size, spread=size) for _ in range(3)]
     flat = product([Gaussian(log_map(base, g.mean, ORIENTATION_STARTS), g.covariance) for g in said])
@@ -97,7 +97,7 @@ def test_near_together_the_product_is_that_of_flat_space(rng, base):
     np.testing.assert_allclose(fused.covariance, flat.covariance, atol=20 * size**3)
 
 
-def test_gaussians_fuse_in_any_order_wherever_the_world_has_its_axes(rng, base):
+def test_riemannian_product_any_order_and_world_frame_is_equivalent(rng, base):
     said, world = [random_gaussian(rng, base) for _ in range(3)], normalise(rng.normal(size=4))
     fused = riemannian_product(said)
     turned = [
@@ -114,7 +114,7 @@ def test_gaussians_fuse_in_any_order_wherever_the_world_has_its_axes(rng, base):
     np.testing.assert_allclose(there.covariance, fused.covariance, atol=1e-8)
 
 
-def test_two_like_gaussians_are_one_twice_as_sure(rng, base):
+def test_riemannian_product_two_equal_factors_halves_covariance(rng, base):
     g = random_gaussian(rng, base)
     fused = riemannian_product([g, g])
     np.testing.assert_allclose(log_map(g.mean, fused.mean, ORIENTATION_STARTS), 0.0, atol=1e-12)
@@ -122,8 +122,8 @@ def test_two_like_gaussians_are_one_twice_as_sure(rng, base):
     assert riemannian_product([g]) is g
 
 
-def test_gaussians_half_a_turn_apart_meet_half_way(rng):
-    """A quarter turn to one side or the other, as sure as one of them at least; none is left out."""
+def test_riemannian_product_means_half_turn_apart_is_half_way(rng):
+    """A quarter turn to either side, with at most the covariance of one factor."""
     q = normalise(rng.normal(size=(1, 4)))[0]
     said = [RiemannianGaussian(m, 0.04 * np.eye(3), (0,)) for m in (q, multiply(q, np.array([0, 1.0, 0, 0])))]
     fused = riemannian_product(said)
@@ -131,6 +131,6 @@ def test_gaussians_half_a_turn_apart_meet_half_way(rng):
         assert np.linalg.norm(log_map(g.mean, fused.mean, (0,))) == pytest.approx(np.pi / 2, abs=1e-6)
 
 
-def test_a_product_of_nothing_is_refused():
+def test_riemannian_product_empty_raises():
     with pytest.raises(InvalidInput, match="at least one"):
         riemannian_product([])

@@ -1,4 +1,4 @@
-"""Regression on R^n x S^3 against finite differences, its flat counterpart, and turned worlds."""
+"""Regression on R^n x S^3 against finite differences, flat regression, and rotated world frames."""
 
 import numpy as np
 import pytest
@@ -40,8 +40,8 @@ def inputs_near(rng, conditionals, count):
 
 @pytest.mark.parametrize("inputs", [HAND, REST, np.array([0, 5])], ids=["hand", "rest", "numbers"])
 @pytest.mark.parametrize("K", [1, 3])
-def test_the_jacobian_is_the_derivative_in_the_tangent_spaces(rng, inputs, K):
-    """Central differences along deviations of the input, read off as deviations of the mean."""
+def test_regress_jacobian_equals_finite_differences_in_tangent_spaces(rng, inputs, K):
+    """Central differences along deviations of the input."""
     conditionals = conditional_gaussians(*components(rng, K), inputs, ORIENTATION_STARTS)
     x, step = inputs_near(rng, conditionals, 4), 1e-5
     answer = regression(conditionals, x)
@@ -57,7 +57,7 @@ def test_the_jacobian_is_the_derivative_in_the_tangent_spaces(rng, inputs, K):
         np.testing.assert_allclose(answer.jacobians[:, :, j], numeric, atol=1e-7)
 
 
-def test_component_predictions_cancel_at_the_mean(rng):
+def test_regress_weighted_predictions_cancel_at_mean(rng):
     conditionals = conditional_gaussians(*components(rng, 3), HAND, ORIENTATION_STARTS)
     x = inputs_near(rng, conditionals, 6)
     answer, h = regression(conditionals, x), responsibilities_of(conditionals, x)
@@ -71,8 +71,8 @@ def test_component_predictions_cancel_at_the_mean(rng):
     np.testing.assert_allclose(np.einsum("nk,nkq->nq", h, w), 0.0, atol=1e-9)
 
 
-def test_the_covariance_is_that_of_draws(rng):
-    """Of narrow components: draw one by its share, a deviation of its own, and see how the points spread."""
+def test_regress_covariance_equals_that_of_samples(rng):
+    """Narrow components: sample a component by its responsibility, then a deviation."""
     means, covariances = components(rng, 2, apart=0.3, spread=0.02)
     conditionals = conditional_gaussians(means, covariances, HAND, ORIENTATION_STARTS)
     x, responsibilities = inputs_near(rng, conditionals, 1), np.array([[0.3, 0.7]])
@@ -88,7 +88,7 @@ def test_the_covariance_is_that_of_draws(rng):
     np.testing.assert_allclose(answer.covariances[0], expected, atol=0.03 * np.abs(expected).max())
 
 
-def test_one_components_covariance_is_carried_by_the_differential(rng):
+def test_regress_one_component_covariance_is_moved_by_differential(rng):
     conditionals = conditional_gaussians(*components(rng, 1), HAND, ORIENTATION_STARTS)
     x = inputs_near(rng, conditionals, 1)
     u = conditionals.slopes[0] @ log_map(
@@ -100,8 +100,8 @@ def test_one_components_covariance_is_carried_by_the_differential(rng):
     )
 
 
-def test_near_together_regression_is_that_of_flat_space(rng):
-    """Within a thousandth of a radian, all that comes out is that of rotation vectors about one base."""
+def test_regress_close_means_equals_flat_regression(rng):
+    """Within 1e-3 rad, results equal those of rotation vectors about one base."""
     size = 1e-3
     means, covariances = components(rng, 3, apart=size, spread=size)
     base = means[0]
@@ -116,7 +116,7 @@ def test_near_together_regression_is_that_of_flat_space(rng):
     np.testing.assert_allclose(answer.jacobians, expected.jacobians, atol=100 * size)
 
 
-def test_answers_turn_along_with_the_world_whatever_the_signs(rng):
+def test_regress_rotated_world_and_flipped_signs_is_equivalent(rng):
     means, covariances = components(rng, 3)
     world = normalise(rng.normal(size=4))
 
@@ -135,7 +135,7 @@ def test_answers_turn_along_with_the_world_whatever_the_signs(rng):
     np.testing.assert_allclose(other.jacobians, one.jacobians, atol=1e-9)
 
 
-def test_an_orientation_is_given_whole_or_not_at_all(rng):
+def test_conditional_gaussians_part_of_orientation_raises(rng):
     means, covariances = components(rng, 2)
     for torn in ([1, 2, 3], [2, 1, 3, 4], [0, 9], list(range(9))):
         with pytest.raises(InvalidInput, match=r"orientation in columns (1|6)"):

@@ -27,13 +27,13 @@ def samples(rng, K, D):
 
 
 def auxiliary(counts, S, covariances):
-    """Twice the expected log-likelihood that an M-step maximises (4.18), constants left out."""
+    """Return twice the expected log-likelihood that an M-step maximises (4.18), up to a constant."""
     fit = np.trace(np.linalg.solve(covariances, S), axis1=1, axis2=2)
     return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical(), SemiTied(), SemiTied(0.4)])
-def test_covariances_are_symmetric_and_positive_definite(rng, structure):
+def test_estimate_is_symmetric_and_positive_definite(rng, structure):
     S, counts = samples(rng, 5, 6)
     dense = structure.estimate(counts, S, None).dense
     np.testing.assert_allclose(dense, dense.transpose(0, 2, 1), atol=1e-12)
@@ -41,7 +41,7 @@ def test_covariances_are_symmetric_and_positive_definite(rng, structure):
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical()])
-def test_no_scaled_neighbour_of_the_estimate_is_likelier(rng, structure):
+def test_estimate_scaled_neighbours_are_less_likely(rng, structure):
     S, counts = samples(rng, 4, 5)
     best = structure.estimate(counts, S, None).dense
     for factor in (0.9, 0.99, 1.01, 1.1):
@@ -49,7 +49,7 @@ def test_no_scaled_neighbour_of_the_estimate_is_likelier(rng, structure):
 
 
 @pytest.mark.parametrize("sweeps", [1, 5])
-def test_semi_tied_estimates_never_lose_likelihood_when_they_go_on(rng, sweeps):
+def test_semi_tied_continued_estimates_never_lower_likelihood(rng, sweeps):
     S, counts = samples(rng, 5, 6)
     values, before = [], None
     for _ in range(12):
@@ -59,8 +59,8 @@ def test_semi_tied_estimates_never_lose_likelihood_when_they_go_on(rng, sweeps):
     assert values[-1] > auxiliary(counts, S, Diagonal().estimate(counts, S, None).dense)
 
 
-def test_semi_tied_is_exact_when_the_states_do_share_their_basis(rng):
-    """With Sigma_i = H D_i H^T generating the samples, the estimate gives the samples back."""
+def test_semi_tied_shared_basis_is_exact(rng):
+    """Samples generated as Sigma_i = H D_i H^T are reproduced."""
     H, D = rng.normal(size=(4, 4)), rng.uniform(0.2, 3.0, size=(6, 4))
     S = np.einsum("id,kd,jd->kij", H, D, H)
     tied = SemiTied(1.0, sweeps=400).estimate(np.ones(6), S, None)
@@ -68,12 +68,12 @@ def test_semi_tied_is_exact_when_the_states_do_share_their_basis(rng):
     np.testing.assert_allclose(tied.dense, np.einsum("id,kd,jd->kij", tied.basis, tied.variances, tied.basis))
 
 
-def test_one_semi_tied_state_is_a_full_covariance(rng):
+def test_semi_tied_one_state_equals_full(rng):
     S, counts = samples(rng, 1, 5)
     np.testing.assert_allclose(SemiTied(1.0, sweeps=300).estimate(counts, S, None).dense, S, atol=1e-6)
 
 
-def test_tying_mixes_the_tied_and_the_free_covariance(rng):
+def test_semi_tied_tying_mixes_tied_and_full(rng):
     S, counts = samples(rng, 4, 5)
     tied = SemiTied(1.0).estimate(counts, S, None).dense
     np.testing.assert_allclose(SemiTied(0.3).estimate(counts, S, None).dense, 0.3 * tied + 0.7 * S)
@@ -81,7 +81,7 @@ def test_tying_mixes_the_tied_and_the_free_covariance(rng):
 
 
 @pytest.mark.parametrize("tying", [-0.1, 1.1, np.nan])
-def test_a_tying_outside_0_to_1_is_refused(tying):
+def test_semi_tied_tying_outside_zero_to_one_raises(tying):
     with pytest.raises(InvalidInput, match="tying"):
         SemiTied(tying)
 
@@ -108,16 +108,16 @@ def test_a_tying_outside_0_to_1_is_refused(tying):
         (MLT(3), 7, 14, 686),
     ],
 )
-def test_parameters_of_one_frame_are_counted_as_the_thesis_does(structure, states, width, count):
+def test_parameter_count_equals_thesis(structure, states, width, count):
     """Tanwani 2018, sections 4.2.2-4.2.3, table 4.1 (half of 1470 and 588, for one of two frames), table 5.1.
 
-    Table 5.1 leaves the one variance of noise of a state with a subspace out.
+    Table 5.1 does not count the noise variance of a state with a subspace.
     """
     assert structure.parameter_count(states, width) == count
 
 
 def latent(numbers, K, D, d, isotropic):
-    """K covariances of d factors out of as many numbers as they have parameters."""
+    """Return K covariances of d factors from their parameters."""
     loadings, noise = np.split(numbers, [K * D * d])
     noise = np.repeat(noise, D) if isotropic else noise
     return LatentCovariances(loadings.reshape(K, D, d), np.exp(noise).reshape(K, D)).dense
@@ -152,8 +152,8 @@ FAMILIES = {
 
 @pytest.mark.parametrize("K", [1, 2, 4])
 @pytest.mark.parametrize("name", FAMILIES)
-def test_degrees_of_freedom_are_the_dimensions_that_covariances_can_move_in(rng, name, K):
-    """The rank of the derivative of the covariances by all their parameters, at random ones."""
+def test_degrees_of_freedom_equal_rank_of_derivative(rng, name, K):
+    """Derivative of the covariances by all parameters, at random parameters."""
     structure, covariances = FAMILIES[name]
     K, D = K * (2 if isinstance(structure, MLT) else 1), 5  # as many states for either basis
     numbers = rng.normal(size=structure.parameter_count(K, D))
@@ -165,11 +165,11 @@ def test_degrees_of_freedom_are_the_dimensions_that_covariances_can_move_in(rng,
 
 
 @pytest.mark.parametrize("structure", [Full(), Diagonal(), Spherical(), SemiTied(0.5)])
-def test_structures_without_redundant_numbers_count_the_same_twice(structure):
+def test_degrees_of_freedom_without_redundancy_equal_parameter_count(structure):
     assert structure.degrees_of_freedom(5, 4) == structure.parameter_count(5, 4)
 
 
-def test_dimensions_that_data_decide_are_counted_after_the_fit(rng):
+def test_hddc_fraction_parameters_are_counted_after_fit(rng):
     S, counts = samples(rng, 3, 5)
     structure = HDDC(0.8)
     fitted = structure.fitted(structure.estimate(counts, S, None))
@@ -181,7 +181,7 @@ def test_dimensions_that_data_decide_are_counted_after_the_fit(rng):
             count(3, 5)
 
 
-def test_component_correlation_is_one_for_multiples_and_symmetric(rng):
+def test_component_correlation_multiples_is_one_and_symmetric(rng):
     S, _ = samples(rng, 3, 4)
     M = component_correlation(np.concatenate([S, 2.5 * S[:1]]))
     np.testing.assert_allclose(M[0, 3], 1.0)
@@ -189,8 +189,8 @@ def test_component_correlation_is_one_for_multiples_and_symmetric(rng):
     assert np.abs(M).max() <= 1.0 + 1e-12
 
 
-def test_semi_tied_goes_on_from_the_basis_before(rng):
-    """Two sweeps at once are one sweep and one more."""
+def test_semi_tied_continues_from_previous_basis(rng):
+    """Two sweeps equal one sweep and another one."""
     S, counts = samples(rng, 5, 6)
     one = SemiTied(1.0, sweeps=1)
     twice = one.estimate(counts, S, one.estimate(counts, S, None)).dense

@@ -26,7 +26,7 @@ def tangent_sums(origins, x, responsibilities):
     )
 
 
-def test_moments_of_halves_add_up_to_moments_of_the_whole(rng):
+def test_add_moments_of_halves_equals_moments_of_whole(rng):
     x, responsibilities, origins = points(rng, 30), rng.dirichlet(np.ones(2), size=30), points(rng, 2)
     whole = tangent_sums(origins, x, responsibilities)
     for cut in (1, 14, 29):
@@ -37,14 +37,14 @@ def test_moments_of_halves_add_up_to_moments_of_the_whole(rng):
             np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), atol=1e-12)
 
 
-def test_sums_about_different_origins_are_not_added(rng):
+def test_add_different_origins_raises(rng):
     x, responsibilities = points(rng, 9), np.ones((9, 1))
     with pytest.raises(InvalidInput, match="different origins"):
         tangent_sums(points(rng, 1), x, responsibilities) + tangent_sums(points(rng, 1), x, responsibilities)
 
 
-def test_moments_of_points_have_the_karcher_mean(rng):
-    """Tangent vectors to it cancel; the scatter is theirs."""
+def test_tangent_moments_means_equal_karcher_mean(rng):
+    """Tangent vectors to it sum to zero."""
     x, responsibilities = points(rng, 40), rng.dirichlet(np.ones(3), size=40)
     sums = tangent_moments(x, responsibilities, ORIENTATION_STARTS)
     for k in range(3):
@@ -55,8 +55,8 @@ def test_moments_of_points_have_the_karcher_mean(rng):
         )
 
 
-def test_means_reach_the_karcher_mean_step_by_step(rng):
-    """Taking the sums about the mean again and again ends where the sum of tangent vectors vanishes."""
+def test_means_repeated_converge_to_karcher_mean(rng):
+    """Computing the sums about the last mean repeatedly converges."""
     x, responsibilities = points(rng, 40), rng.dirichlet(np.ones(2), size=40)
     origins = points(rng, 2, spread=0.3)
     origins[:, 3:] = x[:2, 3:]
@@ -69,15 +69,15 @@ def test_means_reach_the_karcher_mean_step_by_step(rng):
     )
 
 
-def test_off_the_orientations_they_are_ordinary_moments(rng):
+def test_tangent_moments_without_orientations_equal_moments(rng):
     x, responsibilities = points(rng, 20), rng.dirichlet(np.ones(2), size=20)
     sums, flat = tangent_sums(points(rng, 2), x, responsibilities), moments(x[:, :3], responsibilities)
     np.testing.assert_allclose(sums.means[:, :3], flat.means, atol=1e-12)
     np.testing.assert_allclose(sums.scatter_matrices[:, :3, :3], flat.scatter_matrices, atol=1e-11)
 
 
-def test_scatter_matrices_are_right_to_first_order_in_the_step_of_the_mean(rng):
-    """Halving spread and step divides the error by sixteen: what is left has four small factors."""
+def test_scatter_matrices_error_is_of_second_order_in_step(rng):
+    """Halving deviations and step divides the error by sixteen: it has four small factors."""
     directions, step = rng.normal(size=(30, 6)), rng.normal(size=6)
     base, errors = points(rng, 1)[0], []
     for size in (0.2, 0.1):
@@ -88,7 +88,7 @@ def test_scatter_matrices_are_right_to_first_order_in_the_step_of_the_mean(rng):
     assert errors[1] < errors[0] / 12
 
 
-def test_kept_components_keep_their_moments(rng):
+def test_getitem_mask_keeps_moments(rng):
     x, responsibilities = points(rng, 20), rng.dirichlet(np.ones(3), size=20)
     for sums in (tangent_moments(x, responsibilities, ORIENTATION_STARTS), moments(x, responsibilities)):
         kept = sums[np.array([True, False, True])]
@@ -96,7 +96,7 @@ def test_kept_components_keep_their_moments(rng):
         np.testing.assert_array_equal(kept.scatter_matrices, sums.scatter_matrices[[0, 2]])
 
 
-def test_an_empty_component_is_no_nan(rng):
+def test_tangent_moments_empty_component_is_finite(rng):
     sums = tangent_moments(points(rng, 5), np.tile([1.0, 0.0], (5, 1)), ORIENTATION_STARTS)
     assert np.isfinite(sums.means).all()
     np.testing.assert_array_equal(sums.scatter_matrices[1], 0.0)

@@ -1,4 +1,4 @@
-"""Models to try the kernels on, and the two forms in which every kernel exists."""
+"""Random models for the kernels, and both implementations of every kernel."""
 
 import importlib
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from pilotfish.kernels import Emissions, reference
 
 @dataclass(frozen=True)
 class Case:
-    """The arguments of e_step."""
+    """Arguments of e_step."""
 
     x: np.ndarray
     lengths: np.ndarray
@@ -33,7 +33,7 @@ class Case:
 
 @pytest.fixture(scope="session")
 def compiled() -> ModuleType:
-    """The compiled kernels; a law that needs them is skipped only where they could not be built."""
+    """Return the compiled kernels; skip the test if they were not built."""
     try:
         return importlib.import_module("pilotfish.kernels.compiled")
     except ImportError as reason:
@@ -42,13 +42,13 @@ def compiled() -> ModuleType:
 
 @pytest.fixture(params=["reference", "compiled"])
 def kernels(request: pytest.FixtureRequest) -> ModuleType:
-    """Every kernel as a NumPy reference, then as compiled."""
+    """Return the NumPy references, then the compiled kernels."""
     return reference if request.param == "reference" else request.getfixturevalue("compiled")
 
 
 @pytest.fixture
 def chain(rng: np.random.Generator) -> Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Log-emissions, initial and transitions of a chain; zeros is the share of transitions that are zero."""
+    """Return log-emissions, initial and transition probabilities, of which a fraction `zeros` is zero."""
 
     def draw(T: int, K: int, spread: float = 1.0, zeros: float = 0.0) -> tuple[np.ndarray, ...]:
         transitions = rng.dirichlet(np.ones(K), size=K) * (rng.random((K, K)) >= zeros)
@@ -61,7 +61,7 @@ def chain(rng: np.random.Generator) -> Callable[..., tuple[np.ndarray, np.ndarra
 
 @pytest.fixture
 def case(rng: np.random.Generator) -> Callable[..., Case]:
-    """A model and demonstrations of given lengths that it does not explain all that badly."""
+    """Return a model and demonstrations of given lengths near its means."""
 
     def draw(P: int, lengths: list[int], D: int, K: int) -> Case:
         means = rng.normal(size=(P, K, D))

@@ -1,4 +1,4 @@
-"""Results do not depend on where arrays lie in memory, and arrays that no processor reads are not read."""
+"""Results do not depend on the addresses of arrays, and arrays that cannot be read in place are rejected."""
 
 import importlib
 
@@ -11,7 +11,7 @@ from pilotfish.kernels import Emissions, reference, validation
 
 
 def place_at_offset(array, offset):
-    """Return a copy that begins so many bytes after a multiple of 64."""
+    """Return a copy at an address `offset` bytes after a multiple of 64."""
     memory = np.empty(array.nbytes + 128, np.uint8)
     begin = -memory.ctypes.data % 64 + offset
     copy = memory[begin : begin + array.nbytes].view(array.dtype).reshape(array.shape)
@@ -25,7 +25,7 @@ def bits(results):
 
 @pytest.fixture(params=["_baseline", "_v3"])
 def native(request, compiled):
-    """One compiled module, without what packs arrays for it."""
+    """Return one compiled module, without the packing of its arguments."""
     if request.param == "_v3" and compiled.INSTRUCTION_SET == "baseline":
         pytest.skip("this processor has no x86-64-v3, or the compiler did not know it")
     return importlib.import_module(f"pilotfish.kernels.{request.param}")
@@ -37,8 +37,8 @@ def random_covariances(rng, K, D):
 
 
 @pytest.mark.parametrize("K", [2, 5, 9, 30])
-def test_semi_tied_sweeps_give_the_same_bits_at_any_offset(native, rng, K):
-    """The sum of the masses is taken in order, not from the first aligned mass."""
+def test_semi_tied_sweeps_any_offset_gives_same_bits(native, rng, K):
+    """The counts are summed in order, not from the first aligned one."""
     given = random_covariances(rng, K, 7), rng.uniform(1.0, 9.0, K), np.eye(7)
     seen = {
         bits(native.semi_tied_sweeps(*(place_at_offset(each, offset) for each in given), 4))
@@ -48,8 +48,8 @@ def test_semi_tied_sweeps_give_the_same_bits_at_any_offset(native, rng, K):
 
 
 @pytest.mark.parametrize(("n", "m", "T"), [(1, 1, 4), (3, 2, 5), (5, 3, 9), (9, 4, 6)])
-def test_riccati_gives_the_same_bits_at_any_offset(native, rng, n, m, T):
-    """Arguments lie at four offsets, results wherever malloc puts them."""
+def test_riccati_any_offset_gives_same_bits(native, rng, n, m, T):
+    """Arguments at four offsets, results at any address."""
     given = 0.3 * rng.normal(size=(1, n, n)), rng.normal(size=(1, n, m)), random_covariances(rng, T, n)
     given = *given, rng.normal(size=(T, n)), np.eye(m)
     kept, seen = [], set()
@@ -61,14 +61,14 @@ def test_riccati_gives_the_same_bits_at_any_offset(native, rng, n, m, T):
 
 
 @pytest.mark.parametrize("spoil", [unaligned, field, lambda array: array[:, ::-1]])
-def test_compiled_modules_do_not_take_arrays_that_cannot_be_read_in_place(native, spoil):
-    """Whoever calls them packs arrays first; nothing is read at odd addresses."""
+def test_native_arrays_not_readable_in_place_raise(native, spoil):
+    """The caller packs arrays first; nothing is read at unaligned addresses."""
     with pytest.raises(TypeError, match="incompatible function arguments"):
         native.precision_cholesky(spoil(np.tile(np.eye(2), (3, 1, 1))))
 
 
-def test_arrays_are_packed_only_if_they_must_be():
-    """An array that kernels can read is not copied; all others are, their values unchanged."""
+def test_pack_array_readable_array_is_not_copied():
+    """All others are copied, with equal values."""
     array = np.arange(12.0).reshape(3, 4)
     assert validation.pack_array(array, "x") is array
     others = [lay_out(array) for lay_out in LAYOUTS.values() if lay_out is not LAYOUTS["read-only"]]
@@ -110,7 +110,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("check", "arguments", "words"), REFUSED)
-def test_arguments_that_no_kernel_takes_are_refused_with_a_message(check, arguments, words):
+def test_pack_invalid_arguments_raise_with_name_and_expectation(check, arguments, words):
     """The message gives the argument, its shape or number, and what was expected."""
     with pytest.raises(InvalidInput) as refusal:
         check(*arguments)
@@ -119,8 +119,8 @@ def test_arguments_that_no_kernel_takes_are_refused_with_a_message(check, argume
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("tail_counts", [(4, 3), (2, 4), (2,)])
-def test_semi_markov_refuses_tables_of_other_shapes(kernels, tail_counts):
-    """NumPy references read no more of a table than the compiled kernels do."""
+def test_semi_markov_tables_of_other_shapes_raise(kernels, tail_counts):
+    """The NumPy references are as strict as the compiled kernels."""
     tables = validation.SemiMarkovTables(
         np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(tail_counts)
     )
@@ -129,14 +129,12 @@ def test_semi_markov_refuses_tables_of_other_shapes(kernels, tail_counts):
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_log_emissions_refuse_another_number_of_frames(kernels):
-    """Frames of the datapoints and of the Gaussians are the same ones."""
+def test_log_emissions_other_number_of_frames_raises(kernels):
     emissions = Emissions(np.zeros((3, 2, 4)), np.tile(np.eye(4), (3, 2, 1, 1)))
     with pytest.raises(InvalidInput, match=r"means has shape \(3, 2, 4\), expected \(P, K, D\) with P = 2"):
         kernels.log_emissions(np.zeros((2, 5, 4)), emissions)
 
 
-def test_both_forms_are_checked(compiled):
-    """Every name of the NumPy references is a checked one, as in the compiled kernels."""
+def test_kernels_both_implementations_exist_and_validate(compiled):
     assert all(hasattr(compiled, name) for name in validation.KERNELS)
     assert all(getattr(reference, name).__wrapped__ for name in validation.KERNELS)

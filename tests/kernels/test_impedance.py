@@ -1,4 +1,4 @@
-"""The torques that hold a tool: by their definition, near singular arms, on hostile input, in both forms."""
+"""Impedance control against its definition, near singularities, and with arguments that are not finite."""
 
 import dataclasses
 import importlib
@@ -16,7 +16,7 @@ def unit(rng):
 
 
 def parameters(rng, n, **changes):
-    """Springs and dampers whose limits are out of reach, but for those named."""
+    """Return springs and dampers whose limits are out of reach, except those that are passed."""
     given = ImpedanceParameters(
         stiffness=rng.uniform(10.0, 1000.0, 6),
         damping=rng.uniform(1.0, 60.0, 6),
@@ -37,7 +37,7 @@ def limits_of(n, torque=1e6):
 
 
 def arm(rng, n, jacobian=None):
-    """An arm anywhere, and where its tool is wanted."""
+    """Return a random arm and a random target of its tool."""
     J = rng.normal(size=(6, n)) if jacobian is None else jacobian
     reading = ArmState(
         rng.uniform(-3.0, 3.0, n), rng.normal(size=n), rng.normal(size=3), unit(rng), J, rng.normal(size=n)
@@ -46,13 +46,13 @@ def arm(rng, n, jacobian=None):
 
 
 def rotation_error_by_definition(p, q):
-    """The rotation vector of q p^-1, by another library."""
+    """Return the rotation vector of q p^-1 by SciPy."""
     first, second = (Rotation.from_quat(np.roll(one, -1)) for one in (p, q))
     return (second * first.inv()).as_rotvec()
 
 
 def by_definition(parameters, reading, target, min_singular_value):
-    """F and what lies beyond the bias, with Chiaverini's damping written out for each singular direction."""
+    """Return F and the torque beyond the bias, with the damping of Chiaverini for each singular direction."""
     J, q = reading.jacobian, reading.q
     error = np.concatenate(
         [
@@ -72,8 +72,8 @@ def by_definition(parameters, reading, target, min_singular_value):
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 6, 7, 16])
-def test_torques_are_those_of_the_equation(kernels, rng, n):
-    """Equation 6.11, its turn by SciPy and its pseudo-inverse by singular values: no limit within reach."""
+def test_impedance_torque_without_limits_equals_equation(kernels, rng, n):
+    """Equation 6.11, with the rotation by SciPy and the pseudo-inverse by singular values."""
     given, (reading, target) = parameters(rng, n), arm(rng, n)
     s = np.linalg.svd(reading.jacobian, compute_uv=False)
     for threshold in (1e-3, float(s[len(s) // 2])):  # with the latter, half of all directions are damped
@@ -87,8 +87,8 @@ def test_torques_are_those_of_the_equation(kernels, rng, n):
 
 
 @pytest.mark.parametrize("n", range(1, 17))
-def test_compiled_torques_agree_with_the_reference(compiled, rng, n):
-    """Any number of joints, every limit in and out of reach, to 1e-12 of the largest torque."""
+def test_impedance_torque_compiled_equals_reference(compiled, rng, n):
+    """Any number of joints, limits active or not, to 1e-12 of the largest torque."""
     for strength, force, edge in [(1e6, 1e6, 4.0), (50.0, 60.0, 4.0), (20.0, 5.0, 0.5), (0.1, 60.0, 4.0)]:
         given = parameters(rng, n, force_limit=force, moment_limit=0.2 * force, min_singular_value=0.3)
         limits = dataclasses.replace(limits_of(n, strength), lower=np.full(n, -edge), upper=np.full(n, edge))
@@ -106,8 +106,8 @@ def test_compiled_torques_agree_with_the_reference(compiled, rng, n):
     "part", ["position", "quaternion", "jacobian", "q", "velocity", "bias", "target", "twist"]
 )
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e200, 1e308])
-def test_compiled_torques_agree_with_the_reference_on_what_no_arm_sends(compiled, rng, part, value):
-    """One number that is not finite, or overflows on the way: the same torques, finite and within limits."""
+def test_impedance_torque_not_finite_argument_is_finite_and_within_limits(compiled, rng, part, value):
+    """One number that is not finite or overflows: both implementations agree."""
     given, (reading, target) = parameters(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
     if part in ("target", "twist"):
         name = "position" if part == "target" else part
@@ -133,9 +133,10 @@ def singular_arm(rng, values):
     return lambda weak: U @ np.hstack([np.diag([*values, *weak]), np.zeros((6, 1))]) @ V.T
 
 
-def test_nothing_jumps_where_the_arm_becomes_singular(kernels, rng):
-    """Singular values that sink through the threshold to zero, or change places below it, move the null
-    space by no more than 2 / threshold times their change: the slope of (s / threshold)^2.
+def test_impedance_torque_near_singularity_is_continuous(kernels, rng):
+    """Singular values fall through the threshold to zero, or change order below it.
+
+    The null space then changes by at most 2 / threshold times their change, the slope of (s / threshold)^2.
     """
     threshold, n = 0.05, 7
     t = np.linspace(-1.0, 1.0, 401)
@@ -160,8 +161,8 @@ def test_nothing_jumps_where_the_arm_becomes_singular(kernels, rng):
         assert (jumps <= 2.0 / threshold * most * pull * 1.001 + 1e-9).all()
 
 
-def test_posture_is_kept_in_the_null_space_alone(kernels, rng):
-    """Away from singular postures J N = 0: were all joints of one inertia, the tool would stay."""
+def test_impedance_torque_posture_is_in_null_space(kernels, rng):
+    """Away from singularities J N = 0: with equal joint inertias the tool would not move."""
     given, (reading, target) = parameters(rng, 7, joint_damping=0.0, damping=np.zeros(6)), arm(rng, 7)
     with_posture = kernels.impedance_torque(given, limits_of(7), reading, target).torque
     without = kernels.impedance_torque(
@@ -172,9 +173,10 @@ def test_posture_is_kept_in_the_null_space_alone(kernels, rng):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, 3.0, np.pi - 1e-6])
-def test_the_turn_takes_the_short_way(kernels, rng, angle):
-    """From p to a target turned by an angle about a world axis the moment is along that axis, with the sign
-    of either quaternion changed, or its length.
+def test_impedance_torque_rotation_takes_shorter_way(kernels, rng, angle):
+    """For a target rotated about a world axis, the moment is along that axis.
+
+    The sign and the length of the quaternions do not matter.
     """
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
@@ -188,8 +190,7 @@ def test_the_turn_takes_the_short_way(kernels, rng, angle):
         np.testing.assert_allclose(wrench[3:], angle * axis, rtol=1e-8, atol=1e-14)
 
 
-def test_both_instruction_sets_give_the_same_torques(compiled, monkeypatch, rng):
-    """An arm is held alike whatever the processor, to rounding."""
+def test_impedance_torque_both_instruction_sets_agree(compiled, monkeypatch, rng):
     given, (reading, target) = parameters(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
     newest = compiled.impedance_torque(given, limits_of(7, 50.0), reading, target)
     monkeypatch.setattr(compiled, "_native", importlib.import_module("pilotfish.kernels._baseline"))
@@ -198,8 +199,8 @@ def test_both_instruction_sets_give_the_same_torques(compiled, monkeypatch, rng)
     np.testing.assert_allclose(newest.wrench, oldest.wrench, rtol=0, atol=1e-10)
 
 
-def test_arrays_that_do_not_fit_are_refused_before_they_are_read(compiled, rng):
-    """No kernel reads beyond an array's end, nor more joints than it keeps room for."""
+def test_impedance_torque_wrong_shapes_raise(compiled, rng):
+    """Shapes are checked before arrays are read; at most 16 joints."""
     baseline = importlib.import_module("pilotfish.kernels._baseline")
     numbers = [10.0, 1.0, 60.0, 12.0, 0.05, 0.1, 100.0]
 

@@ -1,4 +1,4 @@
-"""What only compiled kernels can get wrong: the interpreter's lock, subnormals, arrays' ends, digits."""
+"""Faults that only compiled kernels can have: interpreter lock, subnormal numbers, array bounds, digits."""
 
 import importlib
 import importlib.util
@@ -30,15 +30,15 @@ def baseline(compiled):
     return importlib.import_module("pilotfish.kernels._baseline")
 
 
-def test_the_compiled_kernels_run_wherever_they_exist(compiled):
-    """ACTIVE names the instruction set, and the room's functions are the compiled ones."""
+def test_backend_compiled_kernels_are_used(compiled):
+    """BACKEND names the instruction set."""
     assert compiled.INSTRUCTION_SET == BACKEND
     assert BACKEND in {"x86-64-v3", "baseline"}
     assert all(getattr(pilotfish.kernels, name) is getattr(compiled, name) for name in KERNELS)
 
 
-def test_without_them_the_reference_runs_after_one_warning(monkeypatch):
-    """The warning names what is missing and the remedy; the numbers are the twins'."""
+def test_backend_missing_compiled_kernels_warns_and_uses_reference(monkeypatch):
+    """The warning states what is missing and the fix."""
     monkeypatch.setitem(sys.modules, "pilotfish.kernels.compiled", None)
     spec = importlib.util.spec_from_file_location("without_compiler", backend.__file__)
     without = importlib.util.module_from_spec(spec)
@@ -52,8 +52,8 @@ def test_without_them_the_reference_runs_after_one_warning(monkeypatch):
     assert "install a C++17 compiler" in str(warning.message)
 
 
-def test_both_instruction_sets_give_the_same_numbers(baseline, case):
-    """What was learned on one computer is learned on another, to rounding."""
+def test_native_both_instruction_sets_agree(baseline, case):
+    """To rounding."""
     if not baseline.supports_v3():
         pytest.skip("this processor has no x86-64-v3, or the compiler did not know it")
     newer = importlib.import_module("pilotfish.kernels._v3")
@@ -90,8 +90,8 @@ def test_both_instruction_sets_give_the_same_numbers(baseline, case):
     )
 
 
-def test_the_interpreter_runs_on_while_a_kernel_does(compiled, case):
-    """Another thread reads the clock while one long call is well inside: the lock is released there."""
+def test_e_step_releases_the_interpreter_lock(compiled, case):
+    """Another thread reads the clock during one long call."""
     given = case(1, [40_000], 30, 20)
     call: list[float] = []
 
@@ -109,18 +109,17 @@ def test_the_interpreter_runs_on_while_a_kernel_does(compiled, case):
     assert any(began + margin < now < ended - margin for now in seen)
 
 
-def test_subnormal_numbers_are_back_after_a_kernel(compiled, case):
-    """Kernels flush them for themselves alone."""
+def test_e_step_restores_subnormal_numbers(compiled, case):
     tiny = np.finfo(float).tiny
     compiled.e_step(*case(1, [40], 3, 2).arguments)
     compiled.viterbi(np.zeros((3, 2)), np.ones(2), np.ones((2, 2)))
     assert np.array([tiny]) / 2.0 > 0.0
 
 
-def test_other_threads_flush_them_as_well(compiled, rng):
-    """Not one digit depends on which thread took a demonstration: here, offsets that are zero in all of them.
+def test_e_step_worker_threads_flush_subnormal_numbers(compiled, rng):
+    """The result does not depend on which thread processes a demonstration: here, offsets are zero in all.
 
-    The second state's posteriors are about 1e-115, the deviations that they weigh 1e-200.
+    State probabilities of the second state are about 1e-115, and deviations 1e-200.
     """
     x = 1e-200 * rng.normal(size=(1, 40_000, 14))
     means = np.zeros((1, 2, 14))
@@ -134,8 +133,8 @@ def test_other_threads_flush_them_as_well(compiled, rng):
         np.testing.assert_array_equal(compiled.e_step(*arguments, threads=4).offsets, alone.offsets)
 
 
-def test_exponentials_are_right_to_the_last_digits(compiled):
-    """Posteriors of many states at one step are in the ratio of their emissions' exponentials."""
+def test_exponential_is_exact_to_last_digits(compiled):
+    """State probabilities at one step have the ratios of the exponentials of the emissions."""
     x = np.concatenate([np.linspace(-700.0, 0.0, 301), np.linspace(-3.0, 0.0, 300)])
     everywhere = np.ones(len(x))
     result = compiled.forward_backward(x[None], everywhere, np.diag(everywhere))
@@ -144,8 +143,8 @@ def test_exponentials_are_right_to_the_last_digits(compiled):
     )
 
 
-def test_logarithms_are_right_to_the_last_digits(compiled):
-    """What is reached in one step from a certain state has the logarithm of the transition's probability."""
+def test_logarithm_is_exact_to_last_digits(compiled):
+    """One step from a certain state has the logarithm of the transition probability."""
     a = np.concatenate([np.geomspace(1e-279, 1.0, 300), np.linspace(0.4, 1.9, 301)])
     transitions = np.zeros((len(a), len(a)))
     transitions[0] = a
@@ -153,8 +152,8 @@ def test_logarithms_are_right_to_the_last_digits(compiled):
     np.testing.assert_allclose(result.log_forward[1], np.log(a), rtol=2 * ULP, atol=1e-300)
 
 
-def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
-    """No kernel reads beyond an array's end, whatever it is given."""
+def test_native_wrong_shapes_raise(baseline):
+    """No kernel reads beyond the end of an array."""
     x, means, precision_cholesky = np.zeros((1, 5, 2)), np.zeros((1, 3, 2)), np.full((1, 3, 2, 2), np.eye(2))
     chain, no_turns = (np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))), np.array([], dtype=np.int64)
     for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
@@ -189,8 +188,8 @@ def test_arrays_that_do_not_fit_are_refused_before_they_are_read(baseline):
         baseline.precision_cholesky(np.zeros((2, 3, 4)))
 
 
-def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(baseline, rng):
-    """Rows, counts, the current cluster, dimensions and rules: what says more than is there is told."""
+def test_observe_inconsistent_state_raises(baseline, rng):
+    """Rows, counts, counters, dimensions and parameters."""
     parameters = StreamParameters(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 4, 50, 1)
     x = np.ascontiguousarray(rng.normal(size=(30, 1, 5)))
     state = compiled_state(baseline, x, parameters)
@@ -230,7 +229,7 @@ def test_a_state_of_a_stream_that_does_not_fit_is_refused_before_it_is_read(base
 
 
 def compiled_state(module, x, parameters):
-    """Head, rows, counts and room after the datapoints."""
+    """Return counters, rows, transition counts and capacity after the datapoints."""
     empty = StreamState.empty(*x.shape[1:])
     _, *state = module.observe(x, empty.counters, empty.rows, empty.transition_counts, 0, parameters.packed)
     return state[:4]

@@ -1,4 +1,4 @@
-"""Unit quaternions as points of the sphere: rotation vectors, their densities and their moments."""
+"""Unit quaternions as points of S^3: rotation vectors, their densities and their moments."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def unit(q):
 
 @pytest.fixture
 def turning(rng, case):
-    """A case whose quaternion columns lie around its means', some of them at their antipodes."""
+    """Return a case whose quaternions are near its means, some of them at the antipodes."""
 
     def draw(P, lengths, D, K, orientation_starts):
         given = case(P, lengths, D, K)
@@ -28,15 +28,15 @@ def turning(rng, case):
     return draw
 
 
-def test_rotation_vectors_turn_the_mean_into_the_quaternion(rng):
-    """In the axes of the turned body, as scipy counts them; w x y z here, x y z w there."""
+def test_rotation_vectors_equal_scipy(rng):
+    """In body axes; SciPy orders x y z w."""
     mean, q = unit(rng.normal(size=4)), unit(rng.normal(size=(50, 4)))
     between = Rotation.from_quat(mean[[1, 2, 3, 0]]).inv() * Rotation.from_quat(q[:, [1, 2, 3, 0]])
     np.testing.assert_allclose(rotation_vectors(mean, q), between.as_rotvec(), rtol=1e-9, atol=1e-12)
 
 
 def columns_about(mean, angles, axis):
-    """Quaternions turned from the mean by these angles, (N, 4)."""
+    """Return quaternions rotated from the mean by these angles, (N, 4)."""
     half = 0.5 * np.asarray(angles)[:, None]
     turn = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
     w, x, y, z = mean
@@ -55,10 +55,10 @@ ANGLES = np.concatenate(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_offsets_of_single_steps_are_the_rotation_vectors_known(kernels, rng, sign):
-    """From no turn at all, over the smallest, to nearly half a turn; q and -q are one orientation.
+def test_e_step_single_step_offsets_equal_rotation_vectors(kernels, rng, sign):
+    """Rotations from zero over tiny ones to almost pi; q and -q are one orientation.
 
-    A state's offsets over one step are this step's deviation.
+    The offsets of a state over one step are the deviation at this step.
     """
     mean, axis = unit(rng.normal(size=4)), unit(rng.normal(size=3))
     q = sign * columns_about(mean, ANGLES, axis)
@@ -82,8 +82,10 @@ def test_offsets_of_single_steps_are_the_rotation_vectors_known(kernels, rng, si
         (3, [300], 17, 9, (2, 6, 13)),
     ],
 )
-def test_compiled_kernels_turn_as_the_references_do(compiled, turning, P, lengths, D, K, orientation_starts):
-    """Orientations anywhere among the columns, in any order, blocks filled and not."""
+def test_e_step_orientations_compiled_equals_reference(
+    compiled, turning, P, lengths, D, K, orientation_starts
+):
+    """Orientations at any columns, in any order, with partial and full blocks."""
     given, emissions = turning(P, lengths, D, K, orientation_starts)
     np.testing.assert_allclose(
         compiled.log_emissions(given.x, emissions), reference.log_emissions(given.x, emissions), rtol=1e-11
@@ -100,8 +102,8 @@ def test_compiled_kernels_turn_as_the_references_do(compiled, turning, P, length
             np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-11 * scale, err_msg=sums)
 
 
-def test_the_sign_of_a_quaternion_says_nothing(kernels, turning, rng):
-    """Neither that of the data nor that of a mean changes any sum."""
+def test_e_step_flipped_quaternions_are_equal(kernels, turning, rng):
+    """Signs of data and of means."""
     given, emissions = turning(2, [40, 9], 7, 3, (3,))
     flipped, means = given.x.copy(), emissions.means.copy()
     flipped[..., 3:] *= rng.choice([-1.0, 1.0], size=(2, 49, 1))
@@ -115,8 +117,8 @@ def test_the_sign_of_a_quaternion_says_nothing(kernels, turning, rng):
         np.testing.assert_allclose(getattr(other, sums), getattr(result, sums), rtol=1e-9, atol=1e-11)
 
 
-def test_flat_columns_keep_their_places_around_a_turn(rng):
-    """Three columns of a rotation vector stand where four of a quaternion stood; all others only shift."""
+def test_deviations_other_columns_are_shifted(rng):
+    """A rotation vector takes three columns in place of four."""
     x, mean = rng.normal(size=(6, 9)), rng.normal(size=9)
     found = deviations(x, mean, (2,))
     np.testing.assert_array_equal(found[:, :2], x[:, :2] - mean[:2])

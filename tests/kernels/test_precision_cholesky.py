@@ -1,4 +1,4 @@
-"""Whiteners against the definition, and what is refused."""
+"""Cholesky factors of precisions against their definition."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ def covariances_of(rng, K, D):
 
 
 @pytest.mark.parametrize("D", [1, 2, 7, 8, 9, 14, 16, 17, 33, 94])
-def test_whitened_covariances_are_the_identity(kernels, rng, D):
-    """W Sigma W^T = I, with W lower triangular and its diagonal positive: there is one such W."""
+def test_precision_cholesky_whitens_covariances(kernels, rng, D):
+    """It satisfies W Sigma W^T = I, W lower triangular with a positive diagonal: there is exactly one."""
     covariances = covariances_of(rng, 3, D)
     W = kernels.precision_cholesky(covariances)
     white = W @ covariances @ W.transpose(0, 2, 1)
@@ -22,7 +22,7 @@ def test_whitened_covariances_are_the_identity(kernels, rng, D):
     assert (np.diagonal(W, axis1=1, axis2=2) > 0.0).all()
 
 
-def test_only_lower_triangles_of_covariances_are_read(kernels, rng):
+def test_precision_cholesky_entries_above_diagonal_are_ignored(kernels, rng):
     covariances = covariances_of(rng, 2, 9)
     stained = covariances + np.triu(np.full((9, 9), 1e9), 1)
     np.testing.assert_array_equal(
@@ -32,8 +32,8 @@ def test_only_lower_triangles_of_covariances_are_read(kernels, rng):
 
 @pytest.mark.parametrize("D", [1, 5, 20])
 @pytest.mark.parametrize("wrong", ["flat", "negative", "nan", "inf"])
-def test_the_first_that_has_no_factor_is_named(kernels, rng, D, wrong):
-    """Flat, indefinite, or holding what is no number: covariance 1 of three is refused."""
+def test_precision_cholesky_invalid_covariance_raises_with_index(kernels, rng, D, wrong):
+    """Singular, indefinite, or not finite."""
     covariances = covariances_of(rng, 3, D)
     spoil = {"flat": 0.0, "negative": -1.0, "nan": np.nan, "inf": np.inf}[wrong]
     covariances[1, -1] = covariances[1, :, -1] = 0.0 if wrong in {"flat", "negative"} else spoil

@@ -1,4 +1,4 @@
-"""Semi-Markov chains short enough to list every path, and those that are Markov chains in other words."""
+"""Semi-Markov chains against enumeration of all paths, and against equivalent Markov chains."""
 
 import itertools
 
@@ -29,7 +29,7 @@ def log_of(values):
 
 @pytest.fixture
 def problem(rng):
-    """Log-emissions and tables; zeros is the share of impossible weights, transitions and emissions."""
+    """Return log-emissions and tables; a fraction `zeros` of all entries is impossible."""
 
     def draw(T, K, S, spread=1.0, zeros=0.0):
         def possible(shape):
@@ -48,13 +48,13 @@ def problem(rng):
 
 
 def segments_of(path):
-    """State, begin and end of every visit: a path's maximal runs."""
+    """Return state, begin and end of every segment of a path."""
     cuts = [0, *(t for t in range(1, len(path)) if path[t] != path[t - 1]), len(path)]
     return [(path[b], b, e) for b, e in itertools.pairwise(cuts)]
 
 
 def path_log_weight(log_emissions, tables, path, counts):
-    """Log p(emissions, path) by its definition; counts are those of this path alone, to be filled."""
+    """Return log p(emissions, path) by its definition, and fill counts with those of the path."""
     T, S = len(path), tables.log_segment_weights.shape[1]
     segments = segments_of(path)
     log_p = log_of(tables.initial)[path[0]] + log_emissions[np.arange(T), path].sum()
@@ -74,7 +74,7 @@ def path_log_weight(log_emissions, tables, path, counts):
 
 
 def enumerate_paths(log_emissions, tables):
-    """Every path, log p(emissions, path), and what each counts."""
+    """Return every path, log p(emissions, path), and the counts of each path."""
     shapes = {
         "smoothed_state_probs": log_emissions.shape,
         "transition_counts": tables.transitions.shape,
@@ -94,11 +94,11 @@ def enumerate_paths(log_emissions, tables):
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
 @pytest.mark.parametrize("S", [1, 2, 4, 9])
 @pytest.mark.parametrize(("T", "K"), SHORT)
-def test_semi_markov_agrees_with_listing_every_path(kernels, problem, T, K, S, spread, zeros):
-    """Likelihood, posteriors, changes of state and lengths of visits are sums over all paths.
+def test_semi_markov_forward_backward_equals_enumeration(kernels, problem, T, K, S, spread, zeros):
+    """Likelihood, state probabilities, transitions and segments are sums over all paths.
 
-    Every path is cut into visits of the four kinds, each with weights of its own; visits may be shorter or
-    longer than the tables. At the larger share of zeros a quarter of all there is cannot be.
+    Every path consists of segments of the four kinds, each with its own weights; segments may be shorter or
+    longer than the tables. At the larger fraction of zeros, a quarter of all entries is impossible.
     """
     given = problem(T, K, S, spread, zeros)
     _, log_p, counts = enumerate_paths(*given)
@@ -115,11 +115,10 @@ def test_semi_markov_agrees_with_listing_every_path(kernels, problem, T, K, S, s
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
 @pytest.mark.parametrize("S", [1, 2, 4, 9])
 @pytest.mark.parametrize(("T", "K"), SHORT)
-def test_semi_markov_forward_agrees_with_recordings_that_end_earlier(
-    kernels, problem, T, K, S, spread, zeros
-):
-    """Occupancy at a step sums the paths of a recording that ends there, by its last state. Visits that end
-    there sum them too, weighed as if another visit followed.
+def test_semi_markov_forward_equals_shorter_recordings(kernels, problem, T, K, S, spread, zeros):
+    """The log_forward at a step sums over the paths of a recording that ends there, by the last state.
+
+    The log_segment_ends does so too, with weights as if another segment followed.
     """
     log_emissions, tables = problem(T, K, S, spread, zeros)
     inside = np.concatenate([tables.log_segment_weights[:2]] * 2)  # nothing is known to be cut short
@@ -138,8 +137,8 @@ def test_semi_markov_forward_agrees_with_recordings_that_end_earlier(
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
 @pytest.mark.parametrize("S", [1, 3, 9])
 @pytest.mark.parametrize(("T", "K"), SHORT)
-def test_semi_markov_viterbi_agrees_with_listing_every_path(kernels, problem, T, K, S, spread, zeros):
-    """The path found is the most probable of all, and log_probability is its own."""
+def test_semi_markov_viterbi_equals_enumeration(kernels, problem, T, K, S, spread, zeros):
+    """The path is the most probable of all, and log_probability is its own."""
     given = problem(T, K, S, spread, zeros)
     paths, log_p, _ = enumerate_paths(*given)
     result = kernels.semi_markov_viterbi(*given)
@@ -149,10 +148,10 @@ def test_semi_markov_viterbi_agrees_with_listing_every_path(kernels, problem, T,
 
 
 @pytest.mark.parametrize("S", [2, 9])
-def test_semi_markov_viterbi_takes_the_lower_state_at_a_tie(kernels, rng, S):
-    """Of equally probable paths, that one whose last differing state has the lower index.
+def test_semi_markov_viterbi_tie_takes_lower_state(kernels, rng, S):
+    """Among equally probable paths, the one whose last differing state has the lower index is returned.
 
-    Whole numbers everywhere make ties exact; many draws make ties of every kind.
+    Integers everywhere make ties exact; many draws make ties of every kind.
     """
     T, K = 5, 3
     for _ in range(30):
@@ -170,7 +169,7 @@ def test_semi_markov_viterbi_takes_the_lower_state_at_a_tie(kernels, rng, S):
 
 
 def geometric(initial, transitions, S):
-    """The semi-Markov chain that a Markov chain is: geometric lengths of visits, states left for others."""
+    """Return the semi-Markov chain of a Markov chain: geometric durations, transitions to other states."""
     stay = np.diag(transitions)
     leave = transitions * (1.0 - np.eye(len(stay)))
     survival = np.arange(S)[:, None] * log_of(stay)  # log p(a visit lasts longer than s - 1), s = 1 ... S
@@ -182,8 +181,8 @@ def geometric(initial, transitions, S):
 
 
 @pytest.mark.parametrize(("T", "K"), [(1, 2), (2, 2), (40, 2), (60, 5)])
-def test_with_geometric_lengths_it_is_a_markov_chain(kernels, chain, T, K):
-    """Likelihood, posteriors, changes of state and the most probable path are the hidden Markov model's."""
+def test_semi_markov_geometric_durations_equal_markov_chain(kernels, chain, T, K):
+    """Likelihood, state probabilities, transitions and most probable path."""
     log_emissions, initial, transitions = chain(T, K, spread=3.0)
     transitions = 0.5 * (transitions + np.eye(K))
     tables = geometric(initial, transitions / transitions.sum(axis=1, keepdims=True), T)
@@ -205,9 +204,10 @@ def test_with_geometric_lengths_it_is_a_markov_chain(kernels, chain, T, K):
 
 @pytest.mark.parametrize(("T", "S"), [(300, 40), (300, 400)])
 @pytest.mark.parametrize("spread", [1.0, 700.0])
-def test_what_is_counted_adds_up(kernels, problem, T, S, spread):
-    """Visits weighted by their lengths fill the recording, but for those longer than the tables; one visit
-    more than changes of state; the posteriors' sum is each state's share of the recording.
+def test_semi_markov_expected_counts_are_consistent(kernels, problem, T, S, spread):
+    """Segments weighted by their durations sum to the recording, except those longer than the tables.
+
+    There is one segment more than transitions, and state probabilities sum to the time in each state.
     """
     log_emissions, tables = problem(T, 4, S, spread)
     result = kernels.semi_markov_forward_backward(log_emissions, tables)
@@ -223,8 +223,8 @@ def test_what_is_counted_adds_up(kernels, problem, T, S, spread):
         assert not result.segments[:, T:].any()
 
 
-def test_a_state_that_is_never_left_keeps_the_rest(kernels):
-    """Its row of transitions is zero: it lasts beyond any table, and no visit to it ends."""
+def test_semi_markov_final_state_lasts_to_the_end(kernels):
+    """Its row of transitions is zero: it lasts beyond any table, and no segment of it ends."""
     T, S = 30, 4
     log_emissions = np.zeros((T, 2))
     log_emissions[:3, 1] = -50.0
@@ -242,7 +242,7 @@ def test_a_state_that_is_never_left_keeps_the_rest(kernels):
     assert kernels.semi_markov_viterbi(log_emissions, tables).states.tolist() == [0] * 3 + [1] * (T - 3)
 
 
-def test_what_no_path_explains_has_likelihood_zero(kernels):
+def test_semi_markov_no_possible_path_is_zero(kernels):
     """Log-likelihood -inf and zeros, nothing undefined."""
     tables = SemiMarkovTables(
         np.array([1.0, 0.0]), np.zeros((2, 2)), np.zeros((4, 2, 2)), np.full((2, 2), -np.inf)
@@ -262,8 +262,8 @@ def test_what_no_path_explains_has_likelihood_zero(kernels):
 
 
 @pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
-def test_a_segment_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
-    """State 1 looks 1e-4000 times less likely at every early step, and is the only one that ends well."""
+def test_semi_markov_segment_far_beyond_underflow_is_found(kernels, rare):
+    """State 1 is 1e-4000 times less likely at every early step, and the only one that can end."""
     T, turn, S = 40, 25, 30
     log_emissions = np.zeros((T, 2))
     log_emissions[:turn, 1], log_emissions[turn:, 0] = -9000.0, -1e6
@@ -287,8 +287,8 @@ def tables_for(case, rng, S):
     return SemiMarkovTables(case.initial, transitions, log_segment_weights, rng.normal(size=(2, K)))
 
 
-def test_semi_markov_e_step_sums_what_is_found_in_each_demonstration(kernels, case, rng):
-    """Every sum is its definition, taken over posteriors of demonstrations one at a time."""
+def test_semi_markov_e_step_equals_sums_of_forward_backward(kernels, case, rng):
+    """Every sum is its definition, from state probabilities of single demonstrations."""
     given = case(2, [7, 1, 20], 4, 3)
     tables = tables_for(given, rng, 6)
     result = kernels.semi_markov_e_step(given.x, given.lengths, tables, given.emissions)
@@ -310,7 +310,7 @@ def test_semi_markov_e_step_sums_what_is_found_in_each_demonstration(kernels, ca
         np.testing.assert_allclose(getattr(result, name), expected[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_a_demonstration_that_no_segments_explain_adds_nothing(kernels, case):
+def test_semi_markov_e_step_impossible_demonstration_adds_nothing(kernels, case):
     """Its log-likelihood is -inf; the sums are those of the others."""
     given = case(1, [8, 1], 2, 2)
     tables = SemiMarkovTables(given.initial, np.zeros((2, 2)), np.zeros((4, 3, 2)), np.full((2, 2), -np.inf))
@@ -326,8 +326,8 @@ def test_a_demonstration_that_no_segments_explain_adds_nothing(kernels, case):
 @pytest.mark.parametrize(
     ("T", "K", "S"), [(1, 1, 1), (50, 1, 7), (31, 2, 8), (120, 3, 1), (64, 8, 9), (97, 9, 17), (150, 17, 200)]
 )
-def test_compiled_semi_markov_chain_agrees_with_the_reference(compiled, problem, T, K, S, spread, zeros):
-    """Any number of states and steps, also around the multiples of eight that registers hold."""
+def test_semi_markov_compiled_equals_reference(compiled, problem, T, K, S, spread, zeros):
+    """Any number of states and steps, also near the multiples of eight of a register."""
     given = problem(T, K, S, spread, zeros)
     result, reference_result = (
         compiled.semi_markov_forward_backward(*given),
@@ -350,10 +350,10 @@ def test_compiled_semi_markov_chain_agrees_with_the_reference(compiled, problem,
 
 @pytest.mark.parametrize("rng", [0], indirect=True)
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
-def test_a_hundred_thousand_steps_of_segments_lose_nothing(compiled, problem, spread):
-    """Lengths of visits add up to the recording's, one visit follows each change, and posteriors sum to one.
+def test_semi_markov_hundred_thousand_steps_is_consistent(compiled, problem, spread):
+    """Durations sum to the length of the recording, and state probabilities sum to one.
 
-    None of the numbers kept grows with time: in the twin, log probabilities reach 1e8.
+    No stored number grows with time, while log-probabilities of the reference reach 1e8.
     """
     T, S = 100_000, 30
     result = compiled.semi_markov_forward_backward(*problem(T, 3, S, spread))
@@ -368,8 +368,8 @@ def test_a_hundred_thousand_steps_of_segments_lose_nothing(compiled, problem, sp
 
 
 @pytest.mark.parametrize("S", [5, 60])
-def test_compiled_semi_markov_e_step_agrees_with_the_reference(compiled, case, rng, S):
-    """Demonstrations of unequal lengths, shorter and longer than the tables, on one thread and on several."""
+def test_semi_markov_e_step_compiled_equals_reference(compiled, case, rng, S):
+    """Demonstrations shorter and longer than the tables, on one thread and on several."""
     given = case(2, [1, 40, 33, 90, 2], 7, 5)
     arguments = given.x, given.lengths, tables_for(given, rng, S), given.emissions
     result, reference_result = (
@@ -387,8 +387,8 @@ def test_compiled_semi_markov_e_step_agrees_with_the_reference(compiled, case, r
         )
 
 
-def test_segments_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, case, rng):
-    """Work that is cut into several groups, and shared, adds up in the order of the demonstrations."""
+def test_semi_markov_e_step_any_number_of_threads_gives_same_bits(compiled, case, rng):
+    """Groups of demonstrations are added in order."""
     given = case(1, rng.integers(50, 400, size=23).tolist(), 6, 10)
     arguments = given.x, given.lengths, tables_for(given, rng, 100), given.emissions
     alone = compiled.semi_markov_e_step(*arguments)

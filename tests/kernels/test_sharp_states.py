@@ -18,7 +18,7 @@ ATOL = 1e-6  # of posteriors: the best paths differ by rounding of log-emissions
 
 
 def sample_recording(rng, kind, T, K, sharpness):
-    """Log-emissions of K scalar Gaussians, whose deviations are about `sharpness`, for T steps."""
+    """Return log-emissions of K scalar Gaussians of standard deviation about `sharpness` for T steps."""
     means, cuts = rng.normal(size=K), np.sort(rng.choice(np.arange(1, T), K - 1, replace=False))
     path = np.repeat(np.arange(K), np.diff([0, *cuts, T]))
     if kind == "mixed":
@@ -34,7 +34,7 @@ def sample_recording(rng, kind, T, K, sharpness):
 
 
 def sample_durations(rng, kind, S, K, mean):
-    """Log-weights (4, S, K) of visits."""
+    """Return log-weights (4, S, K) of segments."""
     s = np.arange(1.0, S + 1)[:, None]
     if kind == "bounded":
         low, high = np.sort(rng.integers(1, S + 1, size=(2, K)), axis=0)
@@ -47,7 +47,7 @@ def sample_durations(rng, kind, S, K, mean):
 
 
 def sample_chain(rng, K):
-    """Initial and transition probabilities without self-transitions: from left to right, or any."""
+    """Return initial and transition probabilities without self-transitions: left-to-right, or any."""
     if rng.random() < 0.5:
         return np.eye(K)[0], np.eye(K, k=1)
     return rng.dirichlet(np.ones(K)), rng.dirichlet(np.ones(K), size=K) * (1.0 - np.eye(K))
@@ -65,7 +65,7 @@ def sample_problem(rng, recording, durations, sharpness):
 
 
 def assert_most_probable(log_emissions, log_weight, expected, actual):
-    """The path found is as probable as the exact one, which rounding of equals may have exchanged for it."""
+    """Check that the path is as probable as the exact one; rounding may exchange equally probable paths."""
     np.testing.assert_allclose(actual.log_probability, expected.best_log_probability, rtol=RTOL, atol=RTOL)
     if expected.path and list(actual.states) != expected.path:
         found, best = log_weight(actual.states), log_weight(np.array(expected.path))

@@ -1,4 +1,4 @@
-"""A stream observed by the compiled kernel and by its twin, and what both owe to the derivation."""
+"""Online clustering: compiled kernel against the reference, and both against their derivation."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ VARIANTS = {
 
 
 def blobs(rng, N, P, D, K=4, spread=6.0):
-    """Visits of about ten datapoints to K random subspaces, as P frames see them."""
+    """Return segments of about ten datapoints in K random subspaces, in P frames."""
     centres = spread * rng.normal(size=(K, P, D)) / np.sqrt(D)
     axes = rng.normal(size=(K, P, D, max(1, D // 2))) / np.sqrt(D)
     states = np.repeat(rng.integers(K, size=N // 10 + 1), 10)[:N]
@@ -58,12 +58,12 @@ def blobs(rng, N, P, D, K=4, spread=6.0):
 
 
 def covariances(state: StreamState):
-    """(K, P, D, D), written out of the rows."""
+    """Return the covariances (K, P, D, D)."""
     return np.einsum("kpdc,kpc,kpec->kpde", state.bases, state.variances, state.bases)
 
 
 def drift(state: StreamState):
-    """How far the directions are from orthonormal."""
+    """Return the deviation of the directions from orthonormality."""
     U, C = state.bases, state.capacity
     there = np.arange(C) < state.ranks[..., None]
     return np.abs(np.einsum("kpdc,kpde->kpce", U, U) - there[..., None] * np.eye(C)).max(initial=0.0)
@@ -89,15 +89,14 @@ def assert_same(first, second, atol=1e-9):
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 3), (2, 5), (1, 14), (3, 2), (1, 30)], ids=str)
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_compiled_and_twin_agree(compiled, rng, variant, shape):
-    """The same assignments, merges and models, for every policy, number of frames and width."""
+def test_observe_compiled_equals_reference(compiled, rng, variant, shape):
+    """Assignments, merges and states, for every weighting, number of frames and width."""
     x = blobs(rng, 160, *shape)
     parameters, state = VARIANTS[variant], StreamState.empty(*shape)
     assert_same(compiled.observe(x, state, parameters), reference.observe(x, state, parameters))
 
 
-def test_both_go_on_from_the_same_state(compiled, rng):
-    """A state of one is read by the other."""
+def test_observe_state_of_other_implementation_continues(compiled, rng):
     x = blobs(rng, 200, 2, 5)
     for first, second in [(compiled, reference), (reference, compiled)]:
         state = first.observe(x[:120], StreamState.empty(2, 5), PARAMETERS)[0]
@@ -106,8 +105,8 @@ def test_both_go_on_from_the_same_state(compiled, rng):
 
 @pytest.mark.parametrize("kernel", ["compiled", "reference"])
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
-def test_a_stream_may_be_cut_anywhere(request, rng, kernel, variant):
-    """One by one, in pieces or whole: the same model to the last bit."""
+def test_observe_stream_in_parts_gives_same_bits(request, rng, kernel, variant):
+    """One by one, in parts or whole."""
     observe = request.getfixturevalue("compiled").observe if kernel == "compiled" else reference.observe
     x, parameters = blobs(rng, 90, 2, 4), VARIANTS[variant]
     whole, assignments = observe(x, StreamState.empty(2, 4), parameters)
@@ -122,8 +121,8 @@ def test_a_stream_may_be_cut_anywhere(request, rng, kernel, variant):
 
 
 @pytest.mark.parametrize("D", [1, 2, 3, 7, 20])
-def test_without_truncation_a_cluster_has_the_moments_of_its_datapoints(compiled, rng, D):
-    """Mean and covariance equal the batch's to 1e-10, far from the origin too."""
+def test_observe_without_truncation_equals_batch_moments(compiled, rng, D):
+    """Mean and covariance to 1e-10, also far from the origin."""
     x = 100.0 + rng.normal(size=(400, 1, D)) @ rng.normal(size=(D, D))
     parameters = replace(PARAMETERS, cluster=1e9, extra_directions=D, merge_distance=0.0)
     for kernel in (compiled, reference):
@@ -134,8 +133,8 @@ def test_without_truncation_a_cluster_has_the_moments_of_its_datapoints(compiled
         np.testing.assert_allclose(covariances(state)[0, 0], expected, rtol=0, atol=1e-10)
 
 
-def test_merged_clusters_have_the_moments_of_all_their_datapoints(compiled, rng):
-    """Two clusters that meet are the cluster of both: mean, covariance, weight, to 1e-10."""
+def test_observe_merged_clusters_have_pooled_moments(compiled, rng):
+    """Mean, covariance and weight to 1e-10."""
     x = rng.normal(size=(60, 1, 4)) * 0.2
     x[:30] -= 1.0
     x[30:] += 1.0
@@ -156,16 +155,16 @@ def test_merged_clusters_have_the_moments_of_all_their_datapoints(compiled, rng)
 
 
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if "batches" not in name])
-def test_the_loss_at_a_datapoint_never_rises(compiled, rng, variant):
-    """Assignment, update and dimension together never make the loss at the datapoint larger (5.35)."""
+def test_observe_loss_at_datapoint_never_rises(compiled, rng, variant):
+    """Assignment, update and choice of the dimension (5.35)."""
     x = blobs(rng, 2000, 2, 6)
     loss_changes = compiled.observe(x, StreamState.empty(2, 6), VARIANTS[variant])[1].loss_changes
     assert loss_changes.max() <= 1e-12
     assert loss_changes.min() < -1e-3
 
 
-def test_directions_stay_orthonormal(compiled):
-    """Below 1e-8 after 10^6 updates, of few directions and of all."""
+def test_observe_million_updates_keep_directions_orthonormal(compiled):
+    """Below 1e-8, of few directions and of all."""
     rng = np.random.default_rng(0)
     x = rng.normal(size=(1_000_000, 1, 6)) @ np.diag([3.0, 2.0, 1.0, 0.3, 1e-3, 1e-6])
     for extra_directions in (1, 6):
@@ -175,8 +174,8 @@ def test_directions_stay_orthonormal(compiled):
         assert drift(compiled.observe(x, StreamState.empty(1, 6), parameters)[0]) < 1e-8
 
 
-def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
-    """A state whose directions are bent by 1e-4 has straight ones within 256 datapoints."""
+def test_observe_drifted_directions_become_orthonormal(compiled, rng):
+    """Directions off by 1e-4 are orthonormal within 256 datapoints."""
     parameters = replace(PARAMETERS, cluster=1e9)
     state = reference.observe(blobs(rng, 300, 1, 5, K=1), StreamState.empty(1, 5), parameters)[0]
     bent = replace(state, rows=state.rows.copy())
@@ -199,8 +198,8 @@ def test_directions_that_have_drifted_are_made_orthonormal(compiled, rng):
     ],
     ids=["zeros", "huge", "one column", "a jump", "one datapoint", "repeated", "tiny"],
 )
-def test_degenerate_streams_leave_finite_models(compiled, x):
-    """Constant, huge, tiny, repeated and single datapoints: finite numbers, and both kernels agree."""
+def test_observe_degenerate_streams_give_finite_states(compiled, x):
+    """Constant, huge, tiny, repeated and single datapoints."""
     for parameters in VARIANTS.values():
         state = StreamState.empty(*x.shape[1:])
         after, step = compiled.observe(x, state, parameters)
@@ -211,8 +210,8 @@ def test_degenerate_streams_leave_finite_models(compiled, x):
         )
 
 
-def test_a_jump_of_1e12_is_a_cluster_of_its_own(compiled, rng):
-    """The clusters that were there are as they were, and the stream goes on in them."""
+def test_observe_jump_of_1e12_creates_a_cluster(compiled, rng):
+    """Existing clusters do not change, and the stream continues in them."""
     x = blobs(rng, 100, 1, 3, K=2)
     before, assignments = compiled.observe(x, StreamState.empty(1, 3), PARAMETERS)
     after, _ = compiled.observe(np.full((1, 1, 3), 1e12), before, PARAMETERS)
@@ -223,8 +222,8 @@ def test_a_jump_of_1e12_is_a_cluster_of_its_own(compiled, rng):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.1e100])
-def test_what_is_not_finite_is_refused_and_nothing_learned(compiled, rng, bad):
-    """Both kernels name the place; arrays given are untouched."""
+def test_observe_not_finite_datapoint_raises_with_index(compiled, rng, bad):
+    """Arguments are not changed."""
     x = blobs(rng, 20, 2, 3)
     state = compiled.observe(x, StreamState.empty(2, 3), PARAMETERS)[0]
     before = [array.tobytes() for array in (state.counters, state.rows, state.transition_counts)]
@@ -235,15 +234,14 @@ def test_what_is_not_finite_is_refused_and_nothing_learned(compiled, rng, bad):
     assert before == [array.tobytes() for array in (state.counters, state.rows, state.transition_counts)]
 
 
-def test_no_datapoints_change_nothing(compiled):
-    """An empty batch gives the model back."""
+def test_observe_no_datapoints_returns_same_state(compiled):
     for kernel in (compiled, reference):
         state, assignments = kernel.observe(np.empty((0, 1, 3)), StreamState.empty(1, 3), PARAMETERS)
         assert len(assignments.cluster_ids) == state.clusters == 0
 
 
-def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(compiled):
-    """A direction that explains too little on the whole stays while a datapoint lies far along it."""
+def test_observe_dimension_changes_only_if_loss_does_not_rise(compiled):
+    """A weak direction stays while a datapoint is far along it."""
     parameters = replace(PARAMETERS, cluster=1e6, bandwidth=1e6)
     x = np.zeros((40, 1, 3))
     x[::2, 0, 0], x[1::2, 0, 0] = 3.0, -3.0
@@ -260,9 +258,11 @@ def test_a_dimension_waits_for_a_datapoint_at_which_its_change_costs_nothing(com
             assert assignments.loss_changes[0] <= 0.0
 
 
-def test_one_update_is_the_definition_for_any_spectrum(compiled, rng):
-    """W / (w + 1) Sigma + w / (w + 1)^2 e e^T, to rounding, for variances that are equal, nearly equal, zero
-    or 24 powers of ten apart, datapoints in the subspace, beside it and at the mean; directions orthonormal.
+def test_observe_one_update_equals_definition(compiled, rng):
+    """The covariance becomes w / (w + 1) Sigma + w / (w + 1)^2 e e^T.
+
+    Variances are equal, nearly equal, zero or 24 powers of ten apart; datapoints are in the subspace, beside
+    it and at the mean. Directions stay orthonormal.
     """
     for _ in range(200):
         D = int(rng.integers(1, 25))

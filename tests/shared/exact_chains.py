@@ -1,7 +1,7 @@
-"""Markov and semi-Markov recursions in 60-digit arithmetic: the oracle of the kernels at sharp states.
+"""Markov and semi-Markov recursions in 60-digit arithmetic: the reference of the kernels for narrow states.
 
 The recursions are those of the kernels' NumPy references, in probabilities instead of logarithms. mpmath's
-exponents are unbounded, so nothing underflows, and 60 digits leave over 40 after the cancellations here.
+exponents are unbounded, so that nothing underflows, and 60 digits leave more than 40 after cancellation.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ DIGITS = 60
 
 @dataclass
 class ExactInference:
-    """What a recursion gives, rounded to float64 at the very end."""
+    """Result of a recursion, rounded to float64 at the end."""
 
     log_likelihood: float
     smoothed_state_probs: np.ndarray  # (T, K)
@@ -28,14 +28,14 @@ class ExactInference:
 
 
 def mpf_exponentials(log_floats):
-    """Exp of every entry, as an object array of mpf."""
+    """Return exp of every entry, as an object array of mpf."""
     values = np.asarray(log_floats, dtype=float)
     flat = [mpf(0) if value == -np.inf else mpmath.exp(mpf(float(value))) for value in values.ravel()]
     return np.array([*flat, None], dtype=object)[:-1].reshape(values.shape)
 
 
 def to_mpf(values):
-    """The same numbers as mpf."""
+    """Return the numbers as mpf."""
     return np.array([*(mpf(float(value)) for value in np.ravel(values)), None], dtype=object)[:-1].reshape(
         np.shape(values)
     )
@@ -54,7 +54,7 @@ def to_floats(values) -> np.ndarray:
 
 
 def markov(log_emissions, initial, transitions) -> ExactInference:
-    """Posteriors, expected transitions, likelihood and best path of a Markov chain."""
+    """Return state probabilities, expected transitions, likelihood and best path of a Markov chain."""
     with mpmath.workdps(DIGITS):
         emissions, a = mpf_exponentials(log_emissions), to_mpf(transitions)
         (T, K), first = emissions.shape, to_mpf(initial)
@@ -90,7 +90,7 @@ def markov(log_emissions, initial, transitions) -> ExactInference:
 
 
 def semi_markov(log_emissions, tables: SemiMarkovTables) -> ExactInference:
-    """The same of a semi-Markov chain; a visit after b steps of s steps has the weights of the tables."""
+    """Return the same for a semi-Markov chain with the weights of the tables."""
     with mpmath.workdps(DIGITS):
         emissions, a = mpf_exponentials(log_emissions), to_mpf(tables.transitions)
         weights, tail_weights = (
@@ -103,27 +103,27 @@ def semi_markov(log_emissions, tables: SemiMarkovTables) -> ExactInference:
         best_ends: list = [[(mpf(0), None)] * K for _ in range(T + 1)]  # probability, begin
         best_starts, origins = [to_mpf(tables.initial)], [None]
         filtered = [nothing] * T
-        last, best_last = [], []  # of visits that begin after b and are the last
+        last, best_last = [], []  # of segments that begin at b and are the last
         for b in range(T):
             if b > 0:
                 starts.append(ends[b] @ a)
                 scores = np.array([p for p, _ in best_ends[b]])[:, None] * a
                 origins.append([max(range(K), key=lambda j, k=k: scores[j, k]) for k in range(K)])
                 best_starts.append(np.array([scores[j, k] for k, j in enumerate(origins[b])]))
-            kind, visit = int(b == 0), np.array([mpf(1)] * K)
+            kind, segment = int(b == 0), np.array([mpf(1)] * K)
             for s in range(1, T - b + 1):
-                visit = visit * emissions[b + s - 1]
+                segment = segment * emissions[b + s - 1]
                 final = weights[2 + kind, s - 1] if s <= S else tail_weights[kind]
-                filtered[b + s - 1] = filtered[b + s - 1] + starts[b] * visit * final
+                filtered[b + s - 1] = filtered[b + s - 1] + starts[b] * segment * final
                 if s <= S and b + s < T:
-                    lasted = visit * weights[kind, s - 1]
-                    ends[b + s] = ends[b + s] + starts[b] * lasted
+                    ended = segment * weights[kind, s - 1]
+                    ends[b + s] = ends[b + s] + starts[b] * ended
                     for k in range(K):
-                        candidate = best_starts[b][k] * lasted[k]
+                        candidate = best_starts[b][k] * ended[k]
                         if candidate > best_ends[b + s][k][0]:
                             best_ends[b + s][k] = (candidate, b)
-            last.append(starts[b] * visit * final)
-            best_last.append(best_starts[b] * visit * final)
+            last.append(starts[b] * segment * final)
+            best_last.append(best_starts[b] * segment * final)
         evidence = sum(sum(row) for row in last)
         if evidence == 0:
             return ExactInference(
@@ -149,18 +149,20 @@ def semi_markov(log_emissions, tables: SemiMarkovTables) -> ExactInference:
 
 
 def _smoothed_state_probs(emissions, a, weights, starts, ends, last, evidence):
-    """p(state k at t) and expected changes of state, every visit counted at each of its steps."""
+    """Return p(state k at t) and expected transitions; every segment counts at each of its steps."""
     (T, K), S = emissions.shape, weights.shape[1]
-    after_ends = [np.array([mpf(0)] * K)] * (T + 1)  # p(later steps | a visit ends after t, another follows)
+    after_ends = [np.array([mpf(0)] * K)] * (
+        T + 1
+    )  # p(later steps | a segment ends after t, another follows)
     smoothed_state_probs, transition_counts = np.zeros((T, K), dtype=object), np.zeros((K, K), dtype=object)
     for b in range(T - 1, -1, -1):
         begun = last[b] / evidence
         smoothed_state_probs[b:] = smoothed_state_probs[b:] + begun
         after_starts = last[b] / nonzero_starts(starts[b])
-        visit = np.array([mpf(1)] * K)
+        segment = np.array([mpf(1)] * K)
         for s in range(1, min(S, T - b - 1) + 1):
-            visit = visit * emissions[b + s - 1]
-            ahead = visit * weights[int(b == 0), s - 1] * after_ends[b + s]
+            segment = segment * emissions[b + s - 1]
+            ahead = segment * weights[int(b == 0), s - 1] * after_ends[b + s]
             smoothed_state_probs[b : b + s] = smoothed_state_probs[b : b + s] + starts[b] * ahead / evidence
             after_starts = after_starts + ahead
         if b > 0:
@@ -170,5 +172,5 @@ def _smoothed_state_probs(emissions, a, weights, starts, ends, last, evidence):
 
 
 def nonzero_starts(starts):
-    """Divisors: where no visit starts, what follows is asked of none."""
+    """Return divisors that are one where no segment starts."""
     return np.array([value if value > 0 else mpf(1) for value in starts])

@@ -1,4 +1,4 @@
-"""Random arguments of every kernel, ordinary and degenerate ones, and how they are spoiled."""
+"""Random arguments of every kernel, ordinary and degenerate, and mutations of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -23,7 +23,7 @@ Arguments = list[Any]
 
 
 def probabilities(rng: Generator, *shape: int) -> np.ndarray:
-    """Return rows that sum to one, some entries zero; now and then a row is all zeros."""
+    """Return rows that sum to one, with some zeros; sometimes a row is all zeros."""
     rows = rng.dirichlet(np.ones(shape[-1]), size=shape[:-1] or None)
     return rows * (rng.random(shape) >= rng.choice([0.0, 0.3, 0.9]))
 
@@ -63,9 +63,11 @@ def gaussians(rng: Generator, N: int | None = None) -> Arguments:
     orientation_starts = (int(rng.integers(D - 3)),) if D > 4 and rng.random() < 0.5 else ()
     E = D - len(orientation_starts)
     means, x = rng.normal(size=(P, K, D)), rng.normal(size=(P, N, D))
-    for turn in orientation_starts:
+    for start in orientation_starts:
         for points in (means, x):
-            points[..., turn : turn + 4] /= np.linalg.norm(points[..., turn : turn + 4], axis=-1)[..., None]
+            points[..., start : start + 4] /= np.linalg.norm(points[..., start : start + 4], axis=-1)[
+                ..., None
+            ]
     precision_cholesky = np.tril(0.2 * rng.normal(size=(P, K, E, E)), -1) + np.eye(E) * rng.uniform(
         0.5, 2.0, E
     )
@@ -87,13 +89,13 @@ def semi_markov_e_step(rng: Generator) -> Arguments:
 
 
 def random_covariances(rng: Generator, K: int, D: int) -> np.ndarray:
-    """Return K covariances, now and then one of them zero."""
+    """Return K covariances, sometimes one of them zero."""
     roots = rng.normal(size=(K, D, D))
     return (roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(D)) * (rng.random((K, 1, 1)) < 0.95)
 
 
 def precision_cholesky(rng: Generator) -> Arguments:
-    """Return the argument of whiteners."""
+    """Return the argument of precision_cholesky."""
     return [random_covariances(rng, int(rng.integers(1, 5)), int(rng.choice([1, 2, 7, 19])))]
 
 
@@ -113,7 +115,7 @@ def riccati(rng: Generator) -> Arguments:
 
 
 def arm(rng: Generator) -> Arguments:
-    """Return arguments of impedance."""
+    """Return arguments of impedance_torque."""
     n = int(rng.choice([1, 6, 7, 16]))
     numbers = rng.uniform(0.1, 5.0, 7).tolist()
     spring = ImpedanceParameters(rng.uniform(1, 9, 6), rng.uniform(1, 9, 6), rng.normal(size=n), *numbers)
@@ -130,7 +132,7 @@ def arm(rng: Generator) -> Arguments:
 
 
 def stream(rng: Generator) -> Arguments:
-    """Return arguments of observe: a state that a stream has left, and how it goes on."""
+    """Return arguments of observe: a state after some datapoints, and more datapoints."""
     P, D = int(rng.integers(1, 3)), int(rng.choice([1, 2, 5]))
     centres = 9.0 * rng.normal(size=(3, P, D))
     x = np.repeat(centres[rng.integers(3, size=5)], 4, axis=0)
@@ -168,11 +170,12 @@ DRAW_ARGUMENTS: dict[str, Callable[[Generator], Arguments]] = {
     "precision_cholesky": precision_cholesky,
 }
 
-# ---------------------------------------------------------------------------- the same numbers, laid out anew
+# ---------------------------------------------------------------------------- the same numbers in other
+# layouts
 
 
 def unaligned(array: np.ndarray) -> np.ndarray:
-    """Return the same numbers, one byte after a multiple of eight."""
+    """Return the same numbers at an unaligned address."""
     return np.frombuffer(b"\0" + array.tobytes(), array.dtype, offset=1).reshape(array.shape)
 
 
@@ -184,7 +187,7 @@ def field(array: np.ndarray) -> np.ndarray:
 
 
 def strided(array: np.ndarray) -> np.ndarray:
-    """Return the same numbers as every second of an array."""
+    """Return the same numbers as every second entry of an array."""
     return np.repeat(array, 2, axis=-1)[..., ::2] if array.ndim else array
 
 
@@ -270,7 +273,7 @@ SCALARS = (
 
 @dataclass(frozen=True)
 class Mutant:
-    """Arguments that were spoiled, and how."""
+    """Invalid or unusual arguments, and how they were changed."""
 
     arguments: Arguments
     kind: str  # plain, layout, shape, type, number or scalar
@@ -279,19 +282,19 @@ class Mutant:
 
 
 def draw_mutant(kernel: str, seed: int, number: int) -> Mutant:
-    """Return one mutant of a kernel's arguments; the same for the same seed and number."""
+    """Return a mutant of a kernel's arguments, the same for the same seed and number."""
     rng = np.random.default_rng([seed, number, len(kernel)])
     arguments = DRAW_ARGUMENTS[kernel](rng)
     kind = str(rng.choice(["plain", "layout", "shape", "type", "number", "scalar"]))
     if kind == "plain":
-        return Mutant(arguments, kind, "as drawn", arguments)
+        return Mutant(arguments, kind, "unchanged", arguments)
     places = [
         place
         for place, value in argument_values(arguments)
         if isinstance(value, np.ndarray) == (kind != "scalar")
     ]
     if not places:
-        return Mutant(arguments, "plain", "as drawn", arguments)
+        return Mutant(arguments, "plain", "unchanged", arguments)
     place = places[rng.integers(len(places))]
     value = dict(argument_values(arguments))[place]
     match kind:

@@ -1,4 +1,4 @@
-"""One normal density and its algebra: affine maps, marginals, conditionals, samples, regions."""
+"""Gaussian density: log-density, products, marginals, conditionals, samples and confidence regions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,16 +23,27 @@ LOG_2_PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaussian:
-    """A normal density over R^D. The covariance is symmetric and positive semidefinite."""
+    """Gaussian density on R^D.
+
+    Attributes:
+        mean: Mean.
+        covariance: Symmetric positive semidefinite covariance.
+    """
 
     mean: Float[Array, " D"]
     covariance: Float[Array, "D D"]
 
 
 def cholesky(covariances: Float[Array, "K D D"], name: str = "covariance") -> Float[Array, "K D D"]:
-    """Lower factors L with L L^T = covariance.
+    """Return the lower triangular factors L with L L^T = covariance.
 
-    Raises: NotPositiveDefinite, naming the first that has none and its smallest eigenvalue.
+    Args:
+        covariances: Covariances.
+        name: What they are; the error message begins with it.
+
+    Raises:
+        NotPositiveDefinite: If a covariance has no factor; the message gives the index of the first and its
+            smallest eigenvalue.
     """
     covariances = _validate_covariances(covariances)
     try:
@@ -47,24 +58,31 @@ def cholesky(covariances: Float[Array, "K D D"], name: str = "covariance") -> Fl
 def _not_positive_definite_error(covariances: Float[Array, "K D D"], name: str) -> NotPositiveDefinite:
     for k, covariance in enumerate(covariances):
         if not np.isfinite(covariance).all():
-            return NotPositiveDefinite(f"{name} {k} holds values that are not finite")
+            return NotPositiveDefinite(f"{name} {k} has values that are not finite")
         values, vectors = np.linalg.eigh(covariance)
         if values[0] <= 1e-15 * abs(values[-1]):
             column = int(np.abs(vectors[:, 0]).argmax())
             return NotPositiveDefinite(
-                f"{name} {k} is not positive definite: eigenvalues go from {values[0]:.3g} to "
-                f"{values[-1]:.3g}, it is flattest along column {column} (first is 0); "
+                f"{name} {k} is not positive definite: eigenvalues are from {values[0]:.3g} to "
+                f"{values[-1]:.3g}, the smallest mainly along column {column} (first is 0); "
                 "raise the regularisation, drop constant or repeated columns, or give more data"
             )
     return NotPositiveDefinite(
-        f"one {name} of {len(covariances)} has no Cholesky factor; raise the regularisation"
+        f"a {name} of {len(covariances)} has no Cholesky factor; raise the regularisation"
     )
 
 
 def precision_cholesky(covariances: Float[Array, "K D D"], name: str = "covariance") -> Float[Array, "K D D"]:
-    """Lower triangular W with W^T W = covariance^-1, so that |W (x - mean)| is the Mahalanobis distance.
+    """Return the lower triangular matrices W with W^T W = covariance^-1.
 
-    Raises: NotPositiveDefinite, as cholesky does.
+    |W (x - mean)| is the Mahalanobis distance of x.
+
+    Args:
+        covariances: Covariances.
+        name: What they are; the error message begins with it.
+
+    Raises:
+        NotPositiveDefinite: As in `cholesky`.
     """
     covariances = _validate_covariances(covariances)
     try:
@@ -74,9 +92,14 @@ def precision_cholesky(covariances: Float[Array, "K D D"], name: str = "covarian
 
 
 def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
-    """Log N(x_n | mean, covariance) for every row of x: no floor, whatever the scale.
+    """Return log N(x_n | mean, covariance) for every row of x, without a lower bound.
 
-    Raises: NotPositiveDefinite, when the covariance is singular.
+    Args:
+        g: Density.
+        x: Points.
+
+    Raises:
+        NotPositiveDefinite: If the covariance is singular.
     """
     x = _validate_rows(_validate_gaussian(g), x)
     W = precision_cholesky(g.covariance[None])[0]
@@ -85,7 +108,16 @@ def log_density(g: Gaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
 
 
 def affine_transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"]) -> Gaussian:
-    """The density of A x + b when x has density g."""
+    """Return the density of A x + b if x has density g.
+
+    Args:
+        g: Density of x.
+        A: Linear map.
+        b: Offset.
+
+    Raises:
+        InvalidInput: If shapes do not match.
+    """
     _validate_gaussian(g)
     A, b = float_array(A, "A", g.mean.size), float_array(b, "b")
     if A.ndim != 2 or b.shape != A.shape[:1]:
@@ -94,98 +126,152 @@ def affine_transform(g: Gaussian, A: Float[Array, "E D"], b: Float[Array, " E"])
 
 
 def product(gaussians: Sequence[Gaussian]) -> Gaussian:
-    """The normalised product of the densities: every opinion about one x, fused.
+    """Return the normalised product of densities of the same variable.
 
-    Folded in pairs in the parallel form Sp (Sp + Sq)^-1 Sq, which subtracts nothing: few digits are lost
-    when scales differ by many orders, and an opinion may be certain along some directions.
-    Raises: NotPositiveDefinite, when two opinions are certain about the same direction.
-    Source: Tanwani 2018, equations 3.34-3.35, with the inverse that (3.34) leaves out.
+    Pairs are multiplied as Sp (Sp + Sq)^-1 Sq, which has no subtraction. Few digits are lost if scales differ
+    by many orders of magnitude, and covariances may be singular, if not along the same direction.
+
+    Args:
+        gaussians: Densities, at least one.
+
+    Raises:
+        NotPositiveDefinite: If two covariances are singular along the same direction.
+
+    Source:
+        Tanwani 2018, equations 3.34-3.35, with the inverse that is missing in (3.34).
     """
     require_type(gaussians, "gaussians", (list, tuple), "give a list of them")
     if not gaussians:
-        raise InvalidInput("a product of no Gaussians was asked for; give at least one")
+        raise InvalidInput("gaussians is empty, expected at least one Gaussian")
     if len({_validate_gaussian(g).mean.size for g in gaussians}) > 1:
-        raise InvalidInput("the Gaussians have different numbers of columns, expected the same")
+        raise InvalidInput("gaussians have different numbers of columns, expected the same")
     result = gaussians[0]
-    for other in gaussians[1:]:
-        result = _pair_product(result, other)
+    for factor in gaussians[1:]:
+        result = _pair_product(result, factor)
     return result
 
 
 def _pair_product(p: Gaussian, q: Gaussian) -> Gaussian:
     covariance_sum = p.covariance + q.covariance
-    cholesky(covariance_sum[None], "the sum of two fused covariances, number")
+    cholesky(covariance_sum[None], "the sum of two covariances, number")
     gain = np.linalg.solve(covariance_sum, p.covariance).T  # Sp (Sp + Sq)^-1, (D, D)
     return Gaussian(p.mean + gain @ (q.mean - p.mean), _symmetrise(gain @ q.covariance))
 
 
 def marginal(g: Gaussian, columns: Int[Array, " E"]) -> Gaussian:
-    """The density of the chosen columns of x, in the order given."""
+    """Return the density of some columns of x, in the given order.
+
+    Args:
+        g: Density.
+        columns: Columns; negative numbers count from the end.
+
+    Raises:
+        InvalidInput: If a column does not exist or is given twice.
+    """
     _validate_gaussian(g)
     columns = split_columns(columns, g.mean.size)[0]
     return Gaussian(g.mean[columns], g.covariance[np.ix_(columns, columns)])
 
 
 def condition(g: Gaussian, columns: Int[Array, " E"], value: Float[Array, " E"]) -> Gaussian:
-    """The density of the other columns of x, in their order, once the chosen ones are known to be value.
+    """Return the density of the other columns of x, in their order, given values of some columns.
 
-    Raises: NotPositiveDefinite, when the chosen columns have a singular covariance.
-    Source: Bishop 2006, equations 2.81-2.82.
+    Args:
+        g: Density.
+        columns: Known columns; negative numbers count from the end.
+        value: Their values.
+
+    Raises:
+        InvalidInput: If a column does not exist or is given twice, or shapes do not match.
+        NotPositiveDefinite: If the known columns have a singular covariance.
+
+    Source:
+        Bishop 2006, equations 2.81-2.82.
     """
     _validate_gaussian(g)
-    columns, rest = split_columns(columns, g.mean.size)
+    columns, others = split_columns(columns, g.mean.size)
     value = float_array(value, "value", len(columns))
     if value.ndim != 1:
         raise InvalidInput(f"value has shape {value.shape}, expected ({len(columns)},)")
-    given_covariance, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, rest)]
+    given_covariance, cross = g.covariance[np.ix_(columns, columns)], g.covariance[np.ix_(columns, others)]
     cholesky(given_covariance[None], "the covariance of the given columns, number")
-    slope = np.linalg.solve(given_covariance, cross).T  # S_rk S_kk^-1, (D - E, E)
-    covariance = g.covariance[np.ix_(rest, rest)] - slope @ cross
-    return Gaussian(g.mean[rest] + slope @ (value - g.mean[columns]), _symmetrise(covariance))
+    slope = np.linalg.solve(given_covariance, cross).T  # S_oc S_cc^-1, (D - E, E)
+    covariance = g.covariance[np.ix_(others, others)] - slope @ cross
+    return Gaussian(g.mean[others] + slope @ (value - g.mean[columns]), _symmetrise(covariance))
 
 
 def split_columns(columns: Int[Array, " E"], width: int) -> tuple[Int[Array, " E"], Int[Array, " R"]]:
-    """The same columns counted from the front, and the others.
+    """Return the columns counted from the front, and the other columns.
 
-    Raises: InvalidInput, when one is out of range or given twice.
+    Args:
+        columns: Columns; negative numbers count from the end.
+        width: Number of columns.
+
+    Raises:
+        InvalidInput: If a column does not exist or is given twice.
     """
     require_type(columns, "columns", np.ndarray, "give np.array([...]) of column numbers")
     if columns.ndim != 1 or columns.dtype.kind not in "iu" or np.ma.is_masked(columns):
         raise InvalidInput(f"columns is {short_repr(columns)}, expected an array of whole numbers")
     from_front = np.where(columns < 0, columns + width, columns)
     if from_front.size and not 0 <= from_front.min() <= from_front.max() < width:
-        raise InvalidInput(f"columns {columns.tolist()} are not all among the {width} there are")
+        raise InvalidInput(f"columns is {columns.tolist()}, expected numbers of the {width} columns")
     if len(np.unique(from_front)) < len(from_front):
-        raise InvalidInput(f"columns {columns.tolist()} name one twice")
+        raise InvalidInput(f"columns is {columns.tolist()}, expected each column once")
     return from_front, np.setdiff1d(np.arange(width), from_front)
 
 
 def sample(g: Gaussian, count: int, rng: np.random.Generator) -> Float[Array, "N D"]:
-    """Count independent draws. A singular covariance is allowed: draws then stay on its support."""
+    """Return independent samples; those of a singular covariance lie in its range.
+
+    Args:
+        g: Density.
+        count: Number of samples.
+        rng: Random generator.
+
+    Raises:
+        InvalidInput: If an argument is invalid.
+    """
     _validate_gaussian(g)
     require_count(count, "count", MAX_SAMPLES)
-    require_type(rng, "rng", np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
+    require_type(rng, "rng", np.random.Generator, "np.random.default_rng(seed) creates one")
     values, vectors = np.linalg.eigh(g.covariance)
-    spread = vectors * np.sqrt(np.maximum(values, 0.0))  # (D, D), spread spread^T = covariance
-    return np.asarray(g.mean + rng.standard_normal((count, g.mean.size)) @ spread.T)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))  # (D, D), root root^T = covariance
+    return np.asarray(g.mean + rng.standard_normal((count, g.mean.size)) @ root.T)
 
 
 def confidence_radius(width: int, probability: float) -> float:
-    """The Mahalanobis radius that holds a draw of a width-dimensional Gaussian with this probability.
+    """Return the Mahalanobis radius of the ellipsoid that contains a sample with a given probability.
 
-    One dimension and .683 give 1; the same ellipsoid holds less in more dimensions.
+    For one dimension and 0.683 it is 1; the same radius contains less probability in more dimensions.
+
+    Args:
+        width: Number of dimensions.
+        probability: Probability, between 0 and 1.
+
+    Raises:
+        InvalidInput: If an argument is invalid.
     """
     require_count(width, "width", MAX_SAMPLES, minimum=1)
     require_type(probability, "probability", (float, int), "give a number between 0 and 1")
     if not 0.0 < probability < 1.0:
-        raise InvalidInput(f"probability is {probability}, expected a number between 0 and 1, say .95")
-    from scipy.special import gammaincinv  # here, because scipy doubles the time of importing pilotfish
+        raise InvalidInput(f"probability is {probability}, expected a number between 0 and 1, such as 0.95")
+    from scipy.special import gammaincinv  # local: importing scipy doubles the import time of pilotfish
 
     return float(np.sqrt(2.0 * gammaincinv(0.5 * width, probability)))
 
 
 def in_confidence_region(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
-    """Which rows of x lie in the smallest region that holds a draw of g with this probability."""
+    """Return which rows of x lie in the smallest region with a given probability.
+
+    Args:
+        g: Density.
+        x: Points.
+        probability: Probability of the region, between 0 and 1.
+
+    Raises:
+        NotPositiveDefinite: If the covariance is singular.
+    """
     x = _validate_rows(_validate_gaussian(g), x)
     W = precision_cholesky(g.covariance[None])[0]
     radius = confidence_radius(g.mean.size, probability)
@@ -193,14 +279,21 @@ def in_confidence_region(g: Gaussian, x: Float[Array, "N D"], probability: float
 
 
 def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]:
-    """The closed contour of a planar Gaussian at a Mahalanobis radius (1 is the 1-sigma ellipse)."""
+    """Return points on the closed contour of a planar Gaussian at a Mahalanobis radius.
+
+    Args:
+        g: Density of two dimensions.
+        radius: Mahalanobis radius; 1 gives the 1-sigma ellipse.
+        points: Number of points.
+
+    Raises:
+        InvalidInput: If g has other than two dimensions or an argument is invalid.
+    """
     _validate_gaussian(g)
     require_number(radius, "radius", 0.0, MAX_RADIUS)
     require_count(points, "points", MAX_SAMPLES, minimum=1)
     if g.mean.size != 2:
-        raise InvalidInput(
-            f"an ellipse needs 2 dimensions, this Gaussian has {g.mean.size}; take a marginal first"
-        )
+        raise InvalidInput(f"g has {g.mean.size} dimensions, expected 2; take a marginal first")
     values, vectors = np.linalg.eigh(g.covariance)
     angles = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (N, 2)
@@ -208,17 +301,17 @@ def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]
 
 
 def _validate_covariances(covariances: object) -> Float[Array, "K D D"]:
-    """An array of square matrices, whose numbers may still be not finite: cholesky names the first."""
-    same = type(covariances) is np.ndarray and covariances.dtype == np.float64
-    array = np.asarray(covariances) if same else numeric_array(covariances, "covariances")
+    """Return an array of square matrices; numbers may be not finite, which cholesky reports."""
+    is_float64 = type(covariances) is np.ndarray and covariances.dtype == np.float64
+    array = np.asarray(covariances) if is_float64 else numeric_array(covariances, "covariances")
     if array.ndim != 3 or array.shape[1] != array.shape[2]:
         raise InvalidInput(f"covariances has shape {array.shape}, expected (K, D, D)")
     return array
 
 
 def _validate_gaussian(g: object) -> Gaussian:
-    """A Gaussian of finite numbers, or InvalidInput."""
-    require_type(g, "g", Gaussian, "Gaussian(mean, covariance) makes one")
+    """Return a Gaussian of finite numbers, or raise InvalidInput."""
+    require_type(g, "g", Gaussian, "Gaussian(mean, covariance) creates one")
     assert isinstance(g, Gaussian)
     mean, covariance = float_array(g.mean, "the mean"), float_array(g.covariance, "the covariance")
     if mean.ndim != 1 or covariance.shape != (len(mean), len(mean)):

@@ -1,4 +1,4 @@
-"""Sufficient statistics of K Gaussians. Adding them is exact, so data may be cut anywhere."""
+"""Sufficient statistics of K Gaussians; they can be added, so that data may be processed in parts."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,12 @@ TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moments:
-    """All that K Gaussians remember of their data. Adding is exact and order-free.
+    """Counts, means and scatter matrices of K components; a sum of two is that of all data, in any order.
 
-    scatters[k] sums r (x - means[k]) (x - means[k])^T over the points, r their share of k.
+    Attributes:
+        counts: Sum of the responsibilities, N_k.
+        means: Weighted mean.
+        scatter_matrices: Sum of r (x - mean) (x - mean)^T, with responsibilities r.
     """
 
     counts: Float[Array, " K"]
@@ -35,11 +38,19 @@ class Moments:
 
 
 def moments(x: Float[Array, "N D"], responsibilities: Float[Array, "N K"]) -> Moments:
-    """Sum points up, each shared among K components as its row of shares says."""
-    x, responsibilities = float_array(x, "x"), float_array(responsibilities, "shares")
+    """Return the moments of data under given responsibilities.
+
+    Args:
+        x: Datapoints.
+        responsibilities: Responsibility of each component for each datapoint, at least 0.
+
+    Raises:
+        InvalidInput: If arrays are not finite or shapes do not match.
+    """
+    x, responsibilities = float_array(x, "x"), float_array(responsibilities, "responsibilities")
     if x.ndim != 2 or responsibilities.ndim != 2 or len(x) != len(responsibilities):
         raise InvalidInput(
-            f"x has shape {x.shape} and shares {responsibilities.shape}, expected (N, D) and (N, K)"
+            f"x has shape {x.shape} and responsibilities {responsibilities.shape}, expected (N, D) and (N, K)"
         )
     counts = responsibilities.sum(axis=0)
     means = responsibilities.T @ x / np.maximum(counts, TINY)[:, None]
@@ -56,9 +67,15 @@ def moments_from_sums(
     offsets: Float[Array, "K D"],
     scatter_matrices: Float[Array, "K D D"],
 ) -> Moments:
-    """Moments from sums of r (x - origin) and r (x - origin)(x - origin)^T about any origins.
+    """Return moments from sums about arbitrary origins.
 
-    A component of no mass keeps its origin as mean.
+    A component with zero count keeps its origin as mean.
+
+    Args:
+        origins: Origin of each component.
+        counts: Sum of the responsibilities r.
+        offsets: Sum of r (x - origin).
+        scatter_matrices: Sum of r (x - origin) (x - origin)^T.
     """
     shift = offsets / np.maximum(counts, TINY)[:, None]
     between = (counts[:, None] * shift)[:, :, None] * shift[:, None, :]

@@ -1,4 +1,7 @@
-"""Normal densities on R^n x S^3 x ...: a mean there, and a covariance in its tangent space."""
+"""Gaussians on R^n x S^3 x ...: a mean on the manifold, and a covariance in its tangent space.
+
+The tangent coordinates are those of `geometry.log_map`: rotation vectors in body axes on orientations.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +19,18 @@ STEP_SIZES = 0.5 ** np.arange(20)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RiemannianGaussian:
-    """A density under which log_at(mean, x) is normal with this covariance; turns: where quaternions begin.
+    """Density under which log_map(mean, x) is Gaussian with this covariance.
 
-    As on R^n, its constant is that of the tangent space: right where the spread is small beside pi.
-    Source: Pennec 2006, J. Mathematical Imaging and Vision 25; Zeestraten et al. 2017, IEEE RA-L 2(3).
+    The normalising constant is that of the tangent space, which is accurate if standard deviations are small
+    compared with pi.
+
+    Attributes:
+        mean: Point on the manifold.
+        covariance: Covariance of tangent vectors at the mean.
+        orientation_starts: First column of each quaternion in mean.
+
+    Source:
+        Pennec 2006, J. Mathematical Imaging and Vision 25; Zeestraten et al. 2017, IEEE RA-L 2(3).
     """
 
     mean: Float[Array, " D"]
@@ -28,44 +39,60 @@ class RiemannianGaussian:
 
 
 def riemannian_log_density(g: RiemannianGaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
-    """Log of the density at every row of x.
+    """Return the log-density at every row of x.
 
-    Raises: NotPositiveDefinite, when the covariance is singular.
+    Args:
+        g: Density.
+        x: Points on the manifold.
+
+    Raises:
+        NotPositiveDefinite: If the covariance is singular.
     """
     centred = Gaussian(np.zeros(len(g.covariance)), g.covariance)
     return log_density(centred, log_map(g.mean, x, g.orientation_starts))
 
 
 def tangent_gaussian(g: RiemannianGaussian, point: Float[Array, " D"]) -> Gaussian:
-    """The same density in the tangent space at another point: right in height and slope there.
+    """Return the density in the tangent space at another point, exact in value and slope at that point.
 
-    Covariances go by the exact differential of the exponential, from which parallel transport differs in
-    second order of the distance.
+    The covariance is transformed by the differential of the exponential map; parallel transport would differ
+    in second order of the distance.
+
+    Args:
+        g: Density.
+        point: Point on the manifold.
     """
     return _tangent_gaussians(log_map(g.mean[None], point, g.orientation_starts), [g])[0]
 
 
 def _tangent_gaussians(v: Float[Array, "P E"], gaussians: Sequence[RiemannianGaussian]) -> list[Gaussian]:
-    """Several seen at one point, v being what leads to it from their means."""
+    """Return the densities in the tangent space at one point; v leads to it from their means."""
     J = exp_map_jacobian(v, gaussians[0].orientation_starts)
     covariances = J @ np.stack([g.covariance for g in gaussians]) @ J.transpose(0, 2, 1)
-    return [Gaussian(-back, C) for back, C in zip(v, covariances, strict=True)]  # J v = v: straight back
+    return [Gaussian(-step, C) for step, C in zip(v, covariances, strict=True)]  # since J v = v
 
 
 def riemannian_product(gaussians: Sequence[RiemannianGaussian]) -> RiemannianGaussian:
-    """Where the product of the densities is largest, and its spread there: every opinion about one x, fused.
+    """Return the mode of the product of densities, with the covariance in its tangent space.
 
-    Gauss-Newton: the opinions are brought to the tangent space at the current guess, where their product is
-    that of R^n, and the guess moves to its mean; steps that lead down are halved. Ends at a maximum, to
-    rounding: the nearest to that opinion's mean which all together like best; the covariance is that of the
-    last tangent space.
-    Raises: NotPositiveDefinite, when one covariance of several is singular.
-    Source: Zeestraten et al. 2017, section III, with differentials where they transport covariances.
+    Gauss-Newton: the densities are transformed to the tangent space at the current point, where their product
+    is that of R^n, and the point moves to its mean. Steps that increase the cost are halved. The iteration
+    starts at the mean of lowest cost and ends at a local maximum of the product.
+
+    Args:
+        gaussians: Densities on the same manifold, at least one.
+
+    Raises:
+        InvalidInput: If there are none.
+        NotPositiveDefinite: If one of several covariances is singular.
+
+    Source:
+        Zeestraten et al. 2017, section III, with differentials where they transport covariances in parallel.
     """
     if len(gaussians) == 1:
         return gaussians[0]
     if not gaussians:
-        raise InvalidInput("a product of no Gaussians was asked for; give at least one")
+        raise InvalidInput("gaussians is empty, expected at least one Gaussian")
     orientation_starts = gaussians[0].orientation_starts
 
     W = precision_cholesky(np.stack([g.covariance for g in gaussians]), "the covariance of Gaussian")

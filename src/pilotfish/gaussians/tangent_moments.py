@@ -1,4 +1,4 @@
-"""Sufficient statistics of K Gaussians on R^n x S^3 x ...: sums over tangent vectors at given origins."""
+"""Sufficient statistics of K Gaussians on R^n x S^3 x ..., as sums over tangent vectors at fixed origins."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,18 @@ from pilotfish.types import Array, Bool, Float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentMoments:
-    """What K Gaussians remember of data, seen as tangent vectors v at K origins. Adding is exact.
+    """Sums over tangent vectors v at K origins; a sum of two with equal origins is that of all data.
 
-    offsets[k] sums r v and squares[k] r v v^T over the points, r their share of k.
-    means and scatters are exact where the offsets vanish: the origin is then the Karcher mean. Elsewhere
-    means are one step of the iteration to it, and scatters are right to first order in that step: the sums
-    about the stepped mean, carried there by parallel transport. Off the orientations both are always exact.
+    means and scatter_matrices are exact if the offsets are zero, when the origin is the Karcher mean.
+    Otherwise means are one step of its iteration, and scatter matrices are exact to first order in that step,
+    moved by parallel transport. Off the orientations both are exact.
+
+    Attributes:
+        counts: Sum of the responsibilities r, N_k.
+        origins: Origins on the manifold.
+        offsets: Sum of r v.
+        outer_products: Sum of r v v^T.
+        orientation_starts: First column of each quaternion in origins.
     """
 
     counts: Float[Array, " K"]
@@ -28,15 +34,16 @@ class TangentMoments:
 
     @property
     def means(self) -> Float[Array, "K D"]:
+        """Return the Karcher means, to first order in the offsets."""
         return np.asarray(exp_map(self.origins, self._mean_steps, self.orientation_starts))
 
     @property
     def scatter_matrices(self) -> Float[Array, "K E E"]:
-        """Sums of r u u^T, u the tangent vectors at means."""
+        """Return the sums of r u u^T, with tangent vectors u at the means."""
         steps = self._mean_steps
-        about = self.outer_products - np.einsum("k,ki,kj->kij", self.counts, steps, steps)
+        centred = self.outer_products - np.einsum("k,ki,kj->kij", self.counts, steps, steps)
         rotation = parallel_transport(steps, self.orientation_starts)
-        return np.asarray(rotation @ about @ rotation.transpose(0, 2, 1))
+        return np.asarray(rotation @ centred @ rotation.transpose(0, 2, 1))
 
     @property
     def _mean_steps(self) -> Float[Array, "K E"]:
@@ -47,8 +54,8 @@ class TangentMoments:
             self.origins, other.origins
         ):
             raise InvalidInput(
-                "two sums of tangent vectors have different origins, expected the same; take both from the "
-                "same model"
+                "two sums of tangent vectors have different origins, expected the same; compute both with "
+                "the same model"
             )
         return TangentMoments(
             self.counts + other.counts,
@@ -71,7 +78,13 @@ class TangentMoments:
 def tangent_moments(
     x: Float[Array, "N D"], responsibilities: Float[Array, "N K"], orientation_starts: tuple[int, ...]
 ) -> TangentMoments:
-    """Sums of points, each shared among K components as its row of shares says, about the Karcher means."""
+    """Return the statistics of data about the Karcher mean of each component.
+
+    Args:
+        x: Datapoints on the manifold.
+        responsibilities: Responsibility of each component for each datapoint, at least 0.
+        orientation_starts: First column of each quaternion.
+    """
     origins = np.stack([karcher_mean(x, weights, orientation_starts) for weights in responsibilities.T])
     offsets, outer_products = [], []
     for origin, weights in zip(origins, responsibilities.T, strict=True):

@@ -170,8 +170,7 @@ def _validate_rotation_matrix(R: Float[Array, "*B 3 3"]) -> None:
     if deviation > ROTATION_TOLERANCE or bool((np.linalg.det(R) < 0).any()):
         raise InvalidInput(
             f"R is not a rotation matrix: R^T R differs from the identity by {deviation:.3g}, expected at "
-            "most "
-            f"{ROTATION_TOLERANCE:g} and det R = 1; remove a reflection or a scaled axis first"
+            f"most {ROTATION_TOLERANCE:g} and det R = 1; remove a reflection or a scaled axis first"
         )
 
 

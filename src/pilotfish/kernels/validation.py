@@ -315,16 +315,16 @@ def _pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: d
 def pack_stream(
     x: object, axes: str, state: StreamState, parameters: StreamParameters
 ) -> tuple[Array, StreamState]:
-    """Return datapoints and a stream's state, packed, if the state and the rules are consistent.
+    """Return packed datapoints and the packed state of a stream, after checking state and parameters.
 
     Args:
-        x: Datapoints, whose numbers are checked where they are observed.
-        axes: Its axes, "NPD" or "PD".
-        state: What the stream has left so far.
-        rules: Their counts must be whole numbers.
+        x: Datapoints; their numbers are checked by the kernels.
+        axes: Axes of x, "NPD" or "PD".
+        state: State before the datapoints.
+        parameters: Penalties and limits; counts must be whole numbers.
 
     Raises:
-        InvalidInput: If shapes do not fit or a number that counts something does not.
+        InvalidInput: If shapes do not match, or a counter or size is not a valid whole number.
     """
     _validate_parameters(parameters)
     sizes: dict[str, int] = {}
@@ -334,7 +334,7 @@ def pack_stream(
         raise InvalidInput(f"x has {P} frames of {D} columns, expected {state.frames} of {state.width}")
     capacity = require_count(state.capacity, "capacity", (D + 3) // 4 * 4)
     if capacity % 4:
-        raise InvalidInput(f"room is {capacity}, expected a multiple of 4")
+        raise InvalidInput(f"capacity is {capacity}, expected a multiple of 4")
     counters, rows, transition_counts = (
         pack_array(getattr(state, name), name) for name in ("counters", "rows", "transition_counts")
     )
@@ -370,14 +370,14 @@ def _validate_counters(counters: Float[Array, " 6"], K: int) -> None:
             raise InvalidInput(f"{name} is {value}, expected a whole number")
 
 
-def _validate_ranks(state: StreamState, most: int) -> None:
+def _validate_ranks(state: StreamState, max_rank: int) -> None:
     d, r = state.dimensions, state.ranks
-    good = (d >= 0.0) & (d <= r) & (r <= most) & (d == np.floor(d)) & (r == np.floor(r))
+    good = (d >= 0.0) & (d <= r) & (r <= max_rank) & (d == np.floor(d)) & (r == np.floor(r))
     if not good.all():
         k, p = np.argwhere(~good)[0].tolist()
         raise InvalidInput(
             f"cluster {k} has dimension {d[k, p]} and {r[k, p]} directions in frame {p}, expected whole "
-            f"numbers 0 <= dimension <= directions <= {most}"
+            f"numbers 0 <= dimension <= directions <= {max_rank}"
         )
 
 

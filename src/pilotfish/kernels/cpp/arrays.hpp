@@ -10,6 +10,8 @@
 #include <limits>
 #include <string>
 
+#include "subnormals.hpp"
+
 namespace nb = nanobind;
 
 namespace pilotfish::python {
@@ -115,5 +117,11 @@ inline void expect_threads(int threads) {
   const std::string is = "threads is " + std::to_string(threads);
   throw nb::value_error((is + ", expected a number, or 0 for all").c_str());
 }
+
+// Releases the GIL and flushes subnormal numbers while a kernel runs.
+struct ReleasedInterpreter {
+  nb::gil_scoped_release others;
+  SubnormalsFlushed subnormals;
+};
 
 }  // namespace pilotfish::python

@@ -16,7 +16,7 @@ double square_of(const double* x, int rows) {
   return sum.sum();
 }
 
-// p = y - U g
+// Computes p = y - U g.
 void subtract(const Layout& layout, const double* basis, int directions, const double* g, const double* y,
               double* p) {
   for (int d = 0; d < layout.D; ++d) {
@@ -39,14 +39,14 @@ Subspaces::Subspaces(int D)
 void Subspaces::reserve(int n) {
   const size_t width = round_up_to_four(n + 1);
   if (g_.size() >= width) return;
-  for (Buffer* buffer : {&g_, &again_, &values_, &poles_, &along_}) buffer->resize(width);
+  for (Buffer* buffer : {&g_, &correction_, &values_, &poles_, &projections_}) buffer->resize(width);
   rows_of_.resize(4 * width);
   delta_.resize(width + 4);
   R_.resize(width * width);
 }
 
-// g_ = [U p]^T y and p_, the direction of what is left of y outside U; how many directions there are then.
-int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y, double zero) {
+// Computes g_ = [U p]^T y and p_, the direction of the residual of y outside U; returns the number of directions.
+int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y, double tolerance) {
   const int directions = round_up_to_four(rank);
   reserve(rank + 1);
   std::fill(g_.begin(), g_.end(), 0.0);
@@ -54,31 +54,31 @@ int Subspaces::augment(const double* basis, const Layout& layout, int rank, cons
   if (rank == D_) return rank;
   subtract(layout, basis, directions, g_.data(), y, p_.data());
   double left = square_of(p_.data(), rows_);
-  if (rank > 0 && left < 0.5 * square_of(y, rows_)) {  // cancelled: once more (Kahan and Parlett)
-    project(layout, basis, directions, p_.data(), again_.data());
-    subtract(layout, basis, directions, again_.data(), p_.data(), p_.data());
-    for (int i = 0; i < rank; ++i) g_[i] += again_[i];
+  if (rank > 0 && left < 0.5 * square_of(y, rows_)) {  // cancellation: project again (Kahan and Parlett)
+    project(layout, basis, directions, p_.data(), correction_.data());
+    subtract(layout, basis, directions, correction_.data(), p_.data(), p_.data());
+    for (int i = 0; i < rank; ++i) g_[i] += correction_[i];
     left = square_of(p_.data(), rows_);
   }
   const double nu = std::sqrt(left);
-  if (!(nu > zero)) return rank;
+  if (!(nu > tolerance)) return rank;
   for (int d = 0; d < D_; ++d) p_[d] /= nu;
   g_[rank] = nu;
   return rank + 1;
 }
 
-// Eigenpairs of scale diag(variances, 0) + g g^T, the largest first, and g along them.
+// Computes the eigenpairs of scale diag(variances, 0) + g g^T in decreasing order, and g in their basis.
 void Subspaces::solve(const double* variances, int rank, int n, double scale) {
   const int width = round_up_to_four(n);
   for (int i = 0; i < n; ++i) poles_[i] = i < rank ? scale * variances[i] : 0.0;
   eigenpairs_.solve(poles_.data(), g_.data(), n, width, values_.data(), R_.data());
-  std::fill_n(along_.data(), width, 0.0);
+  std::fill_n(projections_.data(), width, 0.0);
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < width; c += 4)
-      loose_lanes<4>(&along_[c]) += g_[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
+      loose_lanes<4>(&projections_[c]) += g_[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
 }
 
-// out = the first kept columns of [U p] R, in rows of so much room; out may be the basis itself.
+// Computes out = the first kept columns of [U p] R, in rows of `capacity` numbers; out may be the basis itself.
 void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out,
                        int capacity) {
   const int width = round_up_to_four(n), columns = round_up_to_four(kept);
@@ -88,7 +88,7 @@ void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int 
   for (; d < D_; ++d) rotate_rows<1>(basis, layout, rank, n, columns, out, capacity, d);
 }
 
-// So many rows at once: none waits for the sums of another.
+// ROWS rows at once, with independent sums.
 template <int ROWS>
 void Subspaces::rotate_rows(const double* basis, const Layout& layout, int rank, int n, int columns,
                             double* out, int capacity, int d) {
@@ -118,61 +118,61 @@ void Subspaces::rotate_block(const double* basis, const Layout& layout, int rank
   for (int row = 0; row < ROWS; ++row) loose_lanes<COLUMNS>(&rows_of_[row * columns + c]) = sums[row];
 }
 
-double Subspaces::learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how) {
-  const double w = how.weight, shrink = w / (w + 1.0), run_groups = std::sqrt(w) / (w + 1.0);
-  const int d = int(*seen.dimension), rank = int(*seen.rank);
+double Subspaces::update(const double* x, const Subspace& subspace, const Layout& layout, const UpdateSettings& settings) {
+  const double w = settings.weight, shrink = w / (w + 1.0), fraction = std::sqrt(w) / (w + 1.0);
+  const int d = int(*subspace.dimension), rank = int(*subspace.rank);
   Lanes<4> of_error = Lanes<4>::Zero(), of_x = of_error, of_mean = of_error;
   for (int i = 0; i < rows_; i += 4) {
-    const Lanes<4> point = loose_lanes<4>(x + i), mean = loose_lanes<4>(seen.mean + i), e = point - mean;
+    const Lanes<4> point = loose_lanes<4>(x + i), mean = loose_lanes<4>(subspace.mean + i), e = point - mean;
     loose_lanes<4>(&error_[i]) = e;
     of_error += e * e;
     of_x += point * point;
     of_mean += mean * mean;
   }
   const double square = of_error.sum();
-  const double zero = ROUNDING * (std::sqrt(of_x.sum()) + std::sqrt(of_mean.sum()));
+  const double tolerance = ROUNDING * (std::sqrt(of_x.sum()) + std::sqrt(of_mean.sum()));
   int n = 0;
-  if (how.most + how.extra_directions > 0) n = augment(seen.basis, layout, rank, error_.data(), zero);
+  if (settings.max_dimension + settings.extra_directions > 0) n = augment(subspace.basis, layout, rank, error_.data(), tolerance);
   const double inside = n ? square_of_first(g_.data(), d) : 0.0;
-  const double before = std::max(square - nearness(square, how.bandwidth) * inside, 0.0);
-  const double loss = how.penalty * d + before;
-  for (int i = 0; i < n; ++i) g_[i] *= run_groups;
-  if (n) solve(seen.variances, rank, n, shrink);
+  const double before = std::max(square - projection_weight(square, settings.bandwidth) * inside, 0.0);
+  const double loss = settings.penalty * d + before;
+  for (int i = 0; i < n; ++i) g_[i] *= fraction;
+  if (n) solve(subspace.variances, rank, n, shrink);
 
-  // along_ sqrt(w) is U^T (x - the mean after the update)
-  const double after = shrink * shrink * square, near = nearness(after, how.bandwidth);
+  // projections_ sqrt(w) is U^T (x - the mean after the update)
+  const double after = shrink * shrink * square, near = projection_weight(after, settings.bandwidth);
   double along = 0.0, least = std::numeric_limits<double>::infinity(), now = loss;
   dimension_ = d;
   for (int k = 0; k <= n; ++k) {
-    if (k) along += w * along_[k - 1] * along_[k - 1];
+    if (k) along += w * projections_[k - 1] * projections_[k - 1];
     const double delta = std::max(after - near * along, 0.0);
-    delta_[k] = (w * extended(seen.distances, rank, k) + delta) / (w + 1.0);
-    const double loss_at_k = how.penalty * k + delta;
-    if (k > d + 1 || k > how.most || !(loss_at_k <= loss || k == d)) continue;
-    if (how.penalty * k + delta_[k] < least) {
-      least = how.penalty * k + delta_[k];
+    delta_[k] = (w * extended(subspace.distances, rank, k) + delta) / (w + 1.0);
+    const double loss_at_k = settings.penalty * k + delta;
+    if (k > d + 1 || k > settings.max_dimension || !(loss_at_k <= loss || k == d)) continue;
+    if (settings.penalty * k + delta_[k] < least) {
+      least = settings.penalty * k + delta_[k];
       dimension_ = k;
       now = loss_at_k;
     }
   }
-  rank_ = std::min(n, dimension_ + how.extra_directions);
+  rank_ = std::min(n, dimension_ + settings.extra_directions);
   if (rank_ <= layout.capacity) {
     for (int i = 0; i < rows_; i += 4)
-      loose_lanes<4>(seen.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
-    if (n) rotate(seen.basis, layout, rank, n, rank_, seen.basis, layout.capacity);
-    put(seen, layout);
+      loose_lanes<4>(subspace.mean + i) += loose_lanes<4>(&error_[i]) / (w + 1.0);
+    if (n) rotate(subspace.basis, layout, rank, n, rank_, subspace.basis, layout.capacity);
+    write_statistics(subspace, layout);
   } else {
     reserve_wide();
-    for (int i = 0; i < rows_; ++i) mean_[i] = seen.mean[i] + error_[i] / (w + 1.0);
-    rotate(seen.basis, layout, rank, n, rank_, basis_.data(), wide_.capacity);
+    for (int i = 0; i < rows_; ++i) mean_[i] = subspace.mean[i] + error_[i] / (w + 1.0);
+    rotate(subspace.basis, layout, rank, n, rank_, basis_.data(), wide_.capacity);
     std::copy_n(values_.data(), rank_, variances_.data());
     std::copy_n(delta_.data(), rank_ + 1, distances_.data());
   }
   return now - loss;
 }
 
-// The numbers of what was just learned, where mean and basis are already.
-void Subspaces::put(const Subspace& to, const Layout& layout) const {
+// Writes the statistics of the last update; mean and basis are in place already.
+void Subspaces::write_statistics(const Subspace& to, const Layout& layout) const {
   *to.dimension = dimension_;
   *to.rank = rank_;
   std::copy_n(values_.data(), rank_, to.variances);
@@ -185,11 +185,11 @@ void Subspaces::reserve_wide() {
   if (!basis_.empty()) return;
   for (Buffer* buffer : {&basis_, &other_}) buffer->resize(size_t(D_) * wide_.capacity);
   for (Buffer* buffer : {&variances_, &distances_}) buffer->resize(wide_.capacity + 4);
-  for (Buffer* buffer : {&mean_, &apart_}) buffer->resize(rows_);
+  for (Buffer* buffer : {&mean_, &separation_}) buffer->resize(rows_);
 }
 
-void Subspaces::rank_one_update(double scale, const double* y, double zero) {
-  const int n = augment(basis_.data(), wide_, rank_, y, zero);
+void Subspaces::rank_one_update(double scale, const double* y, double tolerance) {
+  const int n = augment(basis_.data(), wide_, rank_, y, tolerance);
   if (n == 0) return;
   solve(variances_.data(), rank_, n, scale);
   rotate(basis_.data(), wide_, rank_, n, n, other_.data(), wide_.capacity);
@@ -198,38 +198,38 @@ void Subspaces::rank_one_update(double scale, const double* y, double zero) {
   rank_ = n;
 }
 
-void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double run_groups,
+void Subspaces::merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double fraction,
                       int extra_directions) {
   reserve_wide();
-  const double between = run_groups * (1.0 - run_groups);
-  const double zero =
+  const double between = fraction * (1.0 - fraction);
+  const double tolerance =
       ROUNDING * (std::sqrt(square_of(light.mean, rows_)) + std::sqrt(square_of(heavy.mean, rows_)));
-  const double square = deviation(light.mean, heavy.mean, rows_, apart_.data());
-  double scale = 1.0 - run_groups;
+  const double square = deviation(light.mean, heavy.mean, rows_, separation_.data());
+  double scale = 1.0 - fraction;
   rank_ = int(*heavy.rank);
   std::copy_n(heavy.variances, rank_, variances_.data());
   std::fill(basis_.begin(), basis_.end(), 0.0);
   for (int d = 0; d < D_; ++d)
     std::copy_n(heavy.basis + size_t(d) * layout.capacity, rank_, &basis_[size_t(d) * wide_.capacity]);
   for (int i = 0; i < int(*light.rank); ++i) {
-    const double length = std::sqrt(run_groups * light.variances[i]);
+    const double length = std::sqrt(fraction * light.variances[i]);
     for (int d = 0; d < D_; ++d) y_[d] = length * light.basis[size_t(d) * layout.capacity + i];
     rank_one_update(scale, y_.data(), ROUNDING * length);
     scale = 1.0;
   }
-  for (int d = 0; d < rows_; ++d) y_[d] = std::sqrt(between) * apart_[d];
-  rank_one_update(scale, y_.data(), std::sqrt(between) * zero);
+  for (int d = 0; d < rows_; ++d) y_[d] = std::sqrt(between) * separation_[d];
+  rank_one_update(scale, y_.data(), std::sqrt(between) * tolerance);
   dimension_ = int(*heavy.dimension);
   const int kept = std::min(rank_, dimension_ + extra_directions);
   double along = 0.0;
   for (int k = 0; k <= kept; ++k) {
-    if (k) along += along_[k - 1] * along_[k - 1];
-    distances_[k] = (1.0 - run_groups) * extended(heavy.distances, int(*heavy.rank), k) +
-                    run_groups * extended(light.distances, int(*light.rank), k) +
+    if (k) along += projections_[k - 1] * projections_[k - 1];
+    distances_[k] = (1.0 - fraction) * extended(heavy.distances, int(*heavy.rank), k) +
+                    fraction * extended(light.distances, int(*light.rank), k) +
                     std::max(between * square - along, 0.0);
   }
   rank_ = kept;
-  for (int d = 0; d < rows_; ++d) mean_[d] = heavy.mean[d] + run_groups * apart_[d];
+  for (int d = 0; d < rows_; ++d) mean_[d] = heavy.mean[d] + fraction * separation_[d];
 }
 
 void Subspaces::keep(const Subspace& to, const Layout& layout) const {
@@ -243,26 +243,26 @@ void Subspaces::keep(const Subspace& to, const Layout& layout) const {
     std::copy_n(&basis_[size_t(d) * wide_.capacity], rank_, to.basis + size_t(d) * layout.capacity);
 }
 
-void Subspaces::reorthonormalise(const Subspace& seen, const Layout& layout) {
-  const int capacity = layout.capacity, rank = int(*seen.rank);
+void Subspaces::reorthonormalise(const Subspace& subspace, const Layout& layout) {
+  const int capacity = layout.capacity, rank = int(*subspace.rank);
   const auto product = [&](int i, int j) {
     double sum = 0.0;
-    for (int d = 0; d < D_; ++d) sum += seen.basis[size_t(d) * capacity + i] * seen.basis[size_t(d) * capacity + j];
+    for (int d = 0; d < D_; ++d) sum += subspace.basis[size_t(d) * capacity + i] * subspace.basis[size_t(d) * capacity + j];
     return sum;
   };
   double drift = 0.0;
   for (int j = 0; j < rank; ++j)
     for (int i = 0; i <= j; ++i) drift = std::max(drift, std::abs(product(i, j) - (i == j)));
   if (!(drift > DRIFT)) return;
-  for (int j = 0; j < rank; ++j) {  // modified Gram-Schmidt, twice: the leading directions stay
+  for (int j = 0; j < rank; ++j) {  // modified Gram-Schmidt, twice: the leading directions do not change
     for (int pass = 0; pass < 2; ++pass)
       for (int i = 0; i < j; ++i) {
         const double along = product(i, j);
         for (int d = 0; d < D_; ++d)
-          seen.basis[size_t(d) * capacity + j] -= along * seen.basis[size_t(d) * capacity + i];
+          subspace.basis[size_t(d) * capacity + j] -= along * subspace.basis[size_t(d) * capacity + i];
       }
     const double length = std::sqrt(product(j, j));
-    for (int d = 0; d < D_; ++d) seen.basis[size_t(d) * capacity + j] /= length;
+    for (int d = 0; d < D_; ++d) subspace.basis[size_t(d) * capacity + j] /= length;
   }
 }
 

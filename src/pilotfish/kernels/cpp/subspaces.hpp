@@ -1,5 +1,5 @@
-// One cluster's subspace in one frame, and what a datapoint or another cluster changes in it.
-// twins/subspaces.py says what is computed.
+// Subspace of a cluster in one frame: its updates by a datapoint and by another cluster.
+// Defined by kernels/reference/subspaces.py.
 #pragma once
 
 #include "lanes.hpp"
@@ -7,18 +7,18 @@
 
 namespace pilotfish {
 
-inline int round_up_to_four(int n) { return (n + 3) / 4 * 4; }  // the least multiple of four that is not less
+inline int round_up_to_four(int n) { return (n + 3) / 4 * 4; }
 
-// A subspace where it lies in a row of a StreamState: mean and distances are filled up with zeros to a
-// multiple of four, so that vector registers need no remainder, and so is the room for directions.
+// Subspace inside a packed row. Mean, distances and the capacity for directions are padded with zeros to a multiple of
+// four, the width of a vector register.
 struct Subspace {
   double *dimension, *rank, *mean, *variances, *distances, *basis;
 };
 
 struct Layout {
   int D;     // columns
-  int rows;  // the same in fours
-  int capacity;  // for directions, in fours
+  int rows;  // D padded to a multiple of four
+  int capacity;  // number of directions, a multiple of four
   size_t block() const { return 2 + size_t(rows) + 2 * capacity + 4 + size_t(D) * capacity; }
   Subspace at(double* block) const {
     double* variances = block + 2 + rows;
@@ -26,13 +26,13 @@ struct Layout {
   }
 };
 
-// 2 rho - rho^2, for a datapoint at that squared distance from the mean.
-inline double nearness(double square, double bandwidth) {
+// Returns 2 rho - rho^2 for a datapoint at this squared distance from the mean.
+inline double projection_weight(double square, double bandwidth) {
   const double rho = exponential(-square / bandwidth);
   return rho * (2.0 - rho);
 }
 
-// error = x - mean; the square of its length.
+// Computes error = x - mean; returns its squared length.
 inline double deviation(const double* x, const double* mean, int rows, double* error) {
   Lanes<4> sum = Lanes<4>::Zero();
   for (int d = 0; d < rows; d += 4) {
@@ -43,15 +43,15 @@ inline double deviation(const double* x, const double* mean, int rows, double* e
   return sum.sum();
 }
 
-// |a - b|^2, or some of it that is not less than limit.
-inline double square_apart(const double* a, const double* b, int rows, double limit) {
+// Returns |a - b|^2, or a partial sum that is at least limit.
+inline double bounded_squared_distance(const double* a, const double* b, int rows, double limit) {
   double square = 0.0;
   for (int d = 0; d < rows && square < limit; d += 4)
     square += (loose_lanes<4>(a + d) - loose_lanes<4>(b + d)).square().sum();
   return square;
 }
 
-// g = U^T e over COLUMNS directions, in four chains of additions, of which none waits for another.
+// Computes g = U^T e for COLUMNS directions, in four independent chains of additions.
 template <int COLUMNS>
 inline void project_block(const Layout& layout, const double* u, const double* e, double* g) {
   const int D = layout.D, capacity = layout.capacity;
@@ -64,7 +64,7 @@ inline void project_block(const Layout& layout, const double* u, const double* e
   loose_lanes<COLUMNS>(g) = (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }
 
-// The same over the first so many directions, a multiple of four.
+// Computes g = U^T e for the first directions, a multiple of four.
 inline void project(const Layout& layout, const double* basis, int directions, const double* e, double* g) {
   int c = 0;
   for (; c + 8 <= directions; c += 8) project_block<8>(layout, basis + c, e, g + c);
@@ -77,31 +77,32 @@ inline double square_of_first(const double* g, int n) {
   return sum;
 }
 
-struct Learning {
+struct UpdateSettings {
   double weight, penalty, bandwidth;
-  int most, extra_directions;
+  int max_dimension, extra_directions;
 };
 
-// Updates of subspaces of one width. It keeps its memory: nothing is allocated once sizes have settled.
+// Updates of subspaces of one width. It keeps its memory between calls.
 class Subspaces {
  public:
   explicit Subspaces(int D);
 
-  // seen learns a datapoint; returns what the loss at it changes by. Where that wants more directions than
-  // there is room for, seen is as it was, and rank() > room: keep() then puts it where there is room.
-  double learn(const double* x, const Subspace& seen, const Layout& layout, const Learning& how);
+  // Updates a subspace by a datapoint; returns the change of the loss at the datapoint. If the result has more
+  // directions than the capacity, the subspace is unchanged and rank() > capacity: then call keep() after enlarging it.
+  double update(const double* x, const Subspace& subspace, const Layout& layout, const UpdateSettings& settings);
 
-  // heavy and light as one, light having that share of the weight; keep() puts it where it belongs.
-  void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double run_groups, int extra_directions);
+  // Merges two subspaces, of which light has this fraction of the weight; keep() stores the result.
+  void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double fraction,
+             int extra_directions);
 
-  int rank() const { return rank_; }  // of what was made last
+  int rank() const { return rank_; }  // of the last result
   void keep(const Subspace& to, const Layout& layout) const;
 
-  // Orthonormal directions again, where they have drifted apart by more than 1e-8.
-  void reorthonormalise(const Subspace& seen, const Layout& layout);
+  // Makes the directions orthonormal again if they have drifted by more than 1e-8.
+  void reorthonormalise(const Subspace& subspace, const Layout& layout);
 
  private:
-  int augment(const double* basis, const Layout& layout, int rank, const double* y, double zero);
+  int augment(const double* basis, const Layout& layout, int rank, const double* y, double tolerance);
   void solve(const double* variances, int rank, int n, double scale);
   void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out, int capacity);
   template <int ROWS, int COLUMNS>
@@ -109,17 +110,17 @@ class Subspaces {
   template <int ROWS>
   void rotate_rows(const double* basis, const Layout& layout, int rank, int n, int columns, double* out,
                    int capacity, int d);
-  void put(const Subspace& to, const Layout& layout) const;
+  void write_statistics(const Subspace& to, const Layout& layout) const;
   void reserve(int n);
   void reserve_wide();
-  void rank_one_update(double scale, const double* y, double zero);
+  void rank_one_update(double scale, const double* y, double tolerance);
 
   int D_, rows_;
-  Buffer error_, y_, p_, g_, again_, values_, poles_, along_, delta_, R_, rows_of_;
+  Buffer error_, y_, p_, g_, correction_, values_, poles_, projections_, delta_, R_, rows_of_;
   RankOne eigenpairs_;
-  // what merge works on
+  // work memory of merge
   Layout wide_;
-  Buffer basis_, other_, variances_, distances_, mean_, apart_;
+  Buffer basis_, other_, variances_, distances_, mean_, separation_;
   int rank_ = 0, dimension_ = 0;
 };
 

@@ -1,4 +1,38 @@
-"""Scalable online sequence clustering: where each datapoint of a stream goes, and what it changes."""
+"""Scalable online sequence clustering (SOSC): one step of learning per datapoint of a stream.
+
+Model. K clusters, each with a mean and a low-dimensional subspace per frame, and a transition count between
+each pair of clusters. It is the small-variance limit of a hidden semi-Markov model with a Dirichlet process
+prior. Learning minimises the loss
+
+    sum over datapoints of dist(x, cluster) + lambda_1 d(cluster) + transition cost,  plus lambda per cluster.
+
+Distance (5.13). With e = x - mean and an orthonormal basis U of d directions, dist = |e - rho U U^T e|^2
+summed over frames, where rho = exp(-|e|^2 / b_m). Near the mean, deviations along the subspace are free; far
+from it they count.
+
+Assignment (5.26-5.28). From the current cluster i, a transition to j costs lambda_2 log(c_i / c_ij), with
+transition counts c_ij and c_i = sum_j c_ij. A transition that never occurred costs lambda_2 log(c_i + 1) +
+lambda_3. x goes to the cluster of least distance plus transition cost, or to a new one if that costs more
+than lambda plus the cost of a transition that never occurred. At the start of a demonstration transitions are
+free.
+
+Update. Transition counts and segment durations follow the assignment (5.29-5.34). The subspace takes x by a
+rank-one update of its covariance and chooses the dimension with the least mean loss, see subspaces.py
+(5.17-5.23). Weights then count datapoints, decay exponentially, or are constant (5.15, 5.16). Light clusters
+are forgotten, and clusters with close means are merged: counts add up, moments and durations are pooled.
+
+Invariants. No update raises the loss at its datapoint, up to rounding: `loss_changes` are at most zero. The
+result does not depend on how a stream is cut into calls, only on the batch size. Without truncation, merging
+and decay, a cluster has exactly the moments of its datapoints. Segments that a merge joins are one segment.
+
+Batches. `batch` datapoints are assigned one after the other before the subspaces change, then the subspaces
+take the same datapoints in order.
+
+Keep in step: cpp/streaming.cpp makes the same decisions in the same order, ties included; its lower bounds of
+the distance only skip clusters that cannot win. The layout of packed rows is in stream_state.py.
+
+Source: Tanwani 2018, algorithm 5; Kulis & Jordan 2012 for the small-variance limit.
+"""
 
 from dataclasses import dataclass, field
 
@@ -34,7 +68,7 @@ ORTHONORMALISE_EVERY = 256  # datapoints of a cluster
 
 @dataclass(slots=True, eq=False)
 class Cluster:
-    """One row of a StreamState, taken apart; numbers are by Column."""
+    """Cluster of a StreamState, unpacked; statistics are indexed by ClusterColumn."""
 
     statistics: Float[Array, " 9"]
     subspaces: list[Subspace]
@@ -42,16 +76,16 @@ class Cluster:
 
 @dataclass(slots=True, eq=False)
 class MutableState:
-    """A StreamState, taken apart, while it changes."""
+    """StreamState, unpacked, while it changes."""
 
     parameters: StreamParameters
     clusters: list[Cluster]
     transition_counts: Float[Array, "K K"]
-    current_cluster: int  # -1 where a demonstration begins
+    current_cluster: int  # -1 at the start of a demonstration
     steps: int
     next_cluster_id: int
     points: int
-    previous: int  # the cluster visited before, -1 where a demonstration has begun since
+    previous: int  # cluster of the segment before, -1 if there is none in this demonstration
     previous_steps: int
     removed: list[tuple[int, int, int]] = field(default_factory=list)
 
@@ -59,11 +93,18 @@ class MutableState:
 def observe(
     x: Float[Array, "N P D"], state: StreamState, parameters: StreamParameters
 ) -> tuple[StreamState, Assignments]:
-    """The model after N datapoints, each seen from P frames, taken one after the other.
+    """Return the state after N datapoints, in order, and how they were assigned.
 
-    Assignments are made rules.batch at a time; subspaces then learn from their datapoints in order.
-    Raises: InvalidInput, when a number is not finite or beyond 1e100.
-    Source: Tanwani 2018, algorithm 5, with what specification 2 corrects.
+    Args:
+        x: Datapoints in every frame.
+        state: State before them.
+        parameters: Penalties and limits.
+
+    Raises:
+        InvalidInput: If a number is not finite or larger than 1e100.
+
+    Source:
+        Tanwani 2018, algorithm 5, corrected as described at the head of this file.
     """
     if (bad := np.flatnonzero(~(np.abs(x) <= MAX_VALUE))).size:
         raise datapoint_error(x, int(bad[0]))
@@ -72,16 +113,16 @@ def observe(
     loss_changes = np.empty(len(x))
     for start in range(0, len(x), parameters.batch):
         batch = range(start, min(start + parameters.batch, len(x)))
-        new_cluster = set()
+        created = set()
         for n in batch:
             k, costs[n], loss_changes[n] = assign_point(stream, x[n])
             if k == len(stream.clusters):
                 k = create_cluster(stream, x[n], n)
-                new_cluster.add(n)
+                created.add(n)
             cluster_ids[n] = stream.clusters[k].statistics[Column.CLUSTER_ID]
             loss_changes[n] += update_transitions(stream, k)
         for n in batch:
-            loss_changes[n] += update_cluster(stream, x[n], int(cluster_ids[n]), n in new_cluster)
+            loss_changes[n] += update_cluster(stream, x[n], int(cluster_ids[n]), n in created)
             remove_light_clusters(stream, n)
         last = batch[-1]
         for cluster_id in dict.fromkeys(cluster_ids[batch].tolist()):
@@ -94,13 +135,22 @@ def observe(
 def observe_one(
     x: Float[Array, "P D"], state: StreamState, parameters: StreamParameters
 ) -> tuple[StreamState, int, float, float]:
-    """The same for one datapoint: the state, and the identity, cost and change of this one."""
+    """Return the state after one datapoint, its cluster id, the cost of the assignment and the loss change.
+
+    Args:
+        x: Datapoint in every frame.
+        state: State before it.
+        parameters: Penalties and limits.
+
+    Raises:
+        InvalidInput: If a number is not finite or larger than 1e100.
+    """
     after, step = observe(x[None], state, parameters)
     return after, int(step.cluster_ids[0]), float(step.costs[0]), float(step.loss_changes[0])
 
 
 def assign_point(stream: MutableState, x: Float[Array, "P D"]) -> tuple[int, float, float]:
-    """The cluster of least cost, or K for a new one; its cost; and for a new one, the loss that it saves."""
+    """Return the cluster of least cost (K for a new one), its cost, and the loss change of a new cluster."""
     parameters, K = stream.parameters, len(stream.clusters)
     costs = np.array([cluster_distance(cluster, x, parameters.bandwidth) for cluster in stream.clusters])
     costs += transition_costs(stream)
@@ -115,7 +165,7 @@ def assign_point(stream: MutableState, x: Float[Array, "P D"]) -> tuple[int, flo
     best = int(costs.argmin())
     if costs[best] < new:
         return best, float(costs[best]), 0.0
-    dimensions = sum(subspaces.dimension for subspaces in stream.clusters[best].subspaces)
+    dimensions = sum(subspace.dimension for subspace in stream.clusters[best].subspaces)
     return (
         K,
         float(new),
@@ -124,28 +174,27 @@ def assign_point(stream: MutableState, x: Float[Array, "P D"]) -> tuple[int, flo
 
 
 def cluster_distance(cluster: Cluster, x: Float[Array, "P D"], bandwidth: float) -> float:
-    """The squared distances of all frames, added."""
+    """Return the squared distance, summed over frames."""
     return sum(
-        squared_distance(row, subspaces, bandwidth)
-        for row, subspaces in zip(x, cluster.subspaces, strict=True)
+        squared_distance(row, subspace, bandwidth) for row, subspace in zip(x, cluster.subspaces, strict=True)
     )
 
 
 def transition_costs(stream: MutableState) -> Float[Array, " K"]:
-    """What it costs to go from the current cluster to each (5.26, 5.27); nothing where none is current."""
+    """Return the transition costs from the current cluster (5.26, 5.27); zeros if there is none."""
     if stream.current_cluster < 0:
         return np.zeros(len(stream.clusters))
     parameters, transition_counts = stream.parameters, stream.transition_counts[stream.current_cluster]
-    known = transition_counts > 0.0
+    occurred = transition_counts > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        surprise = np.log(
-            np.where(known, transition_counts.sum() / transition_counts, transition_counts.sum() + 1.0)
+        log_ratio = np.log(
+            np.where(occurred, transition_counts.sum() / transition_counts, transition_counts.sum() + 1.0)
         )
-    return np.asarray(parameters.transition * surprise + np.where(known, 0.0, parameters.new_transition))
+    return np.asarray(parameters.transition * log_ratio + np.where(occurred, 0.0, parameters.new_transition))
 
 
 def create_cluster(stream: MutableState, x: Float[Array, "P D"], n: int) -> int:
-    """The row of a new cluster at x; where no more may be, the lightest but the current makes room."""
+    """Create a cluster at x and return its index; at the maximum, remove the lightest other cluster first."""
     if len(stream.clusters) >= stream.parameters.max_clusters:
         weights = np.array([cluster.statistics[Column.WEIGHT] for cluster in stream.clusters])
         if len(weights) > 1 and stream.current_cluster >= 0:
@@ -165,7 +214,7 @@ def _initial_weight(parameters: StreamParameters) -> float:
 
 
 def update_transitions(stream: MutableState, k: int) -> float:
-    """Transitions and durations after a datapoint in k (5.29-5.34); how much its transition cost changed."""
+    """Update transition counts and durations (5.29-5.34); return the change of the transition cost."""
     statistics, previous = stream.clusters[k].statistics, stream.current_cluster
     statistics[Column.POINTS] += 1.0
     stream.points += 1
@@ -188,7 +237,7 @@ def update_transitions(stream: MutableState, k: int) -> float:
 
 
 def add_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
-    """One more complete visit (5.32-5.33, Welford)."""
+    """Add a completed segment to the duration statistics (5.32-5.33, Welford)."""
     statistics[Column.SEGMENTS] += 1.0
     deviation = steps - statistics[Column.MEAN_DURATION]
     statistics[Column.MEAN_DURATION] += deviation / statistics[Column.SEGMENTS]
@@ -196,19 +245,19 @@ def add_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
 
 
 def remove_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
-    """One complete visit of so many steps less: the inverse of lasted."""
+    """Remove a completed segment from the duration statistics."""
     statistics[Column.SEGMENTS] -= 1.0
     if statistics[Column.SEGMENTS] == 0.0:
         statistics[Column.MEAN_DURATION] = statistics[Column.SQUARED_DEVIATIONS] = 0.0
         return
     deviation = steps - statistics[Column.MEAN_DURATION]
     statistics[Column.MEAN_DURATION] -= deviation / statistics[Column.SEGMENTS]
-    left = statistics[Column.SQUARED_DEVIATIONS] - deviation * (steps - statistics[Column.MEAN_DURATION])
-    statistics[Column.SQUARED_DEVIATIONS] = max(left, 0.0)
+    remainder = statistics[Column.SQUARED_DEVIATIONS] - deviation * (steps - statistics[Column.MEAN_DURATION])
+    statistics[Column.SQUARED_DEVIATIONS] = max(remainder, 0.0)
 
 
 def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int, new_cluster: bool) -> float:
-    """The cluster learns x, then all weights change; what the loss at x changed by."""
+    """Update the subspaces of the cluster by x, then all weights; return the loss change at x."""
     parameters, loss_change = stream.parameters, 0.0
     k = find_cluster(stream, cluster_id)
     if k >= 0 and not new_cluster:
@@ -238,6 +287,7 @@ def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int
 
 
 def find_cluster(stream: MutableState, cluster_id: int) -> int:
+    """Return the index of a cluster by its id, or -1."""
     for k, cluster in enumerate(stream.clusters):
         if cluster.statistics[Column.CLUSTER_ID] == cluster_id:
             return k
@@ -245,7 +295,7 @@ def find_cluster(stream: MutableState, cluster_id: int) -> int:
 
 
 def remove_light_clusters(stream: MutableState, n: int) -> None:
-    """Clusters whose weight has worn off are no more; the current one stays."""
+    """Remove clusters, except the current one, whose weight is below the limit."""
     k = 0
     while k < len(stream.clusters):
         is_light = stream.clusters[k].statistics[Column.WEIGHT] < stream.parameters.forget_below
@@ -256,10 +306,10 @@ def remove_light_clusters(stream: MutableState, n: int) -> None:
 
 
 def merge_close_clusters(stream: MutableState, cluster_id: int, n: int) -> None:
-    """Clusters whose means came closer than the threshold become one, the closest first."""
+    """Merge a cluster with those whose means are closer than the threshold, the closest first."""
     k = find_cluster(stream, cluster_id)
     while k >= 0:
-        separation = np.array([squared_mean_distance(stream.clusters[k], other) for other in stream.clusters])
+        separation = np.array([squared_mean_distance(stream.clusters[k], c) for c in stream.clusters])
         separation[k] = np.inf
         j = int(separation.argmin())
         if not separation[j] < stream.parameters.merge_distance**2:
@@ -268,17 +318,21 @@ def merge_close_clusters(stream: MutableState, cluster_id: int, n: int) -> None:
 
 
 def squared_mean_distance(a: Cluster, b: Cluster) -> float:
+    """Return the squared distance between means, summed over frames."""
     return float(sum(np.sum((p.mean - q.mean) ** 2) for p, q in zip(a.subspaces, b.subspaces, strict=True)))
 
 
 def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
-    """The row of both as one: weights, counts and durations added, moments pooled. The heavier one stays."""
+    """Merge two clusters into the heavier one and return its index.
+
+    Weights, counts and durations are added; moments are pooled.
+    """
     a, b = stream.clusters[k].statistics, stream.clusters[j].statistics
     if (b[Column.WEIGHT], -b[Column.CLUSTER_ID]) > (a[Column.WEIGHT], -a[Column.CLUSTER_ID]):
         k, j, a, b = j, k, b, a
-    share = b[Column.WEIGHT] / (a[Column.WEIGHT] + b[Column.WEIGHT])
+    fraction = b[Column.WEIGHT] / (a[Column.WEIGHT] + b[Column.WEIGHT])
     stream.clusters[k].subspaces = [
-        truncate(merge_subspaces(p, q, float(share)), stream.parameters.extra_directions)
+        truncate(merge_subspaces(p, q, float(fraction)), stream.parameters.extra_directions)
         for p, q in zip(stream.clusters[k].subspaces, stream.clusters[j].subspaces, strict=True)
     ]
     pool_durations(a, b, Column.SEGMENTS, Column.MEAN_DURATION, Column.SQUARED_DEVIATIONS)
@@ -291,7 +345,7 @@ def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
     stream.transition_counts[:, k] += stream.transition_counts[:, j]
     stream.current_cluster = k if stream.current_cluster == j else stream.current_cluster
     stream.previous = k if stream.previous == j else stream.previous
-    if stream.current_cluster == stream.previous >= 0:  # what was taken for two visits is one, and goes on
+    if stream.current_cluster == stream.previous >= 0:  # the two segments are one, which continues
         remove_segment_duration(stream.clusters[k].statistics, stream.previous_steps)
         stream.steps += stream.previous_steps
         stream.previous, stream.previous_steps = -1, 0
@@ -302,18 +356,19 @@ def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
 def pool_durations(
     a: Float[Array, " 9"], b: Float[Array, " 9"], number: int, mean: int, squares: int | None
 ) -> None:
-    """Means and squared deviations of two sets as of one (Chan, Golub & LeVeque 1979)."""
-    both = a[number] + b[number]
-    if both == 0.0:
+    """Pool the means and squared deviations of two sets into the first (Chan, Golub & LeVeque 1979)."""
+    total = a[number] + b[number]
+    if total == 0.0:
         return
     deviation = b[mean] - a[mean]
     if squares is not None:
-        a[squares] += b[squares] + deviation**2 * a[number] * b[number] / both
-    a[mean] += deviation * b[number] / both
-    a[number] = both
+        a[squares] += b[squares] + deviation**2 * a[number] * b[number] / total
+    a[mean] += deviation * b[number] / total
+    a[number] = total
 
 
 def remove_cluster(stream: MutableState, k: int, n: int, into: int) -> None:
+    """Remove a cluster with its transition counts; `into` is the id of the cluster that it merged into."""
     stream.removed.append((n, int(stream.clusters[k].statistics[Column.CLUSTER_ID]), into))
     del stream.clusters[k]
     stream.transition_counts = np.delete(np.delete(stream.transition_counts, k, axis=0), k, axis=1)
@@ -323,12 +378,13 @@ def remove_cluster(stream: MutableState, k: int, n: int, into: int) -> None:
         stream.previous_steps = 0
 
 
-def _index_after_removal(place: int, k: int) -> int:
-    """Where a place is once k is gone; -1, when it was k."""
-    return -1 if place == k else place - (place > k)
+def _index_after_removal(index: int, k: int) -> int:
+    """Return the new value of an index after the removal of k; -1 for k itself."""
+    return -1 if index == k else index - (index > k)
 
 
 def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
+    """Return the unpacked state."""
     statistics = np.stack([getattr(state, name) for name in STATISTICS], axis=1)  # in the order of Column
     clusters = [
         Cluster(statistics[k].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
@@ -348,6 +404,7 @@ def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
 
 
 def pack(stream: MutableState, frames: int, width: int) -> StreamState:
+    """Return the packed state."""
     ranks = [len(subspace.variances) for cluster in stream.clusters for subspace in cluster.subspaces]
     arrays = zero_arrays(len(stream.clusters), frames, width, max(ranks, default=0))
     arrays["transition_counts"][:] = stream.transition_counts

@@ -1,4 +1,28 @@
-"""One cluster's subspace in one frame, and what a datapoint or another cluster changes in it."""
+"""Subspace of a cluster in one frame: distance, rank-one update, truncation and merging.
+
+State. The covariance of the cluster is U diag(variances) U^T about the mean, with r orthonormal directions U
+in order of decreasing variance. The first d of them span the subspace; the others are stored because they may
+enter it later.
+
+Rank-one update. A datapoint with weight w of the past changes the covariance to
+
+    Sigma' = w / (w + 1) Sigma + w / (w + 1)^2 e e^T,   e = x - mean.
+
+With y = sqrt(w) / (w + 1) e, g = U^T y and the residual p = y - U g, Sigma' lies in the span of U and p. Its
+eigenvectors are [U, p / |p|] R, where R are the eigenvectors of w / (w + 1) diag(variances, 0) + h h^T with h
+= (g, |p|): a diagonal matrix plus an outer product. Here numpy.linalg.eigh solves it; cpp/rank_one.hpp solves
+the secular equation in O(r^2).
+
+Dimension. distances[k] is the running mean of the squared distance to the first k directions (5.22). d
+becomes the k that minimises lambda_1 k + distances[k] among those at which the loss of the datapoint does not
+rise. The previous d is always one of them, since the leading directions gain what the update adds (Ky Fan
+1949).
+
+Invariants. U is orthonormal up to a drift of 1e-8, which `reorthonormalise` removes. Without truncation mean
+and covariance are exactly those of the weighted datapoints (Welford 1962).
+
+Keep in step: cpp/subspaces.cpp.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -13,10 +37,7 @@ ROUNDING_TOLERANCE = 8 * np.finfo(np.float64).eps
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspace:
-    """Sigma = U diag(variances) U^T about the mean, the first d directions of U being the subspace.
-
-    distances[k] is the running mean of the squared distance to the first k directions (5.22).
-    """
+    """Subspace of one cluster in one frame, as defined at the head of this file."""
 
     dimension: int
     mean: Float[Array, " D"]
@@ -26,11 +47,12 @@ class Subspace:
 
 
 def initial_subspace(x: Float[Array, " D"]) -> Subspace:
+    """Return the subspace of one datapoint, of dimension 0."""
     return Subspace(0, x, np.empty((len(x), 0)), np.empty(0), np.zeros(1))
 
 
 def unpack_subspace(state: StreamState, k: int, p: int) -> Subspace:
-    """Cluster k in frame p, out of its row."""
+    """Return the subspace of cluster k in frame p."""
     r = int(state.ranks[k, p])
     return Subspace(
         int(state.dimensions[k, p]),
@@ -52,16 +74,16 @@ def pack_subspace(subspace: Subspace, arrays: dict[str, Float[Array, "..."]], k:
 
 
 def projection_weight(square: float, bandwidth: float) -> float:
-    """2 rho - rho^2: how much of what lies in the subspace does not count as distance."""
-    far = -np.expm1(-square / bandwidth)  # 1 - rho
-    return float((1.0 - far) * (1.0 + far))
+    """Return 2 rho - rho^2, by which a squared projection reduces the distance."""
+    decay = -np.expm1(-square / bandwidth)  # 1 - rho
+    return float((1.0 - decay) * (1.0 + decay))
 
 
 def squared_distance(x: Float[Array, " D"], subspace: Subspace, bandwidth: float) -> float:
-    """|e - rho U U^T e|^2 = |e|^2 - (2 rho - rho^2) |U^T e|^2 (5.13)."""
+    """Return |e - rho U U^T e|^2 = |e|^2 - (2 rho - rho^2) |U^T e|^2 (5.13)."""
     e = x - subspace.mean
-    inside = subspace.U[:, : subspace.dimension].T @ e
-    return float(max(e @ e - projection_weight(e @ e, bandwidth) * (inside @ inside), 0.0))
+    projection = subspace.U[:, : subspace.dimension].T @ e
+    return float(max(e @ e - projection_weight(e @ e, bandwidth) * (projection @ projection), 0.0))
 
 
 def rank_one_update(
@@ -71,13 +93,13 @@ def rank_one_update(
     y: Float[Array, " D"],
     tolerance: float,
 ) -> tuple[Float[Array, "D n"], Float[Array, " n"], Float[Array, " n"]]:
-    """Directions and variances of scale U diag(variances) U^T + y y^T, and y along them; n is r or r + 1.
+    """Return directions and variances of scale U diag(variances) U^T + y y^T, and y in the new directions.
 
-    What is left of y outside U is a direction of its own where it is longer than zero (5.18-5.20).
+    The residual of y outside U becomes a direction if it is longer than the tolerance (5.18-5.20).
     """
     g = U.T @ y
     p = y - U @ g
-    correction = U.T @ p  # once more: what cancelled is not orthogonal yet (Kahan and Parlett)
+    correction = U.T @ p  # second projection: cancellation leaves p not orthogonal (Kahan and Parlett)
     g, p = g + correction, p - U @ correction
     if U.shape[1] < len(y) and (nu := float(np.linalg.norm(p))) > tolerance:
         U, g = np.column_stack([U, p / nu]), np.append(g, nu)
@@ -95,21 +117,20 @@ def update_subspace(
     bandwidth: float,
     max_dimension: int,
 ) -> Subspace:
-    """The subspace after one more datapoint; all directions are kept, see shortened.
+    """Return the subspace after one more datapoint, with all directions; `truncate` drops some.
 
-    The dimension is that of least mean loss among those at which the loss of this datapoint does not rise.
-    That of before always is one of these: the leading directions gain what the update adds (Ky Fan 1949).
-    Source: Tanwani 2018, equations 5.8 and 5.17-5.23, with the mean before the update in the residual
-    (Welford 1962).
+    Source:
+        Tanwani 2018, equations 5.8 and 5.17-5.23, with the mean before the update in the residual (Welford
+        1962).
     """
     w, e = weight, x - previous.mean
     tolerance = ROUNDING_TOLERANCE * float(np.linalg.norm(x) + np.linalg.norm(previous.mean))
-    share = np.sqrt(w) / (w + 1.0)
+    fraction = np.sqrt(w) / (w + 1.0)
     U, variances, y = rank_one_update(
-        previous.U, previous.variances, w / (w + 1.0), share * e, share * tolerance
+        previous.U, previous.variances, w / (w + 1.0), fraction * e, fraction * tolerance
     )
     residual = (w / (w + 1.0)) * e  # x - the mean after the update
-    projections = y * np.sqrt(w)  # U^T left
+    projections = y * np.sqrt(w)  # U^T residual
     square = float(residual @ residual)
     delta = square - projection_weight(square, bandwidth) * np.concatenate([[0.0], np.cumsum(projections**2)])
     delta = np.maximum(delta, 0.0)
@@ -126,7 +147,7 @@ def update_subspace(
 
 
 def reorthonormalise(subspace: Subspace) -> Subspace:
-    """With orthonormal directions again, where they have drifted apart by more than 1e-8."""
+    """Return the subspace with orthonormal directions if they have drifted by more than 1e-8."""
     drift = np.abs(subspace.U.T @ subspace.U - np.eye(subspace.U.shape[1]))
     if not drift.size or drift.max() <= MAX_DRIFT:
         return subspace
@@ -135,13 +156,14 @@ def reorthonormalise(subspace: Subspace) -> Subspace:
 
 
 def point_loss(x: Float[Array, " D"], subspace: Subspace, penalty: float, bandwidth: float) -> float:
+    """Return the loss of a datapoint: squared distance plus the penalty of the dimension."""
     return (penalty * subspace.dimension if subspace.dimension else 0.0) + squared_distance(
         x, subspace, bandwidth
     )
 
 
 def truncate(subspace: Subspace, extra_directions: int) -> Subspace:
-    """With only so many directions beyond its dimension."""
+    """Return the subspace with at most extra_directions beyond its dimension."""
     r = min(subspace.dimension + extra_directions, len(subspace.variances))
     return replace(
         subspace,
@@ -151,27 +173,27 @@ def truncate(subspace: Subspace, extra_directions: int) -> Subspace:
     )
 
 
-def merge_subspaces(heavier: Subspace, lighter: Subspace, share: float) -> Subspace:
-    """Both as one, the light one having that share of the weight: the pooled mean and covariance.
+def merge_subspaces(heavier: Subspace, lighter: Subspace, fraction: float) -> Subspace:
+    """Return the pooled mean and covariance; lighter has this fraction of the total weight.
 
-    The dimension is the heavy one's.
+    The dimension is that of the heavier one.
     """
     separation = lighter.mean - heavier.mean
     tolerance = ROUNDING_TOLERANCE * float(np.linalg.norm(lighter.mean) + np.linalg.norm(heavier.mean))
-    U, variances, scale = heavier.U, heavier.variances, 1.0 - share
+    U, variances, scale = heavier.U, heavier.variances, 1.0 - fraction
     for direction, variance in zip(lighter.U.T, lighter.variances, strict=True):
-        length = float(np.sqrt(share * variance))
+        length = float(np.sqrt(fraction * variance))
         U, variances, _ = rank_one_update(
             U, variances, scale, length * direction, ROUNDING_TOLERANCE * length
         )
         scale = 1.0
-    between = share * (1.0 - share)
+    between = fraction * (1.0 - fraction)
     U, variances, y = rank_one_update(
         U, variances, scale, np.sqrt(between) * separation, np.sqrt(between) * tolerance
     )
     lengths = between * float(separation @ separation) - np.concatenate([[0.0], np.cumsum(y**2)])
-    own, other = (
+    heavier_distances, lighter_distances = (
         np.append(d, np.full(len(lengths) - len(d), d[-1])) for d in (heavier.distances, lighter.distances)
     )
-    distances = (1.0 - share) * own + share * other + np.maximum(lengths, 0.0)
-    return Subspace(heavier.dimension, heavier.mean + share * separation, U, variances, distances)
+    distances = (1.0 - fraction) * heavier_distances + fraction * lighter_distances + np.maximum(lengths, 0.0)
+    return Subspace(heavier.dimension, heavier.mean + fraction * separation, U, variances, distances)

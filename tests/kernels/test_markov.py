@@ -16,7 +16,7 @@ def ignore_log_of_zero():
 
 
 def enumerate_paths(log_emissions, initial, transitions):
-    """Every path (N, T), and log p(emissions, path) (N,)."""
+    """Return every path (N, T) and log p(emissions, path) (N,)."""
     T, K = log_emissions.shape
     every = np.array(list(itertools.product(range(K), repeat=T)))
     with ignore_log_of_zero():
@@ -28,11 +28,11 @@ def enumerate_paths(log_emissions, initial, transitions):
 @pytest.mark.parametrize("zeros", [0.0, 0.5])
 @pytest.mark.parametrize("spread", [1.0, 5000.0])
 @pytest.mark.parametrize(("T", "K"), SHORT)
-def test_forward_backward_agrees_with_listing_every_path(kernels, chain, T, K, spread, zeros):
-    """Likelihood, posteriors, expected transitions and forward variable are sums over all paths.
+def test_forward_backward_equals_enumeration(kernels, chain, T, K, spread, zeros):
+    """Likelihood, state probabilities, transitions and forward variable are sums over all paths.
 
-    Emissions of neighbouring states differ by thousands of nats at the larger spread, and half of the
-    transitions are impossible at the larger share of zeros.
+    At the larger spread, emissions of neighbouring states differ by thousands of nats; at the larger fraction
+    of zeros, half of the transitions are impossible.
     """
     problem = chain(T, K, spread, zeros)
     every, log_p = enumerate_paths(*problem)
@@ -57,8 +57,8 @@ def test_forward_backward_agrees_with_listing_every_path(kernels, chain, T, K, s
 @pytest.mark.parametrize("zeros", [0.0, 0.3])
 @pytest.mark.parametrize("spread", [1.0, 5000.0])
 @pytest.mark.parametrize(("T", "K"), SHORT)
-def test_viterbi_agrees_with_listing_every_path(kernels, chain, T, K, spread, zeros):
-    """The path found is the most probable of all, and log_probability is its own."""
+def test_viterbi_equals_enumeration(kernels, chain, T, K, spread, zeros):
+    """The path is the most probable of all, and log_probability is its own."""
     problem = chain(T, K, spread, zeros)
     every, log_p = enumerate_paths(*problem)
     result = kernels.viterbi(*problem)
@@ -67,10 +67,10 @@ def test_viterbi_agrees_with_listing_every_path(kernels, chain, T, K, spread, ze
         np.testing.assert_array_equal(result.states, every[log_p.argmax()])
 
 
-def test_viterbi_takes_the_lower_state_at_a_tie(kernels, rng):
-    """Of equally probable paths, that one whose last differing state has the lower index.
+def test_viterbi_tie_takes_lower_state(kernels, rng):
+    """Among equally probable paths, the one whose last differing state has the lower index is returned.
 
-    Whole numbers as emissions and certain transitions make ties exact.
+    Integer emissions and certain transitions make ties exact.
     """
     log_emissions = rng.integers(0, 2, size=(6, 3)).astype(float)
     every, log_p = enumerate_paths(log_emissions, np.ones(3), np.ones((3, 3)))
@@ -78,8 +78,8 @@ def test_viterbi_takes_the_lower_state_at_a_tie(kernels, rng):
     assert kernels.viterbi(log_emissions, np.ones(3), np.ones((3, 3))).states.tolist() == best
 
 
-def test_what_no_path_explains_has_likelihood_zero(kernels):
-    """Log-likelihood -inf, posteriors and transitions zero, nothing undefined: at the start, and later on."""
+def test_forward_backward_no_possible_path_is_zero(kernels):
+    """Log-likelihood -inf, probabilities and transitions zero, nothing undefined: at the start and later."""
     dead_end = np.array([[0.0, 1.0], [0.0, 0.0]])
     for log_emissions, initial in [
         (np.zeros((3, 2)), np.array([1.0, 0.0])),  # two steps lead nowhere
@@ -94,8 +94,8 @@ def test_what_no_path_explains_has_likelihood_zero(kernels):
         assert kernels.viterbi(log_emissions, initial, dead_end).log_probability == -np.inf
 
 
-def test_an_impossible_emission_only_forbids_its_state(kernels):
-    """-inf at one state leaves the paths through the others."""
+def test_forward_backward_impossible_emission_forbids_its_state(kernels):
+    """With -inf at one state, the paths through the others remain."""
     log_emissions = np.array([[0.0, 0.0], [-np.inf, 0.0], [0.0, 0.0]])
     result = kernels.forward_backward(log_emissions, np.array([0.5, 0.5]), np.full((2, 2), 0.5))
     np.testing.assert_allclose(result.smoothed_state_probs, [[0.5, 0.5], [0.0, 1.0], [0.5, 0.5]])
@@ -103,10 +103,10 @@ def test_an_impossible_emission_only_forbids_its_state(kernels):
 
 
 @pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
-def test_a_path_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
-    """State 1 looks 1e-4000 times less likely at every early step, and is the only one that ends well.
+def test_forward_backward_path_far_beyond_underflow_is_found(kernels, rare):
+    """State 1 is 1e-4000 times less likely at every early step, and the only one that can end.
 
-    The way there has probability `rare` at each step, down to what a double only holds as a subnormal number.
+    The path to it has probability `rare` at each step, down to subnormal numbers.
     """
     T, turn = 40, 25
     log_emissions = np.zeros((T, 2))
@@ -120,10 +120,10 @@ def test_a_path_ten_thousand_times_beyond_underflow_is_not_lost(kernels, rare):
 
 @pytest.mark.parametrize("rng", [0], indirect=True)
 @pytest.mark.parametrize("spread", [1.0, 3000.0])
-def test_a_hundred_thousand_steps_lose_nothing(compiled, chain, spread):
-    """Posteriors sum to one at every step, transitions add up to the steps, and the twin agrees.
+def test_forward_backward_hundred_thousand_steps_equals_reference(compiled, chain, spread):
+    """State probabilities sum to one at every step, and transitions sum to the number of steps.
 
-    Log-probabilities reach 2e8 in the twin, where a rounding error is 1e-8 and made at every step.
+    Log-probabilities of the reference reach 2e8, where the rounding error of every step is 1e-8.
     """
     problem = chain(100_000, 3, spread, zeros=0.2)
     result, reference_result = compiled.forward_backward(*problem), reference.forward_backward(*problem)
@@ -143,8 +143,8 @@ def test_a_hundred_thousand_steps_lose_nothing(compiled, chain, spread):
 @pytest.mark.parametrize("zeros", [0.0, 0.6])
 @pytest.mark.parametrize("spread", [1.0, 700.0])
 @pytest.mark.parametrize("K", [1, 2, 7, 8, 9, 16, 17, 30])
-def test_compiled_chain_agrees_with_the_reference(compiled, chain, K, spread, zeros):
-    """Any number of states, also around the multiples of eight to which the kernel pads them."""
+def test_forward_backward_compiled_equals_reference(compiled, chain, K, spread, zeros):
+    """Any number of states, also near the multiples of eight to which the kernel pads them."""
     problem = chain(50, K, spread, zeros)
     result, reference_result = compiled.forward_backward(*problem), reference.forward_backward(*problem)
     np.testing.assert_allclose(result.log_likelihood, reference_result.log_likelihood, rtol=1e-12)

@@ -1,4 +1,4 @@
-"""The Riccati recursion against one big least-squares problem, and against its twin."""
+"""Riccati recursion against one large least-squares problem, and against the reference."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def tracking(rng, T, n, m, varying):
 
 
 def rollout(problem, solution, start):
-    """States, inputs and cost under the feedback."""
+    """Return states, controls and cost under the feedback."""
     A, B, weights, targets, control_cost = problem
     x, u, T = [start], [], len(targets)
     for t in range(T - 1):
@@ -33,8 +33,8 @@ def rollout(problem, solution, start):
 
 
 @pytest.mark.parametrize("varying", [False, True])
-def test_the_recursion_agrees_with_one_big_least_squares_problem(kernels, rng, varying):
-    """Inputs along the feedback's own rollout are those that solve the stacked normal equations."""
+def test_riccati_equals_least_squares(kernels, rng, varying):
+    """Controls of the rollout solve the stacked normal equations."""
     T, n, m = 9, 4, 2
     problem = tracking(rng, T, n, m, varying)
     A, B, weights, targets, control_cost = problem
@@ -52,8 +52,8 @@ def test_the_recursion_agrees_with_one_big_least_squares_problem(kernels, rng, v
     np.testing.assert_allclose(u.ravel(), expected, rtol=1e-9, atol=1e-9)
 
 
-def test_values_and_gradients_tell_the_cost_still_to_pay(kernels, rng):
-    """The difference in cost between two starts is e^T P e + 2 d^T e, at e = start - target."""
+def test_riccati_values_and_gradients_give_cost_to_go(kernels, rng):
+    """The difference in cost between two starts is e^T P e + 2 d^T e, e = start - target."""
     problem = tracking(rng, 12, 3, 2, varying=True)
     solution = kernels.riccati(*problem)
     targets = problem[3]
@@ -69,7 +69,7 @@ def test_values_and_gradients_tell_the_cost_still_to_pay(kernels, rng):
 
 @pytest.mark.parametrize(("T", "n", "m"), [(1, 3, 2), (2, 1, 1), (50, 2, 3), (200, 14, 7), (30, 15, 1)])
 @pytest.mark.parametrize("varying", [False, True])
-def test_compiled_recursion_agrees_with_the_reference(compiled, rng, T, n, m, varying):
+def test_riccati_compiled_equals_reference(compiled, rng, T, n, m, varying):
     """Any shape, with one system for all steps or one for each."""
     problem = tracking(rng, T, n, m, varying and T > 1)
     result, reference_result = compiled.riccati(*problem), reference.riccati(*problem)
@@ -80,8 +80,7 @@ def test_compiled_recursion_agrees_with_the_reference(compiled, rng, T, n, m, va
     np.testing.assert_array_equal(result.values, result.values.swapaxes(1, 2))
 
 
-def test_pushing_that_costs_nothing_is_refused_with_a_message(kernels, rng):
-    """The error names the step and what to change; no gain is returned."""
+def test_riccati_singular_control_hessian_raises_with_step(kernels, rng):
     A, B, weights, targets, control_cost = tracking(rng, 5, 3, 2, varying=False)
     weights[3] = -100.0 * np.eye(3)
     with pytest.raises(NotPositiveDefinite, match=r"at step 2, .*make control_cost positive definite"):

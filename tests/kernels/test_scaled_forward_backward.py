@@ -1,4 +1,4 @@
-"""The expectation step's chain, by scaled probabilities or in logarithms: nobody can tell which."""
+"""Scaled forward-backward gives the same sums as the recursion in logarithms."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,10 @@ from pilotfish.kernels import Emissions, reference
 
 
 def expected_sums(kernels, log_emissions, initial, transitions, lengths=None):
-    """The e_step of Gaussians whose log densities are log_emissions, but for a constant of each step.
+    """Return the e_step of Gaussians whose log-densities are log_emissions, up to a constant of each step.
 
-    Means R along an axis each give state k at x the log density R x_k, and what is the same for all states.
+    Means at R along each axis give state k at x the log-density R x_k, plus a term that is equal for all
+    states.
     """
     T, K = log_emissions.shape
     R = max(1.0, np.sqrt(np.abs(log_emissions).max()))
@@ -32,14 +33,14 @@ def assert_equal_sums(compiled, problem, atol=1e-12):
 @pytest.mark.parametrize("zeros", [0.0, 0.5])
 @pytest.mark.parametrize("spread", [1.0, 30.0, 300.0, 5000.0])
 @pytest.mark.parametrize(("T", "K"), [(1, 1), (1, 4), (2, 3), (40, 2), (60, 7), (33, 9), (25, 17)])
-def test_expected_sums_are_those_of_logarithms(compiled, chain, T, K, spread, zeros):
-    """From states that can hardly be told apart to such as are certain; what is impossible stays at zero."""
+def test_e_step_scaled_equals_logarithms(compiled, chain, T, K, spread, zeros):
+    """From indistinguishable to certain states; impossible states stay at zero."""
     assert_equal_sums(compiled, chain(T, K, spread, zeros))
 
 
 @pytest.mark.parametrize("spread", [1.0, 30.0, 700.0])
-def test_from_left_to_right_every_state_has_its_turn(compiled, rng, spread):
-    """Zeros of the chain are no underflow: the way leads through all states, and never back."""
+def test_e_step_left_to_right_chain_equals_logarithms(compiled, rng, spread):
+    """Zeros of the chain are not underflow: the path visits all states in order."""
     K, each = 8, 6
     labels = np.repeat(np.arange(K), each)
     log_emissions = -spread * (rng.random((K * each, K)) + (labels[:, None] != np.arange(K)))
@@ -49,8 +50,8 @@ def test_from_left_to_right_every_state_has_its_turn(compiled, rng, spread):
 
 @pytest.mark.parametrize("early", [-9000.0, -800.0, -360.0, -120.0])
 @pytest.mark.parametrize("rare", [1e-12, 1e-200, 1e-310])
-def test_a_late_turn_is_found_however_unlikely_it_was(compiled, rare, early):
-    """Before the turn state 1 is unlikely, after it the only one: probabilities fall as far as 1e-90000."""
+def test_e_step_unlikely_late_transition_is_found(compiled, rare, early):
+    """Before it state 1 is unlikely, after it the only one: probabilities fall to 1e-90000."""
     T, turn = 40, 25
     log_emissions = np.zeros((T, 2))
     log_emissions[:turn, 1], log_emissions[turn:, 0] = early, -1e4
@@ -60,10 +61,10 @@ def test_a_late_turn_is_found_however_unlikely_it_was(compiled, rare, early):
 
 @pytest.mark.parametrize("lost", [-710.0, -800.0, -5000.0])
 @pytest.mark.parametrize("regained", [60.0, 200.0])
-def test_what_is_lost_twice_and_regained_is_not_lost(compiled, lost, regained):
-    """State 1 falls behind by more than a double can tell, leads by 20 steps' gains, falls behind again.
+def test_e_step_state_lost_and_regained_equals_logarithms(compiled, lost, regained):
+    """State 1 falls behind by more than a double can represent, leads for 20 steps, and falls behind again.
 
-    Where all is added up state 1 leads by a thousand nats: at no step alone does it look like that.
+    In total state 1 leads by a thousand nats, which no single step shows.
     """
     gains = np.full(20, (1000.0 - 2.0 * lost) / 20) if regained == 200.0 else np.full(40, regained)
     ahead = np.concatenate([[0.0, lost], gains, [lost, 0.0]])
@@ -72,8 +73,8 @@ def test_what_is_lost_twice_and_regained_is_not_lost(compiled, lost, regained):
     assert_equal_sums(compiled, (log_emissions, np.full(2, 0.5), np.eye(2)), atol=1e-9)
 
 
-def test_one_recording_in_logarithms_changes_no_other(compiled, chain):
-    """A recording beyond scaling stands between two within: their sums are added up all the same."""
+def test_e_step_one_demonstration_beyond_scaling_leaves_others(compiled, chain):
+    """A demonstration beyond scaling between two within it."""
     log_emissions, initial, transitions = chain(60, 3, 1.0)
     log_emissions[20:40] *= 4000.0
     lengths = np.array([20, 20, 20])
@@ -85,8 +86,8 @@ def test_one_recording_in_logarithms_changes_no_other(compiled, chain):
         )
 
 
-def test_a_recording_that_no_path_explains_adds_nothing(compiled):
-    """Its log-likelihood is -inf, and the next one counts as if it were alone."""
+def test_e_step_impossible_demonstration_adds_nothing(compiled):
+    """Its log-likelihood is -inf; the next one counts as if it were alone."""
     dead_end = np.array([[0.0, 1.0], [0.0, 0.0]])
     found = expected_sums(compiled, np.zeros((5, 2)), np.array([1.0, 0.0]), dead_end, np.array([3, 2]))
     assert found.log_likelihoods[0] == -np.inf
@@ -94,8 +95,8 @@ def test_a_recording_that_no_path_explains_adds_nothing(compiled):
     np.testing.assert_allclose(found.transition_counts, [[0.0, 1.0], [0.0, 0.0]])
 
 
-def test_a_state_of_hardly_any_mass_keeps_its_moments(compiled, rng):
-    """Shares are negligible beside the largest of their own state, not beside one: 1e-50 is all it has."""
+def test_e_step_state_of_tiny_count_keeps_its_moments(compiled, rng):
+    """Weights are negligible relative to the largest of their own state, here 1e-50."""
     x = rng.normal(size=(1, 300, 2))
     x[0, 150:, 0] += 40.0
     means = np.zeros((1, 3, 2))

@@ -1,4 +1,4 @@
-"""Emissions and expected sums against their definitions, and the compiled kernel against its twin."""
+"""E-step of a hidden Markov model against its definition, and the compiled kernel against the reference."""
 
 import numpy as np
 import pytest
@@ -17,8 +17,8 @@ SUMS = (
 
 
 @pytest.mark.parametrize(("P", "N", "D", "K"), [(1, 1, 1, 1), (2, 5, 3, 2), (3, 33, 6, 3)])
-def test_log_emissions_add_up_log_densities_over_frames(kernels, case, P, N, D, K):
-    """Log b_k(x_n) is a sum over frames of the log density of N(mean, (W^T W)^-1)."""
+def test_log_emissions_equal_sum_of_log_densities(kernels, case, P, N, D, K):
+    """The value log b_k(x_n) is a sum over frames of the log-density of N(mean, (W^T W)^-1)."""
     given = case(P, [N], D, K)
     expected = np.zeros((N, K))
     for p in range(P):
@@ -30,8 +30,7 @@ def test_log_emissions_add_up_log_densities_over_frames(kernels, case, P, N, D, 
     np.testing.assert_allclose(result, expected, rtol=1e-10)
 
 
-def test_nothing_is_read_above_a_whitener_s_diagonal(kernels, case):
-    """A lower triangle is all there is of W."""
+def test_log_emissions_entries_above_diagonal_are_ignored(kernels, case):
     given = case(2, [40], 5, 3)
     stained = given.precision_cholesky + np.triu(np.full((5, 5), 1e9), 1)
     np.testing.assert_array_equal(
@@ -40,8 +39,8 @@ def test_nothing_is_read_above_a_whitener_s_diagonal(kernels, case):
     )
 
 
-def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, case):
-    """Every sum is its definition, taken over posteriors of demonstrations one at a time."""
+def test_e_step_equals_sums_of_forward_backward(kernels, case):
+    """Every sum is its definition, from state probabilities of single demonstrations."""
     given = case(2, [7, 1, 20], 4, 3)
     result = kernels.e_step(*given.arguments)
     log_emissions = reference.log_emissions(given.x, given.emissions)
@@ -79,8 +78,8 @@ def test_e_step_sums_what_forward_backward_finds_in_each_demonstration(kernels, 
         (1, [300], 94, 5),
     ],
 )
-def test_compiled_e_step_agrees_with_the_reference(compiled, case, P, lengths, D, K):
-    """Any shape: one of everything, odd dimensions, lengths at and beside the edges of blocks and pages."""
+def test_e_step_compiled_equals_reference(compiled, case, P, lengths, D, K):
+    """Any shape: ones, odd dimensions, lengths at and near the edges of blocks and pages."""
     given = case(P, lengths, D, K)
     result, reference_result = compiled.e_step(*given.arguments), reference.e_step(*given.arguments)
     for name in SUMS:
@@ -100,8 +99,8 @@ def test_compiled_e_step_agrees_with_the_reference(compiled, case, P, lengths, D
     )
 
 
-def test_ninety_four_dimensions_and_certain_states_stay_finite(compiled, case):
-    """Emissions thousands of nats apart, as after fitting a dance: nothing overflows and the twin agrees."""
+def test_e_step_94_dimensions_and_certain_states_is_finite(compiled, case):
+    """Emissions differ by thousands of nats, as in motion capture: nothing overflows."""
     given = case(1, [500], 94, 6)
     sharp = 30.0 * given.precision_cholesky
     arguments = (*given.arguments[:-1], Emissions(given.means, sharp))
@@ -117,8 +116,8 @@ def test_ninety_four_dimensions_and_certain_states_stay_finite(compiled, case):
 
 
 @pytest.mark.parametrize("rng", [0], indirect=True)
-def test_a_hundred_thousand_steps_add_up(compiled, case):
-    """One long demonstration: masses and transitions add up to its length, and the twin agrees."""
+def test_e_step_hundred_thousand_steps_sum_to_length(compiled, case):
+    """Counts and transitions sum to the length of one long demonstration."""
     given = case(1, [100_000], 2, 3)
     result, reference_result = compiled.e_step(*given.arguments), reference.e_step(*given.arguments)
     np.testing.assert_allclose(result.counts.sum(), 100_000, rtol=1e-12)
@@ -129,7 +128,7 @@ def test_a_hundred_thousand_steps_add_up(compiled, case):
         )
 
 
-def test_a_demonstration_that_no_path_explains_adds_nothing(kernels, case):
+def test_e_step_impossible_demonstration_adds_nothing(kernels, case):
     """Its log-likelihood is -inf; the sums are those of the others."""
     given = case(1, [4, 5], 2, 2)
     no_way_on = np.zeros((2, 2))
@@ -140,8 +139,7 @@ def test_a_demonstration_that_no_path_explains_adds_nothing(kernels, case):
         np.testing.assert_allclose(getattr(result, name), getattr(alone, name), atol=1e-15, err_msg=name)
 
 
-def test_demonstrations_may_come_in_any_order(kernels, case):
-    """Sums do not depend on which demonstration came first."""
+def test_e_step_any_order_of_demonstrations_is_equal(kernels, case):
     given = case(2, [9, 9], 3, 2)
     swapped = np.concatenate([given.x[:, 9:], given.x[:, :9]], axis=1)
     result = kernels.e_step(*given.arguments)
@@ -151,8 +149,8 @@ def test_demonstrations_may_come_in_any_order(kernels, case):
         np.testing.assert_allclose(getattr(other, name), getattr(result, name), rtol=1e-10, atol=1e-12)
 
 
-def test_arrays_may_be_laid_out_anyhow(kernels, case):
-    """Transposed, strided or Fortran-ordered arguments mean the same numbers."""
+def test_e_step_any_memory_layout_is_equal(kernels, case):
+    """Transposed, strided or Fortran-ordered arguments."""
     given = case(2, [12], 4, 3)
     x = np.repeat(given.x, 2, axis=1)[:, ::2]
     odd = kernels.e_step(
@@ -167,8 +165,8 @@ def test_arrays_may_be_laid_out_anyhow(kernels, case):
 
 
 @pytest.mark.parametrize("M", [1, 2, 5, 37])
-def test_sums_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, case, rng, M):
-    """Work that is cut into several groups, and shared, adds up in the order of the demonstrations."""
+def test_e_step_any_number_of_threads_gives_same_bits(compiled, case, rng, M):
+    """Groups of demonstrations are added in order."""
     given = case(2, rng.integers(300, 900, size=M).tolist(), 20, 8)
     alone = compiled.e_step(*given.arguments)
     for threads in (0, 2, 7):
@@ -178,8 +176,8 @@ def test_sums_are_the_same_to_the_last_digit_on_any_number_of_threads(compiled, 
 
 
 @pytest.mark.parametrize("rng", [0], indirect=True)
-def test_groups_of_demonstrations_leave_none_out(compiled, case, rng):
-    """As many demonstrations as make several groups, some of them of one step: the twin agrees."""
+def test_e_step_several_groups_equals_reference(compiled, case, rng):
+    """Some of the demonstrations have one step."""
     lengths = [1, 2, *rng.integers(1, 400, size=60).tolist(), 3000, 1]
     given = case(2, lengths, 14, 6)
     result, reference_result = (
