@@ -1,4 +1,4 @@
-"""Show a robot in physics how a carabiner is hooked on a rod, four times, and let it hook where it never did.
+"""Record four demonstrations of hooking a carabiner in physics, learn a skill and execute it on new rods.
 
 Run it:  python examples/hook_a_carabiner.py
 """
@@ -11,20 +11,19 @@ from pilotfish.simulation import perform, record_demonstrations, situation_from_
 
 task = TASKS["carabiner"]
 
-# A simulated person leads the left arm of the robot; the right one follows and pushes the carabiner on a rod.
+# A human operator model leads the left arm; the right arm follows and pushes the carabiner onto a rod.
 recordings = [recording for recording, _ in record_demonstrations(task, 4, seed=0)]
 for recording in recordings:
-    print(
-        f"{recording.demonstration.name}: {recording.duration:.1f} s, at most {recording.peak_forces['tool']:.0f} N"
-    )
+    name, force = recording.demonstration.name, recording.peak_forces["tool"]
+    print(f"{name}: {recording.duration:.1f} s, at most {force:.0f} N")
 
-# What was asked of the tool, seen from the rod: six states, each with a Gaussian and a duration.
+# The commanded tool poses, observed from the rod: six states, each with a Gaussian and a duration.
 demonstrations = [pf.add_derivatives(recording.demonstration) for recording in recordings]
 fit = pf.learn(demonstrations, states=6, rng=np.random.default_rng(0))
 
-# Rods that stand elsewhere, turned by up to 25 degrees: adapt, plan, track, and springs and dampers do it.
+# Rods in other places, turned by up to 25 degrees: adapt, plan, track, and execute by impedance control.
 for n in range(3):
     result = perform(fit.skill, task, situation_from_seed(task, "test", 0, n))
     rod = result.frames["rod"].position
-    how = "hooked" if result.outcome.success else f"not hooked, {result.outcome.reason}"
-    print(f"rod at {np.round(rod, 2).tolist()} m: {how}, at most {result.peak_forces['tool']:.0f} N")
+    outcome = "hooked" if result.outcome.success else f"not hooked, {result.outcome.reason}"
+    print(f"rod at {np.round(rod, 2).tolist()} m: {outcome}, at most {result.peak_forces['tool']:.0f} N")

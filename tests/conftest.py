@@ -1,4 +1,4 @@
-"""What all tests share: checked annotations, seeds, the limit on run time, the folder of recordings."""
+"""Fixtures and hooks of all tests: annotation checks, seeds, time limit, folder of recordings."""
 
 import os
 from collections.abc import Iterator
@@ -11,22 +11,22 @@ from annotations import check_annotations
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
-if find_library("OSMesa"):  # it draws without a screen; MuJoCo asks once, when it is imported
+if find_library("OSMesa"):  # renders without a display; MuJoCo reads the variable once, on import
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 
-# From here on every annotation in pilotfish is checked at every call. The hook sees what is on the path,
-# hence `pythonpath = ["src"]` in pyproject.toml; test_house.py proves that it is at work.
+# From here on every annotation in pilotfish is checked at every call. The hook needs the source on the path,
+# hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works.
 install_import_hook("pilotfish", "beartype.beartype")
 
-settings.register_profile("here", deadline=None)
+settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
-settings.load_profile("ci" if os.environ.get("CI") else "here")
+settings.load_profile("ci" if os.environ.get("CI") else "local")
 
-pytest_plugins = ["command_fixtures"]  # of the commands and the simulation
+pytest_plugins = ["command_fixtures"]  # of commands and simulation
 
 SLOW_AFTER = 10.0  # CPU seconds
 LIVE = Path(__file__).parent / "live"
-_began = pytest.StashKey[float]()
+_start_time = pytest.StashKey[float]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -52,8 +52,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before items are deselected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark live tests slow: they wait for processes, installs and disks. Start slow tests first, so that no
-    worker is left alone with one at the end.
+    """Mark live tests slow: they wait for processes, installs and disks.
+
+    Slow tests start first, so that no worker has one alone at the end.
     """
     for item in items:
         if LIVE in item.path.parents:
@@ -63,15 +64,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Note when the test began."""
-    item.stash[_began] = _cpu_seconds()
+    """Store the CPU time at the start of the test."""
+    item.stash[_start_time] = _cpu_seconds()
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Fail a test that takes too long, fixtures included, unless it is marked slow."""
+    """Fail a test that exceeds the time limit, fixtures included, unless it is marked slow."""
     result = yield
-    spent, limit = _cpu_seconds() - item.stash[_began], item.config.getoption("slow_after")
+    spent, limit = _cpu_seconds() - item.stash[_start_time], item.config.getoption("slow_after")
     if 0.0 < limit < spent and item.get_closest_marker("slow") is None:
         pytest.fail(
             f"took {spent:.1f} CPU seconds, expected at most {limit:g}: make it or its fixtures faster, "
@@ -98,7 +99,7 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 
 @pytest.fixture
 def unchecked() -> Iterator[None]:
-    """Run a test without checks of annotations: in physics they cost five to eight times the physics."""
+    """Run a test without annotation checks: in physics they cost five to eight times the physics."""
     with check_annotations(False):
         yield
 
@@ -112,10 +113,10 @@ def checked() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
-    """The folder of real recordings that PILOTFISH_DATA names; without it the test is skipped."""
-    named = os.environ.get("PILOTFISH_DATA")
-    if not named:
+    """Return the folder of real recordings that PILOTFISH_DATA names; skip the test without it."""
+    name = os.environ.get("PILOTFISH_DATA")
+    if not name:
         pytest.skip("PILOTFISH_DATA names no folder of recordings")
-    folder = Path(named)
-    assert folder.is_dir(), f"PILOTFISH_DATA is {named!r}, expected a folder; unset it to skip these tests"
+    folder = Path(name)
+    assert folder.is_dir(), f"PILOTFISH_DATA is {name!r}, expected a folder; unset it to skip these tests"
     return folder

@@ -1,4 +1,4 @@
-"""The suite keeps its own rules: seeds, and the limit on the time of a test that is not marked slow."""
+"""Hooks of this suite: seeds, and the time limit of tests that are not marked slow."""
 
 import subprocess
 import sys
@@ -46,7 +46,7 @@ Run = Callable[..., dict[str, str]]
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """Return a function that runs PROGRAM with this suite's conftest and gives the outcome of each test."""
+    """Return a function that runs PROGRAM with this conftest and returns the outcome of each test."""
     (tmp_path / "conftest.py").write_text((TESTS / "conftest.py").read_text(encoding="utf-8"))
     (tmp_path / "test_program.py").write_text(PROGRAM)
     (tmp_path / "pytest.ini").write_text(f"[pytest]\npythonpath = {TESTS / 'shared'}\nmarkers = slow: x\n")
@@ -60,18 +60,16 @@ def run(tmp_path: Path) -> Run:
     return run_program
 
 
-def test_busy_tests_fail_unless_marked_slow(run: Run):
-    """Time in the test, in its children and in its fixtures counts; waiting for a busy machine does not."""
+def test_slow_after_cpu_time_of_test_children_and_fixtures_counts(run: Run):
     outcomes = run("--slow-after", "0.4")
     failed = {"test_busy", "test_busy_child", "test_busy_fixture"}
     assert {name for name, outcome in outcomes.items() if outcome == "FAILED"} == failed
     passed = {"test_waiting", "test_random[seed0]", "test_marked"}
     assert {name for name, outcome in outcomes.items() if outcome == "PASSED"} == passed
-    assert next(iter(outcomes)) == "test_marked"  # slow ones begin
+    assert next(iter(outcomes)) == "test_marked"  # slow tests start first
 
 
-def test_seeds_option_repeats_random_tests_only(run: Run):
-    """Three seeds give three items of the test that uses rng; without a limit all pass."""
+def test_seeds_option_repeats_tests_that_use_rng(run: Run):
     outcomes = run("--seeds", "3", "--slow-after", "0")
     assert set(outcomes.values()) == {"PASSED"}
     assert {name for name in outcomes if "seed" in name} == {f"test_random[seed{n}]" for n in range(3)}
