@@ -3,19 +3,18 @@
     python reproductions/online_dimensions.py --json dimensions.json --out dimensions/
 
 The first stage of online_stages.py, four clusters in a cycle, in D = 10 to 75 dimensions and for streams of
-1000 to 7500 datapoints, ten of each. Subspaces have 1 to D - 1 dimensions, all alike likely, as the thesis
-has it, of deviation 1 along each basis vector; noise is .04 I. Weights count datapoints.
+1000 to 7500 datapoints, ten of each. As in the thesis, dimensions of subspaces are uniform on 1 to D - 1. The
+standard deviation is 1 along each basis vector, and the noise .04 I. Weights are numbers of datapoints.
 
-The thesis chooses lambda anew for every experiment and names none. Here one rule serves all: a cluster of d
-dimensions has a radius of about sqrt(d), the squared distances of its datapoints to its centre are about d,
-less than D, and those between centres at least 16 D. So lambda = 6 D lies between; b_m = 5 D lets subspaces
-fade between clusters, not within them. lambda_1 = .2 is the geometric mean of the variances along a subspace
-(1.04) and beside it (.04), whatever D. Subspaces remember 5 directions beyond their dimension
-(Upkeep.spare): with 1, as the thesis has it, they end short of dozens of dimensions. The last table tells how
-short, and how short with the lambda_1 = .35 of the stages.
+The thesis chooses lambda for every experiment and gives no values. Here one rule serves all. Squared
+distances of datapoints to the centre of their cluster are about d, less than D. Those between centres are at
+least 16 D. So lambda = 6 D lies between, and b_m = 5 D lets the influence of subspaces decay between
+clusters, not within them. lambda_1 = .2 is the geometric mean of the variances along a subspace (1.04) and
+outside it (.04). Subspaces store 5 extra directions: with 1, as in the thesis, they miss some of dozens of
+dimensions. The last table says how many, also with lambda_1 = .35 of the stages.
 
-Silhouettes are of the learned labels, with Euclidean distances (footnote 6), over all datapoints. Seconds are
-of CPU, for the stream alone.
+Silhouettes are those of the learned labels over all datapoints, with Euclidean distances (footnote 6).
+Seconds are CPU time of the stream alone.
 
 Source: Tanwani 2018, section 5.7.1.2.
 """
@@ -30,7 +29,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-import pilotfish as pf  # noqa: F401 - the front door first, so that its message about kernels comes once
+import pilotfish as pf  # noqa: F401 - first, so that its warning about kernels appears once
 from pilotfish.demonstrations import position_layout
 from pilotfish.models import normalised_mutual_information
 from pilotfish.models.online import (
@@ -57,14 +56,14 @@ PANELS = (
 CONSTANTS = {"information": 1.0, "clusters": float(CLUSTERS)}
 COLOURS = dict(zip(DIMENSIONS, ("#004488", "#44AA99", "#DDAA33", "#BB5566"), strict=True))
 NOTES = (
-    "the thesis' text says silhouettes and information are high, its figure prints no number",
+    "the thesis says that silhouettes and information are high; its figure gives no numbers",
     "its times are of another machine and language and are not compared",
 )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stream:
-    """Datapoints, the cluster of each, and the truth of these."""
+    """Datapoints, the cluster of each, and the true centres and dimensions."""
 
     x: np.ndarray
     labels: np.ndarray
@@ -78,7 +77,7 @@ def main() -> None:
     )
     parser.add_argument("--json", type=Path, help="file for the numbers")
     parser.add_argument("--out", type=Path, help="folder for the picture")
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="streams of every kind")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="number of streams for each size")
     parser.add_argument("--dimensions", type=int, nargs="+", default=DIMENSIONS)
     parser.add_argument("--lengths", type=int, nargs="+", default=LENGTHS)
     arguments = parser.parse_args()
@@ -87,11 +86,11 @@ def main() -> None:
         for T in arguments.lengths:
             rows.append(row(D, T, arguments.repeats))
             print_row(rows[-1], first=len(rows) == 1)
-    spares = [
+    extra_rows = [
         compare_extra_directions(max(arguments.dimensions), extra_directions, arguments.repeats)
         for extra_directions in EXTRA_DIRECTION_CHOICES
     ]
-    print_spares(spares)
+    print_extra_directions(extra_rows)
     for note in NOTES:
         print(f"note: {note}")
     if arguments.out:
@@ -101,11 +100,12 @@ def main() -> None:
     if arguments.json:
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
         arguments.json.write_text(
-            json.dumps({"rows": rows, "spares": spares, "notes": NOTES}, indent=2) + "\n"
+            json.dumps({"rows": rows, "extra directions": extra_rows, "notes": NOTES}, indent=2) + "\n"
         )
 
 
-def stream(D: int, T: int, seed: int) -> Stream:
+def sample_stream(D: int, T: int, seed: int) -> Stream:
+    """Sample a stream of T datapoints in D columns."""
     rng = np.random.default_rng((seed, D))
     centres = sample_separated_centres(rng, D)
     dimensions = rng.integers(1, D, size=CLUSTERS)
@@ -120,12 +120,12 @@ def stream(D: int, T: int, seed: int) -> Stream:
 
 
 def sample_separated_centres(rng: np.random.Generator, D: int) -> np.ndarray:
-    """Centres in [-5, 5]^D, each at least 4 sqrt(D) from the others: drawn until they are."""
+    """Sample centres in [-5, 5]^D with distances of at least 4 sqrt(D)."""
     centres: list[np.ndarray] = []
     tries = 0
     while len(centres) < CLUSTERS:
         candidate = rng.uniform(-MAX_COORDINATE, MAX_COORDINATE, size=D)
-        if all(np.linalg.norm(candidate - other) >= MIN_SEPARATION * np.sqrt(D) for other in centres):
+        if all(np.linalg.norm(candidate - centre) >= MIN_SEPARATION * np.sqrt(D) for centre in centres):
             centres.append(candidate)
         tries += 1
         if tries % 10_000 == 0:
@@ -134,6 +134,7 @@ def sample_separated_centres(rng: np.random.Generator, D: int) -> np.ndarray:
 
 
 def settings(D: int, extra_directions: int = EXTRA_DIRECTIONS, penalty: float = LAMBDA_1) -> SOSC:
+    """Return the penalties for D columns."""
     return SOSC(
         cluster=LAMBDA * D,
         dimension=penalty,
@@ -145,8 +146,8 @@ def settings(D: int, extra_directions: int = EXTRA_DIRECTIONS, penalty: float = 
     )
 
 
-def learn_skill(stream_data: Stream, sosc_settings: SOSC) -> tuple[OnlineModel, np.ndarray, float]:
-    """The model of the stream, the cluster of every datapoint, and seconds of CPU."""
+def learn_stream(stream_data: Stream, sosc_settings: SOSC) -> tuple[OnlineModel, np.ndarray, float]:
+    """Return the model of a stream, the cluster of every datapoint, and CPU time [s]."""
     model = online_model(sosc_settings, position_layout(stream_data.x.shape[1], "1"), 1.0)
     begin = time.process_time()
     model, assignments = observe_stream(model, stream_data.x)
@@ -154,26 +155,27 @@ def learn_skill(stream_data: Stream, sosc_settings: SOSC) -> tuple[OnlineModel, 
 
 
 def row(D: int, T: int, repeats: int) -> dict[str, float]:
-    """Means over the repeats, and deviations."""
-    found = [judged(stream(D, T, seed), settings(D)) for seed in range(repeats)]
+    """Return means and deviations over the repeats."""
+    results = [evaluate_model(sample_stream(D, T, seed), settings(D)) for seed in range(repeats)]
     numbers: dict[str, float] = {"D": D, "T": T}
-    for name in found[0]:
-        values = [one[name] for one in found]
+    for name in results[0]:
+        values = [result[name] for result in results]
         numbers[name] = float(np.mean(values))
         numbers[f"{name}, deviation"] = float(np.std(values))
     return numbers
 
 
-def judged(stream_data: Stream, sosc_settings: SOSC) -> dict[str, float]:
-    model, labels, seconds = learn_skill(stream_data, sosc_settings)
-    apart = np.linalg.norm(model.means[None, :, 0] - stream_data.centres[:, None], axis=2)
-    nearest = apart.argmin(axis=1)
+def evaluate_model(stream_data: Stream, sosc_settings: SOSC) -> dict[str, float]:
+    """Compare the model of a stream with the truth."""
+    model, labels, seconds = learn_stream(stream_data, sosc_settings)
+    distances = np.linalg.norm(model.means[None, :, 0] - stream_data.centres[:, None], axis=2)
+    nearest = distances.argmin(axis=1)
     return {
         "silhouette": silhouette(stream_data.x, labels),
         "silhouette of the truth": silhouette(stream_data.x, stream_data.labels),
         "information": normalised_mutual_information(labels, stream_data.labels),
         "seconds": seconds,
-        "distance of means": float(apart.min(axis=1).mean()),
+        "distance of means": float(distances.min(axis=1).mean()),
         "expected distance": expected_distance(stream_data),
         "clusters": float(model.clusters),
         "dimension": float(model.dimensions[:, 0].mean()),
@@ -184,13 +186,13 @@ def judged(stream_data: Stream, sosc_settings: SOSC) -> dict[str, float]:
 
 
 def expected_distance(stream_data: Stream) -> float:
-    """How far the mean of a cluster's own datapoints lies from its centre, to be expected by chance."""
+    """Return the expected distance between the centre of a cluster and the mean of its datapoints."""
     counts = np.bincount(stream_data.labels, minlength=CLUSTERS)
     return float(np.mean(np.sqrt((stream_data.dimensions + stream_data.x.shape[1] * DEVIATION**2) / counts)))
 
 
 def silhouette(x: np.ndarray, labels: np.ndarray) -> float:
-    """The mean silhouette score; 0 for a datapoint that is alone in its cluster, or with one cluster only.
+    """Return the mean silhouette score; a datapoint alone in its cluster, or a single cluster, has 0.
 
     Source: Rousseeuw 1987.
     """
@@ -202,31 +204,32 @@ def silhouette(x: np.ndarray, labels: np.ndarray) -> float:
     squares = np.sum(x**2, axis=1)
     scores = np.empty(len(x))
     for start in range(0, len(x), BLOCK):
-        here = slice(start, start + BLOCK)
-        apart = squares[here, None] + squares - 2.0 * x[here] @ x.T
-        rows = np.arange(len(apart))
-        apart[rows, start + rows] = 0.0
-        sums = np.sqrt(np.maximum(apart, 0.0)) @ member
-        inside = sums[rows, own[here]] / np.maximum(counts[own[here]] - 1, 1)
+        block = slice(start, start + BLOCK)
+        distances = squares[block, None] + squares - 2.0 * x[block] @ x.T
+        rows = np.arange(len(distances))
+        distances[rows, start + rows] = 0.0
+        sums = np.sqrt(np.maximum(distances, 0.0)) @ member
+        inside = sums[rows, own[block]] / np.maximum(counts[own[block]] - 1, 1)
         means = sums / counts
-        means[rows, own[here]] = np.inf
+        means[rows, own[block]] = np.inf
         outside = means.min(axis=1)
         score = (outside - inside) / np.maximum(inside, outside)
-        scores[here] = np.where(counts[own[here]] > 1, score, 0.0)
+        scores[block] = np.where(counts[own[block]] > 1, score, 0.0)
     return float(scores.mean())
 
 
 def compare_extra_directions(D: int, extra_directions: int, repeats: int) -> dict[str, float]:
-    """What directions in reserve are worth, for the shortest and the longest stream, and two lambda_1."""
+    """Return missing dimensions and CPU time for the shortest and longest stream and two lambda_1."""
     numbers: dict[str, float] = {"extra_directions": extra_directions}
     for T in (LENGTHS[0], LENGTHS[-1]):
         for penalty in (LAMBDA_1, STAGES_LAMBDA_1):
             missing, seconds = [], []
             for seed in range(repeats):
-                stream_data = stream(D, T, seed)
-                model, _, spent = learn_skill(stream_data, settings(D, extra_directions, penalty))
-                apart = np.linalg.norm(model.means[None, :, 0] - stream_data.centres[:, None], axis=2)
-                missing.append(np.mean(stream_data.dimensions - model.dimensions[apart.argmin(axis=1), 0]))
+                stream_data = sample_stream(D, T, seed)
+                model, _, spent = learn_stream(stream_data, settings(D, extra_directions, penalty))
+                distances = np.linalg.norm(model.means[None, :, 0] - stream_data.centres[:, None], axis=2)
+                nearest = distances.argmin(axis=1)
+                missing.append(np.mean(stream_data.dimensions - model.dimensions[nearest, 0]))
                 seconds.append(spent)
             numbers[f"missing, T = {T}, lambda_1 = {penalty:g}"] = float(np.mean(missing))
             numbers[f"seconds, T = {T}, lambda_1 = {penalty:g}"] = float(np.mean(seconds))
@@ -235,10 +238,8 @@ def compare_extra_directions(D: int, extra_directions: int, repeats: int) -> dic
 
 def print_row(numbers: dict[str, float], *, first: bool) -> None:
     if first:
-        print(
-            f"{CLUSTERS} clusters; means over the repeats (in brackets: of the true labels, by chance, true)"
-        )
-        print("   D     T   silhouette        NMI    CPU s   means off          K   dimension       d right")
+        print(f"{CLUSTERS} clusters; means over the repeats (in brackets: true labels, expectation, truth)")
+        print("   D     T   silhouette        NMI    CPU s   distance of means    K   dimension    d correct")
     print(
         f"{numbers['D']:>4.0f}{numbers['T']:>6.0f}{numbers['silhouette']:>8.3f} "
         f"({numbers['silhouette of the truth']:.3f}){numbers['information']:>8.4f}{numbers['seconds']:>9.4f}"
@@ -248,10 +249,10 @@ def print_row(numbers: dict[str, float], *, first: bool) -> None:
     )
 
 
-def print_spares(rows: Sequence[dict[str, float]]) -> None:
-    print("directions in reserve: dimensions missing of each subspace, and CPU seconds, at the largest D")
+def print_extra_directions(rows: Sequence[dict[str, float]]) -> None:
+    print("extra directions: missing dimensions of each subspace, and CPU seconds, at the largest D")
     names = [name.removeprefix("missing, ") for name in rows[0] if name.startswith("missing")]
-    print("spare  " + "".join(f"{name:>28}" for name in names))
+    print("extra  " + "".join(f"{name:>28}" for name in names))
     for one in rows:
         cells = "".join(f"{one[f'missing, {n}']:>18.2f} ({one[f'seconds, {n}']:.3f} s)" for n in names)
         print(f"{one['extra_directions']:>5.0f}  {cells}")
@@ -270,8 +271,8 @@ def picture(rows: Sequence[dict[str, float]]) -> Figure:
             own = [one for one in rows if one["D"] == D]
             T, colour = [one["T"] for one in own], COLOURS.get(int(D), "black")
             values = [one[name] for one in own]
-            spread = [one[f"{name}, deviation"] for one in own]
-            axes.errorbar(T, values, spread, fmt="o-", color=colour, capsize=3, label=f"D = {D:.0f}")
+            deviations = [one[f"{name}, deviation"] for one in own]
+            axes.errorbar(T, values, deviations, fmt="o-", color=colour, capsize=3, label=f"D = {D:.0f}")
             if name in references:
                 axes.plot(T, [one[references[name]] for one in own], ":", color="black", zorder=5)
         if name in CONSTANTS:

@@ -1,28 +1,31 @@
-"""The valve as a stream: SOSC beside models that were learned from all demonstrations at once.
+"""The valve as a stream: SOSC compared with batch fits.
 
     python reproductions/online_valve.py --json valve.json --out valve/
 
-Eight demonstrations, two frames, D = 14 (pose and its velocity). The protocol is that of table 4.1, as in
-valve.py: the first four demonstrations are learned, the last four test, a motion starts at the first state's
-mean (in brackets: at the demonstration's own first point), errors are means of squared differences of the
-pose's seven coordinates. A stream sees each datapoint once. Its penalties come from a batch fit of the first
-two demonstrations (online.penalties_from); how much of the variance subspaces should explain is chosen on the
-four training demonstrations alone: fit two, stream a third, reproduce the fourth, all twelve ways.
+Eight demonstrations, two frames, D = 14 (pose and velocity). The protocol is that of table 4.1, as in
+valve.py: the first four demonstrations are for training, the last four for testing. A motion starts at the
+mean of the first state (in brackets: at the first point of the demonstration). Errors are mean squared
+differences of the seven coordinates of the pose.
 
-  from nothing    the stream of four demonstrations, into a model that knows its penalties and nothing else
-  begun           the stream of the third and fourth, into a model begun from the batch fit of the first two
-  one scale       as begun, each part of the columns divided by its deviation within the first fit's states
-  of the four     no stream: the batch fit of all four, brought into the form that a stream keeps it in.
-                  What is lost by subspaces and one noise; the rest is lost by the order of things
+An online model observes each datapoint once. Its penalties are estimated from a batch fit of the first two
+demonstrations. The share of variance that subspaces explain is chosen on the training demonstrations: fit
+two, stream a third, reproduce the fourth, in all twelve ways.
 
-The last table lets all eight come in ten random orders, one after the other, with the share explained that
-penalties_from has by default: the error on those still to come, for streams that a batch fit of the first
-two, three, four or five began, and for batch fits of all that have come.
+  from nothing    stream of four demonstrations into an empty model
+  begun           stream of the third and fourth into a model initialised from the batch fit of the first two
+  one scale       as begun, with the columns of each part divided by their deviation within states
+  of the four     no stream: the batch fit of all four, converted to an online model. Its loss is due to
+  subspaces
+                  and one noise variance; the other losses are due to the order of the data
 
-Parameters are those of table 5.1: means, covariances, K^2 transitions, a mean and a deviation of each
-duration; a subspace has D d, and sigma^2 is given, not learned. That counts 211 and 318 as printed there.
+The last table presents all eight demonstrations in ten random orders, with the default explained share. It
+gives the error on the remaining demonstrations for online models that are initialised from a batch fit of
+the first two, three, four or five, and for batch fits of all demonstrations so far.
 
-Source: Tanwani 2018, chapter 5 and table 5.1 for the counting; the comparison is ours.
+Parameters are counted as in table 5.1: means, covariances, K^2 transitions, a mean and a deviation of each
+duration. A subspace has D d parameters, and sigma^2 is given. That gives 211 and 318 as printed there.
+
+Source: Tanwani 2018, chapter 5 and table 5.1 for the count; the comparison is ours.
 """
 
 import argparse
@@ -55,7 +58,7 @@ from pilotfish.models.online import (
 )
 from pilotfish.planning import mean_squared_error
 
-FIRST, N_TRAINING = 2, 4  # demonstrations of the batch fit that penalties come from; all that are learned
+FIRST, N_TRAINING = 2, 4  # demonstrations of the batch fit for the penalties, and of the training set
 EXPLAINED = (0.8, 0.9, 0.95, 0.98, 0.99)
 STRUCTURES: tuple[CovarianceStructure, ...] = (
     pf.structures.Full(),
@@ -63,8 +66,8 @@ STRUCTURES: tuple[CovarianceStructure, ...] = (
     pf.structures.MFA(4),
 )
 ORDERS, TIMED = 10, 9
-Made = TypeVar("Made")
-DEFAULT, BATCH_SIZES = 0.9, (2, 3, 4, 5)  # share explained where it is not chosen; how many to begin from
+T = TypeVar("T")
+DEFAULT, BATCH_SIZES = 0.9, (2, 3, 4, 5)  # default explained share; demonstrations of the initial fit
 LINES = {
     "batch": "#004488",
     "begun after 2": "#882255",
@@ -74,13 +77,13 @@ LINES = {
     "from nothing": "#DDAA33",
 }
 NOTES = (
-    "table 5.1 compares on recordings that were never published, where states are few and tasks short",
-    "the form of a stream costs nothing: a batch fit brought into it does no worse on what is unseen",
-    "learning on is another matter: begun after two to four demonstrations, or from nothing, a stream gains",
-    "nothing from the next ones, and most lose: states are passed over (segments.png). Begun after five it",
-    "keeps what it has. With columns at one scale it loses far less, since a stream has one noise for all.",
-    "Where demonstrations are few and can be kept, a batch fit takes .01 s and is better",
-    "seconds are of the stream alone, where there is one: the batch fit of the first two comes before",
+    "table 5.1 uses recordings that were not published, with few states and short tasks",
+    "subspaces lose nothing: a batch fit converted to an online model is not worse on test demonstrations",
+    "initialised from two to four demonstrations, or empty, an online model does not improve with further",
+    "ones, and mostly gets worse, because states are skipped (segments.png); from five on it keeps its error",
+    "with scaled columns it loses far less, since an online model has one noise variance for all columns",
+    "where demonstrations are few and can be stored, a batch fit takes .01 s and is better",
+    "seconds are those of the stream alone, without the batch fit of the first two demonstrations",
 )
 
 
@@ -90,7 +93,7 @@ def main() -> None:
     )
     parser.add_argument("--json", type=Path, help="file for the numbers")
     parser.add_argument("--out", type=Path, help="folder for the pictures")
-    parser.add_argument("--orders", type=int, default=ORDERS, help="orders in which demonstrations arrive")
+    parser.add_argument("--orders", type=int, default=ORDERS, help="number of orders of the demonstrations")
     arguments = parser.parse_args()
     try:
         demonstrations = pf.datasets.valve()
@@ -132,7 +135,7 @@ def learn_skill(
 def empty_model(
     skill: pf.Skill, demonstrations: Sequence[Demonstration], explained_variance: float
 ) -> OnlineModel:
-    """A model that knows its penalties and nothing else."""
+    """Create an empty model with penalties estimated from a skill."""
     settings = estimate_penalties(skill, demonstrations, explained_variance=explained_variance)
     return online_model(settings, skill.layout, skill.period, skill.frame_names)
 
@@ -165,22 +168,22 @@ def error(skill: pf.Skill, demonstrations: Sequence[Demonstration], *, own_start
 
 
 def choose_explained(train: Sequence[Demonstration]) -> list[dict[str, float]]:
-    """Mean errors on the one left out of the four, the stream being the third, for each share explained."""
+    """Return mean errors on a held-out demonstration, with another one streamed, for each explained share."""
     cases = [
-        (out, third, [d for n, d in enumerate(train) if n not in (out, third)])
-        for out, third in permutations(range(len(train)), 2)
+        (held_out, third, [d for n, d in enumerate(train) if n not in (held_out, third)])
+        for held_out, third in permutations(range(len(train)), 2)
     ]
     skills = [learn_skill(pair) for _, _, pair in cases]
     rows = []
     for explained_variance in EXPLAINED:
-        found: dict[str, list[tuple[float, int]]] = {"begun": [], "from nothing": []}
-        for (out, third, pair), skill in zip(cases, skills, strict=True):
+        results: dict[str, list[tuple[float, int]]] = {"begun": [], "from nothing": []}
+        for (held_out, third, pair), skill in zip(cases, skills, strict=True):
             first = learn_stream(begin_from_batch(skill, pair, explained_variance), [train[third]])
             second = learn_stream(empty_model(skill, pair, explained_variance), [*pair, train[third]])
-            for way, model in zip(found, (first, second), strict=True):
-                found[way].append((error(to_skill(model), [train[out]]), model.clusters))
+            for way, model in zip(results, (first, second), strict=True):
+                results[way].append((error(to_skill(model), [train[held_out]]), model.clusters))
         row = {"explained": explained_variance}
-        for way, pairs in found.items():
+        for way, pairs in results.items():
             row[way] = float(np.mean([e for e, _ in pairs]))
             row[f"{way}, clusters"] = float(np.mean([K for _, K in pairs]))
         rows.append(row)
@@ -207,9 +210,9 @@ def table(demonstrations: Sequence[Demonstration], best: dict[str, float]) -> li
         (f"of the four, {best['begun']:g}", begin_from_batch(learn_skill(train), train, best["begun"]), ()),
     ):
         model, seconds = time_call(lambda begin=begin, rest=rest: learn_stream(begin, rest))  # type: ignore[misc]
-        made = row(name, to_skill(model), stream_parameters(model), seconds, (train, test))
-        made["dimensions"] = model.dimensions.T.tolist()
-        rows.append(made)
+        result = row(name, to_skill(model), stream_parameters(model), seconds, (train, test))
+        result["dimensions"] = model.dimensions.T.tolist()
+        rows.append(result)
     rows.append(learn_scaled(first, train, test))
     return rows
 
@@ -217,14 +220,14 @@ def table(demonstrations: Sequence[Demonstration], best: dict[str, float]) -> li
 def learn_scaled(
     first: pf.Skill, train: Sequence[Demonstration], test: Sequence[Demonstration]
 ) -> dict[str, object]:
-    """The stream begun from two in columns of one scale, read out in their own units; nothing is chosen."""
+    """Return the row of a stream with scaled columns, initialised from two demonstrations."""
     scales = column_scales(first)
-    shown = [scale_demonstration(demonstration, scales, first) for demonstration in train]
-    start = begin_from_batch(learn_skill(shown[:FIRST]), shown[:FIRST], DEFAULT)
-    model, seconds = time_call(lambda: learn_stream(start, shown[FIRST:]))
+    scaled = [scale_demonstration(demonstration, scales, first) for demonstration in train]
+    start = begin_from_batch(learn_skill(scaled[:FIRST]), scaled[:FIRST], DEFAULT)
+    model, seconds = time_call(lambda: learn_stream(start, scaled[FIRST:]))
     skill = unscale_skill(to_skill(model), scales, first.layout)
-    made = row(f"begun, one scale, {DEFAULT:g}", skill, stream_parameters(model), seconds, (train, test))
-    return made | {"dimensions": model.dimensions.T.tolist()}
+    result = row(f"begun, one scale, {DEFAULT:g}", skill, stream_parameters(model), seconds, (train, test))
+    return result | {"dimensions": model.dimensions.T.tolist()}
 
 
 def row(
@@ -234,16 +237,16 @@ def row(
     seconds: float,
     parts: tuple[Sequence[Demonstration], Sequence[Demonstration]],
 ) -> dict[str, object]:
-    made: dict[str, object] = {
+    result: dict[str, object] = {
         "model": name,
         "states": skill.states,
         "parameters": parameters,
         "seconds": seconds,
     }
-    for part, shown in zip(("train", "test"), parts, strict=True):
-        made[f"{part}_mse"] = error(skill, shown)
-        made[f"{part}_mse_own_start"] = error(skill, shown, own_start=True)
-    return made
+    for part, demonstrations in zip(("train", "test"), parts, strict=True):
+        result[f"{part}_mse"] = error(skill, demonstrations)
+        result[f"{part}_mse_own_start"] = error(skill, demonstrations, own_start=True)
+    return result
 
 
 def stream_parameters(model: OnlineModel) -> int:
@@ -252,57 +255,57 @@ def stream_parameters(model: OnlineModel) -> int:
 
 
 def parameters_of(K: int, P: int, D: int, dimensions: int) -> int:
-    """Means, D numbers for each dimension of each subspace, transitions, durations (table 5.1)."""
+    """Count means, D numbers per dimension of a subspace, transitions and durations (table 5.1)."""
     return P * K * D + D * dimensions + K**2 + 2 * K
 
 
-def time_call(function: Callable[[], Made]) -> tuple[Made, float]:
-    """What comes of it, and the median of the seconds of CPU that it takes."""
+def time_call(function: Callable[[], T]) -> tuple[T, float]:
+    """Return the result of a function, and the median of its CPU time [s]."""
     spent = []
     for _ in range(TIMED):
         begin = time.process_time()
-        made = function()
+        result = function()
         spent.append(time.process_time() - begin)
-    return made, float(np.median(spent))
+    return result, float(np.median(spent))
 
 
 def errors_by_arrival(demonstrations: Sequence[Demonstration], orders: int) -> list[dict[str, float]]:
-    """After each demonstration the error on those that are still to come, a mean over orders of arrival."""
+    """Return the mean error on the remaining demonstrations after each one, over random orders."""
     count = len(demonstrations)
     errors: dict[str, list[list[float]]] = {way: [[] for _ in range(count)] for way in LINES}
     for seed in range(orders):
-        came = [demonstrations[n] for n in np.random.default_rng(seed).permutation(count)]
+        received = [demonstrations[n] for n in np.random.default_rng(seed).permutation(count)]
         models: dict[str, OnlineModel] = {}
         for n in range(FIRST, count):
-            batch = learn_skill(came[:n])
-            models = {way: learn_stream(model, [came[n - 1]]) for way, model in models.items()}
+            batch = learn_skill(received[:n])
+            models = {way: learn_stream(model, [received[n - 1]]) for way, model in models.items()}
             if n in BATCH_SIZES:
-                models[f"begun after {n}"] = begin_from_batch(batch, came[:n], DEFAULT)
+                models[f"begun after {n}"] = begin_from_batch(batch, received[:n], DEFAULT)
             if n == FIRST:
-                models["from nothing"] = learn_stream(empty_model(batch, came[:n], DEFAULT), came[:n])
+                models["from nothing"] = learn_stream(empty_model(batch, received[:n], DEFAULT), received[:n])
             skills = {"batch": batch} | {way: to_skill(model) for way, model in models.items()}
             for way, skill in skills.items():
-                errors[way][n].append(error(skill, came[n:]))
+                errors[way][n].append(error(skill, received[n:]))
     return [summary({way: errors[way][n] for way in LINES if errors[way][n]}, n) for n in range(FIRST, count)]
 
 
 def summary(errors: dict[str, list[float]], count: int) -> dict[str, float]:
-    """Means over orders, and the standard errors of these."""
-    found: dict[str, float] = {"demonstrations": count}
+    """Return means over orders and their standard errors."""
+    result: dict[str, float] = {"demonstrations": count}
     for way, each in errors.items():
-        found[way] = float(np.mean(each))
-        found[f"{way}, error of the mean"] = float(np.std(each) / np.sqrt(max(len(each) - 1, 1)))
-    return found
+        result[way] = float(np.mean(each))
+        result[f"{way}, error of the mean"] = float(np.std(each) / np.sqrt(max(len(each) - 1, 1)))
+    return result
 
 
 def print_grid(grid: Sequence[dict[str, float]]) -> None:
-    print("training demonstrations alone: mean squared error on the one left out (and mean K)")
+    print("training demonstrations: mean squared error on the held-out one (and mean K)")
     print(f"{'share explained':<22}{'begun':>16}{'from nothing':>20}")
-    for one in grid:
+    for row in grid:
         cells = "".join(
-            f"{one[way]:>12.4f} ({one[f'{way}, clusters']:>4.1f})" for way in ("begun", "from nothing")
+            f"{row[way]:>12.4f} ({row[f'{way}, clusters']:>4.1f})" for way in ("begun", "from nothing")
         )
-        print(f"{one['explained']:<22}{cells}")
+        print(f"{row['explained']:<22}{cells}")
 
 
 def print_table(rows: Sequence[dict[str, object]]) -> None:
@@ -319,7 +322,7 @@ def print_table(rows: Sequence[dict[str, object]]) -> None:
 
 
 def print_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> None:
-    print(f"\nerror on the demonstrations still to come, mean over {orders} orders (and its error)")
+    print(f"\nerror on the remaining demonstrations, mean over {orders} orders (and its error)")
     print("after   " + "".join(f"{way:>19}" for way in LINES))
     for one in arrivals:
         cells = "".join(
@@ -335,7 +338,7 @@ def draw_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> Figure:
     for shift, (way, colour) in enumerate(LINES.items()):
         own = [one for one in arrivals if way in one]
         n = np.array([one["demonstrations"] for one in own]) + 0.04 * (shift - 2)
-        label = {"batch": "batch, learned anew", "from nothing": "stream from nothing"}.get(way)
+        label = {"batch": "batch, learned again", "from nothing": "stream from nothing"}.get(way)
         axes.errorbar(
             n,
             [one[way] for one in own],
@@ -345,31 +348,29 @@ def draw_arrivals(arrivals: Sequence[dict[str, float]], orders: int) -> Figure:
             capsize=3,
             label=label or f"stream {way}",
         )
-    axes.set(
-        xlabel="demonstrations that have come", ylabel="mean squared error on those to come", yscale="log"
-    )
+    axes.set(xlabel="demonstrations learned", ylabel="mean squared error on the remaining ones", yscale="log")
     axes.set_yticks([0.01, 0.02, 0.03, 0.04], ["0.01", "0.02", "0.03", "0.04"])
     axes.minorticks_off()
-    axes.set_title(f"opening the valve, {orders} orders of arrival", loc="left", fontsize=11)
+    axes.set_title(f"opening the valve, {orders} random orders", loc="left", fontsize=11)
     axes.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     return figure
 
 
 def draw_segments(train: Sequence[Demonstration], best: dict[str, float]) -> Figure:
-    """Which state each training demonstration is in, by the batch model and by the streams."""
+    """Draw the states of each training demonstration, for the batch fit and the online models."""
     first = learn_skill(train[:FIRST])
     batch = learn_skill(train)
     paths = {"batch, all four": [viterbi(batch, d) for d in train]}
     fitted = [viterbi(first, d) for d in train[:FIRST]]
-    for name, model, done in (
+    for name, model, learned in (
         ("stream begun from the first two", begin_from_batch(first, train[:FIRST], best["begun"]), fitted),
         ("stream from nothing", empty_model(first, train[:FIRST], best["from nothing"]), []),
     ):
-        path = list(done)
-        for demonstration in train[len(done) :]:
-            model, went = observe_demonstration(model, demonstration)
-            path.append(went.cluster_ids)
+        path = list(learned)
+        for demonstration in train[len(learned) :]:
+            model, assignments = observe_demonstration(model, demonstration)
+            path.append(assignments.cluster_ids)
         paths[name] = path
     figure = Figure(figsize=(9, 5.4), layout="constrained")
     for axes, (name, path) in zip(figure.subplots(3, 1, sharex=True), paths.items(), strict=True):

@@ -169,7 +169,9 @@ def record_demonstration(level: int, seed: int) -> SituationDemonstration:
     def make() -> list[Demonstration]:
         for attempt in range(MAX_ATTEMPTS):
             rng = np.random.default_rng([seed, DEMONSTRATION_STREAM, level, attempt])
-            made = record(plate.PLATE, where, simulated_leader(plate.PLATE, where, HumanModel(), rng), f"level {level}")
+            made = record(
+                plate.PLATE, where, simulated_leader(plate.PLATE, where, HumanModel(), rng), f"level {level}"
+            )
             if made.outcome.success:
                 return [made.demonstration]
         raise SkillError(f"level {level} failed {MAX_ATTEMPTS} times, the last because {made.outcome.reason}")
@@ -319,7 +321,10 @@ def perform_plate(
 
 
 def _row(
-    method: Method, alpha: float, where: tuple[str, list[plate.PlateSituation]], done: Sequence[ExecutionResult]
+    method: Method,
+    alpha: float,
+    where: tuple[str, list[plate.PlateSituation]],
+    done: Sequence[ExecutionResult],
 ) -> Row:
     name, situations = where
     pushes = [max(made.peak_forces.get(thing, 0.0) for thing in plate.FRAGILE_GEOMS) for made in done]
@@ -386,7 +391,12 @@ def draw(axes: Axes, skill: pf.Skill, where: plate.PlateSituation, pose: Demonst
     ends = where.plate.position[1] + np.array([-half, half])
     axes.plot(ends, [where.plate.position[2]] * 2, color="#44AACC", linewidth=4, label="plate")
     axes.plot(
-        *plate.goal_pose().position[1:], color="#117733", marker="x", markersize=9, linestyle="", label="cross"
+        *plate.goal_pose().position[1:],
+        color="#117733",
+        marker="x",
+        markersize=9,
+        linestyle="",
+        label="cross",
     )
     axes.axhline(plate.TABLE, color="0.7", linewidth=0.8)
     axes.set_aspect("equal")
@@ -394,7 +404,8 @@ def draw(axes: Axes, skill: pf.Skill, where: plate.PlateSituation, pose: Demonst
 
 
 def record_film(
-    demonstrations_by_situation: Sequence[SituationDemonstration], tried: dict[str, list[plate.PlateSituation]]
+    demonstrations_by_situation: Sequence[SituationDemonstration],
+    tried: dict[str, list[plate.PlateSituation]],
 ) -> Figure:
     """Six moments of the skill at work where the obstacle stands highest among the tests."""
     method = METHODS[-1]
