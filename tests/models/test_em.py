@@ -22,10 +22,10 @@ from pilotfish.models import (
     TimeBins,
     expected_statistics,
     fit_em,
-    labelled_statistics,
     learn,
     maximise_likelihood,
 )
+from pilotfish.models.statistics import labelled_statistics
 
 STRUCTURES = [Full(), Diagonal(), Spherical(), SemiTied(1.0), SemiTied(0.5)]
 

@@ -5,9 +5,9 @@ import pytest
 
 from pilotfish.demonstrations import Views, views
 from pilotfish.gaussians import moments
-from pilotfish.models import KMeans, MarkovChain, TimeBins, labelled_statistics
+from pilotfish.models import KMeans, MarkovChain, TimeBins
 from pilotfish.models.initialisation import _count_distinct, _joint_features
-from pilotfish.models.statistics import BLOCK_ROWS
+from pilotfish.models.statistics import BLOCK_ROWS, labelled_statistics
 
 
 def test_markov_fit_initial_probabilities_equal_first_states():

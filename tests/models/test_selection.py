@@ -17,14 +17,21 @@ from pilotfish.models import (
     Score,
     Selection,
     SemiMarkovChain,
-    bic,
-    degrees_of_freedom,
     learn,
     log_likelihood,
     select,
 )
-from pilotfish.models.durations import Gamma, Gaussian, Histogram, LogNormal, NegativeBinomial, Poisson
-from pilotfish.models.durations.segments import Segments
+from pilotfish.models.degrees_of_freedom import degrees_of_freedom
+from pilotfish.models.durations import (
+    Gamma,
+    Gaussian,
+    Histogram,
+    LogNormal,
+    NegativeBinomial,
+    Poisson,
+    Segments,
+)
+from pilotfish.models.selection import bic
 
 DYNAMICS = ("semi-markov", "markov", "mixture")
 

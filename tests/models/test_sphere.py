@@ -39,11 +39,11 @@ from pilotfish.models import (
     as_mixture,
     expected_statistics,
     filtered_regression,
-    labelled_statistics,
     learn,
     log_state_likelihoods,
     maximise_likelihood,
 )
+from pilotfish.models.statistics import labelled_statistics
 
 POSE = pose_layout()
 SPHERE = Layout((POSE.parts[0], replace(POSE.parts[1], quantity=Quantity.ORIENTATION)))

@@ -26,13 +26,13 @@ from pilotfish.models import (
     MixtureWeights,
     TimeBins,
     adapt,
-    degrees_of_freedom,
     expected_statistics,
     fitted_covariance_parameter_count,
     learn,
     maximise_likelihood,
     semi_markov_parameter_count,
 )
+from pilotfish.models.degrees_of_freedom import degrees_of_freedom
 
 STRUCTURES = [
     MFA(1),

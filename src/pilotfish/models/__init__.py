@@ -4,18 +4,15 @@ The states of a Gaussian mixture, a hidden Markov or a hidden semi-Markov model 
 They are learned by expectation-maximisation, adapted to new frames, and evaluated as state sequences.
 """
 
-from pilotfish.models import durations, online
+from pilotfish.models import online
 from pilotfish.models.adapt import adapt
 from pilotfish.models.agreement import match_labels, matched_accuracy, normalised_mutual_information
 from pilotfish.models.degrees_of_freedom import (
-    degrees_of_freedom,
     fitted_covariance_parameter_count,
     semi_markov_parameter_count,
 )
 from pilotfish.models.dynamics import MAX_HORIZON, MarkovChain, MixtureWeights
 from pilotfish.models.em import (
-    MAX_ITERATIONS,
-    MAX_RESTARTS,
     Convergence,
     EMSettings,
     expected_statistics,
@@ -23,10 +20,10 @@ from pilotfish.models.em import (
     maximise_likelihood,
 )
 from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
-from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
+from pilotfish.models.initialisation import FromModel, KMeans, TimeBins
 from pilotfish.models.learn import Fit, learn
 from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
-from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, bic, select
+from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, select
 from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain
 from pilotfish.models.sequences import (
     log_emissions,
@@ -37,13 +34,11 @@ from pilotfish.models.sequences import (
 )
 from pilotfish.models.signs import align_quaternion_signs
 from pilotfish.models.skill import MAX_SKILL_NUMBERS, MAX_STATES, AdaptedSkill, HiddenModel, Provenance, Skill
-from pilotfish.models.statistics import Statistics, labelled_statistics
+from pilotfish.models.statistics import Statistics
 from pilotfish.models.viterbi_durations import count_durations
 
 __all__ = [
     "MAX_HORIZON",
-    "MAX_ITERATIONS",
-    "MAX_RESTARTS",
     "MAX_SKILL_NUMBERS",
     "MAX_STATES",
     "VITERBI",
@@ -58,7 +53,6 @@ __all__ = [
     "FrameRelevance",
     "FromModel",
     "HiddenModel",
-    "Initialisation",
     "KMeans",
     "MarkovChain",
     "MixtureWeights",
@@ -72,15 +66,11 @@ __all__ = [
     "adapt",
     "align_quaternion_signs",
     "as_mixture",
-    "bic",
     "count_durations",
-    "degrees_of_freedom",
-    "durations",
     "expected_statistics",
     "filtered_regression",
     "fit_em",
     "fitted_covariance_parameter_count",
-    "labelled_statistics",
     "learn",
     "log_emissions",
     "log_likelihood",

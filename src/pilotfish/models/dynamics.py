@@ -131,7 +131,7 @@ class StateDynamics(ABC):
             log_observed: log b_k(x_t), finite; a row of zeros is a step without an observation.
 
         Raises:
-            InvalidInput: If there is no step, or a log-density is not finite.
+            InvalidInput: If log_observed has no rows, or a log-density is not finite.
 
         Source:
             Rabiner 1989, eq. 27; Yu 2010 for explicit durations.

@@ -26,6 +26,7 @@ the likelihood may fall although the M-step is exact; see `semi_markov.py`.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -40,7 +41,6 @@ from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float
 from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
 
-MAX_ITERATIONS, MAX_RESTARTS, MAX_THREADS = 1_000_000, 1000, 1024
 MIN_DURATION_VARIANCE = 1e-100  # steps^2
 NUMBER = (int, float, np.integer, np.floating)
 
@@ -64,6 +64,10 @@ class EMSettings:
         callback: Called with (iteration, log-likelihood) after every E-step.
     """
 
+    MAX_ITERATIONS: ClassVar[int] = 1_000_000
+    MAX_RESTARTS: ClassVar[int] = 1000
+    MAX_THREADS: ClassVar[int] = 1024
+
     regularisation: float = 1e-5
     tolerance: float = 1e-5
     max_iterations: int = 200
@@ -83,9 +87,9 @@ class EMSettings:
             raise InvalidInput(
                 f"duration_regularisation is {variance}, expected a positive variance [steps^2]"
             )
-        require_count(self.threads, "threads", MAX_THREADS)
-        require_count(self.max_iterations, "max_iterations", MAX_ITERATIONS, 1)
-        require_count(self.restarts, "restarts", MAX_RESTARTS, 1)
+        require_count(self.threads, "threads", self.MAX_THREADS)
+        require_count(self.max_iterations, "max_iterations", self.MAX_ITERATIONS, 1)
+        require_count(self.restarts, "restarts", self.MAX_RESTARTS, 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

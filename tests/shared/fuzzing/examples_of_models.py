@@ -42,13 +42,10 @@ def models_examples() -> Examples:
     return {
         "adapt": {"skill": framed, "frames": frames, "relevance": np.ones((2, 2))},
         "as_mixture": {"model": adapt_in_world(models.learn(**learning, dynamics="mixture").skill)},
-        "bic": {"log_likelihood": -10.0, "parameters": 5, "datapoints": 30},
         "fitted_covariance_parameter_count": {"structure": full, "covariances": skill.covariances},
         "semi_markov_parameter_count": counts,
         "filtered_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
         "smoothed_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
-        "degrees_of_freedom": {"skill": skill, "structure": full},
-        "labelled_statistics": {"views": data, "labels": labels, "states": 3},
         "learn": {**learning, "durations": models.DurationModel()},
         "log_emissions": {"model": skill, "data": data},
         "log_likelihood": {"model": skill, "demonstrations": demos, "max_duration": 20},

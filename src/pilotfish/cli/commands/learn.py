@@ -38,15 +38,12 @@ from pilotfish.demonstrations import Demonstration, diagnose
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.io import content_hash, save_skill
 from pilotfish.models import (
-    MAX_ITERATIONS,
-    MAX_RESTARTS,
     MAX_STATES,
     VITERBI,
     Censoring,
     DurationModel,
     EMSettings,
     Fit,
-    Initialisation,
     KMeans,
     TimeBins,
     fitted_covariance_parameter_count,
@@ -114,14 +111,14 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
 )
 @click.option(
     "--max-iterations",
-    type=click.IntRange(1, MAX_ITERATIONS),
+    type=click.IntRange(1, EMSettings.MAX_ITERATIONS),
     default=200,
     show_default=True,
     help="Maximum number of EM iterations per restart.",
 )
 @click.option(
     "--restarts",
-    type=click.IntRange(1, MAX_RESTARTS),
+    type=click.IntRange(1, EMSettings.MAX_RESTARTS),
     default=1,
     show_default=True,
     help="Number of EM runs, of which the most likely result is kept; above 1, time bins are random.",
@@ -184,7 +181,7 @@ def _fit(
     demonstrations: Sequence[Demonstration], durations: DurationModel | None, options: Mapping[str, Any]
 ) -> Fit:
     restarts, max_iterations = options["restarts"], options["max_iterations"]
-    initialisation: Initialisation = (
+    initialisation: KMeans | TimeBins = (
         KMeans()
         if options["initialisation"] == "k-means"
         else TimeBins(RESTART_JITTER if restarts > 1 else 0.0)

@@ -30,7 +30,7 @@ from pilotfish.cli.output.results import (
 from pilotfish.cli.output.tables import Table, key_value_table
 from pilotfish.cli.output.terminal import progress_bar
 from pilotfish.demonstrations import Demonstration
-from pilotfish.models import MAX_ITERATIONS, VITERBI, Candidate, EMSettings, Score, Selection
+from pilotfish.models import VITERBI, Candidate, EMSettings, Score, Selection
 from pilotfish.models import select as score_candidates
 
 HEADER = (
@@ -85,7 +85,7 @@ HEADER = (
 )
 @click.option(
     "--max-iterations",
-    type=click.IntRange(1, MAX_ITERATIONS),
+    type=click.IntRange(1, EMSettings.MAX_ITERATIONS),
     default=200,
     show_default=True,
     help="Maximum number of EM iterations per fit.",
