@@ -21,7 +21,6 @@ from pilotfish.models import (
     KMeans,
     MarkovChain,
     SemiMarkovChain,
-    count_durations,
     expected_statistics,
     learn,
     log_emissions,
@@ -40,6 +39,7 @@ from pilotfish.models.durations import (
     Poisson,
     Segments,
 )
+from pilotfish.models.viterbi_durations import count_durations
 
 DURATION_MODELS = {
     **{name: DurationModel(distribution) for name, distribution in DISTRIBUTIONS.items()},

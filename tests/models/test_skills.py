@@ -28,7 +28,6 @@ from pilotfish.models import (
     SemiMarkovChain,
     adapt,
     as_mixture,
-    count_durations,
     learn,
     log_emissions,
     log_likelihood,
@@ -37,6 +36,7 @@ from pilotfish.models import (
     state_segments,
     viterbi,
 )
+from pilotfish.models.viterbi_durations import count_durations
 
 
 def test_state_segments_repeat_to_the_sequence(rng):

@@ -66,10 +66,10 @@ def test_durations_are_recovered(tmp_path):
     command = [sys.executable, FOLDER / "durations.py", *options]
     subprocess.run(command, check=True, capture_output=True, timeout=300)
     first, *_, last = json.loads(report.read_text())["rows"]
-    error = "error of the means [share]"
-    assert last[f"exact {error}"] < 0.5 * first[f"exact {error}"]
-    assert last[f"exact {error}"] < 0.5 * last[f"counted {error}"]
-    assert last["counted bias of the means [share]"] < 0.0
+    error = "error of the means [fraction]"
+    assert last[f"fitted {error}"] < 0.5 * first[f"fitted {error}"]
+    assert last[f"fitted {error}"] < 0.5 * last[f"counted {error}"]
+    assert last["counted bias of the means [fraction]"] < 0.0
     assert (pictures / "durations.png").stat().st_size > 10_000
 
 

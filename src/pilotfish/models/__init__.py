@@ -35,7 +35,6 @@ from pilotfish.models.sequences import (
 from pilotfish.models.signs import align_quaternion_signs
 from pilotfish.models.skill import MAX_SKILL_NUMBERS, MAX_STATES, AdaptedSkill, HiddenModel, Provenance, Skill
 from pilotfish.models.statistics import Statistics
-from pilotfish.models.viterbi_durations import count_durations
 
 __all__ = [
     "MAX_HORIZON",
@@ -66,7 +65,6 @@ __all__ = [
     "adapt",
     "align_quaternion_signs",
     "as_mixture",
-    "count_durations",
     "expected_statistics",
     "filtered_regression",
     "fit_em",

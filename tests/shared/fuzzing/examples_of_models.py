@@ -64,7 +64,6 @@ def models_examples() -> Examples:
         },
         "expected_statistics": {"model": skill, "views": data, "max_duration": 20},
         "viterbi": {"model": skill, "demonstration": demos[0]},
-        "count_durations": {"model": fit.markov_skill, "data": data, "min_variance": 1.0},
     }
 
 
