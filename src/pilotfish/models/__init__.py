@@ -1,7 +1,7 @@
 """Task-parameterised models of skills: TP-GMM, TP-HMM and TP-HSMM.
 
-The states of a Gaussian mixture, a hidden Markov or a hidden semi-Markov model are observed from several frames.
-They are learned by expectation-maximisation, adapted to new frames, and evaluated as state sequences.
+The states of a Gaussian mixture, a hidden Markov or a hidden semi-Markov model are observed from several
+frames. They are learned by expectation-maximisation, adapted to new frames, and evaluated as state sequences.
 """
 
 from pilotfish.models import online

@@ -1,7 +1,7 @@
 """Expectation-maximisation (EM) of task-parameterised mixtures, HMMs and HSMMs (TP-GMM, TP-HMM, TP-HSMM).
 
-Model. Demonstrations are observed from P frames at once: x_t^p is datapoint t in the coordinates of frame p. A
-state k has one Gaussian in every frame, and its emission density is the product over the frames,
+Model. Demonstrations are observed from P frames at once: x_t^p is datapoint t in the coordinates of frame p.
+A state k has one Gaussian in every frame, and its emission density is the product over the frames,
 
     b_k(x_t) = prod_p N(x_t^p | mu_k^p, Sigma_k^p),
 
