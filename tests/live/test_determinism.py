@@ -1,4 +1,4 @@
-"""Every public result has the same bits in every process, wherever memory lies there."""
+"""Public results have the same bits in every process, whatever the addresses of memory."""
 
 import os
 import re
@@ -12,11 +12,11 @@ import pytest
 TOP = Path(__file__).parents[2]
 PROCESSES = 8
 
-pytestmark = pytest.mark.slow  # eight processes compute everything, about a minute of CPU time each 10 s
+pytestmark = pytest.mark.slow  # eight processes compute everything
 
 
 def environment(number: int) -> dict[str, str]:
-    """Return the variables of one process: other hashes, another heap, another stack, freed memory filled."""
+    """Return the environment of one process: own hash seed, heap, stack and fill of freed memory."""
     return {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(TOP / "src"), str(TOP / "tests" / "shared")]),
@@ -37,9 +37,8 @@ def run(command: list[str], number: int) -> str:
     return finished.stdout
 
 
-def test_every_public_result_has_the_same_bits_in_eight_processes():
-    """Structures, durations, streams, plans, tracking, impedance, physics: hundreds of results."""
-    script = [sys.executable, str(TOP / "tests" / "shared" / "public_results.py")]
+def test_public_results_eight_processes_have_equal_bits():
+    script = [sys.executable, str(TOP / "tests" / "shared" / "determinism_results.py")]
     with ThreadPoolExecutor(2) as pool:
         outputs = list(pool.map(lambda n: run([*script, str(n)], n), range(PROCESSES)))
     first, *others = (dict(line.split("\t") for line in output.splitlines()) for output in outputs)
@@ -49,13 +48,13 @@ def test_every_public_result_has_the_same_bits_in_eight_processes():
     assert all(set(other) == set(first) for other in others)
 
 
-def test_four_runs_of_the_command_line_write_the_same_content(data_folder, tmp_path):
-    """Semi-tied covariances depended on the address of the states' masses."""
+def test_learn_command_four_runs_write_equal_content(data_folder, tmp_path):
+    """Semi-tied covariances once depended on an address."""
     learn = [sys.executable, "-m", "pilotfish", "learn", "dataset:valve", "--only", "0-3"]
     learn += ["--structure", "semi-tied", "--seed", "5"]
     hashes = set()
     for number in range(4):
         run([*learn, "--out", str(tmp_path / f"{number}.skill")], number)
-        shown = run([sys.executable, "-m", "pilotfish", "show", str(tmp_path / f"{number}.skill")], number)
-        hashes.update(re.findall(r"^content\s+(\S+)", shown, re.MULTILINE))
+        text = run([sys.executable, "-m", "pilotfish", "show", str(tmp_path / f"{number}.skill")], number)
+        hashes.update(re.findall(r"^content hash\s+(\S+)", text, re.MULTILINE))
     assert len(hashes) == 1

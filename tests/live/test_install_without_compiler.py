@@ -1,4 +1,4 @@
-"""An install never fails for want of a compiler: the NumPy references run, after one warning with the remedy."""
+"""Installation without a compiler: the NumPy references run, after one warning that names the fix."""
 
 import os
 import re
@@ -23,7 +23,7 @@ def run(command: list[str | Path], **more: object) -> subprocess.CompletedProces
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel that is built where every compiler fails, from a copy that has no earlier build in it."""
+    """Build a wheel with compilers that fail, from a copy without earlier builds."""
     copy, wheels = tmp_path_factory.mktemp("copy"), tmp_path_factory.mktemp("wheels")
     for name in SOURCES:
         source = TOP / name
@@ -39,44 +39,42 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A throw-away environment with that wheel; what it depends on is borrowed from this one."""
+    """Return the Python of a temporary environment with that wheel and the dependencies of this one."""
     folder = tmp_path_factory.mktemp("venv")
     venv.create(folder, with_pip=False)
     python = folder / "bin" / "python"
     run([sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", wheel])
     site = run([python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).stdout.strip()
-    Path(site, "borrowed.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    Path(site, "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
     return python
 
 
-def answer(python: Path, program: str) -> subprocess.CompletedProcess[str]:
-    """What a program prints there, outside the checkout, so that only the wheel can answer."""
+def run_program(python: Path, program: str) -> subprocess.CompletedProcess[str]:
+    """Run a program outside the checkout, so that it imports the wheel."""
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     return run([python, "-W", "always", "-c", program], env=clean, cwd=python.parent)
 
 
-def test_the_wheel_holds_no_compiled_code(wheel: Path):
-    """Without a compiler the wheel is pure Python, and says so in its name."""
+def test_wheel_without_compiler_is_pure_python(wheel: Path):
     assert wheel.name.endswith("-py3-none-any.whl")
 
 
-def test_the_twins_answer_and_one_warning_names_the_remedy(python: Path):
-    """The answers are right, and over two calls exactly one warning tells how to get compiled kernels."""
+def test_kernels_without_compiler_warn_once_and_give_results(python: Path):
     program = (
         "import numpy as np, pilotfish as pf\n"
         "system = pf.control.double_integrator(1, period=0.1)\n"
         "from pilotfish.kernels import viterbi\n"
         "half, stay = np.full(2, 0.5), np.full((2, 2), 0.5)\n"
-        "seen = np.log(np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]]))\n"
+        "observed = np.log(np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]]))\n"
         "print(pf.__file__)\n"
         "for _ in range(2):\n"
-        "    print(*viterbi(seen, half, stay).states)\n"
+        "    print(*viterbi(observed, half, stay).states)\n"
     )
-    finished = answer(python, program)
-    where, *states = finished.stdout.splitlines()
-    assert Path(where).is_relative_to(python.parents[1]), f"{where} answered, expected the wheel"
+    finished = run_program(python, program)
+    file, *states = finished.stdout.splitlines()
+    assert Path(file).is_relative_to(python.parents[1]), f"{file} was imported, expected the wheel"
     assert states == ["0 1 0", "0 1 0"]
-    warned = re.findall(r"^\S+:\d+: \w+: .*", finished.stderr, re.MULTILINE)
-    assert len(warned) == 1, finished.stderr
-    assert "SlowKernelsWarning" in warned[0]
-    assert "g++" in warned[0]
+    warnings = re.findall(r"^\S+:\d+: \w+: .*", finished.stderr, re.MULTILINE)
+    assert len(warnings) == 1, finished.stderr
+    assert "SlowKernelsWarning" in warnings[0]
+    assert "g++" in warnings[0]

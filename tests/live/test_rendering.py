@@ -1,4 +1,4 @@
-"""Another Python, without a screen: what draws is found, and what is missing is named with its remedy."""
+"""Rendering in a process without a screen; messages name what is missing and the fix."""
 
 import os
 import subprocess
@@ -10,8 +10,8 @@ from drawing import needs_renderer
 CHOICES = {"MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY", "WAYLAND_DISPLAY"}
 
 
-def told(code: str, **variables: str) -> str:
-    """What another Python without a screen prints when it runs the code."""
+def run_without_screen(code: str, **variables: str) -> str:
+    """Return what a Python process without a screen prints."""
     bare = {k: v for k, v in os.environ.items() if k not in CHOICES}
     done = subprocess.run(
         [sys.executable, "-c", code], env=bare | variables, capture_output=True, text=True, timeout=120
@@ -32,40 +32,39 @@ for again in range({times}):
 
 
 @needs_renderer
-def test_without_a_screen_and_a_word_pictures_are_drawn():
-    """Nothing but the library is needed."""
-    assert told("from pilotfish.simulation.rendering import require_renderer; require_renderer()") == ""
+def test_require_renderer_without_screen_finds_osmesa():
+    assert (
+        run_without_screen("from pilotfish.simulation.rendering import require_renderer; require_renderer()")
+        == ""
+    )
 
 
 @pytest.mark.parametrize("value", ["glfw", "off"])
-def test_where_nothing_draws_the_remedy_is_told(value: str):
-    """The refusal names the package and the variable, without noise before it, however often one asks."""
-    words = told(REFUSED.format(name="require_renderer", times=3), MUJOCO_GL=value)
-    assert words.startswith("refused: nothing draws")
-    assert words.count("refused") == 3
-    assert "libosmesa6" in words
-    assert "MUJOCO_GL=osmesa" in words
+def test_require_renderer_without_renderer_names_package_and_variable(value: str):
+    output = run_without_screen(REFUSED.format(name="require_renderer", times=3), MUJOCO_GL=value)
+    assert output.startswith("refused: nothing draws")
+    assert output.count("refused") == 3
+    assert "libosmesa6" in output
+    assert "MUJOCO_GL=osmesa" in output
 
 
-def test_a_word_that_mujoco_does_not_know_is_refused():
-    """The refusal gives the word and what it may be."""
-    words = told(REFUSED.format(name="require_mujoco", times=1), MUJOCO_GL="nonsense")
-    assert words.startswith("refused: MuJoCo does not start with MUJOCO_GL=nonsense")
-    assert "osmesa" in words
+def test_require_mujoco_unknown_backend_names_valid_ones():
+    output = run_without_screen(REFUSED.format(name="require_mujoco", times=1), MUJOCO_GL="nonsense")
+    assert output.startswith("refused: MuJoCo does not start with MUJOCO_GL=nonsense")
+    assert "osmesa" in output
 
 
-def test_without_mujoco_the_extra_is_named():
-    """The refusal tells how to install it."""
-    words = told(
+def test_require_mujoco_without_mujoco_names_extra():
+    output = run_without_screen(
         "import sys; sys.modules['mujoco'] = None\n" + REFUSED.format(name="require_mujoco", times=1)
     )
-    assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in words
+    assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in output
 
 
-def test_a_library_that_is_not_to_be_had_is_told():
-    """MUJOCO_GL=osmesa, where another library of OpenGL came first, is refused in words of ours."""
-    words = told(
+def test_require_mujoco_backend_that_cannot_load_names_package():
+    """Another OpenGL library was loaded first."""
+    output = run_without_screen(
         "import OpenGL.platform\n" + REFUSED.format(name="require_mujoco", times=1), MUJOCO_GL="osmesa"
     )
-    assert words.startswith("refused: MuJoCo does not start with MUJOCO_GL=osmesa")
-    assert "libosmesa6" in words
+    assert output.startswith("refused: MuJoCo does not start with MUJOCO_GL=osmesa")
+    assert "libosmesa6" in output

@@ -21,7 +21,7 @@ from pilotfish.models import online
 TIMEOUT = 60.0  # s, for a process on a busy machine
 OPTIONS = ["--learner", "dp-gmm", "--cluster", "0.5", "--noise", "0.01", "--out", "now.stream"]
 LAYOUT = Layout((Part("column", Quantity.SCALAR, 3, "1"),))
-Starts = Callable[..., subprocess.Popen[bytes]]
+StartCommand = Callable[..., subprocess.Popen[bytes]]
 
 
 def rows(n: int) -> np.ndarray:
@@ -45,7 +45,7 @@ def restore_signals() -> None:
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Starts]:
+def start(tmp_path: Path) -> Iterator[StartCommand]:
     """Start a command that reads a pipe; it is killed after the test."""
     running: list[subprocess.Popen[bytes]] = []
     source = str(Path(__file__).parents[2] / "src")
@@ -76,9 +76,9 @@ def send(process: subprocess.Popen[bytes], data: bytes) -> None:
     process.stdin.flush()
 
 
-def wait_until(true: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     end = time.monotonic() + TIMEOUT
-    while not true():
+    while not condition():
         assert time.monotonic() < end, "timeout"
         time.sleep(0.02)
 
@@ -90,7 +90,9 @@ def saved_datapoints(folder: Path) -> int:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_signal_saves_all_rows_before_it(start: Starts, tmp_path: Path, number: signal.Signals, code: int):
+def test_signal_saves_all_rows_before_it(
+    start: StartCommand, tmp_path: Path, number: signal.Signals, code: int
+):
     process = start("--save-every", "0.01")
     x = rows(120)
     for part in np.array_split(x, 40):
@@ -105,7 +107,7 @@ def test_signal_saves_all_rows_before_it(start: Starts, tmp_path: Path, number: 
     assert (tmp_path / "now.stream").read_bytes() == expected(x)
 
 
-def test_row_is_learned_before_next_arrives(start: Starts, tmp_path: Path):
+def test_row_is_learned_before_next_arrives(start: StartCommand, tmp_path: Path):
     process = start("--save-every", "0.01")
     x = rows(3)
     for n in range(3):
@@ -116,7 +118,7 @@ def test_row_is_learned_before_next_arrives(start: Starts, tmp_path: Path):
     assert (tmp_path / "now.stream").read_bytes() == expected(np.concatenate([x, x[:1]]))
 
 
-def test_signal_before_first_row_leaves_no_file(start: Starts, tmp_path: Path):
+def test_signal_before_first_row_leaves_no_file(start: StartCommand, tmp_path: Path):
     process = start("--every", "1")
     send(process, b"# hello\n")
     wait_until(lambda: unread(process) == 0)
@@ -128,13 +130,13 @@ def test_signal_before_first_row_leaves_no_file(start: Starts, tmp_path: Path):
 
 
 def unread(process: subprocess.Popen[bytes]) -> int:
-    """Return how many bytes of the pipe the process has not read yet."""
+    """Return the number of bytes in the pipe that the process has not read."""
     assert process.stdin
     count = fcntl.ioctl(process.stdin, termios.FIONREAD, bytes(4))
     return int.from_bytes(count, sys.byteorder)
 
 
-def test_rows_option_leaves_endless_source(start: Starts, tmp_path: Path):
+def test_rows_option_leaves_endless_source(start: StartCommand, tmp_path: Path):
     process = start("--rows", "5")
     process.communicate(text(rows(2000)), timeout=TIMEOUT)
     assert process.returncode == 0

@@ -18,7 +18,7 @@ PERIOD = 0.05  # s
 
 
 class DemonstrationMaker:
-    """Draw random values; a call makes a demonstration with a cup's frame and a shelf's or a moving belt's."""
+    """Random values; a call makes a demonstration with the frame of a cup and of a shelf or a moving belt."""
 
     mixed = Layout(
         (

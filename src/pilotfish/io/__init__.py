@@ -7,8 +7,8 @@ from pilotfish.io.demonstration_folder import (
     require_replaceable,
     write_demonstrations,
 )
-from pilotfish.io.motions import normalise_quaternions, round_time, write_motion
-from pilotfish.io.paths import is_file, is_folder, is_link, path_exists, read_file, resolve_path
+from pilotfish.io.motions import normalise_quaternions, write_motion
+from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
 from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
 from pilotfish.io.published_npy import read_helloworld_npy, read_robotasks_npy
 from pilotfish.io.published_npz import (
@@ -27,9 +27,7 @@ __all__ = [
     "atomic_file",
     "content_hash",
     "datasets",
-    "is_file",
     "is_folder",
-    "is_link",
     "load_any",
     "make_folder",
     "normalise_quaternions",
@@ -50,7 +48,6 @@ __all__ = [
     "read_zshape_mat",
     "require_replaceable",
     "resolve_path",
-    "round_time",
     "save_skill",
     "save_stream",
     "synthetic_valve",

@@ -25,7 +25,7 @@ def write_motion(path: Path, motion: Motion, layout: Layout) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["time [s]", *header])
-        writer.writerows([round_time(motion.period * t), *row] for t, row in enumerate(rows))
+        writer.writerows([_round_time(motion.period * t), *row] for t, row in enumerate(rows))
 
 
 def normalise_quaternions(x: Float[Array, "T D"], layout: Layout) -> Float[Array, "T D"]:
@@ -41,10 +41,6 @@ def normalise_quaternions(x: Float[Array, "T D"], layout: Layout) -> Float[Array
     return normalised
 
 
-def round_time(seconds: float) -> float:
-    """Return a time [s] rounded to 12 digits: 0.3 instead of 0.30000000000000004.
-
-    Args:
-        seconds: Time, such as a period times a number of steps.
-    """
+def _round_time(seconds: float) -> float:
+    """Return a time [s] rounded to 12 digits: 0.3 instead of 0.30000000000000004."""
     return float(f"{seconds:.12g}")

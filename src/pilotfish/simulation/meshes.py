@@ -11,7 +11,7 @@ import numpy as np
 
 from pilotfish.environments.baxter import VisualMesh
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.io import atomic_file, is_file, make_folder, read_file
+from pilotfish.io import atomic_file, make_folder, path_exists, read_file
 from pilotfish.types import Array, Float, Int
 
 PACKAGE = "example-robot-data"
@@ -93,7 +93,7 @@ def _convert_meshes(folder: Path) -> Iterator[VisualMesh]:
         raise SkillError(_install_hint(error.name or str(error))) from error
     for name, (part, place, turn) in MESH_PLACEMENTS.items():
         file = folder / f"{name}.DAE"
-        if not is_file(file):
+        if not path_exists(file):
             raise SkillError(f"{PACKAGE} has no {file}; install the version of 'pilotfish[meshes]'")
         pieces = trimesh.load_scene(file).dump()
         total = sum(len(piece.faces) for piece in pieces)

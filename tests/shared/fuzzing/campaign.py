@@ -1,6 +1,6 @@
-"""Run many mutants of a target: in a forked process with bounded memory, watched from outside.
+"""Run mutants of a target in forked processes with bounded memory and time.
 
-A mutant must be accepted and sound, or be refused by a SkillError or a click.UsageError of one line.
+A mutant must be accepted and sound, or refused by a SkillError or click.UsageError of one line.
 """
 
 import faulthandler
@@ -26,20 +26,20 @@ from fuzzing.soundness import InvariantViolation, require_sound_refusal
 from fuzzing.target import Mutant, Target, mutant_of, plan_of
 from pilotfish.errors import SkillError
 
-MAX_SECONDS = 2.0  # s of processor time that one mutant may take
-HANG_TIMEOUT = 60.0  # s after which a child that goes on with one mutant is ended
-MAX_MEMORY_GROWTH = 200 * 2**20  # bytes by which memory may grow
-MEMORY_LIMIT = 300 * 2**20  # bytes of address space beyond those at the start
-THOROUGH_CHECK_INTERVAL = 10  # one of so many accepted mutants is planned and written again
+MAX_SECONDS = 2.0  # CPU time of one mutant [s]
+HANG_TIMEOUT = 60.0  # s after which a child without progress is killed
+MAX_MEMORY_GROWTH = 200 * 2**20  # bytes
+MEMORY_LIMIT = 300 * 2**20  # bytes of address space more than at the start
+THOROUGH_CHECK_INTERVAL = 10  # every tenth accepted mutant is also planned and written again
 
 
 class Hang(BaseException):
-    """A mutant took too long. No decoder catches it."""
+    """Raised when a mutant takes too long; no decoder catches it."""
 
 
 @dataclass
 class Failure:
-    """What went wrong, and the smallest mutant known that shows it."""
+    """Failure with the smallest mutant that causes it."""
 
     target: str
     seed: int
@@ -64,7 +64,7 @@ class Failure:
 
 @dataclass
 class Tally:
-    """What came of the mutants of one target."""
+    """Outcomes of the mutants of one target."""
 
     target: str
     mutants: int = 0
@@ -87,7 +87,7 @@ class Tally:
 
 
 def attempt(target: Target, data: Any, thorough: bool) -> bool:
-    """Whether a mutant was accepted; whatever must not be is raised."""
+    """Return whether a mutant is accepted; raise if it is accepted but not sound, or not refused properly."""
     try:
         value = target.read(data)
     except SkillError as error:
@@ -101,7 +101,7 @@ def attempt(target: Target, data: Any, thorough: bool) -> bool:
 
 
 def measure_attempt(target: Target, data: Any, thorough: bool) -> bool:
-    """The same, ended after LONGEST."""
+    """Run `attempt` for at most MAX_SECONDS of CPU time."""
     signal.setitimer(signal.ITIMER_PROF, MAX_SECONDS)
     try:
         return attempt(target, data, thorough)
@@ -109,32 +109,34 @@ def measure_attempt(target: Target, data: Any, thorough: bool) -> bool:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
-def run_here(name: str, target: Target, seed: int, indices: range, here: mmap.mmap | None = None) -> Tally:
-    """Run mutants in this process; here is where the number of the current one is written."""
-    tally, seen = Tally(name), {}
+def run_in_process(
+    name: str, target: Target, seed: int, indices: range, progress: mmap.mmap | None = None
+) -> Tally:
+    """Run mutants in this process, and write the number of the current one to shared memory."""
+    tally, kinds = Tally(name), {}
     before = _peak_memory()
     for index in indices:
-        if here is not None:
-            here[:24] = b"".join(n.to_bytes(8, "little") for n in (index, tally.accepted, tally.refused))
+        if progress is not None:
+            progress[:24] = b"".join(n.to_bytes(8, "little") for n in (index, tally.accepted, tally.refused))
         base, edits = plan_of(target, name, seed, index)
         try:
             draw_mutant = mutant_of(target, base, edits)
-        except MemoryError:  # the edits multiply: their text does not fit under the limit for what reads it
+        except MemoryError:  # repeated edits can exceed the limit themselves
             continue
-        before += max(0, _peak_memory() - before - tally.growth)  # what the edits themselves took
-        began = time.process_time()
+        before += max(0, _peak_memory() - before - tally.growth)  # memory of the edits
+        start_time = time.process_time()
         try:
             if measure_attempt(target, draw_mutant.data, tally.accepted % THOROUGH_CHECK_INTERVAL == 0):
                 tally.accepted += 1
             else:
                 tally.refused += 1
             if (
-                grown := _peak_memory() - before
-            ) > MAX_MEMORY_GROWTH and grown > tally.growth + MAX_MEMORY_GROWTH // 4:
-                raise InvariantViolation(f"memory grew by {grown // 2**20} MiB")
-        except (Exception, Hang) as error:  # noqa: BLE001 - everything else that is raised is a failure
-            _note(tally, seen, _failure(name, target, seed, index, (base, edits), error))
-        seconds = time.process_time() - began
+                growth := _peak_memory() - before
+            ) > MAX_MEMORY_GROWTH and growth > tally.growth + MAX_MEMORY_GROWTH // 4:
+                raise InvariantViolation(f"memory grew by {growth // 2**20} MiB")
+        except (Exception, Hang) as error:  # noqa: BLE001 - any other exception is a failure
+            _add_failure(tally, kinds, _failure(name, target, seed, index, (base, edits), error))
+        seconds = time.process_time() - start_time
         if seconds > tally.slowest:
             tally.slowest, tally.slowest_index = seconds, index
         tally.growth = max(tally.growth, _peak_memory() - before)
@@ -142,19 +144,19 @@ def run_here(name: str, target: Target, seed: int, indices: range, here: mmap.mm
     return tally
 
 
-def _note(tally: Tally, seen: dict[str, Failure], failure: Failure) -> None:
-    if failure.kind in seen:
-        seen[failure.kind].count += 1
+def _add_failure(tally: Tally, kinds: dict[str, Failure], failure: Failure) -> None:
+    if failure.kind in kinds:
+        kinds[failure.kind].count += 1
     else:
-        seen[failure.kind] = failure
+        kinds[failure.kind] = failure
         tally.failures.append(failure)
 
 
 def _kind(error: BaseException) -> str:
-    """The type of an error and where in pilotfish it was raised."""
+    """Return the type of an error and the line of pilotfish that raised it."""
     steps = traceback.extract_tb(error.__traceback__)
-    ours = [step for step in steps if f"{os.sep}pilotfish{os.sep}" in step.filename]
-    last = (ours or steps)[-1]
+    own = [step for step in steps if f"{os.sep}pilotfish{os.sep}" in step.filename]
+    last = (own or steps)[-1]
     where = "" if isinstance(error, Hang) else f" at {Path(last.filename).name}:{last.lineno}"
     if isinstance(error, InvariantViolation):
         where = f" {re.sub(r'[^a-z]+', ' ', re.split(' is |: ', str(error))[0])[:60]}"
@@ -164,7 +166,7 @@ def _kind(error: BaseException) -> str:
 def _failure(
     name: str, target: Target, seed: int, index: int, plan: tuple[int, tuple[int, ...]], error: BaseException
 ) -> Failure:
-    """The failure with as few edits as still show it."""
+    """Return the failure with as few edits as still cause it."""
     kind = _kind(error)
     base, edits = plan
     draw_mutant = mutant_of(target, base, edits)
@@ -198,7 +200,7 @@ def _error_of(target: Target, data: Any) -> str | None:
 
 
 def _minimise_edits(target: Target, data: Any, kind: str) -> Any:
-    """The data without what can be left out, as far as 10 s lead."""
+    """Remove what can be left out of the data, for at most 10 s."""
     end, size = time.monotonic() + 10.0, max(1, len(data) // 2)
     while size and time.monotonic() < end:
         n = 0
@@ -213,7 +215,7 @@ def _minimise_edits(target: Target, data: Any, kind: str) -> Any:
 
 
 def _peak_memory() -> int:
-    """The largest resident memory of this process so far, in bytes."""
+    """Return the largest resident memory of this process so far [bytes]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
@@ -221,7 +223,7 @@ def _peak_memory() -> int:
 
 
 def run_target(name: str, target: Target, seed: int, mutants: int, start: int = 0) -> Tally:
-    """Run mutants of a target in forked processes; one that dies or hangs is a failure, the rest goes on."""
+    """Run mutants of a target in forked processes; one that dies or hangs is one failure."""
     total, end = Tally(name), start + mutants
     while start < end:
         tally, start = _fork_worker(name, target, seed, range(start, end))
@@ -230,18 +232,18 @@ def run_target(name: str, target: Target, seed: int, mutants: int, start: int = 
 
 
 def _fork_worker(name: str, target: Target, seed: int, indices: range) -> tuple[Tally, int]:
-    with NamedTemporaryFile() as out, NamedTemporaryFile() as err, mmap.mmap(-1, 24) as here:
-        here[:8] = indices.start.to_bytes(8, "little")
+    with NamedTemporaryFile() as out, NamedTemporaryFile() as err, mmap.mmap(-1, 24) as progress:
+        progress[:8] = indices.start.to_bytes(8, "little")
         sys.stdout.flush()
         process = os.fork()
         if process == 0:
-            _child(name, target, seed, indices, here, (out.fileno(), err.fileno()))
-        status, stuck = _wait_with_timeout(process, here)
+            _child(name, target, seed, indices, progress, (out.fileno(), err.fileno()))
+        status, stuck = _wait_with_timeout(process, progress)
         if status == 0:
-            told = json.loads(Path(out.name).read_text())
-            told["failures"] = [Failure(**failure) for failure in told["failures"]]
-            return Tally(**told), indices.stop
-        index, accepted, refused = (int.from_bytes(here[n : n + 8], "little") for n in (0, 8, 16))
+            fields = json.loads(Path(out.name).read_text())
+            fields["failures"] = [Failure(**failure) for failure in fields["failures"]]
+            return Tally(**fields), indices.stop
+        index, accepted, refused = (int.from_bytes(progress[n : n + 8], "little") for n in (0, 8, 16))
         kind = "Hang outside Python" if stuck else "Crash"
         why = f"no end after {HANG_TIMEOUT:g} s" if stuck else f"the process ended with status {status}"
         failure = Failure(name, seed, index, kind, why, trace=Path(err.name).read_text()[-3000:])
@@ -249,7 +251,7 @@ def _fork_worker(name: str, target: Target, seed: int, indices: range) -> tuple[
 
 
 def _child(
-    name: str, target: Target, seed: int, indices: range, here: mmap.mmap, files: tuple[int, int]
+    name: str, target: Target, seed: int, indices: range, progress: mmap.mmap, files: tuple[int, int]
 ) -> NoReturn:
     """Run mutants with bounded memory and write the tally as JSON."""
     out, err = files
@@ -257,15 +259,15 @@ def _child(
         os.dup2(err, 2)
         faulthandler.enable()
         warnings.simplefilter("error")
-        for base in range(len(target.bases)):  # what is loaded and cached at first use does not count
+        for base in range(len(target.bases)):  # memory of imports and caches does not count
             attempt(target, mutant_of(target, base, ()).data, True)
         signal.signal(signal.SIGPROF, _hang)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY_LIMIT, resource.RLIM_INFINITY))
-        tally = run_here(name, target, seed, indices, here)
+        tally = run_in_process(name, target, seed, indices, progress)
         os.write(out, json.dumps(asdict(tally)).encode())
         os._exit(0)
-    except BaseException:  # noqa: BLE001 - this process ends here, whatever happened
+    except BaseException:  # noqa: BLE001 - the process ends here
         traceback.print_exc()
         sys.stderr.flush()
         os._exit(1)
@@ -275,24 +277,24 @@ def _hang(signum: int, frame: Any) -> None:
     raise Hang(f"it took more than {MAX_SECONDS:g} s")
 
 
-def _wait_with_timeout(process: int, here: mmap.mmap) -> tuple[int, bool]:
-    """Return the status of a child at its end, and whether it had to be ended: it stayed with one mutant."""
-    last, since, patience = b"", time.monotonic(), 4 * HANG_TIMEOUT
+def _wait_with_timeout(process: int, progress: mmap.mmap) -> tuple[int, bool]:
+    """Return the exit status of a child, and whether it was killed for lack of progress."""
+    last, since, timeout = b"", time.monotonic(), 4 * HANG_TIMEOUT
     while True:
         ended, status = os.waitpid(process, os.WNOHANG)
         if ended:
             return status, False
-        if (now := here[:8]) != last:
-            patience = HANG_TIMEOUT if last else patience  # it tries what it is to edit before the first
+        if (now := progress[:8]) != last:
+            timeout = HANG_TIMEOUT if last else timeout  # the bases are tried before the first mutant
             last, since = now, time.monotonic()
-        elif time.monotonic() - since > patience:
+        elif time.monotonic() - since > timeout:
             os.kill(process, signal.SIGKILL)
             return os.waitpid(process, 0)[1], True
         time.sleep(0.05)
 
 
 def table(tallies: Sequence[Tally]) -> str:
-    """A line for each target."""
+    """Return a table with a row for each target."""
     names = ("mutants", "accepted", "refused", "failures", "slowest", "memory")
     head = f"{'target':16} " + " ".join(f"{name:>9}" for name in names)
     rows = [

@@ -1,4 +1,4 @@
-"""Skill and stream files as a header and arrays, written again with the right checksum after an edit."""
+"""Skill and stream files as a header and arrays, written with a valid hash after an edit."""
 
 import json
 from collections.abc import Callable

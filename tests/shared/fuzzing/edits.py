@@ -1,4 +1,4 @@
-"""Seeded edits that make a valid value hostile: trees of JSON, arrays, bytes and text.
+"""Seeded edits that make a tree of JSON values hostile.
 
 Every edit is a function `(value, rng) -> (edited value, what was done)`. It does not change its argument.
 """
@@ -13,7 +13,7 @@ Edit = Callable[[Any, Random], tuple[Any, str]]
 
 
 class Token:
-    """Text that is written into JSON or TOML as it is, such as 1e999."""
+    """Text that is written to JSON or TOML without quotes, such as 1e999."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -57,7 +57,7 @@ STRUCTURES: tuple[Any, ...] = (
 
 
 def short_text(value: object, most: int = 80) -> str:
-    """Return repr(value), its middle left out if it is long."""
+    """Return repr(value) without its middle if it is long."""
     try:
         text = repr(value) if not isinstance(value, str | list) or len(value) < 10**4 else ""
     except ValueError:  # an integer with too many digits
@@ -155,7 +155,7 @@ def _change_list(node: list[Any], rng: Random, tree: Any) -> tuple[Any, str]:
 
 
 def _piece(tree: Any, rng: Random) -> Any:
-    """Return some part of the tree."""
+    """Return a random part of the tree."""
     while isinstance(tree, dict | list) and tree and rng.random() < 0.8:
         tree = rng.choice(list(tree.values()) if isinstance(tree, dict) else tree)
     return tree
@@ -193,7 +193,7 @@ def _toml(value: Any) -> str:
 
 
 def _printable_integers(tree: Any) -> Any:
-    """Python refuses to print integers of more than 4300 digits; a nudged one may have them."""
+    """Replace a tree by a token if it has an integer of more digits than Python prints."""
     try:
         json.dumps(tree, default=str)
     except ValueError:

@@ -13,7 +13,7 @@ from pilotfish.models import online
 
 @cache
 def learn_lines() -> tuple[Any, ...]:
-    """Recordings, and a fit of a semi-Markov skill to them."""
+    """Return demonstrations and a fit of a semi-Markov skill."""
     demos = tuple(demonstrations.add_derivatives(demo) for demo in lines())
     return demos, models.learn(demos, states=3, rng=new_rng(), settings=FAST_SETTINGS)
 

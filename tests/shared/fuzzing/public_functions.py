@@ -1,9 +1,8 @@
 """Public functions under hostile arguments.
 
-Functions at the front (see STRICT) return a sound value or raise SkillError for whatever they are given.
-The others may also raise what NumPy and Python raise for arguments that do not fit. For all of them: no
-crash, no hang, arguments stay as they were, and a value in another form (strided, big-endian, unaligned,
-read-only, a list) gives the same result or is refused.
+Functions in STRICT return a sound value or raise SkillError for any argument. The others may also raise what
+NumPy and Python raise for invalid arguments. No function crashes, hangs or changes its arguments. A value in
+another form (strided, big-endian, unaligned, read-only, a list) gives the same result or is refused.
 """
 
 import warnings
@@ -47,8 +46,8 @@ ORDINARY = (
     RuntimeWarning,
     np.ma.MAError,
 )
-OURS = ("label", "maximum", "expected")  # arguments that tell who calls, not what is given
-# Without numbers that are large and allowed, such as that of the steps of a plan.
+NOT_EDITED = ("label", "maximum", "expected")  # arguments of the caller, not of the user
+# Without numbers that are large but valid, such as a number of steps.
 VALUES = tuple(
     v for v in (*NUMBERS, *TEXTS, *STRUCTURES) if not isinstance(v, Token) and v not in (10**5, 10**6)
 )
@@ -56,17 +55,24 @@ VALUES = tuple(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Call:
-    """A function's name and arguments; same tells that they say the same as the example's in another form."""
+    """Name and arguments of a function.
+
+    Attributes:
+        name: Name of the function.
+        arguments: Arguments by name.
+        same: Whether the arguments equal those of the example in another form.
+        inside: Whether a value made by another function was edited.
+    """
 
     name: str
     arguments: dict[str, Any]
     same: bool = True
-    inside: bool = False  # whether a value made by another function was edited
+    inside: bool = False
 
 
 def edit_call(call: Call, rng: Random) -> tuple[Call, str]:
     """Edit one argument, or leave one out."""
-    key = rng.choice([key for key in call.arguments if key not in OURS])
+    key = rng.choice([key for key in call.arguments if key not in NOT_EDITED])
     value = call.arguments[key]
     if rng.random() < 0.25 and isinstance(value, np.ndarray):
         edited, said = other_form(value, rng)
@@ -104,12 +110,12 @@ def _edited_field(value: Any, rng: Random) -> tuple[Any, str]:
     edited, said, _ = _edited(getattr(value, field), rng)
     try:
         return replace(value, **{field: edited}), f".{field} {said}"
-    except (SkillError, *ORDINARY) as error:  # the value refuses it itself
+    except (SkillError, *ORDINARY) as error:  # the dataclass refuses it
         return value, f".{field} {said}, refused: {str(error)[:60]}"
 
 
 def other_form(array: Array, rng: Random) -> tuple[Any, str]:
-    """The same numbers in another form."""
+    """Return the same numbers in another form."""
     if array.ndim == 0 or array.dtype.kind not in "fi":
         return array, "as it is"
     spread = np.zeros((*array.shape[:-1], 2 * array.shape[-1]), array.dtype)
@@ -136,7 +142,7 @@ def other_form(array: Array, rng: Random) -> tuple[Any, str]:
 
 
 def other_kind(array: Array, rng: Random) -> tuple[Any, str]:
-    """Something that is no array of numbers."""
+    """Return a value that is not an array of numbers."""
     if array.dtype.kind not in "fiu":
         return array.tolist(), "a list"
     kinds: dict[str, Callable[[], Any]] = {
@@ -156,8 +162,8 @@ def other_kind(array: Array, rng: Random) -> tuple[Any, str]:
     return kinds[name](), name
 
 
-def call_it(call: Call) -> Any:
-    """The call and its result.    Raises: SkillError, when it is refused."""
+def call_function(call: Call) -> Any:
+    """Return the call and its result, or raise SkillError if it is refused."""
     function, strict = function_named(call.name), call.name in STRICT and not call.inside
     before = {key: value.copy() for key, value in call.arguments.items() if isinstance(value, np.ndarray)}
     with warnings.catch_warnings():
@@ -193,7 +199,7 @@ def _equal(a: Array, b: Array) -> bool:
 
 
 def use_result(value: tuple[Call, Any], thorough: bool) -> None:
-    """Sound where the function is strict; the same as the example's where the arguments say the same."""
+    """Check that a strict function's result is sound, and equal to the example's for equal arguments."""
     call, result = value
     if call.same:
         require_alike(result, expected(call.name), call.name)
@@ -208,7 +214,7 @@ def _examples(package: str) -> dict[str, dict[str, Any]]:
 
 @cache
 def expected(name: str) -> Any:
-    """What the function gives for the example's arguments."""
+    """Return the result for the example's arguments."""
     package = "environments" if name.startswith("manipulation.") else name.rpartition(".")[0]
     arguments = _examples(package)[name]
     result = function_named(name)(**_fresh(arguments))
@@ -216,7 +222,7 @@ def expected(name: str) -> Any:
 
 
 def _fresh(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Randomness begins again for each call."""
+    """Return the arguments with new random number generators."""
     return {
         key: np.random.default_rng(0) if isinstance(value, np.random.Generator) else value
         for key, value in arguments.items()
@@ -224,7 +230,7 @@ def _fresh(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def require_alike(a: Any, b: Any, place: str) -> None:
-    """Equal but for rounding: strides may change the order of sums."""
+    """Check that results are equal up to rounding: strides may change the order of sums."""
     if isinstance(a, np.ndarray) and a.dtype.kind in "fiub":
         if a.shape != np.shape(b) or not np.allclose(a, b, rtol=1e-7, atol=1e-9, equal_nan=True):
             raise InvariantViolation(f"{place} depends on the form of its arguments")
@@ -250,7 +256,7 @@ def _target(package: str) -> Target:
     def write(call: Call) -> Call:
         return replace(call, arguments=_fresh(call.arguments))
 
-    return Target(bases, edit_call, write, call_it, use_result)
+    return Target(bases, edit_call, write, call_function, use_result)
 
 
 def _maker(package: str) -> Callable[[], Target]:

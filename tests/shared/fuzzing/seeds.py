@@ -1,4 +1,4 @@
-"""Valid values of every kind that a decoder reads: small, so that many mutants of them can be tried."""
+"""Valid values for every decoder, small so that many mutants can be run."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -30,9 +30,9 @@ STEPS = 14
 
 @cache
 def valve_demonstrations() -> tuple[Demonstration, ...]:
-    """Three short openings of a valve: poses as four numbers, seen from two frames."""
-    shown = synthetic_valve(np.random.default_rng(0))[:3]
-    return tuple(_poses(resample(demo, STEPS)) for demo in shown)
+    """Return three short openings of a valve with quaternions and two frames."""
+    demonstrations = synthetic_valve(np.random.default_rng(0))[:3]
+    return tuple(_poses(resample(demo, STEPS)) for demo in demonstrations)
 
 
 def _poses(demo: Demonstration) -> Demonstration:
@@ -49,7 +49,7 @@ def _poses(demo: Demonstration) -> Demonstration:
 
 @cache
 def lines() -> tuple[Demonstration, ...]:
-    """Three short lines in a plane, in the world's frame."""
+    """Return three short lines in a plane, in the world frame."""
     rng = np.random.default_rng(1)
     way = np.linspace(0.0, 1.0, STEPS)[:, None] * np.array([1.0, -0.5])
     return tuple(
@@ -60,7 +60,7 @@ def lines() -> tuple[Demonstration, ...]:
 
 @cache
 def gripper_demonstrations() -> tuple[Demonstration, ...]:
-    """Three short recordings of a position, a force and a gripper."""
+    """Return three short demonstrations of a position, a force and a gripper."""
     rng = np.random.default_rng(2)
     layout = Layout(
         (
@@ -77,7 +77,7 @@ def gripper_demonstrations() -> tuple[Demonstration, ...]:
 
 @cache
 def skills() -> tuple[Skill, ...]:
-    """Skills of every dynamics, duration distribution and covariance structure, some on the sphere."""
+    """Return skills of every dynamics, duration distribution and covariance structure, some on S^3."""
     return tuple(_skills())
 
 
@@ -115,7 +115,7 @@ def _skills() -> Iterator[Skill]:
 
 @cache
 def streams() -> tuple[online.OnlineModel, ...]:
-    """Models of every online learner and weighting, after a few datapoints."""
+    """Return models of every online learner and weighting after a few datapoints."""
     settings = (
         online.DPGMM(cluster=0.1, noise=1e-3),
         online.DPMPPCA(cluster=0.1, dimension=1e-4, noise=1e-3, bandwidth=0.1),

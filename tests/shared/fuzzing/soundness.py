@@ -1,4 +1,4 @@
-"""What must hold of every value that a decoder accepted: finite, bounded, printable, usable."""
+"""Checks of every value that a decoder accepts: finite, bounded, printable and usable."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,11 +32,11 @@ MAX_COUNT = 2**63
 
 
 class InvariantViolation(AssertionError):
-    """An accepted value is outside its bounds."""
+    """Raised when an accepted value is out of bounds."""
 
 
 def require_sound(value: Any, place: str = "value") -> None:
-    """Walk through a value; every array is finite and bounded, every text printable, every number bounded."""
+    """Check that every array in a value is finite and bounded, every text printable, every number bounded."""
     if isinstance(value, np.ndarray):
         _require_sound_array(value, place)
     elif isinstance(value, str):
@@ -72,7 +72,7 @@ def _require_sound_array(array: np.ndarray, place: str) -> None:
 
 
 def require_sound_text(text: str, place: str) -> None:
-    """Text for people: printable but for its line breaks, and it can be written as UTF-8."""
+    """Check that a text is printable except for line breaks, and can be written as UTF-8."""
     if not all(line.isprintable() for line in text.split("\n")):
         raise InvariantViolation(f"{place} has characters that are not printable")
     text.encode()
@@ -120,7 +120,7 @@ def use_in_frames(skill: Skill, frames: Sequence[Frame]) -> None:
 
 
 def use_stream(model: online.OnlineModel, thorough: bool) -> None:
-    """Show the model; when thorough, write it and let it go on."""
+    """Describe a model; if thorough, also write it and continue it."""
     require_sound(model, "model")
     if model.clusters:
         skill = online.to_skill(model)
@@ -131,7 +131,7 @@ def use_stream(model: online.OnlineModel, thorough: bool) -> None:
         return
     data = encode_stream(model)
     if encode_stream(decode_stream(data)) != data:
-        raise InvariantViolation("the model does not read back as it was written")
+        raise InvariantViolation("the model that is read differs from the one that was written")
     try:
         x = np.random.default_rng(0).normal(size=(5, len(model.frame_names), model.layout.width))
         after, _ = online.observe_stream(model, x)
@@ -141,7 +141,7 @@ def use_stream(model: online.OnlineModel, thorough: bool) -> None:
 
 
 def use_demonstrations(demos: Any, thorough: bool) -> None:
-    """Every row finite; when thorough, speeds and views of it too."""
+    """Check demonstrations; if thorough, also their derivatives and views."""
     require_sound(demos, "demonstrations")
     if not thorough:
         return
@@ -152,7 +152,7 @@ def use_demonstrations(demos: Any, thorough: bool) -> None:
 
 
 def require_sound_refusal(error: Exception, message: str | None = None) -> None:
-    """A refusal is one printable line of at most 500 characters, and no memory ran out on the way to it."""
+    """Check that a refusal is one printable line of at most 500 characters, and not caused by MemoryError."""
     text = str(error) if message is None else message
     if not text or not text.isprintable() or len(text) > 500:
         raise InvariantViolation(f"the message has {len(text)} characters: {text[:200]!r}") from error

@@ -1,4 +1,4 @@
-"""A decoder under test."""
+"""Target of the fuzzer: a decoder or function with valid values and edits."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,18 +7,19 @@ from typing import Any
 
 from fuzzing.edits import Edit
 
-COUNTS = (1, 1, 1, 1, 2, 2, 3, 5)  # edits of one mutant
+COUNTS = (1, 1, 1, 1, 2, 2, 3, 5)  # numbers of edits of a mutant, one is drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """A decoder, the valid values that mutants are made of, and the check of what it accepts.
+    """Decoder with valid values, edits and checks.
 
-    bases  valid values, in a form that is easy to edit
-    edit   makes one edit
-    write  makes of an edited value what the decoder reads
-    read   the decoder
-    use    checks what was accepted; it is told whether to be thorough
+    Attributes:
+        bases: Valid values, in a form that is easy to edit.
+        edit: Makes one edit.
+        write: Converts an edited value to the decoder's input.
+        read: The decoder.
+        use: Checks an accepted value; its second argument is whether to check thoroughly.
     """
 
     bases: Sequence[Any]
@@ -30,7 +31,13 @@ class Target:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mutant:
-    """What the decoder reads, and how it was made: the base's number and what each edit did."""
+    """Input of the decoder.
+
+    Attributes:
+        data: The input.
+        base: Index of the base.
+        edits: Description of each edit.
+    """
 
     data: Any
     base: int
@@ -38,14 +45,14 @@ class Mutant:
 
 
 def plan_of(target: Target, name: str, seed: int, index: int) -> tuple[int, tuple[int, ...]]:
-    """The base and the seeds of the edits of one mutant, which depend on nothing but these numbers."""
+    """Return the index of the base and the seeds of the edits of one mutant, a function of the arguments."""
     rng = Random(f"{name} {seed} {index}")
     base = rng.randrange(len(target.bases))
     return base, tuple(rng.getrandbits(48) for _ in range(rng.choice(COUNTS)))
 
 
 def mutant_of(target: Target, base: int, edits: Sequence[int]) -> Mutant:
-    """The mutant that these edits make of a base."""
+    """Return the base after the edits of these seeds."""
     value, said = target.bases[base], []
     for seed in edits:
         value, what = target.edit(value, Random(seed))

@@ -1,4 +1,4 @@
-"""Every decoder with valid inputs, edits of them, and what must hold of what it accepts."""
+"""All targets of the fuzzer, and their shares of the mutants."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,7 +22,7 @@ def _stream_target() -> Target:
     return Target(bases, edit_container, container_writer(STREAM_FORMAT), decode_stream, use_stream)
 
 
-# How a target is made, and its share of the mutants.
+# Function that makes each target, and its share of the mutants.
 TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "skill": (_skill_target, 5.0),
     "stream": (_stream_target, 4.0),
@@ -42,7 +42,7 @@ GROUPS = {
 
 
 def shares(mutants: int, names: Sequence[str] = ()) -> dict[str, int]:
-    """How many mutants each target gets of so many in all."""
+    """Return the number of mutants of each target, for a total."""
     chosen = names or tuple(TARGETS)
     total = sum(TARGETS[name][1] for name in chosen)
     return {name: max(1, round(mutants * TARGETS[name][1] / total)) for name in chosen}

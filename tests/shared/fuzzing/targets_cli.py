@@ -1,4 +1,4 @@
-"""What the command line reads: frames and start files, option texts, live lines, and the cache of meshes."""
+"""Targets of the command line: situation files, texts of options, lines of a stream, the cache of meshes."""
 
 from collections.abc import Callable
 from hashlib import sha256
@@ -55,7 +55,7 @@ def _written(value: CorruptedBytes, folder: Path, toml: bool) -> Path:
 
 
 def _frames(number: int, toml: bool) -> Callable[[], Target]:
-    """Frames of a skill: 2 has quaternions as four numbers, 3 has them on the sphere."""
+    """Return a target of frames files; skill 2 has quaternions, skill 3 has orientations on S^3."""
 
     def make() -> Target:
         skill, folder = skills()[number], Path(mkdtemp(prefix="fuzz-"))

@@ -1,4 +1,4 @@
-"""Manifests, tables, folders of demonstrations and published files."""
+"""Targets of demonstrations: manifests, tables, folders and published files."""
 
 import io
 import json
@@ -31,7 +31,7 @@ def _sound(value: Any, thorough: bool) -> None:
 
 
 def corrupted(data: bytes, seeds: tuple[int, ...]) -> bytes:
-    """Return the first LARGEST bytes, damaged: time may grow with the size of a file."""
+    """Return the first MAX_SIZE bytes with edits; time may grow with the size of a file."""
     data = data[:MAX_SIZE]
     for seed in seeds:
         data, _ = edit_bytes(data, Random(seed))
@@ -39,7 +39,7 @@ def corrupted(data: bytes, seeds: tuple[int, ...]) -> bytes:
 
 
 def edit_or_corrupt(edit: Callable[[Any, Random], tuple[Any, str]], share: float = 0.15):  # type: ignore[no-untyped-def]
-    """The same edits, and now and then damage to the bytes that are written."""
+    """Return an edit that sometimes corrupts the written bytes instead."""
 
     def either(value: CorruptedBytes, rng: Random) -> tuple[CorruptedBytes, str]:
         inner, seeds = value
@@ -56,7 +56,7 @@ def edit_or_corrupt(edit: Callable[[Any, Random], tuple[Any, str]], share: float
 
 
 def _manifest_trees() -> list[Any]:
-    """Manifests with frames by pose, by matrix and by name, with and without a checksum."""
+    """Return manifests with frames by pose, by matrix and by array names, with and without a checksum."""
     place = Path(mkdtemp(prefix="fuzz-"))
     trees = []
     for n, demos in enumerate((valve_demonstrations(), lines(), gripper_demonstrations())):
@@ -158,7 +158,7 @@ def _npz() -> Target:
 
 
 def _folder() -> Target:
-    """Whole folders: the manifest as JSON, and the files that it names."""
+    """Return a target of folders: a JSON manifest and the files that it names."""
     place, bases = Path(mkdtemp(prefix="fuzz-")), []
     for n, demos in enumerate((valve_demonstrations()[:2], lines()[:2], _moving())):
         pilotfish_io.write_demonstrations(demos, place / str(n))
@@ -193,7 +193,7 @@ def _folder() -> Target:
 
 
 def _moving() -> list[Demonstration]:
-    """One recording seen from a frame that moves."""
+    """Return one demonstration with a moving frame."""
     demo = valve_demonstrations()[0]
     A = np.stack([demo.frames[0].A] * len(demo.x))
     b = np.stack([demo.frames[0].b] * len(demo.x))
@@ -207,7 +207,7 @@ def _moving() -> list[Demonstration]:
 def _file_target(
     bases: list[Any], write: Callable[[Any], bytes], read: Callable[[Path], Any], edit: Any, use: Any = None
 ) -> Target:
-    """A decoder that takes the path of a file."""
+    """Return a target of a decoder that takes the path of a file."""
     file = Path(mkdtemp(prefix="fuzz-")) / "file"
 
     def write_file(value: Any) -> Path:
@@ -229,7 +229,7 @@ def _mat(value: CorruptedBytes) -> bytes:
 
 
 def _edit_mat(tree: Any, rng: Random) -> tuple[Any, str]:
-    """Edit an array in nested dicts and lists, or what holds it."""
+    """Edit an array in nested dicts and lists, or its container."""
     if isinstance(tree, dict) and tree and rng.random() < 0.95:
         key = rng.choice(list(tree))
         edited, said = _edit_mat(tree[key], rng)
@@ -246,7 +246,7 @@ def _edit_mat(tree: Any, rng: Random) -> tuple[Any, str]:
 
 
 def _cells(tree: Any) -> Any:
-    """Lists as MATLAB's cells."""
+    """Convert lists to cells of MATLAB."""
     if isinstance(tree, dict):
         return {key: _cells(item) for key, item in tree.items()}
     if isinstance(tree, list):

@@ -1,4 +1,4 @@
-"""Compiled kernels beside their NumPy references, with spoiled arguments: see tests/fuzz/test_kernels.py."""
+"""Target of the compiled kernels and their NumPy references: see tests/fuzz/test_kernels.py."""
 
 import importlib.util
 from collections.abc import Callable
@@ -24,7 +24,7 @@ def _module() -> ModuleType:
 
 
 def _kernels() -> Target:
-    """The mutants are numbered: an edit chooses the number."""
+    """Return a target whose edits draw the number of a mutant of a kernel."""
     from kernel_arguments import DRAW_ARGUMENTS, Mutant, draw_mutant
 
     from pilotfish.kernels import reference

@@ -36,7 +36,6 @@ from pilotfish.io import (
     open_skill,
     read_frames,
     read_start,
-    round_time,
     write_motion,
 )
 from pilotfish.models import Skill, adapt
@@ -225,7 +224,7 @@ def _to_result(
     final_state = int(reproduction.states[-1])
     notes = end_notes(adapted, final_state) + start_notes(adapted, motion.x[0])
     notes += via_point_notes(errors, typed) + (_plot_notes(adapted.layout) if options["plot"] else [])
-    seconds = round_time(motion.period * (len(motion.x) - 1))
+    seconds = float(f"{motion.period * (len(motion.x) - 1):.12g}")
     data = {
         "skill": str(skill),
         "steps": len(motion.x),

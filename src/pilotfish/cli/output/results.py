@@ -16,7 +16,7 @@ from pilotfish.cli.output.tables import Table
 from pilotfish.cli.output.terminal import print_failure, print_line, terminal_width
 from pilotfish.cli.stream.signals import SIGNAL_EXIT_OFFSET
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.io import is_folder, is_link, path_exists, require_replaceable, resolve_path
+from pilotfish.io import is_folder, path_exists, require_replaceable, resolve_path
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def require_writable_file(*outputs: Path | None, force: bool, inputs: Iterable[P
         _require_writable_parent(path)
         if is_folder(path):
             raise InvalidInput(f"{path} is a folder, expected a file name; append a name, such as {path}/out")
-        if not force and (path_exists(path) or is_link(path)):
+        if not force and path_exists(path, follow_links=False):
             raise InvalidInput(f"{path} exists; choose another name, or replace it with --force")
 
 
@@ -120,7 +120,7 @@ def require_writable_folder(path: Path, *, force: bool) -> None:
         InvalidInput: If the folder cannot be written or must not be replaced.
     """
     _require_writable_parent(path)
-    exists = path_exists(path) or is_link(path)
+    exists = path_exists(path, follow_links=False)
     try:
         require_replaceable(path, overwrite=force)
     except InvalidInput as error:
