@@ -1,4 +1,4 @@
-"""Arguments of public functions that cannot be: each gives a SkillError or a finite result, nothing else."""
+"""Unusable arguments of public functions give a SkillError or a finite result, nothing else."""
 
 import warnings
 from collections.abc import Callable, Iterator
@@ -12,9 +12,11 @@ from annotations import check_annotations
 import pilotfish as pf
 from pilotfish import control, demonstrations, gaussians, geometry, planning
 from pilotfish.errors import SkillError
+from pilotfish.planning.moving import moving_frame_reference
+from pilotfish.planning.plan import reference_from_states
 
-HOSTILE: dict[str, Any] = {
-    "truth": True,
+INVALID: dict[str, Any] = {
+    "bool": True,
     "text": "3",
     "float": 3.0,
     "numpy integer": np.int64(3),
@@ -33,25 +35,25 @@ HOSTILE: dict[str, Any] = {
     "no axis": np.array(3.0),
     "three axes": np.ones((2, 2, 2)),
     "square overflows": 1e155,
-    "square vanishes": 1e-155,
+    "square underflows": 1e-155,
     "largest": 1e308,
     "smallest": 5e-324,
-    "words": ["a"] * 4,
+    "texts": ["a"] * 4,
 }
-NEVER_NUMBERS = ("truth", "text", "masked", "hidden mask", "complex", "words")
-AS_THEY_ARE = {"what", "name", "first", "last"}  # arguments that text or a truth value suits
+NOT_NUMBERS = ("bool", "text", "masked", "hidden mask", "complex", "texts")
+ANY_VALUE = {"name", "first", "last"}  # arguments that accept text or a bool
 
 
 @dataclass(frozen=True)
 class Call:
-    """A function, and arguments that it takes."""
+    """A function and valid arguments."""
 
     function: Callable[..., Any]
     arguments: dict[str, Any]
 
 
 def small_calls() -> list[Call]:
-    """Functions of numbers and small arrays."""
+    """Return functions of numbers and small arrays."""
     q, v, one = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.1, 0.2, 0.3]), np.ones(4)
     g = gaussians.Gaussian(np.zeros(2), np.eye(2))
     continuous, column = control.continuous_double_integrator(2), np.array([0])
@@ -85,7 +87,7 @@ def small_calls() -> list[Call]:
         (geometry.parallel_transport, {"d": v, **turn}),
         (geometry.exp_map_jacobian, {"v": v, **turn}),
         (geometry.log_map_jacobian, {"v": v, **turn}),
-        (geometry.karcher_mean, {"x": q[None], "shares": np.ones(1), **turn}),
+        (geometry.karcher_mean, {"x": q[None], "weights": np.ones(1), **turn}),
         (gaussians.cholesky, {"covariances": np.eye(2)[None]}),
         (gaussians.precision_cholesky, {"covariances": np.eye(2)[None]}),
         (gaussians.log_density, {"g": g, "x": rows}),
@@ -97,7 +99,7 @@ def small_calls() -> list[Call]:
         (gaussians.confidence_radius, {"width": 2, "probability": 0.9}),
         (gaussians.in_confidence_region, {"g": g, "x": rows, "probability": 0.9}),
         (gaussians.ellipse, {"g": g, "radius": 1.0, "points": 9}),
-        (gaussians.moments, {"x": rows, "shares": np.ones((3, 1))}),
+        (gaussians.moments, {"x": rows, "responsibilities": np.ones((3, 1))}),
         (gaussians.structures.SemiTied, {"tying": 0.5, "sweeps": 2}),
         (gaussians.structures.MFA, {"factors": 2, "sweeps": 2, "min_noise": 1e-8}),
         (gaussians.structures.MPPCA, {"components": 2, "sweeps": 2, "min_noise": 1e-8}),
@@ -126,37 +128,39 @@ def small_calls() -> list[Call]:
         (demonstrations.moving_frame, {"name": "a", "A": np.eye(3)[None], "b": v[None]}),
         (demonstrations.position_layout, {"axes": 3}),
         (demonstrations.world_frame, {"width": 3}),
-        (pf.via_point, {"what": "position", "value": v, "time": 0.5, "deviation": 0.1}),
+        (pf.via_point, {"name": "position", "value": v, "time": 0.5, "deviation": 0.1}),
     ]
     return [Call(*call) for call in calls]
 
 
 def calls_with_a_skill() -> list[Call]:
-    """Functions that need demonstrations, a skill or a plan of one."""
+    """Return functions that need demonstrations, a skill or a plan."""
     rng = np.random.default_rng(0)
-    shown = pf.store.synthetic_valve(rng)[:2]
-    skill = pf.learn(shown, states=2, rng=rng, settings=pf.models.EMSettings(max_iterations=2)).skill
-    here, start = pf.adapt(skill, shown[0].frames), shown[0].x[0]
-    planned, system = pf.plan(here, start, horizon=5), pf.control.double_integrator(7, 0.1)
-    learning = {"demonstrations": shown, "states": 2, "rng": rng}
-    states, following = np.zeros(3, dtype=np.int64), {"reference": planned, "control_cost": 1.0}
+    demos = pf.io.synthetic_valve(rng)[:2]
+    skill = pf.learn(demos, states=2, rng=rng, settings=pf.models.EMSettings(max_iterations=2)).skill
+    adapted, start = pf.adapt(skill, demos[0].frames), demos[0].x[0]
+    planned, system = pf.plan(adapted, start, horizon=5), pf.control.double_integrator(7, 0.1)
+    learning = {"demonstrations": demos, "states": 2, "rng": rng}
+    following = {"reference": planned, "control_cost": 1.0}
+    states = np.zeros(3, dtype=np.int64)
     continuous = {"system": control.continuous_double_integrator(7), **following, "period": 0.1}
-    plan = {"model": here, "start": start, "horizon": 5}
+    plan = {"adapted": adapted, "start": start, "horizon": 5}
     calls: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (pf.learn, learning),
         (pf.learn, {**learning, "dynamics": "markov"}),
         (pf.learn, {**learning, "dynamics": "mixture"}),
         (pf.learn, {**learning, "durations": pf.models.DurationModel()}),
-        (pf.adapt, {"skill": skill, "frames": shown[0].frames}),
+        (pf.adapt, {"skill": skill, "frames": demos[0].frames}),
         (pf.plan, {**plan, "covariance_regularisation": 1e-3}),
-        (planning.planned_states, plan),
-        (pf.plan, {"model": here, "horizon": 5, "covariance_regularisation": 1e-3}),
-        (planning.reference_from_states, {"model": here, "states": states, "covariance_regularisation": 0.1}),
+        (planning.plan_states, plan),
+        (pf.plan, {"adapted": adapted, "horizon": 5, "covariance_regularisation": 1e-3}),
+        (reference_from_states, {"adapted": adapted, "states": states, "covariance_regularisation": 0.1}),
         (
-            planning.moving_frame_reference,
-            {"now": here, "later": here, "states": states, "covariance_regularisation": 0.1},
+            moving_frame_reference,
+            {"now": adapted, "later": adapted, "states": states, "covariance_regularisation": 0.1},
         ),
-        (pf.PLAN_THROUGH, {**plan, "points": [], "covariance_regularisation": 1e-3}),
+        (pf.plan, {**plan, "via_points": [], "covariance_regularisation": 1e-3}),
+        (pf.reproduce, {"skill": skill, "frames": demos[0].frames, "start": start, "horizon": 5}),
         (pf.planning.condition_on, {"reference": planned, "points": [], "layout": skill.layout}),
         (pf.track, {"system": system, **following}),
         (control.lqr, {"system": system, **following}),
@@ -168,30 +172,30 @@ def calls_with_a_skill() -> list[Call]:
 
 
 @pytest.fixture(autouse=True)
-def as_a_user_runs_it() -> Iterator[None]:
-    """Without the checker of annotations, and with every warning an error."""
+def unchecked_annotations() -> Iterator[None]:
+    """Disable annotation checks, and make every warning an error."""
     with check_annotations(False), warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
 
 
-def finite(value: Any) -> bool:
-    """Whether all floats of a result are finite."""
+def is_finite(value: Any) -> bool:
+    """Return whether all floats of a result are finite."""
     if isinstance(value, float):
         return bool(np.isfinite(value))
     if isinstance(value, np.ndarray):
         return value.dtype.kind != "f" or bool(np.isfinite(value).all())
     if is_dataclass(value):
-        return all(finite(getattr(value, field.name)) for field in fields(value))
-    return all(map(finite, value)) if isinstance(value, list | tuple) else True
+        return all(is_finite(getattr(value, field.name)) for field in fields(value))
+    return all(map(is_finite, value)) if isinstance(value, list | tuple) else True
 
 
-def faults(call: Call) -> list[str]:
-    """What came of hostile arguments that is neither a SkillError nor a finite result of a number."""
-    assert finite(call.function(**call.arguments)), "the arguments to begin with"
+def find_faults(call: Call) -> list[str]:
+    """Return the invalid values that give neither a SkillError nor a finite result."""
+    assert is_finite(call.function(**call.arguments)), "the arguments to begin with"
     found = []
     for name in call.arguments:
-        for kind, value in HOSTILE.items():
+        for kind, value in INVALID.items():
             try:
                 result = call.function(**{**call.arguments, name: value})
             except SkillError:
@@ -199,19 +203,21 @@ def faults(call: Call) -> list[str]:
             except Exception as error:  # noqa: BLE001 - any is a fault, and all are listed
                 found.append(f"{name}, {kind}: {type(error).__name__}: {error}")
                 continue
-            if not finite(result):
+            if not is_finite(result):
                 found.append(f"{name}, {kind}: a result that is not finite")
-            elif kind in NEVER_NUMBERS and name not in AS_THEY_ARE:
+            elif kind in NOT_NUMBERS and name not in ANY_VALUE:
                 found.append(f"{name}, {kind}: accepted")
     return found
 
 
 @pytest.mark.parametrize("call", small_calls(), ids=lambda call: call.function.__name__)
-def test_unusable_argument_is_refused_as_a_skill_error(call: Call):
-    """No error of NumPy, no warning, no NaN; booleans, text and masked entries are no numbers."""
-    assert faults(call) == []
+def test_public_function_invalid_argument_raises_skill_error(call: Call):
+    """No NumPy error, warning or NaN; booleans, text and masked entries are not numbers."""
+    assert find_faults(call) == []
 
 
-def test_unusable_argument_about_a_skill_is_refused_as_a_skill_error():
-    """As for small arrays."""
-    assert {call.function.__name__: found for call in calls_with_a_skill() if (found := faults(call))} == {}
+def test_skill_function_invalid_argument_raises_skill_error():
+    """The same holds for functions of a skill."""
+    assert {
+        call.function.__name__: found for call in calls_with_a_skill() if (found := find_faults(call))
+    } == {}
