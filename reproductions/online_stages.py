@@ -224,7 +224,7 @@ def draw_model_in_space(axes, model: OnlineModel, centres: np.ndarray) -> None: 
 def style_axes(axes) -> None:  # type: ignore[no-untyped-def]
     """Set limits and labels of 3-D axes."""
     axes.set(xlim=(-7, 7), ylim=(-7, 7), zlim=(-7, 7), xlabel="x [1]", ylabel="y [1]", zlabel="z [1]")
-    axes.set_box_aspect(None, zoom=0.78)  # leaves room for the label of z
+    axes.set_box_aspect(None, zoom=0.78)  # leaves space for the label of z
     axes.tick_params(labelsize=8, pad=0)
 
 

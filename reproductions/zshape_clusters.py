@@ -70,4 +70,4 @@ def draw_clusters(axes, model: OnlineModel, x: np.ndarray) -> None:  # type: ign
     axes.set(xticks=[0, 20, 40], yticks=[-50, 0, 50, 100], zticks=[0, 40, 80])
     axes.view_init(elev=22, azim=-55)
     axes.tick_params(labelsize=8)
-    axes.set_box_aspect((0.9, 1.3, 1.0), zoom=0.92)  # leaves room for the label of z
+    axes.set_box_aspect((0.9, 1.3, 1.0), zoom=0.92)  # leaves space for the label of z

@@ -27,9 +27,9 @@ def record_demonstration(rng, name):
     frames = [frame_from_pose(each, SPHERE, random_pose(rng)) for each in NAMES]
     stops = np.repeat(KEYPOINTS + 0.03 * rng.normal(size=(2, 6)), [18, 15], axis=0)
     stops += 0.01 * rng.normal(size=stops.shape)
-    seen = np.hstack([stops[:, :3], from_rotation_vector(stops[:, 3:])])
-    there = [seen[:18] @ frames[0].A.T + frames[0].b, seen[18:] @ frames[1].A.T + frames[1].b]
-    return demonstration(np.concatenate(there), 0.1, SPHERE, frames, name)
+    local = np.hstack([stops[:, :3], from_rotation_vector(stops[:, 3:])])
+    world = [local[:18] @ frames[0].A.T + frames[0].b, local[18:] @ frames[1].A.T + frames[1].b]
+    return demonstration(np.concatenate(world), 0.1, SPHERE, frames, name)
 
 
 @pytest.fixture

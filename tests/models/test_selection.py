@@ -174,5 +174,5 @@ def test_best_is_smallest_within_one_standard_error():
 def test_select_too_little_data_is_refused(rng, make_demonstrations):
     with pytest.raises(InvalidInput, match="at least two"):
         select(make_demonstrations()[:1], [candidate()], rng=rng)
-    with pytest.raises(InvalidInput, match="no candidates"):
+    with pytest.raises(InvalidInput, match="candidates is empty"):
         select(make_demonstrations(), [], rng=rng)

@@ -68,7 +68,7 @@ def open_stream(path: str | Path) -> online.OnlineModel:
 
     Raises:
         UnreadableFile: If the file is damaged, altered, of another kind or of another version.
-        InvalidInput: If there is no such file or it cannot be read.
+        InvalidInput: If the file does not exist or cannot be read.
     """
     return read_container(path, "stream", decode_stream)
 
@@ -81,7 +81,7 @@ def load_any(path: str | Path) -> Skill | online.OnlineModel:
 
     Raises:
         UnreadableFile: If the file is damaged, altered, of another kind or of another version.
-        InvalidInput: If there is no such file or it cannot be read.
+        InvalidInput: If the file does not exist or cannot be read.
     """
 
     def decode(data: bytes) -> Skill | online.OnlineModel:

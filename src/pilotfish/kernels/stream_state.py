@@ -9,8 +9,8 @@ statistics of `ClusterColumn`, then for every frame a block of
     bases (D x C, row-major).
 
 The capacity C is a multiple of four, and mean and distances are padded with zeros to a multiple of four, so
-that the kernel reads aligned rows. Entries beyond the first r directions are zero. Indices of clusters are
--1 where there is no such cluster.
+that the kernel reads aligned rows. Entries beyond the first r directions are zero. An index of
+-1 means no cluster.
 
 Keep in step: the layout of a row here, in cpp/streaming.hpp, and nowhere else. The NumPy reference reads the
 named arrays and returns them through `StreamState.from_arrays`.
@@ -275,7 +275,7 @@ class StreamState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assignments:
-    """Result of N datapoints, and the clusters that were removed meanwhile.
+    """Result of N datapoints, and the clusters that were removed at the same time.
 
     Attributes:
         cluster_ids: Identifier of the cluster to which each datapoint was assigned.

@@ -25,7 +25,7 @@ def match_labels(predicted: Int[Array, " N"], labels: Int[Array, " M"]) -> dict[
     from scipy.optimize import linear_sum_assignment  # here: SciPy doubles the time of importing pilotfish
 
     counts, states, label_values = _contingency_table(predicted, labels)
-    rows, columns = linear_sum_assignment(counts, maximize=True)
+    rows, columns = linear_sum_assignment(-counts)  # most agreements
     return {int(states[i]): int(label_values[j]) for i, j in zip(rows, columns, strict=True)}
 
 

@@ -172,7 +172,7 @@ def select(
             f"{len(demonstrations)} demonstration was given, expected at least two: one is held out in turn"
         )
     if not candidates:
-        raise InvalidInput("there are no candidates, expected at least one")
+        raise InvalidInput("candidates is empty, expected at least one; give pf.models.Candidate(...)")
     seeds = rng.integers(2**63, size=len(demonstrations) + 1).tolist()
     scores: list[Score] = []
     failures: list[tuple[Candidate, str]] = []

@@ -76,7 +76,7 @@ def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[Onli
     """Update a model with N datapoints in order.
 
     The result equals that of `observe` for one after the other, to the last bit, if `Maintenance.batch` is 1.
-    Otherwise batches start anew with every call.
+    Otherwise batches start again with every call.
 
     Args:
         model: Model before the datapoints; it is not modified.

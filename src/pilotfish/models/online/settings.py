@@ -87,7 +87,7 @@ class Maintenance:
             )
 
     def initial_weight(self, points: float) -> float:
-        """Return the weight of a cluster that was learned from so many datapoints before the stream.
+        """Return the weight of a cluster that was learned from datapoints before the stream.
 
         Args:
             points: Number of datapoints.
