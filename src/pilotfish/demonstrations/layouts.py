@@ -1,10 +1,14 @@
 """Layout of a recording: the meaning of its columns, part by part."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import accumulate
 
+import numpy as np
+
 from pilotfish.errors import InvalidInput
+from pilotfish.types import Array, Float
 from pilotfish.validation import (
     first_duplicate,
     nearest_name,
@@ -200,6 +204,21 @@ class Layout:
     def tangent(self) -> "Layout":
         """Columns of deviations: a rotation vector in body axes [rad] for each orientation on S^3."""
         return Layout(tuple(_tangent_part(part) for part in self.parts))
+
+    def quaternion_signs(self, negated: Collection[slice]) -> Float[Array, " D"]:
+        """Return -1 for the columns of negated quaternions and their derivatives, and 1 elsewhere.
+
+        Args:
+            negated: Columns of the quaternions, as in `quaternions`.
+        """
+        names = {
+            part.name for part, columns in zip(self.parts, self.slices, strict=True) if columns in negated
+        }
+        signs = [
+            -1.0 if part.quantity is Quantity.QUATERNION and part.name in names else 1.0
+            for part in self.parts
+        ]
+        return np.repeat(signs, [part.size for part in self.parts])
 
     def _columns_of(self, *quantities: Quantity) -> tuple[slice, ...]:
         pairs = zip(self.parts, self.slices, strict=True)

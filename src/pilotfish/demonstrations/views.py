@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.demonstrations.layouts import Layout, Quantity
+from pilotfish.demonstrations.layouts import Layout
 from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.demonstrations.signs import has_opposite_sign
 from pilotfish.errors import InvalidInput
@@ -83,10 +83,5 @@ def _alignment_signs(
     x: Float[Array, "T D"], first: Float[Array, "S D"], layout: Layout
 ) -> Float[Array, " D"]:
     """Return -1 for columns of quaternions that are closer to the first demonstration when negated."""
-    signs = np.ones(layout.width)
-    for part, columns in zip(layout.parts, layout.slices, strict=True):
-        if part.quantity is Quantity.QUATERNION and has_opposite_sign(
-            *(v[:, layout.columns(part.name)] for v in (x, first))
-        ):
-            signs[columns] = -1.0
-    return signs
+    negated = [c for c in layout.quaternions if has_opposite_sign(x[:, c], first[:, c])]
+    return layout.quaternion_signs(negated)

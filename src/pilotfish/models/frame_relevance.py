@@ -40,7 +40,6 @@ from pilotfish.demonstrations import Demonstration, Layout, Quantity, Views, vie
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments, moments_from_sums, precision_cholesky
 from pilotfish.models.opinion_pools import FrameOpinions, HeldOutSegment, eliminate_frames
-from pilotfish.models.signs import column_signs
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_type
@@ -198,7 +197,7 @@ def _frame_from_world(demo: Demonstration, view: Float[Array, "P T D"]) -> Float
         inverse = np.linalg.solve(frame.A, np.eye(len(frame.b)))
         raw = (demo.x - frame.b) @ inverse.T
         negated = [c for c in layout.quaternions if np.sum(raw[:, c] * x[:, c]) < 0.0]
-        inverse *= column_signs(layout, negated)[:, None]
+        inverse *= layout.quaternion_signs(negated)[:, None]
         B[:] = inverse[np.ix_(flat, flat)]
         for part, columns in zip(layout.parts, tangent.slices, strict=True):
             if part.quantity is Quantity.ORIENTATION:

@@ -4,13 +4,13 @@ A sign applies to a quaternion and its derivatives. It is represented by a row o
 multiplies datapoints.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import compress, product
 
 import numpy as np
 
-from pilotfish.demonstrations import Frame, Layout, Quantity
+from pilotfish.demonstrations import Frame, Layout
 from pilotfish.models.sequences import log_state_likelihoods
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
@@ -71,14 +71,7 @@ def nearest_quaternion_signs(
 def sign_combinations(layout: Layout) -> Iterator[Float[Array, " D"]]:
     """Yield every combination of signs of the quaternions of a layout, ones first."""
     for negated in product((False, True), repeat=len(layout.quaternions)):
-        yield column_signs(layout, list(compress(layout.quaternions, negated)))
-
-
-def column_signs(layout: Layout, negated: Collection[slice]) -> Float[Array, " D"]:
-    """Return -1 for the columns of the negated quaternions and of their derivatives, and 1 for all others."""
-    names = {p.name for p, columns in zip(layout.parts, layout.slices, strict=True) if columns in negated}
-    signs = [-1.0 if p.quantity is Quantity.QUATERNION and p.name in names else 1.0 for p in layout.parts]
-    return np.repeat(signs, [part.size for part in layout.parts])
+        yield layout.quaternion_signs(list(compress(layout.quaternions, negated)))
 
 
 def _frame_signs(
@@ -95,7 +88,7 @@ def _frame_signs(
             agreement += float((np.sum(q * q_p, axis=1) / (variances + variances_p)).sum())
         if agreement < 0.0:
             negated.append(columns)
-    return column_signs(skill.layout, negated)
+    return skill.layout.quaternion_signs(negated)
 
 
 def _world_orientations(
