@@ -191,7 +191,7 @@ def test_skill_with_long_durations_is_shown_and_reproduced_quickly(tmp_path: Pat
 def test_skill_with_huge_mean_length_needs_horizon(tmp_path: Path) -> None:
     file = save_small_skill(tmp_path, LONG_ARGUMENTS[0], 10**15)
     (tmp_path / "now.json").write_text(json.dumps([FRAME]))
-    assert "give a horizon with --horizon" in require_error(
+    assert "pass a horizon with --horizon" in require_error(
         run_command_line("reproduce", file, "--frames", tmp_path / "now.json")
     )
     assert (

@@ -55,7 +55,9 @@ class Table:
 
         table = RichTable(box=None, pad_edge=False, padding=(0, 1), header_style="bold")
         for column, name in enumerate(self.header):
-            table.add_column(Text(escape(name)), justify="right" if self.right_aligned and column else "left")
+            table.add_column(Text(escape(name)), no_wrap=not column, overflow="fold")
+            if self.right_aligned and column:
+                table.columns[-1].justify = "right"
         for row in self.rows:
             table.add_row(*(Text(escape(cell)) for cell in row))
         console = Console(file=StringIO(), force_terminal=True, width=width)
