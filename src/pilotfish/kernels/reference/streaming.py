@@ -34,60 +34,35 @@ the distance only skip clusters that cannot win. The layout of packed rows is in
 Source: Tanwani 2018, algorithm 5; Kulis & Jordan 2012 for the small-variance limit.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from pilotfish.kernels.errors import datapoint_error
+from pilotfish.kernels.reference.clusters import (
+    Cluster,
+    MutableState,
+    add_segment_duration,
+    find_cluster,
+    pack,
+    pool_durations,
+    remove_cluster,
+    remove_segment_duration,
+    squared_mean_distance,
+    unpack,
+)
 from pilotfish.kernels.reference.subspaces import (
-    Subspace,
     initial_subspace,
     merge_subspaces,
-    pack_subspace,
     point_loss,
     reorthonormalise,
     squared_distance,
     truncate,
-    unpack_subspace,
     update_subspace,
 )
-from pilotfish.kernels.stream_state import (
-    MAX_VALUE,
-    STATISTICS,
-    Assignments,
-    StreamParameters,
-    StreamState,
-    Weighting,
-    zero_arrays,
-)
+from pilotfish.kernels.stream_state import MAX_VALUE, Assignments, StreamParameters, StreamState, Weighting
 from pilotfish.kernels.stream_state import ClusterColumn as Column
 from pilotfish.types import Array, Float
 
 ORTHONORMALISE_EVERY = 256  # datapoints of a cluster
-
-
-@dataclass(slots=True, eq=False)
-class Cluster:
-    """Cluster of a StreamState, unpacked; statistics are indexed by ClusterColumn."""
-
-    statistics: Float[Array, " 9"]
-    subspaces: list[Subspace]
-
-
-@dataclass(slots=True, eq=False)
-class MutableState:
-    """StreamState, unpacked, while it changes."""
-
-    parameters: StreamParameters
-    clusters: list[Cluster]
-    transition_counts: Float[Array, "K K"]
-    current_cluster: int  # -1 at the start of a demonstration
-    steps: int
-    next_cluster_id: int
-    points: int
-    previous: int  # cluster of the segment before, -1 if there is none in this demonstration
-    previous_steps: int
-    removed: list[tuple[int, int, int]] = field(default_factory=list)
 
 
 def observe(
@@ -236,26 +211,6 @@ def update_transitions(stream: MutableState, k: int) -> float:
     return float(loss_change)
 
 
-def add_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
-    """Add a completed segment to the duration statistics (5.32-5.33, Welford)."""
-    statistics[Column.SEGMENTS] += 1.0
-    deviation = steps - statistics[Column.MEAN_DURATION]
-    statistics[Column.MEAN_DURATION] += deviation / statistics[Column.SEGMENTS]
-    statistics[Column.SQUARED_DEVIATIONS] += deviation * (steps - statistics[Column.MEAN_DURATION])
-
-
-def remove_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
-    """Remove a completed segment from the duration statistics."""
-    statistics[Column.SEGMENTS] -= 1.0
-    if statistics[Column.SEGMENTS] == 0.0:
-        statistics[Column.MEAN_DURATION] = statistics[Column.SQUARED_DEVIATIONS] = 0.0
-        return
-    deviation = steps - statistics[Column.MEAN_DURATION]
-    statistics[Column.MEAN_DURATION] -= deviation / statistics[Column.SEGMENTS]
-    remainder = statistics[Column.SQUARED_DEVIATIONS] - deviation * (steps - statistics[Column.MEAN_DURATION])
-    statistics[Column.SQUARED_DEVIATIONS] = max(remainder, 0.0)
-
-
 def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int, new_cluster: bool) -> float:
     """Update the subspaces of the cluster by x, then all weights; return the loss change at x."""
     parameters, loss_change = stream.parameters, 0.0
@@ -286,14 +241,6 @@ def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int
     return loss_change
 
 
-def find_cluster(stream: MutableState, cluster_id: int) -> int:
-    """Return the index of a cluster by its id, or -1."""
-    for k, cluster in enumerate(stream.clusters):
-        if cluster.statistics[Column.CLUSTER_ID] == cluster_id:
-            return k
-    return -1
-
-
 def remove_light_clusters(stream: MutableState, n: int) -> None:
     """Remove clusters, except the current one, whose weight is below the limit."""
     k = 0
@@ -315,11 +262,6 @@ def merge_close_clusters(stream: MutableState, cluster_id: int, n: int) -> None:
         if not separation[j] < stream.parameters.merge_distance**2:
             return
         k = merge_clusters(stream, k, j, n)
-
-
-def squared_mean_distance(a: Cluster, b: Cluster) -> float:
-    """Return the squared distance between means, summed over frames."""
-    return float(sum(np.sum((p.mean - q.mean) ** 2) for p, q in zip(a.subspaces, b.subspaces, strict=True)))
 
 
 def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
@@ -351,74 +293,3 @@ def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
         stream.previous, stream.previous_steps = -1, 0
     remove_cluster(stream, j, n, int(a[Column.CLUSTER_ID]))
     return k - (j < k)
-
-
-def pool_durations(
-    a: Float[Array, " 9"], b: Float[Array, " 9"], number: int, mean: int, squares: int | None
-) -> None:
-    """Pool the means and squared deviations of two sets into the first (Chan, Golub & LeVeque 1979)."""
-    total = a[number] + b[number]
-    if total == 0.0:
-        return
-    deviation = b[mean] - a[mean]
-    if squares is not None:
-        a[squares] += b[squares] + deviation**2 * a[number] * b[number] / total
-    a[mean] += deviation * b[number] / total
-    a[number] = total
-
-
-def remove_cluster(stream: MutableState, k: int, n: int, into: int) -> None:
-    """Remove a cluster with its transition counts; `into` is the id of the cluster that it merged into."""
-    stream.removed.append((n, int(stream.clusters[k].statistics[Column.CLUSTER_ID]), into))
-    del stream.clusters[k]
-    stream.transition_counts = np.delete(np.delete(stream.transition_counts, k, axis=0), k, axis=1)
-    stream.current_cluster = _index_after_removal(stream.current_cluster, k)
-    stream.previous = _index_after_removal(stream.previous, k)
-    if stream.previous < 0:
-        stream.previous_steps = 0
-
-
-def _index_after_removal(index: int, k: int) -> int:
-    """Return the new value of an index after the removal of k; -1 for k itself."""
-    return -1 if index == k else index - (index > k)
-
-
-def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
-    """Return the unpacked state."""
-    statistics = np.stack([getattr(state, name) for name in STATISTICS], axis=1)  # in the order of Column
-    clusters = [
-        Cluster(statistics[k].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
-        for k in range(state.clusters)
-    ]
-    return MutableState(
-        parameters,
-        clusters,
-        state.transition_counts.copy(),
-        state.current_cluster,
-        state.steps_in_cluster,
-        state.next_cluster_id,
-        state.datapoints,
-        state.previous_cluster,
-        state.previous_steps,
-    )
-
-
-def pack(stream: MutableState, frames: int, width: int) -> StreamState:
-    """Return the packed state."""
-    ranks = [len(subspace.variances) for cluster in stream.clusters for subspace in cluster.subspaces]
-    arrays = zero_arrays(len(stream.clusters), frames, width, max(ranks, default=0))
-    arrays["transition_counts"][:] = stream.transition_counts
-    for k, cluster in enumerate(stream.clusters):
-        for name, column in STATISTICS.items():
-            arrays[name][k] = cluster.statistics[column]
-        for p, subspace in enumerate(cluster.subspaces):
-            pack_subspace(subspace, arrays, k, p)
-    counters = {
-        "current_cluster": stream.current_cluster,
-        "steps_in_cluster": stream.steps,
-        "next_cluster_id": stream.next_cluster_id,
-        "datapoints": stream.points,
-        "previous_cluster": stream.previous,
-        "previous_steps": stream.previous_steps,
-    }
-    return StreamState.from_arrays(arrays, counters)
