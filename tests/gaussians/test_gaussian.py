@@ -1,4 +1,4 @@
-"""Laws of single Gaussians."""
+"""Statements of single Gaussians."""
 
 import numpy as np
 import pytest

@@ -35,11 +35,15 @@ def auxiliary(counts, S, covariances):
     return -float(counts @ (np.linalg.slogdet(covariances)[1] + fit))
 
 
-def white_error(one: LatentCovariances) -> float:
+def white_error(latent_covariances: LatentCovariances) -> float:
     """Return the largest entry of W Sigma W^T - I, in exact arithmetic on the stored numbers."""
     loadings, noise, W = (
         np.vectorize(Fraction, otypes=[object])(a)
-        for a in (one.loadings[0], one.noise[0], one.precision_cholesky("the covariance of state")[0])
+        for a in (
+            latent_covariances.loadings[0],
+            latent_covariances.noise[0],
+            latent_covariances.precision_cholesky("the covariance of state")[0],
+        )
     )
     error = W @ (loadings @ loadings.T + np.diag(noise)) @ W.T - np.eye(len(W), dtype=int)
     return float(np.abs(error).max())
@@ -48,11 +52,13 @@ def white_error(one: LatentCovariances) -> float:
 @pytest.mark.parametrize(("K", "D", "L"), [(1, 1, 0), (1, 1, 1), (3, 5, 2), (2, 4, 0), (2, 4, 6)])
 def test_precision_cholesky_equals_inverse_cholesky_factor(rng, K, D, L):
     """W is lower triangular with a positive diagonal, and W^T W is the inverse of the covariance."""
-    one = latent(rng, K, D, L)
-    W = one.precision_cholesky("the covariance of state")
+    latent_covariances = latent(rng, K, D, L)
+    W = latent_covariances.precision_cholesky("the covariance of state")
     np.testing.assert_array_equal(W, np.tril(W))
     assert np.diagonal(W, axis1=1, axis2=2).min() > 0.0
-    np.testing.assert_allclose(W.transpose(0, 2, 1) @ W, np.linalg.inv(one.dense), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        W.transpose(0, 2, 1) @ W, np.linalg.inv(latent_covariances.dense), rtol=1e-9, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -65,14 +71,19 @@ def test_precision_cholesky_tiny_noise_equals_rational_arithmetic(rng, size, noi
 
 def test_precision_cholesky_column_without_noise_is_exact(rng):
     """Two factors determine two columns exactly; the noise of other columns keeps the covariance definite."""
-    one = latent(rng, 1, 5, 2)
-    free = LatentCovariances(one.loadings, one.noise * np.array([0.0, 1.0, 0.0, 1.0, 1.0]))
+    latent_covariances = latent(rng, 1, 5, 2)
+    free = LatentCovariances(
+        latent_covariances.loadings, latent_covariances.noise * np.array([0.0, 1.0, 0.0, 1.0, 1.0])
+    )
     assert white_error(free) < 1e-12
 
 
 def test_precision_cholesky_zero_innovation_raises_with_name(rng):
-    one = latent(rng, 2, 3, 1)
-    flat = LatentCovariances(one.loadings * [[[1.0], [1.0], [0.0]]], one.noise * np.array([1.0, 1.0, 0.0]))
+    latent_covariances = latent(rng, 2, 3, 1)
+    flat = LatentCovariances(
+        latent_covariances.loadings * [[[1.0], [1.0], [0.0]]],
+        latent_covariances.noise * np.array([1.0, 1.0, 0.0]),
+    )
     with pytest.raises(NotPositiveDefinite, match=r"the covariance of state 0 .* column 2"):
         flat.precision_cholesky("the covariance of state")
 
@@ -177,8 +188,8 @@ def test_mfa_rescaled_columns_give_rescaled_covariance(rng):
     S, counts = samples(rng, 3, 5)
     scale = 10.0 ** rng.uniform(-4.0, 4.0, size=5)
     scaled = S * scale * scale[:, None]
-    here, there = (MFA(2).estimate(counts, M, None).dense for M in (S, scaled))
-    np.testing.assert_allclose(there, here * scale * scale[:, None], rtol=1e-8)
+    original, rescaled = (MFA(2).estimate(counts, M, None).dense for M in (S, scaled))
+    np.testing.assert_allclose(rescaled, original * scale * scale[:, None], rtol=1e-8)
 
 
 def test_zero_factors_equal_diagonal_or_spherical(rng):
@@ -196,8 +207,8 @@ def test_all_but_one_components_equal_full(rng, structure):
 
 def test_hddc_fraction_keeps_fewest_directions_that_explain_it(rng):
     S, counts = samples(rng, 4, 6)
-    kept = HDDC(0.9).estimate(counts, S, None).factors
-    for values, d in zip(np.linalg.eigvalsh(S)[:, ::-1], kept, strict=True):
+    dimensions = HDDC(0.9).estimate(counts, S, None).factors
+    for values, d in zip(np.linalg.eigvalsh(S)[:, ::-1], dimensions, strict=True):
         assert d == 5 or values[:d].sum() >= 0.9 * values.sum()
         assert values[: d - 1].sum() < 0.9 * values.sum()
 

@@ -48,24 +48,28 @@ def run_estimates(structure, counts, S, steps):
 
 
 def test_precisions_equal_weighted_sum_over_directions(rng):
-    one = expansion(rng, 3, 6, 4)
-    for k, dense in enumerate(one.dense):
-        precision = sum(w * np.outer(a, a) for w, a in zip(one.weights[k], one.directions, strict=True))
+    expanded = expansion(rng, 3, 6, 4)
+    for k, dense in enumerate(expanded.dense):
+        precision = sum(
+            w * np.outer(a, a) for w, a in zip(expanded.weights[k], expanded.directions, strict=True)
+        )
         np.testing.assert_allclose(np.linalg.inv(dense), precision, rtol=1e-8, atol=1e-10)
 
 
 def test_precision_cholesky_is_lower_triangular_root_of_precision(rng):
-    one = expansion(rng, 3, 6, 4)
-    W = one.precision_cholesky("the covariance of state")
+    expanded = expansion(rng, 3, 6, 4)
+    W = expanded.precision_cholesky("the covariance of state")
     np.testing.assert_array_equal(W, np.tril(W))
-    np.testing.assert_allclose(W.transpose(0, 2, 1) @ W @ one.dense, np.tile(np.eye(4), (3, 1, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        W.transpose(0, 2, 1) @ W @ expanded.dense, np.tile(np.eye(4), (3, 1, 1)), atol=1e-9
+    )
 
 
 def test_precision_cholesky_indefinite_precision_raises_with_name(rng):
-    one = expansion(rng, 3, 6, 4)
-    one.weights[1, 0] = -50.0
+    expanded = expansion(rng, 3, 6, 4)
+    expanded.weights[1, 0] = -50.0
     with pytest.raises(NotPositiveDefinite, match="the covariance of state 1"):
-        one.precision_cholesky("the covariance of state")
+        expanded.precision_cholesky("the covariance of state")
 
 
 def test_update_weights_last_weight_has_zero_derivative(rng):
@@ -79,29 +83,31 @@ def test_update_weights_last_weight_has_zero_derivative(rng):
 def test_update_weights_and_directions_raise_likelihood(rng):
     """Each alone, from a random expansion with negative weights."""
     S, counts = samples(rng, 4, 5)
-    one = expansion(rng, 4, 9, 5)
-    values = [auxiliary(counts, S, one.dense)]
+    expanded = expansion(rng, 4, 9, 5)
+    values = [auxiliary(counts, S, expanded.dense)]
     for _ in range(6):
-        one = update_weights(one, S)
-        values.append(auxiliary(counts, S, one.dense))
-        one = update_directions(one, counts, S)
-        values.append(auxiliary(counts, S, one.dense))
+        expanded = update_weights(expanded, S)
+        values.append(auxiliary(counts, S, expanded.dense))
+        expanded = update_directions(expanded, counts, S)
+        values.append(auxiliary(counts, S, expanded.dense))
     assert np.diff(values).min() > 0.0
 
 
 def test_update_directions_follows_gradient_of_likelihood(rng):
     """Against finite differences: a tiny step gains what the gradient predicts."""
     S, counts = samples(rng, 3, 4)
-    one = update_weights(expansion(rng, 3, 6, 4), S)
-    moved = update_directions(one, counts, S).directions[0] - one.directions[0]
+    expanded = update_weights(expansion(rng, 3, 6, 4), S)
+    moved = update_directions(expanded, counts, S).directions[0] - expanded.directions[0]
     assert np.abs(moved).max() > 0.0
 
     def value(t):
-        A = one.directions.copy()
+        A = expanded.directions.copy()
         A[0] += t * moved
-        return auxiliary(counts, S, ExpandedPrecisions(A, one.weights).dense)
+        return auxiliary(counts, S, ExpandedPrecisions(A, expanded.weights).dense)
 
-    gradient = 2.0 * np.einsum("k,kij,j->i", counts * one.weights[:, 0], one.dense - S, one.directions[0])
+    gradient = 2.0 * np.einsum(
+        "k,kij,j->i", counts * expanded.weights[:, 0], expanded.dense - S, expanded.directions[0]
+    )
     np.testing.assert_allclose((value(1e-5) - value(-1e-5)) / 2e-5, gradient @ moved, rtol=1e-5)
     assert gradient @ moved > 0.0
 
@@ -110,21 +116,25 @@ def test_update_directions_follows_gradient_of_likelihood(rng):
 def test_backtracking_step_returns_first_halved_step_that_gains(rng, length):
     """Against likelihoods of whole models."""
     S, counts = samples(rng, 3, 4)
-    one = expansion(rng, 3, 6, 4)
+    expanded = expansion(rng, 3, 6, 4)
 
     def value(step):
-        A = one.directions.copy()
+        A = expanded.directions.copy()
         A[5] += step
-        moved = ExpandedPrecisions(A, one.weights)
+        moved = ExpandedPrecisions(A, expanded.weights)
         possible = np.linalg.eigvalsh(moved.precisions).min() > 0.0
         return auxiliary(counts, S, moved.dense) if possible else -np.inf
 
-    uphill = np.einsum("k,kij,j->i", counts * one.weights[:, 5], one.dense - S, one.directions[5])
+    uphill = np.einsum(
+        "k,kij,j->i", counts * expanded.weights[:, 5], expanded.dense - S, expanded.directions[5]
+    )
     for step in length * rng.normal(size=(15, 4)):  # most of them far from the steepest way
         step *= np.sign(uphill @ step)
         halved = (0.5**n * step for n in range(20))
         expected = next((h for h in halved if value(h) > value(0.0 * h)), 0.0 * step)
-        found = backtracking_step(step, one.directions[5], one.weights[:, 5], counts, one.dense, S)
+        found = backtracking_step(
+            step, expanded.directions[5], expanded.weights[:, 5], counts, expanded.dense, S
+        )
         np.testing.assert_allclose(found, expected)
 
 
@@ -134,8 +144,8 @@ def test_add_directions_no_random_direction_gains_more(rng):
     tied = EMLLT(5).estimate(counts, S, None)
     new = add_directions(tied, counts, S, 6).directions[-1:]
     directions = np.concatenate([new, rng.normal(size=(3000, 5))])
-    told, true = (np.einsum("ni,kij,nj->nk", directions, M, directions) for M in (tied.dense, S))
-    gains = counts * (true / told - 1.0 - np.log(true / told))
+    model_variances, true = (np.einsum("ni,kij,nj->nk", directions, M, directions) for M in (tied.dense, S))
+    gains = counts * (true / model_variances - 1.0 - np.log(true / model_variances))
     assert gains.max(axis=1).argmax() == 0
 
 

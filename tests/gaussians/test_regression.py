@@ -79,27 +79,29 @@ def test_regress_far_input_uses_widest_component(rng, distance):
 
 def test_regress_far_input_parallel_components_keep_slope(rng):
     """Components that differ only in the outputs keep their responsibilities everywhere."""
-    one = random_mixture(rng, 1, 3)
-    means = np.stack([one.means[0], one.means[0] + [0.0, 1.0, -2.0]])
-    pair = GaussianMixture(np.array([0.3, 0.7]), means, np.repeat(one.covariances, 2, axis=0))
-    slope = one.covariances[0, 1:, :1] / one.covariances[0, 0, 0]
-    told = regress(pair, np.array([0]), np.array([[1e9]]))
-    np.testing.assert_allclose(told.jacobians[0], slope, rtol=1e-6)
-    within = condition(Gaussian(one.means[0], one.covariances[0]), np.array([0]), np.zeros(1)).covariance
+    single = random_mixture(rng, 1, 3)
+    means = np.stack([single.means[0], single.means[0] + [0.0, 1.0, -2.0]])
+    pair = GaussianMixture(np.array([0.3, 0.7]), means, np.repeat(single.covariances, 2, axis=0))
+    slope = single.covariances[0, 1:, :1] / single.covariances[0, 0, 0]
+    prediction = regress(pair, np.array([0]), np.array([[1e9]]))
+    np.testing.assert_allclose(prediction.jacobians[0], slope, rtol=1e-6)
+    within = condition(
+        Gaussian(single.means[0], single.covariances[0]), np.array([0]), np.zeros(1)
+    ).covariance
     between = 0.3 * 0.7 * np.outer([1.0, -2.0], [1.0, -2.0])
-    np.testing.assert_allclose(told.covariances[0], within + between, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(prediction.covariances[0], within + between, rtol=1e-4, atol=1e-5)
 
 
 def test_regress_zero_weight_component_has_no_influence(rng):
     """Also if it alone would explain the input."""
     mixture = random_mixture(rng, 2, 3)
     mixture.means[1] += 1e3
-    silent = GaussianMixture(np.array([1.0, 0.0]), mixture.means, mixture.covariances)
+    with_zero_weight = GaussianMixture(np.array([1.0, 0.0]), mixture.means, mixture.covariances)
     alone = GaussianMixture(np.ones(1), mixture.means[:1], mixture.covariances[:1])
     x, inputs = mixture.means[1:, :1], np.array([0])
-    told, expected = regress(silent, inputs, x), regress(alone, inputs, x)
-    np.testing.assert_allclose(told.means, expected.means)
-    np.testing.assert_allclose(told.jacobians, expected.jacobians)
+    prediction, expected = regress(with_zero_weight, inputs, x), regress(alone, inputs, x)
+    np.testing.assert_allclose(prediction.means, expected.means)
+    np.testing.assert_allclose(prediction.jacobians, expected.jacobians)
 
 
 def test_log_input_densities_equal_marginals(rng):
@@ -132,12 +134,12 @@ def test_regress_rescaled_and_permuted_inputs_are_equivalent(rng):
         mixture.weights, units * mixture.means, np.outer(units, units) * mixture.covariances
     )
     plain = regress(mixture, np.array([0, 2]), x)
-    other = regress(scaled, np.array([2, 0]), (x * units[[0, 2]])[:, ::-1])
+    permuted = regress(scaled, np.array([2, 0]), (x * units[[0, 2]])[:, ::-1])
     out = units[[1, 3]]
-    np.testing.assert_allclose(other.means, out * plain.means, rtol=1e-7)
-    np.testing.assert_allclose(other.covariances, np.outer(out, out) * plain.covariances, rtol=1e-6)
+    np.testing.assert_allclose(permuted.means, out * plain.means, rtol=1e-7)
+    np.testing.assert_allclose(permuted.covariances, np.outer(out, out) * plain.covariances, rtol=1e-6)
     jacobians = out[:, None] * plain.jacobians[:, :, ::-1] / units[[2, 0]]
-    np.testing.assert_allclose(other.jacobians, jacobians, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(permuted.jacobians, jacobians, rtol=1e-6, atol=1e-12)
 
 
 def test_regress_with_responsibilities_one_hot_equals_conditional(rng):

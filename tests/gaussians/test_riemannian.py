@@ -44,11 +44,11 @@ def test_riemannian_log_density_equals_density_of_tangent_vector(rng, base):
 def test_tangent_gaussian_matches_value_and_slope(rng, base):
     """At that point, up to the constant."""
     g, step = random_gaussian(rng, base), 1e-5
-    there = exp_map(base, 0.6 * rng.normal(size=6), ORIENTATION_STARTS)
-    seen, h = tangent_gaussian(g, there), step * rng.normal(size=(20, 6))
-    flat = log_density(seen, h) - log_density(seen, np.zeros((1, 6)))
-    true = riemannian_log_density(g, exp_map(there, h, ORIENTATION_STARTS)) - riemannian_log_density(
-        g, there[None]
+    point_there = exp_map(base, 0.6 * rng.normal(size=6), ORIENTATION_STARTS)
+    tangent, h = tangent_gaussian(g, point_there), step * rng.normal(size=(20, 6))
+    flat = log_density(tangent, h) - log_density(tangent, np.zeros((1, 6)))
+    true = riemannian_log_density(g, exp_map(point_there, h, ORIENTATION_STARTS)) - riemannian_log_density(
+        g, point_there[None]
     )
     np.testing.assert_allclose(flat, true, atol=1e3 * step**2)
     assert np.abs(true).max() > 1e5 * step**2
@@ -108,10 +108,10 @@ def test_riemannian_product_any_order_and_world_frame_is_equivalent(rng, base):
         )
         for g in said
     ]
-    there = riemannian_product(turned[::-1])
+    point_there = riemannian_product(turned[::-1])
     back = np.concatenate([fused.mean[:3], multiply(world, fused.mean[3:])])
-    np.testing.assert_allclose(log_map(there.mean, back, ORIENTATION_STARTS), 0.0, atol=1e-8)
-    np.testing.assert_allclose(there.covariance, fused.covariance, atol=1e-8)
+    np.testing.assert_allclose(log_map(point_there.mean, back, ORIENTATION_STARTS), 0.0, atol=1e-8)
+    np.testing.assert_allclose(point_there.covariance, fused.covariance, atol=1e-8)
 
 
 def test_riemannian_product_two_equal_factors_halves_covariance(rng, base):

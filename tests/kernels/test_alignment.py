@@ -40,11 +40,11 @@ def random_covariances(rng, K, D):
 def test_semi_tied_sweeps_any_offset_gives_same_bits(native, rng, K):
     """The counts are summed in order, not from the first aligned one."""
     given = random_covariances(rng, K, 7), rng.uniform(1.0, 9.0, K), np.eye(7)
-    seen = {
+    results = {
         bits(native.semi_tied_sweeps(*(place_at_offset(each, offset) for each in given), 4))
         for offset in (0, 8, 16, 24)
     }
-    assert len(seen) == 1
+    assert len(results) == 1
 
 
 @pytest.mark.parametrize(("n", "m", "T"), [(1, 1, 4), (3, 2, 5), (5, 3, 9), (9, 4, 6)])
@@ -52,12 +52,12 @@ def test_riccati_any_offset_gives_same_bits(native, rng, n, m, T):
     """Arguments at four offsets, results at any address."""
     given = 0.3 * rng.normal(size=(1, n, n)), rng.normal(size=(1, n, m)), random_covariances(rng, T, n)
     given = *given, rng.normal(size=(T, n)), np.eye(m)
-    kept, seen = [], set()
+    kept, results = [], set()
     for offset in (0, 8, 16, 24) * 8:
         kept.append(native.riccati(*(place_at_offset(each, offset) for each in given)))
         kept.append(np.empty(rng.integers(1, 9)))  # the next results lie elsewhere
-        seen.add(bits(kept[-2]))
-    assert len(seen) == 1
+        results.add(bits(kept[-2]))
+    assert len(results) == 1
 
 
 @pytest.mark.parametrize("spoil", [unaligned, field, lambda array: array[:, ::-1]])

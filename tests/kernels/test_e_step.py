@@ -143,10 +143,10 @@ def test_e_step_any_order_of_demonstrations_is_equal(kernels, case):
     given = case(2, [9, 9], 3, 2)
     swapped = np.concatenate([given.x[:, 9:], given.x[:, :9]], axis=1)
     result = kernels.e_step(*given.arguments)
-    other = kernels.e_step(swapped, *given.arguments[1:])
-    np.testing.assert_allclose(other.log_likelihoods, result.log_likelihoods[::-1])
+    reordered = kernels.e_step(swapped, *given.arguments[1:])
+    np.testing.assert_allclose(reordered.log_likelihoods, result.log_likelihoods[::-1])
     for name in SUMS[1:]:
-        np.testing.assert_allclose(getattr(other, name), getattr(result, name), rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(getattr(reordered, name), getattr(result, name), rtol=1e-10, atol=1e-12)
 
 
 def test_e_step_any_memory_layout_is_equal(kernels, case):

@@ -47,7 +47,7 @@ def arm(rng, n, jacobian=None):
 
 def rotation_error_by_definition(p, q):
     """Return the rotation vector of q p^-1 by SciPy."""
-    first, second = (Rotation.from_quat(np.roll(one, -1)) for one in (p, q))
+    first, second = (Rotation.from_quat(np.roll(quaternion, -1)) for quaternion in (p, q))
     return (second * first.inv()).as_rotvec()
 
 
@@ -93,13 +93,15 @@ def test_impedance_torque_compiled_equals_reference(compiled, rng, n):
         given = parameters(rng, n, force_limit=force, moment_limit=0.2 * force, min_singular_value=0.3)
         limits = dataclasses.replace(limits_of(n, strength), lower=np.full(n, -edge), upper=np.full(n, edge))
         reading, target = arm(rng, n)
-        one, other = (
+        compiled_command, reference_command = (
             module.impedance_torque(given, limits, reading, target) for module in (compiled, reference)
         )
-        scale = max(float(np.abs(other.torque).max()), 1.0)
-        np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=1e-12 * scale)
-        np.testing.assert_allclose(one.wrench, other.wrench, rtol=1e-12, atol=1e-12)
-        assert abs(one.torque_fraction - other.torque_fraction) < 1e-12
+        scale = max(float(np.abs(reference_command.torque).max()), 1.0)
+        np.testing.assert_allclose(
+            compiled_command.torque, reference_command.torque, rtol=0, atol=1e-12 * scale
+        )
+        np.testing.assert_allclose(compiled_command.wrench, reference_command.wrench, rtol=1e-12, atol=1e-12)
+        assert abs(compiled_command.torque_fraction - reference_command.torque_fraction) < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -111,21 +113,21 @@ def test_impedance_torque_not_finite_argument_is_finite_and_within_limits(compil
     given, (reading, target) = parameters(rng, 7, force_limit=60.0, moment_limit=12.0), arm(rng, 7)
     if part in ("target", "twist"):
         name = "position" if part == "target" else part
-        spoilt = getattr(target, name).copy()
-        spoilt[-1] = value
-        target = dataclasses.replace(target, **{name: spoilt})
+        changed = getattr(target, name).copy()
+        changed[-1] = value
+        target = dataclasses.replace(target, **{name: changed})
     else:
-        spoilt = getattr(reading, part).copy()
-        spoilt[..., -1] = value
-        reading = dataclasses.replace(reading, **{part: spoilt})
-    one, other = (
+        changed = getattr(reading, part).copy()
+        changed[..., -1] = value
+        reading = dataclasses.replace(reading, **{part: changed})
+    compiled_command, reference_command = (
         module.impedance_torque(given, limits_of(7, 50.0), reading, target)
         for module in (compiled, reference)
     )
-    np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(one.wrench, other.wrench, rtol=0, atol=1e-10)
-    assert (np.abs(one.torque) <= 50.0).all()
-    assert np.isfinite(one.wrench).all()
+    np.testing.assert_allclose(compiled_command.torque, reference_command.torque, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(compiled_command.wrench, reference_command.wrench, rtol=0, atol=1e-10)
+    assert (np.abs(compiled_command.torque) <= 50.0).all()
+    assert np.isfinite(compiled_command.wrench).all()
 
 
 def singular_arm(rng, values):
@@ -140,8 +142,8 @@ def test_impedance_torque_near_singularity_is_continuous(kernels, rng):
     """
     threshold, n = 0.05, 7
     t = np.linspace(-1.0, 1.0, 401)
-    sinking = [(2.0 * threshold * abs(one),) for one in t]
-    swapping = [(threshold * (0.5 + 0.4 * one), threshold * (0.5 - 0.4 * one)) for one in t]
+    sinking = [(2.0 * threshold * abs(value),) for value in t]
+    swapping = [(threshold * (0.5 + 0.4 * value), threshold * (0.5 - 0.4 * value)) for value in t]
     for weak in (sinking, swapping):
         jacobian = singular_arm(rng, rng.uniform(0.5, 2.0, 6 - len(weak[0])))
         reading, target = arm(rng, n)
@@ -156,9 +158,9 @@ def test_impedance_torque_near_singularity_is_continuous(kernels, rng):
                 for values in weak
             ]
         )
-        most = np.abs(np.diff(np.array(weak), axis=0)).max(axis=1)
+        largest_change = np.abs(np.diff(np.array(weak), axis=0)).max(axis=1)
         jumps = np.linalg.norm(np.diff(torques, axis=0), axis=1)
-        assert (jumps <= 2.0 / threshold * most * pull * 1.001 + 1e-9).all()
+        assert (jumps <= 2.0 / threshold * largest_change * pull * 1.001 + 1e-9).all()
 
 
 def test_impedance_torque_posture_is_in_null_space(kernels, rng):

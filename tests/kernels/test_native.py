@@ -42,12 +42,12 @@ def test_backend_missing_compiled_kernels_warns_and_uses_reference(monkeypatch):
     monkeypatch.setitem(sys.modules, "pilotfish.kernels.compiled", None)
     spec = importlib.util.spec_from_file_location("without_compiler", backend.__file__)
     without = importlib.util.module_from_spec(spec)
-    with warnings.catch_warnings(record=True) as seen:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         spec.loader.exec_module(without)
     assert without.BACKEND == "numpy"
     assert all(getattr(without, name) is getattr(reference, name) for name in KERNELS)
-    (warning,) = seen
+    (warning,) = caught
     assert warning.category.__name__ == SlowKernelsWarning.__name__
     assert "install a C++17 compiler" in str(warning.message)
 
@@ -66,8 +66,8 @@ def test_native_both_instruction_sets_agree(baseline, case):
     markov = *data, logs[0], given.transitions, logs[1], *gaussians
     semi_markov = *data, *logs, np.zeros((4, 30, 5)), np.zeros((2, 5)), *gaussians
     for name, arguments in [("e_step", markov), ("semi_markov_e_step", semi_markov)]:
-        one, other = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
-        for old, new in zip(one, other, strict=True):
+        old_sums, new_sums = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
+        for old, new in zip(old_sums, new_sums, strict=True):
             np.testing.assert_allclose(old, new, rtol=1e-10, atol=1e-10, err_msg=name)
     empty = StreamState.empty(2, 9)
     parameters = StreamParameters(40.0, 0.5, 0.1, 0.1, 90.0, 2.0, 0, 0.0, 0.0, 2, 8, 50, 1)
@@ -100,13 +100,13 @@ def test_e_step_releases_the_interpreter_lock(compiled, case):
         compiled.e_step(*given.arguments)
         call.append(time.perf_counter())
 
-    worker, seen = threading.Thread(target=work), []
+    worker, times = threading.Thread(target=work), []
     worker.start()
     while worker.is_alive():
-        seen.append(time.perf_counter())
+        times.append(time.perf_counter())
     began, ended = call
     margin = 0.1 * (ended - began)
-    assert any(began + margin < now < ended - margin for now in seen)
+    assert any(began + margin < now < ended - margin for now in times)
 
 
 def test_e_step_restores_subnormal_numbers(compiled, case):

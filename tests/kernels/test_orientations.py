@@ -110,11 +110,13 @@ def test_e_step_flipped_quaternions_are_equal(kernels, turning, rng):
     means[..., 3:] *= rng.choice([-1.0, 1.0], size=(2, 3, 1))
     rest = given.lengths, given.initial, given.transitions
     result = kernels.e_step(given.x, *rest, emissions)
-    other = kernels.e_step(
+    flipped_result = kernels.e_step(
         flipped, *rest, Emissions(means, emissions.precision_cholesky, emissions.orientation_starts)
     )
     for sums in type(result)._fields:
-        np.testing.assert_allclose(getattr(other, sums), getattr(result, sums), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(
+            getattr(flipped_result, sums), getattr(result, sums), rtol=1e-9, atol=1e-11
+        )
 
 
 def test_deviations_other_columns_are_shifted(rng):

@@ -31,12 +31,12 @@ def test_precision_cholesky_entries_above_diagonal_are_ignored(kernels, rng):
 
 
 @pytest.mark.parametrize("D", [1, 5, 20])
-@pytest.mark.parametrize("wrong", ["flat", "negative", "nan", "inf"])
-def test_precision_cholesky_invalid_covariance_raises_with_index(kernels, rng, D, wrong):
+@pytest.mark.parametrize("fault", ["flat", "negative", "nan", "inf"])
+def test_precision_cholesky_invalid_covariance_raises_with_index(kernels, rng, D, fault):
     """Singular, indefinite, or not finite."""
     covariances = covariances_of(rng, 3, D)
-    spoil = {"flat": 0.0, "negative": -1.0, "nan": np.nan, "inf": np.inf}[wrong]
-    covariances[1, -1] = covariances[1, :, -1] = 0.0 if wrong in {"flat", "negative"} else spoil
-    covariances[1, -1, -1] = spoil
+    bad_value = {"flat": 0.0, "negative": -1.0, "nan": np.nan, "inf": np.inf}[fault]
+    covariances[1, -1] = covariances[1, :, -1] = 0.0 if fault in {"flat", "negative"} else bad_value
+    covariances[1, -1, -1] = bad_value
     with pytest.raises(NotPositiveDefinite, match="covariance 1 has no Cholesky factor"):
         kernels.precision_cholesky(covariances)

@@ -62,9 +62,9 @@ def test_riccati_values_and_gradients_give_cost_to_go(kernels, rng):
         e = start - targets[0]
         return e @ solution.values[0] @ e + 2 * solution.gradients[0] @ e
 
-    one, other = rng.normal(size=(2, 3))
-    difference = rollout(problem, solution, one)[2] - rollout(problem, solution, other)[2]
-    np.testing.assert_allclose(difference, predicted(one) - predicted(other), rtol=1e-9)
+    start, other_start = rng.normal(size=(2, 3))
+    difference = rollout(problem, solution, start)[2] - rollout(problem, solution, other_start)[2]
+    np.testing.assert_allclose(difference, predicted(start) - predicted(other_start), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("T", "n", "m"), [(1, 3, 2), (2, 1, 1), (50, 2, 3), (200, 14, 7), (30, 15, 1)])

@@ -65,16 +65,18 @@ def covariances(state: StreamState):
 def drift(state: StreamState):
     """Return the deviation of the directions from orthonormality."""
     U, C = state.bases, state.capacity
-    there = np.arange(C) < state.ranks[..., None]
-    return np.abs(np.einsum("kpdc,kpde->kpce", U, U) - there[..., None] * np.eye(C)).max(initial=0.0)
+    stored = np.arange(C) < state.ranks[..., None]
+    return np.abs(np.einsum("kpdc,kpde->kpce", U, U) - stored[..., None] * np.eye(C)).max(initial=0.0)
 
 
 def assert_same(first, second, atol=1e-9):
-    (a, one), (b, other) = first, second
-    np.testing.assert_array_equal(one.cluster_ids, other.cluster_ids)
-    np.testing.assert_array_equal(one.removed, other.removed)
-    np.testing.assert_allclose(one.costs, other.costs, rtol=1e-9, atol=atol)
-    np.testing.assert_allclose(one.loss_changes, other.loss_changes, rtol=1e-9, atol=atol)
+    (a, assignments), (b, expected_assignments) = first, second
+    np.testing.assert_array_equal(assignments.cluster_ids, expected_assignments.cluster_ids)
+    np.testing.assert_array_equal(assignments.removed, expected_assignments.removed)
+    np.testing.assert_allclose(assignments.costs, expected_assignments.costs, rtol=1e-9, atol=atol)
+    np.testing.assert_allclose(
+        assignments.loss_changes, expected_assignments.loss_changes, rtol=1e-9, atol=atol
+    )
     assert (a.frames, a.width, a.capacity) == (b.frames, b.width, b.capacity)
     np.testing.assert_allclose(a.counters, b.counters)
     np.testing.assert_allclose(a.transition_counts, b.transition_counts)
