@@ -134,7 +134,7 @@ def test_record_repeated_failure_leaves_no_folder(
 ):
     monkeypatch.setitem(TASKS, "tea", _short(alignment_task, lambda *_: Outcome(False, 0.5, "it is cold")))
     message = run_failing("record", "tea", "--demonstrations", "2")
-    assert "showing 0 of 'tea' failed 5 times, the last because it is cold" in message
+    assert "demonstration 0 of 'tea' failed 5 times, the last time because it is cold" in message
     assert list(tmp_path.iterdir()) == []
 
 
