@@ -1,20 +1,19 @@
-"""A whole body dances: figures 4.3 and 4.4 of the thesis, from one of the two dancers' recordings.
+"""Whole-body dance: figures 4.3 and 4.4 of the thesis, from the recording of one of the two dancers.
 
     python reproductions/chicken_dance.py --json dance.json --out dance/
 
-The thesis regenerates one dancer from the other. Only one of the two recordings is to be had, so it is the
-same dancer who is regenerated here, in three ways: the body from time alone; the middle and the right of the
-body from time and its left; and, where the last quarter of the dance was never shown, the middle and the
-right from the left alone. Protocol: the dance is resampled to 500 datapoints, 28 nodes x y z and time are
-D = 85 columns (the thesis has 31 joints, of which ten coincide with others here: D = 94), mixtures begin with
-time bins, 1e-4 is added to every variance (a centimetre's square), regression is gaussians.regress. Errors
-are means over steps and the coordinates regenerated.
+The thesis regenerates one dancer from the other. Only one of the two recordings is available. Here the same
+dancer is regenerated in three ways: the body from time; the middle and the right of the body from time and
+its left; and the middle and the right from the left, without the last quarter of the dance in the training.
+
+Protocol: the dance is resampled to 500 datapoints; x, y, z of 28 nodes and time are D = 85 columns. The
+thesis has 31 joints, of which ten coincide with others here: D = 94. Mixtures start from time bins, 1e-4 (a
+square centimetre) is added to every variance, and regression is gaussians.regress (Gaussian mixture
+regression). Errors are means over steps and regenerated coordinates.
 
 Source: Tanwani 2018, section 4.2.3.
 """
 
-import argparse
-import json
 import time
 from collections.abc import Sequence
 from functools import cache
@@ -26,6 +25,7 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from protocol import argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -34,7 +34,7 @@ from pilotfish.gaussians import regress
 from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
 from pilotfish.models import as_mixture
 
-POINTS, TRAINED = 500, 375  # datapoints; those that are shown where the last quarter is not
+POINTS, TRAINED = 500, 375  # datapoints; those before the last quarter
 FACTORS = 4  # of MFA and HDDC; the thesis names no number
 COMPONENTS = (5, 10, 20, 40, 75)
 SETTINGS = pf.models.EMSettings(regularisation=1e-4)
@@ -59,7 +59,7 @@ THESIS_WIDTH, THESIS_COUNTS = 94, {"full": 334_875, "semi-tied(1)": 15_886}  # o
 TASKS = {
     "time": "the body from time",
     "half": "middle and right from the left and time",
-    "unseen": "middle and right from the left, last quarter never shown",
+    "unseen": "middle and right from the left, last quarter not in the training",
 }
 CLAIMS = (
     "thesis: the semi-tied mixture needs more components for the same error; .6 lies between it and the full",
@@ -73,15 +73,11 @@ Spine1 LeftArm LeftForeArm LeftHand LeftHandIndex1 LeftHandIndex1_end
 Spine1 RightArm RightForeArm RightHand RightHandIndex1 RightHandIndex1_end
 LeftHand LThumb_end
 RightHand RThumb_end
-"""  # each line a chain of nodes; every bone keeps its length through the dance, which a test proves
+"""  # chains of nodes; bones have constant length, which a test checks
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", type=Path, help="file for the numbers")
-    parser.add_argument("--out", type=Path, help="folder for the pictures and the animation")
+    parser = argument_parser(__doc__)
     parser.add_argument("--components", type=int, nargs="+", default=COMPONENTS, help="numbers of components")
     arguments = parser.parse_args()
     try:
@@ -91,31 +87,28 @@ def main() -> None:
     rows = []
     for label in STRUCTURES:
         for states in arguments.components:
-            rows.append(measured(dance, label, states))
+            rows.append(measure_mixture(dance, label, states))
             print_row(rows[-1], first=len(rows) == 1)
     for line in (*CLAIMS, *counts(), *comparisons(rows), baseline_errors(dance)):
         print(line)
     if arguments.out:
-        arguments.out.mkdir(parents=True, exist_ok=True)
         most = max(arguments.components)
-        for name, figure in pictures(dance, rows, most).items():
-            figure.savefig(arguments.out / f"{name}.png", dpi=110)
+        write_figures(arguments.out, draw_figures(dance, rows, most))
         animate(dance, most, arguments.out / "dance.gif")
         print(f"pictures and dance.gif in {arguments.out}")
     if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps({"rows": rows, "notes": comparisons(rows)}, indent=2) + "\n")
+        write_numbers(arguments.json, {"rows": rows, "notes": comparisons(rows)})
 
 
 def add_time_column(dance: Demonstration) -> Demonstration:
-    """The same dance with a leading column of time."""
+    """Return the dance with a leading column of time."""
     layout = Layout((Part("time", Quantity.SCALAR, 1, "s"), *dance.layout.parts))
     seconds = np.arange(len(dance.x)) * dance.period
     return demonstration(np.column_stack([seconds, dance.x]), dance.period, layout, name=dance.name)
 
 
-def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]:
-    """The errors of one mixture in the three tasks, and what it cost."""
+def measure_mixture(dance: Demonstration, label: str, states: int) -> dict[str, object]:
+    """Return the errors of a mixture in the three tasks, its parameters and its CPU time."""
     begin = time.process_time()
     fit = learn_skill(dance, label, states)
     seconds = time.process_time() - begin
@@ -126,7 +119,7 @@ def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]
         "unseen": squared_error(learned_from_part, dance, TRAINED, input_columns("unseen", dance.layout)),
     }
     correlations = component_correlation(fit.skill.covariances[0].dense)
-    apart = ~np.eye(fit.skill.states, dtype=bool)
+    different = ~np.eye(fit.skill.states, dtype=bool)
     return {
         "structure": label,
         "components": states,
@@ -134,7 +127,7 @@ def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]
         "covariance_parameters": STRUCTURES[label].parameter_count(states, fit.skill.width),
         "mse": errors,
         "rms_cm": {task: 100 * float(np.sqrt(error)) for task, error in errors.items()},
-        "mean_component_correlation": float(correlations[apart].mean()),
+        "mean_component_correlation": float(correlations[different].mean()),
         "log_likelihood_per_datapoint": float(fit.log_likelihoods[-1]) / POINTS,
         "iterations": fit.convergence.iterations,
         "fit_seconds": seconds,
@@ -143,7 +136,7 @@ def measured(dance: Demonstration, label: str, states: int) -> dict[str, object]
 
 @cache
 def training_part(dance: Demonstration) -> Demonstration:
-    """The dance without its last quarter."""
+    """Return the dance without its last quarter."""
     return demonstration(dance.x[:TRAINED], dance.period, dance.layout, name=dance.name)
 
 
@@ -161,7 +154,7 @@ def learn_skill(dance: Demonstration, label: str, states: int) -> pf.models.Fit:
 
 
 def input_columns(task: str, layout: Layout) -> np.ndarray:
-    """The columns that a task regenerates the others from."""
+    """Return the input columns of a task."""
     left = [
         column
         for part, columns in zip(layout.parts, layout.slices, strict=True)
@@ -172,16 +165,16 @@ def input_columns(task: str, layout: Layout) -> np.ndarray:
 
 
 def regenerate(skill: pf.Skill, x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """The dance with every column but the inputs replaced by what the mixture expects of it."""
-    here = pf.adapt(skill, [pf.Frame("world", np.eye(skill.width), np.zeros(skill.width))])
-    expected = regress(as_mixture(here), inputs, np.ascontiguousarray(x[:, inputs])).means
-    made = x.copy()
-    made[:, np.setdiff1d(np.arange(x.shape[1]), inputs)] = expected
-    return made
+    """Replace every column except the inputs by its conditional mean."""
+    adapted = pf.adapt(skill, [pf.Frame("world", np.eye(skill.width), np.zeros(skill.width))])
+    expected = regress(as_mixture(adapted), inputs, np.ascontiguousarray(x[:, inputs])).means
+    regenerated = x.copy()
+    regenerated[:, np.setdiff1d(np.arange(x.shape[1]), inputs)] = expected
+    return regenerated
 
 
 def squared_error(skill: pf.Skill, dance: Demonstration, begin: int, inputs: np.ndarray) -> float:
-    """The mean squared error [m^2] of the coordinates regenerated, from a row on; time is none of them."""
+    """Return the mean squared error of the regenerated coordinates from a row on, without time [m^2]."""
     x = dance.x[begin:]
     columns = np.setdiff1d(np.arange(1, x.shape[1]), inputs)
     return float(np.mean((regenerate(skill, x, inputs) - x)[:, columns] ** 2))
@@ -203,7 +196,7 @@ def print_row(row: dict[str, object], *, first: bool) -> None:
 
 
 def counts() -> list[str]:
-    """The thesis' parameter counts, by the library."""
+    """Return the parameter counts of the thesis, computed by the library."""
     return [
         f"parameters at K = 75, D = {THESIS_WIDTH}, {label}: "
         f"{STRUCTURES[label].parameter_count(75, THESIS_WIDTH)} (thesis {count})"
@@ -212,40 +205,42 @@ def counts() -> list[str]:
 
 
 def comparisons(rows: Sequence[dict[str, object]]) -> list[str]:
-    """What the rows say about the claims, in words that hold for these rows."""
+    """Return statements about the claims that hold for the rows."""
     lines = []
     most = max(int(str(row["components"])) for row in rows)
-    here = {str(row["structure"]): row for row in rows if row["components"] == most}
-    full, tied = here["full"], here["semi-tied(1)"]
+    at_most = {str(row["structure"]): row for row in rows if row["components"] == most}
+    full, tied = at_most["full"], at_most["semi-tied(1)"]
     ratio = int(str(full["covariance_parameters"])) / int(str(tied["covariance_parameters"]))
     ordered = [
         K
         for K in sorted({int(str(row["components"])) for row in rows})
         if errors_decrease_with_tying(rows, K)
     ]
-    lines.append(f"here, error from time, semi-tied(1) >= semi-tied(0.6) >= full, holds for K = {ordered}")
-    lines.append(f"here, K = {most}: the full mixture has {ratio:.1f} times the semi-tied one's parameters")
-    for task, told in TASKS.items():
-        ranked = sorted((row["rms_cm"][task], name) for name, row in here.items())  # type: ignore[index]
-        lines.append(f"here, {told} [cm]: " + ", ".join(f"{name} {error:.2f}" for error, name in ranked))
+    lines.append(f"error from time, semi-tied(1) >= semi-tied(0.6) >= full, holds for K = {ordered}")
+    lines.append(f"here: K = {most}: the full mixture has {ratio:.1f} times the semi-tied one's parameters")
+    for task, description in TASKS.items():
+        ranked = sorted((row["rms_cm"][task], name) for name, row in at_most.items())  # type: ignore[index]
+        lines.append(
+            f"here: {description} [cm]: " + ", ".join(f"{name} {error:.2f}" for error, name in ranked)
+        )
     pair = [row["mean_component_correlation"] for row in (tied, full)]
-    lines.append(f"here, mean correlation of components: semi-tied {pair[0]:.2f}, full {pair[1]:.2f}")
+    lines.append(f"here: mean correlation of components: semi-tied {pair[0]:.2f}, full {pair[1]:.2f}")
     return lines
 
 
 def baseline_errors(dance: Demonstration) -> str:
-    """What the errors are to be held against: a body that stands still in the middle of what was shown."""
+    """Return the errors of the mean pose of the training part, for comparison."""
     still = {"time": dance.x - dance.x.mean(axis=0)}
     still["unseen"] = dance.x[TRAINED:] - dance.x[:TRAINED].mean(axis=0)
-    told = []
+    errors = []
     for task, error in still.items():
         columns = np.setdiff1d(np.arange(1, dance.x.shape[1]), input_columns(task, dance.layout))
-        told.append(f"{100 * np.sqrt(np.mean(error[:, columns] ** 2)):.2f} in {TASKS[task]}")
-    return "for comparison, the mean of what was shown is wrong by [cm]: " + "; ".join(told)
+        errors.append(f"{100 * np.sqrt(np.mean(error[:, columns] ** 2)):.2f} in {TASKS[task]}")
+    return "for comparison, the mean of the training part has the error [cm]: " + "; ".join(errors)
 
 
 def errors_decrease_with_tying(rows: Sequence[dict[str, object]], states: int) -> bool:
-    """Whether errors from time fall as tying falls."""
+    """Return whether the errors from time decrease with tying."""
     errors = {
         str(row["structure"]): row["mse"]["time"]  # type: ignore[index]
         for row in rows
@@ -254,7 +249,7 @@ def errors_decrease_with_tying(rows: Sequence[dict[str, object]], states: int) -
     return bool(errors["semi-tied(1)"] >= errors["semi-tied(0.6)"] >= errors["full"])
 
 
-def pictures(dance: Demonstration, rows: Sequence[dict[str, object]], states: int) -> dict[str, Figure]:
+def draw_figures(dance: Demonstration, rows: Sequence[dict[str, object]], states: int) -> dict[str, Figure]:
     tied, full = (learn_skill(dance, label, states).skill for label in ("semi-tied(1)", "full"))
     correlations = plots.covariance_correlations([full, tied])
     return {
@@ -265,7 +260,7 @@ def pictures(dance: Demonstration, rows: Sequence[dict[str, object]], states: in
 
 
 def draw_dance(dance: Demonstration, skill: pf.Skill) -> Figure:
-    """Six moments of the dance, recorded and regenerated; above from time, below from the left side."""
+    """Draw six poses of the dance, regenerated from time above and from the left side below."""
     figure = Figure(figsize=(12, 6.4), layout="constrained")
     panels = figure.subplots(2, 6)
     moments = np.linspace(0, POINTS - 1, 8).astype(int)[1:-1]
@@ -285,7 +280,7 @@ def draw_dance(dance: Demonstration, skill: pf.Skill) -> Figure:
 def draw_body(
     axes: Axes, layout: Layout, recorded: np.ndarray, made: np.ndarray, half: Layout | None = None
 ) -> None:
-    """The recorded body in grey beneath the regenerated one; what was given of it is blue."""
+    """Draw the recorded body in grey and the regenerated one, with its inputs in blue."""
     for x, colour, width in ((recorded, "0.7", 5.0), (made, "#D55E00", 1.8)):
         lines = project_bones(x, layout)
         given_side = [half is not None and width < 5 and name.startswith("L") for name in lower_ends()]
@@ -296,11 +291,11 @@ def draw_body(
 
 
 def project_bones(x: np.ndarray, layout: Layout) -> np.ndarray:
-    """The ends of every bone (B, 2, 2) as seen from before the dancer, a little aside."""
+    """Return the ends of every bone (B, 2, 2), projected to a view from the front."""
     turn = np.radians(25.0)
     across = np.array([np.cos(turn), 0.0, np.sin(turn)])
     places = {part.name: x[columns] for part, columns in zip(layout.parts, layout.slices, strict=True)}
-    middle = np.array([0.36, 0.0, -0.87])  # where the dancer stands
+    middle = np.array([0.36, 0.0, -0.87])  # position of the dancer
     return np.array([[(across @ (places[n] - middle), places[n][1]) for n in bone] for bone in bones()])
 
 
@@ -310,7 +305,7 @@ def bones() -> list[tuple[str, str]]:
 
 
 def lower_ends() -> list[str]:
-    """The node of every bone that is farther from the hips: a bone is on the left when this one is."""
+    """Return the node of every bone that is farther from the hips."""
     return [bone[1] for bone in bones()]
 
 
@@ -342,12 +337,12 @@ def draw_curves(rows: Sequence[dict[str, object]]) -> Figure:
 
 
 def animate(dance: Demonstration, states: int, file: Path) -> None:
-    """The dance at half the datapoints: recorded in grey, regenerated from time and from the left side."""
+    """Write an animation of the recorded and the regenerated dances."""
     skill = learn_skill(dance, "semi-tied(1)", states).skill
-    blind = learn_skill(training_part(dance), "semi-tied(1)", states).skill
+    trained_on_part = learn_skill(training_part(dance), "semi-tied(1)", states).skill
     made = [
         regenerate(s, dance.x, input_columns(task, dance.layout))
-        for s, task in ((skill, "time"), (skill, "half"), (blind, "unseen"))
+        for s, task in ((skill, "time"), (skill, "half"), (trained_on_part, "unseen"))
     ]
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     panels = figure.subplots(1, 3)
@@ -356,9 +351,9 @@ def animate(dance: Demonstration, states: int, file: Path) -> None:
         for axes, x, task in zip(panels, made, TASKS, strict=True):
             axes.clear()
             draw_body(axes, dance.layout, dance.x[t], x[t], None if task == "time" else dance.layout)
-            told = "(shown)" if t < TRAINED else "(never shown)"
+            part = "(training)" if t < TRAINED else "(test)"
             axes.set_title(
-                TASKS[task].split(",")[0] + (f"\n{told}" if task == "unseen" else "\n"), fontsize=10
+                TASKS[task].split(",")[0] + (f"\n{part}" if task == "unseen" else "\n"), fontsize=10
             )
         figure.suptitle(
             f"{dance.x[t, 0]:4.1f} s   recorded: grey, given: blue, regenerated: orange", fontsize=10

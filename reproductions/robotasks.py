@@ -1,27 +1,26 @@
-"""Four household tasks of a Franka arm as skills of poses: quaternions as four numbers against points of S^3.
+"""Four household tasks of a Franka arm as pose skills: orientations as four numbers and on S^3.
 
     python reproductions/robotasks.py --json robotasks.json --out robotasks/
 
-Protocol: of nine showings of each task, resampled to 200 rows, those of odd number train and those of even
-number test. The recordings come without objects: frames at the first and the last pose of each showing are
-ours, and the publishers made the last poses of a task equal. K = 7 states beginning with time bins, counted
-durations, regularisation 1e-5, Q = (Sigma + slack I)^-1 with the slack and the effort R below, chosen once
-for both treatments. The error is that of a replay from the showing's own first pose, step by step: root mean
-square over steps, mean over showings, in metres and in degrees of the angle between orientations.
+Protocol: nine demonstrations of each task are resampled to 200 rows; those with odd numbers train, the others
+test. The recordings have no objects. Frames at the first and last pose of each demonstration are ours, and
+the publishers made the last poses of a task equal. K = 7 states from time bins, counted durations,
+regularisation 1e-5. Covariance regularisation and control cost, below, were chosen once for both
+representations. A reproduction starts from the demonstration's own first pose. The error is the root mean
+square over steps and the mean over demonstrations, in metres and in degrees of the angle between
+orientations.
 
 Source: the data of Auddy et al. 2023, Robotics and Autonomous Systems 165; the task-parameterised skill of
 Tanwani 2018; Zeestraten et al. 2017 for orientations on S^3.
 """
 
-import argparse
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from protocol import argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -33,15 +32,15 @@ TREATMENTS = {"four numbers": False, "on S^3": True}
 AXES = ("#BB5566", "#117733", "#6699CC")
 STATES, STEPS, COVARIANCE_REGULARISATION, CONTROL_COST = 7, 200, 1e-4, 1e-2
 NOTES = (
-    "the recordings name no objects: the frames at the first and last pose of each showing are ours",
-    "their time is nominal (the publishers resampled every showing to 1000 rows), so speeds are too",
-    "slack 1e-4 and effort 1e-2, the same for both treatments, are ours",
+    "the recordings have no objects: frames at the first and last pose of each demonstration are ours",
+    "time is nominal (the publishers resampled every demonstration to 1000 rows), and so are velocities",
+    "covariance regularisation 1e-4 and control cost 1e-2, the same for both treatments, are ours",
 )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduction:
-    """The poses of a replay, a row a step, and how far they are from the showing."""
+    """Poses of a reproduction, and its errors [m, degrees]."""
 
     poses: np.ndarray
     metres: float
@@ -49,11 +48,7 @@ class Reproduction:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", type=Path, help="file for the table's numbers")
-    parser.add_argument("--out", type=Path, help="folder for the pictures")
+    parser = argument_parser(__doc__)
     arguments = parser.parse_args()
     try:
         demonstrations = {task: load_demonstrations(task) for task in TASKS}
@@ -64,17 +59,14 @@ def main() -> None:
     for note in NOTES:
         print(f"note: {note}")
     if arguments.out:
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        for task in TASKS:
-            picture(task, demonstrations[task]).savefig(arguments.out / f"{task}.png", dpi=110)
+        write_figures(arguments.out, {task: draw_task(task, demonstrations[task]) for task in TASKS})
         print(f"pictures in {arguments.out}")
     if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps({"rows": rows, "notes": NOTES}, indent=2) + "\n")
+        write_numbers(arguments.json, {"rows": rows, "notes": NOTES})
 
 
 def load_demonstrations(task: str) -> list[pf.Demonstration]:
-    """Every showing of the task, seen from its own first and its own last pose, with speeds."""
+    """Return the demonstrations of a task with frames at their ends, and derivatives."""
     return [pf.add_derivatives(with_end_frames(resample(d, STEPS))) for d in pf.datasets.robotasks(task)]
 
 
@@ -95,24 +87,20 @@ def learn_skill(demonstrations: Sequence[pf.Demonstration]) -> pf.models.Fit:
 
 
 def reproduce(skill: pf.Skill, demonstration: pf.Demonstration) -> Reproduction:
-    """The skill between the showing's own ends, from where it began."""
+    """Reproduce a skill with the frames and the start of a demonstration."""
     frames = [frame for frame in demonstration.frames if isinstance(frame, pf.Frame)]
-    here, start = pf.adapt(skill, frames), demonstration.x[0]
-    if here.layout.orientation_starts:
-        flat = pf.planning.tangent_chart(here)
-        x = flat.to_manifold(tracked(flat.skill, flat.to_tangent(start)))
-    else:
-        x = tracked(here, start)
+    x = pf.reproduce(
+        skill,
+        frames,
+        demonstration.x[0],
+        horizon=STEPS,
+        control_cost=CONTROL_COST,
+        covariance_regularisation=COVARIANCE_REGULARISATION,
+    ).motion.x
     poses = np.hstack([x[:, :3], normalise(x[:, 3:7])])
     metres = np.linalg.norm(poses[:, :3] - demonstration.x[:, :3], axis=1)
     radians = angle(poses[:, 3:], demonstration.x[:, 3:7])
     return Reproduction(poses, root_mean_square(metres), float(np.degrees(root_mean_square(radians))))
-
-
-def tracked(here: pf.models.AdaptedSkill, start: np.ndarray) -> np.ndarray:
-    system = pf.control.double_integrator(len(start) // 2, period=here.period)
-    reference = pf.plan(here, start, horizon=STEPS, covariance_regularisation=COVARIANCE_REGULARISATION)
-    return pf.track(system, reference, control_cost=CONTROL_COST).rollout(start).x
 
 
 def root_mean_square(values: np.ndarray) -> float:
@@ -133,7 +121,7 @@ def table_row(task: str, treatment: str, demonstrations: Sequence[pf.Demonstrati
 
 
 def print_table(rows: Sequence[dict[str, object]]) -> None:
-    print("replay error of training and test showings: positions [m], orientations [deg]")
+    print("reproduction error of training and test demonstrations: positions [m], orientations [deg]")
     print(f"{'task':<22}{'orientations':<14}{'train':>9}{'':>8}{'test':>12}{'':>8}{'fit [CPU s]':>14}")
     for row in rows:
         numbers = f"{row['train [m]']:>9.4f}{row['train [deg]']:>8.2f}"
@@ -141,49 +129,47 @@ def print_table(rows: Sequence[dict[str, object]]) -> None:
         print(f"{row['task']:<22}{row['treatment']:<14}{numbers}")
 
 
-def picture(task: str, demonstrations: Sequence[pf.Demonstration]) -> Figure:
-    """Left the way of the tool and where its axes point, right how far it has turned, over time."""
+def draw_task(task: str, demonstrations: Sequence[pf.Demonstration]) -> Figure:
+    """Draw the path of the tool with its axes, and its rotation over time."""
     figure = Figure(figsize=(13, 5.6), layout="constrained")
-    space, turns = figure.add_subplot(1, 2, 1, projection="3d"), figure.add_subplot(1, 2, 2)
+    space, rotation = figure.add_subplot(1, 2, 1, projection="3d"), figure.add_subplot(1, 2, 2)
     test = len(demonstrations) // 2 | 1
     human = demonstrations[test].x
     for n, demonstration in enumerate(demonstrations):
-        label = "showings" if n == 0 else None
+        label = "demonstrations" if n == 0 else None
         space.plot(*demonstration.x[:, :3].T, color="0.75", linewidth=0.8, label=label)
     seconds = demonstrations[test].period * np.arange(STEPS)
-    lines = {"a test showing": (human[:, :7], "0.2")}
+    lines = {"a test demonstration": (human[:, :7], "0.2")}
     for k, (name, sphere) in enumerate(TREATMENTS.items()):
         data = to_representation(demonstrations, sphere)
-        lines[f"replay, {name}"] = (
+        lines[f"reproduction, {name}"] = (
             reproduce(learn_skill(data[::2]).skill, data[test]).poses,
             plots.state_colour(k),
         )
     for name, (poses, colour) in lines.items():
         space.plot(*poses[:, :3].T, color=colour, linewidth=1.8, label=name)
-        turns.plot(seconds, np.degrees(angle(human[:1, 3:7], poses[:, 3:])), color=colour, label=name)
-    draw_axes(space, lines["replay, on S^3"][0])
-    space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=f"{task}: the tool's way and its axes")
+        rotation.plot(seconds, np.degrees(angle(human[:1, 3:7], poses[:, 3:])), color=colour, label=name)
+    draw_axes(space, lines["reproduction, on S^3"][0])
+    space.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=f"{task}: path and axes of the tool")
     limits = np.array([space.get_xlim(), space.get_ylim(), space.get_zlim()])
     space.set_box_aspect(np.ptp(limits, axis=1), zoom=0.95)  # equal scales
     space.yaxis.labelpad = 14
     space.view_init(25, -20)
     space.locator_params(nbins=3)
     space.locator_params(axis="y", nbins=6)
-    turns.set(
-        xlabel="time [s]", ylabel="angle from the first pose [deg]", title="how far the tool has turned"
-    )
-    turns.legend(loc="lower right")
+    rotation.set(xlabel="time [s]", ylabel="angle from the first pose [deg]", title="rotation of the tool")
+    rotation.legend(loc="lower right")
     space.legend(loc="upper left", fontsize=8)
     return figure
 
 
 def draw_axes(axes, poses: np.ndarray) -> None:  # type: ignore[no-untyped-def]  # 3-D axes are untyped
-    """The three axes of the tool, every twentieth step."""
+    """Draw the axes of the tool at every twentieth step."""
     length = 0.12 * float(np.ptp(poses[:, :3], axis=0).max())
     for n, pose in enumerate(poses[::20]):
         for axis, direction, colour in zip("xyz", rotation_matrix(pose[3:]).T, AXES, strict=True):
             ends = np.stack([pose[:3], pose[:3] + length * direction], axis=1)
-            label = f"{axis} of the replay's tool on S^3" if n == 0 else None
+            label = f"{axis} of the reproduction on S^3" if n == 0 else None
             axes.plot(*ends, color=colour, linewidth=1.2, label=label)
 
 

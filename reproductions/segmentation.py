@@ -1,30 +1,27 @@
-"""Exercises told apart: states found in joint angles against the labels that a person gave.
+"""Segmentation of exercises: states found in joint angles against labels of a person.
 
     python reproductions/segmentation.py --json segments.json --out segmentation/
 
-Four sequences of two people, ten kinds of exercise, labelled by hand at every tenth of a second (mocap6). The
-labels are for scoring alone: no model sees them. Every method has K = 12 states (there are twelve exercises
-in the whole set), full covariances, the same beginnings (k-means, any state may follow any) and the same
-regularisation, chosen before by the likelihood that the Markov model gives to a sequence left out. Features
-are the twelve recorded columns, each brought to zero mean and unit variance over all sequences; and, because
-an exercise is a repeated movement and not a pose, the same columns' mean and deviation over 1.1 s around
-every step, standardised again. A method's segmentation is its single most likely path. Scores: the share of
-steps whose state stands for their label under the best one-to-one matching, and normalised mutual
-information; means and deviations are over seeds.
+Four sequences of two people with ten kinds of exercise, labelled by hand at every tenth of a second (mocap6).
+The labels are used for scoring only. Every method has K = 12 states (the whole set has twelve exercises),
+full covariances, the same initialisation (k-means, all transitions) and the same regularisation. The
+regularisation was chosen by the likelihood of left-out sequences under the Markov model. Features are the
+twelve recorded columns with zero mean and unit variance. Because an exercise is a repeated movement and not a
+pose, a second set has their mean and deviation over 1.1 s around every step, standardised again. The
+segmentation of a method is its most likely path. Scores are the share of steps whose state matches the label
+under the best one-to-one matching, and normalised mutual information; means and deviations are over seeds.
 
 Source: Fox, Hughes, Sudderth & Jordan 2014 for the data; the comparison is ours.
 """
 
-import argparse
-import json
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from protocol import argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -41,8 +38,8 @@ from pilotfish.models import (
 
 STATES, SEEDS, CHOOSING_SEEDS = 12, 20, 2
 REGULARISATIONS = (1e-3, 1e-2, 1e-1, 0.3, 1.0)  # of columns of unit variance
-SECONDS = 0.1  # a step
-AROUND = 5  # steps before and after
+SECONDS = 0.1  # of a step
+AROUND = 5  # steps of the window before and after
 ACTIONS = {
     1: "jumping jacks",
     2: "jogging",
@@ -70,12 +67,8 @@ Features = Callable[[Sequence[Demonstration]], tuple[Demonstration, ...]]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", type=Path, help="file for the numbers")
-    parser.add_argument("--out", type=Path, help="folder for the pictures")
-    parser.add_argument("--seeds", type=int, default=SEEDS, help="beginnings that every method is given")
+    parser = argument_parser(__doc__)
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="number of initialisations of each method")
     arguments = parser.parse_args()
     try:
         recorded, labels = pf.datasets.mocap6(), pf.datasets.mocap6_labels()
@@ -83,28 +76,28 @@ def main() -> None:
         parser.exit(1, f"{error}\n")
     report: dict[str, object] = {}
     for name, features in FEATURES.items():
-        seen = features(recorded)
-        choice = choose_regularisation(seen)
+        sequences = features(recorded)
+        choice = choose_regularisation(sequences)
         regularisation = max(choice, key=lambda value: choice[value])
-        trials = [run_trial(seen, labels, seed, regularisation) for seed in range(arguments.seeds)]
+        trials = [run_trial(sequences, labels, seed, regularisation) for seed in range(arguments.seeds)]
         rows = [summary(method, trials) for method in METHODS]
         print_table(name, choice, rows, labels)
         report[name] = {"regularisation": regularisation, "left_out": choice, "rows": rows}
         if arguments.out:
-            arguments.out.mkdir(parents=True, exist_ok=True)
             best = {
                 m: max((t[m] for t in trials), key=lambda r: float(str(r["log_likelihood"]))) for m in METHODS
             }
-            place = arguments.out / name.replace(" ", "-")
-            draw_segments(recorded, labels, best).savefig(f"{place}-segments.png", dpi=110)
-            draw_durations(labels, best).savefig(f"{place}-durations.png", dpi=110)
+            figures = {
+                f"{name.replace(' ', '-')}-segments": draw_segments(recorded, labels, best),
+                f"{name.replace(' ', '-')}-durations": draw_durations(labels, best),
+            }
+            write_figures(arguments.out, figures)
     if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(report, indent=2) + "\n")
+        write_numbers(arguments.json, report)
 
 
 def standardise(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
-    """Every column with zero mean and unit variance over all sequences together."""
+    """Return the sequences with zero mean and unit variance of each column over all of them."""
     x = np.vstack([d.x for d in recorded])
     parts = tuple(Part(p.name, Quantity.SCALAR, p.size, "1") for p in recorded[0].layout.parts)
     return tuple(
@@ -114,7 +107,7 @@ def standardise(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
 
 
 def window_features(recorded: Sequence[Demonstration]) -> tuple[Demonstration, ...]:
-    """Mean and deviation of every standardised column over the steps around each step, standardised again."""
+    """Return mean and deviation of each standardised column in a window, standardised again."""
     layout = Layout(
         tuple(
             Part(f"{what} {p.name}", Quantity.SCALAR, 1, "1")
@@ -134,28 +127,28 @@ def window_features(recorded: Sequence[Demonstration]) -> tuple[Demonstration, .
 FEATURES: dict[str, Features] = {"joint angles": standardise, "around each step": window_features}
 
 
-def choose_regularisation(seen: Sequence[Demonstration]) -> dict[float, float]:
-    """The log-likelihood a step of sequences left out, under Markov models of the others."""
-    steps = sum(len(d.x) for d in seen)
+def choose_regularisation(sequences: Sequence[Demonstration]) -> dict[float, float]:
+    """Return the log-likelihood per step of left-out sequences under Markov models of the others."""
+    steps = sum(len(d.x) for d in sequences)
     totals = dict.fromkeys(REGULARISATIONS, 0.0)
     for value in REGULARISATIONS:
         for seed in range(CHOOSING_SEEDS):
-            for left_out in range(len(seen)):
-                others = [d for m, d in enumerate(seen) if m != left_out]
+            for left_out in range(len(sequences)):
+                others = [d for m, d in enumerate(sequences) if m != left_out]
                 skill = fit_skill(others, seed, value, dynamics="markov").skill
-                totals[value] += float(log_likelihood(skill, [seen[left_out]]).sum())
+                totals[value] += float(log_likelihood(skill, [sequences[left_out]]).sum())
     return {value: total / (steps * CHOOSING_SEEDS) for value, total in totals.items()}
 
 
 def fit_skill(
-    seen: Sequence[Demonstration],
+    sequences: Sequence[Demonstration],
     seed: int,
     regularisation: float,
     dynamics: str = "semi-markov",
     durations: pf.models.DurationModel | None = None,
 ) -> pf.models.Fit:
     return pf.learn(
-        seen,
+        sequences,
         states=STATES,
         rng=np.random.default_rng(seed),
         dynamics=dynamics,
@@ -166,15 +159,15 @@ def fit_skill(
 
 
 def run_trial(
-    seen: Sequence[Demonstration], labels: Sequence[Labels], seed: int, regularisation: float
+    sequences: Sequence[Demonstration], labels: Sequence[Labels], seed: int, regularisation: float
 ) -> dict[str, dict[str, object]]:
-    """Every method from one beginning: its path, its scores, and the durations that it found."""
+    """Return path, scores and durations of each method for one initialisation."""
     begin = time.process_time()
-    mixture = fit_skill(seen, seed, regularisation, dynamics="mixture")
+    mixture = fit_skill(sequences, seed, regularisation, dynamics="mixture")
     after_mixture = time.process_time()
-    counted = fit_skill(seen, seed, regularisation)
+    counted = fit_skill(sequences, seed, regularisation)
     after_counted = time.process_time()
-    exact = fit_skill(seen, seed, regularisation, durations=pf.models.DurationModel())
+    exact = fit_skill(sequences, seed, regularisation, durations=pf.models.DurationModel())
     after_exact = time.process_time()
     skills = {
         "mixture": (mixture.skill, after_mixture - begin),
@@ -182,20 +175,22 @@ def run_trial(
         "counted durations": (counted.skill, after_counted - after_mixture),
         "exact durations": (exact.skill, after_exact - after_counted),
     }
-    return {name: score_skill(skill, seen, labels) | {"seconds": s} for name, (skill, s) in skills.items()}
+    return {
+        name: score_skill(skill, sequences, labels) | {"seconds": s} for name, (skill, s) in skills.items()
+    }
 
 
 def score_skill(
-    skill: pf.Skill, seen: Sequence[Demonstration], labels: Sequence[Labels]
+    skill: pf.Skill, sequences: Sequence[Demonstration], labels: Sequence[Labels]
 ) -> dict[str, object]:
-    paths = [viterbi(skill, d) for d in seen]
-    densities = np.sort(log_emissions(skill, views(seen)), axis=1)
+    paths = [viterbi(skill, d) for d in sequences]
+    densities = np.sort(log_emissions(skill, views(sequences)), axis=1)
     found, truth = np.concatenate(paths), np.concatenate(labels)
     segments = np.concatenate([state_segments(path)[1] for path in paths])
     return {
         "accuracy": matched_accuracy(found, truth),
         "information": normalised_mutual_information(found, truth),
-        "log_likelihood": float(log_likelihood(skill, seen).sum()),
+        "log_likelihood": float(log_likelihood(skill, sequences).sum()),
         "steps_a_visit": float(segments.mean()),
         "states": skill.states,
         "evidence": float(np.median(densities[:, -1] - densities[:, -2])),
@@ -206,7 +201,7 @@ def score_skill(
 
 
 def summary(method: str, trials: Sequence[dict[str, dict[str, object]]]) -> dict[str, object]:
-    """Means and deviations over seeds, and how much better than the Markov model, seed by seed."""
+    """Return means and deviations over seeds, and the difference from the Markov model per seed."""
     row: dict[str, object] = {"method": method, "seeds": len(trials)}
     for score in ("accuracy", "information", "log_likelihood", "steps_a_visit", "evidence", "seconds"):
         own, markov = (np.array([t[m][score] for t in trials], dtype=float) for m in (method, "HMM"))
@@ -221,10 +216,10 @@ def summary(method: str, trials: Sequence[dict[str, dict[str, object]]]) -> dict
 def print_table(
     name: str, choice: dict[float, float], rows: Sequence[dict[str, object]], labels: Sequence[Labels]
 ) -> None:
-    print(f"features: {name}. log-likelihood a step of a sequence left out [nats], by regularisation:")
+    print(f"features: {name}. log-likelihood per step of a left-out sequence [nats], by regularisation:")
     print("  " + "   ".join(f"{value:g}: {gained:.2f}" for value, gained in choice.items()))
     print(f"{'method':<20}{'accuracy':>17}{'over HMM':>18}{'information':>17}{'over HMM':>18}", end="")
-    print(f"{'log-likelihood':>18}{'steps a visit':>15}{'CPU s':>7}")
+    print(f"{'log-likelihood':>18}{'segment steps':>15}{'CPU s':>7}")
     for row in rows:
         scores = "".join(
             f"{row[s]:>10.3f} ± {row[s + '_deviation']:.3f}"
@@ -239,25 +234,24 @@ def print_table(
     segments = len(np.concatenate(labels)) / float(str(by["exact durations"]["steps_a_visit"]))
     print(f"± deviation over {rows[0]['seeds']} seeds; over HMM: mean ± standard error, seed by seed.")
     print(f"A labelled exercise lasts {lengths.mean():.1f} steps, from {lengths.min()} to {lengths.max()}.")
-    print(
-        f"Why durations say little: they gain {gained / segments:.2f} nats a visit over the HMM, while a single"
-    )
-    print(f"step tells its best state from the second best by {by['HMM']['evidence']:.1f} nats (median).\n")
+    print(f"Durations matter little: they gain {gained / segments:.2f} nats per segment over the HMM, while")
+    evidence = by["HMM"]["evidence"]
+    print(f"a single step gains {evidence:.1f} nats for its best over its second-best state (median).\n")
 
 
 def draw_segments(
     recorded: Sequence[Demonstration], labels: Sequence[Labels], best: dict[str, dict[str, object]]
 ) -> Figure:
-    """Hand labels above what each method found, sequence by sequence; of each method its likeliest seed."""
+    """Draw hand labels and the segments of each method for its most likely seed."""
     figure = Figure(figsize=(12, 8.6), layout="constrained")
     for m, (axes, truth) in enumerate(zip(figure.subplots(len(labels), 1), labels, strict=True)):
         seconds = recorded[m].period
         draw_bar(axes, len(METHODS), truth, COLOURS, seconds)
         for height, method in enumerate(reversed(METHODS)):
-            paths, stands_for = best[method]["paths"], best[method]["stands_for"]
+            paths, matches = best[method]["paths"], best[method]["stands_for"]
             assert isinstance(paths, list)
-            assert isinstance(stands_for, dict)
-            named = {state: COLOURS[label] for state, label in stands_for.items()}
+            assert isinstance(matches, dict)
+            named = {state: COLOURS[label] for state, label in matches.items()}
             draw_bar(axes, height, paths[m], named, seconds)
         axes.set_yticks(range(len(METHODS) + 1), [*reversed(METHODS), "hand labels"])
         axes.set(xlim=(0, len(truth) * seconds), ylim=(-0.5, len(METHODS) + 0.5))
@@ -266,25 +260,25 @@ def draw_segments(
     axes.set_xlabel("time [s]")
     present = [label for label in ACTIONS if any((of == label).any() for of in labels)]
     handles = [Patch(color=COLOURS[label], label=ACTIONS[label]) for label in present]
-    handles.append(Patch(color=NOTHING, label="a state that stands for no exercise"))
+    handles.append(Patch(color=UNMATCHED, label="a state without an exercise"))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     return figure
 
 
-NOTHING = "0.8"
+UNMATCHED = "0.8"
 
 
 def draw_bar(axes: Axes, height: float, path: Labels, colours: dict[int, str], seconds: float) -> None:
-    """The visits of a path as blocks, in the colour of the exercise that their state stands for."""
+    """Draw the segments of a path in the colours of the matched exercises."""
     states, lengths = state_segments(np.asarray(path, dtype=np.int64))
     ends = np.cumsum(lengths)
     spans = [((end - length) * seconds, length * seconds) for end, length in zip(ends, lengths, strict=True)]
-    faces = [colours.get(int(state), NOTHING) for state in states]
+    faces = [colours.get(int(state), UNMATCHED) for state in states]
     axes.broken_barh(spans, (height - 0.36, 0.72), facecolors=faces, edgecolors="white", linewidth=0.3)
 
 
 def duration_statistics(durations: object) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and deviation [s] of visits in whole steps; means of a cut Gaussian are not its own."""
+    """Return mean and deviation of durations in whole steps [s], also of a truncated Gaussian."""
     assert isinstance(durations, pf.durations.DurationDistribution)
     table = np.exp(durations.log_table(durations.max_duration(1e-6)))  # (S, K)
     steps = np.arange(1, len(table) + 1)
@@ -294,15 +288,15 @@ def duration_statistics(durations: object) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_durations(labels: Sequence[Labels], best: dict[str, dict[str, object]]) -> Figure:
-    """How long visits last by the two semi-Markov models, and how long the exercises do."""
+    """Draw the durations of the two semi-Markov models and of the exercises."""
     figure = Figure(figsize=(12, 4.4), layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
     for axes, method in zip(panels, METHODS[2:], strict=False):
-        durations, stands_for = best[method]["durations"], best[method]["stands_for"]
-        assert isinstance(stands_for, dict)
+        durations, matches = best[method]["durations"], best[method]["stands_for"]
+        assert isinstance(matches, dict)
         means, deviations = duration_statistics(durations)
         order = np.argsort(means)
-        faces = [COLOURS.get(stands_for.get(int(k), 0), NOTHING) for k in order]
+        faces = [COLOURS.get(matches.get(int(k), 0), UNMATCHED) for k in order]
         axes.bar(range(len(order)), means[order], color=faces)
         low = np.minimum(deviations[order], means[order])
         axes.errorbar(

@@ -1,30 +1,28 @@
-"""Five tasks in physics: skills from 8 and from 4 demonstrations, carried out in situations never shown.
+"""Five tasks in physics: skills from 8 and from 4 demonstrations, performed in new situations.
 
     python reproductions/tasks.py --json tasks.json --out tasks/
 
-A simulated person shows each task by leading the left arm of a simulated Baxter; the right arm follows and
-does the work. From what was recorded a skill is learned with four structures of its covariances, adapted to
-twenty unseen situations, planned, tracked, and carried out in the same physics by springs and dampers at
-1 kHz.
+A simulated person demonstrates each task by guiding the left arm of a simulated Baxter, and the right arm
+follows. A skill is learned with four covariance structures. It is adapted to twenty new situations, planned,
+tracked, and performed in the same physics by impedance control at 1 kHz.
 
-The table tells how many of the twenty did the work, the median error at the end in the task's unit, the
-median of the largest force on the tool, and the median time. "streaming" began from a batch of half of the
-demonstrations and learned the other half datapoint by datapoint. States were chosen on other seeds than the
-one given (1 by default). No person and no robot made these demonstrations.
+The table gives the number of successes, the median final error in the task's unit, the median of the largest
+force on the tool, and the median duration. "streaming" learns half of the demonstrations as a batch and the
+others point by point. Numbers of states were chosen on other seeds than the default of 1. The demonstrations
+are simulated.
 
 Source: Tanwani 2018, the tasks of sections 3.4, 4.3.2, 5.7.2 and 6.1; the table has no counterpart there.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from protocol import argument_parser, write_figures, write_numbers
 from recordings import cached_recording
 from tqdm import tqdm
 
@@ -38,13 +36,13 @@ STATES = {"valve": 7, "plate": 9, "stab": 6, "screwdriver": 6, "carabiner": 6}
 STRUCTURES = ("full", "semi-tied", "MFA(2)", "streaming")
 NUMBERS = (8, 4)
 SITUATIONS = 20
-EXPLAINED = 0.98  # of the variance, by the subspaces of a stream
+EXPLAINED = 0.98  # share of the variance in the subspaces of a stream
 COLOURS = ("#004488", "#DDAA33", "#BB5566", "#44AA99")
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One task, structure and number of demonstrations: how often it worked, and how well."""
+    """Results of one task, structure and number of demonstrations."""
 
     task: str
     structure: str
@@ -59,33 +57,30 @@ class Row:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", type=Path, help="file for the table's numbers")
-    parser.add_argument("--out", type=Path, help="folder for the pictures")
+    parser = argument_parser(__doc__)
     parser.add_argument("--tasks", nargs="+", default=list(STATES), choices=list(STATES), help="which tasks")
     parser.add_argument("--structures", nargs="+", default=STRUCTURES, choices=STRUCTURES)
-    parser.add_argument("--shown", nargs="+", type=int, default=NUMBERS, help="how many demonstrations")
-    parser.add_argument("--situations", type=int, default=SITUATIONS, help="how many unseen situations")
+    parser.add_argument(
+        "--demonstrations", nargs="+", type=int, default=NUMBERS, help="numbers of demonstrations"
+    )
+    parser.add_argument("--situations", type=int, default=SITUATIONS, help="number of new situations")
     parser.add_argument("--seed", type=int, default=1, help="seed of demonstrations and situations")
     arguments = parser.parse_args()
     rows = []
     for name in arguments.tasks:
-        print_rows(made := rows_of(TASKS[name], arguments))
-        rows += made
+        print_rows(task_rows := evaluate_task(TASKS[name], arguments))
+        rows += task_rows
     if arguments.out:
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        picture(rows).savefig(arguments.out / "tasks.png", dpi=110)
+        write_figures(arguments.out, {"tasks": draw_successes(rows)})
     if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
+        write_numbers(arguments.json, [asdict(row) for row in rows])
 
 
-def rows_of(task: Task[Any], arguments: argparse.Namespace) -> list[Row]:
-    demonstrations = load_demonstrations(task.name, max(arguments.shown), arguments.seed)
+def evaluate_task(task: Task[Any], arguments: argparse.Namespace) -> list[Row]:
+    """Learn and evaluate all skills of a task."""
+    demonstrations = load_demonstrations(task.name, max(arguments.demonstrations), arguments.seed)
     rows = []
-    for number in arguments.shown:
+    for number in arguments.demonstrations:
         for structure in arguments.structures:
             skill = learn_skill(demonstrations[:number], structure, STATES[task.name])
             steps = round(float(np.mean([len(d.x) for d in demonstrations[:number]])))
@@ -95,11 +90,11 @@ def rows_of(task: Task[Any], arguments: argparse.Namespace) -> list[Row]:
 
 
 def load_demonstrations(name: str, number: int, seed: int) -> tuple[Demonstration, ...]:
-    """Return demonstrations of a task, with their speeds."""
+    """Return demonstrations of a task, with derivatives."""
 
     def make() -> list[Demonstration]:
-        made = record_demonstrations(TASKS[name], number, seed)
-        bar = tqdm(made, f"{name}: showing", number, disable=not sys.stderr.isatty())
+        recordings = record_demonstrations(TASKS[name], number, seed)
+        bar = tqdm(recordings, f"{name}: recording", number, disable=not sys.stderr.isatty())
         return [recording.demonstration for recording, _ in bar]
 
     demonstrations = cached_recording(__file__, f"{name}, {number} demonstrations, seed {seed}", make)
@@ -107,21 +102,22 @@ def load_demonstrations(name: str, number: int, seed: int) -> tuple[Demonstratio
 
 
 def learn_skill(demonstrations: Sequence[Demonstration], structure: str, states: int) -> pf.Skill:
+    """Learn a skill with a named structure."""
     rng = np.random.default_rng(0)
     if structure == "streaming":
         return learn_from_stream(demonstrations, states, rng)
-    kinds: dict[str, CovarianceStructure] = {
+    structures: dict[str, CovarianceStructure] = {
         "full": pf.structures.Full(),
         "semi-tied": pf.structures.SemiTied(),
         "MFA(2)": pf.structures.MFA(2),
     }
-    return pf.learn(demonstrations, states=states, rng=rng, structure=kinds[structure]).skill
+    return pf.learn(demonstrations, states=states, rng=rng, structure=structures[structure]).skill
 
 
 def learn_from_stream(
     demonstrations: Sequence[Demonstration], states: int, rng: np.random.Generator
 ) -> pf.Skill:
-    """Half at once, the other half datapoint by datapoint, columns at one scale: a stream has one noise."""
+    """Learn half as a batch and half point by point, with columns at one scale for the stream's noise."""
     half = len(demonstrations) // 2
     unscaled = pf.learn(demonstrations[:half], states=states, rng=rng).skill
     scales = pf.online.column_scales(unscaled)
@@ -136,29 +132,31 @@ def learn_from_stream(
 
 
 def evaluate_skill(
-    task: Task[Any], what: tuple[str, int], learn_skill: tuple[pf.Skill, int], arguments: argparse.Namespace
+    task: Task[Any], case: tuple[str, int], learned: tuple[pf.Skill, int], arguments: argparse.Namespace
 ) -> Row:
-    (structure, number), (skill, steps) = what, learn_skill
-    label = f"{task.name}: {structure}, {number} shown"
-    unseen = [situation_from_seed(task, "test", arguments.seed, n) for n in range(arguments.situations)]
-    bar = tqdm(unseen, label, leave=False, disable=not sys.stderr.isatty())
-    done = [perform(skill, task, where, horizon=steps) for where in bar]
+    """Perform a skill in the test situations of a task."""
+    (structure, number), (skill, steps) = case, learned
+    label = f"{task.name}: {structure}, {number} demonstrations"
+    situations = [situation_from_seed(task, "test", arguments.seed, n) for n in range(arguments.situations)]
+    bar = tqdm(situations, label, leave=False, disable=not sys.stderr.isatty())
+    results = [perform(skill, task, situation, horizon=steps) for situation in bar]
     return Row(
         task=task.name,
         structure=structure,
         demonstrations=number,
-        succeeded=sum(made.outcome.success for made in done),
-        situations=len(done),
-        error=median(done, lambda made: made.outcome.error),
+        succeeded=sum(result.outcome.success for result in results),
+        situations=len(results),
+        error=median(results, lambda result: result.outcome.error),
         unit=task.unit,
-        force=median(done, lambda made: made.peak_forces["tool"]),
-        seconds=median(done, lambda made: made.duration),
-        failures={n: made.outcome.reason for n, made in enumerate(done) if not made.outcome.success},
+        force=median(results, lambda result: result.peak_forces["tool"]),
+        seconds=median(results, lambda result: result.duration),
+        failures={n: r.outcome.reason for n, r in enumerate(results) if not r.outcome.success},
     )
 
 
-def median(done: Sequence[ExecutionResult], of: Callable[[ExecutionResult], float]) -> float:
-    return float(np.median([of(made) for made in done]))
+def median(results: Sequence[ExecutionResult], value: Callable[[ExecutionResult], float]) -> float:
+    """Return the median of a value of the results."""
+    return float(np.median([value(result) for result in results]))
 
 
 def print_rows(rows: Sequence[Row]) -> None:
@@ -174,8 +172,8 @@ def print_rows(rows: Sequence[Row]) -> None:
             print(f"{'':<12} not done: {', '.join(map(str, row.failures))}; of {first}: {reason}")
 
 
-def picture(rows: Sequence[Row]) -> Figure:
-    """How many situations of each task were done, by structure; 8 demonstrations above, 4 below."""
+def draw_successes(rows: Sequence[Row]) -> Figure:
+    """Draw the successes of each task by structure, one panel for each number of demonstrations."""
     figure = Figure(figsize=(9.0, 5.5), layout="constrained")
     tasks = list(dict.fromkeys(row.task for row in rows))
     structures = list(dict.fromkeys(row.structure for row in rows))
@@ -186,9 +184,9 @@ def picture(rows: Sequence[Row]) -> Figure:
         for s, structure in enumerate(structures):
             chosen = {r.task: r for r in rows if (r.structure, r.demonstrations) == (structure, number)}
             heights = [chosen[task].succeeded for task in tasks]
-            places = np.arange(len(tasks)) + (s - (len(structures) - 1) / 2) * width
+            positions = np.arange(len(tasks)) + (s - (len(structures) - 1) / 2) * width
             axes.bar(
-                places, heights, 0.92 * width, label=structure, color=COLOURS[STRUCTURES.index(structure)]
+                positions, heights, 0.92 * width, label=structure, color=COLOURS[STRUCTURES.index(structure)]
             )
         axes.set_title(f"{number} demonstrations", fontsize=10)
         axes.set_ylabel(f"done, of {rows[0].situations}")

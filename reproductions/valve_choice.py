@@ -2,30 +2,31 @@
 
     python reproductions/valve_choice.py --json choice.json
 
-Table 4.1 prints .0119 for semi-tied covariances, with seven states, slack and effort given. Here states,
-structure, regularisation, slack, effort, and whether frames are weighted by their relevance, are chosen by
-replaying each training demonstration with the skill that the other three give; the four test demonstrations
-are looked at once, for the choice. Protocol otherwise as in valve.py: durations counted, beginning with time
-bins, replay from the first state's mean, mean squared difference of the seven pose coordinates. Beside the
-choice stand the best without relevance, the configuration of table 4.1, and the choice for replays that begin
-where the person began ("own start"), with all errors in both ways.
+Table 4.1 prints .0119 for semi-tied covariances, with given numbers of states, control cost and covariance
+regularisation. Here these, the structure, the regularisation and the use of relevance weights are chosen by
+leave-one-out on the four training demonstrations. The test demonstrations are used once, for the choice. The
+protocol is otherwise that of protocol.py. Other rows are the best choice without relevance, the configuration
+of table 4.1, and the choice for reproductions from the demonstration's own start.
 
-What the test error is made of: printed by fifths of the movement. A replay from the first state's mean knows
-nothing of how the hand was held at the beginning, which no frame tells, and which differs most in the tests.
+The test error is also printed by fifths of the movement. A reproduction from the first state's mean has no
+information about the initial orientation of the hand, which no frame contains and which varies most.
 
 Source: Tanwani 2018, section 4.3.1, for the protocol and the figures it is compared with.
 """
 
-import argparse
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from protocol import CONTROL_COST, COVARIANCE_REGULARISATION
+from protocol import (
+    CONTROL_COST,
+    COVARIANCE_REGULARISATION,
+    argument_parser,
+    write_numbers,
+)
+from protocol import learn_skill as learn_published
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration
@@ -46,12 +47,12 @@ REGULARISATIONS = (1e-5, 1e-4)
 COVARIANCE_REGULARISATIONS = (2e-4, 2e-3, 2e-2)
 CONTROL_COSTS = (1.0, 9.0)
 
-Powers = Float[Array, "P K"] | None
+Weights = Float[Array, "P K"] | None
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """All that the training demonstrations decide, and the mean error of replaying what was held out."""
+    """Configuration, and its leave-one-out error on the training demonstrations."""
 
     states: int
     structure: str
@@ -65,10 +66,7 @@ class Choice:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", type=Path, help="file for the numbers")
+    parser = argument_parser(__doc__)
     arguments = parser.parse_args()
     try:
         demonstrations = pf.datasets.valve()
@@ -79,12 +77,11 @@ def main() -> None:
     rows = {name: row(choice, train, test) for name, choice in compare_choices(tried).items()}
     print_table(rows, len(tried))
     if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps({"rows": rows, "tried": len(tried)}, indent=2) + "\n")
+        write_numbers(arguments.json, {"rows": rows, "tried": len(tried)})
 
 
 def search(train: Sequence[Demonstration]) -> Iterator[Choice]:
-    """Every combination, scored by replaying each training demonstration with the skill of the others."""
+    """Yield every configuration with its leave-one-out error."""
     for states, structure, regularisation in product(STATES, STRUCTURES, REGULARISATIONS):
         try:
             folds = [
@@ -101,13 +98,13 @@ def search(train: Sequence[Demonstration]) -> Iterator[Choice]:
                 [
                     squared_errors(
                         skill,
-                        powers if weighted else None,
+                        weights if weighted else None,
                         left,
                         covariance_regularisation,
                         control_cost,
                         own_start,
                     ).mean()
-                    for (skill, powers), left in folds
+                    for (skill, weights), left in folds
                 ]
             )
             yield Choice(
@@ -125,90 +122,95 @@ def search(train: Sequence[Demonstration]) -> Iterator[Choice]:
 
 def learn_skill(
     training: Sequence[Demonstration], states: int, structure: CovarianceStructure, regularisation: float
-) -> tuple[pf.Skill, Powers]:
+) -> tuple[pf.Skill, Weights]:
+    """Learn a skill and the relevance of its frames."""
     settings = pf.models.EMSettings(regularisation=regularisation)
-    rng = np.random.default_rng(0)
-    skill = pf.learn(training, states=states, rng=rng, structure=structure, settings=settings).skill
+    skill = learn_published(training, structure, states, settings).skill
     return skill, relevance(skill, training).values
 
 
 def squared_errors(
     skill: pf.Skill,
-    powers: Powers,
-    training: Demonstration,
+    weights: Weights,
+    demonstration: Demonstration,
     covariance_regularisation: float,
     control_cost: float,
     own_start: bool,
 ) -> Float[Array, " T"]:
-    """Mean squared difference of the pose coordinates at each step; infinite where frames contradict."""
+    """Return the mean squared error of each step; infinite if the frames contradict each other."""
     try:
-        here = pf.adapt(skill, training.frames, relevance=powers)
+        adapted = pf.adapt(skill, demonstration.frames, relevance=weights)
     except pf.SkillError:
-        return np.full(len(training.x), np.inf)
-    horizon, start = len(training.x), training.x[0]
+        return np.full(len(demonstration.x), np.inf)
+    horizon, start = len(demonstration.x), demonstration.x[0]
     if own_start:
-        reference = pf.plan(here, start, horizon=horizon, covariance_regularisation=covariance_regularisation)
+        reference = pf.plan(
+            adapted, start, horizon=horizon, covariance_regularisation=covariance_regularisation
+        )
     else:
-        reference = pf.plan(here, horizon=horizon, covariance_regularisation=covariance_regularisation)
+        reference = pf.plan(adapted, horizon=horizon, covariance_regularisation=covariance_regularisation)
         start = reference.targets[0]
     motion = pf.track(
-        pf.control.double_integrator(7, period=training.period), reference, control_cost
+        pf.control.double_integrator(7, period=demonstration.period), reference, control_cost
     ).rollout(start)
-    return np.asarray(((motion.x[:, :7] - training.x[:, :7]) ** 2).mean(axis=1))
+    return np.asarray(((motion.x[:, :7] - demonstration.x[:, :7]) ** 2).mean(axis=1))
 
 
 def compare_choices(tried: Sequence[Choice]) -> dict[str, Choice]:
+    """Return the best choices, and the configuration of the table."""
+
     def best(choices: Iterator[Choice]) -> Choice:
         return min(choices, key=lambda choice: choice.held_out)
 
     def as_printed(choice: Choice) -> bool:
-        given = (
+        configuration = (
             choice.states,
             choice.structure,
             choice.regularisation,
             choice.covariance_regularisation,
             choice.control_cost,
         )
-        return given == (7, pf.structures.SemiTied().label, 1e-5, COVARIANCE_REGULARISATION, CONTROL_COST)
+        semi_tied = pf.structures.SemiTied().label
+        return configuration == (7, semi_tied, 1e-5, COVARIANCE_REGULARISATION, CONTROL_COST)
 
-    blind = [choice for choice in tried if not choice.own_start]
+    from_mean = [choice for choice in tried if not choice.own_start]
     return {
-        "chosen": best(iter(blind)),
-        "chosen without relevance": best(c for c in blind if not c.weighted),
-        "table 4.1, semi-tied": next(c for c in blind if as_printed(c) and not c.weighted),
-        "the same, weighted": next(c for c in blind if as_printed(c) and c.weighted),
+        "chosen": best(iter(from_mean)),
+        "chosen without relevance": best(c for c in from_mean if not c.weighted),
+        "table 4.1, semi-tied": next(c for c in from_mean if as_printed(c) and not c.weighted),
+        "the same, weighted": next(c for c in from_mean if as_printed(c) and c.weighted),
         "chosen for own start": best(c for c in tried if c.own_start),
         "the same, without relevance": best(c for c in tried if c.own_start and not c.weighted),
     }
 
 
 def row(choice: Choice, train: Sequence[Demonstration], test: Sequence[Demonstration]) -> dict[str, Any]:
-    """The choice learned anew from all training demonstrations, and its errors, begun in both ways."""
+    """Learn a choice from all training demonstrations, and return its errors from both starts."""
     structure = next(s for s in STRUCTURES if s.label == choice.structure)
-    skill, powers = learn_skill(train, choice.states, structure, choice.regularisation)
-    heard = powers if choice.weighted else None
+    skill, weights = learn_skill(train, choice.states, structure, choice.regularisation)
+    used_weights = weights if choice.weighted else None
+    control = choice.covariance_regularisation, choice.control_cost
 
-    def errors(training: Sequence[Demonstration], own_start: bool) -> Float[Array, "M T"]:
-        replays = [
-            squared_errors(skill, heard, d, choice.covariance_regularisation, choice.control_cost, own_start)
-            for d in training
-        ]
-        return np.stack(replays)
+    def errors(demonstrations: Sequence[Demonstration], own_start: bool) -> Float[Array, "M T"]:
+        rows = [squared_errors(skill, used_weights, d, *control, own_start) for d in demonstrations]
+        return np.stack(rows)
 
-    told = None if powers is None else powers.round(3).tolist()
+    settings = asdict(choice)
+    settings["slack"] = settings.pop("covariance_regularisation")  # keys of the published file
+    settings["effort"] = settings.pop("control_cost")
     return {
-        **asdict(choice),
+        **settings,
         "train": float(errors(train, own_start=False).mean()),
         "test": float(errors(test, own_start=False).mean()),
         "train_own_start": float(errors(train, own_start=True).mean()),
         "test_own_start": float(errors(test, own_start=True).mean()),
         "test_by_fifths": errors_by_fifth(errors(test, own_start=False)),
-        "relevance": told,
+        "relevance": None if weights is None else weights.round(3).tolist(),
     }
 
 
 def errors_by_fifth(errors: Float[Array, "M T"]) -> list[float]:
-    """Mean errors of the first, second ... fifth part of the movement."""
+    """Return the mean error of each fifth of the movement."""
     return [float(part.mean()) for part in np.array_split(errors, 5, axis=1)]
 
 

@@ -5,13 +5,11 @@
 Source: Tanwani 2018, sections 3.1-3.3 and 4.2.
 """
 
-import argparse
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from protocol import argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -33,7 +31,7 @@ TITLES = {
     "3.4": "tracking without frames, from where the first demonstration began",
     "4.2": "semi-tied and full covariances of three components",
 }
-UNITS = {  # of what does not name its own
+UNITS = {  # of quantities without a unit in their name
     "weights": "1",
     "deviations along the axes of each component": "unit of the file",
     "mean squared error to each demonstration": "squared unit of the file",
@@ -42,22 +40,18 @@ UNITS = {  # of what does not name its own
 THESIS = {"4.2": "the first and the third component (0-2) are highly correlated, the second with neither"}
 WHY = {
     "3.4": (
-        "why the error is large: all of it lies along x, where the demonstrations begin 10 units apart and",
-        "end 1 apart. No frame tells which x is meant, and in six of seven states nobody moved along x:",
-        "there the skill is surer of standing still along x (deviation .003 units a second, which is the",
-        "regularisation's) than of x itself (14 units, 1.4 in the last stroke). So the reproduction keeps to",
-        "the x where it begins, that of the first demonstration, and misses even where all of them end. With",
-        "frames at the ends of the movement (figure 3.3) the error is gone.",
+        "why the error is large: all of it lies along x, where the demonstrations start 10 units apart",
+        "and end 1 apart. No frame determines x, and in six of seven states nobody moved along x. There",
+        "the skill has a smaller deviation of the velocity along x (.003 units per second, from the",
+        "regularisation) than of x itself (14 units, 1.4 in the last stroke). So the reproduction keeps",
+        "the x of its start, that of the first demonstration, and misses the common end. With frames at",
+        "the ends of the movement (figure 3.3) the error vanishes.",
     )
 }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--json", type=Path, help="file for the figures' numbers")
-    parser.add_argument("--out", type=Path, help="folder for the pictures")
+    parser = argument_parser(__doc__)
     arguments = parser.parse_args()
     try:
         rows, pictures = reproduce(pf.datasets.zshape())
@@ -68,13 +62,10 @@ def main() -> None:
     for reason in NOT_REPRODUCED:
         print(f"note: {reason}")
     if arguments.out:
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        for name, figure in pictures.items():
-            figure.savefig(arguments.out / f"{name}.png", dpi=110)
+        write_figures(arguments.out, pictures)
         print(f"{len(pictures)} pictures in {arguments.out}")
     if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps({"rows": rows, "notes": NOT_REPRODUCED}, indent=2) + "\n")
+        write_numbers(arguments.json, {"rows": rows, "notes": NOT_REPRODUCED})
 
 
 def reproduce(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
@@ -88,7 +79,7 @@ def reproduce(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
 
 
 def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
-    """Figure 3.1: three components find the strokes, narrow where the demonstrations agree."""
+    """Draw figure 3.1: three components, narrow where the demonstrations agree."""
     rng = np.random.default_rng(0)
     fit = pf.learn(demonstrations, states=STATES, rng=rng, dynamics="mixture")
     figure = Figure(figsize=(11, 5.2), layout="constrained")
@@ -109,7 +100,7 @@ def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
 
 
 def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
-    """Figure 3.2: seven components without order, with one-step transitions, and with durations."""
+    """Draw figure 3.2: seven components without order, with transitions, and with durations."""
     rng = np.random.default_rng(0)
     fit = pf.learn(demonstrations, states=7, rng=rng)
     weights = pf.learn(demonstrations, states=7, rng=rng, dynamics="mixture").skill.dynamics
@@ -126,8 +117,10 @@ def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, ob
         [f"{p:.2f}" for p in np.diag(chain.transitions)],
         "HMM: staying, leaving",
     )
-    lasting = zip(semi.durations.means, semi.durations.deviations, strict=True)
-    draw_ring(panels[2], semi.transitions, [f"{m:.0f}±{s:.0f}" for m, s in lasting], "HSMM: steps in a state")
+    durations = zip(semi.durations.means, semi.durations.deviations, strict=True)
+    draw_ring(
+        panels[2], semi.transitions, [f"{m:.0f}±{s:.0f}" for m, s in durations], "HSMM: steps in a state"
+    )
     row: dict[str, object] = {"figure": "3.2"}
     row["mean duration of an HMM state [steps]"] = rounded(1 / (1 - np.diag(chain.transitions)[:-1]))
     row["mean duration of an HSMM state [steps]"] = rounded(semi.durations.means[:-1])
@@ -137,7 +130,7 @@ def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, ob
 def task_parameterised(
     demonstrations: tuple[Demonstration, ...],
 ) -> tuple[list[dict[str, object]], dict[str, Figure]]:
-    """Figure 3.3: two frames at the ends of the movement carry it to ends never shown."""
+    """Draw figure 3.3: two frames at the ends of the movement adapt it to new ends."""
     framed = [add_derivatives(with_end_frames(d)) for d in demonstrations]
     fit = pf.learn(framed, states=7, rng=np.random.default_rng(0))
     first, last = framed[0].frames
@@ -147,43 +140,45 @@ def task_parameterised(
         replace(first, b=first.b + np.array([0.0, 10.0, -15.0, 0, 0, 0])),
         replace(last, b=last.b + np.array([0.0, -15.0, 20.0, 0, 0, 0])),
     ]
-    here = pf.adapt(fit.skill, moved)
+    adapted = pf.adapt(fit.skill, moved)
     start = np.concatenate([moved[0].b[:3], np.zeros(3)])
-    system = pf.control.double_integrator(3, period=here.period)
-    motion = pf.track(system, pf.plan(here, horizon=300), control_cost=CONTROL_COST).rollout(start)
-    shown = [float(np.mean((reproduce_demonstration(fit.skill, d)[:, :3] - d.x[:, :3]) ** 2)) for d in framed]
+    system = pf.control.double_integrator(3, period=adapted.period)
+    motion = pf.track(system, pf.plan(adapted, horizon=300), control_cost=CONTROL_COST).rollout(start)
+    errors = [
+        float(np.mean((reproduce_demonstration(fit.skill, d)[:, :3] - d.x[:, :3]) ** 2)) for d in framed
+    ]
     row: dict[str, object] = {
         "figure": "3.3",
-        "mean squared error to each demonstration": rounded(np.array(shown), 2),
+        "mean squared error to each demonstration": rounded(np.array(errors), 2),
     }
     return [row], {
         "figure-3.3-seen-from-frames": plots.demonstrations_in_frames(fit.skill, framed),
-        "figure-3.3-new-situation": plots.reproduction(here, motion, moved),
+        "figure-3.3-new-situation": plots.reproduction(adapted, motion, moved),
         "figure-3.3-graph": plots.state_graph(fit.skill),
     }
 
 
 def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
-    """Figure 3.4: a step-wise sequence of states, followed smoothly by a linear quadratic tracker."""
+    """Draw figure 3.4: a sequence of states, followed smoothly by a linear-quadratic tracker."""
     moving = [add_derivatives(d) for d in demonstrations]
     fit = pf.learn(moving, states=7, rng=np.random.default_rng(0))
     frames = [f for f in moving[0].frames if isinstance(f, pf.Frame)]
-    here = pf.adapt(fit.skill, frames)
-    nothing = np.empty((0, here.states))
-    states = here.dynamics.most_probable_states(nothing, 300)
-    reference = pf.plan(here, horizon=300)
-    system = pf.control.double_integrator(3, period=here.period)
+    adapted = pf.adapt(fit.skill, frames)
+    no_observations = np.empty((0, adapted.states))
+    states = adapted.dynamics.most_probable_states(no_observations, 300)
+    reference = pf.plan(adapted, horizon=300)
+    system = pf.control.double_integrator(3, period=adapted.period)
     motion = pf.track(system, reference, control_cost=CONTROL_COST).rollout(moving[0].x[0])
     errors = [float(np.mean((motion.x[:, :3] - d.x[:, :3]) ** 2)) for d in moving]
-    drawn = [here.dynamics.sample(300, np.random.default_rng(seed)) for seed in range(20)]
+    drawn = [adapted.dynamics.sample(300, np.random.default_rng(seed)) for seed in range(20)]
     row: dict[str, object] = {
         "figure": "3.4",
         "mean squared error to each demonstration": rounded(np.array(errors), 2),
     }
     row["states visited by 20 random sequences"] = sorted({len(np.unique(s)) for s in drawn})
     return [row], {
-        "figure-3.4-over-time": plots.tracked_coordinates(here, states, motion, demonstration=moving[0]),
-        "figure-3.4-in-space": plots.reproduction(here, motion, frames, demonstration=moving[0]),
+        "figure-3.4-over-time": plots.tracked_coordinates(adapted, states, motion, demonstration=moving[0]),
+        "figure-3.4-in-space": plots.reproduction(adapted, motion, frames, demonstration=moving[0]),
         "figure-3.4-forward-variable": plots.forward_variable(fit.skill, horizon=300),
     }
 
@@ -226,15 +221,15 @@ def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
 
 
 def reproduce_demonstration(skill: pf.Skill, demonstration: Demonstration) -> np.ndarray:
-    """The skill in the situation of a demonstration, from where it began."""
-    here = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
-    reference = pf.plan(here, horizon=len(demonstration.x))
-    system = pf.control.double_integrator(3, period=here.period)
+    """Reproduce a skill in the situation and from the start of a demonstration."""
+    adapted = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
+    reference = pf.plan(adapted, horizon=len(demonstration.x))
+    system = pf.control.double_integrator(3, period=adapted.period)
     return pf.track(system, reference, control_cost=CONTROL_COST).rollout(demonstration.x[0]).x
 
 
 def with_end_frames(demonstration: Demonstration) -> Demonstration:
-    """The same movement, seen from its own first and its own last point."""
+    """Return the demonstration with frames at its first and last point."""
     ends = (("beginning", demonstration.x[0]), ("end", demonstration.x[-1]))
     return replace(demonstration, frames=tuple(pf.Frame(name, np.eye(3), point) for name, point in ends))
 
@@ -245,11 +240,11 @@ def draw_paths(axes, demonstrations) -> None:  # type: ignore[no-untyped-def]  #
     axes.set_xlabel("x [unit of the file]")
     axes.set_ylabel("y [unit of the file]")
     axes.set_zlabel("z [unit of the file]")
-    axes.set_box_aspect(None, zoom=0.85)  # leaves room for the label of z
+    axes.set_box_aspect(None, zoom=0.85)  # space for the label of z
 
 
 def draw_ellipsoids(axes, gaussians: GaussianMixture) -> None:  # type: ignore[no-untyped-def]
-    """The 1-sigma ellipsoid of every component, as a mesh."""
+    """Draw the 1-sigma ellipsoid of each component."""
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 33), np.linspace(0, np.pi, 17))
     ball = np.stack([np.cos(around) * np.sin(along), np.sin(around) * np.sin(along), np.cos(along)], axis=-1)
     for k, (mean, covariance) in enumerate(zip(gaussians.means, gaussians.covariances, strict=True)):
@@ -260,7 +255,7 @@ def draw_ellipsoids(axes, gaussians: GaussianMixture) -> None:  # type: ignore[n
 
 
 def draw_ring(axes, transitions, labels: list[str], title: str) -> None:  # type: ignore[no-untyped-def]
-    """States on a ring, arrows as dark as their transition is probable."""
+    """Draw states on a ring, with arrows as dark as their transition probability."""
     angles = np.pi / 2 - 2 * np.pi * np.arange(len(labels)) / len(labels)
     places = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     for i, j in np.argwhere(transitions * (1 - np.eye(len(labels))) > 1e-3):
@@ -276,7 +271,7 @@ def draw_ring(axes, transitions, labels: list[str], title: str) -> None:  # type
 
 
 def print_table(row: dict[str, object]) -> None:
-    """The numbers of a figure, a quantity a line, with units; beneath them what the thesis says."""
+    """Print the numbers of a figure with units, and the statement of the thesis."""
     figure = str(row["figure"])
     print(f"figure {figure}: {TITLES[figure]}")
     for key, value in row.items():

@@ -1,7 +1,7 @@
-"""Recordings of simulated people, made once and kept in build/recordings.
+"""Cache of simulated recordings in build/recordings.
 
-A recording is a function of the code and of its settings. It is kept under a hash of both, so that a change
-of any file of pilotfish makes it anew.
+A recording depends on the code and its settings. It is stored under a hash of both, so that a change of any
+file of pilotfish gives a new recording.
 """
 
 import hashlib
@@ -21,35 +21,35 @@ FOLDER = Path(__file__).parents[2] / "build" / "recordings"
 def cached_recording(
     script: str, settings: str, make: Callable[[], Sequence[Demonstration]]
 ) -> tuple[Demonstration, ...]:
-    """Return the demonstrations that `make` returns, without calling it when they are kept.
+    """Return the cached demonstrations, or call `make` and cache its result.
 
-    Several processes may ask at once: a folder appears whole, and the first one counts.
+    Several processes may call it at the same time: a folder is written atomically, and the first one is kept.
 
     Args:
-        script: File of the code that makes them, outside pilotfish.
-        settings: All that `make` depends on, in words.
-        make: Returns the demonstrations; a function of its code and of the settings alone.
+        script: File of the code that records, outside pilotfish.
+        settings: Everything that `make` depends on, in words.
+        make: Function that returns the demonstrations; it depends on its code and the settings only.
     """
-    place = FOLDER / hashlib.sha256(f"{code_hash(Path(script))} {settings}".encode()).hexdigest()[:32]
-    if not place.exists():
+    folder = FOLDER / hashlib.sha256(f"{code_hash(Path(script))} {settings}".encode()).hexdigest()[:32]
+    if not folder.exists():
         demonstrations = make()
         FOLDER.mkdir(parents=True, exist_ok=True)
         try:
-            write_demonstrations(demonstrations, place)
+            write_demonstrations(demonstrations, folder)
         except InvalidInput:
-            if not place.exists():
+            if not folder.exists():
                 raise
-    return tuple(read_demonstrations(place))
+    return tuple(read_demonstrations(folder))
 
 
 @cache
 def code_hash(script: Path) -> str:
-    """Return a hash of a script, of pilotfish, its kernels included, and of what it computes with."""
-    found = hashlib.sha256(script.read_bytes())
+    """Return a hash of a script, of pilotfish with its kernels, and of the versions of its libraries."""
+    digest = hashlib.sha256(script.read_bytes())
     for name in ("numpy", "scipy", "mujoco-core"):
-        found.update(importlib.metadata.version(name).encode())
-    for folder in map(Path, pf.__path__):  # an editable install has its kernels in a folder of their own
+        digest.update(importlib.metadata.version(name).encode())
+    for folder in map(Path, pf.__path__):  # an editable install has its kernels in another folder
         for file in sorted(folder.rglob("*")):
             if file.suffix in (".py", ".so"):
-                found.update(file.read_bytes())
-    return found.hexdigest()
+                digest.update(file.read_bytes())
+    return digest.hexdigest()

@@ -1,4 +1,4 @@
-"""Reproductions are scripts: tests import them from their files."""
+"""Fixtures that import the reproductions from their files."""
 
 import importlib.util
 import sys
@@ -15,7 +15,7 @@ def script(name: str) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # a dataclass looks itself up there
+    sys.modules[spec.name] = module  # dataclasses look themselves up there
     spec.loader.exec_module(module)
     return module
 

@@ -1,4 +1,4 @@
-"""A dance is regenerated from time and from half of the body that dances it."""
+"""The dance is regenerated from time and from half of the body."""
 
 import json
 import subprocess
@@ -60,7 +60,7 @@ def test_one_component_equals_least_squares(dance, chicken_dance):
 
 def test_more_components_reduce_error(dance, chicken_dance):
     rows = {
-        (label, states): chicken_dance.measured(dance, label, states)
+        (label, states): chicken_dance.measure_mixture(dance, label, states)
         for label in ("semi-tied(1)", "full")
         for states in (5, 20)
     }

@@ -75,9 +75,9 @@ def test_cached_recording_concurrent_processes_agree(tmp_path, monkeypatch, rng)
         return [pf.demonstration(paths.pop(), 0.1, position_layout(3))]
 
     with ThreadPoolExecutor(2) as pool:
-        one, other = pool.map(lambda _: cached_recording(str(script), "", make)[0], range(2))
+        first, second = pool.map(lambda _: cached_recording(str(script), "", make)[0], range(2))
     assert paths == []
-    np.testing.assert_array_equal(one.x, other.x)
+    np.testing.assert_array_equal(first.x, second.x)
 
 
 def test_cached_recording_unwritable_folder_fails(ask, tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Tasks of an arm are replayed where they were never shown, with either treatment of orientations."""
+"""Robotasks reproductions start and end at the frames, and demonstrations start and end at rest."""
 
 import json
 import subprocess
@@ -29,8 +29,8 @@ def test_reproduce_starts_and_ends_at_frames(data_folder, robotasks, sphere):
 def test_demonstrations_start_and_end_at_rest(data_folder, robotasks):
     for demonstration in robotasks.load_demonstrations("pouring"):
         for frame, row in zip(demonstration.frames, (0, -1), strict=True):
-            seen = np.linalg.solve(frame.A, demonstration.x[row] - frame.b)
-            np.testing.assert_allclose(seen[:7], [0, 0, 0, 1, 0, 0, 0], atol=1e-9)
+            local = np.linalg.solve(frame.A, demonstration.x[row] - frame.b)
+            np.testing.assert_allclose(local[:7], [0, 0, 0, 1, 0, 0, 0], atol=1e-9)
 
 
 @pytest.mark.slow  # runs the reproduction

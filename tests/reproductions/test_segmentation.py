@@ -1,4 +1,4 @@
-"""Exercises are told apart by states that never saw a label, and scored without favour."""
+"""Segmentation features, durations and scores follow their definitions."""
 
 import json
 import subprocess
@@ -18,17 +18,17 @@ def recorded(data_folder):
 
 def test_standardise_keeps_steps(recorded, segmentation):
     for features in segmentation.FEATURES.values():
-        seen = features(recorded[0])
-        x = np.vstack([d.x for d in seen])
+        sequences = features(recorded[0])
+        x = np.vstack([d.x for d in sequences])
         np.testing.assert_allclose(x.mean(axis=0), 0.0, atol=1e-9)
         np.testing.assert_allclose(x.std(axis=0), 1.0, rtol=1e-9)
-        assert [len(d.x) for d in seen] == [len(of) for of in recorded[1]]
+        assert [len(d.x) for d in sequences] == [len(of) for of in recorded[1]]
 
 
 def test_window_features_are_shifted_rows(recorded, segmentation):
     window = segmentation.standardise(recorded[0])[2].x[95:106]
-    seen = segmentation.window_features(recorded[0])
-    every = np.vstack([d.x for d in seen])
+    sequences = segmentation.window_features(recorded[0])
+    every = np.vstack([d.x for d in sequences])
     raw = [segmentation.standardise(recorded[0])[m].x for m in range(4)]
     padded = [np.pad(x, ((5, 5), (0, 0)), mode="edge") for x in raw]
     means = np.vstack([[p[t : t + 11].mean(axis=0) for t in range(len(p) - 10)] for p in padded])
@@ -45,8 +45,8 @@ def test_window_features_are_shifted_rows(recorded, segmentation):
 
 
 def test_exact_durations_are_more_likely(recorded, segmentation):
-    seen = segmentation.standardise(recorded[0])
-    trials = [segmentation.run_trial(seen, recorded[1], seed, 0.1) for seed in range(2)]
+    sequences = segmentation.standardise(recorded[0])
+    trials = [segmentation.run_trial(sequences, recorded[1], seed, 0.1) for seed in range(2)]
     for tried in trials:
         likelihoods = {method: tried[method]["log_likelihood"] for method in segmentation.METHODS}
         assert max(likelihoods, key=likelihoods.__getitem__) == "exact durations"

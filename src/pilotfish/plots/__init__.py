@@ -4,6 +4,7 @@ Nothing is displayed or saved; call `figure.savefig(path)`.
 """
 
 from pilotfish.plots.demonstrations_in_frames import demonstrations_in_frames
+from pilotfish.plots.ellipses import draw_ellipses
 from pilotfish.plots.feedback_gains import feedback_gains
 from pilotfish.plots.forward_variable import forward_variable
 from pilotfish.plots.frame_relevance import frame_relevance
@@ -23,6 +24,7 @@ __all__ = [
     "basis_vectors",
     "covariance_correlations",
     "demonstrations_in_frames",
+    "draw_ellipses",
     "feedback_gains",
     "forward_variable",
     "frame_relevance",

@@ -40,7 +40,18 @@ def draw_ellipses(
     plane: tuple[int, int],
     gid: str,
 ) -> list[Annotation]:
-    """Draw the 1-sigma contour of each state's marginal, and return the labels to be placed at the end."""
+    """Draw the 1-sigma contour of each state's marginal, and its number at the outermost point.
+
+    Args:
+        axes: Axes to draw into.
+        means: Mean of each state.
+        covariances: Covariance of each state.
+        plane: Indices of the two columns.
+        gid: Prefix of the identifiers of the contours.
+
+    Returns:
+        The labels, to be placed at the end.
+    """
     labels = []
     centre = means[:, plane].mean(axis=0)
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
