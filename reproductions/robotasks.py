@@ -78,7 +78,9 @@ def with_end_frames(demonstration: pf.Demonstration) -> pf.Demonstration:
 
 def to_representation(demonstrations: Sequence[pf.Demonstration], sphere: bool) -> list[pf.Demonstration]:
     return (
-        [pf.demonstrations.to_sphere(demonstration) for demonstration in demonstrations] if sphere else list(demonstrations)
+        [pf.demonstrations.to_sphere(demonstration) for demonstration in demonstrations]
+        if sphere
+        else list(demonstrations)
     )
 
 

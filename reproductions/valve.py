@@ -97,7 +97,9 @@ def print_sweeps(rows: Sequence[Row]) -> None:
         print(f"{label}  train {row['train_mse']:.5f}  test {row['test_mse']:.5f}")
 
 
-def draw_figures(fits: dict[float, pf.models.Fit], demonstrations: Sequence[Demonstration]) -> dict[str, Figure]:
+def draw_figures(
+    fits: dict[float, pf.models.Fit], demonstrations: Sequence[Demonstration]
+) -> dict[str, Figure]:
     full, tied = fits[0.0].skill, fits[1.0].skill
     figures = {
         "figure-3.6-graph": plots.state_graph(full),
