@@ -8,8 +8,8 @@ MAX_MESSAGE_LENGTH = 500  # characters
 class SkillError(Exception):
     """Base class of every error that this library raises on purpose.
 
-    The message is one printable line of at most MAX_MESSAGE_LENGTH characters. Control characters are escaped.
-    A longer text is cut in the middle, so that the fix at its end remains.
+    The message is one printable line of at most MAX_MESSAGE_LENGTH characters. Control characters are
+    escaped. A longer text is cut in the middle, so that the fix at its end remains.
     """
 
     def __init__(self, message: str = "") -> None:

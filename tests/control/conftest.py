@@ -39,7 +39,7 @@ def positive_definite(rng: np.random.Generator, *shape: int) -> np.ndarray:
 
 
 def stepwise_reference(rng: np.random.Generator, n: int, T: int) -> Reference:
-    """Return a step-wise reference: targets change every three stepwise_reference, weights every second one."""
+    """Return a step-wise reference: targets change every three steps, weights every two."""
     target, weight = np.repeat(rng.integers(4, size=T), 3)[:T], np.repeat(rng.integers(4, size=T), 2)[:T]
     return Reference(rng.normal(size=(4, n))[target], positive_definite(rng, 4, n)[weight])
 

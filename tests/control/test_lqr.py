@@ -18,8 +18,7 @@ from pilotfish.errors import InvalidInput
 
 
 def steady_cost(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """Return P of the discrete algebraic Riccati equation from the stable eigenvectors of the symplectic
-    matrix.
+    """Return P of the discrete algebraic Riccati equation from eigenvectors of the symplectic matrix.
 
     Source:
         Tanwani 2018, equation 3.55, with the sign of its upper right block corrected.

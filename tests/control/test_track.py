@@ -120,7 +120,7 @@ def test_track_transformed_world_transforms_motion(rng, stepwise):
 
 
 def test_track_leaves_target_before_next_begins():
-    """A mass leaves the first target before the second begins; with a larger control cost it leaves earlier."""
+    """A mass leaves the first target before the second begins; with a larger R it leaves earlier."""
     targets = np.zeros((40, 2))
     targets[20:, 0] = 1.0
     reference = Reference(targets, np.stack([np.diag([100.0, 0.1])] * 40))

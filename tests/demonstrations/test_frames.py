@@ -196,7 +196,7 @@ def test_views_incompatible_demonstrations_are_refused(make):
             InvalidInput, match=rf"demonstration 1 \('.'\) and the first \('a'\) differ in {what}"
         ):
             views([demo, other])
-    with pytest.raises(InvalidInput, match="no demonstrations"):
+    with pytest.raises(InvalidInput, match="demonstrations is empty"):
         views([])
 
 

@@ -250,7 +250,7 @@ def test_settings_out_of_range_raise(change, match):
 def test_learn_without_states_or_demonstrations_raises(rng, make_demonstrations):
     with pytest.raises(InvalidInput, match="states is 0, expected a whole number from 1"):
         learn(make_demonstrations(), states=0, rng=rng)
-    with pytest.raises(InvalidInput, match="no demonstrations"):
+    with pytest.raises(InvalidInput, match="demonstrations is empty"):
         learn([], states=2, rng=rng)
 
 

@@ -88,7 +88,7 @@ def continuous_double_integrator(axes: int) -> ContinuousSystem:
         axes: Number of axes, at least 1.
 
     Raises:
-        InvalidInput: If there is no axis.
+        InvalidInput: If axes is below 1.
 
     Source:
         Tanwani 2018, equation 3.44.
@@ -106,7 +106,7 @@ def double_integrator(axes: int, period: float) -> LinearSystem:
         period: Time between two states [s], positive.
 
     Raises:
-        InvalidInput: If there is no axis, or the period is not a positive time.
+        InvalidInput: If axes is below 1, or the period is not a positive time.
 
     Source:
         Tanwani 2018, equation 3.51.

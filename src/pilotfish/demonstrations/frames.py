@@ -81,9 +81,9 @@ class _AffineFrame:
             )
             if worst > ROTATION_TOLERANCE:
                 raise InvalidInput(
-                    f"frame {self.name!r}: columns {start} to {start + 3} are an orientation on S^3, and A and "
-                    f"b differ by {worst:.3g} from left multiplication by a unit quaternion, expected at most "
-                    f"{ROTATION_TOLERANCE:g}; see frame_from_pose"
+                    f"frame {self.name!r}: columns {start} to {start + 3} are an orientation on S^3, and A "
+                    f"and b differ by {worst:.3g} from left multiplication by a unit quaternion, expected at "
+                    f"most {ROTATION_TOLERANCE:g}; see frame_from_pose"
                 )
 
     def tangent_map(self, layout: Layout) -> Float[Array, "*B E E"]:

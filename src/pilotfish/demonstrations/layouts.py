@@ -97,7 +97,7 @@ class Layout:
         parts: At least one part; two parts may share a name if they differ in derivative.
 
     Raises:
-        InvalidInput: If there are no parts, too many columns, or two equal parts.
+        InvalidInput: If parts is empty, has too many columns, or has two equal parts.
     """
 
     parts: tuple[Part, ...]
@@ -174,7 +174,7 @@ class Layout:
             derivative: Number of times that it was differentiated.
 
         Raises:
-            InvalidInput: If there is no such part.
+            InvalidInput: If the layout has no such part.
         """
         for part, columns in zip(self.parts, self.slices, strict=True):
             if (part.name, part.derivative) == (name, derivative):

@@ -71,6 +71,6 @@ def _require_three_axes(name: str, layout: Layout) -> None:
     for part in layout.parts:
         if part.quantity in (Quantity.POSITION, Quantity.VECTOR) and part.size != SPATIAL_AXES:
             raise InvalidInput(
-                f"frame {name!r}: part {part.name!r} has {part.size} axes, expected 3 to rotate it by a pose; "
-                "pass A and b of the frame instead: frame(name, A, b)"
+                f"frame {name!r}: part {part.name!r} has {part.size} axes, expected 3 to rotate it by a "
+                "pose; pass A and b of the frame instead: frame(name, A, b)"
             )

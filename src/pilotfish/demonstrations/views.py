@@ -72,7 +72,7 @@ def _require_compatible(demonstrations: Sequence[Demonstration]) -> None:
     for demo in demonstrations:
         require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
     if not demonstrations:
-        raise InvalidInput("there are no demonstrations, expected at least one")
+        raise InvalidInput("demonstrations is empty, expected at least one")
     first = demonstrations[0]
     for m, demo in enumerate(demonstrations):
         if reason := incompatibility(first, demo):

@@ -31,6 +31,9 @@ def reproduce_demonstration(
         covariance_regularisation: Variance added to every variance before it becomes a weight
             [unit of x squared].
 
+    Returns:
+        The motion, its controller and its plan.
+
     Raises:
         InvalidInput: If skill and demonstration differ in columns, period or frames, a frame moves, or the
             columns are not coordinates followed by the derivative of each.
@@ -103,7 +106,7 @@ def largest_acceleration(motion: Motion, layout: Layout) -> float:
         layout: Columns of the states.
 
     Raises:
-        InvalidInput: If there is no position.
+        InvalidInput: If the layout has no position.
     """
     columns = _find_part(layout.tangent, Quantity.POSITION)
     return float(np.linalg.norm(motion.u[:, columns], axis=1).max())

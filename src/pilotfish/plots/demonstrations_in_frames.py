@@ -45,6 +45,9 @@ def demonstrations_in_frames(
         demonstrations: At least one demonstration with the columns and frames of the skill.
         planes: Pairs of column names; None for x-y and x-z of the first position.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If demonstrations and skill differ in columns or frames, or there are too many states.
 

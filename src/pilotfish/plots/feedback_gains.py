@@ -25,6 +25,9 @@ def feedback_gains(feedback: Feedback, layout: Layout) -> Figure:
         feedback: Feedback of a second-order system.
         layout: Columns of the state: coordinates, then their derivatives.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If the layout has other columns than these, or another width.
     """

@@ -34,6 +34,9 @@ def forward_variable(
         horizon: Number of steps.
         log_observed: log p(x_t | state i) for the first S steps; None for no observation.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If the skill is not semi-Markov, has too many states, or horizon is too short.
 

@@ -32,6 +32,9 @@ def frame_relevance(frame_relevance: FrameRelevance) -> Figure:
 
     Args:
         frame_relevance: Result of `models.relevance`.
+
+    Returns:
+        The figure.
     """
     require_type("frame_relevance", frame_relevance, FrameRelevance)
     figure = _new_figure(frame_relevance)

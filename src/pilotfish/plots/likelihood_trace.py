@@ -17,8 +17,11 @@ def likelihood_trace(fits: Sequence[Fit]) -> Figure:
     Args:
         fits: Fits, at most as many as there are colours.
 
+    Returns:
+        The figure.
+
     Raises:
-        InvalidInput: If there are no fits or too many.
+        InvalidInput: If fits is empty or too long.
     """
     require_sequence("fits", fits, Fit)
     if not 1 <= len(fits) <= len(COLUMN_COLOURS):

@@ -29,6 +29,9 @@ def basis_vectors(skill: Skill) -> Figure:
     Args:
         skill: Skill with semi-tied covariances.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If the skill is not semi-tied.
 
@@ -75,8 +78,11 @@ def covariance_correlations(skills: Sequence[Skill]) -> Figure:
     Args:
         skills: Skills with the same frames.
 
+    Returns:
+        The figure.
+
     Raises:
-        InvalidInput: If there is no skill, skills differ in frames, or there are too many states.
+        InvalidInput: If skills is empty, skills differ in frames, or there are too many states.
 
     Source:
         Tanwani 2018, equation 4.25.

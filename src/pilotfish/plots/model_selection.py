@@ -76,6 +76,9 @@ def model_selection(selection: Selection) -> Figure:
     Args:
         selection: Result of `models.select`.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If all candidates failed, or there are too many structures or duration models to
             distinguish.

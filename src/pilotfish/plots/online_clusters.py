@@ -34,8 +34,11 @@ def online_clusters(models: Sequence[online.OnlineModel]) -> Figure:
     Args:
         models: One model at several times of its stream, earliest first.
 
+    Returns:
+        The figure.
+
     Raises:
-        InvalidInput: If there is no model, they are of different streams, or the last has too many states.
+        InvalidInput: If models is empty, they are of different streams, or the last has too many states.
 
     Source:
         After Tanwani 2018, figure 5.6.

@@ -80,6 +80,9 @@ def reproduction(
         planes: Pairs of column names; None for x-y and x-z of the first position.
         points: Via-points, drawn as diamonds in panels all of whose axes they have.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If columns differ, there are too many states, or a point is at no step of the motion.
 
@@ -99,11 +102,7 @@ def reproduction(
     for n, plane in enumerate(plane_indices):
         panel = figure.add_subplot(cells[0, n])
         frame_axes = frame_axes_in(frames, space, plane, length) if set(plane) <= set(space) else []
-        draw_frame_axes(panel, frame_axes)
-        labels = [
-            *label_frame_axes(panel, frame_axes, length),
-            *_draw_plane(panel, skill, motion, demonstration, plane),
-        ]
+        labels = _draw_plane(panel, skill, motion, demonstration, plane, frame_axes, length)
         _draw_via_points(panel, observations, plane)
         drawn.append((panel, labels, np.stack([motion.x[0, list(plane)], *(t.origin for t in frame_axes)])))
     if is_spatial:
@@ -150,8 +149,12 @@ def _draw_plane(
     motion: Motion,
     demonstration: Demonstration | None,
     plane: tuple[int, int],
+    frame_axes: Sequence[FrameAxes],
+    length: float,
 ) -> list[Annotation]:
-    """Draw states and paths in a plane, and return the labels of states to be placed."""
+    """Draw frames, states and paths in a plane, and return the labels to be placed."""
+    draw_frame_axes(panel, frame_axes)
+    names = label_frame_axes(panel, frame_axes, length)
     panel.margins(0.1)  # for labels
     numbers = draw_ellipses(panel, skill.means, _covariances(skill), plane, "adapted")
     if demonstration is not None:
@@ -160,7 +163,7 @@ def _draw_plane(
     panel.plot(*motion.x[0, list(plane)][:, None], **START_MARKER, zorder=7)
     x, y = (axis_label(skill.layout, column) for column in plane)
     style_axes(panel, x=x, y=y).set_aspect("equal", adjustable="datalim")
-    return numbers
+    return [*names, *numbers]
 
 
 def _covariances(skill: AdaptedSkill) -> Float[Array, "K D D"]:

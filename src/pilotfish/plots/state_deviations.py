@@ -39,6 +39,9 @@ def state_deviations(skill: Skill, *, columns: Sequence[str] | None = None) -> F
         skill: Learned skill.
         columns: Names of columns of the tangent layout; None for all that are not derivatives.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If a column is unknown or there are too many states.
 

@@ -58,6 +58,9 @@ def state_graph(skill: Skill | AdaptedSkill, *, min_probability: float = 0.01) -
         skill: Skill with semi-Markov dynamics.
         min_probability: Smallest transition probability that is drawn.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If the skill is not semi-Markov, has too many states, or min_probability is not from 0
             to 1.

@@ -55,6 +55,9 @@ def tracked_coordinates(
         demonstration: Demonstration in the same situation, for comparison.
         columns: Names of columns; None for all that are not derivatives.
 
+    Returns:
+        The figure.
+
     Raises:
         InvalidInput: If lengths, columns or periods differ, or a state or column is unknown.
     """

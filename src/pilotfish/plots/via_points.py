@@ -36,9 +36,12 @@ def via_points(
         baseline: Motion without via-points, for comparison.
         columns: Names of columns; None for those of the via-points.
 
+    Returns:
+        The figure.
+
     Raises:
-        InvalidInput: If columns or numbers of steps differ, a point is at no step of the motion, there are no
-            columns, or one is unknown.
+        InvalidInput: If columns or numbers of steps differ, a point is at no step of the motion, or a
+            column is unknown.
     """
     require_type("layout", layout, Layout)
     require_type("motion", motion, Motion)
