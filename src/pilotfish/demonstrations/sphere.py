@@ -29,8 +29,8 @@ def to_sphere(demo: Demonstration) -> Demonstration:
         The converted demonstration.
 
     Raises:
-        InvalidInput: If the layout has no quaternion, one has a second derivative or a derivative without itself,
-            or a frame rotates a quaternion and its derivative differently.
+        InvalidInput: If the layout has no quaternion, one has a second derivative or a derivative without
+            itself, or a frame rotates a quaternion and its derivative differently.
     """
     require_type(demo, "demo", Demonstration, "create one with pf.demonstration; convert a list one by one")
     layout = _sphere_layout(demo.layout)
