@@ -1,4 +1,4 @@
-"""Fuzz every decoder and every public function: make fuzz."""
+"""Fuzz every decoder and public function; `make fuzz` calls it."""
 
 import argparse
 import os
@@ -16,28 +16,28 @@ MUTANTS = 10**6
 
 
 def main() -> int:
-    """Run the mutants and print the outcomes; the exit code is 1 when one failed."""
+    """Run the mutants and print the outcomes; return 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutants", type=int, default=int(os.environ.get("PILOTFISH_FUZZ", MUTANTS)))
     parser.add_argument("--target", action="append", help="a name or pattern of targets  [default: all]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--start", type=int, default=0, help="number of the first mutant of each target")
-    asked = parser.parse_args()
-    names = [name for name in TARGETS if any(fnmatch(name, one) for one in asked.target or ["*"])]
+    arguments = parser.parse_args()
+    names = [name for name in TARGETS if any(fnmatch(name, one) for one in arguments.target or ["*"])]
     if not names:
-        parser.error(f"no target is called {asked.target}, there are {', '.join(TARGETS)}")
+        parser.error(f"no target is called {arguments.target}, there are {', '.join(TARGETS)}")
     tallies = []
-    for name, count in shares(asked.mutants, names).items():
-        began = time.monotonic()
-        tally = run_target(name, TARGETS[name][0](), asked.seed, count, asked.start)
+    for name, count in shares(arguments.mutants, names).items():
+        start_time = time.monotonic()
+        tally = run_target(name, TARGETS[name][0](), arguments.seed, count, arguments.start)
         tallies.append(tally)
-        seconds = time.monotonic() - began
-        bad = f", {len(tally.failures)} kinds of failure" if tally.failures else ""
-        sys.stdout.write(f"{name}: {tally.mutants} mutants in {seconds:.0f} s{bad}\n")
+        seconds = time.monotonic() - start_time
+        failures = f", {len(tally.failures)} kinds of failure" if tally.failures else ""
+        sys.stdout.write(f"{name}: {tally.mutants} mutants in {seconds:.0f} s{failures}\n")
         for failure in tally.failures:
             sys.stdout.write(f"\n{failure}\n")
         sys.stdout.flush()
-    sys.stdout.write(f"\nseed {asked.seed}\n{table(tallies)}\n")
+    sys.stdout.write(f"\nseed {arguments.seed}\n{table(tallies)}\n")
     return int(any(tally.failures for tally in tallies))
 
 

@@ -1,8 +1,7 @@
-"""Inputs that fuzzing found to be answered with something else than a refusal in one line."""
+"""Inputs found by fuzzing that once caused something other than a one-line error."""
 
 import io
 import tracemalloc
-from functools import cache
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 from annotations import check_annotations
 from fuzzing.containers import container_writer, parse_container
-from fuzzing.public_examples import Examples, examples, function_named
+from fuzzing.public_examples import examples, function_named
 from fuzzing.seeds import streams
 from fuzzing.soundness import require_sound_refusal
 from fuzzing.targets import TARGETS
@@ -24,7 +23,7 @@ from pilotfish.io.published_matlab import read_zshape_mat
 from pilotfish.io.stream_file import decode_stream, encode_stream
 from pilotfish.models.durations import Gaussian
 
-# A function, one of its arguments, and the value that it is to refuse.
+# Function, one of its arguments, and a value that it must refuse.
 CALLS: list[tuple[str, str, Any]] = [
     ("demonstrations.demonstration", "layout", "pose"),
     ("demonstrations.demonstration", "frames", 3),
@@ -46,15 +45,10 @@ CALLS: list[tuple[str, str, Any]] = [
 ]
 
 
-@cache
-def _examples(package: str) -> Examples:
-    return examples(package)
-
-
 @pytest.mark.parametrize(("name", "argument", "value"), CALLS)
-def test_argument_that_cannot_be_is_refused_in_one_line(name: str, argument: str, value: Any) -> None:
-    """With annotations unchecked, as they are outside the tests."""
-    given = _examples(name.rpartition(".")[0])[name]
+def test_function_invalid_argument_raises_one_line(name: str, argument: str, value: Any) -> None:
+    """Annotations are not checked, as outside the tests."""
+    given = examples(name.rpartition(".")[0])[name]
     assert argument in given
     with check_annotations(False), pytest.raises(SkillError) as refusal:
         function_named(name)(**{**given, argument: value})
@@ -83,20 +77,20 @@ TEXTS: list[tuple[str, str]] = [
 
 
 @pytest.mark.parametrize(("option", "text"), TEXTS, ids=lambda text: text[:20])
-def test_option_text_that_cannot_be_is_refused_quickly_in_one_line(option: str, text: str) -> None:
-    """Lists of ranges were written out, and compared each with each, before their bounds were looked at."""
+def test_option_invalid_text_raises_one_line_quickly(option: str, text: str) -> None:
+    """Ranges were once expanded and compared in pairs before their bounds were checked."""
     read = TARGETS[option][0]().read
-    began = process_time()
+    start_time = process_time()
     with pytest.raises((SkillError, click.UsageError)) as refusal:
         read(text)
-    assert process_time() - began < 1.0
+    assert process_time() - start_time < 1.0
     error = refusal.value
     require_sound_refusal(error, error.format_message() if isinstance(error, click.UsageError) else None)
 
 
 @pytest.mark.parametrize("deviation", [1e5, 6.4e5, 3e6, 1e7])
-def test_durations_of_millions_of_steps_take_little_memory(deviation: float) -> None:
-    """A skill file of 1.5 kB made its reader sum 8 million steps one by one, and keep them."""
+def test_log_table_millions_of_steps_takes_little_memory(deviation: float) -> None:
+    """A skill file of 1.5 kB once made its reader store 8 million steps."""
     durations = Gaussian(np.full(3, 5.0), np.full(3, deviation))
     tracemalloc.start()
     try:
@@ -107,10 +101,8 @@ def test_durations_of_millions_of_steps_take_little_memory(deviation: float) -> 
 
 
 @pytest.mark.parametrize("length", [2**20, 2**31, 2**32 - 1])
-def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
-    length: int, tmp_path: Path
-) -> None:
-    """SciPy reserved the length that an element gives."""
+def test_read_zshape_mat_element_longer_than_file_raises(length: int, tmp_path: Path) -> None:
+    """SciPy reserves the stated length."""
     file = io.BytesIO()
     savemat(file, {"Data": np.ones((4, 1500))})
     data = bytearray(file.getvalue())
@@ -120,7 +112,7 @@ def test_matlab_element_longer_than_its_file_is_refused_before_it_is_read(
         read_zshape_mat(tmp_path / "x.mat")
 
 
-def test_stream_whose_numbers_are_no_table_is_refused() -> None:
+def test_decode_stream_scalar_array_raises() -> None:
     header, arrays, damage = parse_container(encode_stream(streams()[0]))
     data = container_writer(STREAM_FORMAT)((header, {**arrays, "points": np.array(1.0)}, damage))
     with pytest.raises(UnreadableFile, match="has shape"):
@@ -130,9 +122,9 @@ def test_stream_whose_numbers_are_no_table_is_refused() -> None:
 @pytest.mark.parametrize(
     "relevance", [np.zeros((2, 2), "M8[s]"), np.full((2, 2), None), np.array([[5e-324, 1.0], [1.0, 1.0]])]
 )
-def test_relevance_of_another_kind_or_near_zero_is_refused(relevance: Any) -> None:
-    """Dates and objects reached comparisons, and a variance divided by the tiny one overflowed."""
-    given = dict(_examples("models")["models.adapt"])
+def test_adapt_relevance_not_numeric_or_near_zero_raises(relevance: Any) -> None:
+    """Dates and objects once reached comparisons, and a division by the tiny value overflowed."""
+    given = dict(examples("models")["models.adapt"])
     shape = (len(given["skill"].frame_names), given["skill"].states)
     with check_annotations(False), pytest.raises(InvalidInput, match="relevance"):
         function_named("models.adapt")(**{**given, "relevance": np.resize(relevance, shape)})

@@ -1,7 +1,6 @@
-"""Compiled kernels and their NumPy references agree on spoiled arguments: same numbers or same refusal.
+"""Compiled kernels and their NumPy references agree on hostile arguments: equal results or the same error.
 
-PILOTFISH_FUZZ is the number of mutants in all; a failure names the one to repeat with
-`mutant(kernel, 0, number)`.
+PILOTFISH_FUZZ is the total number of mutants. To repeat a failure, call `draw_mutant(kernel, 0, number)`.
 """
 
 import os
@@ -40,13 +39,15 @@ def compiled() -> ModuleType:
 
 
 def outcome(kernels: ModuleType, kernel: str, arguments: list[Any]) -> Any:
-    """Return what a kernel returns, or the error that it refuses its arguments with."""
+    """Return the result of a kernel, or the SkillError that it raises."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             return getattr(kernels, kernel)(*arguments)
         except SkillError as refusal:
             return refusal
+        except np.linalg.LinAlgError as error:  # NumPy's eigenvalues, where hostile numbers overflow
+            return NotPositiveDefinite(str(error))
 
 
 def numbers(value: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
@@ -94,7 +95,7 @@ def rounding(arguments: list[Any]) -> float:
 
 
 def difference(mutated: Mutant, kernel: str, one: Any, other: Any) -> str:
-    """Return in what two outcomes differ; nothing if they agree."""
+    """Return the difference between two outcomes as text; empty if they agree."""
     ill_conditioned = kernel in ILL_CONDITIONED and mutated.kind not in ("plain", "layout")
     if isinstance(one, Exception) or isinstance(other, Exception):
         if type(one) is type(other) and str(one) == str(other):
@@ -122,8 +123,8 @@ def difference(mutated: Mutant, kernel: str, one: Any, other: Any) -> str:
 
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("kernel", DRAW_ARGUMENTS)
-def test_spoiled_arguments_give_the_same_numbers_or_the_same_refusal(kernel, compiled):
-    """Wrong shapes, types, layouts and numbers; nothing but SkillError is raised."""
+def test_kernel_hostile_arguments_equal_reference(kernel, compiled):
+    """Invalid shapes, types, layouts and numbers raise SkillError only."""
     for number in range(MUTANTS):
         mutated = draw_mutant(kernel, 0, number)
         where = f"mutant {number} of {kernel}, {mutated.kind}: {mutated.what}"

@@ -40,10 +40,7 @@ def geometry_examples() -> Examples:
     return {
         **{name: {"q": q} for name in of_q},
         **{name: {"v": v} for name in of_v},
-        **{
-            name: {"p": p, "q": q}
-            for name in ("angle", "multiply", "relative_rotation_vector", "rotation_vector_in_world")
-        },
+        **{name: {"p": p, "q": q} for name in ("angle", "multiply", "relative_rotation_vector")},
         **{
             name: {"v": flat, "orientation_starts": (3,)} for name in ("exp_map_jacobian", "log_map_jacobian")
         },
@@ -53,6 +50,7 @@ def geometry_examples() -> Examples:
         "quaternion_from_rotation_matrix": {"R": R},
         "inverse_right_jacobian_derivative": {"v": v, "w": v[::-1].copy()},
         "karcher_mean": {"x": x, "weights": np.full(5, 0.2), "orientation_starts": (3,)},
+        "rotation_vector_in_world": {"p": p[0], "q": q[0]},
         "minimum_jerk": {"s": np.linspace(-0.1, 1.1, 7)},
         "pose": {"position": v[0], "quaternion": q[0]},
         "tangent_slices": {"width": 7, "orientation_starts": (3,)},

@@ -8,6 +8,7 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import pilotfish
@@ -83,6 +84,7 @@ def function_named(name: str) -> Callable[..., Any]:
     return getattr(importlib.import_module(f"pilotfish.{package}"), function)  # type: ignore[no-any-return]
 
 
+@cache
 def examples(package: str) -> Examples:
     """Return valid arguments of the functions of one package, by function name."""
     given = EXAMPLES[package]()

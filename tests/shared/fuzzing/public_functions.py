@@ -208,15 +208,10 @@ def use_result(value: tuple[Call, Any], thorough: bool) -> None:
 
 
 @cache
-def _examples(package: str) -> dict[str, dict[str, Any]]:
-    return examples(package)
-
-
-@cache
 def expected(name: str) -> Any:
     """Return the result for the example's arguments."""
     package = "environments" if name.startswith("manipulation.") else name.rpartition(".")[0]
-    arguments = _examples(package)[name]
+    arguments = examples(package)[name]
     result = function_named(name)(**_fresh(arguments))
     return tuple(result) if hasattr(result, "__next__") else result
 
@@ -248,7 +243,7 @@ def require_alike(a: Any, b: Any, place: str) -> None:
 
 
 def _target(package: str) -> Target:
-    given = _examples(package)
+    given = examples(package)
     slow = {"select", "relevance"}
     names = [name for name in given if name.rpartition(".")[2] not in slow or package == "models"]
     bases = [Call(name, given[name]) for name in names]
