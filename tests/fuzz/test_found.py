@@ -40,7 +40,7 @@ CALLS: list[tuple[str, str, Any]] = [
     ("models.online.online_model", "frame_names", 0.5),
     ("models.learn", "settings", 0.5),
     ("models.learn", "settings", "few"),
-    ("planning.via_point", "what", "posi\ud800tion"),
+    ("planning.via_point", "name", "posi\ud800tion"),
     ("planning.tangent_chart", "base_pose", np.zeros(13, "M8[s]")),
 ]
 
