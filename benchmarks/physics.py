@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.simulation import require_mujoco
+from pilotfish.rendering import require_mujoco
 
 require_mujoco()  # it chooses the rendering backend before anything else imports MuJoCo
 

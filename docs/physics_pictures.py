@@ -11,17 +11,17 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import pilotfish as pf
-from pilotfish.simulation import (
-    FilmRecorder,
-    perform,
-    record_demonstrations,
-    require_renderer,
-    situation_from_seed,
-)
+from pilotfish.rendering import require_renderer
 
 require_renderer()
 
 from pilotfish.environments import TASKS  # noqa: E402 - require_renderer chooses the backend first
+from pilotfish.simulation import (  # noqa: E402
+    FilmRecorder,
+    perform,
+    record_demonstrations,
+    situation_from_seed,
+)
 
 STATES, N_DEMONSTRATIONS, SEED = 7, 4, 1
 MOMENTS, WIDTH, HEIGHT, COLOURS = 5, 240, 180, 224

@@ -22,7 +22,7 @@ def run_without_screen(code: str, **variables: str) -> str:
 
 REFUSED = """
 from pilotfish.errors import SkillError
-from pilotfish.simulation.rendering import {name}
+from pilotfish.rendering import {name}
 for again in range({times}):
     try:
         {name}()
@@ -33,16 +33,13 @@ for again in range({times}):
 
 @needs_renderer
 def test_require_renderer_without_screen_finds_osmesa():
-    assert (
-        run_without_screen("from pilotfish.simulation.rendering import require_renderer; require_renderer()")
-        == ""
-    )
+    assert run_without_screen("from pilotfish.rendering import require_renderer; require_renderer()") == ""
 
 
 @pytest.mark.parametrize("value", ["glfw", "off"])
 def test_require_renderer_without_renderer_names_package_and_variable(value: str):
     output = run_without_screen(REFUSED.format(name="require_renderer", times=3), MUJOCO_GL=value)
-    assert output.startswith("refused: nothing draws")
+    assert output.startswith("refused: MuJoCo cannot render")
     assert output.count("refused") == 3
     assert "libosmesa6" in output
     assert "MUJOCO_GL=osmesa" in output
@@ -50,8 +47,16 @@ def test_require_renderer_without_renderer_names_package_and_variable(value: str
 
 def test_require_mujoco_unknown_backend_names_valid_ones():
     output = run_without_screen(REFUSED.format(name="require_mujoco", times=1), MUJOCO_GL="nonsense")
-    assert output.startswith("refused: MuJoCo does not start with MUJOCO_GL=nonsense")
+    assert output.startswith("refused: MuJoCo cannot be imported with MUJOCO_GL=nonsense")
     assert "osmesa" in output
+
+
+def test_command_line_without_mujoco_starts():
+    """Learning and planning need no simulation."""
+    code = (
+        "import sys; sys.modules['mujoco'] = None\nimport pilotfish.cli.commands.perform, pilotfish.cli.main"
+    )
+    assert run_without_screen(code) == ""
 
 
 def test_require_mujoco_without_mujoco_names_extra():
@@ -66,5 +71,5 @@ def test_require_mujoco_backend_that_cannot_load_names_package():
     output = run_without_screen(
         "import OpenGL.platform\n" + REFUSED.format(name="require_mujoco", times=1), MUJOCO_GL="osmesa"
     )
-    assert output.startswith("refused: MuJoCo does not start with MUJOCO_GL=osmesa")
+    assert output.startswith("refused: MuJoCo cannot be imported with MUJOCO_GL=osmesa")
     assert "libosmesa6" in output

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pilotfish.simulation.rendering import headless_backend
+from pilotfish.rendering import headless_backend
 
 MESA, BOTH, NOTHING = {"OSMesa"}, {"OSMesa", "EGL"}, set[str]()
 

@@ -11,7 +11,6 @@ from pilotfish.simulation.recording import (
     simulated_leader,
     situation_from_seed,
 )
-from pilotfish.simulation.rendering import require_mujoco, require_renderer
 
 __all__ = [
     "ExecutionResult",
@@ -24,9 +23,7 @@ __all__ = [
     "perform",
     "record",
     "record_demonstrations",
-    "require_mujoco",
     "require_pillow",
-    "require_renderer",
     "simulated_leader",
     "situation_from_seed",
     "write_film",

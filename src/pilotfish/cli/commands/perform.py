@@ -18,7 +18,7 @@ from pilotfish.cli.output.tables import Table, key_value_table
 from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.io import open_skill
 from pilotfish.models import Skill
-from pilotfish.simulation import require_mujoco, require_renderer
+from pilotfish.rendering import require_mujoco, require_renderer
 
 if TYPE_CHECKING:
     from pilotfish.environments import Task

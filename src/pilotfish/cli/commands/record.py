@@ -16,7 +16,7 @@ from pilotfish.cli.output.tables import Table
 from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.errors import InvalidInput
 from pilotfish.io import write_demonstrations
-from pilotfish.simulation import require_mujoco
+from pilotfish.rendering import require_mujoco
 
 if TYPE_CHECKING:
     from pilotfish.environments import Task

@@ -26,7 +26,7 @@ from pilotfish.gaussians.structures import CovarianceStructure, Full, SemiTied
 from pilotfish.io import datasets, make_folder, save_skill, synthetic_valve
 from pilotfish.models import learn
 from pilotfish.planning import reproduce_demonstration
-from pilotfish.simulation import require_mujoco, require_renderer
+from pilotfish.rendering import require_mujoco, require_renderer
 
 TITLE = "pilotfish: opening a valve in new situations"
 SYNTHETIC_NOTICE = (
