@@ -29,7 +29,7 @@ def valve_file(data_folder: Path) -> Path:
 def test_read_valve_mat_equals_published_values(valve_file: Path):
     demonstrations = read_valve_mat(valve_file)
     records = loadmat(valve_file)["s"][0]
-    seen = views(demonstrations).x.reshape(2, 8, 200, 14)
+    local = views(demonstrations).x.reshape(2, 8, 200, 14)
     for m, (demo, record) in enumerate(zip(demonstrations, records, strict=True)):
         np.testing.assert_array_equal(demo.x, np.vstack([record["Data0"][1:], record["dData0"]]).T)
         np.testing.assert_allclose(np.diff(record["Data0"][0]), demo.period, rtol=1e-12)
@@ -37,8 +37,8 @@ def test_read_valve_mat_equals_published_values(valve_file: Path):
             A, b = record["p"][0, j]["A"], record["p"][0, j]["b"][:, 0]
             np.testing.assert_array_equal(given.A, A[1:, 1:])
             np.testing.assert_array_equal(given.b, b[1:])
-            theirs = np.linalg.solve(A, record["Data1"] - b[:, None])[1:].T
-            np.testing.assert_allclose(seen[j, m], theirs, atol=1e-12)
+            published = np.linalg.solve(A, record["Data1"] - b[:, None])[1:].T
+            np.testing.assert_allclose(local[j, m], published, atol=1e-12)
     assert demonstrations[4].name == "valve 157.5 deg"
     assert [given.name for given in demonstrations[0].frames] == ["valve before", "valve after"]
 
@@ -91,9 +91,9 @@ def test_read_zshape_mat_equals_published_values(data_folder: Path):
 def test_read_robotasks_npy_is_in_metres(data_folder: Path, task: str):
     file = data_folder / "robotasks" / f"{task}.npy"
     demonstrations, raw = read_robotasks_npy(file), np.load(file)
-    for demo, theirs in zip(demonstrations, raw, strict=True):
-        np.testing.assert_allclose(demo.x[:, :3], theirs[:, :3] / 100, rtol=1e-15)
-        np.testing.assert_array_equal(demo.x[:, 3:], theirs[:, 3:])
+    for demo, published in zip(demonstrations, raw, strict=True):
+        np.testing.assert_allclose(demo.x[:, :3], published[:, :3] / 100, rtol=1e-15)
+        np.testing.assert_array_equal(demo.x[:, 3:], published[:, 3:])
         assert np.abs(demo.x[:, :3]).max() < 1.0  # m, within reach of the arm
     for later in demonstrations[1:]:
         assert np.sum(later.x[:, 3:7] * demonstrations[0].x[:, 3:7]) > 0.0

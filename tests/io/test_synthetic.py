@@ -33,10 +33,10 @@ def test_synthetic_valve_equals_recording_in_shape(rng: np.random.Generator, dat
 
 def test_synthetic_valve_varies_least_in_frame_of_handle(rng: np.random.Generator):
     """At the grasp it is the frame before, at the release the frame after."""
-    seen = views(synthetic_valve(rng)).x.reshape(2, 8, 200, 14)
+    local = views(synthetic_valve(rng)).x.reshape(2, 8, 200, 14)
     for j, rows in ((0, slice(66, 70)), (1, slice(130, 134))):
-        assert np.abs(seen[j, :, rows, :3]).max() < 0.03  # m, at the handle
-        spread = seen[:, :, rows].std(axis=1).mean(axis=(1, 2))
+        assert np.abs(local[j, :, rows, :3]).max() < 0.03  # m, at the handle
+        spread = local[:, :, rows].std(axis=1).mean(axis=(1, 2))
         assert spread[j] < 0.3 * spread[1 - j]
 
 

@@ -1,4 +1,4 @@
-"""Which laws need pictures of the physics, and why they are skipped where nothing draws."""
+"""Marks of tests that need rendering, and the reason why they are skipped without it."""
 
 import pytest
 

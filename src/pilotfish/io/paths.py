@@ -26,7 +26,7 @@ def path_exists(path: str | Path, *, follow_links: bool = True) -> bool:
 
     Args:
         path: Path to look up.
-        follow_links: Whether the target of a link must exist too. False tells whether the name is taken.
+        follow_links: Whether the target of a link must exist too. With False, a link without a target exists.
 
     Raises:
         InvalidInput: If the system cannot tell: the name is too long, a folder denies permission, or a link
