@@ -2,8 +2,9 @@
 
     python reproductions/durations.py --json durations.json --out durations/
 
-Three states in a loop with gamma durations are observed in one noisy column; the last segment is right-censored.
-Durations are counted along Viterbi paths (thesis, section 3.2.2), or fitted by EM over states and durations.
+Three states in a loop with gamma durations are observed in one noisy column. The last segment of a recording
+is right-censored. Durations are counted along Viterbi paths (thesis, section 3.2.2), or fitted by EM over
+states and durations.
 """
 
 import argparse
@@ -105,9 +106,7 @@ def sample_recording(path: np.ndarray, rng: np.random.Generator) -> Demonstratio
 
 
 def print_table(rows: list[dict[str, float]], seeds: int) -> None:
-    print(
-        f"{seeds} data sets of each size, {LENGTH} steps per recording, means {SPACING:g} standard deviations apart"
-    )
+    print(f"{seeds} data sets of each size, {LENGTH} steps per recording, means {SPACING:g} deviations apart")
     for name in rows[0]:
         values = "".join(
             f"{row[name]:>9.0f}" if name == "demonstrations" else f"{row[name]:>9.4f}" for row in rows

@@ -1,4 +1,4 @@
-"""Small worlds that the laws of models are tried in."""
+"""Random demonstrations with known structure for the tests of models."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,13 +16,13 @@ def layout(width: int) -> Layout:
 
 
 def random_frame(rng: np.random.Generator, name: str, width: int) -> Frame:
-    turn, _ = np.linalg.qr(rng.normal(size=(width, width)))
-    return Frame(name, turn, rng.normal(size=width))
+    rotation, _ = np.linalg.qr(rng.normal(size=(width, width)))
+    return Frame(name, rotation, rng.normal(size=width))
 
 
 @pytest.fixture
 def make_demonstrations(rng: np.random.Generator) -> MakeDemonstrations:
-    """Noisy passages through a row of places, seen from random frames: a stand-in with known truth."""
+    """Return a function that samples noisy passages through a row of places, with random frames."""
 
     def make(lengths=(30, 42, 37), width=2, frames=2, stops=3, noise=0.1) -> list[Demonstration]:
         places = 3.0 * rng.normal(size=(stops, width))
@@ -30,8 +30,8 @@ def make_demonstrations(rng: np.random.Generator) -> MakeDemonstrations:
         for m, length in enumerate(lengths):
             stop_indices = np.sort(rng.integers(0, stops, size=length))
             x = places[stop_indices] + noise * rng.normal(size=(length, width))
-            frames_here = [random_frame(rng, f"object {p}", width) for p in range(frames)]
-            demos.append(demonstration(x, 0.1, layout(width), tuple(frames_here), f"passage {m}"))
+            demo_frames = [random_frame(rng, f"object {p}", width) for p in range(frames)]
+            demos.append(demonstration(x, 0.1, layout(width), tuple(demo_frames), f"passage {m}"))
         return demos
 
     return make
@@ -39,9 +39,9 @@ def make_demonstrations(rng: np.random.Generator) -> MakeDemonstrations:
 
 @pytest.fixture
 def make_two_object_demonstrations(rng: np.random.Generator) -> MakeDemonstrations:
-    """From one object, over a place of the world, to another, objects elsewhere each time; and distractors.
+    """Return a function that samples movements from one object over a fixed place to another object.
 
-    Frames are the two objects', the world's, and distractors'.
+    Objects are placed at random. The frames are those of the objects, the world and distractors.
     """
 
     def make(count=5, distractors=0, noise=0.05) -> list[Demonstration]:
@@ -60,9 +60,7 @@ def _record_demonstration(
     stops = np.stack(
         [frame_one.A @ [0.3, 0.1] + frame_one.b, [0.0, 5.0], frame_two.A @ [0.0, 0.4] + frame_two.b]
     )
-    stops += noise * rng.normal(
-        size=(3, 2)
-    )  # what differs between showings, beside noise from point to point
+    stops += noise * rng.normal(size=(3, 2))  # noise per demonstration; noise per point is added below
     x = np.repeat(stops, [18, 15, 20], axis=0)
     x = x + 0.3 * noise * rng.normal(size=x.shape)
     return demonstration(x, 0.1, layout(2), (frame_one, frame_two, world_frame(2), *rest), name)

@@ -54,12 +54,12 @@ def log_likelihood(durations, segments):
     total = np.zeros(segments.uncensored.shape[1])
     with np.errstate(divide="ignore"):
         for d in range(1, len(segments.uncensored) + 1):
-            longer = logsumexp(log_p[d - 1 :], axis=0)
+            tail = logsumexp(log_p[d - 1 :], axis=0)
             excess = logsumexp(log_p[d - 1 :], b=steps[: N - d + 1], axis=0)
             for counts, log_weight in (
                 (segments.uncensored, log_p[d - 1]),
-                (segments.right_censored, longer),
-                (segments.left_censored, longer - log_mean),
+                (segments.right_censored, tail),
+                (segments.left_censored, tail - log_mean),
                 (segments.doubly_censored, excess - log_mean),
             ):
                 total += np.where(counts[d - 1] > 0.0, counts[d - 1] * np.maximum(log_weight, -1e9), 0.0)
@@ -93,8 +93,8 @@ def test_estimate_is_local_maximum_of_likelihood(rng, name, kinds):
     best = log_likelihood(durations, segments)
     for size in (0.3, 0.03, 0.003):
         for _ in range(3):
-            other = log_likelihood(perturb_durations(durations, rng, size), segments)
-            assert (other <= best + 1e-5 * np.abs(best)).all()
+            perturbed = log_likelihood(perturb_durations(durations, rng, size), segments)
+            assert (perturbed <= best + 1e-5 * np.abs(best)).all()
 
 
 @pytest.mark.parametrize("kinds", [1, 4])
@@ -117,13 +117,13 @@ def test_gradient_and_information_are_derivatives_of_the_log_likelihood(rng):
         lambda s: np.stack([np.log(s), s * 1.0], axis=1), lambda s: np.zeros((len(s), 1)), -wide, wide
     )
     theta = np.stack([rng.uniform(0.5, 3.0, K), rng.uniform(-0.9, -0.2, K)])
-    here, h = evaluate_likelihood(family, segments, theta), 1e-5
+    likelihood, h = evaluate_likelihood(family, segments, theta), 1e-5
     for q in range(2):
         shift = h * np.eye(2)[:, q, None]
         above, below = (evaluate_likelihood(family, segments, theta + sign * shift) for sign in (1, -1))
-        np.testing.assert_allclose((above.value - below.value) / (2 * h), here.gradient[q], rtol=1e-6)
+        np.testing.assert_allclose((above.value - below.value) / (2 * h), likelihood.gradient[q], rtol=1e-6)
         curvature = (above.gradient - below.gradient) / (2 * h)
-        np.testing.assert_allclose(-curvature.T, here.information[:, q], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(-curvature.T, likelihood.information[:, q], rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["gaussian", "log-normal", "gamma", "poisson", "negative-binomial"])
@@ -147,20 +147,20 @@ def test_fit_shapes_completed_segments_is_maximum(rng, kinds):
     before = NegativeBinomial(shapes, 1.0 - stay_probs)
     log_p = before.log_table(400)
     counts = complete_segments(log_p, segments)
-    met = (segments.left_censored + segments.doubly_censored).sum(axis=0)
-    found = _fit_shapes(segments, shapes, stay_probs)
+    length_biased = (segments.left_censored + segments.doubly_censored).sum(axis=0)
+    actual = _fit_shapes(segments, shapes, stay_probs)
     more = np.arange(400)
 
     def best(k, r):
         def loss(p):
             log_q = stats.nbinom.logpmf(more, r, p)
-            return met[k] * np.log(1.0 + r * (1.0 - p) / p) - counts[:, k] @ log_q
+            return length_biased[k] * np.log(1.0 + r * (1.0 - p) / p) - counts[:, k] @ log_q
 
         return -optimize.minimize_scalar(loss, bounds=(1e-4, 1 - 1e-6), method="bounded").fun
 
     for k in range(K):
-        factors = (0.9, 1.1) if found[k] < 9e3 else (0.9,)  # no shape is larger than 1e4
-        assert best(k, found[k]) >= max(best(k, near * found[k]) for near in factors) - 1e-7
+        factors = (0.9, 1.1) if actual[k] < 9e3 else (0.9,)  # no shape is larger than 1e4
+        assert best(k, actual[k]) >= max(best(k, near * actual[k]) for near in factors) - 1e-7
 
 
 @pytest.mark.parametrize("name", FITS)
@@ -199,8 +199,8 @@ def test_complete_segments_linear_equals_logarithmic(rng, kinds, least):
     p[len(p) // 2 :] *= least
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = complete_segments(np.log(p), segments)
-        found = _complete_segments(p, segments)
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-200)
+        actual = _complete_segments(p, segments)
+    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-200)
 
 
 def test_histogram_fit_right_censored_equals_kaplan_meier(rng):
@@ -211,8 +211,8 @@ def test_histogram_fit_right_censored_equals_kaplan_meier(rng):
     segments = replace(segments, uncensored=segments.uncensored + last)
     for _ in range(300):
         durations = Histogram.fit(segments, durations)
-    seen = segments.uncensored + segments.right_censored
-    at_risk = np.cumsum(seen[::-1], axis=0)[::-1] - segments.right_censored
+    recorded = segments.uncensored + segments.right_censored
+    at_risk = np.cumsum(recorded[::-1], axis=0)[::-1] - segments.right_censored
     survival = np.cumprod(1.0 - segments.uncensored / at_risk, axis=0)
     np.testing.assert_allclose(1.0 - np.cumsum(durations.probabilities, axis=0), survival, atol=1e-6)
 
@@ -248,9 +248,9 @@ def test_estimate_warm_starts_only_from_same_family(rng):
     segments = random_segments(rng, 1)
     other = Gaussian(np.full(K, 500.0), np.ones(K))
     for distribution in (LogNormal, Poisson):
-        found = distribution.fit(segments, other, 1.0)
-        assert type(found) is distribution
-        np.testing.assert_allclose(found.means, segments.recorded_length_moments()[0], rtol=0.1)
+        actual = distribution.fit(segments, other, 1.0)
+        assert type(actual) is distribution
+        np.testing.assert_allclose(actual.means, segments.recorded_length_moments()[0], rtol=0.1)
 
 
 def test_fit_option_out_of_range_raises(rng):

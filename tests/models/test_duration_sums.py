@@ -67,11 +67,11 @@ def test_moments_equal_explicit_sums(durations, sum_every_step):
 
 @pytest.mark.parametrize("max_duration", [1, 64, 65, 300])
 def test_log_survival_equals_explicit_sums(durations, sum_every_step, max_duration):
-    found = durations.log_survival(max_duration)
+    actual = durations.log_survival(max_duration)
     p = np.exp(sum_every_step)
     longer = np.cumsum(p[::-1], axis=0)[::-1]
     excess = np.cumsum(longer[::-1], axis=0)[::-1]
-    for log_tail, expected in zip(found, (longer, excess), strict=True):
+    for log_tail, expected in zip(actual, (longer, excess), strict=True):
         assert log_tail.shape == (max_duration, 3)
         np.testing.assert_allclose(np.exp(log_tail), expected[:max_duration], rtol=1e-11)
 
@@ -110,14 +110,14 @@ def test_running_sums_equal_explicit_sums(rng, durations, sum_every_step, order)
     expected = weights
     for _ in range(order):
         expected = np.cumsum(expected, axis=0)
-    found = np.exp(log_cumsum(log_w, quadrature, order))
+    actual = np.exp(log_cumsum(log_w, quadrature, order))
     np.testing.assert_allclose(
-        found[: quadrature.single_steps], expected[: quadrature.single_steps], rtol=1e-11
+        actual[: quadrature.single_steps], expected[: quadrature.single_steps], rtol=1e-11
     )
     if len(quadrature.steps) > quadrature.single_steps:
         s = quadrature.steps[-1]
         once, twice = weights.sum(axis=0), (s - np.arange(1.0, 41.0) + 1.0) @ np.exp(log_w)
-        np.testing.assert_allclose(found[-1], once if order == 1 else twice, rtol=1e-11)
+        np.testing.assert_allclose(actual[-1], once if order == 1 else twice, rtol=1e-11)
     shares = durations.log_weights(quadrature.steps) + quadrature.log_counts[:, None]
     backward = log_reverse_cumsum(shares - log_sum_exp(shares), quadrature, 40, order)
     np.testing.assert_allclose(backward, durations.log_survival(40)[order - 1], rtol=1e-11, atol=1e-12)
@@ -134,7 +134,7 @@ def test_likelihood_and_gradient_heavy_tail_equal_explicit_sums(rng):
         np.full((2, K), np.inf),
     )
     theta = np.array([[2.5, 3.0], [-0.5, -0.6]])
-    found = evaluate_likelihood(family, segments, theta)
+    actual = evaluate_likelihood(family, segments, theta)
     N = 2**18
     steps = np.arange(1.0, N + 1.0)
     X = family.sufficient_statistics(steps)
@@ -149,7 +149,7 @@ def test_likelihood_and_gradient_heavy_tail_equal_explicit_sums(rng):
         + segments.left_censored * np.log(longer / mean)
         + segments.doubly_censored * np.log(excess / mean)
     ).sum(axis=0)
-    np.testing.assert_allclose(found.value, value, rtol=1e-11)
+    np.testing.assert_allclose(actual.value, value, rtol=1e-11)
     table = np.log(p)
     counts = complete_segments(table, segments)
     quadrature = make_quadrature(lambda s: family.sufficient_statistics(s) @ theta + family.base(s), S)
@@ -161,18 +161,20 @@ def test_likelihood_and_gradient_heavy_tail_equal_explicit_sums(rng):
     few = complete_segments(log_w - log_sum_exp(log_w), segments, quadrature)
     np.testing.assert_allclose(few.sum(axis=0), counts.sum(axis=0), rtol=1e-11)
     np.testing.assert_allclose(quadrature.steps @ few, steps @ counts, rtol=1e-10)
-    met = (segments.left_censored + segments.doubly_censored).sum(axis=0)
+    length_biased = (segments.left_censored + segments.doubly_censored).sum(axis=0)
     gradient = (
-        X.T @ counts - counts.sum(axis=0) * (X.T @ p) - met * (X.T @ (p * steps[:, None] / mean) - X.T @ p)
+        X.T @ counts
+        - counts.sum(axis=0) * (X.T @ p)
+        - length_biased * (X.T @ (p * steps[:, None] / mean) - X.T @ p)
     )
-    np.testing.assert_allclose(found.gradient, gradient, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(actual.gradient, gradient, rtol=1e-8, atol=1e-8)
 
 
 def test_decreasing_root_is_found_or_bound_is_returned(rng):
     """Derivatives as of negative binomial shapes, and functions without a root."""
     roots = rng.uniform(-3.0, 6.0, 5)
-    found = _decreasing_root(lambda x: psi(np.exp(roots)) - psi(np.exp(x)), np.zeros(5), -4.0, 9.0)
-    np.testing.assert_allclose(found, roots, atol=1e-7)
+    actual = _decreasing_root(lambda x: psi(np.exp(roots)) - psi(np.exp(x)), np.zeros(5), -4.0, 9.0)
+    np.testing.assert_allclose(actual, roots, atol=1e-7)
     np.testing.assert_array_equal(
         _decreasing_root(lambda x: 1.0 + 0.0 * x, np.zeros(2), -4.0, 9.0), [9.0, 9.0]
     )

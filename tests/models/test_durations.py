@@ -75,22 +75,22 @@ def test_max_duration_is_smallest_with_given_tail_probability(distribution, tail
     outlasted = []
     for k in range(4):
         log_p = log_density(STEPS, k)
-        longer = np.append(np.cumsum(np.exp(log_p - logsumexp(log_p))[::-1])[::-1], 0.0)
-        outlasted.append(np.flatnonzero(longer[1:] <= tail_probability)[0] + 1)
+        tail = np.append(np.cumsum(np.exp(log_p - logsumexp(log_p))[::-1])[::-1], 0.0)
+        outlasted.append(np.flatnonzero(tail[1:] <= tail_probability)[0] + 1)
     assert durations.max_duration(tail_probability) == max(outlasted)
 
 
 @pytest.mark.parametrize("max_duration", [1, 5, 120])
 def test_log_survival_equals_sums_of_density(distribution, max_duration):
     durations, log_density = distribution
-    log_longer, log_tail_sum = durations.log_survival(max_duration)
+    log_tail, log_tail_sum = durations.log_survival(max_duration)
     for k in range(4):
         log_p = log_density(STEPS, k)
         log_p = log_p - logsumexp(log_p)
         for d in {1, (max_duration + 1) // 2, max_duration}:
             expected = logsumexp(log_p[d - 1 :]), logsumexp(log_p[d - 1 :], b=STEPS[d - 1 :] - d + 1.0)
-            found = log_longer[d - 1, k], log_tail_sum[d - 1, k]
-            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9)
+            actual = log_tail[d - 1, k], log_tail_sum[d - 1, k]
+            np.testing.assert_allclose(actual, expected, rtol=1e-8, atol=1e-9)
 
 
 def test_negative_binomial_shape_one_is_geometric():

@@ -64,14 +64,14 @@ def test_statistics_equal_enumeration_of_state_sequences(rng, markov, P, K, D, T
     for states, p in zip(paths, posterior, strict=True):
         state_probs[np.arange(T), states] += p
         np.add.at(transitions, (states[:-1], states[1:]), p)
-    found = expected_statistics(model, Views(x, np.array([T])))
-    np.testing.assert_allclose(found.log_likelihood, logsumexp(log_p))
-    np.testing.assert_allclose(found.initial_counts, state_probs[0])
-    np.testing.assert_allclose(found.transitions, transitions, atol=1e-12)
+    actual = expected_statistics(model, Views(x, np.array([T])))
+    np.testing.assert_allclose(actual.log_likelihood, logsumexp(log_p))
+    np.testing.assert_allclose(actual.initial_counts, state_probs[0])
+    np.testing.assert_allclose(actual.transitions, transitions, atol=1e-12)
     for p in range(P):
         expected = moments(x[p], state_probs)
         for name in ("counts", "means", "scatter_matrices"):
-            np.testing.assert_allclose(getattr(found.moments[p], name), getattr(expected, name), atol=1e-10)
+            np.testing.assert_allclose(getattr(actual.moments[p], name), getattr(expected, name), atol=1e-10)
 
 
 def test_statistics_of_parts_sum_to_statistics_of_all(rng, make_demonstrations):

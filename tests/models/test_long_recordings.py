@@ -14,7 +14,7 @@ from pilotfish.models import Censoring, HiddenModel, SemiMarkovChain, log_emissi
 from pilotfish.models.durations import Gamma, Gaussian, Histogram, LogNormal
 from pilotfish.models.semi_markov import FULL_LENGTH_FACTOR, TAIL_PROBABILITY
 
-PLACE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
+LAYOUT = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
 DISTRIBUTIONS = {
     "gaussian": Gaussian(np.array([4.0, 6.0, 5.0]), np.array([1.0, 0.5, 1.5])),
     "log-normal": LogNormal(np.log([4.0, 6.0, 5.0]), np.array([0.2, 0.1, 0.15])),
@@ -31,7 +31,7 @@ def model(request):
 
 def recording(states, rng):
     x = 4.0 * states[:, None] + rng.normal(size=(len(states), 1))
-    return demonstration(x, 0.1, PLACE, (), "a recording")
+    return demonstration(x, 0.1, LAYOUT, (), "a recording")
 
 
 def impossible_segment(model, rng, steps):
@@ -91,12 +91,12 @@ def test_evaluate_100000_steps_takes_seconds(model):
     states = model.dynamics.sample(100_000, rng)
     demo, begin = recording(states, rng), time.process_time()
     assert np.mean(viterbi(model, demo) == states) > 0.97
-    found = log_likelihood(model, [demo])
+    actual = log_likelihood(model, [demo])
     log_b = log_emissions(model, views([demo]))
     filtered = model.dynamics.filtered_state_probs(log_b, len(log_b))
     np.testing.assert_allclose(filtered.sum(axis=1), 1.0)
     assert np.mean(filtered.argmax(axis=1) == states) > 0.95
     np.testing.assert_allclose(
-        found, log_likelihood(model, [demo], max_duration=200), atol=1e5 * TAIL_PROBABILITY
+        actual, log_likelihood(model, [demo], max_duration=200), atol=1e5 * TAIL_PROBABILITY
     )
     assert time.process_time() - begin < 20.0

@@ -45,7 +45,7 @@ DURATION_MODELS = {
     **{name: DurationModel(distribution) for name, distribution in DISTRIBUTIONS.items()},
     "geometric": DurationModel(NegativeBinomial, options={"shape": 1.0}),
 }
-PLACE = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
+LAYOUT = Layout((Part("place", Quantity.SCALAR, 1, "m"),))
 
 
 def make_durations(rng, K, kind):
@@ -105,8 +105,8 @@ def enumerate_segmentations(chain, log_b):
             for k, b, e in zip(states, begins, ends, strict=True):
                 prior *= weight(k, e - b, b == 0, e == T)
             if prior > 0.0:
-                seen = sum(log_b[b:e, k].sum() for k, b, e in zip(states, begins, ends, strict=True))
-                yield states, lengths, np.log(prior) + seen
+                recorded = sum(log_b[b:e, k].sum() for k, b, e in zip(states, begins, ends, strict=True))
+                yield states, lengths, np.log(prior) + recorded
 
 
 @pytest.mark.parametrize("censoring", Censoring)
@@ -134,15 +134,15 @@ def test_expected_statistics_equal_enumeration_of_segmentations(rng, kind, censo
     np.testing.assert_allclose(statistics.initial_counts, initial_counts, atol=1e-8)
     np.testing.assert_allclose(statistics.transitions, pairs, atol=1e-8)
     np.testing.assert_allclose(statistics.moments[0].counts, counts, atol=1e-8)
-    for found, expected in zip(fields(statistics.segments), segments, strict=True):
-        np.testing.assert_allclose(getattr(statistics.segments, found.name), expected, atol=1e-8)
+    for actual, expected in zip(fields(statistics.segments), segments, strict=True):
+        np.testing.assert_allclose(getattr(statistics.segments, actual.name), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("censoring", Censoring)
 def test_viterbi_equals_most_probable_of_all_segmentations(rng, censoring):
     model = random_model(rng, 3, "gamma", censoring)
     x = 2 * rng.normal(size=(5, 1))
-    demo = demonstration(x, 0.1, PLACE, (), "five steps")
+    demo = demonstration(x, 0.1, LAYOUT, (), "five steps")
     listed = list(enumerate_segmentations(model.dynamics, log_emissions(model, views([demo]))))
     states, lengths, _ = max(listed, key=lambda one: one[2])
     np.testing.assert_array_equal(viterbi(model, demo), np.repeat(states, lengths))
@@ -153,9 +153,9 @@ def test_viterbi_equals_most_probable_of_all_segmentations(rng, censoring):
 def test_log_likelihood_equals_forward_recursion(rng, kind, censoring):
     """The E-step and the forward recursion are two algorithms; the last state is summed out."""
     model = random_model(rng, 3, kind, censoring, final=False)
-    demos = [demonstration(rng.normal(size=(T, 1)), 0.1, PLACE, (), f"{T}") for T in (2, 4, 30)]
-    found = log_likelihood(model, demos)
-    for value, demo in zip(found, demos, strict=True):
+    demos = [demonstration(rng.normal(size=(T, 1)), 0.1, LAYOUT, (), f"{T}") for T in (2, 4, 30)]
+    actual = log_likelihood(model, demos)
+    for value, demo in zip(actual, demos, strict=True):
         log_b = log_emissions(model, views([demo]))
         forward = model.dynamics.forward(log_b, len(log_b))
         np.testing.assert_allclose(value, logsumexp(forward.log_forward[-1]), rtol=1e-9)
@@ -295,10 +295,10 @@ def sample_demonstrations(rng, count, length=120):
     for m in range(count):
         states = chain.sample(length, rng)
         x = 3.0 * states[:, None] + rng.normal(size=(length, 1))
-        demos.append(demonstration(x, 0.1, PLACE, (), f"passage {m}"))
-        visited, lengths = state_segments(states)
-        np.add.at(true[0], (lengths[:-1] - 1, visited[:-1]), 1.0)
-        true[1, lengths[-1] - 1, visited[-1]] += 1.0
+        demos.append(demonstration(x, 0.1, LAYOUT, (), f"passage {m}"))
+        segment_states, lengths = state_segments(states)
+        np.add.at(true[0], (lengths[:-1] - 1, segment_states[:-1]), 1.0)
+        true[1, lengths[-1] - 1, segment_states[-1]] += 1.0
     return demos, durations.means, Segments(*true)
 
 
@@ -311,7 +311,7 @@ def test_durations_are_recovered_from_samples():
     )
     errors = {}
     for count in (4, 64):
-        found = {"exact": [], "counted": [], "true segments": []}
+        actual = {"exact": [], "counted": [], "true segments": []}
         for seed in range(4):
             rng = np.random.default_rng(seed)
             demos, truth, segments = sample_demonstrations(rng, count)
@@ -322,17 +322,17 @@ def test_durations_are_recovered_from_samples():
                 initialisation=FromModel(initialisation),
                 durations=DurationModel(Gamma),
             )
-            found["exact"].append(fit.skill.dynamics.durations.means / truth - 1.0)
-            found["counted"].append(
+            actual["exact"].append(fit.skill.dynamics.durations.means / truth - 1.0)
+            actual["counted"].append(
                 count_durations(fit.markov_skill, views(demos), 1.0).durations.means / truth - 1.0
             )
-            found["true segments"].append(Gamma.fit(segments).means / truth - 1.0)
-        errors[count] = {name: np.sqrt(np.mean(np.square(values))) for name, values in found.items()}
+            actual["true segments"].append(Gamma.fit(segments).means / truth - 1.0)
+        errors[count] = {name: np.sqrt(np.mean(np.square(values))) for name, values in actual.items()}
     assert errors[64]["exact"] < errors[4]["exact"] / 1.8, errors
     for count in errors:
         assert errors[count]["exact"] < 1.4 * errors[count]["true segments"], errors
     assert errors[64]["counted"] > 2.0 * errors[64]["exact"], errors
-    assert np.mean(found["counted"]) < -0.05, found
+    assert np.mean(actual["counted"]) < -0.05, actual
 
 
 def test_semi_markov_fit_continues_from_given_skill(make_demonstrations):
@@ -350,7 +350,7 @@ def test_semi_markov_fit_continues_from_given_skill(make_demonstrations):
 def test_max_duration_too_short_raises(rng):
     """Two states of 20 steps each cannot be explained by segments of at most 5 steps."""
     x = np.repeat([[0.0], [50.0]], 20, axis=0) + 0.1 * rng.normal(size=(40, 1))
-    demo = demonstration(x, 0.1, PLACE, (), "long visits")
+    demo = demonstration(x, 0.1, LAYOUT, (), "long segments")
     with pytest.raises(InvalidInput, match=r"segments of at most 5 steps.*raise max_duration"):
         learn(
             [demo],
@@ -361,7 +361,7 @@ def test_max_duration_too_short_raises(rng):
 
 
 def test_semi_markov_one_state_one_demonstration_is_fitted(rng):
-    demo = demonstration(rng.normal(size=(12, 1)), 0.1, PLACE, (), "one")
+    demo = demonstration(rng.normal(size=(12, 1)), 0.1, LAYOUT, (), "one")
     fit = learn([demo], states=1, rng=rng, durations=DurationModel())
     np.testing.assert_array_equal(fit.skill.dynamics.transitions, [[0.0]])
     np.testing.assert_allclose(log_likelihood(fit.skill, [demo]), fit.log_likelihoods[-1])
