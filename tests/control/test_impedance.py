@@ -176,7 +176,7 @@ def test_torque_any_numbers_give_finite_torques_within_limits(reading, target):
     limits = arm_limits([-3.0] * 3, [3.0] * 3, [1.0] * 3, [50.0, 20.0, 5.0])
     for command in (
         impedance_torque(impedance([0.1, 0.2, 0.3]), limits, reading, target),
-        reference.impedance(impedance([0.1, 0.2, 0.3]), limits, reading, target),
+        reference.impedance_torque(impedance([0.1, 0.2, 0.3]), limits, reading, target),
         posture_torque(100.0, 2.0, limits, reading, target.position),
     ):
         assert (np.abs(command.torque) <= limits.torque).all()
