@@ -98,7 +98,7 @@ def _download_failure_message(dataset: Dataset) -> str:
 def _fetch(dataset: Dataset) -> Path:
     """Return the file in the user's cache; download it with a progress bar if it is missing."""
     import pooch  # an extra, and slow to import
-    import tqdm  # noqa: F401 # for the progress bar; if it is missing, the error should say so
+    import tqdm  # noqa: F401 # for the progress bar; if it is missing, the error should name it
 
     file = PurePosixPath(dataset.file)
     path = pooch.retrieve(

@@ -189,7 +189,7 @@ def _encode_files(demonstrations: Sequence[Demonstration]) -> dict[str, bytes]:
 
 def _require_same_layout(demonstrations: Sequence[Demonstration]) -> None:
     if not demonstrations:
-        raise InvalidInput("there are no demonstrations to write, expected at least one")
+        raise InvalidInput("no demonstrations to write, expected at least one")
     first = demonstrations[0]
     for m, demo in enumerate(demonstrations):
         if (demo.layout, demo.period) != (first.layout, first.period):

@@ -109,7 +109,7 @@ def decode_npz(data: bytes, file: str) -> dict[str, Float[Array, "..."]]:
 
 
 def load_npz(data: bytes, file: str) -> dict[str, np.ndarray]:
-    """Return the arrays of an NPZ file as they are; pickled objects are refused.
+    """Return the arrays of an NPZ file without conversion; pickled objects are refused.
 
     The sizes that the archive states are checked first, and no more than that is expanded.
 

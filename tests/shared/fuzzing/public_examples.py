@@ -51,6 +51,7 @@ EXCLUDED: Mapping[str, str] = {
         f"environments.{name}": "takes models of MuJoCo or poses of objects"
         for name in ("contact_forces", "linear_path")
     },
+    "plots.draw_ellipses": "draws into axes; the figures call it",
     "plots.state_colour": "takes the index of a state only",
 }
 
