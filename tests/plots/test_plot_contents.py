@@ -281,7 +281,7 @@ def test_model_selection_equal_scores_do_not_overlap(inputs: Any):
     """Markers of one structure do not overlap; each duration model has its own, as in the legend."""
     first = inputs.selection.scores[0]
     dynamics = {
-        "counted": {},
+        "viterbi": {},
         "gaussian": {"durations": DurationModel(durations.Gaussian)},
         "gamma": {"durations": DurationModel(durations.Gamma)},
         "poisson": {"durations": DurationModel(durations.Poisson)},
