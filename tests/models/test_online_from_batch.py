@@ -173,6 +173,7 @@ def test_from_batch_fit_incompatible_arguments_are_refused(demonstrations, skill
         online.from_batch_fit(skill, short, DPGMM(1.0, 0.1))
     with pytest.raises(InvalidInput, match="explained_variance is 1"):
         online.estimate_penalties(skill, demonstrations, explained_variance=1.0)
-    turned = pf.learn([pf.demonstrations.to_sphere(d) for d in demonstrations], states=3, rng=np.random.default_rng(0)).skill
+    on_sphere = [pf.demonstrations.to_sphere(d) for d in demonstrations]
+    turned = pf.learn(on_sphere, states=3, rng=np.random.default_rng(0)).skill
     with pytest.raises(InvalidInput, match="without on_sphere"):
-        online.estimate_penalties(turned, [pf.demonstrations.to_sphere(d) for d in demonstrations])
+        online.estimate_penalties(turned, on_sphere)
