@@ -20,7 +20,7 @@ RunJson = Callable[..., dict[str, Any]]
 def reproduce_positions(run_json: RunJson, skill: Path, tmp_path: Path) -> Callable[..., np.ndarray]:
     """Return a function from frames and start to the final position and orientation."""
 
-    def replay(frames: object, start: object = None) -> np.ndarray:
+    def final_pose(frames: object, start: object = None) -> np.ndarray:
         (tmp_path / "f.json").write_text(json.dumps(frames))
         options = ["--frames", "f.json", "--horizon", "8"]
         if start is not None:
@@ -29,13 +29,13 @@ def reproduce_positions(run_json: RunJson, skill: Path, tmp_path: Path) -> Calla
         final = run_json("reproduce", skill, *options)["final"]
         return np.concatenate([final["position"], final["orientation"]])
 
-    return replay
+    return final_pose
 
 
-def same_pose(one: np.ndarray, other: np.ndarray) -> bool:
+def same_pose(a: np.ndarray, b: np.ndarray) -> bool:
     """Return whether poses are equal up to the sign of the quaternion."""
-    turned = one * np.sign(one[3:] @ other[3:])
-    return np.allclose(one[:3], other[:3], atol=1e-9) and np.allclose(turned[3:], other[3:], atol=1e-9)
+    q = a[3:] * np.sign(a[3:] @ b[3:])
+    return np.allclose(a[:3], b[:3], atol=1e-9) and np.allclose(q, b[3:], atol=1e-9)
 
 
 def negate_quaternion(frame: dict[str, Any]) -> dict[str, Any]:
@@ -54,13 +54,15 @@ def test_reproduce_sign_of_frame_quaternion_has_no_effect(reproduce_positions: C
 
 
 def test_reproduce_sign_of_start_quaternion_has_no_effect(reproduce_positions: Callable[..., np.ndarray]):
-    place, turn = [0.1, -0.3, 0.3], [0.9800666, 0.1986693, 0.0, 0.0]
-    expected = reproduce_positions([HOME, CUP], {"position": place, "quaternion": turn})
-    other = [-value for value in turn]
-    assert same_pose(reproduce_positions([HOME, CUP], {"position": place, "quaternion": other}), expected)
-    for q in (turn, other):
+    position, quaternion = [0.1, -0.3, 0.3], [0.9800666, 0.1986693, 0.0, 0.0]
+    expected = reproduce_positions([HOME, CUP], {"position": position, "quaternion": quaternion})
+    negative = [-value for value in quaternion]
+    assert same_pose(
+        reproduce_positions([HOME, CUP], {"position": position, "quaternion": negative}), expected
+    )
+    for q in (quaternion, negative):
         q = (np.array(q) / np.linalg.norm(q)).tolist()
-        assert same_pose(reproduce_positions([HOME, CUP], {"x": [*place, *q, *[0.0] * 7]}), expected)
+        assert same_pose(reproduce_positions([HOME, CUP], {"x": [*position, *q, *[0.0] * 7]}), expected)
 
 
 @pytest.mark.parametrize("width", [7, 14])
@@ -78,8 +80,8 @@ def test_read_frames_matrix_equals_pose(
 def test_read_frames_toml_equals_json(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
     lines = [f"[[frames]]\n{key}" for key in map(_toml, json.loads(frames.read_text()))]
     (tmp_path / "now.toml").write_text("\n".join(lines))
-    one, other = (run_json("reproduce", skill, "--frames", f) for f in (frames, tmp_path / "now.toml"))
-    assert one == other
+    by_json, by_toml = (run_json("reproduce", skill, "--frames", f) for f in (frames, tmp_path / "now.toml"))
+    assert by_json == by_toml
 
 
 def _toml(table: dict[str, Any]) -> str:
