@@ -20,6 +20,13 @@ from pilotfish.cli.demo.physics import (
     simulate_reproduction,
     simulate_reproductions,
 )
+from pilotfish.cli.demo.protocol import (
+    CONTROL_COST,
+    COVARIANCE_REGULARISATION,
+    SETTINGS,
+    STATES,
+    TRAINING_DEMONSTRATIONS,
+)
 from pilotfish.cli.output.html_report import Image, Section
 from pilotfish.cli.output.tables import Table
 from pilotfish.control import Motion
