@@ -169,7 +169,7 @@ def test_from_batch_fit_state_without_datapoints_is_left_out(demonstrations, ski
 
 def test_from_batch_fit_incompatible_arguments_are_refused(demonstrations, skill):
     short = [replace(d, frames=d.frames[:1]) for d in demonstrations]
-    with pytest.raises(InvalidInput, match="1 frames of 14 columns, the model knows 2"):
+    with pytest.raises(InvalidInput, match="1 frames of 14 columns, expected 2 of 14"):
         online.from_batch_fit(skill, short, DPGMM(1.0, 0.1))
     with pytest.raises(InvalidInput, match="explained_variance is 1"):
         online.estimate_penalties(skill, demonstrations, explained_variance=1.0)
