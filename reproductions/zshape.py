@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from protocol import argument_parser, write_figures, write_numbers
+from protocol import COVARIANCE_REGULARISATION, argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -143,7 +143,11 @@ def task_parameterised(
     adapted = pf.adapt(fit.skill, moved)
     start = np.concatenate([moved[0].b[:3], np.zeros(3)])
     system = pf.control.double_integrator(3, period=adapted.period)
-    motion = pf.track(system, pf.plan(adapted, horizon=300), control_cost=CONTROL_COST).rollout(start)
+    motion = pf.track(
+        system,
+        pf.plan(adapted, horizon=300, covariance_regularisation=COVARIANCE_REGULARISATION),
+        control_cost=CONTROL_COST,
+    ).rollout(start)
     errors = [
         float(np.mean((reproduce_demonstration(fit.skill, d)[:, :3] - d.x[:, :3]) ** 2)) for d in framed
     ]
@@ -166,7 +170,7 @@ def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
     adapted = pf.adapt(fit.skill, frames)
     no_observations = np.empty((0, adapted.states))
     states = adapted.dynamics.most_probable_states(no_observations, 300)
-    reference = pf.plan(adapted, horizon=300)
+    reference = pf.plan(adapted, horizon=300, covariance_regularisation=COVARIANCE_REGULARISATION)
     system = pf.control.double_integrator(3, period=adapted.period)
     motion = pf.track(system, reference, control_cost=CONTROL_COST).rollout(moving[0].x[0])
     errors = [float(np.mean((motion.x[:, :3] - d.x[:, :3]) ** 2)) for d in moving]
@@ -223,7 +227,9 @@ def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
 def reproduce_demonstration(skill: pf.Skill, demonstration: Demonstration) -> np.ndarray:
     """Reproduce a skill in the situation and from the start of a demonstration."""
     adapted = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
-    reference = pf.plan(adapted, horizon=len(demonstration.x))
+    reference = pf.plan(
+        adapted, horizon=len(demonstration.x), covariance_regularisation=COVARIANCE_REGULARISATION
+    )
     system = pf.control.double_integrator(3, period=adapted.period)
     return pf.track(system, reference, control_cost=CONTROL_COST).rollout(demonstration.x[0]).x
 

@@ -4,7 +4,7 @@ After an intended change of the images, write them again by
 
     MUJOCO_GL=osmesa .venv/bin/python tests/shared/reference_images.py
 
-which writes one image for each task to tests/environments/reference_frames and removes those of unknown tasks.
+which writes one image per task to tests/environments/reference_frames and removes others.
 """
 
 from dataclasses import dataclass
