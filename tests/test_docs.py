@@ -247,7 +247,8 @@ def test_durations_program_gains_the_likelihood_that_the_page_states(data_folder
     names = run_program("durations.md")
     demonstrations = names["demonstrations"]
     exact, counted = (
-        pf.models.log_likelihood(skill, demonstrations).sum() for skill in (names["fit"].skill, names["counted"])
+        pf.models.log_likelihood(skill, demonstrations).sum()
+        for skill in (names["fit"].skill, names["counted"])
     )
     assert 14.0 < exact - counted < 16.0
     durations = names["durations"]
