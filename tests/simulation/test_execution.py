@@ -125,7 +125,7 @@ def test_perform_default_horizon_is_mean_length(
     skill = learn_skill(valve_recordings)
     assert mean_demonstration_length(skill) == round(np.mean(rows))
     nothing = replace(skill.provenance, demonstrations=(), datapoints=0)
-    with pytest.raises(InvalidInput, match="does not say how long its demonstrations were"):
+    with pytest.raises(InvalidInput, match="does not state the length of its demonstrations"):
         perform(replace(skill, provenance=nothing), VALVE, unseen_situation(0))
     with pytest.raises(InvalidInput, match="horizon"):
         perform(skill, VALVE, unseen_situation(0), horizon=0)
