@@ -32,8 +32,8 @@ using States = nb::ndarray<nb::numpy, int64_t, nb::c_contig>;
 
 namespace nanobind::detail {
 
-// Accepts only arrays of this type, in native byte order, contiguous and aligned: to read an unaligned double is
-// undefined behaviour. Nothing is converted here; kernels/compiled.py does that.
+// Accepts only arrays of this type, in native byte order, contiguous and aligned: to read an unaligned double
+// is undefined behaviour. Nothing is converted here; kernels/compiled.py does that.
 template <typename Number, int Axes>
 struct type_caster<pilotfish::python::In<Number, Axes>> {
   using Array = pilotfish::python::In<Number, Axes>;
@@ -75,8 +75,8 @@ void expect(const Array& array, const char* name, std::initializer_list<size_t> 
   }
 }
 
-// Throws for numbers for which no kernel is defined; kernels/validation.py then writes the message. Doubles are
-// compared through their bits as integers, which have the same order: such a loop vectorises.
+// Throws for numbers for which no kernel is defined; kernels/validation.py then writes the message. Doubles
+// are compared through their bits as integers, which have the same order: such a loop vectorises.
 constexpr double LARGEST_NUMBER = 1e150;  // as in validation.py: sums of squares do not overflow
 constexpr int64_t MAGNITUDE = 0x7fffffffffffffff, INFINITE = 0x7ff0000000000000;  // as bits
 

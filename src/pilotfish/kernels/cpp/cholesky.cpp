@@ -9,7 +9,8 @@ namespace pilotfish {
 
 namespace {
 
-// Subtracts sum over j < count of factor[j * step] rows[j] from target, in columns begin to end, multiples of LANES.
+// Subtracts sum over j < count of factor[j * step] rows[j] from target, in columns begin to end, multiples of
+// LANES.
 void subtract(double* target, const double* factor, long step, const double* rows, long stride, int count,
               long begin, long end) {
   for (long c = begin; c < end; c += LANES) {
@@ -63,7 +64,8 @@ class Factorisation {
     for (int i = 0; i < D_; ++i) {
       double* row = inverse_.data() + i * width_;
       std::fill_n(row, width_, 0.0);
-      subtract(row, factor_.data() + i, width_, inverse_.data(), width_, i, 0, (i + LANES - 1) / LANES * LANES);
+      subtract(row, factor_.data() + i, width_, inverse_.data(), width_, i, 0,
+               (i + LANES - 1) / LANES * LANES);
       const double scale = 1.0 / factor_[i * width_ + i];
       for (int j = 0; j < i; ++j) row[j] *= scale;
       row[i] = scale;

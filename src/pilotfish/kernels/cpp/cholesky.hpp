@@ -3,8 +3,8 @@
 
 namespace pilotfish {
 
-// Computes W (K, D, D), lower triangular, with W^T W = covariance^-1; only lower triangles are read. Returns the
-// first k whose covariance is not positive definite or not finite, else -1.
+// Computes W (K, D, D), lower triangular, with W^T W = covariance^-1; only lower triangles are read. Returns
+// the first k whose covariance is not positive definite or not finite, else -1.
 long precision_cholesky(long K, int D, const double* covariances, double* W);
 
 }  // namespace pilotfish

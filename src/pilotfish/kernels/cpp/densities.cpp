@@ -33,7 +33,8 @@ void squared_norms(const double* triangle, const double* error, int E, double* n
     lanes<WIDE>(norms + c) = squared_norm<ROWS, WIDE>(triangle, error + c, E);
 }
 
-// Strips of few rows waste little of a small triangle; strips of more rows use registers better in a large one.
+// Strips of few rows waste little of a small triangle; strips of more rows use registers better in a large
+// one.
 constexpr int FEW_ROWS = 2, MANY_ROWS = 3, LARGE_SIZE = 24;
 
 int strip_rows(int E) { return E < LARGE_SIZE ? FEW_ROWS : MANY_ROWS; }

@@ -16,7 +16,7 @@ struct Sizes {
   int K, D;
   std::vector<int> orientation_starts;  // first columns of the unit quaternions, increasing
   int E() const { return D - int(orientation_starts.size()); }  // columns of a deviation
-  int rows() const { return (E() + 3) / 4 * 4; }   // E padded to a multiple of 4
+  int rows() const { return (E() + 3) / 4 * 4; }                // E padded to a multiple of 4
 };
 
 constexpr int PAGE = 8;              // blocks of a page

@@ -81,11 +81,13 @@ void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyCh
                Gaussians gaussians, Sums sums) {
   const int K = sizes.K;
   const int64_t* lengths = data.lengths;
-  const long width = chain.width(), max_duration = *std::max_element(lengths + group.first, lengths + group.last);
+  const long width = chain.width(),
+             max_duration = *std::max_element(lengths + group.first, lengths + group.last);
   Densities densities(sizes, gaussians.means, gaussians.precision_cholesky);
   Moments moments(sizes, gaussians.means, sums.offsets, sums.scatter_matrices);
   Inference inference(chain, max_duration);
-  Buffer log_emissions(max_duration * width, NEVER), gamma(max_duration * width), counts(width, 0.0), min_weights(width);
+  Buffer log_emissions(max_duration * width, NEVER), gamma(max_duration * width), counts(width, 0.0),
+      min_weights(width);
   for (long m = group.first, begin = group.begin; m < group.last; begin += lengths[m++]) {
     const long T = lengths[m];
     densities.evaluate(data.x, begin, begin + T, log_emissions.data(), width);

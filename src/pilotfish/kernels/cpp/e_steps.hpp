@@ -1,4 +1,5 @@
-// E-steps of task-parameterised hidden Markov and semi-Markov models. Defined by kernels/reference/e_steps.py.
+// E-steps of task-parameterised hidden Markov and semi-Markov models. Defined by
+// kernels/reference/e_steps.py.
 #pragma once
 
 #include "densities.hpp"
@@ -19,12 +20,13 @@ struct Gaussians {
 
 // Arrays of the sums; see EStep in results.py.
 struct Sums {
-  double *log_likelihoods, *counts, *initial_counts, *transition_counts, *offsets, *scatter_matrices, *segments,
-      *tail_counts;
+  double *log_likelihoods, *counts, *initial_counts, *transition_counts, *offsets, *scatter_matrices,
+      *segments, *tail_counts;
 };
 
-// Computes the sums on up to `threads` threads; zero means all cores of this process. The sums do not depend on the
-// number of threads. Work memory is a few times the sums, and the longest demonstration for every thread.
+// Computes the sums on up to `threads` threads; zero means all cores of this process. The sums do not depend
+// on the number of threads. Work memory is a few times the sums, and the longest demonstration for every
+// thread.
 void e_step(const Sizes& sizes, Demonstrations data, const Chain& chain, Gaussians gaussians, int threads,
             Sums sums);
 void e_step(const Sizes& sizes, Demonstrations data, const SemiMarkovChain& chain, Gaussians gaussians,

@@ -27,7 +27,8 @@ Joints zero_non_finite(Joints values) {
   return values;
 }
 
-// Returns the rotation vector of q p^-1 in world axes, for the nearer of q and -q; NaN if a quaternion is zero.
+// Returns the rotation vector of q p^-1 in world axes, for the nearer of q and -q; NaN if a quaternion is
+// zero.
 Vector3 rotation_error(const double* p, const double* q) {
   const auto from = vector3(p + 1), to = vector3(q + 1);
   const double w = p[0] * q[0] + from.dot(to);
@@ -50,7 +51,8 @@ Vector6 limit_wrench(const Arm& arm, Vector6 wrench) {
 
 Vector6 impedance_wrench(const Arm& arm, const Jacobian& J) {
   Vector6 error;
-  error << vector3(arm.target_position) - vector3(arm.position), rotation_error(arm.quaternion, arm.target_quaternion);
+  error << vector3(arm.target_position) - vector3(arm.position),
+      rotation_error(arm.quaternion, arm.target_quaternion);
   const Vector6 spring = limit_wrench(arm, vector6(arm.stiffness).cwiseProduct(error));
   const Vector6 twist_error = J * joints(arm.velocity, arm.n) - vector6(arm.twist);
   return limit_wrench(arm, spring - vector6(arm.damping).cwiseProduct(twist_error));
@@ -99,7 +101,8 @@ double clip_torque(const Arm& arm, const Joints& bias, const Joints& push, doubl
 }  // namespace
 
 double impedance_torque(const Arm& arm, double* torque, double* wrench) {
-  Joints push = zero_non_finite(joint_limit_torque(arm)) - zero_non_finite(arm.joint_damping * joints(arm.velocity, arm.n));
+  Joints push = zero_non_finite(joint_limit_torque(arm)) -
+                zero_non_finite(arm.joint_damping * joints(arm.velocity, arm.n));
   Vector6 F;
   Joints task(arm.n);
   if (!task_torque(arm, F, task)) {

@@ -23,10 +23,10 @@ template <int N>
 using Lanes = Eigen::Array<double, N, 1>;
 using Buffer = std::vector<double, Eigen::aligned_allocator<double>>;
 
-// The bits of a result must not depend on the address of an array. Eigen's sum() and prod() over a Map, a block or
-// a segment begin at the first aligned entry, and an assignment to one computes the entries before it in another
-// loop. Therefore Maps are copied or multiplied, but summed only if their size is fixed (Lanes) or by sum_in_order,
-// and products are computed into memory that Eigen allocates.
+// The bits of a result must not depend on the address of an array. Eigen's sum() and prod() over a Map, a
+// block or a segment begin at the first aligned entry, and an assignment to one computes the entries before
+// it in another loop. Therefore Maps are copied or multiplied, but summed only if their size is fixed (Lanes)
+// or by sum_in_order, and products are computed into memory that Eigen allocates.
 inline double sum_in_order(const double* x, long n) {
   double sum = 0.0;
   for (long i = 0; i < n; ++i) sum += x[i];
@@ -69,8 +69,9 @@ inline uint64_t as_bits(double real) {
 constexpr double LN2_HIGH = 0x1.62e42feep-1;  // few enough bits that integer multiples up to 2^11 are exact
 constexpr double LN2_LOW = 0x1.a39ef35793c76p-33;
 
-// Returns exp(x) for x <= 0, to one unit in the last place; zero below -708, where results would be subnormal.
-// x = n log 2 + f with |f| <= log(2) / 2, and the Taylor series of exp(f). Without branches, so that loops vectorise.
+// Returns exp(x) for x <= 0, to one unit in the last place; zero below -708, where results would be
+// subnormal. x = n log 2 + f with |f| <= log(2) / 2, and the Taylor series of exp(f). Without branches, so
+// that loops vectorise.
 inline double exponential(double x) {
   // clang-format off
   constexpr double INVERSE_FACTORIAL[] = {
@@ -88,8 +89,8 @@ inline double exponential(double x) {
   return x < -708.0 ? 0.0 : series * power;
 }
 
-// Returns log(x) for normal x > 0, to one unit in the last place: x = 2^n m with m in [1/sqrt 2, sqrt 2), and the
-// series of log m = 2 artanh(s), s = (m - 1) / (m + 1). Without branches, so that loops vectorise.
+// Returns log(x) for normal x > 0, to one unit in the last place: x = 2^n m with m in [1/sqrt 2, sqrt 2), and
+// the series of log m = 2 artanh(s), s = (m - 1) / (m + 1). Without branches, so that loops vectorise.
 inline double logarithm(double x) {
   constexpr uint64_t ROOT_HALF = 0x3fe6a09e667f3bcdULL;  // 1 / sqrt 2
   constexpr uint64_t EXPONENT = 0xfff0000000000000ULL;
@@ -101,7 +102,8 @@ inline double logarithm(double x) {
   const double z = s * s;
   double series = 2.0 / 19;
   for (int i = 17; i >= 3; i -= 2) series = series * z + 2.0 / i;
-  const double half = 0.5 * g * g;  // 2 s = g - s g, and s g = half - s half, which keeps the rounding error of g
+  // 2 s = g - s g, and s g = half - s half, which keeps the rounding error of g
+  const double half = 0.5 * g * g;
   return n * LN2_HIGH - ((half - (s * (half + z * series) + n * LN2_LOW)) - g);
 }
 

@@ -185,9 +185,10 @@ void Chain::add_transitions(Step& step, const double* gamma) const {
   }
 }
 
-// Forward-backward in logarithms throughout, from emissions relative to those of the most probable path. It fills
-// forward (T, width) again, without offsets: the best partial path may be far above the likely paths.
-void Chain::relative_to_best_path(const double* log_emissions, long T, double* forward, double* transition_counts) const {
+// Forward-backward in logarithms throughout, from emissions relative to those of the most probable path. It
+// fills forward (T, width) again, without offsets: the best partial path may be far above the likely paths.
+void Chain::relative_to_best_path(const double* log_emissions, long T, double* forward,
+                                  double* transition_counts) const {
   std::vector<int64_t> path(T);
   viterbi(K_, T, log_emissions, width_, log_initial_.data(), log_transitions_, path.data());
   Buffer emissions(T * width_, NEVER), terms(width_), later(width_, 0.0), ahead(width_, NEVER);
@@ -212,7 +213,8 @@ void Chain::relative_to_best_path(const double* log_emissions, long T, double* f
       for (int j = 0; j < K_; ++j)
         for (int i = successors_.begin[j]; gamma[j] > 0.0 && i < successors_.begin[j + 1]; ++i) {
           const int k = successors_.states[i];
-          transition_counts[j * K_ + k] += gamma[j] * std::exp(ahead[k] + successors_.log_probabilities[i] - later[j]);
+          transition_counts[j * K_ + k] +=
+              gamma[j] * std::exp(ahead[k] + successors_.log_probabilities[i] - later[j]);
         }
     for (int k = 0; k < K_; ++k) ahead[k] = emissions[t * width_ + k] + later[k];
   }
@@ -238,8 +240,9 @@ double forward_backward(const Chain& chain, const double* log_emissions, long T,
 namespace {
 
 // Viterbi recursion, from emissions less the offset of each step.
-double best_path(int K, long T, const double* log_emissions, long stride, const std::vector<double>& log_offsets,
-                 const double* log_initial, const double* log_transitions, int64_t* states) {
+double best_path(int K, long T, const double* log_emissions, long stride,
+                 const std::vector<double>& log_offsets, const double* log_initial,
+                 const double* log_transitions, int64_t* states) {
   std::vector<double> best(K), score(K), origin(K);  // origins as doubles: the same vector width
   std::vector<int32_t> origins(size_t(T) * K);
   for (int k = 0; k < K; ++k) best[k] = log_initial[k] + (log_emissions[k] - log_offsets[0]);

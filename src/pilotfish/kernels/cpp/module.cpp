@@ -9,13 +9,13 @@
 #include <tuple>
 
 #include "arrays.hpp"
-#include "markov.hpp"
+#include "cholesky.hpp"
 #include "e_steps.hpp"
 #include "impedance.hpp"
+#include "markov.hpp"
+#include "riccati.hpp"
 #include "semi_markov.hpp"
 #include "semi_tied.hpp"
-#include "riccati.hpp"
-#include "cholesky.hpp"
 
 #ifndef PILOTFISH_MODULE
 #error "PILOTFISH_MODULE names the extension module"
@@ -30,7 +30,7 @@ void bind_streams(nb::module_& module);  // in module_streams.cpp
 namespace {
 
 Sizes read_sizes(const In<double, 3>& x, const In<double, 3>& means, const In<double, 4>& precision_cholesky,
-               const In<int64_t, 1>& orientation_starts) {
+                 const In<int64_t, 1>& orientation_starts) {
   const size_t P = x.shape(0), D = x.shape(2), K = means.shape(1);
   expect_some(D, "the last axis of x");
   expect_some(K, "means");
@@ -75,7 +75,8 @@ void expect_chain(size_t K, const In<double, 1>& log_initial, const In<double, 2
 }
 
 SemiMarkovTables read_tables(size_t K, const In<double, 1>& log_initial, const In<double, 2>& log_transitions,
-                           const In<double, 3>& log_segment_weights, const In<double, 2>& log_tail_weights) {
+                             const In<double, 3>& log_segment_weights,
+                             const In<double, 2>& log_tail_weights) {
   const size_t S = log_segment_weights.shape(1);
   expect_some(S, "the second axis of log_segment_weights");
   expect_chain(K, log_initial, log_transitions);
@@ -83,22 +84,35 @@ SemiMarkovTables read_tables(size_t K, const In<double, 1>& log_initial, const I
   expect(log_tail_weights, "log_tail_weights", {2, K});
   expect_logarithms(log_segment_weights, "log_segment_weights");
   expect_logarithms(log_tail_weights, "log_tail_weights");
-  return {int(K), long(S), log_initial.data(), log_transitions.data(), log_segment_weights.data(), log_tail_weights.data()};
+  return {int(K),
+          long(S),
+          log_initial.data(),
+          log_transitions.data(),
+          log_segment_weights.data(),
+          log_tail_weights.data()};
 }
 
-Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> precision_cholesky, In<int64_t, 1> orientation_starts) {
+void expect_emissions(const In<double, 2>& log_emissions) {
+  expect_some(log_emissions.shape(0), "log_emissions");
+  expect_some(log_emissions.shape(1), "the last axis of log_emissions");
+  expect_logarithms(log_emissions, "log_emissions");
+}
+
+Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> precision_cholesky,
+                  In<int64_t, 1> orientation_starts) {
   const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   Out result = empty<Out>({size_t(sizes.N), size_t(sizes.K)});
   {
     ReleasedInterpreter run;
-    Densities(sizes, means.data(), precision_cholesky.data()).evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
+    Densities(sizes, means.data(), precision_cholesky.data())
+        .evaluate(x.data(), 0, sizes.N, result.data(), sizes.K);
   }
   return result;
 }
 
 auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, In<double, 2> transitions,
-            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> precision_cholesky, In<int64_t, 1> orientation_starts,
-            int threads) {
+            In<double, 2> log_transitions, In<double, 3> means, In<double, 4> precision_cholesky,
+            In<int64_t, 1> orientation_starts, int threads) {
   const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   const Demonstrations data = demonstrations(x, lengths);
   expect_threads(threads);
@@ -106,62 +120,73 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   expect(transitions, "transitions", {K, K});
   expect_chain(K, log_initial, log_transitions);
   Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), initial_counts = empty<Out>({K});
-  Out transition_counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
-  const Sums sums{log_likelihoods.data(), counts.data(),     initial_counts.data(), transition_counts.data(),
-                  offsets.data(),         scatter_matrices.data(), nullptr,      nullptr};
+  Out transition_counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}),
+      scatter_matrices = empty<Out>({P, K, E, E});
+  const Sums sums{log_likelihoods.data(),
+                  counts.data(),
+                  initial_counts.data(),
+                  transition_counts.data(),
+                  offsets.data(),
+                  scatter_matrices.data(),
+                  nullptr,
+                  nullptr};
   {
     ReleasedInterpreter run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
     pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, offsets, scatter_matrices);
+  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, offsets,
+                         scatter_matrices);
 }
 
 auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial,
-                        In<double, 2> log_transitions, In<double, 3> log_segment_weights, In<double, 2> log_tail_weights,
-                        In<double, 3> means, In<double, 4> precision_cholesky, In<int64_t, 1> orientation_starts, int threads) {
+                        In<double, 2> log_transitions, In<double, 3> log_segment_weights,
+                        In<double, 2> log_tail_weights, In<double, 3> means, In<double, 4> precision_cholesky,
+                        In<int64_t, 1> orientation_starts, int threads) {
   const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   const Demonstrations data = demonstrations(x, lengths);
   expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E(), S = log_segment_weights.shape(1);
-  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  const SemiMarkovTables tables =
+      read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), initial_counts = empty<Out>({K});
-  Out transition_counts = empty<Out>({K, K}), segments = empty<Out>({4, S, K}), tail_counts = empty<Out>({2, K});
+  Out transition_counts = empty<Out>({K, K}), segments = empty<Out>({4, S, K}),
+      tail_counts = empty<Out>({2, K});
   Out offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
-  const Sums sums{log_likelihoods.data(), counts.data(),     initial_counts.data(),  transition_counts.data(),
-                  offsets.data(),         scatter_matrices.data(), segments.data(), tail_counts.data()};
+  const Sums sums{log_likelihoods.data(),   counts.data(),     initial_counts.data(),
+                  transition_counts.data(), offsets.data(),    scatter_matrices.data(),
+                  segments.data(),          tail_counts.data()};
   {
     ReleasedInterpreter run;
     const SemiMarkovChain chain(tables);
     pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, segments, tail_counts, offsets, scatter_matrices);
+  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, segments, tail_counts,
+                         offsets, scatter_matrices);
 }
 
 auto forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> transitions,
                       In<double, 2> log_transitions) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
-  expect_some(T, "log_emissions");
-  expect_some(K, "the last axis of log_emissions");
-  expect_logarithms(log_emissions, "log_emissions");
+  expect_emissions(log_emissions);
   expect(transitions, "transitions", {K, K});
   expect_chain(K, log_initial, log_transitions);
-  Out smoothed_state_probs = empty<Out>({T, K}), transition_counts = empty<Out>({K, K}), log_forward = empty<Out>({T, K});
+  Out smoothed_state_probs = empty<Out>({T, K}), transition_counts = empty<Out>({K, K}),
+      log_forward = empty<Out>({T, K});
   double log_likelihood;
   {
     ReleasedInterpreter run;
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
-    log_likelihood = pilotfish::forward_backward(chain, log_emissions.data(), long(T), smoothed_state_probs.data(),
-                                                 transition_counts.data(), log_forward.data());
+    log_likelihood =
+        pilotfish::forward_backward(chain, log_emissions.data(), long(T), smoothed_state_probs.data(),
+                                    transition_counts.data(), log_forward.data());
   }
   return std::make_tuple(log_likelihood, smoothed_state_probs, transition_counts, log_forward);
 }
 
 auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
-  expect_some(T, "log_emissions");
-  expect_some(K, "the last axis of log_emissions");
-  expect_logarithms(log_emissions, "log_emissions");
+  expect_emissions(log_emissions);
   expect_chain(K, log_initial, log_transitions);
   States states = empty<States>({T});
   double log_probability;
@@ -173,13 +198,13 @@ auto viterbi(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 
   return std::make_tuple(states, log_probability);
 }
 
-auto semi_markov_forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial, In<double, 2> log_transitions,
-                                  In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
+auto semi_markov_forward_backward(In<double, 2> log_emissions, In<double, 1> log_initial,
+                                  In<double, 2> log_transitions, In<double, 3> log_segment_weights,
+                                  In<double, 2> log_tail_weights) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1), S = log_segment_weights.shape(1);
-  expect_some(T, "log_emissions");
-  expect_some(K, "the last axis of log_emissions");
-  expect_logarithms(log_emissions, "log_emissions");
-  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  expect_emissions(log_emissions);
+  const SemiMarkovTables tables =
+      read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   Out smoothed_state_probs = empty<Out>({T, K}), transition_counts = empty<Out>({K, K});
   Out segments = empty<Out>({4, S, K}), tail_counts = empty<Out>({2, K});
   for (const Out& result : {smoothed_state_probs, transition_counts, segments, tail_counts})
@@ -196,12 +221,12 @@ auto semi_markov_forward_backward(In<double, 2> log_emissions, In<double, 1> log
 }
 
 auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
-                         In<double, 2> log_transitions, In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
+                         In<double, 2> log_transitions, In<double, 3> log_segment_weights,
+                         In<double, 2> log_tail_weights) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
-  expect_some(T, "log_emissions");
-  expect_some(K, "the last axis of log_emissions");
-  expect_logarithms(log_emissions, "log_emissions");
-  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  expect_emissions(log_emissions);
+  const SemiMarkovTables tables =
+      read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   Out log_segment_ends = empty<Out>({T, K}), log_forward = empty<Out>({T, K});
   {
     ReleasedInterpreter run;
@@ -212,12 +237,12 @@ auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,
 }
 
 auto semi_markov_viterbi(In<double, 2> log_emissions, In<double, 1> log_initial,
-                         In<double, 2> log_transitions, In<double, 3> log_segment_weights, In<double, 2> log_tail_weights) {
+                         In<double, 2> log_transitions, In<double, 3> log_segment_weights,
+                         In<double, 2> log_tail_weights) {
   const size_t T = log_emissions.shape(0), K = log_emissions.shape(1);
-  expect_some(T, "log_emissions");
-  expect_some(K, "the last axis of log_emissions");
-  expect_logarithms(log_emissions, "log_emissions");
-  const SemiMarkovTables tables = read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
+  expect_emissions(log_emissions);
+  const SemiMarkovTables tables =
+      read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   States states = empty<States>({T});
   double log_probability;
   {
@@ -247,13 +272,14 @@ auto riccati(In<double, 3> A, In<double, 3> B, In<double, 3> weights, In<double,
   expect_finite(control_cost, "control_cost");
   Out gains = empty<Out>({T - 1, m, n}), feedforwards = empty<Out>({T - 1, m});
   Out values = empty<Out>({T, n, n}), gradients = empty<Out>({T, n});
-  const Tracking problem{long(T),  int(n),         int(m),         S != 1,       A.data(),
-                         B.data(), weights.data(), targets.data(), control_cost.data()};
+  const Tracking problem{long(T),        int(n),         int(m),
+                         S != 1,         A.data(),       B.data(),
+                         weights.data(), targets.data(), control_cost.data()};
   long failed_index;
   {
     ReleasedInterpreter run;
-    failed_index = pilotfish::riccati(problem,
-                                 Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
+    failed_index = pilotfish::riccati(
+        problem, Gains{gains.data(), feedforwards.data(), values.data(), gradients.data()});
   }
   return std::make_tuple(failed_index, gains, feedforwards, values, gradients);
 }
@@ -294,15 +320,17 @@ auto precision_cholesky(In<double, 3> covariances) {
 
 // Keeps the GIL: in a control loop, to acquire it again would take longer than the work.
 auto impedance_torque(In<double, 1> stiffness, In<double, 1> damping, In<double, 1> posture,
-               double posture_stiffness, double joint_damping, double force_limit, double moment_limit,
-               double min_singular_value, double limit_margin, double limit_stiffness, In<double, 1> lower,
-               In<double, 1> upper, In<double, 1> torque_limit, In<double, 1> q, In<double, 1> velocity,
-               In<double, 1> position, In<double, 1> quaternion, In<double, 2> jacobian, In<double, 1> bias,
-               In<double, 1> target_position, In<double, 1> target_quaternion, In<double, 1> twist) {
+                      double posture_stiffness, double joint_damping, double force_limit, double moment_limit,
+                      double min_singular_value, double limit_margin, double limit_stiffness,
+                      In<double, 1> lower, In<double, 1> upper, In<double, 1> torque_limit, In<double, 1> q,
+                      In<double, 1> velocity, In<double, 1> position, In<double, 1> quaternion,
+                      In<double, 2> jacobian, In<double, 1> bias, In<double, 1> target_position,
+                      In<double, 1> target_quaternion, In<double, 1> twist) {
   const size_t n = q.shape(0);
   expect_some(n, "q");
   if (n > MAX_JOINTS) throw nb::value_error("q has more than 16 entries");
-  for (const auto* vector : {&stiffness, &damping, &twist}) expect(*vector, "stiffness, damping or twist", {6});
+  for (const auto* vector : {&stiffness, &damping, &twist})
+    expect(*vector, "stiffness, damping or twist", {6});
   for (const auto* vector : {&position, &target_position}) expect(*vector, "position", {3});
   for (const auto* vector : {&quaternion, &target_quaternion}) expect(*vector, "quaternion", {4});
   for (const auto* vector : {&posture, &lower, &upper, &torque_limit, &velocity, &bias})

@@ -32,11 +32,13 @@ StreamParameters read_parameters(const In<double, 1>& r) {
   for (int i = 0; i < 5; ++i) {
     const double number = r(INTEGER_PARAMETER[i]);
     if (!(number >= 0.0 && number <= MAX_PARAMETER[i] && number == std::floor(number)))
-      throw nb::value_error("weighting, extra_directions, max_dimension, max_clusters or batch is not a valid whole number");
+      throw nb::value_error(
+          "weighting, extra_directions, max_dimension, max_clusters or batch is not a valid whole number");
   }
   const StreamParameters parameters{r(0), r(1), r(2),      r(3),       r(4),        r(5),       int(r(6)),
-                          r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
-  if (parameters.max_clusters < 1 || parameters.batch < 1) throw nb::value_error("max_clusters or batch is not positive");
+                                    r(7), r(8), int(r(9)), int(r(10)), long(r(11)), long(r(12))};
+  if (parameters.max_clusters < 1 || parameters.batch < 1)
+    throw nb::value_error("max_clusters or batch is not positive");
   return parameters;
 }
 
@@ -75,7 +77,8 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
     for (size_t p = 0; p < P; ++p) {
       const double* numbers = rows.data() + k * rows.shape(1) + COLUMNS + p * block;
       const bool whole = numbers[0] == std::floor(numbers[0]) && numbers[1] == std::floor(numbers[1]);
-      if (!(whole && numbers[0] >= 0.0 && numbers[0] <= numbers[1] && numbers[1] <= std::min(capacity, int(D))))
+      if (!(whole && numbers[0] >= 0.0 && numbers[0] <= numbers[1] &&
+            numbers[1] <= std::min(capacity, int(D))))
         throw nb::value_error("a cluster's dimension or number of directions is out of range");
     }
   stream.load(head.data(), rows.data(), transition_counts.data(), int(K), capacity);
@@ -89,13 +92,14 @@ struct StoredStream {
 StoredStream export_stream(const Stream& stream, size_t P, size_t D) {
   const size_t K = stream.clusters();
   const int capacity = stream.capacity();
-  StoredStream stored{empty<Out>({COUNTERS}), empty<Out>({K, row_length(P, D, capacity)}), empty<Out>({K, K}), capacity};
+  StoredStream stored{empty<Out>({COUNTERS}), empty<Out>({K, row_length(P, D, capacity)}), empty<Out>({K, K}),
+                      capacity};
   stream.store(stored.head.data(), stored.rows.data(), stored.transition_counts.data(), capacity);
   return stored;
 }
 
-auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts, int capacity,
-             In<double, 1> parameters) {
+auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts,
+             int capacity, In<double, 1> parameters) {
   const size_t P = x.shape(1), D = x.shape(2);
   expect_some(P, "the second axis of x");
   expect_some(D, "the last axis of x");
@@ -113,12 +117,13 @@ auto observe(In<double, 3> x, In<double, 1> head, In<double, 2> rows, In<double,
   States removed = empty<States>({stream.removed().size(), 3});
   for (size_t i = 0; i < stream.removed().size(); ++i)
     std::copy_n(stream.removed()[i].data(), 3, removed.data() + 3 * i);
-  return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity, cluster_ids, costs, changes, removed);
+  return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity,
+                         cluster_ids, costs, changes, removed);
 }
 
 // As observe, for one datapoint. It keeps the GIL: to release and acquire it would take longer than the work.
-auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts, int capacity,
-                 In<double, 1> parameters) {
+auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<double, 2> transition_counts,
+                 int capacity, In<double, 1> parameters) {
   const size_t P = x.shape(0), D = x.shape(1);
   expect_some(P, "x");
   expect_some(D, "the last axis of x");
@@ -132,7 +137,8 @@ auto observe_one(In<double, 2> x, In<double, 1> head, In<double, 2> rows, In<dou
     stream.observe(x.data(), failed_index < 0, &cluster_id, &cost, &change);
   }
   const StoredStream stored = export_stream(stream, P, D);
-  return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity, cluster_id, cost, change);
+  return std::make_tuple(failed_index, stored.head, stored.rows, stored.transition_counts, stored.capacity,
+                         cluster_id, cost, change);
 }
 
 }  // namespace

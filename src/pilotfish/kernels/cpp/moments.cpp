@@ -62,7 +62,8 @@ void Moments::add(const double* x, long begin, long end, const double* gamma, lo
   for (; begin < end; begin += STEPS, gamma += STEPS * stride) {
     for (int p = 0; p < sizes_.P; ++p) {
       page_.read(x + (p * sizes_.N + begin) * sizes_.D, std::min<long>(STEPS, end - begin));
-      for (int k = 0; k < sizes_.K; ++k) add_state(size_t(p) * sizes_.K + k, gamma + k, stride, min_weights[k]);
+      for (int k = 0; k < sizes_.K; ++k)
+        add_state(size_t(p) * sizes_.K + k, gamma + k, stride, min_weights[k]);
     }
   }
 }

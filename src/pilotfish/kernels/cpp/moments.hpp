@@ -10,9 +10,10 @@ class Moments {
  public:
   Moments(const Sizes& sizes, const double* means, double* offsets, double* scatter_matrices);
 
-  // Adds datapoints begin .. end - 1 with weights gamma[n * stride + k]. Weights below min_weights[k] are taken as
-  // zero, and blocks without other weights are skipped.
-  void add(const double* x, long begin, long end, const double* gamma, long stride, const double* min_weights);
+  // Adds datapoints begin .. end - 1 with weights gamma[n * stride + k]. Weights below min_weights[k] are
+  // taken as zero, and blocks without other weights are skipped.
+  void add(const double* x, long begin, long end, const double* gamma, long stride,
+           const double* min_weights);
 
   // Completes the scatter matrices: until then their upper triangles are missing.
   void finish();

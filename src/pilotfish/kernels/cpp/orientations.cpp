@@ -8,11 +8,12 @@ namespace pilotfish {
 
 namespace {
 
-// Returns 2 a / sin a for the angle a with this (scaled) sine and cosine, both at least 0. The tangent of a / 2 is at
-// most one; its arc tangent less a multiple of pi / 8 is within pi / 16, where eleven terms of the Taylor series
-// suffice. Without branches, so that loops vectorise.
+// Returns 2 a / sin a for the angle a with this (scaled) sine and cosine, both at least 0. The tangent of a /
+// 2 is at most one; its arc tangent less a multiple of pi / 8 is within pi / 16, where eleven terms of the
+// Taylor series suffice. Without branches, so that loops vectorise.
 inline double double_angle_over_sine(double sine, double cosine) {
-  constexpr double TAN_1 = 0.19891236737965800691, TAN_2 = 0.41421356237309504880;  // tangents of 1, 2, 3 pi / 16
+  constexpr double TAN_1 = 0.19891236737965800691,
+                   TAN_2 = 0.41421356237309504880;  // tangents of 1, 2, 3 pi / 16
   constexpr double TAN_3 = 0.66817863791929891999, EIGHTH = 0.39269908169872415481;  // pi / 8
   const double half = sine / (cosine + std::sqrt(sine * sine + cosine * cosine));
   const double table_tangent = half > TAN_3 ? 1.0 : (half > TAN_1 ? TAN_2 : 0.0);

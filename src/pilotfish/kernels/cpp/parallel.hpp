@@ -16,8 +16,8 @@ struct Group {
 // arguments, so that sums over groups, added in order, have the same bits on every computer.
 std::vector<Group> split_groups(const int64_t* lengths, long M, double min_points);
 
-// Calls work(0) .. work(count - 1), each once, on up to `threads` threads; zero means all cores of this process.
-// Rethrows an exception of work after all threads have ended.
+// Calls work(0) .. work(count - 1), each once, on up to `threads` threads; zero means all cores of this
+// process. Rethrows an exception of work after all threads have ended.
 void run_groups(int count, int threads, const std::function<void(int)>& work);
 
 }  // namespace pilotfish

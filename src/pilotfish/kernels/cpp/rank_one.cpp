@@ -36,7 +36,8 @@ int RankOne::deflate(int n) {
     if (m > 0) {
       const int before = kept_[m - 1];
       const double difference = d_[before] - d_[i], squares = z_[before] * z_[before] + z_[i] * z_[i];
-      if (!(difference * std::abs(z_[before] * z_[i]) > tiny * squares)) {  // rotate: z of the former becomes zero
+      if (!(difference * std::abs(z_[before] * z_[i]) >
+            tiny * squares)) {  // rotate: z of the former becomes zero
         const double r = std::hypot(z_[before], z_[i]), c = z_[i] / r, s = z_[before] / r;
         rotations_.push_back({before, i, c, s});
         z_[i] = r;
@@ -53,9 +54,9 @@ int RankOne::deflate(int n) {
   return m;
 }
 
-// Computes the roots above poles k to k + 3, as far as they exist: shift_[k], and in row k of gap_ the distances of the
-// poles from it. Each lane is one root. A step goes to the root of 1 + p + q / (left - x) + r + s / (right - x), which
-// has the same values and slopes as the sums over the poles below and above.
+// Computes the roots above poles k to k + 3, as far as they exist: shift_[k], and in row k of gap_ the
+// distances of the poles from it. Each lane is one root. A step goes to the root of 1 + p + q / (left - x) +
+// r + s / (right - x), which has the same values and slopes as the sums over the poles below and above.
 void RankOne::roots(int k, int m) {
   const int lanes_used = std::min(4, m - k);
   double total = 0.0;
@@ -73,7 +74,8 @@ void RankOne::roots(int k, int m) {
   if (k == 0) half[0] = 0.5 * total;  // exact, also if adding the pole would round
   Lanes<4> middle = Lanes<4>::Ones();
   for (int j = 0; j < m; ++j) middle += weight_[j] / ((pole_[j] - own) - half);
-  // Initial value: root with the two nearest poles exact and the other terms as at the midpoint (quadratic equation).
+  // Initial value: root with the two nearest poles exact and the other terms as at the midpoint (quadratic
+  // equation).
   const Lanes<4> rest = middle + (w_own - w_above) / half;
   const Lanes<4> linear = 2.0 * half * rest + w_own + w_above, constant = 2.0 * half * w_own;
   const Lanes<4> apart = (linear * linear - 4.0 * rest * constant).max(0.0).sqrt();

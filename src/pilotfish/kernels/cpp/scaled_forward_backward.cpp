@@ -7,11 +7,12 @@ namespace pilotfish {
 
 namespace {
 
-// Bounds. Backward variables are at most MAX_BACKWARD, and the backward pass adds FLOOR to them. The terms that it may
-// lose - fewer than 1e7, each at most 1e160 times an emission below 1e-307 - are less than FLOOR, so that backward
-// variables are never underestimated. A path that the forward pass lost was below 1e-307 at the state where it was
-// lost first. Its posterior probability is therefore at most 1e-307 times the backward variable there, at most 1e-147.
-// What FLOOR adds to a posterior probability is at most 1e-140. Both are far below MIN_PROBABILITY.
+// Bounds. Backward variables are at most MAX_BACKWARD, and the backward pass adds FLOOR to them. The terms
+// that it may lose - fewer than 1e7, each at most 1e160 times an emission below 1e-307 - are less than FLOOR,
+// so that backward variables are never underestimated. A path that the forward pass lost was below 1e-307 at
+// the state where it was lost first. Its posterior probability is therefore at most 1e-307 times the backward
+// variable there, at most 1e-147. What FLOOR adds to a posterior probability is at most 1e-140. Both are far
+// below MIN_PROBABILITY.
 constexpr double FLOOR = 1e-140;
 constexpr double MAX_BACKWARD = 1e160;  // relative to the sum of its step
 constexpr double MIN_SUM = 1e-300;
@@ -20,10 +21,13 @@ constexpr double MIN_PROBABILITY = 1e-120;  // smaller results become zero
 }  // namespace
 
 ScaledPass::ScaledPass(const Chain& chain, long max_duration)
-    : chain_(chain), emissions_(max_duration * chain.width()), forward_(emissions_.size()), sums_(max_duration) {}
+    : chain_(chain),
+      emissions_(max_duration * chain.width()),
+      forward_(emissions_.size()),
+      sums_(max_duration) {}
 
-bool ScaledPass::infer(const double* log_emissions, long T, double* smoothed_state_probs, double* transition_counts,
-                       double* log_likelihood) {
+bool ScaledPass::infer(const double* log_emissions, long T, double* smoothed_state_probs,
+                       double* transition_counts, double* log_likelihood) {
   if (!forward(log_emissions, T, log_likelihood) || !backward(T, smoothed_state_probs)) return false;
   add_transitions(T, transition_counts);
   return true;
@@ -87,8 +91,8 @@ bool ScaledPass::backward(long T, double* smoothed_state_probs) {
   return most.maxCoeff() <= MAX_BACKWARD && largest_error < 1e-6;
 }
 
-// Adds zeta_jk = forward_j a_jk emission_k backward_k, the last two one step later. Four rows of sums at a time stay
-// in registers.
+// Adds zeta_jk = forward_j a_jk emission_k backward_k, the last two one step later. Four rows of sums at a
+// time stay in registers.
 void ScaledPass::add_transitions(long T, double* transition_counts) const {
   const int K = chain_.states(), width = chain_.width();
   for (int i = 0; i < K; i += 4)

@@ -98,14 +98,15 @@ void SemiMarkovInference::backward(double log_likelihood) {
   }
 }
 
-// Returns log p(all later steps | a segment of k begins at b) and adds the expected segments that do. If none can, it
-// returns -inf.
+// Returns log p(all later steps | a segment of k begins at b) and adds the expected segments that do. If none
+// can, it returns -inf.
 double SemiMarkovInference::backward_step(long b, int k, double log_likelihood) {
   Lattice& in = lattice_;
   const bool first = b == 0;
   const long S = chain_.max_duration(), n = std::min(S, in.T - 1 - b);
   const double step = in.row(in.emissions, k)[b], start = in.row(in.starts, k)[b];
-  double *expected_starts = in.row(starting_, k) + b, *until = in.row(ending_, k) + b + 1, *terms = in.terms.data();
+  double *expected_starts = in.row(starting_, k) + b, *until = in.row(ending_, k) + b + 1,
+         *terms = in.terms.data();
   double most = advance(in.row(in.values, k) + b + 1, step, chain_.segments(first, k), n, terms).term;
   remaining_[k] += step;
   *expected_starts = 0.0;
@@ -139,7 +140,8 @@ void SemiMarkovInference::add_transitions(long b) {
     if (expected == 0.0) continue;
     for (int i = origins.begin[k]; i < origins.begin[k + 1]; ++i) {
       const int j = origins.states[i];
-      const double log_fraction = in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
+      const double log_fraction =
+          in.row(in.ends, j)[b] + origins.log_probabilities[i] - in.row(in.starts, k)[b];
       transition_counts_[size_t(j) * K + k] += expected * std::exp(log_fraction);
     }
   }
@@ -178,25 +180,29 @@ void forward(const SemiMarkovChain& chain, const double* log_emissions, long T, 
   lattice.read(log_emissions, T);
   lattice.add_silent_step();
   Buffer long_segments(K, NEVER), terms_of_states(K);  // long_segments: later segments of more than S steps
-  double log_offsets = 0.0;                 // of all steps but the last
+  double log_offsets = 0.0;                            // of all steps but the last
   double* terms = lattice.terms.data();
   const auto log_state_prob = [&](const Ending& at) {
     const long t = at.t, from = t - at.n;
     double *values = lattice.row(lattice.values, at.k), &longer = long_segments[at.k];
     if (from > 1) longer = log_add(longer, values[from - 1]) + at.step;
-    const double most = advance(values + from, 0.0, chain.last_segments_backwards(at.k, at.n), at.n, terms).term;
+    const double most =
+        advance(values + from, 0.0, chain.last_segments_backwards(at.k, at.n), at.n, terms).term;
     const double last = log_sum(terms, most, at.n, values[0] + chain.last(true, at.k, t));
     return log_add(last, longer + chain.last(false, at.k, S + 1));
   };
   lattice.forward(
       [&](const Ending& at) {
         if (at.k == 0 && at.t > 1) log_offsets += lattice.log_offsets[at.t - 2];
-        const double scale = log_offsets + lattice.log_offsets[at.t - 1], end = log_sum(terms, at.most, at.n, at.first);
+        const double scale = log_offsets + lattice.log_offsets[at.t - 1],
+                     end = log_sum(terms, at.most, at.n, at.first);
         log_segment_ends[(at.t - 1) * K + at.k] = end + scale;
         log_forward[(at.t - 1) * K + at.k] = log_state_prob(at) + scale;
         return end;
       },
-      [&](long, int k) { return chain.origins().log_sum(k, lattice.state_terms.data(), terms_of_states.data()); });
+      [&](long, int k) {
+        return chain.origins().log_sum(k, lattice.state_terms.data(), terms_of_states.data());
+      });
 }
 
 double SemiMarkovInference::log_likelihood_relative_to_best_path(const double* log_emissions, long T) {

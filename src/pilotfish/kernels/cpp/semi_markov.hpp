@@ -1,5 +1,5 @@
-// Forward-backward, filtering and Viterbi of a semi-Markov chain. See semi_markov_lattice.hpp for the offsets, and
-// kernels/reference/semi_markov.py for the recursions.
+// Forward-backward, filtering and Viterbi of a semi-Markov chain. See semi_markov_lattice.hpp for the
+// offsets, and kernels/reference/semi_markov.py for the recursions.
 #pragma once
 
 #include "semi_markov_lattice.hpp"
@@ -12,11 +12,12 @@ class SemiMarkovInference {
   // Allocates memory for demonstrations of up to max_duration steps.
   SemiMarkovInference(const SemiMarkovChain& chain, long max_duration);
 
-  // Computes state probabilities (T, K) from log_emissions (T, K). Returns log p(all steps); at -inf nothing is added
-  // or written.
+  // Computes state probabilities (T, K) from log_emissions (T, K). Returns log p(all steps); at -inf nothing
+  // is added or written.
   double infer(const double* log_emissions, long T, double* smoothed_state_probs);
 
-  // Adds the expected counts of all demonstrations: transitions (K, K), segments (4, S, K), tail_counts (2, K).
+  // Adds the expected counts of all demonstrations: transitions (K, K), segments (4, S, K), tail_counts (2,
+  // K).
   void add_to(double* transition_counts, double* segments, double* tail_counts) const;
 
  private:
@@ -33,9 +34,10 @@ class SemiMarkovInference {
 
   const SemiMarkovChain& chain_;
   Lattice lattice_;
-  Buffer starting_, ending_;               // (K, capacity), expected segments that begin at b, that end before t
-  Buffer remaining_, after_;              // (K), sum of emissions until the end; after_starts
-  Buffer transition_counts_, segments_, tail_counts_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
+  Buffer starting_, ending_;  // (K, capacity), expected segments that begin at b, that end before t
+  Buffer remaining_, after_;  // (K), sum of emissions until the end; after_starts
+  Buffer transition_counts_, segments_,
+      tail_counts_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
 };
 
 // Computes log_segment_ends and log_forward (T, K), as if the recording ended at each step.

@@ -49,7 +49,9 @@ SemiMarkovChain::SemiMarkovChain(SemiMarkovTables tables)
     for (int k = 0; k < K_; ++k) {
       long& max_duration = max_duration_[first * K_ + k] = S_;
       if (may_exceed_tables(first, k)) continue;
-      while (max_duration > 0 && at(first, k)[max_duration - 1] == NEVER && at(2 + first, k)[max_duration - 1] == NEVER) --max_duration;
+      while (max_duration > 0 && at(first, k)[max_duration - 1] == NEVER &&
+             at(2 + first, k)[max_duration - 1] == NEVER)
+        --max_duration;
     }
 }
 

@@ -1,22 +1,25 @@
 // Semi-Markov chain and its forward recursion, for forward-backward and Viterbi, in logarithms.
-// kernels/reference/semi_markov.py derives the recursions and defines starts, ends, after_starts and the four kinds of
-// segments; names are the same.
+// kernels/reference/semi_markov.py derives the recursions and defines starts, ends, after_starts and the four
+// kinds of segments; names are the same.
 //
-// Offsets. Log-probabilities reach 1e20 in magnitude if states are narrow, while those of the likely paths differ by
-// a few nats. All sums must therefore be relative to a path close to the likely ones.
+// Offsets. Log-probabilities reach 1e20 in magnitude if states are narrow, while those of the likely paths
+// differ by a few nats. All sums must therefore be relative to a path close to the likely ones.
 //
-//   1. Every step is relative to its largest emission, and to the best partial path so far. A partial path either is
-//      about to enter a state or stays in a segment that can continue. Running segments count: near the end of a
-//      recording, all probability may lie in the last segment, and a new segment may be 1e13 nats less likely. A
-//      segment that can neither end nor be the last does not count.
-//   2. If the best partial path is a dead end (an outlier that only one state explains, which then cannot be left),
-//      the surviving paths are far below it. This shows as a decrease of the best partial path by more than MAX_DROP.
-//      Then every step is relative to the emission of the most probable whole path (Viterbi). At the nodes of that
-//      path and of those close to it, no partial path is better than its own: two paths into one node have the same
-//      future.
+//   1. Every step is relative to its largest emission, and to the best partial path so far. A partial path
+//   either is
+//      about to enter a state or stays in a segment that can continue. Running segments count: near the end
+//      of a recording, all probability may lie in the last segment, and a new segment may be 1e13 nats less
+//      likely. A segment that can neither end nor be the last does not count.
+//   2. If the best partial path is a dead end (an outlier that only one state explains, which then cannot be
+//   left),
+//      the surviving paths are far below it. This shows as a decrease of the best partial path by more than
+//      MAX_DROP. Then every step is relative to the emission of the most probable whole path (Viterbi). At
+//      the nodes of that path and of those close to it, no partial path is better than its own: two paths
+//      into one node have the same future.
 //
-// Invariant: offsets of steps are the same for all states, so that they cancel in probabilities and add up in the
-// likelihood. Keep in step with the NumPy reference: segment terms, last-segment terms and ties of Viterbi.
+// Invariant: offsets of steps are the same for all states, so that they cancel in probabilities and add up in
+// the likelihood. Keep in step with the NumPy reference: segment terms, last-segment terms and ties of
+// Viterbi.
 #pragma once
 
 #include "markov.hpp"
@@ -39,10 +42,12 @@ class SemiMarkovChain {
   long width() const { return K_; }  // of log-emissions and state probabilities
   long max_duration() const { return S_; }
 
-  // Returns the longest possible duration in the tables, for first or later segments; S if the last segment may be
-  // longer than the tables.
+  // Returns the longest possible duration in the tables, for first or later segments; S if the last segment
+  // may be longer than the tables.
   long max_duration(bool first, int state) const { return max_duration_[first * K_ + state]; }
-  bool may_exceed_tables(bool first, int state) const { return log_tail_weights_[first * K_ + state] != NEVER; }
+  bool may_exceed_tables(bool first, int state) const {
+    return log_tail_weights_[first * K_ + state] != NEVER;
+  }
   long stride() const { return stride_; }
   double log_initial(int state) const { return log_initial_[state]; }
   const Neighbours& successors() const { return successors_; }
@@ -74,14 +79,15 @@ class SemiMarkovChain {
   int K_;
   long S_, stride_;
   Buffer log_initial_, log_tail_weights_;
-  Buffer tables_;    // (4, K, stride), padded with impossible durations
-  Buffer reversed_;  // (2, K, stride), kinds 0 and 2
+  Buffer tables_;                   // (4, K, stride), padded with impossible durations
+  Buffer reversed_;                 // (2, K, stride), kinds 0 and 2
   std::vector<long> max_duration_;  // (2, K)
   Neighbours successors_, origins_;
 };
 
-// Segments of k that may end before step t: the terms of n segments that began inside the recording, the earliest
-// first, and the term `first` of the one that began with it. step is their last emission, less the offset.
+// Segments of k that may end before step t: the terms of n segments that began inside the recording, the
+// earliest first, and the term `first` of the one that began with it. step is their last emission, less the
+// offset.
 struct Ending {
   long t;
   int k;
@@ -89,8 +95,8 @@ struct Ending {
   double step, most, first;  // most: the largest of the terms
 };
 
-// Forward variables of one demonstration of T steps, relative to offsets: see above. Rows belong to states and have
-// `capacity` entries.
+// Forward variables of one demonstration of T steps, relative to offsets: see above. Rows belong to states
+// and have `capacity` entries.
 struct Lattice {
   Lattice(const SemiMarkovChain& chain, long max_duration);
 

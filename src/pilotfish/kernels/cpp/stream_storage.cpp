@@ -51,7 +51,8 @@ void Stream::reserve_slots(int slots) {
 }
 
 // Copies a row to another layout, which has space for all of its directions.
-void Stream::copy_row(const double* from, const Layout& from_layout, double* to, const Layout& to_layout) const {
+void Stream::copy_row(const double* from, const Layout& from_layout, double* to,
+                      const Layout& to_layout) const {
   if (from_layout.capacity == to_layout.capacity) {
     std::copy_n(from, COLUMNS + P_ * to_layout.block(), to);
     return;
@@ -66,7 +67,8 @@ void Stream::copy_row(const double* from, const Layout& from_layout, double* to,
     std::copy_n(block, 2 + from_layout.rows, target.dimension);
     std::copy_n(variances, capacity, target.variances);
     std::copy_n(variances + from_layout.capacity, capacity + 1, target.distances);
-    copy_rows(variances + 2 * from_layout.capacity + 4, from_layout.capacity, target.basis, to_layout.capacity, D_);
+    copy_rows(variances + 2 * from_layout.capacity + 4, from_layout.capacity, target.basis,
+              to_layout.capacity, D_);
   }
 }
 
@@ -74,12 +76,14 @@ void Stream::reserve_capacity(int capacity) {
   if (capacity <= layout_.capacity) return;
   const Layout to_layout{D_, layout_.rows, round_up_to_four(capacity)};
   Eigen::VectorXd rows(Eigen::Index(slots_) * (COLUMNS + P_ * to_layout.block()));
-  for (int slot : order_) copy_row(statistics(slot), layout_, &rows[slot * (COLUMNS + P_ * to_layout.block())], to_layout);
+  for (int slot : order_)
+    copy_row(statistics(slot), layout_, &rows[slot * (COLUMNS + P_ * to_layout.block())], to_layout);
   rows_.swap(rows);
   layout_ = to_layout;
 }
 
-void Stream::load(const double* head, const double* rows, const double* transition_counts, int K, int capacity) {
+void Stream::load(const double* head, const double* rows, const double* transition_counts, int K,
+                  int capacity) {
   layout_.capacity = capacity;
   g_.resize(round_up_to_four(D_));
   reserve_slots(std::max(K + 1, 4));
@@ -109,7 +113,8 @@ void Stream::store(double* head, double* rows, double* transition_counts, int ca
     if (slot == current_) head[CURRENT] = k;
     if (slot == previous_) head[PREVIOUS] = k;
     copy_row(statistics(slot), layout_, rows + k * (COLUMNS + P_ * packed.block()), packed);
-    for (int j = 0; j < K; ++j) transition_counts[size_t(k) * K + j] = counts_[size_t(slot) * slots_ + order_[j]];
+    for (int j = 0; j < K; ++j)
+      transition_counts[size_t(k) * K + j] = counts_[size_t(slot) * slots_ + order_[j]];
   }
   head[STEPS_IN_CLUSTER] = steps_;
   head[NEXT_CLUSTER_ID] = next_cluster_id_;

@@ -35,7 +35,8 @@ void Stream::observe(const double* x, long N, int64_t* cluster_ids, double* cost
     for (long n = begin; n < end; ++n) {
       const int slot = find_slot(cluster_ids[n]);  // -1 if it was removed in this batch
       const bool is_new = is_new_[n - begin];
-      if (slot >= 0 && !is_new) changes[n] += update_cluster(end - begin == 1 ? point_.data() : padded_point(n), slot);
+      if (slot >= 0 && !is_new)
+        changes[n] += update_cluster(end - begin == 1 ? point_.data() : padded_point(n), slot);
       update_weights(slot, is_new);
       if (parameters_.forget_below > 0.0) remove_light_clusters(n);
     }
@@ -66,13 +67,14 @@ const double* Stream::log_counts(int slot) {
   return logs;
 }
 
-// Updates best and chosen if x costs less in cluster k than the best so far, or as much and k is lower. Lower bounds of
-// the cost reject most clusters before it is computed.
+// Updates best and chosen if x costs less in cluster k than the best so far, or as much and k is lower. Lower
+// bounds of the cost reject most clusters before it is computed.
 bool Stream::update_best(const double* x, int slot, double transition, double* best, int* chosen, int k) {
   double cost = transition;
   for (int p = 0; p < P_; ++p) {
     const Subspace subspace_p = subspace(slot, p);
-    const double square = deviation(x + size_t(p) * layout_.rows, subspace_p.mean, layout_.rows, error_.data());
+    const double square =
+        deviation(x + size_t(p) * layout_.rows, subspace_p.mean, layout_.rows, error_.data());
     const int d = int(*subspace_p.dimension);
     if (d == 0) {
       cost += square;
@@ -109,7 +111,8 @@ Stream::Choice Stream::assign_point(const double* x) {
   const auto try_cluster = [&](int k) {
     const int slot = order_[k];
     double transition = 0.0;
-    if (logs) transition = logs[slot] > NEVER ? parameters_.transition * (log_total - logs[slot]) : new_transition;
+    if (logs)
+      transition = logs[slot] > NEVER ? parameters_.transition * (log_total - logs[slot]) : new_transition;
     update_best(x, slot, transition, &best, &chosen, k);
   };
   int first = -1;
@@ -184,7 +187,7 @@ double Stream::update_transitions(int slot) {
 double Stream::update_cluster(const double* x, int slot) {
   double change = 0.0;
   const UpdateSettings settings{statistics(slot)[WEIGHT], parameters_.dimension, parameters_.bandwidth,
-                     std::min(parameters_.max_dimension, D_ - 1), parameters_.extra_directions};
+                                std::min(parameters_.max_dimension, D_ - 1), parameters_.extra_directions};
   const bool check = std::fmod(statistics(slot)[POINTS], ORTHONORMALISE_EVERY) == 0.0;
   for (int p = 0; p < P_; ++p) {
     change += subspaces_.update(x + size_t(p) * layout_.rows, subspace(slot, p), layout_, settings);
@@ -223,7 +226,8 @@ void Stream::merge_close_clusters(int slot, long n) {
       if (other == slot) continue;
       double square = 0.0;
       for (int p = 0; p < P_ && square < limit; ++p)
-        square += bounded_squared_distance(subspace(slot, p).mean, subspace(other, p).mean, layout_.rows, limit);
+        square +=
+            bounded_squared_distance(subspace(slot, p).mean, subspace(other, p).mean, layout_.rows, limit);
       if (square < smallest) {
         smallest = square;
         nearest = other;
@@ -236,7 +240,8 @@ void Stream::merge_close_clusters(int slot, long n) {
 
 int Stream::merge_clusters(int slot, int other, long n) {
   const double weight = statistics(slot)[WEIGHT], other_weight = statistics(other)[WEIGHT];
-  if (other_weight > weight || (other_weight == weight && statistics(other)[CLUSTER_ID] < statistics(slot)[CLUSTER_ID]))
+  if (other_weight > weight ||
+      (other_weight == weight && statistics(other)[CLUSTER_ID] < statistics(slot)[CLUSTER_ID]))
     std::swap(slot, other);
   const double fraction = statistics(other)[WEIGHT] / (statistics(slot)[WEIGHT] + statistics(other)[WEIGHT]);
   for (int p = 0; p < P_; ++p) {
@@ -276,7 +281,8 @@ void Stream::remove_segment_duration(double* values, double steps) const {
   }
   const double deviation = steps - values[MEAN_DURATION];
   values[MEAN_DURATION] -= deviation / values[SEGMENTS];
-  values[SQUARED_DEVIATIONS] = std::max(values[SQUARED_DEVIATIONS] - deviation * (steps - values[MEAN_DURATION]), 0.0);
+  values[SQUARED_DEVIATIONS] =
+      std::max(values[SQUARED_DEVIATIONS] - deviation * (steps - values[MEAN_DURATION]), 0.0);
 }
 
 void Stream::pool_durations(double* a, const double* b, int number, int mean, int squares) const {

@@ -1,5 +1,6 @@
-// Scalable online sequence clustering (SOSC), one datapoint at a time. Defined by kernels/reference/streaming.py,
-// which heads the algorithm; the layout of a row is in kernels/stream_state.py.
+// Scalable online sequence clustering (SOSC), one datapoint at a time. Defined by
+// kernels/reference/streaming.py, which heads the algorithm; the layout of a row is in
+// kernels/stream_state.py.
 #pragma once
 
 #include <array>
@@ -35,11 +36,19 @@ enum Column : int {
 };
 
 // Packed counters, as INITIAL_COUNTERS.
-enum Counter : int { CURRENT, STEPS_IN_CLUSTER, NEXT_CLUSTER_ID, DATAPOINTS, PREVIOUS, PREVIOUS_STEPS, COUNTERS };
+enum Counter : int {
+  CURRENT,
+  STEPS_IN_CLUSTER,
+  NEXT_CLUSTER_ID,
+  DATAPOINTS,
+  PREVIOUS,
+  PREVIOUS_STEPS,
+  COUNTERS
+};
 
-// State of a stream while it changes. Clusters are rows as in a StreamState, in slots that are reused; order_ lists the
-// slots in the order of creation, which is the order of rows in a StreamState. work is memory that may be shared by
-// successive streams.
+// State of a stream while it changes. Clusters are rows as in a StreamState, in slots that are reused; order_
+// lists the slots in the order of creation, which is the order of rows in a StreamState. work is memory that
+// may be shared by successive streams.
 class Stream {
  public:
   Stream(int P, int D, const StreamParameters& parameters, Subspaces& work);
@@ -91,13 +100,14 @@ class Stream {
   Subspaces& subspaces_;
   int slots_ = 0;
   std::vector<int> order_, free_;
-  Eigen::VectorXd rows_, logs_;  // logs_: row i has the logarithms of the counts of slot i, valid if logs_valid_
+  Eigen::VectorXd rows_,
+      logs_;  // logs_: row i has the logarithms of the counts of slot i, valid if logs_valid_
   Buffer counts_;
   std::vector<double> totals_;
   std::vector<char> logs_valid_;
   Buffer point_, error_, g_;
-  std::vector<char> is_new_;       // of a batch: whether a datapoint created its cluster
-  std::vector<int64_t> assigned_;  // of a batch: clusters with new datapoints
+  std::vector<char> is_new_;          // of a batch: whether a datapoint created its cluster
+  std::vector<int64_t> assigned_;     // of a batch: clusters with new datapoints
   int current_ = -1, previous_ = -1;  // slots; -1 at the start of a demonstration
   double steps_ = 0.0, next_cluster_id_ = 0.0, datapoints_ = 0.0, previous_steps_ = 0.0;
   std::vector<std::array<int64_t, 3>> removed_;

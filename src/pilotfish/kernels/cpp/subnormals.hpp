@@ -1,4 +1,5 @@
-// Flushes subnormal numbers (below 1e-308) to zero while the object exists: they slow down a processor by 100.
+// Flushes subnormal numbers (below 1e-308) to zero while the object exists: they slow down a processor by
+// 100.
 #pragma once
 
 #if defined(__SSE2__) || defined(_M_X64)

@@ -32,7 +32,12 @@ double extended(const double* distances, int rank, int k) { return distances[std
 }  // namespace
 
 Subspaces::Subspaces(int D)
-    : D_(D), rows_(round_up_to_four(D)), error_(rows_), y_(rows_), p_(rows_), wide_{D, rows_, round_up_to_four(D)} {
+    : D_(D),
+      rows_(round_up_to_four(D)),
+      error_(rows_),
+      y_(rows_),
+      p_(rows_),
+      wide_{D, rows_, round_up_to_four(D)} {
   reserve(4);
 }
 
@@ -45,8 +50,10 @@ void Subspaces::reserve(int n) {
   R_.resize(width * width);
 }
 
-// Computes g_ = [U p]^T y and p_, the direction of the residual of y outside U; returns the number of directions.
-int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y, double tolerance) {
+// Computes g_ = [U p]^T y and p_, the direction of the residual of y outside U; returns the number of
+// directions.
+int Subspaces::augment(const double* basis, const Layout& layout, int rank, const double* y,
+                       double tolerance) {
   const int directions = round_up_to_four(rank);
   reserve(rank + 1);
   std::fill(g_.begin(), g_.end(), 0.0);
@@ -78,7 +85,8 @@ void Subspaces::solve(const double* variances, int rank, int n, double scale) {
       loose_lanes<4>(&projections_[c]) += g_[i] * loose_lanes<4>(&R_[size_t(i) * width + c]);
 }
 
-// Computes out = the first kept columns of [U p] R, in rows of `capacity` numbers; out may be the basis itself.
+// Computes out = the first kept columns of [U p] R, in rows of `capacity` numbers; out may be the basis
+// itself.
 void Subspaces::rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out,
                        int capacity) {
   const int width = round_up_to_four(n), columns = round_up_to_four(kept);
@@ -118,7 +126,8 @@ void Subspaces::rotate_block(const double* basis, const Layout& layout, int rank
   for (int row = 0; row < ROWS; ++row) loose_lanes<COLUMNS>(&rows_of_[row * columns + c]) = sums[row];
 }
 
-double Subspaces::update(const double* x, const Subspace& subspace, const Layout& layout, const UpdateSettings& settings) {
+double Subspaces::update(const double* x, const Subspace& subspace, const Layout& layout,
+                         const UpdateSettings& settings) {
   const double w = settings.weight, shrink = w / (w + 1.0), fraction = std::sqrt(w) / (w + 1.0);
   const int d = int(*subspace.dimension), rank = int(*subspace.rank);
   Lanes<4> of_error = Lanes<4>::Zero(), of_x = of_error, of_mean = of_error;
@@ -132,7 +141,8 @@ double Subspaces::update(const double* x, const Subspace& subspace, const Layout
   const double square = of_error.sum();
   const double tolerance = ROUNDING * (std::sqrt(of_x.sum()) + std::sqrt(of_mean.sum()));
   int n = 0;
-  if (settings.max_dimension + settings.extra_directions > 0) n = augment(subspace.basis, layout, rank, error_.data(), tolerance);
+  if (settings.max_dimension + settings.extra_directions > 0)
+    n = augment(subspace.basis, layout, rank, error_.data(), tolerance);
   const double inside = n ? square_of_first(g_.data(), d) : 0.0;
   const double before = std::max(square - projection_weight(square, settings.bandwidth) * inside, 0.0);
   const double loss = settings.penalty * d + before;
@@ -247,7 +257,8 @@ void Subspaces::reorthonormalise(const Subspace& subspace, const Layout& layout)
   const int capacity = layout.capacity, rank = int(*subspace.rank);
   const auto product = [&](int i, int j) {
     double sum = 0.0;
-    for (int d = 0; d < D_; ++d) sum += subspace.basis[size_t(d) * capacity + i] * subspace.basis[size_t(d) * capacity + j];
+    for (int d = 0; d < D_; ++d)
+      sum += subspace.basis[size_t(d) * capacity + i] * subspace.basis[size_t(d) * capacity + j];
     return sum;
   };
   double drift = 0.0;

@@ -9,15 +9,15 @@ namespace pilotfish {
 
 inline int round_up_to_four(int n) { return (n + 3) / 4 * 4; }
 
-// Subspace inside a packed row. Mean, distances and the capacity for directions are padded with zeros to a multiple of
-// four, the width of a vector register.
+// Subspace inside a packed row. Mean, distances and the capacity for directions are padded with zeros to a
+// multiple of four, the width of a vector register.
 struct Subspace {
   double *dimension, *rank, *mean, *variances, *distances, *basis;
 };
 
 struct Layout {
-  int D;     // columns
-  int rows;  // D padded to a multiple of four
+  int D;         // columns
+  int rows;      // D padded to a multiple of four
   int capacity;  // number of directions, a multiple of four
   size_t block() const { return 2 + size_t(rows) + 2 * capacity + 4 + size_t(D) * capacity; }
   Subspace at(double* block) const {
@@ -87,9 +87,11 @@ class Subspaces {
  public:
   explicit Subspaces(int D);
 
-  // Updates a subspace by a datapoint; returns the change of the loss at the datapoint. If the result has more
-  // directions than the capacity, the subspace is unchanged and rank() > capacity: then call keep() after enlarging it.
-  double update(const double* x, const Subspace& subspace, const Layout& layout, const UpdateSettings& settings);
+  // Updates a subspace by a datapoint; returns the change of the loss at the datapoint. If the result has
+  // more directions than the capacity, the subspace is unchanged and rank() > capacity: then call keep()
+  // after enlarging it.
+  double update(const double* x, const Subspace& subspace, const Layout& layout,
+                const UpdateSettings& settings);
 
   // Merges two subspaces, of which light has this fraction of the weight; keep() stores the result.
   void merge(const Subspace& heavy, const Subspace& light, const Layout& layout, double fraction,
@@ -104,7 +106,8 @@ class Subspaces {
  private:
   int augment(const double* basis, const Layout& layout, int rank, const double* y, double tolerance);
   void solve(const double* variances, int rank, int n, double scale);
-  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out, int capacity);
+  void rotate(const double* basis, const Layout& layout, int rank, int n, int kept, double* out,
+              int capacity);
   template <int ROWS, int COLUMNS>
   void rotate_block(const double* basis, const Layout& layout, int rank, int n, int columns, int d, int c);
   template <int ROWS>
