@@ -163,7 +163,7 @@ def test_chart_via_point_orientation_is_passed(rng, sphere_skill, sign):
 
 def test_chart_via_point_deviation_at_base_is_angle(sphere_skill):
     """At the base the deviation in the chart is the angle, about every axis."""
-    base = tangent_chart(sphere_skill).bases[0]
+    base = tangent_chart(sphere_skill).base_quaternions[0]
     chart = tangent_chart(sphere_skill, base_pose=np.concatenate([np.zeros(3), base, np.zeros(6)]))
     point = chart.via_point(via_point("orientation", base, time=0.5, deviation=0.02))
     np.testing.assert_allclose(point.value, 0.0, atol=1e-12)

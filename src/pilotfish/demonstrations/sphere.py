@@ -16,7 +16,7 @@ BLOCK_TOLERANCE = 1e-4  # between the matrices by which a frame rotates a quater
 
 
 def to_sphere(demo: Demonstration) -> Demonstration:
-    """Convert the quaternions of a demonstration to points of S^3.
+    """Treat the quaternions of a demonstration as points of S^3 instead of four numbers in R^4.
 
     Their differences are then rotation vectors [rad], and q and -q are one point. The derivative of a
     quaternion becomes the angular velocity 2 q* q' in body axes [rad/s]. Frames multiply orientations as

@@ -175,7 +175,7 @@ def exp_map_jacobian(v: Float[Array, "*B E"], orientation_starts: tuple[int, ...
 
 
 def log_map_jacobian(v: Float[Array, "*B E"], orientation_starts: tuple[int, ...]) -> Float[Array, "*B E E"]:
-    """Return the derivative of v = log_map(base, x) as x moves along a tangent vector.
+    """Return the derivative of v = log_map(base, x) with respect to a step in the tangent space at x.
 
     It is the inverse of `exp_map_jacobian`.
 

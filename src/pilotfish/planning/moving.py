@@ -35,20 +35,20 @@ from pilotfish.validation import require_type
 
 def reproduce_step(
     skill: Skill,
-    before: dict[str, Pose],
-    now: dict[str, Pose],
+    previous_poses: dict[str, Pose],
+    current_poses: dict[str, Pose],
     x: Float[Array, " D"],
     states: Int[Array, " T"],
     *,
     control_cost: float = CONTROL_COST,
     covariance_regularisation: float = COVARIANCE_REGULARISATION,
 ) -> Float[Array, " D"]:
-    """Compute the next state of a reproduction while the objects move.
+    """Return the next point x of a reproduction while the objects move.
 
     Args:
         skill: Learned skill.
-        before: Pose of each object one period ago.
-        now: Pose of each object.
+        previous_poses: Pose of each object one period ago.
+        current_poses: Pose of each object.
         x: Current state of the robot, in the columns of the skill.
         states: State of each coming step, beginning with this one: the first periods of a `plan_states`
             result.
@@ -62,10 +62,10 @@ def reproduce_step(
     Raises:
         InvalidInput: If the frames or columns do not fit the skill.
     """
-    adapted = adapt(skill, moving_frames(skill, before, now, x))
+    adapted = adapt(skill, moving_frames(skill, previous_poses, current_poses, x))
     last = len(states) - 1
     previous, final = (
-        {name: _extrapolate_pose(before[name], now[name], steps) for name in now}
+        {name: _extrapolate_pose(previous_poses[name], current_poses[name], steps) for name in current_poses}
         for steps in (last - 1, last)
     )
     later = adapt(skill, moving_frames(skill, previous, final, x))
@@ -76,7 +76,7 @@ def reproduce_step(
         return np.asarray(track(system, reference, control_cost).rollout(x).x[1])
     chart = tangent_chart(adapted)
     base_pose = adapted.means[0].copy()
-    for columns, quaternion in zip(skill.layout.orientations, chart.bases, strict=True):
+    for columns, quaternion in zip(skill.layout.orientations, chart.base_quaternions, strict=True):
         base_pose[columns.quaternion] = quaternion
     later_chart = tangent_chart(later, base_pose=base_pose)
     reference = moving_frame_reference(chart.skill, later_chart.skill, states, covariance_regularisation)
@@ -85,19 +85,24 @@ def reproduce_step(
 
 
 def moving_frames(
-    skill: Skill, before: dict[str, Pose], now: dict[str, Pose], x: Float[Array, " D"]
+    skill: Skill, previous_poses: dict[str, Pose], current_poses: dict[str, Pose], x: Float[Array, " D"]
 ) -> list[Frame]:
     """Return the frames of objects, with their velocities, from two poses a period apart.
 
     Args:
         skill: Learned skill, whose columns the frames have.
-        before: Pose of each object one period ago.
-        now: Pose of each object.
+        previous_poses: Pose of each object one period ago.
+        current_poses: Pose of each object.
         x: State of the robot; on S^3 the velocity in a rotating frame depends on it.
     """
     layout = Layout(tuple(part for part in skill.layout.parts if part.derivative == 0))
-    next_poses = {name: _extrapolate_pose(before[name], now[name], 1) for name in now}
-    frames = [moving_frame_from_poses(name, layout, (now[name], next_poses[name])) for name in now]
+    next_poses = {
+        name: _extrapolate_pose(previous_poses[name], current_poses[name], 1) for name in current_poses
+    }
+    frames = [
+        moving_frame_from_poses(name, layout, (current_poses[name], next_poses[name]))
+        for name in current_poses
+    ]
     points = np.tile(x[: layout.width], (2, 1))
     for columns in layout.quaternions:  # a plan in R^4 leaves the unit sphere slightly
         points[:, columns] = normalise(points[:, columns])

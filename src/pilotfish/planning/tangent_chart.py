@@ -48,17 +48,17 @@ from pilotfish.validation import numeric_array, require_type
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentChart:
-    """Adapted skill with rotation vectors [rad] and their rates [rad/s] in place of orientations on S^3.
+    """Chart of an adapted skill: each orientation is a rotation vector [rad] from a base quaternion.
 
     Attributes:
         skill: The skill in the columns of the chart; plan and track it like any skill in R^n.
         manifold_skill: The skill on S^3.
-        bases: Base of each orientation.
+        base_quaternions: Base of each orientation.
     """
 
     skill: AdaptedSkill
     manifold_skill: AdaptedSkill
-    bases: Float[Array, "R 4"]
+    base_quaternions: Float[Array, "R 4"]
 
     def to_tangent(self, x: Float[Array, "*B D"]) -> Float[Array, "*B E"]:
         """Return points of S^3 in the columns of the chart (logarithmic map).
@@ -68,7 +68,7 @@ class TangentChart:
         """
         rows, layout = x.reshape(-1, x.shape[-1]), self.manifold_skill.layout
         tangent = _copy_vector_columns(rows, layout)
-        for columns, base in zip(layout.orientations, self.bases, strict=True):
+        for columns, base in zip(layout.orientations, self.base_quaternions, strict=True):
             means = multiply(base, from_rotation_vector(self.skill.means[:, columns.rotation_vector]))
             v = _rotation_vectors(base, _align_signs(rows[:, columns.quaternion], means))
             tangent[:, columns.rotation_vector] = v
@@ -89,7 +89,7 @@ class TangentChart:
         for point, tangent, is_orientation in tangent_slices(layout.width, layout.orientation_starts):
             if not is_orientation:
                 x[:, point] = rows[:, tangent]
-        for columns, base in zip(layout.orientations, self.bases, strict=True):
+        for columns, base in zip(layout.orientations, self.base_quaternions, strict=True):
             v = rows[:, columns.rotation_vector]
             x[:, columns.quaternion] = multiply(base, from_rotation_vector(v))
             if columns.angular_velocity and columns.rotation_rate:
@@ -159,10 +159,10 @@ def tangent_chart(model: AdaptedSkill, *, base_pose: Float[Array, " D"] | None =
     if not (orientations := layout.orientations):
         raise InvalidInput("the skill has no orientation on S^3, expected one; plan it without a chart")
     q = np.stack([model.means[:, columns.quaternion] for columns in orientations])
-    bases = _base_quaternions(q, base_pose, layout)
+    base_quaternions = _base_quaternions(q, base_pose, layout)
     means = _copy_vector_columns(model.means, layout)
     M = np.zeros((*means.shape, means.shape[1])) + np.eye(means.shape[1])
-    for columns, base, quaternions in zip(orientations, bases, q, strict=True):
+    for columns, base, quaternions in zip(orientations, base_quaternions, q, strict=True):
         v = _rotation_vectors(base, _align_sign_chain(quaternions, base))
         J = inverse_right_jacobian(v)
         vector, rate = columns.rotation_vector, columns.rotation_rate
@@ -174,7 +174,7 @@ def tangent_chart(model: AdaptedSkill, *, base_pose: Float[Array, " D"] | None =
     transformed = M @ model.covariances @ M.transpose(0, 2, 1)
     covariances = 0.5 * (transformed + transformed.transpose(0, 2, 1))
     return TangentChart(
-        replace(model, means=means, covariances=covariances, layout=layout.tangent), model, bases
+        replace(model, means=means, covariances=covariances, layout=layout.tangent), model, base_quaternions
     )
 
 

@@ -202,7 +202,7 @@ def _write_gains(reproduction: Reproduction, path: Path, force: bool) -> None:
             weights=reproduction.reference.weights,
             period=np.float64(reproduction.motion.period),
             columns=np.array(reproduction.tangent_skill.layout.names),
-            bases=chart.bases if chart else np.empty((0, 4)),
+            bases=chart.base_quaternions if chart else np.empty((0, 4)),
         )
 
 

@@ -85,7 +85,7 @@ class DemonstrationPlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """Picture that the person sees; with a delay it shows the past.
+    """Poses of tool and objects that the human model sees, delayed by the link.
 
     Attributes:
         tool: Pose of the tool.

@@ -34,7 +34,7 @@ def estimate_penalties(
     explained_variance: float = 0.9,
     maintenance: Maintenance = DEFAULT_MAINTENANCE,
 ) -> SOSC:
-    """Estimate penalties under which a stream assigns the demonstrations as the skill does.
+    """Estimate the penalties of SOSC under which clusters follow the states of a batch skill.
 
     - lambda_1: variance threshold above which directions of all states and frames explain the given share.
     - sigma^2: mean variance of the other directions.
