@@ -29,7 +29,7 @@ void product(const double* weight, const double* rows, int K, int width, double*
 // Sums that are so small that a term may have underflowed are computed again in logarithms. If the best
 // partial path is a dead end, the surviving paths are more than MAX_DROP below it and their differences are
 // lost to rounding. State probabilities are then computed from emissions relative to the most probable path
-// (see semi_markov.hpp).
+// (see semi_markov_lattice.hpp).
 class Chain {
  public:
   // log_transitions must outlive the chain.
