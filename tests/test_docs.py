@@ -238,9 +238,9 @@ def test_index_program_reproduces_valve(data_folder, tmp_path, monkeypatch):
 def test_choosing_a_model_program_selects_structure_and_frames(data_folder):
     names = run_program("choosing-a-model.md")
     assert names["selection"].best.candidate.structure == pf.structures.Diagonal()
-    assert names["found"].distractors == ()
-    assert names["found"].values.shape == (2, 7)
-    assert all(len(d.frames) == 2 for d in names["fewer"])
+    assert names["frame_relevance"].distractors == ()
+    assert names["frame_relevance"].values.shape == (2, 7)
+    assert all(len(d.frames) == 2 for d in names["selected"])
 
 
 def test_durations_program_gains_the_likelihood_that_the_page_states(data_folder):
