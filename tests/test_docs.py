@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import pilotfish as pf
 from pilotfish import plots
@@ -16,7 +17,11 @@ from pilotfish import plots
 TOP = Path(__file__).parents[1]
 DOCS = TOP / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-PLOT_FUNCTIONS = set(plots.__all__) - {"MAX_STATES", "draw_ellipses", "state_colour"}
+PLOT_FUNCTIONS = {
+    name
+    for name in plots.__all__
+    if getattr(getattr(plots, name), "__annotations__", {}).get("return") is Figure
+}
 WITHOUT_PAGE = {"cli", "kernels.reference"}  # commands have their own reference; oracles of the tests
 
 
@@ -132,6 +137,12 @@ def test_term_of_the_field_is_found_in_source_and_pages(term: str):
     source = [file.read_text(encoding="utf-8") for file in (TOP / "src").rglob("*.py")]
     pages = [page.read_text(encoding="utf-8") for page in PAGES]
     assert all(any(term.lower() in text.lower() for text in texts) for texts in (source, pages))
+
+
+@pytest.mark.parametrize("page", [*PAGES, TOP / "README.md", TOP / "CHANGELOG.md", TOP / "CONTRIBUTING.md"])
+def test_names_of_pf_in_a_page_exist(page: Path):
+    for name in set(re.findall(r"`(pf(?:\.[A-Za-z_]\w*)+)", page.read_text(encoding="utf-8"))):
+        find_name(name)
 
 
 # ------------------------------------------------------------------------------------------------ reference
