@@ -111,7 +111,7 @@ def decode_npz(data: bytes, file: str) -> dict[str, Float[Array, "..."]]:
 def load_npz(data: bytes, file: str) -> dict[str, np.ndarray]:
     """Return the arrays of an NPZ file without conversion; pickled objects are refused.
 
-    The sizes that the archive states are checked first, and no more than that is expanded.
+    The sizes that the archive states are checked first, and only that size is expanded.
 
     Args:
         data: Content of the file.
