@@ -68,6 +68,14 @@ def test_links_to_files_exist(file: str):
     assert not missing
 
 
+def test_files_named_in_contributing_exist():
+    names = re.findall(r"`([\w/.-]+/[\w.-]+\.(?:py|txt))`", read("CONTRIBUTING.md"))
+    assert len(names) >= 8
+    assert not [
+        name for name in names if not any((TOP / top / name).exists() for top in ("", "src/pilotfish"))
+    ]
+
+
 def test_no_file_names_a_machine_or_a_package_index():
     found = [
         f"{file.relative_to(TOP)}:{number}: {line.strip()[:80]}"

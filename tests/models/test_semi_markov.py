@@ -390,8 +390,8 @@ def test_invalid_arguments_raise(rng, make_demonstrations):
         DurationModel(Gamma, options={"width": 1.0})
     with pytest.raises(InvalidInput, match="shape is 0"):
         DurationModel(NegativeBinomial, options={"shape": 0.0})
+    statistics = KMeans().initial_statistics(views(make_demonstrations()), 2, rng)
     with pytest.raises(InvalidInput, match="no segments"):
-        statistics = KMeans().initial_statistics(views(make_demonstrations()), 2, rng)
         SemiMarkovChain.fit(statistics, duration_model=DurationModel(), min_variance=1.0)
     arguments = {"states": 2, "rng": rng}
     with pytest.raises(InvalidInput, match="dynamics is 'hmm', expected one of 'mixture', 'markov'"):
