@@ -214,7 +214,7 @@ def test_constant_column_without_regularisation_raises(rng, make_demonstrations)
         replace(d, x=d.x * np.array([1.0, 0.0]), frames=make_demonstrations(frames=0)[0].frames)
         for d in demos
     ]
-    with pytest.raises(NotPositiveDefinite, match=r"state \d.*flattest along column 1 .*regularisation"):
+    with pytest.raises(NotPositiveDefinite, match=r"state \d.*smallest mainly along column 1 .*regularisation"):
         learn(flat, states=2, rng=rng, settings=EMSettings(regularisation=0.0))
     assert np.isfinite(learn(flat, states=2, rng=rng).log_likelihoods).all()
 

@@ -110,7 +110,7 @@ def planning_examples() -> Examples:
     x = on_sphere[0].x[0]
     return {
         "tangent_chart": {"model": adapted_on_sphere, "base_pose": adapted_on_sphere.means[0]},
-        "moving_frames": {"skill": skill_on_sphere, "before": poses, "now": now, "x": x},
+        "moving_frames": {"skill": skill_on_sphere, "previous_poses": poses, "current_poses": now, "x": x},
         "observe_via_points": {
             "points": [via_point],
             "layout": adapted.layout,
@@ -146,8 +146,8 @@ def planning_examples() -> Examples:
         "reproduce_demonstration": {"skill": fit.skill, "demonstration": demos[0]},
         "reproduce_step": {
             "skill": skill_on_sphere,
-            "before": poses,
-            "now": now,
+            "previous_poses": poses,
+            "current_poses": now,
             "x": x,
             "states": np.array([0, 0, 1, 1]),
         },
