@@ -14,7 +14,7 @@ from problems import Floats, FrameProblem, Integers, Poses, SegmentProblem, Sequ
 
 from pilotfish.control import double_integrator
 from pilotfish.geometry import Pose, conjugate, multiply, quaternion_exp, quaternion_log, unwrap_quaternions
-from pilotfish.io import read_valve_mat
+from pilotfish.io import datasets
 
 STATES, STEPS, PERIOD = 7, 200, 0.1  # s
 REGULARISATION = 1e-5  # default of pf.learn
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def real_valve(data: Path) -> tuple[Floats, Floats, Floats]:
-    demonstrations = read_valve_mat(data / "valve" / "BaxterValveDemos2.mat")[:4]
+    demonstrations = datasets.read_valve_mat(data / "valve" / "BaxterValveDemos2.mat")[:4]
     A = np.stack([[frame.A for frame in demo.frames] for demo in demonstrations])
     b = np.stack([[frame.b for frame in demo.frames] for demo in demonstrations])
     return np.stack([demo.x for demo in demonstrations]), A, b

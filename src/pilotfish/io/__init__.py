@@ -9,14 +9,6 @@ from pilotfish.io.demonstration_folder import (
 )
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
-from pilotfish.io.published_matlab import read_valve_mat, read_zshape_mat
-from pilotfish.io.published_npy import read_helloworld_npy, read_robotasks_npy
-from pilotfish.io.published_npz import (
-    read_chicken_dance_npz,
-    read_letters_npz,
-    read_mocap6_labels_npz,
-    read_mocap6_npz,
-)
 from pilotfish.io.renames import make_folder
 from pilotfish.io.situations import read_frames, read_start
 from pilotfish.io.skill_file import content_hash, open_skill, save_skill
@@ -34,18 +26,10 @@ __all__ = [
     "open_skill",
     "open_stream",
     "path_exists",
-    "read_chicken_dance_npz",
     "read_demonstrations",
     "read_file",
     "read_frames",
-    "read_helloworld_npy",
-    "read_letters_npz",
-    "read_mocap6_labels_npz",
-    "read_mocap6_npz",
-    "read_robotasks_npy",
     "read_start",
-    "read_valve_mat",
-    "read_zshape_mat",
     "require_replaceable",
     "resolve_path",
     "save_skill",

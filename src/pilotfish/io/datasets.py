@@ -1,7 +1,8 @@
 """Public recordings by name, such as `datasets.valve()`.
 
 Each is read from the folder in the environment variable PILOTFISH_DATA (valve/BaxterValveDemos2.mat ...), or
-downloaded once into the user's cache. Its SHA-256 is checked in both cases.
+downloaded once into the user's cache. Its SHA-256 is checked in both cases. The readers, such as
+`datasets.read_valve_mat(path)`, read a file of the same format from any place.
 """
 
 from pilotfish.demonstrations import Demonstration
@@ -28,6 +29,14 @@ __all__ = [
     "mocap6",
     "mocap6_labels",
     "names",
+    "read_chicken_dance_npz",
+    "read_helloworld_npy",
+    "read_letters_npz",
+    "read_mocap6_labels_npz",
+    "read_mocap6_npz",
+    "read_robotasks_npy",
+    "read_valve_mat",
+    "read_zshape_mat",
     "robotasks",
     "valve",
     "zshape",

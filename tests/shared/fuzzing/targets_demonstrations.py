@@ -16,6 +16,7 @@ from fuzzing.edits_of_text import edit_bytes
 from fuzzing.seeds import gripper_demonstrations, lines, valve_demonstrations
 from fuzzing.soundness import require_sound, use_demonstrations
 from fuzzing.target import Target
+from pilotfish import datasets
 from pilotfish import io as pilotfish_io
 from pilotfish.demonstrations import Demonstration, demonstration, moving_frame
 from pilotfish.io.demonstration_tables import decode_csv, decode_npz, encode_csv
@@ -267,7 +268,7 @@ def _valve_mat() -> Target:
     def write(value: CorruptedBytes) -> bytes:
         return _mat((_cells(value[0]) if isinstance(value[0], dict) else {"s": value[0]}, value[1]))
 
-    return _file_target(bases, write, pilotfish_io.read_valve_mat, edit_or_corrupt(_edit_mat, 0.3))
+    return _file_target(bases, write, datasets.read_valve_mat, edit_or_corrupt(_edit_mat, 0.3))
 
 
 def _zshape_mat() -> Target:
@@ -277,7 +278,7 @@ def _zshape_mat() -> Target:
         return _mat((_cells(value[0]) if isinstance(value[0], dict) else {"Data": value[0]}, value[1]))
 
     return _file_target(
-        [({"Data": data}, ())], write, pilotfish_io.read_zshape_mat, edit_or_corrupt(_edit_mat, 0.3)
+        [({"Data": data}, ())], write, datasets.read_zshape_mat, edit_or_corrupt(_edit_mat, 0.3)
     )
 
 
@@ -330,13 +331,13 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "folder": (_folder, 1.5),
     "valve.mat": (_valve_mat, 0.3),
     "zshape.mat": (_zshape_mat, 0.5),
-    "robotasks.npy": (lambda: _npy(pilotfish_io.read_robotasks_npy, _tasks())(), 0.7),
+    "robotasks.npy": (lambda: _npy(datasets.read_robotasks_npy, _tasks())(), 0.7),
     "helloworld.npy": (
-        _npy(pilotfish_io.read_helloworld_npy, np.random.default_rng(0).normal(size=(2, 9, 2))),
+        _npy(datasets.read_helloworld_npy, np.random.default_rng(0).normal(size=(2, 9, 2))),
         0.7,
     ),
-    "chicken.npz": (_extract(pilotfish_io.read_chicken_dance_npz, _chicken), 0.7),
-    "mocap.npz": (_extract(pilotfish_io.read_mocap6_npz, _mocap), 0.7),
-    "labels.npz": (_extract(pilotfish_io.read_mocap6_labels_npz, _mocap, _sound), 0.5),
-    "letters.npz": (_extract(pilotfish_io.read_letters_npz, _letters), 0.7),
+    "chicken.npz": (_extract(datasets.read_chicken_dance_npz, _chicken), 0.7),
+    "mocap.npz": (_extract(datasets.read_mocap6_npz, _mocap), 0.7),
+    "labels.npz": (_extract(datasets.read_mocap6_labels_npz, _mocap, _sound), 0.5),
+    "letters.npz": (_extract(datasets.read_letters_npz, _letters), 0.7),
 }
