@@ -73,7 +73,7 @@ def assert_texts_inside_figure(figure: Figure) -> None:
 
 def test_plots_all_functions_are_covered():
     """The tests below cover every function that creates a figure."""
-    assert set(DRAW) == set(plots.__all__) - {"MAX_STATES", "draw_ellipses", "state_colour"}
+    assert set(DRAW) == set(plots.__all__) - {"draw_ellipses", "state_colour"}
 
 
 def test_plot_is_inside_figure(picture: Figure):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pilotfish import plots
-from pilotfish.plots.style import AXIS_COLOURS, STATE_COLOURS, state_dash
+from pilotfish.plots.style import AXIS_COLOURS, MAX_STATES, STATE_COLOURS, state_dash
 
 # Linear RGB as perceived by a protanope, deuteranope and tritanope: Machado, Oliveira & Fernandes 2009,
 # IEEE TVCG 15(6), table 1, severity 1.
@@ -44,5 +44,5 @@ def test_colours_every_vision_are_distinct(vision: str, colours: tuple[str, ...]
 
 def test_state_colour_and_dash_are_unique():
     """Colour and dash together differ for all allowed states."""
-    styles = {(plots.state_colour(k), state_dash(k)) for k in range(plots.MAX_STATES)}
-    assert len(styles) == plots.MAX_STATES
+    styles = {(plots.state_colour(k), state_dash(k)) for k in range(MAX_STATES)}
+    assert len(styles) == MAX_STATES

@@ -12,18 +12,19 @@ from pilotfish.demonstrations import Layout, Part, Quantity, pose_layout, world_
 from pilotfish.errors import InvalidInput
 from pilotfish.models import MarkovChain, Skill
 from pilotfish.planning import via_point
+from pilotfish.plots.style import MAX_STATES
 
 
 def test_plots_too_many_states_are_refused(make_skill_of_size: Callable[..., Skill], inputs: Any):
     """Every plot with coloured states gives the number that it can distinguish."""
-    many = make_skill_of_size(plots.MAX_STATES + 1)
+    many = make_skill_of_size(MAX_STATES + 1)
     for draw in (
         lambda: plots.state_graph(many),
         lambda: plots.forward_variable(many, horizon=9),
         lambda: plots.state_deviations(many),
         lambda: plots.demonstrations_in_frames(many, inputs.demonstrations),
     ):
-        with pytest.raises(InvalidInput, match=rf"{plots.MAX_STATES + 1} states, .*1 to {plots.MAX_STATES}"):
+        with pytest.raises(InvalidInput, match=rf"{MAX_STATES + 1} states, .*1 to {MAX_STATES}"):
             draw()
 
 

@@ -15,12 +15,11 @@ from pilotfish.plots.online_clusters import online_clusters
 from pilotfish.plots.reproduction import reproduction
 from pilotfish.plots.state_deviations import state_deviations
 from pilotfish.plots.state_graph import state_graph
-from pilotfish.plots.style import MAX_STATES, state_colour
+from pilotfish.plots.style import state_colour
 from pilotfish.plots.tracked_coordinates import tracked_coordinates
 from pilotfish.plots.via_points import via_points
 
 __all__ = [
-    "MAX_STATES",
     "basis_vectors",
     "covariance_correlations",
     "demonstrations_in_frames",

@@ -1,7 +1,6 @@
 """Gaussians as 1-sigma ellipses in a plane or principal axes in space, and axes of frames."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,21 +15,8 @@ from pilotfish.plots.style import SMALL_FONT, add_outline, state_colour, state_d
 from pilotfish.types import Array, Float
 
 CONTOUR_POINTS = 73  # every five degrees
-
-
-@dataclass(frozen=True, slots=True)
-class FrameAxes:
-    """Name, origin and axes of a frame in the drawn columns.
-
-    Attributes:
-        name: Name of the frame.
-        origin: Origin.
-        axes: Axes x, y and z, side by side.
-    """
-
-    name: str
-    origin: Float[Array, " D"]
-    axes: Float[Array, "D 3"]
+# Name, origin, and axes x, y and z side by side, of a frame in the drawn columns.
+FrameAxes = tuple[str, Float[Array, " D"], Float[Array, "D 3"]]
 
 
 def draw_ellipses(
@@ -80,12 +66,10 @@ def draw_principal_axes(axes: Axes3D, means: Float[Array, "K 3"], covariances: F
 
 def draw_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes]) -> None:
     """Draw the axes of frames, in a plane or in space."""
-    for frame in frame_axes:
-        for axis in frame.axes.T:
-            axes.plot(
-                *np.stack([frame.origin, frame.origin + axis], axis=1), color="0.25", linewidth=1.4, zorder=4
-            )
-        axes.plot(*frame.origin[:, None], color="0.25", marker="s", markersize=4, zorder=4)
+    for _, origin, directions in frame_axes:
+        for axis in directions.T:
+            axes.plot(*np.stack([origin, origin + axis], axis=1), color="0.25", linewidth=1.4, zorder=4)
+        axes.plot(*origin[:, None], color="0.25", marker="s", markersize=4, zorder=4)
 
 
 def frame_axes_in(
@@ -94,30 +78,26 @@ def frame_axes_in(
     """Return the axes of frames, of a given length, in the drawn columns of the position."""
     rows = [position.index(column) for column in columns]
     return [
-        FrameAxes(
-            frame.name, frame.b[list(position)][rows], length * frame.A[np.ix_(position, position)][rows]
-        )
+        (frame.name, frame.b[list(position)][rows], length * frame.A[np.ix_(position, position)][rows])
         for frame in frames
     ]
 
 
 def label_frame_axes_3d(axes: Axes3D, frame_axes: Sequence[FrameAxes]) -> None:
     """Label the axes of frames in space by letters."""
-    for frame in frame_axes:
-        for name, axis in zip("xyz", frame.axes.T, strict=False):
-            letter = axes.text(
-                *(frame.origin + 1.18 * axis), name, color="0.25", fontsize=SMALL_FONT, zorder=6
-            )
+    for _, origin, directions in frame_axes:
+        for name, axis in zip("xyz", directions.T, strict=False):
+            letter = axes.text(*(origin + 1.18 * axis), name, color="0.25", fontsize=SMALL_FONT, zorder=6)
             add_outline(letter).set(ha="center", va="center")
 
 
 def label_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes], length: float) -> list[Annotation]:
     """Label axes by letters, except those that point at the viewer, and origins by names."""
-    names = [add_label(axes, frame.name, frame.origin, (0.0, -14.0)) for frame in frame_axes]
+    names = [add_label(axes, name, origin, (0.0, -14.0)) for name, origin, _ in frame_axes]
     letters = [
-        add_label(axes, letter, frame.origin + axis, _label_offset(axis))
-        for frame in frame_axes
-        for letter, axis in zip("xyz", frame.axes.T, strict=False)
+        add_label(axes, letter, origin + axis, _label_offset(axis))
+        for _, origin, directions in frame_axes
+        for letter, axis in zip("xyz", directions.T, strict=False)
         if np.linalg.norm(axis) > 0.3 * length
     ]
     for text in letters:

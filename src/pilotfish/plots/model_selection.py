@@ -1,7 +1,6 @@
 """Plot of model selection: held-out score and Bayesian information criterion of candidates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -37,30 +36,8 @@ MIN_LINEAR_RANGE = (
 
 HELD_OUT_TITLE = "held-out demonstrations (higher is better)"
 BIC_TITLE = "BIC, all demonstrations (lower is better)"
-
-
-@dataclass(frozen=True, slots=True)
-class ScoreLine:
-    """Scores of one structure and one duration model, by number of states.
-
-    Attributes:
-        scores: Scores in order of the number of states.
-        colour: Colour of the structure.
-        dash: Dashes of the duration model.
-        marker: Marker of the duration model.
-        shift: Horizontal offset, in states.
-    """
-
-    scores: tuple[Score, ...]
-    colour: str
-    dash: LineStyleType
-    marker: str
-    shift: float
-
-    @property
-    def x_positions(self) -> list[float]:
-        """Numbers of states with the horizontal offset."""
-        return [score.candidate.states + self.shift for score in self.scores]
+# Scores in order of the number of states, horizontal offset [states], and style of the line.
+ScoreLine = tuple[tuple[Score, ...], float, dict[str, Any]]
 
 
 def model_selection(selection: Selection) -> Figure:
@@ -90,12 +67,13 @@ def model_selection(selection: Selection) -> Figure:
     figure = new_figure(FIGURE_WIDTH, 4.6)
     left, right = figure.subplots(1, 2)
     left.set_yscale("symlog", linthresh=max(MIN_LINEAR_RANGE, _linear_range(top)), linscale=0.8)
-    for line in lines:
-        _draw_held_out(left, line, top)
-        right.plot(line.x_positions, [score.bic for score in line.scores], **_line_style(line))
-        if best in line.scores:
-            _mark_selected(left, best.candidate.states + line.shift, float(_differences(best, top).mean()))
-            _mark_selected(right, best.candidate.states + line.shift, best.bic)
+    for scores, shift, style in lines:
+        x = np.array([score.candidate.states + shift for score in scores])
+        _draw_held_out(left, x, np.array([_differences(score, top) for score in scores]), style)
+        right.plot(x, [score.bic for score in scores], **style)
+        if best in scores:
+            _mark_selected(left, best.candidate.states + shift, float(_differences(best, top).mean()))
+            _mark_selected(right, best.candidate.states + shift, best.bic)
     style_axes(
         left, x="states", y="log-likelihood per datapoint,\nrelative to the best [nat]", title=HELD_OUT_TITLE
     )
@@ -130,12 +108,10 @@ def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequen
     half_width = min(MAX_OFFSET, LINE_OFFSET * (len(pairs) - 1)) / 2
     shifts = np.linspace(-half_width, half_width, len(pairs))
     return [
-        ScoreLine(
+        (
             tuple(sorted((s for s in scores if _line_name(s) == pair), key=lambda s: s.candidate.states)),
-            COLUMN_COLOURS[structures.index(pair[0])],
-            LINE_DASHES[durations.index(pair[1])],
-            MARKERS[durations.index(pair[1])],
             float(shift),
+            _line_style(structures.index(pair[0]), durations.index(pair[1])),
         )
         for pair, shift in zip(pairs, shifts, strict=True)
     ]
@@ -155,29 +131,27 @@ def _linear_range(top: Score) -> float:
     return 0.1 * top.standard_error if np.isfinite(top.standard_error) else 0.0
 
 
-def _draw_held_out(axes: Axes, line: ScoreLine, top: Score) -> None:
-    x = np.array(line.x_positions)
-    differences = np.array([_differences(score, top) for score in line.scores])  # (lines' scores, M)
+def _draw_held_out(
+    axes: Axes, x: Float[Array, " N"], differences: Float[Array, "N M"], style: dict[str, Any]
+) -> None:
     possible = np.isfinite(differences).all(axis=1)
     axes.errorbar(
         x[possible],
         differences[possible].mean(axis=1),
         differences[possible].std(axis=1, ddof=1) / np.sqrt(differences.shape[1]),
         elinewidth=0.9,
-        **_line_style(line),
+        **style,
     )
-    edge = axes.get_xaxis_transform()
-    axes.plot(
-        x[~possible], np.full((~possible).sum(), 0.03), "v", color=line.colour, markersize=6, transform=edge
-    )
+    marks = {"color": style["color"], "markersize": 6, "transform": axes.get_xaxis_transform()}
+    axes.plot(x[~possible], np.full((~possible).sum(), 0.03), "v", **marks)
 
 
-def _line_style(line: ScoreLine) -> dict[str, Any]:
+def _line_style(structure: int, duration: int) -> dict[str, Any]:
     return {
-        "color": line.colour,
-        "linestyle": line.dash,
+        "color": COLUMN_COLOURS[structure],
+        "linestyle": LINE_DASHES[duration],
         "linewidth": 1.0,
-        "marker": line.marker,
+        "marker": MARKERS[duration],
         "markersize": 4.5,
     }
 

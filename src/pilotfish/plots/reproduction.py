@@ -104,7 +104,9 @@ def reproduction(
         frame_axes = frame_axes_in(frames, space, plane, length) if set(plane) <= set(space) else []
         labels = _draw_plane(panel, skill, motion, demonstration, plane, frame_axes, length)
         _draw_via_points(panel, observations, plane)
-        drawn.append((panel, labels, np.stack([motion.x[0, list(plane)], *(t.origin for t in frame_axes)])))
+        drawn.append(
+            (panel, labels, np.stack([motion.x[0, list(plane)], *(origin for _, origin, _ in frame_axes)]))
+        )
     if is_spatial:
         frame_axes = frame_axes_in(frames, space, space, length)
         panel = figure.add_subplot(cells[0, -1], projection="3d")

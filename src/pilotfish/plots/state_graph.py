@@ -1,6 +1,5 @@
 """Plot of a semi-Markov skill as a graph with its duration distributions."""
 
-from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
@@ -28,22 +27,6 @@ LINE_HEIGHT = 0.2  # between labels of targets in other rows
 MAX_STATES_PER_ROW, ROW_MARGIN = 10, 1  # margin in nodes at the end of a row, if there are several
 DURATION_PANEL_HEIGHT = 2.2  # inches
 TAIL_PROBABILITY = 1e-4  # of durations beyond the drawn range
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """Positions of the states of a row, its arrows, and its vertical extent.
-
-    Arrows within the row lie between arrow_bottom and arrow_top; y_min and y_max include labels beyond.
-    """
-
-    position: dict[int, int]
-    internal_arrows: list[tuple[int, int]]
-    outgoing_arrows: list[tuple[int, int]]
-    arrow_bottom: float
-    arrow_top: float
-    y_min: float
-    y_max: float
 
 
 def state_graph(skill: Skill | AdaptedSkill, *, min_probability: float = 0.01) -> Figure:
@@ -83,18 +66,17 @@ def state_graph(skill: Skill | AdaptedSkill, *, min_probability: float = 0.01) -
         (int(i), int(j))
         for i, j in np.argwhere((chain.transitions >= min_probability) & (chain.transitions > 0.0))
     ]
-    rows = [_row(line, arrows) for line in lines]
-    heights = [
-        part for row in rows for part in (NODE_SPACING * (row.y_max - row.y_min), DURATION_PANEL_HEIGHT)
-    ]
+    positions = [{int(state): x for x, state in enumerate(line)} for line in lines]
+    extents = [_vertical_extent(position, arrows) for position in positions]
+    heights = [part for low, high in extents for part in (NODE_SPACING * (high - low), DURATION_PANEL_HEIGHT)]
     n_columns = len(lines[0]) + ROW_MARGIN * (len(lines) > 1)
     figure = new_figure(max(5.0, NODE_SPACING * n_columns + 0.8), sum(heights))
-    cells = figure.add_gridspec(2 * len(rows), 1, height_ratios=heights)
-    for n, row in enumerate(rows):
+    cells = figure.add_gridspec(2 * len(lines), 1, height_ratios=heights)
+    for n, position in enumerate(positions):
         graph = figure.add_subplot(cells[2 * n])
-        graph.set(xlim=(-0.5, n_columns - 0.5), ylim=(row.y_min, row.y_max), aspect="equal")
+        graph.set(xlim=(-0.5, n_columns - 0.5), ylim=extents[n], aspect="equal")
         graph.axis("off")
-        _draw_graph(graph, chain, row)
+        _draw_graph(graph, chain, position, arrows)
         _draw_durations(figure, cells[2 * n + 1], chain, lines[n], n_columns, skill.period)
     return figure
 
@@ -105,25 +87,17 @@ def _split_into_rows(order: Int[Array, " K"]) -> list[Int[Array, " L"]]:
     return [order[n : n + length] for n in range(0, len(order), length)]
 
 
-def _row(line: Int[Array, " L"], arrows: list[tuple[int, int]]) -> Row:
-    position = {int(state): x for x, state in enumerate(line)}
-    internal_arrows = [(i, j) for i, j in arrows if i in position and j in position]
-    outgoing_arrows = [(i, j) for i, j in arrows if i in position and j not in position]
-    peaks = [_arrow_peak(position[i], position[j]) for i, j in internal_arrows]
-    arrow_top, arrow_bottom = (
-        max([FINAL_RING_RADIUS, *peaks]) + 0.2,
-        min([-FINAL_RING_RADIUS - 0.2, *peaks]) - 0.2,
-    )
-    count = max((sum(i == k for i, _ in outgoing_arrows) for k in position), default=0)
-    return Row(
-        position,
-        internal_arrows,
-        outgoing_arrows,
-        arrow_bottom,
-        arrow_top,
-        arrow_bottom - 0.12,
-        arrow_top + LINE_HEIGHT * count,
-    )
+def _arrow_extent(position: dict[int, int], arrows: list[tuple[int, int]]) -> tuple[float, float]:
+    """Return the lowest and the highest point of the arrows within a row."""
+    peaks = [_arrow_peak(position[i], position[j]) for i, j in arrows if i in position and j in position]
+    return min([-FINAL_RING_RADIUS - 0.2, *peaks]) - 0.2, max([FINAL_RING_RADIUS, *peaks]) + 0.2
+
+
+def _vertical_extent(position: dict[int, int], arrows: list[tuple[int, int]]) -> tuple[float, float]:
+    """Return the lowest and the highest point of a row, with the labels of arrows to other rows."""
+    bottom, top = _arrow_extent(position, arrows)
+    count = max(sum(i == k and j not in position for i, j in arrows) for k in position)
+    return bottom - 0.12, top + LINE_HEIGHT * count
 
 
 def _order_by_time(chain: SemiMarkovChain) -> Int[Array, " K"]:
@@ -150,19 +124,23 @@ def _arrow_peak(start: int, end: int) -> float:
     )
 
 
-def _draw_graph(axes: Axes, chain: SemiMarkovChain, row: Row) -> None:
-    final, position = np.asarray(~chain.transitions.any(axis=1)), row.position
+def _draw_graph(
+    axes: Axes, chain: SemiMarkovChain, position: dict[int, int], arrows: list[tuple[int, int]]
+) -> None:
+    """Draw the states of a row and their arrows."""
+    final, (bottom, top) = np.asarray(~chain.transitions.any(axis=1)), _arrow_extent(position, arrows)
     nodes = {k: _draw_node(axes, x, k, final=bool(final[k])) for k, x in position.items()}
-    for i, j in row.internal_arrows:
-        arrow = FancyArrowPatch(
-            (position[i], 0.0), (position[j], 0.0), patchA=nodes[i], patchB=nodes[j], zorder=2
-        )
-        _draw_arrow(axes, arrow, position[i], position[j], float(chain.transitions[i, j]))
+    for i, j in arrows:
+        if i in position and j in position:
+            arrow = FancyArrowPatch(
+                (position[i], 0.0), (position[j], 0.0), patchA=nodes[i], patchB=nodes[j], zorder=2
+            )
+            _draw_arrow(axes, arrow, position[i], position[j], float(chain.transitions[i, j]))
     for k, x in position.items():
-        targets = [j for i, j in row.outgoing_arrows if i == k]
-        _draw_outgoing_arrows(axes, x, row.arrow_top, {j: float(chain.transitions[k, j]) for j in targets})
+        targets = [j for i, j in arrows if i == k and j not in position]
+        _draw_outgoing_arrows(axes, x, top, {j: float(chain.transitions[k, j]) for j in targets})
         if chain.initial[k] >= 0.005:  # omit 0.00
-            _draw_initial_arrow(axes, x, row.arrow_bottom, float(chain.initial[k]))
+            _draw_initial_arrow(axes, x, bottom, float(chain.initial[k]))
 
 
 def _draw_outgoing_arrows(axes: Axes, x: int, arrow_top: float, targets: dict[int, float]) -> None:
