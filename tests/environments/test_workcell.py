@@ -8,7 +8,7 @@ from pilotfish.control import forward_kinematics, jacobian
 from pilotfish.environments import TASKS, Workcell
 from pilotfish.environments.baxter import arm_chain, baxter_limits
 from pilotfish.environments.baxter.body import add_arm, empty_world
-from pilotfish.environments.baxter.parameters import JOINTS
+from pilotfish.environments.baxter.parameters import JOINT_NAMES
 from pilotfish.environments.baxter.tools import mount_handle
 from pilotfish.environments.guidance import follow_relative_motion, linear_path
 from pilotfish.geometry import (
@@ -49,7 +49,7 @@ def both_arms() -> tuple[mujoco.MjModel, mujoco.MjData]:
 def test_arm_chain_equals_simulated_arm(rng, side):
     model, data = both_arms()
     q, chain = sample_joints(rng), arm_chain(side, 0.06)
-    first = int(model.joint(f"{side}_{JOINTS[0].name}").qposadr[0])
+    first = int(model.joint(f"{side}_{JOINT_NAMES[0]}").qposadr[0])
     data.qpos[first : first + 7] = q
     mujoco.mj_forward(model, data)
     site, pose = model.site(f"{side}_tool").id, forward_kinematics(chain, q)
@@ -64,7 +64,7 @@ def test_arm_chain_equals_simulated_arm(rng, side):
 def test_simulated_jacobian_equals_finite_difference(rng, side):
     model, data = both_arms()
     q, h = sample_joints(rng), 1e-6
-    first = int(model.joint(f"{side}_{JOINTS[0].name}").qposadr[0])
+    first = int(model.joint(f"{side}_{JOINT_NAMES[0]}").qposadr[0])
     site = model.site(f"{side}_tool").id
 
     def tool(joints: np.ndarray) -> Pose:

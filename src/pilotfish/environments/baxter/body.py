@@ -8,13 +8,17 @@ from pilotfish.environments.baxter.parameters import (
     HAND,
     HAND_FROM_WRIST,
     INERTIALS,
-    JOINTS,
+    JOINT_NAMES,
+    JOINT_ORIGINS,
+    JOINT_ROTATIONS,
+    LOWER_LIMITS,
+    MAX_TORQUES,
     MOUNT,
     MOUNT_YAW,
     SPRING,
     SPRING_JOINT,
     SPRING_REST,
-    Inertial,
+    UPPER_LIMITS,
     Triple,
 )
 from pilotfish.geometry import multiply
@@ -60,7 +64,7 @@ def joint_names(side: str) -> tuple[str, ...]:
     Args:
         side: "left" or "right".
     """
-    return tuple(f"{side}_{joint.name}" for joint in JOINTS)
+    return tuple(f"{side}_{name}" for name in JOINT_NAMES)
 
 
 def empty_world(timestep: float) -> mujoco.MjSpec:
@@ -97,30 +101,23 @@ def add_arm(spec: mujoco.MjSpec, side: str, *, posture: tuple[float, ...] | None
     parent = spec.worldbody.add_body(
         name=f"{side}_mount", pos=[x, sign * y, z], quat=quaternion_from_rpy((0.0, 0.0, sign * MOUNT_YAW))
     )
-    for n, (joint, mass, (start, end, radius)) in enumerate(zip(JOINTS, INERTIALS, COVERS, strict=True)):
-        parent = parent.add_body(
-            name=f"{side}_{joint.name}_link", pos=joint.xyz, quat=quaternion_from_rpy(joint.rpy)
-        )
-        _set_inertial(parent, mass)
-        _add_cover(
-            parent, f"{side}_{joint.name}_cover", (start, end), radius, RED if n in (0, 2, 4) else DARK
-        )
+    for n, (joint, (start, end, radius)) in enumerate(zip(JOINT_NAMES, COVERS, strict=True)):
+        rotation = quaternion_from_rpy(JOINT_ROTATIONS[n])
+        parent = parent.add_body(name=f"{side}_{joint}_link", pos=JOINT_ORIGINS[n], quat=rotation)
+        _set_inertial(parent, *INERTIALS[n])
+        _add_cover(parent, f"{side}_{joint}_cover", (start, end), radius, RED if n in (0, 2, 4) else DARK)
         if posture is not None:
-            parent.quat = multiply(
-                quaternion_from_rpy(joint.rpy), quaternion_from_rpy((0.0, 0.0, posture[n]))
-            )
+            parent.quat = multiply(rotation, quaternion_from_rpy((0.0, 0.0, posture[n])))
             continue
-        hinge = parent.add_joint(
-            name=f"{side}_{joint.name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1]
-        )
-        hinge.range, hinge.armature = (joint.lower, joint.upper), ROTOR[n]
+        hinge = parent.add_joint(name=f"{side}_{joint}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+        hinge.range, hinge.armature = (LOWER_LIMITS[n], UPPER_LIMITS[n]), ROTOR[n]
         hinge.damping[0] = FRICTION  # the linear term
-        if joint.name == SPRING_JOINT:
+        if joint == SPRING_JOINT:
             hinge.stiffness[0], hinge.springref = SPRING, SPRING_REST
-        motor = spec.add_actuator(name=f"{side}_{joint.name}", target=hinge.name)
-        motor.trntype, motor.ctrlrange = mujoco.mjtTrn.mjTRN_JOINT, (-joint.torque, joint.torque)
+        motor = spec.add_actuator(name=f"{side}_{joint}", target=hinge.name)
+        motor.trntype, motor.ctrlrange = mujoco.mjtTrn.mjTRN_JOINT, (-MAX_TORQUES[n], MAX_TORQUES[n])
     hand = parent.add_body(name=f"{side}_hand", pos=[0.0, 0.0, HAND_FROM_WRIST])
-    _set_inertial(hand, HAND)
+    _set_inertial(hand, *HAND)
     return hand
 
 
@@ -166,6 +163,6 @@ def _add_cover(
     geom.contype, geom.conaffinity, geom.mass = ROBOT, OBJECT, 0.0
 
 
-def _set_inertial(body: mujoco.MjsBody, mass: Inertial) -> None:
-    body.mass, body.ipos, body.fullinertia = mass.mass, mass.centre, mass.inertia
+def _set_inertial(body: mujoco.MjsBody, mass: float, centre: Triple, inertia: tuple[float, ...]) -> None:
+    body.mass, body.ipos, body.fullinertia = mass, centre, inertia
     body.explicitinertial = True

@@ -3,7 +3,18 @@
 import numpy as np
 
 from pilotfish.control import SerialChain, arm_limits, inverse_kinematics
-from pilotfish.environments.baxter.parameters import HAND_FROM_WRIST, JOINTS, MOUNT, MOUNT_YAW, Triple
+from pilotfish.environments.baxter.parameters import (
+    HAND_FROM_WRIST,
+    JOINT_ORIGINS,
+    JOINT_ROTATIONS,
+    LOWER_LIMITS,
+    MAX_TORQUES,
+    MAX_VELOCITIES,
+    MOUNT,
+    MOUNT_YAW,
+    UPPER_LIMITS,
+    Triple,
+)
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, from_rotation_vector, multiply
 from pilotfish.kernels import ArmLimits
@@ -34,16 +45,16 @@ def arm_chain(side: str, tool_length: float = 0.0) -> SerialChain:
     tool = Pose(np.array([0.0, 0.0, HAND_FROM_WRIST + tool_length]), quaternion_from_rpy((0.0, 0.0, 0.0)))
     return SerialChain(
         base,
-        np.array([joint.xyz for joint in JOINTS]),
-        np.stack([quaternion_from_rpy(joint.rpy) for joint in JOINTS]),
-        np.tile([0.0, 0.0, 1.0], (len(JOINTS), 1)),
+        np.array(JOINT_ORIGINS),
+        np.stack([quaternion_from_rpy(rpy) for rpy in JOINT_ROTATIONS]),
+        np.tile([0.0, 0.0, 1.0], (len(JOINT_ORIGINS), 1)),
         tool,
     )
 
 
 def baxter_limits() -> ArmLimits:
     """Return the joint limits, which are the same for both arms."""
-    return arm_limits(*zip(*((j.lower, j.upper, j.velocity, j.torque) for j in JOINTS), strict=True))
+    return arm_limits(LOWER_LIMITS, UPPER_LIMITS, MAX_VELOCITIES, MAX_TORQUES)
 
 
 def solve_posture(tool: Pose, tool_length: float, side: str = RIGHT) -> Float[Array, " 7"]:

@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 
 from pilotfish.environments.baxter.body import UPPER_BODY
-from pilotfish.environments.baxter.parameters import JOINTS
+from pilotfish.environments.baxter.parameters import JOINT_NAMES
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
 
 SIDES = ("left", "right")
 TRUNK = "torso"
-PARTS = (TRUNK, *(joint.name for joint in JOINTS))
+PARTS = (TRUNK, *JOINT_NAMES)
 HIDDEN_GROUP = 3  # geom group that the renderer leaves out
 
 
