@@ -12,6 +12,7 @@ import numpy as np
 from pilotfish.demonstrations import (
     Demonstration,
     Frame,
+    Layout,
     MovingFrame,
     demonstration,
     moving_frame,
@@ -30,9 +31,8 @@ from pilotfish.io.demonstration_tables import (
 from pilotfish.io.manifest import (
     MANIFEST_NAMES,
     MAX_MANIFEST_BYTES,
-    DemonstrationEntry,
+    Frames,
     Manifest,
-    MovingFrameKeys,
     layout_to_dicts,
     parse_manifest,
     serialise_manifest,
@@ -55,8 +55,18 @@ def read_demonstrations(path: str | Path) -> tuple[Demonstration, ...]:
         >>> read_demonstrations("my-recordings")  # doctest: +SKIP
     """
     folder = Path(path)
-    manifest = _read_manifest(folder)
-    return tuple(_read_demonstration(folder, entry, manifest) for entry in manifest.entries)
+    period, layout, entries = _read_manifest(folder)
+    demonstrations = []
+    for file, (name, sha256, frames) in entries.items():
+        arrays = _read_arrays(folder, file, sha256, layout)
+        _require_expected_arrays(arrays, file, frames)
+        try:
+            built = [_build_frame(frame_name, given, arrays) for frame_name, given in frames.items()]
+            demonstrations.append(demonstration(arrays["x"], period, layout, built, name))
+        except InvalidInput as error:
+            hint = " (row 0 is line 2)" if file.endswith(".csv") else ""
+            raise InvalidInput(f"{file}{hint}: {error}") from error
+    return tuple(demonstrations)
 
 
 def write_demonstrations(
@@ -130,46 +140,33 @@ def _read_inside(folder: Path, name: str, expected: str, max_bytes: int) -> byte
     return read_file(file, expected, max_bytes)
 
 
-def _read_demonstration(folder: Path, entry: DemonstrationEntry, manifest: Manifest) -> Demonstration:
-    is_csv = entry.file.endswith(".csv")
-    data = _read_inside(folder, entry.file, "a table of rows", MAX_CSV_BYTES if is_csv else MAX_NPZ_BYTES)
-    if entry.sha256 and entry.sha256 != (actual := hashlib.sha256(data).hexdigest()):
+def _read_arrays(folder: Path, file: str, sha256: str, layout: Layout) -> dict[str, Float[Array, "..."]]:
+    is_csv = file.endswith(".csv")
+    data = _read_inside(folder, file, "a table of rows", MAX_CSV_BYTES if is_csv else MAX_NPZ_BYTES)
+    if sha256 and sha256 != (actual := hashlib.sha256(data).hexdigest()):
         raise InvalidInput(
-            f"{entry.file}: changed after it was written: its sha256 is {actual[:12]}..., the "
-            f"manifest expects {entry.sha256[:12]}...; if the change is meant, delete its sha256 and the "
-            "manifest's own"
+            f"{file}: changed after it was written: its sha256 is {actual[:12]}..., the manifest expects "
+            f"{sha256[:12]}...; if the change is meant, delete its sha256 and the manifest's own"
         )
-    if is_csv:
-        arrays = {"x": decode_csv(data, entry.file, manifest.layout.names)}
-    else:
-        arrays = decode_npz(data, entry.file)
-    _require_expected_arrays(arrays, entry)
-    label = f"{entry.file}{' (row 0 is line 2)' if is_csv else ''}"
-    try:
-        frames = [_build_frame(given, arrays) for given in entry.frames]
-        return demonstration(arrays["x"], manifest.period, manifest.layout, frames, entry.name)
-    except InvalidInput as error:
-        raise InvalidInput(f"{label}: {error}") from error
+    return {"x": decode_csv(data, file, layout.names)} if is_csv else decode_npz(data, file)
 
 
-def _require_expected_arrays(arrays: dict[str, Float[Array, "..."]], entry: DemonstrationEntry) -> None:
-    moving = [given for given in entry.frames if isinstance(given, MovingFrameKeys)]
-    expected = {"x", *(given.A for given in moving), *(given.b for given in moving)}
+def _require_expected_arrays(arrays: dict[str, Float[Array, "..."]], file: str, frames: Frames) -> None:
+    moving = [key for given in frames.values() if isinstance(given, tuple) for key in given]
+    expected = {"x", *moving}
     if missing := sorted(expected - arrays.keys()):
-        hint = "; moving frames need an NPZ file" if entry.file.endswith(".csv") else ""
-        raise InvalidInput(
-            f"{entry.file} has no array {missing[0]!r}, it has {short_list(sorted(arrays))}{hint}"
-        )
+        hint = "; moving frames need an NPZ file" if file.endswith(".csv") else ""
+        raise InvalidInput(f"{file} has no array {missing[0]!r}, it has {short_list(sorted(arrays))}{hint}")
     if extra := sorted(arrays.keys() - expected):
         raise InvalidInput(
-            f"{entry.file} has an array {short_repr(extra[0])} that no frame names; name it or remove it"
+            f"{file} has an array {short_repr(extra[0])} that no frame names; name it or remove it"
         )
 
 
 def _build_frame(
-    given: Frame | MovingFrameKeys, arrays: dict[str, Float[Array, "..."]]
+    name: str, given: Frame | tuple[str, str], arrays: dict[str, Float[Array, "..."]]
 ) -> Frame | MovingFrame:
-    return given if isinstance(given, Frame) else moving_frame(given.name, arrays[given.A], arrays[given.b])
+    return given if isinstance(given, Frame) else moving_frame(name, arrays[given[0]], arrays[given[1]])
 
 
 def _encode_files(demonstrations: Sequence[Demonstration]) -> dict[str, bytes]:
@@ -236,7 +233,7 @@ def _frame_to_dict(n: int, given: Frame | MovingFrame) -> dict[str, Any]:
 def _require_demonstrations(target: Path, folder: Path) -> None:
     """Raise InvalidInput unless folder, whose usual name is target, holds demonstrations and nothing else."""
     try:
-        known = {*MANIFEST_NAMES, *(entry.file for entry in _read_manifest(folder).entries)}
+        known = {*MANIFEST_NAMES, *_read_manifest(folder)[2]}
         names = _list_folder(folder)
     except InvalidInput as error:
         raise InvalidInput(

@@ -9,7 +9,6 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -42,53 +41,11 @@ MAX_DEMONSTRATIONS = 10_000
 MAX_FRAME_ENTRIES = 2**26  # numbers in the matrices of all frames
 SHA256_LENGTH = 64  # digits
 MAX_INTEGER = 2**53  # integers up to this are exact in every JSON reader
-
-
-@dataclass(frozen=True, slots=True)
-class MovingFrameKeys:
-    """Moving frame whose matrices and offsets are arrays of the demonstration's NPZ file.
-
-    Attributes:
-        name: Name of the frame.
-        A: Name of the array of matrices.
-        b: Name of the array of offsets.
-    """
-
-    name: str
-    A: str
-    b: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DemonstrationEntry:
-    """Entry of one demonstration.
-
-    Attributes:
-        name: Name of the demonstration; may be empty.
-        file: Name of its CSV or NPZ file in the folder.
-        sha256: Checksum of that file; empty if the manifest has none.
-        frames: Its frames; empty for the world frame only.
-    """
-
-    name: str
-    file: str
-    sha256: str
-    frames: tuple[Frame | MovingFrameKeys, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Manifest:
-    """Content of a folder.
-
-    Attributes:
-        period: Time between rows [s].
-        layout: Columns of every demonstration.
-        entries: The demonstrations, in order.
-    """
-
-    period: float
-    layout: Layout
-    entries: tuple[DemonstrationEntry, ...]
+# Frames by name. A moving frame has the names of two arrays of the NPZ file: of its matrices and its offsets.
+Frames = dict[str, Frame | tuple[str, str]]
+# Time between rows [s], columns, and by name of the CSV or NPZ file: the name of the demonstration, which may
+# be empty, the checksum of the file, empty if there is none, and the frames, empty for the world frame only.
+Manifest = tuple[float, Layout, dict[str, tuple[str, str, Frames]]]
 
 
 def parse_manifest(data: bytes, name: str) -> Manifest:
@@ -99,7 +56,7 @@ def parse_manifest(data: bytes, name: str) -> Manifest:
         name: Name of the file; the suffix .toml means TOML, any other JSON.
 
     Returns:
-        The manifest.
+        The period, the layout and the entries.
 
     Raises:
         InvalidInput: If the manifest cannot be used; the message names the key, its value and the nearest
@@ -116,9 +73,9 @@ def parse_manifest(data: bytes, name: str) -> Manifest:
     entries = [_parse_entry(item, f"{name}: demonstration {m}", layout) for m, item in enumerate(items)]
     if not entries:
         raise InvalidInput(f"{name}: demonstration is empty, expected at least one; add [[demonstration]]")
-    if duplicate := first_duplicate(entry.file for entry in entries):
+    if duplicate := first_duplicate(file for file, _ in entries):
         raise InvalidInput(f"{name}: file {duplicate!r} is named more than once, expected one file for each")
-    return Manifest(require_period(table["period"], f"{name}: period"), layout, tuple(entries))
+    return require_period(table["period"], f"{name}: period"), layout, dict(entries)
 
 
 def serialise_manifest(content: dict[str, Any]) -> bytes:
@@ -260,7 +217,7 @@ def _parse_part(value: object, label: str) -> Part:
         raise InvalidInput(f"{label}: {error}") from error
 
 
-def _parse_entry(value: object, label: str, layout: Layout) -> DemonstrationEntry:
+def _parse_entry(value: object, label: str, layout: Layout) -> tuple[str, tuple[str, str, Frames]]:
     table = _require_table(value, label, ("file",), ("name", "sha256", "frames"))
     file = require_printable(table["file"], f"{label}: file")
     path = PurePath(file)
@@ -270,14 +227,14 @@ def _parse_entry(value: object, label: str, layout: Layout) -> DemonstrationEntr
         )
     items = _require_list(table.get("frames", []), f"{label}: frames")
     frames = [_parse_frame(item, f"{label}, frame {n}", layout) for n, item in enumerate(items)]
-    if duplicate := first_duplicate(given.name for given in frames):
+    if duplicate := first_duplicate(name for name, _ in frames):
         raise InvalidInput(f"{label}: two frames are named {duplicate!r}, expected different names")
     name = require_printable(table.get("name", ""), f"{label}: name")
     sha256 = require_printable(table.get("sha256", ""), f"{label}: sha256", SHA256_LENGTH)
-    return DemonstrationEntry(name, file, sha256, tuple(frames))
+    return file, (name, sha256, dict(frames))
 
 
-def _parse_frame(value: object, label: str, layout: Layout) -> Frame | MovingFrameKeys:
+def _parse_frame(value: object, label: str, layout: Layout) -> tuple[str, Frame | tuple[str, str]]:
     by_pose = isinstance(value, dict) and ("position" in value or "quaternion" in value)
     table = _require_table(
         value, label, ("name", "position", "quaternion") if by_pose else ("name", "A", "b")
@@ -286,17 +243,16 @@ def _parse_frame(value: object, label: str, layout: Layout) -> Frame | MovingFra
         name = require_name(table["name"], "the name of a frame")
         if by_pose:
             position, quaternion = (finite_array(table[key], key) for key in ("position", "quaternion"))
-            return frame_from_pose(name, layout, pose(position, quaternion))
+            return name, frame_from_pose(name, layout, pose(position, quaternion))
         if isinstance(table["A"], str):
-            keys = (require_printable(table[key], key) for key in ("A", "b"))
-            return MovingFrameKeys(name, *keys)
+            return name, (require_printable(table["A"], "A"), require_printable(table["b"], "b"))
         given = frame(name, table["A"], table["b"])
         if len(given.b) != layout.width:
             raise InvalidInput(
                 f"frame {name!r}: A and b are {len(given.b)} wide, expected the width of the layout: "
                 f"{layout.width} columns"
             )
-        return given
+        return name, given
     except InvalidInput as error:
         raise InvalidInput(f"{label}: {error}") from error
 
