@@ -22,7 +22,7 @@ class RequirementResult:
     verdict: str
 
 
-def incompatibility(results: Sequence[Result]) -> float:
+def disagreement(results: Sequence[Result]) -> float:
     """Return the largest relative difference of the answers; infinite if one is not finite.
 
     Where models differ, only the answers before the first iteration count: there the models are the same.
@@ -42,7 +42,7 @@ def _relative_difference(answers: Sequence[float]) -> float:
 
 def agrees(case: Case, results: Sequence[Result]) -> bool:
     """Return whether the libraries computed the same answer."""
-    return case.agreement is None or incompatibility(results) <= case.agreement
+    return case.agreement is None or disagreement(results) <= case.agreement
 
 
 def own_result(results: Sequence[Result], label: str = "") -> Result | None:

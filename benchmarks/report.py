@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from judging import agrees, incompatibility, own_result, requirement_results
+from judging import agrees, disagreement, own_result, requirement_results
 from kinds import Case
 from machine import Machine
 from measure import MeasurementSettings, Result, SampleStatistics
@@ -164,7 +164,7 @@ def _agreement(case: Case, results: Sequence[Result]) -> str:
     measured = [result for result in results if not result.failure]
     if case.agreement is None or len(measured) < 2:
         return ""
-    difference = incompatibility(results)
+    difference = disagreement(results)
     if agrees(case, results):
         differs = any(result.entry.differs for result in measured)
         agreement = "the initial answers agree" if differs else "the answers agree"
@@ -218,7 +218,7 @@ def as_json(report: Report) -> dict[str, Any]:
         {
             "case": case.name,
             "title": case.title,
-            "incompatibility": incompatibility(results) if case.agreement is not None else None,
+            "disagreement": disagreement(results) if case.agreement is not None else None,
             "entries": [asdict(result) for result in results],
         }
         for case, results in report.cases
