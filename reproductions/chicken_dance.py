@@ -32,7 +32,6 @@ from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, resample
 from pilotfish.gaussians import regress
 from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
-from pilotfish.models import as_mixture
 
 POINTS, TRAINED = 500, 375  # datapoints; those before the last quarter
 FACTORS = 4  # of MFA and HDDC; the thesis names no number
@@ -167,7 +166,7 @@ def input_columns(task: str, layout: Layout) -> np.ndarray:
 def regenerate(skill: pf.Skill, x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """Replace every column except the inputs by its conditional mean."""
     adapted = pf.adapt(skill, [pf.Frame("world", np.eye(skill.width), np.zeros(skill.width))])
-    expected = regress(as_mixture(adapted), inputs, np.ascontiguousarray(x[:, inputs])).means
+    expected = regress(adapted.as_mixture(), inputs, np.ascontiguousarray(x[:, inputs])).means
     regenerated = x.copy()
     regenerated[:, np.setdiff1d(np.arange(x.shape[1]), inputs)] = expected
     return regenerated

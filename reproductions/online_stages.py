@@ -41,7 +41,6 @@ import pilotfish as pf
 from pilotfish import plots
 from pilotfish.models import (
     SemiMarkovChain,
-    log_state_likelihoods,
     match_labels,
     normalised_mutual_information,
     state_segments,
@@ -168,7 +167,7 @@ def pictures(seed: int) -> dict[str, Figure]:
     last = stage_results("thesis", seed)[-1]
     skill = to_skill(last.model)
     adapted = pf.adapt(skill, [pf.Frame("world", np.eye(D), np.zeros(D))])
-    observed = log_state_likelihoods(adapted, stages(seed)[0].x[:1])
+    observed = adapted.log_state_likelihoods(stages(seed)[0].x[:1])
     return {
         "figure-5.5-clusters": draw_stages(seed),
         "figure-5.6-growth": draw_growth(seed),

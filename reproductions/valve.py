@@ -30,7 +30,6 @@ import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration
 from pilotfish.gaussians.structures import component_correlation
-from pilotfish.models import log_state_likelihoods
 
 THESIS = {  # table 4.1: train and test mean squared error, covariance parameters, seconds of training
     0.0: (0.0021, 0.0146, 1470, 2.45),
@@ -119,7 +118,7 @@ def draw_figures(
         done = reproduce_published(skill, demonstration)
         frames = [frame for frame in demonstration.frames if isinstance(frame, pf.Frame)]
         figures[name] = plots.reproduction(done.adapted, done.motion, frames, demonstration=demonstration)
-    observed = log_state_likelihoods(done.adapted, demonstration.x[:1])
+    observed = done.adapted.log_state_likelihoods(demonstration.x[:1])
     states = done.adapted.dynamics.most_probable_states(observed, HORIZON)
     figures["figure-4.5-over-time"] = plots.tracked_coordinates(
         done.adapted, states, done.motion, demonstration=demonstration

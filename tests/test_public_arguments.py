@@ -12,6 +12,8 @@ from annotations import check_annotations
 import pilotfish as pf
 from pilotfish import control, demonstrations, gaussians, geometry, planning
 from pilotfish.errors import SkillError
+from pilotfish.gaussians.gaussian import confidence_radius
+from pilotfish.geometry.rotation_vectors import skew_matrix
 from pilotfish.planning.moving import moving_frame_reference
 from pilotfish.planning.plan import reference_from_states
 
@@ -77,7 +79,7 @@ def small_calls() -> list[Call]:
         (geometry.quaternion_log, {"q": q}),
         (geometry.angle, {"p": q, "q": q}),
         (geometry.unwrap_quaternions, {"q": q[None]}),
-        (geometry.skew_matrix, {"v": v}),
+        (skew_matrix, {"v": v}),
         (geometry.right_jacobian, {"v": v}),
         (geometry.inverse_right_jacobian, {"v": v}),
         (geometry.inverse_right_jacobian_derivative, {"v": v, "w": v}),
@@ -96,10 +98,10 @@ def small_calls() -> list[Call]:
         (gaussians.marginal, {"g": g, "columns": column}),
         (gaussians.condition, {"g": g, "columns": column, "value": np.zeros(1)}),
         (gaussians.sample, {"g": g, "count": 3, "rng": np.random.default_rng(0)}),
-        (gaussians.confidence_radius, {"width": 2, "probability": 0.9}),
-        (gaussians.in_confidence_region, {"g": g, "x": rows, "probability": 0.9}),
-        (gaussians.ellipse, {"g": g, "radius": 1.0, "points": 9}),
-        (gaussians.moments, {"x": rows, "responsibilities": np.ones((3, 1))}),
+        (confidence_radius, {"width": 2, "probability": 0.9}),
+        (g.in_confidence_region, {"x": rows, "probability": 0.9}),
+        (g.ellipse, {"radius": 1.0, "points": 9}),
+        (gaussians.Moments.from_data, {"x": rows, "responsibilities": np.ones((3, 1))}),
         (gaussians.structures.SemiTied, {"tying": 0.5, "sweeps": 2}),
         (gaussians.structures.MFA, {"factors": 2, "sweeps": 2, "min_noise": 1e-8}),
         (gaussians.structures.MPPCA, {"components": 2, "sweeps": 2, "min_noise": 1e-8}),

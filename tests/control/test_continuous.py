@@ -128,7 +128,7 @@ def test_track_continuous_long_horizon_gains_stabilise(rng):
     weights = np.stack([np.diag([1e3, 1e-2, 0.0, 1.0])] * 60)
     feedback = track_continuous(system, Reference(np.zeros((60, 4)), weights), 1e-2, period=0.5)
     assert np.linalg.eigvals(system.A - system.B @ feedback.gains[0]).real.max() < 0
-    assert np.abs(np.linalg.eigvals(feedback.transitions[0])).max() < 1
+    assert np.abs(np.linalg.eigvals(feedback.closed_loops[0, :, :-1])).max() < 1
 
 
 def test_continuous_feedback_transformed_world_transforms_motion(rng, stepwise):

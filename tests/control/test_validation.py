@@ -202,7 +202,7 @@ def test_rollout_unusable_start_is_refused(start, message):
 def test_stiffness_odd_state_is_refused():
     """Three entries are not positions and as many velocities."""
     feedback = Feedback(
-        SYSTEM, Reference(np.zeros((2, 3)), np.zeros((2, 3, 3))), np.ones((1, 1, 3)), np.ones((1, 1))
+        SYSTEM, Reference(np.zeros((2, 3)), np.zeros((2, 3, 3))), 0.1, np.ones((1, 1, 3)), np.ones((1, 1))
     )
     for gain in ("stiffness", "damping"):
         with pytest.raises(InvalidInput, match="the state has 3 entries"):

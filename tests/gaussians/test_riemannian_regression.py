@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import conditional_gaussians, log_input_densities, regress_with_responsibilities
+from pilotfish.gaussians import conditional_gaussians, regress_with_responsibilities
 from pilotfish.geometry import exp_map, exp_map_jacobian, log_map, multiply, normalise
 
 ORIENTATION_STARTS = (1, 6)  # a number, a hand's orientation, a number, another orientation
@@ -22,7 +22,7 @@ def components(rng, K, apart=0.6, spread=0.4):
 
 
 def responsibilities_of(conditionals, x):
-    log_p = log_input_densities(conditionals, x)
+    log_p = conditionals.log_input_densities(x)
     p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
     return p / p.sum(axis=1, keepdims=True)
 
@@ -144,4 +144,4 @@ def test_conditional_gaussians_part_of_orientation_raises(rng):
         conditional_gaussians(means, covariances, np.arange(10), ORIENTATION_STARTS)
     conditionals = conditional_gaussians(means, covariances, HAND, ORIENTATION_STARTS)
     with pytest.raises(InvalidInput, match="expected 5"):
-        log_input_densities(conditionals, np.zeros((2, 4)))
+        conditionals.log_input_densities(np.zeros((2, 4)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import TangentMoments, moments, tangent_moments
+from pilotfish.gaussians import Moments, TangentMoments
 from pilotfish.geometry import exp_map, log_map, normalise
 
 ORIENTATION_STARTS = (3,)
@@ -46,7 +46,7 @@ def test_add_different_origins_raises(rng):
 def test_tangent_moments_means_equal_karcher_mean(rng):
     """Tangent vectors to it sum to zero."""
     x, responsibilities = points(rng, 40), rng.dirichlet(np.ones(3), size=40)
-    sums = tangent_moments(x, responsibilities, ORIENTATION_STARTS)
+    sums = TangentMoments.from_data(x, responsibilities, ORIENTATION_STARTS)
     for k in range(3):
         v = log_map(sums.means[k], x, ORIENTATION_STARTS)
         np.testing.assert_allclose(responsibilities[:, k] @ v, 0.0, atol=1e-10)
@@ -63,7 +63,11 @@ def test_means_repeated_converge_to_karcher_mean(rng):
     for _ in range(60):
         origins = tangent_sums(origins, x, responsibilities).means
     np.testing.assert_allclose(
-        log_map(tangent_moments(x, responsibilities, ORIENTATION_STARTS).means, origins, ORIENTATION_STARTS),
+        log_map(
+            TangentMoments.from_data(x, responsibilities, ORIENTATION_STARTS).means,
+            origins,
+            ORIENTATION_STARTS,
+        ),
         0.0,
         atol=1e-9,
     )
@@ -71,7 +75,10 @@ def test_means_repeated_converge_to_karcher_mean(rng):
 
 def test_tangent_moments_without_orientations_equal_moments(rng):
     x, responsibilities = points(rng, 20), rng.dirichlet(np.ones(2), size=20)
-    sums, flat = tangent_sums(points(rng, 2), x, responsibilities), moments(x[:, :3], responsibilities)
+    sums, flat = (
+        tangent_sums(points(rng, 2), x, responsibilities),
+        Moments.from_data(x[:, :3], responsibilities),
+    )
     np.testing.assert_allclose(sums.means[:, :3], flat.means, atol=1e-12)
     np.testing.assert_allclose(sums.scatter_matrices[:, :3, :3], flat.scatter_matrices, atol=1e-11)
 
@@ -90,13 +97,16 @@ def test_scatter_matrices_error_is_of_second_order_in_step(rng):
 
 def test_getitem_mask_keeps_moments(rng):
     x, responsibilities = points(rng, 20), rng.dirichlet(np.ones(3), size=20)
-    for sums in (tangent_moments(x, responsibilities, ORIENTATION_STARTS), moments(x, responsibilities)):
+    for sums in (
+        TangentMoments.from_data(x, responsibilities, ORIENTATION_STARTS),
+        Moments.from_data(x, responsibilities),
+    ):
         kept = sums[np.array([True, False, True])]
         np.testing.assert_array_equal(kept.means, sums.means[[0, 2]])
         np.testing.assert_array_equal(kept.scatter_matrices, sums.scatter_matrices[[0, 2]])
 
 
 def test_tangent_moments_empty_component_is_finite(rng):
-    sums = tangent_moments(points(rng, 5), np.tile([1.0, 0.0], (5, 1)), ORIENTATION_STARTS)
+    sums = TangentMoments.from_data(points(rng, 5), np.tile([1.0, 0.0], (5, 1)), ORIENTATION_STARTS)
     assert np.isfinite(sums.means).all()
     np.testing.assert_array_equal(sums.scatter_matrices[1], 0.0)

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from pilotfish.demonstrations import Views, views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import moments
+from pilotfish.gaussians import Moments
 from pilotfish.gaussians.structures import DenseCovariances, Diagonal, Full, SemiTied, Spherical
 from pilotfish.models import (
     EMSettings,
@@ -69,7 +69,7 @@ def test_statistics_equal_enumeration_of_state_sequences(rng, markov, P, K, D, T
     np.testing.assert_allclose(actual.initial_counts, state_probs[0])
     np.testing.assert_allclose(actual.transitions, transitions, atol=1e-12)
     for p in range(P):
-        expected = moments(x[p], state_probs)
+        expected = Moments.from_data(x[p], state_probs)
         for name in ("counts", "means", "scatter_matrices"):
             np.testing.assert_allclose(getattr(actual.moments[p], name), getattr(expected, name), atol=1e-10)
 
@@ -214,7 +214,8 @@ def test_constant_column_without_regularisation_raises(rng, make_demonstrations)
         replace(d, x=d.x * np.array([1.0, 0.0]), frames=make_demonstrations(frames=0)[0].frames)
         for d in demos
     ]
-    with pytest.raises(NotPositiveDefinite, match=r"state \d.*smallest mainly along column 1 .*regularisation"):
+    message = r"state \d.*smallest mainly along column 1 .*regularisation"
+    with pytest.raises(NotPositiveDefinite, match=message):
         learn(flat, states=2, rng=rng, settings=EMSettings(regularisation=0.0))
     assert np.isfinite(learn(flat, states=2, rng=rng).log_likelihoods).all()
 

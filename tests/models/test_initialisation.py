@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.demonstrations import Views, views
-from pilotfish.gaussians import moments
+from pilotfish.gaussians import Moments
 from pilotfish.models import KMeans, MarkovChain, TimeBins
 from pilotfish.models.initialisation import _count_distinct, _joint_features
 from pilotfish.models.statistics import BLOCK_ROWS, labelled_statistics
@@ -63,7 +63,7 @@ def test_labelled_statistics_of_blocks_equal_all_at_once(rng, N):
     labels, x = rng.integers(0, 3, size=N), 1e3 + rng.normal(size=(2, N, 3))
     statistics = labelled_statistics(Views(x, np.array([N])), labels, 4)
     for actual, view in zip(statistics.moments, x, strict=True):
-        expected = moments(view, np.eye(4)[labels])
+        expected = Moments.from_data(view, np.eye(4)[labels])
         np.testing.assert_array_equal(actual.counts, expected.counts)
         np.testing.assert_allclose(actual.means, expected.means, rtol=1e-12)
         np.testing.assert_allclose(actual.scatter_matrices, expected.scatter_matrices, rtol=1e-9, atol=1e-9)

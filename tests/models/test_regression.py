@@ -17,7 +17,6 @@ from pilotfish.models import (
     MarkovChain,
     MixtureWeights,
     SemiMarkovChain,
-    as_mixture,
     filtered_regression,
     smoothed_regression,
 )
@@ -137,7 +136,7 @@ def test_regression_memoryless_chain_equals_mixture(rng):
     weights = rng.dirichlet(np.ones(K))
     forgetful = skill(rng, MarkovChain(weights, np.tile(weights, (K, 1))))
     mixture, x = replace(forgetful, dynamics=MixtureWeights(weights)), rng.normal(size=(4, 2))
-    expected = regress(as_mixture(mixture), INPUTS, x)
+    expected = regress(mixture.as_mixture(), INPUTS, x)
     for model in (forgetful, mixture):
         for regress_over_time in (filtered_regression, smoothed_regression):
             regression = regress_over_time(model, INPUTS, x)

@@ -27,11 +27,9 @@ from pilotfish.models import (
     MarkovChain,
     SemiMarkovChain,
     adapt,
-    as_mixture,
     learn,
     log_emissions,
     log_likelihood,
-    log_state_likelihoods,
     semi_markov_parameter_count,
     state_segments,
     viterbi,
@@ -103,7 +101,7 @@ def test_adapted_gaussians_equal_product_of_frame_gaussians(rng, make_demonstrat
     skill = learn(demos, states=3, rng=rng).skill
     adapted, x = adapt(skill, demos[1].frames), rng.normal(size=(7, 2))
     local = np.stack([np.linalg.solve(f.A, (x - f.b).T).T for f in demos[1].frames])
-    gap = log_emissions(skill, Views(local, np.array([7]))) - log_state_likelihoods(adapted, x)
+    gap = log_emissions(skill, Views(local, np.array([7]))) - adapted.log_state_likelihoods(x)
     np.testing.assert_allclose(gap, np.broadcast_to(gap[0], gap.shape), atol=1e-8)
 
 
@@ -191,11 +189,11 @@ def test_regress_mixture_of_ramp_predicts_ramp_and_slope(rng):
     x = np.stack([t, 3.0 * t + 0.01 * rng.normal(size=200)], axis=1)
     demo = demonstration(x, 0.02, Layout((Part("ramp", Quantity.SCALAR, 2, "1"),)))
     fit = learn([demo], states=4, rng=rng, dynamics="mixture")
-    regression = regress(as_mixture(adapt(fit.skill, demo.frames)), np.array([0]), np.array([[1.0], [2.5]]))
+    regression = regress(adapt(fit.skill, demo.frames).as_mixture(), np.array([0]), np.array([[1.0], [2.5]]))
     np.testing.assert_allclose(regression.means[:, 0], [3.0, 7.5], atol=0.05)
     np.testing.assert_allclose(regression.jacobians[:, 0, 0], 3.0, atol=0.2)
     with pytest.raises(InvalidInput, match="mixture"):
-        as_mixture(adapt(learn([demo], states=2, rng=rng).skill, demo.frames))
+        adapt(learn([demo], states=2, rng=rng).skill, demo.frames).as_mixture()
 
 
 def test_count_durations_state_without_segments_uses_self_transition(rng, make_demonstrations):

@@ -27,7 +27,6 @@ from pilotfish.models import (
     TimeBins,
     adapt,
     expected_statistics,
-    fitted_covariance_parameter_count,
     learn,
     maximise_likelihood,
     semi_markov_parameter_count,
@@ -121,7 +120,7 @@ def test_parameter_count_after_fit_equals_sum_over_frames(rng, make_demonstratio
     for structure in (MFA(2), SemiTied(), Full()):
         skill = learn(demos, states=3, rng=rng, structure=structure).skill
         known = 2 * structure.parameter_count(3, 4)
-        assert fitted_covariance_parameter_count(structure, skill.covariances) == known
+        assert structure.fitted_parameter_count(skill.covariances) == known
         dynamics = skill.dynamics.degrees_of_freedom()
         covariances = degrees_of_freedom(skill, structure) - dynamics - skill.means.size
         assert covariances == 2 * structure.degrees_of_freedom(3, 4)
@@ -130,6 +129,6 @@ def test_parameter_count_after_fit_equals_sum_over_frames(rng, make_demonstratio
     for c in skill.covariances:
         assert isinstance(c, LatentCovariances)
         expected += int((4 * c.factors + 1).sum())
-    assert fitted_covariance_parameter_count(HDDC(0.8), skill.covariances) == expected
+    assert HDDC(0.8).fitted_parameter_count(skill.covariances) == expected
     with pytest.raises(InvalidInput, match=r"structure\.fitted"):
         HDDC(0.8).parameter_count(3, 4)

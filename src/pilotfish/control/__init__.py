@@ -10,14 +10,13 @@ gives the covariance of the motion. `impedance_torque` holds the tool of an arm 
 from pilotfish.control.batch import solve_batch
 from pilotfish.control.continuous import lqr_continuous, track_continuous
 from pilotfish.control.discrete import lqr, track
-from pilotfish.control.feedback import ContinuousFeedback, Feedback, Motion
+from pilotfish.control.feedback import Feedback, Motion
 from pilotfish.control.impedance import arm_limits, impedance, impedance_torque, posture_torque
 from pilotfish.control.inverse_kinematics import InverseKinematicsResult, inverse_kinematics
 from pilotfish.control.reference import Reference
 from pilotfish.control.serial_chain import SerialChain, forward_kinematics, jacobian, tool_poses
 from pilotfish.control.systems import (
     ContinuousSystem,
-    DiscreteSystem,
     LinearSystem,
     TimeVaryingSystem,
     continuous_double_integrator,
@@ -26,9 +25,7 @@ from pilotfish.control.systems import (
 )
 
 __all__ = [
-    "ContinuousFeedback",
     "ContinuousSystem",
-    "DiscreteSystem",
     "Feedback",
     "InverseKinematicsResult",
     "LinearSystem",

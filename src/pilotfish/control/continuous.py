@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from pilotfish.control.discrete import normalise_costs, stabilisability_error, symmetric_part
-from pilotfish.control.feedback import ContinuousFeedback
+from pilotfish.control.feedback import Feedback
 from pilotfish.control.reference import Reference, unique_weights
 from pilotfish.control.systems import ContinuousSystem, discretise
 from pilotfish.control.validation import (
@@ -48,7 +48,7 @@ def track_continuous(
     *,
     period: float,
     terminal: Float[Array, "n n"] | None = None,
-) -> ContinuousFeedback:
+) -> Feedback:
     """Compute the feedback that tracks a reference at minimum cost in continuous time (finite-horizon LQT).
 
     Minimises the integral of (x - r)' Q (x - r) + u' R u. targets[t] and weights[t] hold for period t. The
@@ -87,9 +87,7 @@ def track_continuous(
         )
     gains, targets = feedback[:, :, :-1], reference.targets[:-1]
     feedforwards = -feedback[:, :, -1] - np.einsum("tmn,tn->tm", gains, targets)  # R^-1 B' (s - P r)
-    return ContinuousFeedback(
-        system, reference, float(period), gains, feedforwards, closed_loops[:, :, :-1], closed_loops[:, :, -1]
-    )
+    return Feedback(system, reference, float(period), gains, feedforwards, closed_loops)
 
 
 def lqr_continuous(
@@ -98,7 +96,7 @@ def lqr_continuous(
     control_cost: float | Float[Array, "m m"],
     *,
     period: float,
-) -> ContinuousFeedback:
+) -> Feedback:
     """Compute for each period the infinite-horizon LQR gain of its weight, without feedforward.
 
     A constant target r is reached only if it is an equilibrium, A r = 0; otherwise the error (B K - A)^-1 A r
@@ -130,9 +128,7 @@ def lqr_continuous(
         [_closed_loop_transition(system, gains[t], targets[t], period) for t in first_indices]
     )[inverse]
     feedforwards = np.zeros(gains.shape[:2])
-    return ContinuousFeedback(
-        system, reference, float(period), gains, feedforwards, closed_loops[:, :, :-1], closed_loops[:, :, -1]
-    )
+    return Feedback(system, reference, float(period), gains, feedforwards, closed_loops)
 
 
 def hamiltonian_flow(

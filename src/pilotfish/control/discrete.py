@@ -102,7 +102,7 @@ def track(
             "the gains are not finite: the state overflows float64 over this horizon; an unstable mode "
             "cannot be controlled, or the horizon is too long"
         )
-    return Feedback(system, reference, solution.gains, solution.feedforwards)
+    return Feedback(system, reference, system.period, solution.gains, solution.feedforwards)
 
 
 def lqr(system: LinearSystem, reference: Reference, control_cost: float | Float[Array, "m m"]) -> Feedback:
@@ -135,7 +135,7 @@ def lqr(system: LinearSystem, reference: Reference, control_cost: float | Float[
     first_indices, inverse = unique_weights(weights)
     gains = np.stack([_stabilising_gain(system, weights[t], R, f"weights[{t}]") for t in first_indices])
     gains = gains[inverse]
-    return Feedback(system, reference, gains, np.zeros(gains.shape[:2]))
+    return Feedback(system, reference, system.period, gains, np.zeros(gains.shape[:2]))
 
 
 def _stabilising_gain(

@@ -1,6 +1,5 @@
 """Feedback controllers that tracking returns, and the motions that they make."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,13 +25,29 @@ class Motion:
     period: float
 
 
-class _AffineFeedback:
-    """Controller u[t] = feedforwards[t] - gains[t] (x[t] - targets[t]) over S = T - 1 periods."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Feedback:
+    """Controller u[t] = feedforwards[t] - gains[t] (x[t] - targets[t]) over S = T - 1 periods.
 
-    __slots__ = ()
+    In discrete time u is held for a period. In continuous time gains and feedforwards are those at the
+    beginning of a period and change within it; the closed loop is then integrated exactly.
+
+    Attributes:
+        system: Dynamics.
+        reference: Targets and weights at T steps.
+        period: Duration of a period [s].
+        gains: Gain of each period, or at its beginning.
+        feedforwards: Input at the target in each period, or at its beginning.
+        closed_loops: In continuous time, the matrix and the offset (last column) that map the state over each
+            period; None in discrete time.
+    """
+
+    system: DiscreteSystem | ContinuousSystem
     reference: Reference
-    gains: Array
-    feedforwards: Array
+    period: float
+    gains: Float[Array, "S m n"]
+    feedforwards: Float[Array, "S m"]
+    closed_loops: Float[Array, "S n _"] | None = None
 
     @property
     def stiffness(self) -> Float[Array, "S m half"]:
@@ -62,81 +77,24 @@ class _AffineFeedback:
         command: Float[Array, " m"] = self.feedforwards[t] - self.gains[t] @ (x - self.reference.targets[t])
         return command
 
-    def _simulate(
-        self, start: Float[Array, " n"], step: Callable[[int, Array, Array], Array], period: float
-    ) -> Motion:
-        """Roll out x[t+1] = step(t, x[t], u[t])."""
+    def rollout(self, start: Float[Array, " n"]) -> Motion:
+        """Return the motion of the system under this feedback, exact in continuous time too.
+
+        Args:
+            start: First state.
+
+        Raises:
+            InvalidInput: If start is not a finite state of the system.
+        """
         S, m, n = self.gains.shape
         require_start(start, n)
+        A, B = np.broadcast_to(self.system.A, (S, n, n)), np.broadcast_to(self.system.B, (S, n, m))
         x, u = np.empty((S + 1, n)), np.empty((S, m))
         x[0] = start
         for t in range(S):
             u[t] = self.command(t, x[t])
-            x[t + 1] = step(t, x[t], u[t])
-        return Motion(x, u, period)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Feedback(_AffineFeedback):
-    """Discrete controller u[t] = feedforwards[t] - gains[t] (x[t] - targets[t]), with u held for a period.
-
-    Attributes:
-        system: Dynamics over each period.
-        reference: Targets and weights at T steps.
-        gains: Gain of each of the S = T - 1 periods.
-        feedforwards: Input at the target in each period.
-    """
-
-    system: DiscreteSystem
-    reference: Reference
-    gains: Float[Array, "S m n"]
-    feedforwards: Float[Array, "S m"]
-
-    def rollout(self, start: Float[Array, " n"]) -> Motion:
-        """Return the motion of the system under this feedback.
-
-        Args:
-            start: First state.
-
-        Raises:
-            InvalidInput: If start is not a finite state of the system.
-        """
-        system = self.system.over(len(self.gains))
-        return self._simulate(start, lambda t, x, u: system.A[t] @ x + system.B[t] @ u, system.period)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ContinuousFeedback(_AffineFeedback):
-    """Continuous controller u = feedforwards[t] - gains[t] (x - targets[t]) at the beginning of period t.
-
-    Within a period, gains and feedforwards change with time. The closed loop is integrated exactly: it maps
-    the state to transitions[t] x + offsets[t].
-
-    Attributes:
-        system: Continuous dynamics.
-        reference: Targets and weights at T steps.
-        period: Duration of a period [s].
-        gains: Gain at the beginning of each of the S = T - 1 periods.
-        feedforwards: Input at the target at the beginning of each period.
-        transitions: Matrix of the closed loop over each period.
-        offsets: Offset of the closed loop over each period.
-    """
-
-    system: ContinuousSystem
-    reference: Reference
-    period: float
-    gains: Float[Array, "S m n"]
-    feedforwards: Float[Array, "S m"]
-    transitions: Float[Array, "S n n"]
-    offsets: Float[Array, "S n"]
-
-    def rollout(self, start: Float[Array, " n"]) -> Motion:
-        """Return the motion of the system under this feedback, without discretisation error.
-
-        Args:
-            start: First state.
-
-        Raises:
-            InvalidInput: If start is not a finite state of the system.
-        """
-        return self._simulate(start, lambda t, x, _: self.transitions[t] @ x + self.offsets[t], self.period)
+            if self.closed_loops is None:
+                x[t + 1] = A[t] @ x[t] + B[t] @ u[t]
+            else:
+                x[t + 1] = self.closed_loops[t, :, :-1] @ x[t] + self.closed_loops[t, :, -1]
+        return Motion(x, u, self.period)

@@ -6,7 +6,6 @@ convert recordings, `diagnose` finds anomalies, and `views` gives the local data
 
 from pilotfish.demonstrations.derivatives import add_derivatives
 from pilotfish.demonstrations.diagnostics import Diagnostic, diagnose
-from pilotfish.demonstrations.distances import distance_unit, distances
 from pilotfish.demonstrations.frames import (
     Frame,
     MovingFrame,
@@ -34,8 +33,6 @@ __all__ = [
     "add_derivatives",
     "demonstration",
     "diagnose",
-    "distance_unit",
-    "distances",
     "frame",
     "frame_from_pose",
     "moving_frame",

@@ -8,6 +8,7 @@ from itertools import accumulate
 import numpy as np
 
 from pilotfish.errors import InvalidInput
+from pilotfish.geometry import angle
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
     first_duplicate,
@@ -219,6 +220,31 @@ class Layout:
             for part in self.parts
         ]
         return np.repeat(signs, [part.size for part in self.parts])
+
+    def distances(
+        self, columns: slice, x: Float[Array, "T D"], y: Float[Array, "*#T D"]
+    ) -> Float[Array, " T"]:
+        """Return the distance between points in the columns of one part.
+
+        Args:
+            columns: Columns of one part.
+            x: Points.
+            y: Points, or one point.
+
+        Returns:
+            Distances in the unit of the part; angles [deg] if the part is an orientation.
+        """
+        if columns in self.unit_quaternions:
+            return np.asarray(np.degrees(angle(x[:, columns], y[..., columns])))
+        return np.asarray(np.linalg.norm(x[:, columns] - y[..., columns], axis=1))
+
+    def distance_unit(self, columns: slice) -> str:
+        """Return the unit of `distances`: deg if the columns are an orientation.
+
+        Args:
+            columns: Columns of one part.
+        """
+        return "deg" if columns in self.unit_quaternions else self.units[columns.start]
 
     def _columns_of(self, *quantities: Quantity) -> tuple[slice, ...]:
         pairs = zip(self.parts, self.slices, strict=True)

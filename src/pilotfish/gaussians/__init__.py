@@ -4,22 +4,19 @@ Covariance structures are in `gaussians.structures`.
 """
 
 from pilotfish.gaussians import structures
-from pilotfish.gaussians.conditional import ConditionalGaussians, conditional_gaussians, log_input_densities
+from pilotfish.gaussians.conditional import ConditionalGaussians, conditional_gaussians
 from pilotfish.gaussians.gaussian import (
     Gaussian,
     affine_transform,
     cholesky,
     condition,
-    confidence_radius,
-    ellipse,
-    in_confidence_region,
     log_density,
     marginal,
     precision_cholesky,
     product,
     sample,
 )
-from pilotfish.gaussians.moments import Moments, moments, moments_from_sums
+from pilotfish.gaussians.moments import Moments
 from pilotfish.gaussians.regression import (
     GaussianMixture,
     GaussianRegression,
@@ -29,11 +26,8 @@ from pilotfish.gaussians.regression import (
 )
 from pilotfish.gaussians.riemannian import (
     RiemannianGaussian,
-    riemannian_log_density,
-    riemannian_product,
-    tangent_gaussian,
 )
-from pilotfish.gaussians.tangent_moments import TangentMoments, tangent_moments
+from pilotfish.gaussians.tangent_moments import TangentMoments
 
 __all__ = [
     "ConditionalGaussians",
@@ -47,23 +41,13 @@ __all__ = [
     "cholesky",
     "condition",
     "conditional_gaussians",
-    "confidence_radius",
-    "ellipse",
-    "in_confidence_region",
     "log_density",
-    "log_input_densities",
     "marginal",
-    "moments",
-    "moments_from_sums",
     "precision_cholesky",
     "product",
     "regress",
     "regress_means",
     "regress_with_responsibilities",
-    "riemannian_log_density",
-    "riemannian_product",
     "sample",
     "structures",
-    "tangent_gaussian",
-    "tangent_moments",
 ]

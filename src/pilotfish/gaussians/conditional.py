@@ -37,6 +37,33 @@ class ConditionalGaussians:
     input_orientation_starts: tuple[int, ...] = ()
     output_orientation_starts: tuple[int, ...] = ()
 
+    def log_input_densities(self, x: Float[Array, "N _"]) -> Float[Array, "N K"]:
+        """Return the log-density of each input row under the input marginal of each component.
+
+        Args:
+            x: Inputs.
+
+        Raises:
+            InvalidInput: If x is not finite, has another width than the inputs, or is so far from every
+                component that the density overflows.
+        """
+        validate_inputs(self, x)
+        emissions = kernels.Emissions(
+            self.input_means[None],
+            self.precision_cholesky[None],
+            self.input_orientation_starts,
+        )
+        with np.errstate(over="ignore", invalid="ignore"):
+            log_densities = kernels.log_emissions(np.ascontiguousarray(x, dtype=np.float64)[None], emissions)
+        infinite = ~np.isfinite(log_densities.max(axis=1, initial=-np.inf))
+        if infinite.any():
+            n = int(infinite.argmax())
+            raise InvalidInput(
+                f"x[{n}] is {x[n].tolist()}, too far from every component for a finite density; give it in "
+                "the units of the demonstrations"
+            )
+        return log_densities
+
 
 def conditional_gaussians(
     means: Float[Array, "K D"],
@@ -99,35 +126,6 @@ def _tangent_columns(
                 f"{start + 3}, expected all four in their order, or none"
             )
     return np.array(tangent_columns, dtype=np.int64), tuple(starts)
-
-
-def log_input_densities(conditionals: ConditionalGaussians, x: Float[Array, "N _"]) -> Float[Array, "N K"]:
-    """Return the log-density of each input row under the input marginal of each component.
-
-    Args:
-        conditionals: Result of `conditional_gaussians`.
-        x: Inputs.
-
-    Raises:
-        InvalidInput: If x is not finite, has another width than the inputs, or is so far from every
-            component that the density overflows.
-    """
-    validate_inputs(conditionals, x)
-    emissions = kernels.Emissions(
-        conditionals.input_means[None],
-        conditionals.precision_cholesky[None],
-        conditionals.input_orientation_starts,
-    )
-    with np.errstate(over="ignore", invalid="ignore"):
-        log_densities = kernels.log_emissions(np.ascontiguousarray(x, dtype=np.float64)[None], emissions)
-    infinite = ~np.isfinite(log_densities.max(axis=1, initial=-np.inf))
-    if infinite.any():
-        n = int(infinite.argmax())
-        raise InvalidInput(
-            f"x[{n}] is {x[n].tolist()}, too far from every component for a finite density; give it in the "
-            "units of the demonstrations"
-        )
-    return log_densities
 
 
 def validate_inputs(conditionals: ConditionalGaussians, x: Float[Array, "N _"]) -> None:

@@ -33,6 +33,41 @@ class Gaussian:
     mean: Float[Array, " D"]
     covariance: Float[Array, "D D"]
 
+    def in_confidence_region(self, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
+        """Return which rows of x lie in the smallest region with a given probability.
+
+        Args:
+            x: Points.
+            probability: Probability of the region, between 0 and 1.
+
+        Raises:
+            NotPositiveDefinite: If the covariance is singular.
+        """
+        x = _validate_rows(_validate_gaussian(self), x)
+        W = precision_cholesky(self.covariance[None])[0]
+        radius = confidence_radius(self.mean.size, probability)
+        return np.asarray(np.sum(((x - self.mean) @ W.T) ** 2, axis=1) <= radius**2)
+
+    def ellipse(self, radius: float, points: int = 60) -> Float[Array, "N 2"]:
+        """Return points on the closed contour of a planar Gaussian at a Mahalanobis radius.
+
+        Args:
+            radius: Mahalanobis radius; 1 gives the 1-sigma ellipse.
+            points: Number of points.
+
+        Raises:
+            InvalidInput: If it has other than two dimensions or an argument is invalid.
+        """
+        _validate_gaussian(self)
+        require_number(radius, "radius", 0.0, MAX_RADIUS)
+        require_count(points, "points", MAX_SAMPLES, minimum=1)
+        if self.mean.size != 2:
+            raise InvalidInput(f"g has {self.mean.size} dimensions, expected 2; take a marginal first")
+        values, vectors = np.linalg.eigh(self.covariance)
+        angles = np.linspace(0.0, 2.0 * np.pi, points)
+        circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (N, 2)
+        return np.asarray(self.mean + radius * (circle * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
 
 def cholesky(covariances: Float[Array, "K D D"], name: str = "covariance") -> Float[Array, "K D D"]:
     """Return the lower triangular factors L with L L^T = covariance.
@@ -259,45 +294,6 @@ def confidence_radius(width: int, probability: float) -> float:
     from scipy.special import gammaincinv  # local: importing scipy doubles the import time of pilotfish
 
     return float(np.sqrt(2.0 * gammaincinv(0.5 * width, probability)))
-
-
-def in_confidence_region(g: Gaussian, x: Float[Array, "N D"], probability: float) -> Bool[Array, " N"]:
-    """Return which rows of x lie in the smallest region with a given probability.
-
-    Args:
-        g: Density.
-        x: Points.
-        probability: Probability of the region, between 0 and 1.
-
-    Raises:
-        NotPositiveDefinite: If the covariance is singular.
-    """
-    x = _validate_rows(_validate_gaussian(g), x)
-    W = precision_cholesky(g.covariance[None])[0]
-    radius = confidence_radius(g.mean.size, probability)
-    return np.asarray(np.sum(((x - g.mean) @ W.T) ** 2, axis=1) <= radius**2)
-
-
-def ellipse(g: Gaussian, radius: float, points: int = 60) -> Float[Array, "N 2"]:
-    """Return points on the closed contour of a planar Gaussian at a Mahalanobis radius.
-
-    Args:
-        g: Density of two dimensions.
-        radius: Mahalanobis radius; 1 gives the 1-sigma ellipse.
-        points: Number of points.
-
-    Raises:
-        InvalidInput: If g has other than two dimensions or an argument is invalid.
-    """
-    _validate_gaussian(g)
-    require_number(radius, "radius", 0.0, MAX_RADIUS)
-    require_count(points, "points", MAX_SAMPLES, minimum=1)
-    if g.mean.size != 2:
-        raise InvalidInput(f"g has {g.mean.size} dimensions, expected 2; take a marginal first")
-    values, vectors = np.linalg.eigh(g.covariance)
-    angles = np.linspace(0.0, 2.0 * np.pi, points)
-    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (N, 2)
-    return np.asarray(g.mean + radius * (circle * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 
 
 def _validate_covariances(covariances: object) -> Float[Array, "K D D"]:

@@ -25,6 +25,53 @@ class Moments:
     means: Float[Array, "K D"]
     scatter_matrices: Float[Array, "K D D"]
 
+    @classmethod
+    def from_data(cls, x: Float[Array, "N D"], responsibilities: Float[Array, "N K"]) -> "Moments":
+        """Return the moments of data under given responsibilities.
+
+        Args:
+            x: Datapoints.
+            responsibilities: Responsibility of each component for each datapoint, at least 0.
+
+        Raises:
+            InvalidInput: If arrays are not finite or shapes do not match.
+        """
+        x, responsibilities = float_array(x, "x"), float_array(responsibilities, "responsibilities")
+        if x.ndim != 2 or responsibilities.ndim != 2 or len(x) != len(responsibilities):
+            raise InvalidInput(
+                f"x has shape {x.shape} and responsibilities {responsibilities.shape}, expected (N, D) and "
+                "(N, K)"
+            )
+        counts = responsibilities.sum(axis=0)
+        means = responsibilities.T @ x / np.maximum(counts, TINY)[:, None]
+        scatter_matrices = []
+        for k, mean in enumerate(means):
+            error = x - mean  # (N, D)
+            scatter_matrices.append((responsibilities[:, k, None] * error).T @ error)
+        return cls(counts, means, np.stack(scatter_matrices))
+
+    @classmethod
+    def from_sums(
+        cls,
+        origins: Float[Array, "K D"],
+        counts: Float[Array, " K"],
+        offsets: Float[Array, "K D"],
+        scatter_matrices: Float[Array, "K D D"],
+    ) -> "Moments":
+        """Return moments from sums about arbitrary origins.
+
+        A component with zero count keeps its origin as mean.
+
+        Args:
+            origins: Origin of each component.
+            counts: Sum of the responsibilities r.
+            offsets: Sum of r (x - origin).
+            scatter_matrices: Sum of r (x - origin) (x - origin)^T.
+        """
+        shift = offsets / np.maximum(counts, TINY)[:, None]
+        between = (counts[:, None] * shift)[:, :, None] * shift[:, None, :]
+        return cls(counts, origins + shift, np.subtract(scatter_matrices, between, out=between))
+
     def __add__(self, other: "Moments") -> "Moments":
         counts = self.counts + other.counts
         responsibility_fraction = other.counts / np.maximum(counts, TINY)  # (K,), in [0, 1]
@@ -35,48 +82,3 @@ class Moments:
 
     def __getitem__(self, mask: Bool[Array, " K"]) -> "Moments":
         return Moments(self.counts[mask], self.means[mask], self.scatter_matrices[mask])
-
-
-def moments(x: Float[Array, "N D"], responsibilities: Float[Array, "N K"]) -> Moments:
-    """Return the moments of data under given responsibilities.
-
-    Args:
-        x: Datapoints.
-        responsibilities: Responsibility of each component for each datapoint, at least 0.
-
-    Raises:
-        InvalidInput: If arrays are not finite or shapes do not match.
-    """
-    x, responsibilities = float_array(x, "x"), float_array(responsibilities, "responsibilities")
-    if x.ndim != 2 or responsibilities.ndim != 2 or len(x) != len(responsibilities):
-        raise InvalidInput(
-            f"x has shape {x.shape} and responsibilities {responsibilities.shape}, expected (N, D) and (N, K)"
-        )
-    counts = responsibilities.sum(axis=0)
-    means = responsibilities.T @ x / np.maximum(counts, TINY)[:, None]
-    scatter_matrices = []
-    for k, mean in enumerate(means):
-        error = x - mean  # (N, D)
-        scatter_matrices.append((responsibilities[:, k, None] * error).T @ error)
-    return Moments(counts, means, np.stack(scatter_matrices))
-
-
-def moments_from_sums(
-    origins: Float[Array, "K D"],
-    counts: Float[Array, " K"],
-    offsets: Float[Array, "K D"],
-    scatter_matrices: Float[Array, "K D D"],
-) -> Moments:
-    """Return moments from sums about arbitrary origins.
-
-    A component with zero count keeps its origin as mean.
-
-    Args:
-        origins: Origin of each component.
-        counts: Sum of the responsibilities r.
-        offsets: Sum of r (x - origin).
-        scatter_matrices: Sum of r (x - origin) (x - origin)^T.
-    """
-    shift = offsets / np.maximum(counts, TINY)[:, None]
-    between = (counts[:, None] * shift)[:, :, None] * shift[:, None, :]
-    return Moments(counts, origins + shift, np.subtract(scatter_matrices, between, out=between))

@@ -13,7 +13,6 @@ import numpy as np
 from pilotfish.gaussians.conditional import (
     ConditionalGaussians,
     conditional_gaussians,
-    log_input_densities,
     validate_inputs,
 )
 from pilotfish.gaussians.riemannian_regression import regress_on_manifold
@@ -106,7 +105,7 @@ def _responsibilities(
     mixture: GaussianMixture, conditionals: ConditionalGaussians, x: Float[Array, "N _"]
 ) -> Float[Array, "N K"]:
     """Return p(component k | input x_n); rows sum to one, however far the input is."""
-    log_densities = log_input_densities(conditionals, x)
+    log_densities = conditionals.log_input_densities(x)
     with np.errstate(divide="ignore"):
         log_joint = np.log(mixture.weights) + (log_densities - log_densities.max(axis=1, keepdims=True))
     joint = np.exp(log_joint - log_joint.max(axis=1, keepdims=True))

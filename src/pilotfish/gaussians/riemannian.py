@@ -37,32 +37,75 @@ class RiemannianGaussian:
     covariance: Float[Array, "E E"]
     orientation_starts: tuple[int, ...]
 
+    def log_density(self, x: Float[Array, "N D"]) -> Float[Array, " N"]:
+        """Return the log-density at every row of x.
 
-def riemannian_log_density(g: RiemannianGaussian, x: Float[Array, "N D"]) -> Float[Array, " N"]:
-    """Return the log-density at every row of x.
+        Args:
+            x: Points on the manifold.
 
-    Args:
-        g: Density.
-        x: Points on the manifold.
+        Raises:
+            NotPositiveDefinite: If the covariance is singular.
+        """
+        centred = Gaussian(np.zeros(len(self.covariance)), self.covariance)
+        return log_density(centred, log_map(self.mean, x, self.orientation_starts))
 
-    Raises:
-        NotPositiveDefinite: If the covariance is singular.
-    """
-    centred = Gaussian(np.zeros(len(g.covariance)), g.covariance)
-    return log_density(centred, log_map(g.mean, x, g.orientation_starts))
+    def tangent_gaussian(self, point: Float[Array, " D"]) -> Gaussian:
+        """Return the density in the tangent space at another point, exact in value and slope at that point.
 
+        The covariance is transformed by the differential of the exponential map; parallel transport would
+        differ in second order of the distance.
 
-def tangent_gaussian(g: RiemannianGaussian, point: Float[Array, " D"]) -> Gaussian:
-    """Return the density in the tangent space at another point, exact in value and slope at that point.
+        Args:
+            point: Point on the manifold.
+        """
+        return _tangent_gaussians(log_map(self.mean[None], point, self.orientation_starts), [self])[0]
 
-    The covariance is transformed by the differential of the exponential map; parallel transport would differ
-    in second order of the distance.
+    @classmethod
+    def product(cls, gaussians: Sequence["RiemannianGaussian"]) -> "RiemannianGaussian":
+        """Return the mode of the product of densities, with the covariance in its tangent space.
 
-    Args:
-        g: Density.
-        point: Point on the manifold.
-    """
-    return _tangent_gaussians(log_map(g.mean[None], point, g.orientation_starts), [g])[0]
+        Gauss-Newton: the densities are transformed to the tangent space at the current point, where their
+        product is that of R^n, and the point moves to its mean. Steps that increase the cost are halved. The
+        iteration starts at the mean of lowest cost and ends at a local maximum of the product.
+
+        Args:
+            gaussians: Densities on the same manifold, at least one.
+
+        Raises:
+            InvalidInput: If there are none.
+            NotPositiveDefinite: If one of several covariances is singular.
+
+        Source:
+            Zeestraten et al. 2017, section III, with differentials for parallel transport.
+        """
+        if len(gaussians) == 1:
+            return gaussians[0]
+        if not gaussians:
+            raise InvalidInput("gaussians is empty, expected at least one Gaussian")
+        orientation_starts = gaussians[0].orientation_starts
+
+        W = precision_cholesky(np.stack([g.covariance for g in gaussians]), "the covariance of Gaussian")
+        means = np.stack([g.mean for g in gaussians])
+
+        def cost(v: Float[Array, "P E"]) -> float:
+            return float(np.sum(np.einsum("pij,pj->pi", W, v) ** 2))
+
+        x = min(means, key=lambda mean: cost(log_map(means, mean, orientation_starts)))
+        v = log_map(means, x, orientation_starts)
+        for _ in range(MAX_ITERATIONS):
+            step = product(_tangent_gaussians(v, gaussians))
+            candidates = (
+                (
+                    point := exp_map(x, size * step.mean, orientation_starts),
+                    log_map(means, point, orientation_starts),
+                )
+                for size in STEP_SIZES
+            )
+            lower = next((candidate for candidate in candidates if cost(candidate[1]) < cost(v)), None)
+            if lower is None or np.abs(step.mean).max() <= TOLERANCE:
+                break
+            x, v = lower
+        return cls(exp_map(x, step.mean, orientation_starts), step.covariance, orientation_starts)
 
 
 def _tangent_gaussians(v: Float[Array, "P E"], gaussians: Sequence[RiemannianGaussian]) -> list[Gaussian]:
@@ -70,50 +113,3 @@ def _tangent_gaussians(v: Float[Array, "P E"], gaussians: Sequence[RiemannianGau
     J = exp_map_jacobian(v, gaussians[0].orientation_starts)
     covariances = J @ np.stack([g.covariance for g in gaussians]) @ J.transpose(0, 2, 1)
     return [Gaussian(-step, C) for step, C in zip(v, covariances, strict=True)]  # since J v = v
-
-
-def riemannian_product(gaussians: Sequence[RiemannianGaussian]) -> RiemannianGaussian:
-    """Return the mode of the product of densities, with the covariance in its tangent space.
-
-    Gauss-Newton: the densities are transformed to the tangent space at the current point, where their product
-    is that of R^n, and the point moves to its mean. Steps that increase the cost are halved. The iteration
-    starts at the mean of lowest cost and ends at a local maximum of the product.
-
-    Args:
-        gaussians: Densities on the same manifold, at least one.
-
-    Raises:
-        InvalidInput: If there are none.
-        NotPositiveDefinite: If one of several covariances is singular.
-
-    Source:
-        Zeestraten et al. 2017, section III, with differentials where they transport covariances in parallel.
-    """
-    if len(gaussians) == 1:
-        return gaussians[0]
-    if not gaussians:
-        raise InvalidInput("gaussians is empty, expected at least one Gaussian")
-    orientation_starts = gaussians[0].orientation_starts
-
-    W = precision_cholesky(np.stack([g.covariance for g in gaussians]), "the covariance of Gaussian")
-    means = np.stack([g.mean for g in gaussians])
-
-    def cost(v: Float[Array, "P E"]) -> float:
-        return float(np.sum(np.einsum("pij,pj->pi", W, v) ** 2))
-
-    x = min(means, key=lambda mean: cost(log_map(means, mean, orientation_starts)))
-    v = log_map(means, x, orientation_starts)
-    for _ in range(MAX_ITERATIONS):
-        step = product(_tangent_gaussians(v, gaussians))
-        candidates = (
-            (
-                point := exp_map(x, size * step.mean, orientation_starts),
-                log_map(means, point, orientation_starts),
-            )
-            for size in STEP_SIZES
-        )
-        lower = next((candidate for candidate in candidates if cost(candidate[1]) < cost(v)), None)
-        if lower is None or np.abs(step.mean).max() <= TOLERANCE:
-            break
-        x, v = lower
-    return RiemannianGaussian(exp_map(x, step.mean, orientation_starts), step.covariance, orientation_starts)

@@ -32,6 +32,35 @@ class TangentMoments:
     outer_products: Float[Array, "K E E"]
     orientation_starts: tuple[int, ...]
 
+    @classmethod
+    def from_data(
+        cls,
+        x: Float[Array, "N D"],
+        responsibilities: Float[Array, "N K"],
+        orientation_starts: tuple[int, ...],
+    ) -> "TangentMoments":
+        """Return the statistics of data about the Karcher mean of each component.
+
+        Args:
+            x: Datapoints on the manifold.
+            responsibilities: Responsibility of each component for each datapoint, at least 0.
+            orientation_starts: First column of each quaternion.
+        """
+        origins = np.stack([karcher_mean(x, weights, orientation_starts) for weights in responsibilities.T])
+        offsets, outer_products = [], []
+        for origin, weights in zip(origins, responsibilities.T, strict=True):
+            v = log_map(origin, x[weights > 0.0], orientation_starts)  # (n, E)
+            weighted = weights[weights > 0.0, None] * v
+            offsets.append(weighted.sum(axis=0))
+            outer_products.append(weighted.T @ v)
+        return cls(
+            responsibilities.sum(axis=0),
+            origins,
+            np.stack(offsets),
+            np.stack(outer_products),
+            orientation_starts,
+        )
+
     @property
     def means(self) -> Float[Array, "K D"]:
         """Return the Karcher means, to first order in the offsets."""
@@ -73,25 +102,3 @@ class TangentMoments:
             self.outer_products[mask],
             self.orientation_starts,
         )
-
-
-def tangent_moments(
-    x: Float[Array, "N D"], responsibilities: Float[Array, "N K"], orientation_starts: tuple[int, ...]
-) -> TangentMoments:
-    """Return the statistics of data about the Karcher mean of each component.
-
-    Args:
-        x: Datapoints on the manifold.
-        responsibilities: Responsibility of each component for each datapoint, at least 0.
-        orientation_starts: First column of each quaternion.
-    """
-    origins = np.stack([karcher_mean(x, weights, orientation_starts) for weights in responsibilities.T])
-    offsets, outer_products = [], []
-    for origin, weights in zip(origins, responsibilities.T, strict=True):
-        v = log_map(origin, x[weights > 0.0], orientation_starts)  # (n, E)
-        weighted = weights[weights > 0.0, None] * v
-        offsets.append(weighted.sum(axis=0))
-        outer_products.append(weighted.T @ v)
-    return TangentMoments(
-        responsibilities.sum(axis=0), origins, np.stack(offsets), np.stack(outer_products), orientation_starts
-    )

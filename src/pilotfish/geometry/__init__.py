@@ -33,7 +33,6 @@ from pilotfish.geometry.rotation_vectors import (
     relative_rotation_vector,
     right_jacobian,
     rotation_vector_in_world,
-    skew_matrix,
     to_rotation_vector,
 )
 
@@ -62,7 +61,6 @@ __all__ = [
     "right_jacobian",
     "rotation_matrix",
     "rotation_vector_in_world",
-    "skew_matrix",
     "tangent_slices",
     "to_rotation_vector",
     "unwrap_quaternions",

@@ -10,7 +10,7 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import Covariances
-from pilotfish.models import MAX_SKILL_NUMBERS, MAX_STATES, Dynamics, SemiMarkovChain, Skill
+from pilotfish.models import MAX_STATES, Dynamics, SemiMarkovChain, Skill
 from pilotfish.models.durations import DurationDistribution
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
@@ -24,6 +24,7 @@ from pilotfish.validation import (
 )
 
 MAX_FRAMES = 1000
+MAX_SKILL_NUMBERS = 2**26  # in the dense covariances of all states in all frames: 512 MiB
 MAX_MEAN = 1e101  # datapoints are at most 1e100
 MAX_DURATION_STEPS = 1e12  # of means, deviations and parameters of durations
 SUM_TOLERANCE = 1e-6  # of the sum of probabilities

@@ -8,7 +8,6 @@ from pilotfish.models import online
 from pilotfish.models.adapt import adapt
 from pilotfish.models.agreement import match_labels, matched_accuracy, normalised_mutual_information
 from pilotfish.models.degrees_of_freedom import (
-    fitted_covariance_parameter_count,
     semi_markov_parameter_count,
 )
 from pilotfish.models.dynamics import MAX_HORIZON, MarkovChain, MixtureWeights
@@ -22,23 +21,21 @@ from pilotfish.models.em import (
 from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
 from pilotfish.models.initialisation import FromModel, KMeans, TimeBins
 from pilotfish.models.learn import Fit, learn
-from pilotfish.models.regression import as_mixture, filtered_regression, smoothed_regression
+from pilotfish.models.regression import filtered_regression, smoothed_regression
 from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, select
 from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood,
-    log_state_likelihoods,
     state_segments,
     viterbi,
 )
 from pilotfish.models.signs import align_quaternion_signs
-from pilotfish.models.skill import MAX_SKILL_NUMBERS, MAX_STATES, AdaptedSkill, HiddenModel, Provenance, Skill
+from pilotfish.models.skill import MAX_STATES, AdaptedSkill, HiddenModel, Provenance, Skill
 from pilotfish.models.statistics import Statistics
 
 __all__ = [
     "MAX_HORIZON",
-    "MAX_SKILL_NUMBERS",
     "MAX_STATES",
     "VITERBI",
     "AdaptedSkill",
@@ -64,15 +61,12 @@ __all__ = [
     "TimeBins",
     "adapt",
     "align_quaternion_signs",
-    "as_mixture",
     "expected_statistics",
     "filtered_regression",
     "fit_em",
-    "fitted_covariance_parameter_count",
     "learn",
     "log_emissions",
     "log_likelihood",
-    "log_state_likelihoods",
     "match_labels",
     "matched_accuracy",
     "maximise_likelihood",

@@ -7,7 +7,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Frame, Layout, MovingFrame
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Gaussian, RiemannianGaussian, affine_transform, product, riemannian_product
+from pilotfish.gaussians import Gaussian, RiemannianGaussian, affine_transform, product
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import normalise
 from pilotfish.models.signs import align_frame_signs
@@ -102,7 +102,7 @@ def _riemannian_frame_product(
             frame_gaussians.append(
                 RiemannianGaussian(frame.A @ skill.means[p, k] + frame.b, covariance, orientation_starts)
             )
-    return riemannian_product(frame_gaussians)
+    return RiemannianGaussian.product(frame_gaussians)
 
 
 def _validate_relevance(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array, "P K"]:

@@ -5,9 +5,7 @@ such as rotations of latent factors and the lengths of shared vectors. Parameter
 the literature give.
 """
 
-from collections.abc import Sequence
-
-from pilotfish.gaussians.structures import Covariances, CovarianceStructure
+from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.semi_markov import DurationModel
 from pilotfish.models.skill import Skill
 
@@ -31,18 +29,6 @@ def degrees_of_freedom(
     covariances = sum(structure.fitted(c).degrees_of_freedom(*c.dense.shape[:2]) for c in skill.covariances)
     fixed = durations.fixed_parameters if durations else 0
     return means + covariances + skill.dynamics.degrees_of_freedom(fixed)
-
-
-def fitted_covariance_parameter_count(
-    structure: CovarianceStructure, covariances: Sequence[Covariances]
-) -> int:
-    """Return the number of parameters of learned covariances, over all frames.
-
-    Args:
-        structure: Covariance structure that they were learned with.
-        covariances: Covariances of each frame.
-    """
-    return sum(structure.fitted(c).parameter_count(*c.dense.shape[:2]) for c in covariances)
 
 
 def semi_markov_parameter_count(

@@ -33,7 +33,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Moments, TangentMoments, moments_from_sums
+from pilotfish.gaussians import Moments, TangentMoments
 from pilotfish.gaussians.structures import Covariances, CovarianceStructure
 from pilotfish.models.semi_markov import TAIL_PROBABILITY, Dynamics
 from pilotfish.models.skill import HiddenModel, Skill
@@ -226,7 +226,7 @@ def expected_statistics(
     frames: list[Moments | TangentMoments] = [
         TangentMoments(step.counts, means, offsets, scatter_matrices, starts)
         if starts
-        else moments_from_sums(means, step.counts, offsets, scatter_matrices)
+        else Moments.from_sums(means, step.counts, offsets, scatter_matrices)
         for means, offsets, scatter_matrices in zip(
             model.means, step.offsets, step.scatter_matrices, strict=True
         )

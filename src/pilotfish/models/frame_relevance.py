@@ -38,7 +38,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Layout, Quantity, Views, views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Moments, moments_from_sums, precision_cholesky
+from pilotfish.gaussians import Moments, precision_cholesky
 from pilotfish.models.opinion_pools import FrameOpinions, HeldOutSegment, eliminate_frames
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
@@ -172,7 +172,7 @@ def _segment_moments(skill: Skill, data: Views) -> list[tuple[Moments, ...]]:
         zero = np.zeros(step.offsets.shape[1:])
         moments.append(
             tuple(
-                moments_from_sums(zero, step.counts, offsets, scatter)
+                Moments.from_sums(zero, step.counts, offsets, scatter)
                 for offsets, scatter in zip(step.offsets, step.scatter_matrices, strict=True)
             )
         )

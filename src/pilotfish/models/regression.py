@@ -9,38 +9,13 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import (
     ConditionalGaussians,
-    GaussianMixture,
     GaussianRegression,
     conditional_gaussians,
-    log_input_densities,
     regress_with_responsibilities,
 )
 from pilotfish.models.skill import AdaptedSkill
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type
-
-
-def as_mixture(model: AdaptedSkill) -> GaussianMixture:
-    """Return the adapted states of a mixture skill as a mixture for `gaussians.regress`.
-
-    Args:
-        model: Adapted skill with mixture dynamics, without orientations on S^3.
-
-    Raises:
-        InvalidInput: If the skill has a time order, in which case weights change over time, or orientations
-            on S^3.
-    """
-    if model.dynamics.has_time_order:
-        raise InvalidInput(
-            f"the skill has {model.dynamics.name} dynamics, expected a mixture with fixed weights; learn it "
-            'with dynamics="mixture", or use models.filtered_regression'
-        )
-    if model.layout.orientation_starts:
-        raise InvalidInput(
-            "the skill has orientations on S^3, and a mixture for gaussians.regress cannot; use "
-            "models.filtered_regression(model, inputs, x)"
-        )
-    return GaussianMixture(model.dynamics.initial, model.means, model.covariances)
 
 
 def filtered_regression(
@@ -115,4 +90,4 @@ def _condition_on_inputs(
     conditional = conditional_gaussians(
         model.means, model.covariances, inputs, model.layout.orientation_starts
     )
-    return conditional, log_input_densities(conditional, x)
+    return conditional, conditional.log_input_densities(x)

@@ -7,9 +7,8 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import precision_cholesky
 from pilotfish.models.semi_markov import validate_max_duration
-from pilotfish.models.skill import AdaptedSkill, HiddenModel, Skill
+from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type
 
@@ -29,19 +28,6 @@ def log_emissions(model: HiddenModel | Skill, data: Views) -> Float[Array, "N K"
     """
     W = np.stack([c.precision_cholesky("the covariance of state") for c in model.covariances])
     return kernels.log_emissions(data.x, kernels.Emissions(model.means, W, data.orientation_starts))
-
-
-def log_state_likelihoods(model: AdaptedSkill, x: Float[Array, "T D"]) -> Float[Array, "T K"]:
-    """Compute the log-density of points in the world in every state of an adapted skill.
-
-    Args:
-        model: The adapted skill.
-        x: One point per row, in the layout of the skill.
-    """
-    W = precision_cholesky(model.covariances, "the adapted covariance of state")
-    return kernels.log_emissions(
-        x[None], kernels.Emissions(model.means[None], W[None], model.layout.orientation_starts)
-    )
 
 
 def viterbi(model: HiddenModel | Skill, demonstration: Demonstration) -> Int[Array, " T"]:

@@ -11,7 +11,6 @@ from itertools import compress, product
 import numpy as np
 
 from pilotfish.demonstrations import Frame, Layout
-from pilotfish.models.sequences import log_state_likelihoods
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 
@@ -46,9 +45,7 @@ def align_quaternion_signs(start: Float[Array, " D"], model: AdaptedSkill) -> Ad
         log_initial = np.log(model.dynamics.initial)
 
     def evidence(signs: Float[Array, " D"]) -> float:
-        return float(
-            np.logaddexp.reduce(log_initial + log_state_likelihoods(model, (signs * start)[None])[0])
-        )
+        return float(np.logaddexp.reduce(log_initial + model.log_state_likelihoods((signs * start)[None])[0]))
 
     signs = max(sign_combinations(model.layout), key=evidence)
     return replace(model, means=signs * model.means, covariances=np.outer(signs, signs) * model.covariances)

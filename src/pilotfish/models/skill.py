@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 
+from pilotfish import kernels
 from pilotfish.demonstrations import Layout
+from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import GaussianMixture, precision_cholesky
 from pilotfish.gaussians.structures import Covariances
 from pilotfish.models.semi_markov import Dynamics
 from pilotfish.types import Array, Float
 
 MAX_STATES = 1000
-MAX_SKILL_NUMBERS = 2**26  # in the dense covariances of all states in all frames: 512 MiB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,3 +115,33 @@ class AdaptedSkill:
     def states(self) -> int:
         """Number of states K."""
         return int(self.means.shape[0])
+
+    def as_mixture(self) -> GaussianMixture:
+        """Return the adapted states of a mixture skill as a mixture for `gaussians.regress`.
+
+        Raises:
+            InvalidInput: If the skill has a time order, in which case weights change over time, or
+                orientations on S^3.
+        """
+        if self.dynamics.has_time_order:
+            raise InvalidInput(
+                f"the skill has {self.dynamics.name} dynamics, expected a mixture with fixed weights; learn "
+                'it with dynamics="mixture", or use models.filtered_regression'
+            )
+        if self.layout.orientation_starts:
+            raise InvalidInput(
+                "the skill has orientations on S^3, and a mixture for gaussians.regress cannot; use "
+                "models.filtered_regression(model, inputs, x)"
+            )
+        return GaussianMixture(self.dynamics.initial, self.means, self.covariances)
+
+    def log_state_likelihoods(self, x: Float[Array, "T D"]) -> Float[Array, "T K"]:
+        """Compute the log-density of points in the world in every state.
+
+        Args:
+            x: One point per row, in the layout of the skill.
+        """
+        W = precision_cholesky(self.covariances, "the adapted covariance of state")
+        return kernels.log_emissions(
+            x[None], kernels.Emissions(self.means[None], W[None], self.layout.orientation_starts)
+        )

@@ -8,7 +8,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Moments, TangentMoments, moments, tangent_moments
+from pilotfish.gaussians import Moments, TangentMoments
 from pilotfish.models.durations import Segments
 from pilotfish.types import Array, Bool, Float, Int
 
@@ -102,7 +102,7 @@ def labelled_statistics(views: Views, labels: Int[Array, " N"], states: int) -> 
     np.add.at(transition_counts, (labels[:-1][within_demonstration], labels[1:][within_demonstration]), 1.0)
     initial_counts = np.bincount(labels[ends - views.lengths], minlength=states).astype(float)
     frame_moments = tuple(
-        tangent_moments(x, np.eye(states)[labels], views.orientation_starts)
+        TangentMoments.from_data(x, np.eye(states)[labels], views.orientation_starts)
         if views.orientation_starts
         else _labelled_moments(x, labels, states)
         for x in views.x
@@ -122,4 +122,4 @@ def _labelled_moments(x: Float[Array, "N D"], labels: Int[Array, " N"], states: 
 
 def _moments_of_rows(x: Float[Array, "N D"], rows: Int[Array, " n"]) -> Moments:
     blocks = (rows[start : start + BLOCK_ROWS] for start in range(0, max(len(rows), 1), BLOCK_ROWS))
-    return reduce(add, (moments(x[block], np.ones((len(block), 1))) for block in blocks))
+    return reduce(add, (Moments.from_data(x[block], np.ones((len(block), 1))) for block in blocks))

@@ -21,7 +21,6 @@ from pilotfish.gaussians import Gaussian, cholesky, log_density
 from pilotfish.models import (
     AdaptedSkill,
     align_quaternion_signs,
-    log_state_likelihoods,
 )
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
@@ -104,7 +103,7 @@ def plan_states(
     else:
         start = require_start(start, adapted)
         aligned = align_quaternion_signs(start, adapted)
-        log_start = log_state_likelihoods(aligned, start[None])
+        log_start = aligned.log_state_likelihoods(start[None])
     states = aligned.dynamics.most_probable_states(log_start, horizon)
     if not len(via_points):
         return aligned, states

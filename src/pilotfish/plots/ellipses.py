@@ -9,7 +9,7 @@ from matplotlib.text import Annotation
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] # matplotlib types no 3-D axes
 
 from pilotfish.demonstrations import Frame
-from pilotfish.gaussians import Gaussian, ellipse, marginal
+from pilotfish.gaussians import Gaussian, marginal
 from pilotfish.plots.labels import add_label
 from pilotfish.plots.style import SMALL_FONT, add_outline, state_colour, state_dash
 from pilotfish.types import Array, Float
@@ -42,7 +42,7 @@ def draw_ellipses(
     centre = means[:, plane].mean(axis=0)
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         g = marginal(Gaussian(mean, covariance), np.array(plane))
-        contour, colour = ellipse(g, 1.0, CONTOUR_POINTS), state_colour(k)
+        contour, colour = g.ellipse(1.0, CONTOUR_POINTS), state_colour(k)
         patch = Polygon(
             contour, facecolor=(colour, 0.2), edgecolor=colour, linestyle=state_dash(k), linewidth=1.4
         )

@@ -37,7 +37,7 @@ def feedback_gains(feedback: Feedback, layout: Layout) -> Figure:
     parts = _parts(feedback, layout)
     figure = new_figure(max(5.5, 0.5 * FIGURE_WIDTH * len(parts)), 5.4)
     panels = figure.subplots(2, len(parts), squeeze=False, sharex=True)
-    seconds = feedback.system.period * np.arange(len(feedback.gains))
+    seconds = feedback.period * np.arange(len(feedback.gains))
     for (part, columns), (above, below) in zip(parts, panels.T, strict=True):
         names = layout.names[columns]
         _draw_block(above, seconds, feedback.stiffness[:, columns, columns], names)

@@ -47,7 +47,7 @@ def forward_variable(
     require_integer("horizon", horizon)
     if log_observed is not None:
         require_array(
-            "log_observed", log_observed, "S K", np.floating, "models.log_state_likelihoods makes one"
+            "log_observed", log_observed, "S K", np.floating, "AdaptedSkill.log_state_likelihoods makes one"
         )
     chain = skill.dynamics
     if not isinstance(chain, SemiMarkovChain):

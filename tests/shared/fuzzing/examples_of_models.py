@@ -41,15 +41,17 @@ def models_examples() -> Examples:
     counts = {"structure": full, "states": 3, "width": 4, "frames": 2}
     return {
         "adapt": {"skill": framed, "frames": frames, "relevance": np.ones((2, 2))},
-        "as_mixture": {"model": adapt_in_world(models.learn(**learning, dynamics="mixture").skill)},
-        "fitted_covariance_parameter_count": {"structure": full, "covariances": skill.covariances},
+        "models.AdaptedSkill.as_mixture": {
+            "self": adapt_in_world(models.learn(**learning, dynamics="mixture").skill)
+        },
+        "gaussians.structures.Full.fitted_parameter_count": {"self": full, "covariances": skill.covariances},
         "semi_markov_parameter_count": counts,
         "filtered_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
         "smoothed_regression": {"model": adapted, "inputs": inputs, "x": x_inputs},
         "learn": {**learning, "durations": models.DurationModel()},
         "log_emissions": {"model": skill, "data": data},
         "log_likelihood": {"model": skill, "demonstrations": demos, "max_duration": 20},
-        "log_state_likelihoods": {"model": adapted, "x": demos[0].x},
+        "models.AdaptedSkill.log_state_likelihoods": {"self": adapted, "x": demos[0].x},
         "matched_accuracy": {"predicted": labels, "labels": labels[::-1].copy()},
         "match_labels": {"predicted": labels, "labels": labels[::-1].copy()},
         "normalised_mutual_information": {"predicted": labels, "labels": labels[::-1].copy()},

@@ -31,7 +31,6 @@ def geometry_examples() -> Examples:
         "rotation_matrix",
     )
     of_v = (
-        "skew_matrix",
         "from_rotation_vector",
         "quaternion_exp",
         "inverse_right_jacobian",
@@ -65,6 +64,13 @@ def demonstrations_examples() -> Examples:
     place = geometry.pose(given.b[:3], demo.x[0, 3:])
     return {
         "diagnose": {"demonstrations": demos},
+        "demonstrations.Layout.distance_unit": {"self": layout, "columns": slice(3, 7)},
+        "demonstrations.Layout.distances": {
+            "self": layout,
+            "columns": slice(3, 7),
+            "x": demo.x,
+            "y": demo.x[0],
+        },
         "unwrap_orientations": {"x": demo.x, "layout": layout},
         "demonstration": {"x": demo.x, "period": 0.1, "layout": layout, "frames": demo.frames, "name": "a"},
         "frame": {"name": "a", "A": given.A, "b": given.b},
@@ -77,8 +83,6 @@ def demonstrations_examples() -> Examples:
         "views": {"demonstrations": demos},
         "add_derivatives": {"demo": demo},
         "world_frame": {"width": 3},
-        **{name: {"layout": layout, "columns": slice(3, 7)} for name in ("distance_unit",)},
-        "distances": {"layout": layout, "columns": slice(3, 7), "x": demo.x, "y": demo.x[0]},
     }
 
 
@@ -105,14 +109,17 @@ def gaussians_examples() -> Examples:
             "inputs": inputs,
             "orientation_starts": (3,),
         },
-        "confidence_radius": {"width": 3, "probability": 0.95},
-        "ellipse": {"g": gaussians.Gaussian(means[0, :2], S[0, :2, :2]), "radius": 1.0, "points": 20},
-        "in_confidence_region": {"g": g, "x": x, "probability": 0.9},
+        "gaussians.Gaussian.ellipse": {
+            "self": gaussians.Gaussian(means[0, :2], S[0, :2, :2]),
+            "radius": 1.0,
+            "points": 20,
+        },
+        "gaussians.Gaussian.in_confidence_region": {"self": g, "x": x, "probability": 0.9},
         "log_density": {"g": g, "x": x},
-        "log_input_densities": {"conditionals": on_sphere, "x": x_inputs},
+        "gaussians.ConditionalGaussians.log_input_densities": {"self": on_sphere, "x": x_inputs},
         "marginal": {"g": g, "columns": np.array([0, 2])},
-        "moments": {"x": x, "responsibilities": shares},
-        "moments_from_sums": {
+        "gaussians.Moments.from_data": {"x": x, "responsibilities": shares},
+        "gaussians.Moments.from_sums": {
             "origins": means,
             "counts": np.ones(3),
             "offsets": means,
@@ -126,11 +133,15 @@ def gaussians_examples() -> Examples:
             "x": x_inputs,
             "responsibilities": shares,
         },
-        "riemannian_log_density": {"g": point, "x": poses},
-        "riemannian_product": {"gaussians": [point, point]},
+        "gaussians.RiemannianGaussian.log_density": {"self": point, "x": poses},
+        "gaussians.RiemannianGaussian.product": {"gaussians": [point, point]},
         "sample": {"g": g, "count": 4, "rng": rng},
-        "tangent_gaussian": {"g": point, "point": poses[1]},
-        "tangent_moments": {"x": poses, "responsibilities": np.full((5, 2), 0.5), "orientation_starts": (3,)},
+        "gaussians.RiemannianGaussian.tangent_gaussian": {"self": point, "point": poses[1]},
+        "gaussians.TangentMoments.from_data": {
+            "x": poses,
+            "responsibilities": np.full((5, 2), 0.5),
+            "orientation_starts": (3,),
+        },
         "affine_transform": {"g": g, "A": S[0], "b": means[1]},
     }
 

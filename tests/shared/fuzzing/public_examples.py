@@ -78,10 +78,12 @@ def public_functions() -> Iterator[str]:
 
 
 def function_named(name: str) -> Callable[..., Any]:
-    """Return a function by its name; manipulation.step and .reset are methods of an environment."""
+    """Return a function or method by its name; manipulation.step and .reset are those of an environment."""
     if name.startswith("manipulation."):
         return getattr(examples_of_motions.new_environment(), name.removeprefix("manipulation."))  # type: ignore[no-any-return]
     package, _, function = name.rpartition(".")
+    if package.rpartition(".")[2][0].isupper():  # a class
+        return getattr(function_named(package), function)  # type: ignore[no-any-return]
     return getattr(importlib.import_module(f"pilotfish.{package}"), function)  # type: ignore[no-any-return]
 
 

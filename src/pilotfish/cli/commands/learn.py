@@ -46,7 +46,6 @@ from pilotfish.models import (
     Fit,
     KMeans,
     TimeBins,
-    fitted_covariance_parameter_count,
     relevance,
     select_frames,
 )
@@ -236,7 +235,7 @@ def _to_result(
     fit: Fit, dropped_frames: Sequence[str], out: Path, structure: CovarianceStructure
 ) -> CommandResult:
     skill, convergence, provenance = fit.skill, fit.convergence, fit.skill.provenance
-    parameters = fitted_covariance_parameter_count(structure, skill.covariances)
+    parameters = structure.fitted_parameter_count(skill.covariances)
     digest = content_hash(skill)
     data = {
         "file": str(out),

@@ -28,7 +28,7 @@ from pilotfish.cli.output.results import (
     write_all,
 )
 from pilotfish.cli.output.tables import key_value_table
-from pilotfish.demonstrations import Frame, Layout, Part, Quantity, distance_unit, distances, world_frame
+from pilotfish.demonstrations import Frame, Layout, Part, Quantity, world_frame
 from pilotfish.errors import InvalidInput
 from pilotfish.io import (
     atomic_file,
@@ -258,7 +258,7 @@ def _parts_to_json(reproduction: Reproduction) -> dict[str, dict[str, Any]]:
     for (part, columns), (_, tangent_columns) in zip(
         coordinate_parts(layout), coordinate_parts(layout.tangent), strict=True
     ):
-        gaps = distances(layout, columns, motion.x, reproduction.targets)
+        gaps = layout.distances(columns, motion.x, reproduction.targets)
         parts[part.name] = {
             "final": normalise_quaternions(motion.x[-1:], layout)[0, columns].tolist(),
             "max_acceleration": float(np.linalg.norm(motion.u[:, tangent_columns], axis=1).max()),
@@ -269,7 +269,7 @@ def _parts_to_json(reproduction: Reproduction) -> dict[str, dict[str, Any]]:
 
 
 def _part_rows(part: Part, values: dict[str, Any], layout: Layout) -> list[tuple[str, str]]:
-    distance, unit = values["distance_to_reference"], distance_unit(layout, layout.columns(part.name))
+    distance, unit = values["distance_to_reference"], layout.distance_unit(layout.columns(part.name))
     turn_unit = "rad" if part.quantity is Quantity.ORIENTATION else part.unit
     return [
         (f"final {part.name}", f"{' '.join(f'{v:.4f}' for v in values['final'])} [{part.unit}]"),

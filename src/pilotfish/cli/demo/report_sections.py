@@ -13,7 +13,6 @@ from pilotfish.cli.demo.protocol import (
 from pilotfish.cli.output.html_report import Image, Section, figure_image
 from pilotfish.cli.output.tables import Table
 from pilotfish.demonstrations import Demonstration, Frame
-from pilotfish.models import log_state_likelihoods
 
 RECORDED_TEXT = "A person guided a robot arm through opening a valve at eight different angles. "
 GENERATED_TEXT = "The demonstrations of opening a valve at eight different angles are generated. "
@@ -115,7 +114,7 @@ def _tracking_images(evaluation: StructureEvaluation) -> tuple[Image, ...]:
     reproduction = evaluation.from_first_point[TRAINING_DEMONSTRATIONS]
     demo = evaluation.demonstrations[TRAINING_DEMONSTRATIONS]
     adapted, motion = reproduction.adapted, reproduction.motion
-    likelihoods = log_state_likelihoods(adapted, motion.x[:1])
+    likelihoods = adapted.log_state_likelihoods(motion.x[:1])
     states = adapted.dynamics.most_probable_states(likelihoods, len(motion.x))
     return (
         figure_image(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pilotfish.demonstrations import Layout, Part, Quantity, distance_unit, distances
+from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.models import AdaptedSkill
 from pilotfish.types import Array, Float
 
@@ -47,8 +47,8 @@ def start_notes(model: AdaptedSkill, start: Float[Array, " D"]) -> list[str]:
     for (part, columns), (_, tangent_columns) in zip(
         coordinate_parts(model.layout), coordinate_parts(model.layout.tangent), strict=True
     ):
-        gaps = distances(model.layout, columns, model.means, start)
-        extent = max(float(distances(model.layout, columns, model.means, mean).max()) for mean in model.means)
+        gaps = model.layout.distances(columns, model.means, start)
+        extent = max(float(model.layout.distances(columns, model.means, mean).max()) for mean in model.means)
         covariances = model.covariances[:, tangent_columns, tangent_columns]
         deviations = np.sqrt(np.linalg.eigvalsh(covariances)[:, -1])
         if part.quantity is Quantity.QUATERNION:  # a rotation by an angle moves its quaternion half as far
@@ -57,7 +57,7 @@ def start_notes(model: AdaptedSkill, start: Float[Array, " D"]) -> list[str]:
             deviations = np.degrees(deviations)
         if (gaps > extent).all() and (gaps > MAX_DEVIATIONS * deviations).all():
             notes.append(
-                f"the start's {part.name} is {gaps.min():.3g} {distance_unit(model.layout, columns)} from "
+                f"the start's {part.name} is {gaps.min():.3g} {model.layout.distance_unit(columns)} from "
                 "the nearest state, farther than any two states are from each other "
                 f"({extent:.3g}): the motion there is extrapolation"
             )

@@ -6,6 +6,7 @@ command line, the file format and expectation-maximisation need no change.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -118,6 +119,14 @@ class CovarianceStructure(ABC):
             covariances: Result of `estimate`.
         """
         return self
+
+    def fitted_parameter_count(self, covariances: Sequence[Covariances]) -> int:
+        """Return the number of parameters of learned covariances, over all frames.
+
+        Args:
+            covariances: Covariances of each frame, learned with this structure.
+        """
+        return sum(self.fitted(c).parameter_count(*c.dense.shape[:2]) for c in covariances)
 
 
 def validate_symmetry(dense: Float[Array, "K D D"], name: str) -> None:
