@@ -16,7 +16,6 @@ from peer_environment import environment_folder, execute, peer_environment
 from problems import Floats
 from workers import timed_environment
 
-from pilotfish import control
 from pilotfish.control import SerialChain, inverse_kinematics
 from pilotfish.environments.baxter import arm_chain, baxter_limits, solve_posture
 from pilotfish.geometry import Pose
@@ -90,7 +89,7 @@ def sample_problem(number: int) -> Problem:
     )
     offsets = np.random.default_rng(0).uniform(-TARGET_DISTANCE, TARGET_DISTANCE, (number, len(start)))
     postures = np.clip(start + offsets, limits.lower, limits.upper)
-    return Problem(chain, limits, start, postures, control.tool_poses(chain, postures))
+    return Problem(chain, limits, start, postures, chain.tool_poses(postures))
 
 
 def count_converged(problem: Problem) -> int:
@@ -99,7 +98,7 @@ def count_converged(problem: Problem) -> int:
 
 
 def jacobians(problem: Problem) -> list[Floats]:
-    return [control.jacobian(problem.chain, q) for q in problem.postures]
+    return [problem.chain.jacobian(q) for q in problem.postures]
 
 
 def run_peer(python: Path, problem: Problem) -> dict[str, Any]:

@@ -9,10 +9,7 @@ from scipy.spatial.transform import Rotation
 from pilotfish.control import (
     SerialChain,
     arm_limits,
-    forward_kinematics,
     inverse_kinematics,
-    jacobian,
-    tool_poses,
 )
 from pilotfish.geometry import Pose, angle, conjugate, multiply, to_rotation_vector
 
@@ -51,17 +48,17 @@ def test_forward_kinematics_equals_product_of_poses(rng, n):
     ):
         joint = np.roll(Rotation.from_rotvec(angle_ * axis).as_quat(), 1)
         world_from_joint = world_from_joint @ Pose(position, quaternion) @ Pose(np.zeros(3), joint)
-    assert_same_pose(forward_kinematics(chain, q), world_from_joint @ chain.last_from_tool, 1e-12)
+    assert_same_pose(chain.forward_kinematics(q), world_from_joint @ chain.last_from_tool, 1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 3, 7])
 def test_jacobian_equals_central_differences(rng, n):
     """Central differences of the position, and of the rotation vector in world axes."""
     chain, q = random_chain(rng, n), rng.uniform(-3.0, 3.0, n)
-    J = jacobian(chain, q)
+    J = chain.jacobian(q)
     assert J.shape == (6, n)
     for i, step in enumerate(STEP * np.eye(n)):
-        ahead, behind = forward_kinematics(chain, q + step), forward_kinematics(chain, q - step)
+        ahead, behind = chain.forward_kinematics(q + step), chain.forward_kinematics(q - step)
         between = multiply(ahead.quaternion, conjugate(behind.quaternion))
         rotation = to_rotation_vector(between * np.copysign(1.0, between[0]))
         slope = np.concatenate([ahead.position - behind.position, rotation]) / (2.0 * STEP)
@@ -71,12 +68,12 @@ def test_jacobian_equals_central_differences(rng, n):
 def test_tool_poses_batch_equals_forward_kinematics(rng):
     """Leading axes are kept; each row is position and quaternion of the tool."""
     chain, q = random_chain(rng, 7), rng.normal(size=(4, 5, 7))
-    poses = tool_poses(chain, q)
+    poses = chain.tool_poses(q)
     assert poses.shape == (4, 5, 7)
     for i in np.ndindex(4, 5):
-        pose = forward_kinematics(chain, q[i])
+        pose = chain.forward_kinematics(q[i])
         np.testing.assert_allclose(poses[i], [*pose.position, *pose.quaternion], atol=1e-13)
-    assert tool_poses(chain, np.empty((0, 7))).shape == (0, 7)
+    assert chain.tool_poses(np.empty((0, 7))).shape == (0, 7)
 
 
 def test_forward_kinematics_moved_base_moves_tool(rng):
@@ -84,7 +81,7 @@ def test_forward_kinematics_moved_base_moves_tool(rng):
     chain, q = random_chain(rng, 5), rng.normal(size=5)
     transform = Pose(rng.normal(size=3), unit_vectors(rng, 4))
     moved = dataclasses.replace(chain, world_from_base=transform @ chain.world_from_base)
-    assert_same_pose(forward_kinematics(moved, q), transform @ forward_kinematics(chain, q), 1e-12)
+    assert_same_pose(moved.forward_kinematics(q), transform @ chain.forward_kinematics(q), 1e-12)
 
 
 @pytest.mark.parametrize("n", [6, 7, 9])
@@ -93,10 +90,10 @@ def test_inverse_kinematics_near_start_reaches_pose(rng, n):
     chain, limits = random_chain(rng, n), symmetric_limits(n)
     for _ in range(5):
         q = rng.uniform(-2.2, 2.2, n)
-        target = forward_kinematics(chain, q)
+        target = chain.forward_kinematics(q)
         result = inverse_kinematics(chain, target, q + 0.2 * rng.uniform(-1.0, 1.0, n), limits)
         assert result.converged
-        assert_same_pose(forward_kinematics(chain, result.q), target, 2e-5)
+        assert_same_pose(chain.forward_kinematics(result.q), target, 2e-5)
 
 
 def test_inverse_kinematics_joints_at_limits_reach_pose(rng):
@@ -109,7 +106,7 @@ def test_inverse_kinematics_joints_at_limits_reach_pose(rng):
         chain, q = random_chain(rng, 7), np.clip(rng.uniform(-1.5, 1.5, 7), -1.0, 1.0)
         start = q + 0.2 * rng.normal(size=7)
         reached += inverse_kinematics(
-            chain, forward_kinematics(chain, q), start, symmetric_limits(7, 1.0)
+            chain, chain.forward_kinematics(q), start, symmetric_limits(7, 1.0)
         ).converged
     assert reached >= 38
 
@@ -119,10 +116,10 @@ def test_inverse_kinematics_errors_and_limits_are_those_of_result(rng):
     chain, limits = random_chain(rng, 7), symmetric_limits(7, 1.0)
     outcomes = set()
     for scale in (0.3, 0.3, 1.0, 3.0, 3.0):
-        target = forward_kinematics(chain, scale * rng.uniform(-1.0, 1.0, 7))
+        target = chain.forward_kinematics(scale * rng.uniform(-1.0, 1.0, 7))
         for posture in (None, np.zeros(7)):
             result = inverse_kinematics(chain, target, 5.0 * rng.normal(size=7), limits, posture=posture)
-            tool = forward_kinematics(chain, result.q)
+            tool = chain.forward_kinematics(result.q)
             distance = np.linalg.norm(tool.position - target.position)
             np.testing.assert_allclose(result.position_error, distance, atol=1e-12)
             np.testing.assert_allclose(
@@ -158,12 +155,12 @@ def test_inverse_kinematics_posture_selects_nearest_solution(rng):
     """The distance to the posture has no component in the null space, except at joint limits."""
     chain, limits = random_chain(rng, 7), symmetric_limits(7)
     posture, q = rng.uniform(-1.0, 1.0, 7), rng.uniform(-1.0, 1.0, 7)
-    target = forward_kinematics(chain, q)
+    target = chain.forward_kinematics(q)
     nearest = inverse_kinematics(chain, target, q, limits, posture=posture)
     free = inverse_kinematics(chain, target, q, limits)
     assert nearest.converged
     assert free.converged
     assert np.linalg.norm(nearest.q - posture) <= np.linalg.norm(free.q - posture)
     if (np.abs(nearest.q) < 2.5).all():
-        null = np.linalg.svd(jacobian(chain, nearest.q))[2][6]  # the one direction that keeps the tool
+        null = np.linalg.svd(chain.jacobian(nearest.q))[2][6]  # the one direction that keeps the tool
         assert abs(null @ (posture - nearest.q)) < 1e-3

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pilotfish.control import tool_poses
 from pilotfish.environments.baxter import arm_chain
 from pilotfish.geometry import Pose, from_rotation_vector, multiply, relative_rotation_vector, rotation_matrix
 
@@ -53,20 +52,20 @@ def fit(poses, position, quaternion):
 
 def test_arm_chain_equals_logged_poses(logged):
     q, *tool = logged
-    _, way, angle = fit(tool_poses(arm_chain("right"), q), *tool)
+    _, way, angle = fit(arm_chain("right").tool_poses(q), *tool)
     assert way < 5e-6
     assert angle < np.radians(1e-3)
 
 
 def test_arm_chain_right_side_and_joint_order_match_logs(logged):
     q, *tool = logged
-    right, *_ = fit(tool_poses(arm_chain("right"), q), *tool)
+    right, *_ = fit(arm_chain("right").tool_poses(q), *tool)
     assert np.linalg.norm(right[:3]) < 0.02
     assert np.linalg.norm(right[3:6]) < np.radians(0.5)
     np.testing.assert_allclose(right[6:], [0.0, 0.0, right[8], 0.0, 0.0, 0.0], atol=1e-4)
-    left, *_ = fit(tool_poses(arm_chain("left"), q), *tool)
+    left, *_ = fit(arm_chain("left").tool_poses(q), *tool)
     assert np.linalg.norm(left[3:6]) > np.radians(80.0)
-    _, way, _ = fit(tool_poses(arm_chain("right"), q[:, ROS]), *tool)
+    _, way, _ = fit(arm_chain("right").tool_poses(q[:, ROS]), *tool)
     assert way > 0.01
 
 
@@ -77,4 +76,4 @@ def test_arm_chain_wrong_length_disagrees_with_logs(logged):
         longer = chain.positions.copy()
         longer[link] *= 1.0 + 1e-3 / np.linalg.norm(longer[link])
         off = type(chain)(chain.world_from_base, longer, chain.quaternions, chain.axes, chain.last_from_tool)
-        assert fit(tool_poses(off, q), *tool)[1] > 1e-4
+        assert fit(off.tool_poses(q), *tool)[1] > 1e-4

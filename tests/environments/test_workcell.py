@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from pilotfish.control import forward_kinematics, jacobian
 from pilotfish.environments import TASKS, Workcell
 from pilotfish.environments.baxter import arm_chain, baxter_limits
 from pilotfish.environments.baxter.body import add_arm, empty_world
@@ -52,12 +51,12 @@ def test_arm_chain_equals_simulated_arm(rng, side):
     first = int(model.joint(f"{side}_{JOINT_NAMES[0]}").qposadr[0])
     data.qpos[first : first + 7] = q
     mujoco.mj_forward(model, data)
-    site, pose = model.site(f"{side}_tool").id, forward_kinematics(chain, q)
+    site, pose = model.site(f"{side}_tool").id, chain.forward_kinematics(q)
     assert np.allclose(data.site_xpos[site], pose.position, atol=1e-12)
     assert angle(data.xquat[model.site_bodyid[site]], pose.quaternion) < 1e-7
     J = np.zeros((6, model.nv))
     mujoco.mj_jacSite(model, data, J[:3], J[3:], site)
-    assert np.allclose(J[:, first : first + 7], jacobian(chain, q), atol=1e-12)
+    assert np.allclose(J[:, first : first + 7], chain.jacobian(q), atol=1e-12)
 
 
 @pytest.mark.parametrize("side", SIDES)

@@ -14,7 +14,7 @@ from pilotfish.control.feedback import Feedback, Motion
 from pilotfish.control.impedance import arm_limits, impedance, impedance_torque, posture_torque
 from pilotfish.control.inverse_kinematics import InverseKinematicsResult, inverse_kinematics
 from pilotfish.control.reference import Reference
-from pilotfish.control.serial_chain import SerialChain, forward_kinematics, jacobian, tool_poses
+from pilotfish.control.serial_chain import SerialChain
 from pilotfish.control.systems import (
     ContinuousSystem,
     LinearSystem,
@@ -37,16 +37,13 @@ __all__ = [
     "continuous_double_integrator",
     "discretise",
     "double_integrator",
-    "forward_kinematics",
     "impedance",
     "impedance_torque",
     "inverse_kinematics",
-    "jacobian",
     "lqr",
     "lqr_continuous",
     "posture_torque",
     "solve_batch",
-    "tool_poses",
     "track",
     "track_continuous",
 ]

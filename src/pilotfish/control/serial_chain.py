@@ -27,38 +27,32 @@ class SerialChain:
     axes: Float[Array, "n 3"]
     last_from_tool: Pose
 
+    def forward_kinematics(self, q: Float[Array, " n"]) -> Pose:
+        """Return world_from_tool.
 
-def forward_kinematics(chain: SerialChain, q: Float[Array, " n"]) -> Pose:
-    """Return world_from_tool.
+        Args:
+            q: Joint angles [rad].
+        """
+        _, _, position, R = joint_frames(self, q)
+        return Pose(position, quaternion_from_rotation_matrix(R))
 
-    Args:
-        chain: Kinematics of the arm.
-        q: Joint angles [rad].
-    """
-    _, _, position, R = joint_frames(chain, q)
-    return Pose(position, quaternion_from_rotation_matrix(R))
+    def tool_poses(self, q: Float[Array, "*B n"]) -> Float[Array, "*B 7"]:
+        """Return world_from_tool of each row as a recording has it: position [m], then quaternion w x y z.
 
+        Args:
+            q: Joint angles [rad].
+        """
+        _, _, position, R = joint_frames(self, q)
+        return np.concatenate([position, quaternion_from_rotation_matrix(R)], axis=-1)
 
-def tool_poses(chain: SerialChain, q: Float[Array, "*B n"]) -> Float[Array, "*B 7"]:
-    """Return world_from_tool of each row as a recording has it: position [m], then quaternion w x y z.
+    def jacobian(self, q: Float[Array, " n"]) -> Float[Array, "6 n"]:
+        """Return the Jacobian from joint velocities [rad/s] to the twist in world axes [m/s, rad/s].
 
-    Args:
-        chain: Kinematics of the arm.
-        q: Joint angles [rad].
-    """
-    _, _, position, R = joint_frames(chain, q)
-    return np.concatenate([position, quaternion_from_rotation_matrix(R)], axis=-1)
-
-
-def jacobian(chain: SerialChain, q: Float[Array, " n"]) -> Float[Array, "6 n"]:
-    """Return the Jacobian from joint velocities [rad/s] to the twist of the tool in world axes [m/s, rad/s].
-
-    Args:
-        chain: Kinematics of the arm.
-        q: Joint angles [rad].
-    """
-    joints, axes, position, _ = joint_frames(chain, q)
-    return jacobian_from_joints(joints, axes, position)
+        Args:
+            q: Joint angles [rad].
+        """
+        joints, axes, position, _ = joint_frames(self, q)
+        return jacobian_from_joints(joints, axes, position)
 
 
 def joint_frames(

@@ -36,19 +36,17 @@ def control_examples() -> Examples:
     span = np.full(n, 2.5)
     limits = control.arm_limits(-span, span, span, 10.0 * span)
     soft = control.impedance(np.zeros(n))
-    tool = control.forward_kinematics(chain, q)
-    reading = kernels.ArmState(
-        q, np.zeros(n), tool.position, tool.quaternion, control.jacobian(chain, q), np.zeros(n)
-    )
+    tool = chain.forward_kinematics(q)
+    reading = kernels.ArmState(q, np.zeros(n), tool.position, tool.quaternion, chain.jacobian(q), np.zeros(n))
     target = kernels.ToolTarget(tool.position + 0.01, tool.quaternion, np.zeros(6))
     return {
         "arm_limits": {"lower": -span, "upper": span, "velocity": span, "torque": span},
         "continuous_double_integrator": {"axes": 2},
         "double_integrator": {"axes": 2, "period": 0.1},
         "discretise": {"system": still, "period": 0.1},
-        "forward_kinematics": {"chain": chain, "q": q},
-        "jacobian": {"chain": chain, "q": q},
-        "tool_poses": {"chain": chain, "q": np.stack([q, q])},
+        "control.SerialChain.forward_kinematics": {"self": chain, "q": q},
+        "control.SerialChain.jacobian": {"self": chain, "q": q},
+        "control.SerialChain.tool_poses": {"self": chain, "q": np.stack([q, q])},
         "impedance": {
             "posture": np.zeros(n),
             "stiffness": (1000.0, 40.0),
