@@ -117,13 +117,13 @@ def test_gradient_and_information_are_derivatives_of_the_log_likelihood(rng):
         lambda s: np.stack([np.log(s), s * 1.0], axis=1), lambda s: np.zeros((len(s), 1)), -wide, wide
     )
     theta = np.stack([rng.uniform(0.5, 3.0, K), rng.uniform(-0.9, -0.2, K)])
-    likelihood, h = evaluate_likelihood(family, segments, theta), 1e-5
+    (_, gradient, information, _), h = evaluate_likelihood(family, segments, theta), 1e-5
     for q in range(2):
         shift = h * np.eye(2)[:, q, None]
         above, below = (evaluate_likelihood(family, segments, theta + sign * shift) for sign in (1, -1))
-        np.testing.assert_allclose((above.value - below.value) / (2 * h), likelihood.gradient[q], rtol=1e-6)
-        curvature = (above.gradient - below.gradient) / (2 * h)
-        np.testing.assert_allclose(-curvature.T, likelihood.information[:, q], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose((above[0] - below[0]) / (2 * h), gradient[q], rtol=1e-6)
+        curvature = (above[1] - below[1]) / (2 * h)
+        np.testing.assert_allclose(-curvature.T, information[:, q], rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["gaussian", "log-normal", "gamma", "poisson", "negative-binomial"])

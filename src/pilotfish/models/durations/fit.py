@@ -46,6 +46,9 @@ MAX_ITERATIONS, WARM_START_ITERATIONS, MAX_HALVINGS = 50, 3, 30
 BOUND_TOLERANCE = 1e-6  # relative distance at which a parameter counts as at its bound
 TOLERANCE = 1e-14  # relative gain of the log-likelihood that is rounding
 
+# Log-likelihood of each state, its gradient, minus its Hessian, and minus the Hessian of complete segments
+Likelihood = tuple[Float[Array, " K"], Float[Array, "Q K"], Float[Array, "K Q Q"], Float[Array, "K Q Q"]]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExponentialFamily:
@@ -62,23 +65,6 @@ class ExponentialFamily:
     base: Callable[[Float[Array, " S"]], Float[Array, "S #K"]]
     lower: Float[Array, "Q K"]
     upper: Float[Array, "Q K"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Likelihood:
-    """Log-likelihood of the segments of each state, and its derivatives with respect to theta.
-
-    Attributes:
-        value: Log-likelihood [nats].
-        gradient: Its gradient.
-        information: Minus its Hessian.
-        complete_information: Minus the Hessian if no segment were censored; positive semi-definite.
-    """
-
-    value: Float[Array, " K"]
-    gradient: Float[Array, "Q K"]
-    information: Float[Array, "K Q Q"]
-    complete_information: Float[Array, "K Q Q"]
 
 
 def fit_parameters(
@@ -103,9 +89,10 @@ def fit_parameters(
     """
     theta, current = start, evaluate_likelihood(family, segments, start)
     for _ in range(WARM_START_ITERATIONS if warm_start else MAX_ITERATIONS):
+        value, gradient, *_ = current
         step = _newton_direction(family, theta, current)
-        gains = 0.5 * (step * current.gradient).sum(axis=0)  # of the quadratic model
-        if (converged := gains <= TOLERANCE * (1.0 + np.abs(current.value))).all():
+        gains = 0.5 * (step * gradient).sum(axis=0)  # of the quadratic model
+        if (converged := gains <= TOLERANCE * (1.0 + np.abs(value))).all():
             break
         theta, current = _line_search(family, segments, theta, current, np.where(converged, 0.0, step), gains)
     return theta
@@ -114,7 +101,12 @@ def fit_parameters(
 def evaluate_likelihood(
     family: ExponentialFamily, segments: Segments, theta: Float[Array, "Q K"]
 ) -> Likelihood:
-    """Compute the log-likelihood and its derivatives as defined at the head of this file."""
+    """Compute the log-likelihood and its derivatives as defined at the head of this file.
+
+    Returns:
+        Log-likelihood [nats]; its gradient; the information, minus its Hessian; and the information if no
+        segment were censored, which is positive semi-definite.
+    """
     quadrature = make_quadrature(
         lambda s: family.sufficient_statistics(s) @ theta + family.base(s), len(segments.uncensored)
     )
@@ -144,7 +136,7 @@ def evaluate_likelihood(
         if counts.any():
             part = _censored_terms(X, log_p, counts, quadrature, order)
             value, gradient, missing = value + part[0], gradient + part[1], missing + part[2]
-    return Likelihood(value, gradient, complete_information - missing, complete_information)
+    return value, gradient, complete_information - missing, complete_information
 
 
 def _moments(
@@ -234,15 +226,16 @@ def _line_search(
     # 0.
     within = np.where(family.upper < 0.0, np.minimum(family.upper, 0.5 * theta), family.upper)
     fraction = _step_to_bound(theta, step, family.lower, within)
+    value = current[0]
     for _ in range(MAX_HALVINGS):
         candidate = np.clip(theta + fraction * step, family.lower, within)
         candidate = np.where(step == 0.0, theta, candidate)
         result = evaluate_likelihood(family, segments, candidate)
-        worse = ~(result.value >= current.value)
+        worse = ~(result[0] >= value)
         if not worse.any():
             return candidate, result
         fraction = np.where(worse, 0.5 * fraction, fraction)
-        if not (worse & (fraction * gains > TOLERANCE * (1.0 + np.abs(current.value)))).any():
+        if not (worse & (fraction * gains > TOLERANCE * (1.0 + np.abs(value)))).any():
             break
     candidate = np.where(worse, theta, candidate)
     return candidate, evaluate_likelihood(family, segments, candidate)
@@ -262,23 +255,21 @@ def _newton_direction(
     family: ExponentialFamily, theta: Float[Array, "Q K"], current: Likelihood
 ) -> Float[Array, "Q K"]:
     """Compute the Newton step of the free parameters, with the complete information if it is indefinite."""
+    _, gradient, information, complete_information = current
     low = np.isfinite(family.lower) & (theta - family.lower <= BOUND_TOLERANCE * np.abs(family.lower))
     high = np.isfinite(family.upper) & (family.upper - theta <= BOUND_TOLERANCE * np.abs(family.upper))
-    at_bound = (low & (current.gradient < 0)) | (high & (current.gradient > 0))
-    gradient = np.where(at_bound, 0.0, current.gradient).T  # (K, Q)
+    at_bound = (low & (gradient < 0)) | (high & (gradient > 0))
+    free_gradient = np.where(at_bound, 0.0, gradient).T  # (K, Q)
     # A distribution on one length has zero variance up to rounding; the gradient then scales the step.
-    floor = np.maximum(1e-6 * np.abs(gradient), 1e-100)
-    scale = np.sqrt(np.maximum(np.diagonal(current.complete_information, axis1=1, axis2=2), floor))  # (K, Q)
+    floor = np.maximum(1e-6 * np.abs(free_gradient), 1e-100)
+    scale = np.sqrt(np.maximum(np.diagonal(complete_information, axis1=1, axis2=2), floor))  # (K, Q)
     scales = scale[:, :, None] * scale[:, None, :]
-    observed_information, complete_information = (
-        _mask_fixed(matrix / scales, at_bound.T)
-        for matrix in (current.information, current.complete_information)
+    observed, complete = (
+        _mask_fixed(matrix / scales, at_bound.T) for matrix in (information, complete_information)
     )
-    well_conditioned = np.linalg.eigvalsh(observed_information)[:, 0] > 1e-6
-    chosen = np.where(
-        well_conditioned[:, None, None], observed_information, complete_information
-    ) + 1e-12 * np.eye(len(theta))
-    return np.asarray((np.linalg.solve(chosen, (gradient / scale)[:, :, None])[:, :, 0] / scale).T)
+    well_conditioned = np.linalg.eigvalsh(observed)[:, 0] > 1e-6
+    chosen = np.where(well_conditioned[:, None, None], observed, complete) + 1e-12 * np.eye(len(theta))
+    return np.asarray((np.linalg.solve(chosen, (free_gradient / scale)[:, :, None])[:, :, 0] / scale).T)
 
 
 def _mask_fixed(matrix: Float[Array, "K Q Q"], at_bound: Bool[Array, "K Q"]) -> Float[Array, "K Q Q"]:

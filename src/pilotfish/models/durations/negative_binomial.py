@@ -170,7 +170,7 @@ def _log_likelihood(
     start: Float[Array, " K"],
 ) -> Float[Array, " K"]:
     family = _make_family(shapes, start, segments)
-    return evaluate_likelihood(family, segments, np.log(stay_probs)[None]).value
+    return evaluate_likelihood(family, segments, np.log(stay_probs)[None])[0]
 
 
 def _fit_stay_probs(
