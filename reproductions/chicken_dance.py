@@ -8,7 +8,7 @@ its left; and the middle and the right from the left, without the last quarter o
 
 Protocol: the dance is resampled to 500 datapoints; x, y, z of 28 nodes and time are D = 85 columns. The
 thesis has 31 joints, of which ten coincide with others here: D = 94. Mixtures start from time bins, 1e-4 (a
-square centimetre) is added to every variance, and regression is gaussians.regress (Gaussian mixture
+square centimetre) is added to every variance, and regression is GaussianMixture.regress (Gaussian mixture
 regression). Errors are means over steps and regenerated coordinates.
 
 Source: Tanwani 2018, section 4.2.3.
@@ -30,7 +30,6 @@ from protocol import argument_parser, write_figures, write_numbers
 import pilotfish as pf
 from pilotfish import plots
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, demonstration, resample
-from pilotfish.gaussians import regress
 from pilotfish.gaussians.structures import CovarianceStructure, component_correlation
 
 POINTS, TRAINED = 500, 375  # datapoints; those before the last quarter
@@ -166,7 +165,7 @@ def input_columns(task: str, layout: Layout) -> np.ndarray:
 def regenerate(skill: pf.Skill, x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """Replace every column except the inputs by its conditional mean."""
     adapted = pf.adapt(skill, [pf.Frame("world", np.eye(skill.width), np.zeros(skill.width))])
-    expected = regress(adapted.as_mixture(), inputs, np.ascontiguousarray(x[:, inputs])).means
+    expected = adapted.as_mixture().regress(inputs, np.ascontiguousarray(x[:, inputs])).means
     regenerated = x.copy()
     regenerated[:, np.setdiff1d(np.arange(x.shape[1]), inputs)] = expected
     return regenerated

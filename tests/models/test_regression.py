@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians import Gaussian, condition, marginal, regress
+from pilotfish.gaussians import Gaussian, condition, marginal
 from pilotfish.geometry import quaternion_exp
 from pilotfish.models import (
     AdaptedSkill,
@@ -136,7 +136,7 @@ def test_regression_memoryless_chain_equals_mixture(rng):
     weights = rng.dirichlet(np.ones(K))
     forgetful = skill(rng, MarkovChain(weights, np.tile(weights, (K, 1))))
     mixture, x = replace(forgetful, dynamics=MixtureWeights(weights)), rng.normal(size=(4, 2))
-    expected = regress(mixture.as_mixture(), INPUTS, x)
+    expected = mixture.as_mixture().regress(INPUTS, x)
     for model in (forgetful, mixture):
         for regress_over_time in (filtered_regression, smoothed_regression):
             regression = regress_over_time(model, INPUTS, x)

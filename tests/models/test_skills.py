@@ -18,7 +18,7 @@ from pilotfish.demonstrations import (
     views,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Gaussian, log_density, regress
+from pilotfish.gaussians import Gaussian, log_density
 from pilotfish.gaussians.structures import DenseCovariances, Full, SemiTied
 from pilotfish.models import (
     DurationModel,
@@ -189,7 +189,7 @@ def test_regress_mixture_of_ramp_predicts_ramp_and_slope(rng):
     x = np.stack([t, 3.0 * t + 0.01 * rng.normal(size=200)], axis=1)
     demo = demonstration(x, 0.02, Layout((Part("ramp", Quantity.SCALAR, 2, "1"),)))
     fit = learn([demo], states=4, rng=rng, dynamics="mixture")
-    regression = regress(adapt(fit.skill, demo.frames).as_mixture(), np.array([0]), np.array([[1.0], [2.5]]))
+    regression = adapt(fit.skill, demo.frames).as_mixture().regress(np.array([0]), np.array([[1.0], [2.5]]))
     np.testing.assert_allclose(regression.means[:, 0], [3.0, 7.5], atol=0.05)
     np.testing.assert_allclose(regression.jacobians[:, 0, 0], 3.0, atol=0.2)
     with pytest.raises(InvalidInput, match="mixture"):

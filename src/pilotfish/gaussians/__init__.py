@@ -20,8 +20,6 @@ from pilotfish.gaussians.moments import Moments
 from pilotfish.gaussians.regression import (
     GaussianMixture,
     GaussianRegression,
-    regress,
-    regress_means,
     regress_with_responsibilities,
 )
 from pilotfish.gaussians.riemannian import (
@@ -45,8 +43,6 @@ __all__ = [
     "marginal",
     "precision_cholesky",
     "product",
-    "regress",
-    "regress_means",
     "regress_with_responsibilities",
     "sample",
     "structures",

@@ -22,21 +22,6 @@ MAX_ARRAY_SIZE = 2**21  # numbers in the largest intermediate array: 16 MiB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GaussianMixture:
-    """Mixture of K Gaussians.
-
-    Attributes:
-        weights: Mixture weights, of sum one.
-        means: Mean of each component.
-        covariances: Covariance of each component.
-    """
-
-    weights: Float[Array, " K"]
-    means: Float[Array, "K D"]
-    covariances: Float[Array, "K D D"]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class GaussianRegression:
     """Predicted density of the outputs at each of N inputs.
 
@@ -55,50 +40,59 @@ class GaussianRegression:
     orientation_starts: tuple[int, ...] = ()
 
 
-def regress(mixture: GaussianMixture, inputs: Int[Array, " I"], x: Float[Array, "N _"]) -> GaussianRegression:
-    """Return mean, covariance and input derivative of the other columns, given the input columns.
+@dataclass(frozen=True, slots=True, eq=False)
+class GaussianMixture:
+    """Mixture of K Gaussians.
 
-    The covariance is that of the conditional mixture and includes the variation between components. Far from
-    all components the most likely one dominates. Memory is that of the result; `regress_means` omits the
-    (N, O, O) covariances, which take a gigabyte for ten thousand inputs and a hundred columns.
-
-    Args:
-        mixture: Joint density of inputs and outputs.
-        inputs: Input columns; negative numbers count from the end.
-        x: Values of the input columns.
-
-    Raises:
-        InvalidInput: If inputs are not columns or leave no output, or x does not match them.
-        NotPositiveDefinite: If the inputs of a component have a singular covariance.
-
-    Source:
-        Ghahramani & Jordan 1994; Tanwani 2018, section 6.2, for the use of the derivative.
+    Attributes:
+        weights: Mixture weights, of sum one.
+        means: Mean of each component.
+        covariances: Covariance of each component.
     """
-    conditionals = conditional_gaussians(mixture.means, mixture.covariances, inputs)
-    return regress_with_responsibilities(conditionals, x, _responsibilities(mixture, conditionals, x))
 
+    weights: Float[Array, " K"]
+    means: Float[Array, "K D"]
+    covariances: Float[Array, "K D D"]
 
-def regress_means(
-    mixture: GaussianMixture, inputs: Int[Array, " I"], x: Float[Array, "N _"]
-) -> Float[Array, "N O"]:
-    """Return the means of `regress` only, in less memory.
+    def regress(self, inputs: Int[Array, " I"], x: Float[Array, "N _"]) -> GaussianRegression:
+        """Return mean, covariance and input derivative of the other columns, given the input columns.
 
-    Args:
-        mixture: Joint density of inputs and outputs.
-        inputs: Input columns; negative numbers count from the end.
-        x: Values of the input columns.
+        The covariance is that of the conditional mixture and includes the variation between components. Far
+        from all components the most likely one dominates. Memory is that of the result; `regress_means` omits
+        the (N, O, O) covariances, which take a gigabyte for ten thousand inputs and a hundred columns.
 
-    Raises:
-        InvalidInput: If inputs are not columns or leave no output, or x does not match them.
-        NotPositiveDefinite: If the inputs of a component have a singular covariance.
-    """
-    conditionals = conditional_gaussians(mixture.means, mixture.covariances, inputs)
-    weights = _responsibilities(mixture, conditionals, x)
-    parts = [
-        np.einsum("nk,nko->no", weights[rows], _predictions(conditionals, x[rows]))
-        for rows in _row_blocks(conditionals, x)
-    ]
-    return np.concatenate([np.empty((0, conditionals.means.shape[1])), *parts])
+        Args:
+            inputs: Input columns; negative numbers count from the end.
+            x: Values of the input columns.
+
+        Raises:
+            InvalidInput: If inputs are not columns or leave no output, or x does not match them.
+            NotPositiveDefinite: If the inputs of a component have a singular covariance.
+
+        Source:
+            Ghahramani & Jordan 1994; Tanwani 2018, section 6.2, for the use of the derivative.
+        """
+        conditionals = conditional_gaussians(self.means, self.covariances, inputs)
+        return regress_with_responsibilities(conditionals, x, _responsibilities(self, conditionals, x))
+
+    def regress_means(self, inputs: Int[Array, " I"], x: Float[Array, "N _"]) -> Float[Array, "N O"]:
+        """Return the means of `regress` only, in less memory.
+
+        Args:
+            inputs: Input columns; negative numbers count from the end.
+            x: Values of the input columns.
+
+        Raises:
+            InvalidInput: If inputs are not columns or leave no output, or x does not match them.
+            NotPositiveDefinite: If the inputs of a component have a singular covariance.
+        """
+        conditionals = conditional_gaussians(self.means, self.covariances, inputs)
+        weights = _responsibilities(self, conditionals, x)
+        parts = [
+            np.einsum("nk,nko->no", weights[rows], _predictions(conditionals, x[rows]))
+            for rows in _row_blocks(conditionals, x)
+        ]
+        return np.concatenate([np.empty((0, conditionals.means.shape[1])), *parts])
 
 
 def _responsibilities(

@@ -25,7 +25,7 @@ def filtered_regression(
 
     Use it while inputs arrive: step t does not depend on later rows. The responsibilities are the filtered
     state probabilities given the inputs, so that equal inputs at two moments are distinguished by their past.
-    For a mixture the result is that of `gaussians.regress`. Quaternions in R^4 are predicted as four
+    For a mixture the result is that of `GaussianMixture.regress`. Quaternions in R^4 are predicted as four
     numbers: normalise them. Orientations on S^3 are predicted as unit quaternions.
 
     Args:

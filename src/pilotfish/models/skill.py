@@ -117,7 +117,7 @@ class AdaptedSkill:
         return int(self.means.shape[0])
 
     def as_mixture(self) -> GaussianMixture:
-        """Return the adapted states of a mixture skill as a mixture for `gaussians.regress`.
+        """Return the adapted states of a mixture skill as a mixture.
 
         Raises:
             InvalidInput: If the skill has a time order, in which case weights change over time, or
@@ -130,7 +130,7 @@ class AdaptedSkill:
             )
         if self.layout.orientation_starts:
             raise InvalidInput(
-                "the skill has orientations on S^3, and a mixture for gaussians.regress cannot; use "
+                "the skill has orientations on S^3, which a GaussianMixture cannot have; use "
                 "models.filtered_regression(model, inputs, x)"
             )
         return GaussianMixture(self.dynamics.initial, self.means, self.covariances)

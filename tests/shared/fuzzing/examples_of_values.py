@@ -126,8 +126,8 @@ def gaussians_examples() -> Examples:
             "scatter_matrices": S,
         },
         "product": {"gaussians": [g, gaussians.Gaussian(means[1], S[1])]},
-        "regress": {"mixture": mixture, "inputs": inputs, "x": x_inputs},
-        "regress_means": {"mixture": mixture, "inputs": inputs, "x": x_inputs},
+        "gaussians.GaussianMixture.regress": {"self": mixture, "inputs": inputs, "x": x_inputs},
+        "gaussians.GaussianMixture.regress_means": {"self": mixture, "inputs": inputs, "x": x_inputs},
         "regress_with_responsibilities": {
             "conditionals": conditionals,
             "x": x_inputs,
