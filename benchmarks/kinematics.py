@@ -94,7 +94,7 @@ def sample_problem(number: int) -> Problem:
 
 def count_converged(problem: Problem) -> int:
     poses = [Pose(row[:3], row[3:]) for row in problem.targets]
-    return sum(inverse_kinematics(problem.chain, p, problem.start, problem.limits).converged for p in poses)
+    return sum(inverse_kinematics(problem.chain, p, problem.start, problem.limits)[3] for p in poses)
 
 
 def jacobians(problem: Problem) -> list[Floats]:

@@ -91,9 +91,11 @@ def test_inverse_kinematics_near_start_reaches_pose(rng, n):
     for _ in range(5):
         q = rng.uniform(-2.2, 2.2, n)
         target = chain.forward_kinematics(q)
-        result = inverse_kinematics(chain, target, q + 0.2 * rng.uniform(-1.0, 1.0, n), limits)
-        assert result.converged
-        assert_same_pose(chain.forward_kinematics(result.q), target, 2e-5)
+        found, _, _, converged = inverse_kinematics(
+            chain, target, q + 0.2 * rng.uniform(-1.0, 1.0, n), limits
+        )
+        assert converged
+        assert_same_pose(chain.forward_kinematics(found), target, 2e-5)
 
 
 def test_inverse_kinematics_joints_at_limits_reach_pose(rng):
@@ -105,9 +107,7 @@ def test_inverse_kinematics_joints_at_limits_reach_pose(rng):
     for _ in range(40):
         chain, q = random_chain(rng, 7), np.clip(rng.uniform(-1.5, 1.5, 7), -1.0, 1.0)
         start = q + 0.2 * rng.normal(size=7)
-        reached += inverse_kinematics(
-            chain, chain.forward_kinematics(q), start, symmetric_limits(7, 1.0)
-        ).converged
+        reached += inverse_kinematics(chain, chain.forward_kinematics(q), start, symmetric_limits(7, 1.0))[3]
     assert reached >= 38
 
 
@@ -118,19 +118,19 @@ def test_inverse_kinematics_errors_and_limits_are_those_of_result(rng):
     for scale in (0.3, 0.3, 1.0, 3.0, 3.0):
         target = chain.forward_kinematics(scale * rng.uniform(-1.0, 1.0, 7))
         for posture in (None, np.zeros(7)):
-            result = inverse_kinematics(chain, target, 5.0 * rng.normal(size=7), limits, posture=posture)
-            tool = chain.forward_kinematics(result.q)
-            distance = np.linalg.norm(tool.position - target.position)
-            np.testing.assert_allclose(result.position_error, distance, atol=1e-12)
-            np.testing.assert_allclose(
-                result.angle_error, angle(tool.quaternion, target.quaternion), atol=1e-7
+            q, position_error, angle_error, converged = inverse_kinematics(
+                chain, target, 5.0 * rng.normal(size=7), limits, posture=posture
             )
-            assert (np.abs(result.q) <= 1.0).all()
-            outcomes.add(result.converged)
+            tool = chain.forward_kinematics(q)
+            distance = np.linalg.norm(tool.position - target.position)
+            np.testing.assert_allclose(position_error, distance, atol=1e-12)
+            np.testing.assert_allclose(angle_error, angle(tool.quaternion, target.quaternion), atol=1e-7)
+            assert (np.abs(q) <= 1.0).all()
+            outcomes.add(converged)
     assert outcomes == {True, False}
     start = rng.normal(size=7)
     first, second = (inverse_kinematics(chain, target, start, limits) for _ in range(2))
-    np.testing.assert_array_equal(first.q, second.q)
+    np.testing.assert_array_equal(first[0], second[0])
 
 
 def test_inverse_kinematics_unreachable_pose_is_not_converged():
@@ -143,12 +143,12 @@ def test_inverse_kinematics_unreachable_pose_is_not_converged():
         np.array([[0.0, 0.0, 1.0]] * 2),
         Pose(np.array([1.0, 0.0, 0.0]), identity),
     )
-    result = inverse_kinematics(
+    q, distance, _, converged = inverse_kinematics(
         elbow, Pose(np.array([5.0, 0.0, 0.0]), identity), np.array([0.4, -0.9]), symmetric_limits(2)
     )
-    assert not result.converged
-    np.testing.assert_allclose(result.position_error, 3.0, atol=1e-3)
-    np.testing.assert_allclose(result.q, 0.0, atol=0.02)
+    assert not converged
+    np.testing.assert_allclose(distance, 3.0, atol=1e-3)
+    np.testing.assert_allclose(q, 0.0, atol=0.02)
 
 
 def test_inverse_kinematics_posture_selects_nearest_solution(rng):
@@ -156,11 +156,11 @@ def test_inverse_kinematics_posture_selects_nearest_solution(rng):
     chain, limits = random_chain(rng, 7), symmetric_limits(7)
     posture, q = rng.uniform(-1.0, 1.0, 7), rng.uniform(-1.0, 1.0, 7)
     target = chain.forward_kinematics(q)
-    nearest = inverse_kinematics(chain, target, q, limits, posture=posture)
-    free = inverse_kinematics(chain, target, q, limits)
-    assert nearest.converged
-    assert free.converged
-    assert np.linalg.norm(nearest.q - posture) <= np.linalg.norm(free.q - posture)
-    if (np.abs(nearest.q) < 2.5).all():
-        null = np.linalg.svd(chain.jacobian(nearest.q))[2][6]  # the one direction that keeps the tool
-        assert abs(null @ (posture - nearest.q)) < 1e-3
+    nearest, _, _, nearest_converged = inverse_kinematics(chain, target, q, limits, posture=posture)
+    free, _, _, free_converged = inverse_kinematics(chain, target, q, limits)
+    assert nearest_converged
+    assert free_converged
+    assert np.linalg.norm(nearest - posture) <= np.linalg.norm(free - posture)
+    if (np.abs(nearest) < 2.5).all():
+        null = np.linalg.svd(chain.jacobian(nearest))[2][6]  # the one direction that keeps the tool
+        assert abs(null @ (posture - nearest)) < 1e-3

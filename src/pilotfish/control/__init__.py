@@ -12,7 +12,7 @@ from pilotfish.control.continuous import lqr_continuous, track_continuous
 from pilotfish.control.discrete import lqr, track
 from pilotfish.control.feedback import Feedback, Motion
 from pilotfish.control.impedance import arm_limits, impedance, impedance_torque, posture_torque
-from pilotfish.control.inverse_kinematics import InverseKinematicsResult, inverse_kinematics
+from pilotfish.control.inverse_kinematics import inverse_kinematics
 from pilotfish.control.reference import Reference
 from pilotfish.control.serial_chain import SerialChain
 from pilotfish.control.systems import (
@@ -27,7 +27,6 @@ from pilotfish.control.systems import (
 __all__ = [
     "ContinuousSystem",
     "Feedback",
-    "InverseKinematicsResult",
     "LinearSystem",
     "Motion",
     "Reference",

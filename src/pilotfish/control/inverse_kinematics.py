@@ -5,8 +5,6 @@ that steps are short far from the target and Newton-like near it. A joint at a l
 is held, and the step is solved again without it. A desired posture enters in the null space of the Jacobian.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pilotfish.control.serial_chain import SerialChain, jacobian_from_joints, joint_frames
@@ -21,21 +19,8 @@ POSTURE_GAIN = 0.5  # fraction of the distance to the posture per step
 MIN_JOINT_STEP = 1e-6  # rad; the search ends if no joint moves further
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class InverseKinematicsResult:
-    """Joint angles within their limits and the remaining error of the tool.
-
-    Attributes:
-        q: Joint angles [rad].
-        position_error: Distance to the target [m].
-        angle_error: Angle to the target [rad].
-        converged: Whether the errors are below 1e-6 m and 1e-5 rad.
-    """
-
-    q: Float[Array, " n"]
-    position_error: float
-    angle_error: float
-    converged: bool
+# Joint angles [rad], distance [m] and angle [rad] to the target, and whether both are within tolerance
+Solution = tuple[Float[Array, " n"], float, float, bool]
 
 
 def inverse_kinematics(
@@ -46,7 +31,7 @@ def inverse_kinematics(
     *,
     posture: Float[Array, " n"] | None = None,
     max_iterations: int = 200,
-) -> InverseKinematicsResult:
+) -> Solution:
     """Find joint angles within their limits that bring the tool to a pose.
 
     Args:
@@ -58,7 +43,8 @@ def inverse_kinematics(
         max_iterations: Largest number of steps.
 
     Returns:
-        The joint angles; if the pose is not reached, the nearest ones found, marked as not converged.
+        Joint angles [rad], distance to the target [m], angle to the target [rad], and whether these are below
+        1e-6 m and 1e-5 rad. If the pose is not reached, the joint angles are the nearest ones found.
 
     Source:
         Sugihara 2011, IEEE Trans. Robotics 27(5), damping by the error; added here are the joints that are
@@ -69,12 +55,12 @@ def inverse_kinematics(
     best = _result(q, error)
     for _ in range(max_iterations):
         step = _bounded_step(J, error, q, limits, posture)
-        if np.abs(step).max() < MIN_JOINT_STEP or (best.converged and posture is None):
+        if np.abs(step).max() < MIN_JOINT_STEP or (best[3] and posture is None):
             break
         q = np.clip(q + step, limits.lower, limits.upper)
         J, error = _jacobian_and_error(chain, target, q)
         candidate = _result(q, error)
-        if candidate.converged or (_squared_error(candidate) < _squared_error(best) and not best.converged):
+        if candidate[3] or (_squared_error(candidate) < _squared_error(best) and not best[3]):
             best = candidate  # the last converged candidate is the nearest to the posture
     return best
 
@@ -89,14 +75,15 @@ def _jacobian_and_error(
     return jacobian_from_joints(joints, axes, position), error
 
 
-def _result(q: Float[Array, " n"], error: Float[Array, " 6"]) -> InverseKinematicsResult:
+def _result(q: Float[Array, " n"], error: Float[Array, " 6"]) -> Solution:
     distance, angle = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
     converged = distance < POSITION_TOLERANCE and angle < ANGLE_TOLERANCE
-    return InverseKinematicsResult(q, distance, angle, converged)
+    return q, distance, angle, converged
 
 
-def _squared_error(result: InverseKinematicsResult) -> float:
-    return result.position_error**2 + result.angle_error**2
+def _squared_error(solution: Solution) -> float:
+    _, distance, angle, _ = solution
+    return distance**2 + angle**2
 
 
 def _bounded_step(

@@ -69,14 +69,16 @@ def solve_posture(tool: Pose, tool_length: float, side: str = RIGHT) -> Float[Ar
         InvalidInput: If the arm does not reach the pose to 1 mm and 1 mrad.
     """
     start = NOMINAL_POSTURE if side == RIGHT else MIRROR * NOMINAL_POSTURE
-    reach = inverse_kinematics(arm_chain(side, tool_length), tool, start, baxter_limits(), posture=start)
-    if reach.position_error > REACH_TOLERANCE or reach.angle_error > REACH_TOLERANCE:
+    q, distance, angle, _ = inverse_kinematics(
+        arm_chain(side, tool_length), tool, start, baxter_limits(), posture=start
+    )
+    if distance > REACH_TOLERANCE or angle > REACH_TOLERANCE:
         raise InvalidInput(
             f"the {side} arm does not reach position {np.round(tool.position, 3).tolist()} m, quaternion "
-            f"{np.round(tool.quaternion, 3).tolist()}; the nearest posture is {reach.position_error:.3g} m "
-            f"and {reach.angle_error:.3g} rad away; choose a pose nearer to the robot"
+            f"{np.round(tool.quaternion, 3).tolist()}; the nearest posture is {distance:.3g} m "
+            f"and {angle:.3g} rad away; choose a pose nearer to the robot"
         )
-    return reach.q
+    return q
 
 
 def mirror_posture(q: Float[Array, " 7"]) -> Float[Array, " 7"]:
