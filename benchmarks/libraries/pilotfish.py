@@ -183,7 +183,7 @@ def decode(folder: Path) -> Prepared:
             kernels.viterbi(log_emissions(model, Views(demo.x[None], np.array([len(demo.x)]))), *chain)
             for demo in demonstrations
         ]
-        return Answer(sum(path.log_probability for path in own))
+        return Answer(sum(log_probability for _, log_probability in own))
 
     return Prepared(lambda: [viterbi(model, demo) for demo in demonstrations], answer)
 

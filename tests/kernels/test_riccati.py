@@ -7,8 +7,6 @@ from scipy.linalg import block_diag
 from pilotfish.errors import NotPositiveDefinite
 from pilotfish.kernels import reference
 
-PARTS = ("gains", "feedforwards", "values", "gradients")
-
 
 def tracking(rng, T, n, m, varying):
     S = T - 1 if varying else 1
@@ -22,9 +20,10 @@ def tracking(rng, T, n, m, varying):
 def rollout(problem, solution, start):
     """Return states, controls and cost under the feedback."""
     A, B, weights, targets, control_cost = problem
+    gains, feedforwards, *_ = solution
     x, u, T = [start], [], len(targets)
     for t in range(T - 1):
-        u.append(solution.feedforwards[t] - solution.gains[t] @ (x[t] - targets[t]))
+        u.append(feedforwards[t] - gains[t] @ (x[t] - targets[t]))
         now = t if len(A) > 1 else 0
         x.append(A[now] @ x[t] + B[now] @ u[t])
     error = np.stack(x) - targets
@@ -56,11 +55,11 @@ def test_riccati_values_and_gradients_give_cost_to_go(kernels, rng):
     """The difference in cost between two starts is e^T P e + 2 d^T e, e = start - target."""
     problem = tracking(rng, 12, 3, 2, varying=True)
     solution = kernels.riccati(*problem)
-    targets = problem[3]
+    targets, values, gradients = problem[3], *solution[2:]
 
     def predicted(start):
         e = start - targets[0]
-        return e @ solution.values[0] @ e + 2 * solution.gradients[0] @ e
+        return e @ values[0] @ e + 2 * gradients[0] @ e
 
     start, other_start = rng.normal(size=(2, 3))
     difference = rollout(problem, solution, start)[2] - rollout(problem, solution, other_start)[2]
@@ -73,11 +72,10 @@ def test_riccati_compiled_equals_reference(compiled, rng, T, n, m, varying):
     """Any shape, with one system for all steps or one for each."""
     problem = tracking(rng, T, n, m, varying and T > 1)
     result, reference_result = compiled.riccati(*problem), reference.riccati(*problem)
-    for name in PARTS:
-        expected = getattr(reference_result, name)
+    for found, expected in zip(result, reference_result, strict=True):
         scale = np.abs(expected).max(initial=0.0)
-        np.testing.assert_allclose(getattr(result, name), expected, rtol=1e-8, atol=1e-10 * scale)
-    np.testing.assert_array_equal(result.values, result.values.swapaxes(1, 2))
+        np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-10 * scale)
+    np.testing.assert_array_equal(result[2], result[2].swapaxes(1, 2))
 
 
 def test_riccati_singular_control_hessian_raises_with_step(kernels, rng):

@@ -68,7 +68,7 @@ def test_kernels_without_compiler_warn_once_and_give_results(python: Path):
         "observed = np.log(np.array([[0.9, 0.1], [0.2, 0.8], [0.7, 0.3]]))\n"
         "print(pf.__file__)\n"
         "for _ in range(2):\n"
-        "    print(*viterbi(observed, half, stay).states)\n"
+        "    print(*viterbi(observed, half, stay)[0])\n"
     )
     finished = run_program(python, program)
     file, *states = finished.stdout.splitlines()

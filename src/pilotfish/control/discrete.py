@@ -96,13 +96,15 @@ def track(
     """
     R = validate_problem(system, reference, control_cost)
     A, B = (matrices.reshape(-1, *matrices.shape[-2:]) for matrices in (system.A, system.B))
-    solution = riccati(*map(_contiguous_float64, (A, B, reference.weights, reference.targets, R)))
-    if not (np.isfinite(solution.gains).all() and np.isfinite(solution.feedforwards).all()):
+    gains, feedforwards, *_ = riccati(
+        *map(_contiguous_float64, (A, B, reference.weights, reference.targets, R))
+    )
+    if not (np.isfinite(gains).all() and np.isfinite(feedforwards).all()):
         raise InvalidInput(
             "the gains are not finite: the state overflows float64 over this horizon; an unstable mode "
             "cannot be controlled, or the horizon is too long"
         )
-    return Feedback(system, reference, system.period, solution.gains, solution.feedforwards)
+    return Feedback(system, reference, system.period, gains, feedforwards)
 
 
 def lqr(system: LinearSystem, reference: Reference, control_cost: float | Float[Array, "m m"]) -> Feedback:

@@ -172,7 +172,7 @@ def viterbi(
     states, log_probability = _native.viterbi(
         log_emissions, log_probability_array(initial), log_probability_array(transitions)
     )
-    return ViterbiPath(states.view(np.int64), log_probability)  # int64 under NumPy's own type
+    return states.view(np.int64), log_probability  # int64 under NumPy's own type
 
 
 @_validate_on_failure
@@ -192,7 +192,7 @@ def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
 @_validate_on_failure
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> ViterbiPath:
     states, log_probability = _native.semi_markov_viterbi(log_emissions, *_table_arrays(tables))
-    return ViterbiPath(states.view(np.int64), log_probability)
+    return states.view(np.int64), log_probability
 
 
 def observe(
@@ -243,10 +243,10 @@ def riccati(
     targets: Float[Array, "T n"],
     control_cost: Float[Array, "m m"],
 ) -> RiccatiSolution:
-    failed_index, *solution = _native.riccati(A, B, weights, targets, control_cost)
+    failed_index, gains, feedforwards, P, d = _native.riccati(A, B, weights, targets, control_cost)
     if failed_index >= 0:
         raise control_cost_error(failed_index)
-    return RiccatiSolution(*solution)
+    return gains, feedforwards, P, d
 
 
 def semi_tied_sweeps(

@@ -4,6 +4,16 @@ from typing import NamedTuple
 
 from pilotfish.types import Array, Float, Int
 
+# Most probable path: the state at each step, and log p(all steps, this path), -inf if no path explains them.
+# Among equally probable paths, it is the one whose last differing state has the lower index.
+ViterbiPath = tuple[Int[Array, " T"], float]
+
+# Optimal feedback u_t = feedforwards[t] - gains[t] e_t with e_t = x_t - targets[t], for N = T - 1 steps: the
+# gains, the feedforwards, and P and d of the cost from step t on, e^T P e + 2 d^T e + constant.
+RiccatiSolution = tuple[
+    Float[Array, "N m n"], Float[Array, "N m"], Float[Array, "T n n"], Float[Array, "T n"]
+]
+
 
 class ForwardBackward(NamedTuple):
     """Smoothed inference along a Markov chain.
@@ -81,32 +91,3 @@ class EStep(NamedTuple):
     tail_counts: Float[Array, "2 K"]
     offsets: Float[Array, "P K E"]
     scatter_matrices: Float[Array, "P K E E"]
-
-
-class ViterbiPath(NamedTuple):
-    """Most probable path.
-
-    Attributes:
-        states: State at each step. Among equally probable paths, it is the one whose last differing state has
-            the lower index.
-        log_probability: log p(all steps, this path); at -inf, no path explains the steps.
-    """
-
-    states: Int[Array, " T"]
-    log_probability: float
-
-
-class RiccatiSolution(NamedTuple):
-    """Optimal feedback u_t = feedforwards[t] - gains[t] e_t with e_t = x_t - targets[t], for S = T - 1 steps.
-
-    Attributes:
-        gains: Feedback gains.
-        feedforwards: Feedforward controls.
-        values: Cost-to-go matrices P: the cost from step t on is e^T P e + 2 d^T e + constant.
-        gradients: Cost-to-go vectors d.
-    """
-
-    gains: Float[Array, "S m n"]
-    feedforwards: Float[Array, "S m"]
-    values: Float[Array, "T n n"]
-    gradients: Float[Array, "T n"]

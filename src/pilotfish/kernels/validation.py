@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import fields, replace
 from math import inf
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -35,67 +35,57 @@ Dataclass = TypeVar(
 )
 
 
-class ArgumentSpec(NamedTuple):
-    """Specification of an array argument of a kernel.
-
-    Attributes:
-        name: Name of the argument.
-        axes: A letter for each axis, equal letters for equal sizes, or a digit for a fixed size.
-        domain: "finite" (at most MAX_NUMBER in magnitude), "probability" (at least 0, finite), "logarithm"
-            (below +inf) or "any" (NaN and infinities have a meaning).
-    """
-
-    name: str
-    axes: str
-    domain: str = "finite"
-
+# An array argument of a kernel: its name, its axes and its domain. Axes are a letter each, equal letters for
+# equal sizes, or a digit for a fixed size. Domains: "finite" (at most MAX_NUMBER in magnitude), "probability"
+# (at least 0, finite), "logarithm" (below +inf) and "any" (NaN and infinities have a meaning).
+ArgumentSpec = tuple[str, str, str]
 
 MARKOV = (
-    ArgumentSpec("log_emissions", "TK", "logarithm"),
-    ArgumentSpec("initial", "K", "probability"),
-    ArgumentSpec("transitions", "KK", "probability"),
+    ("log_emissions", "TK", "logarithm"),
+    ("initial", "K", "probability"),
+    ("transitions", "KK", "probability"),
 )
 SEMI_MARKOV = (
     *MARKOV[1:],
-    ArgumentSpec("log_segment_weights", "4SK", "logarithm"),
-    ArgumentSpec("log_tail_weights", "2K", "logarithm"),
+    ("log_segment_weights", "4SK", "logarithm"),
+    ("log_tail_weights", "2K", "logarithm"),
 )
 EMISSIONS = (
-    ArgumentSpec("x", "PND"),
-    ArgumentSpec("means", "PKD"),
-    ArgumentSpec("precision_cholesky", "PKEE"),
+    ("x", "PND", "finite"),
+    ("means", "PKD", "finite"),
+    ("precision_cholesky", "PKEE", "finite"),
 )
 RICCATI = (
-    ArgumentSpec("A", "Snn"),
-    ArgumentSpec("B", "Snm"),
-    ArgumentSpec("weights", "Tnn"),
-    ArgumentSpec("targets", "Tn"),
-    ArgumentSpec("control_cost", "mm"),
+    ("A", "Snn", "finite"),
+    ("B", "Snm", "finite"),
+    ("weights", "Tnn", "finite"),
+    ("targets", "Tn", "finite"),
+    ("control_cost", "mm", "finite"),
 )
 SEMI_TIED = (
-    ArgumentSpec("scatter_matrices", "KDD"),
-    ArgumentSpec("counts", "K"),
-    ArgumentSpec("transform", "DD"),
+    ("scatter_matrices", "KDD", "finite"),
+    ("counts", "K", "finite"),
+    ("transform", "DD", "finite"),
 )
-COVARIANCES = (ArgumentSpec("covariances", "KDD", "any"),)
+COVARIANCES = (("covariances", "KDD", "any"),)
 ARM = (
     (
-        ArgumentSpec("stiffness", "6", "any"),
-        ArgumentSpec("damping", "6", "any"),
-        ArgumentSpec("posture", "n", "any"),
+        ("stiffness", "6", "any"),
+        ("damping", "6", "any"),
+        ("posture", "n", "any"),
     ),
-    tuple(ArgumentSpec(name, "n", "any") for name in ("lower", "upper", "torque")),
+    tuple((name, "n", "any") for name in ("lower", "upper", "torque")),
     (
-        *(ArgumentSpec(name, "n", "any") for name in ("q", "velocity")),
-        ArgumentSpec("position", "3", "any"),
-        ArgumentSpec("quaternion", "4", "any"),
-        ArgumentSpec("jacobian", "6n", "any"),
-        ArgumentSpec("bias", "n", "any"),
+        *((name, "n", "any") for name in ("q", "velocity")),
+        ("position", "3", "any"),
+        ("quaternion", "4", "any"),
+        ("jacobian", "6n", "any"),
+        ("bias", "n", "any"),
     ),
     (
-        ArgumentSpec("position", "3", "any"),
-        ArgumentSpec("quaternion", "4", "any"),
-        ArgumentSpec("twist", "6", "any"),
+        ("position", "3", "any"),
+        ("quaternion", "4", "any"),
+        ("twist", "6", "any"),
     ),
 )
 ARM_SCALARS = tuple(field.name for field in fields(ImpedanceParameters) if field.type in (float, "float"))
@@ -116,12 +106,12 @@ def pack_arguments(
         InvalidInput: If a value is not an array of real numbers, or its shape or domain is wrong.
     """
     arrays = []
-    for argument, value in zip(arguments, values, strict=True):
-        array = pack_array(value, argument.name)
-        if not _shape_matches(argument.axes, array.shape, sizes):
-            raise _shape_error(argument, array, sizes)
-        if argument.domain != "any" and array.size and not _in_domain(argument.domain, array):
-            raise _domain_error(argument, array)
+    for (name, axes, domain), value in zip(arguments, values, strict=True):
+        array = pack_array(value, name)
+        if not _shape_matches(axes, array.shape, sizes):
+            raise _shape_error(name, axes, array, sizes)
+        if domain != "any" and array.size and not _in_domain(domain, array):
+            raise _domain_error(name, domain, array)
         arrays.append(array)
     return arrays
 
@@ -145,10 +135,10 @@ def _shape_matches(axes: str, shape: tuple[int, ...], sizes: dict[str, int]) -> 
     return True
 
 
-def _shape_error(argument: ArgumentSpec, array: Array, sizes: dict[str, int]) -> InvalidInput:
-    known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items() if axis in argument.axes and size)
-    expected = f"({', '.join(argument.axes)})" + (f" with {known}" if known else "")
-    return InvalidInput(f"{argument.name} has shape {array.shape}, expected {expected}")
+def _shape_error(name: str, axes: str, array: Array, sizes: dict[str, int]) -> InvalidInput:
+    known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items() if axis in axes and size)
+    expected = f"({', '.join(axes)})" + (f" with {known}" if known else "")
+    return InvalidInput(f"{name} has shape {array.shape}, expected {expected}")
 
 
 def _in_domain(domain: str, array: Array) -> bool:
@@ -161,14 +151,14 @@ def _in_domain(domain: str, array: Array) -> bool:
             return bool(array.max() < inf)  # false for NaN too
 
 
-def _domain_error(argument: ArgumentSpec, array: Array) -> InvalidInput:
+def _domain_error(name: str, domain: str, array: Array) -> InvalidInput:
     good, expected = {
         "finite": (np.abs(array) <= MAX_NUMBER, f"finite numbers of at most {MAX_NUMBER:g}"),
         "probability": ((array >= 0.0) & (array < inf), "finite numbers of at least 0"),
         "logarithm": (array < inf, "logarithms: finite numbers or -inf"),
-    }[argument.domain]
+    }[domain]
     index = np.argwhere(~good)[0].tolist()
-    return InvalidInput(f"{argument.name}{index} is {array[tuple(index)]}, expected {expected}")
+    return InvalidInput(f"{name}{index} is {array[tuple(index)]}, expected {expected}")
 
 
 def pack_markov(log_emissions: object, initial: object, transitions: object) -> list[Array]:
@@ -303,7 +293,7 @@ def _validate_real(value: object, name: str) -> float:
 
 
 def _pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: dict[str, int]) -> Dataclass:
-    names = [argument.name for argument in arguments]
+    names = [name for name, _, _ in arguments]
     originals = [getattr(value, name) for name in names]
     arrays = pack_arguments(arguments, tuple(originals), sizes)
     if all(array is original for array, original in zip(arrays, originals, strict=True)):
@@ -328,7 +318,7 @@ def pack_stream(
     """
     _validate_parameters(parameters)
     sizes: dict[str, int] = {}
-    (points,) = pack_arguments((ArgumentSpec("x", axes, "any"),), (x,), sizes)
+    (points,) = pack_arguments((("x", axes, "any"),), (x,), sizes)
     P, D = sizes["P"], sizes["D"]
     if (state.frames, state.width) != (P, D):
         raise InvalidInput(f"x has {P} frames of {D} columns, expected {state.frames} of {state.width}")

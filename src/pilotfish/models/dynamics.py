@@ -147,7 +147,8 @@ class StateDynamics(ABC):
         Args:
             log_emissions: log b_k(x_t).
         """
-        return kernels.viterbi(log_emissions, *self.step_probabilities()).states
+        states, _ = kernels.viterbi(log_emissions, *self.step_probabilities())
+        return states
 
     def log_likelihood(self, log_emissions: Float[Array, "T K"], max_duration: int | None = None) -> float:
         """Compute log p(x_0 .. x_T-1), summed over all state sequences [nats].

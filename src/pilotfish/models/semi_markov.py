@@ -227,11 +227,12 @@ class SemiMarkovChain(StateDynamics):
         return self.forward(log_observed, horizon).log_forward
 
     def viterbi(self, log_emissions: Float[Array, "T K"]) -> Int[Array, " T"]:
-        return self._extend_max_duration(
+        states, _ = self._extend_max_duration(
             len(log_emissions),
             lambda limit: kernels.semi_markov_viterbi(log_emissions, self.segment_tables(limit)),
-            lambda path: np.array(path.log_probability),
-        ).states
+            lambda path: np.array(path[1]),
+        )
+        return states
 
     def log_likelihood(self, log_emissions: Float[Array, "T K"], max_duration: int | None = None) -> float:
         def compute(limit: int) -> float:

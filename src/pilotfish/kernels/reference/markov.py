@@ -50,10 +50,10 @@ def subtract_best_path(
     """
     relative, log_offset = subtract_step_maximum(log_emissions)
     for _ in range(2):
-        path = find_path(relative)
-        if path.log_probability == -np.inf:
+        states, log_probability = find_path(relative)
+        if log_probability == -np.inf:
             return relative, log_offset
-        best = log_emissions[np.arange(len(log_emissions)), path.states]
+        best = log_emissions[np.arange(len(log_emissions)), states]
         relative, log_offset = log_emissions - best[:, None], float(best.sum())
     return relative, log_offset
 
@@ -155,8 +155,8 @@ def viterbi(
     relative, log_offset = subtract_best_path(
         log_emissions, lambda rows: best_path(rows, log_initial, log_transitions)
     )
-    path = best_path(relative, log_initial, log_transitions)
-    return ViterbiPath(path.states, path.log_probability + log_offset)
+    states, log_probability = best_path(relative, log_initial, log_transitions)
+    return states, log_probability + log_offset
 
 
 def best_path(
@@ -174,4 +174,4 @@ def best_path(
     states[-1] = best.argmax()
     for t in range(T - 1, 0, -1):
         states[t - 1] = origins[t, states[t]]
-    return ViterbiPath(states, float(best.max()))
+    return states, float(best.max())

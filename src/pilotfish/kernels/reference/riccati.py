@@ -44,7 +44,7 @@ def riccati(
         closed_loop = A[t] - B[t] @ gains[t]  # (n, n)
         value = weights[t] + A[t].T @ P[t + 1] @ closed_loop
         P[t], d[t] = 0.5 * (value + value.T), closed_loop.T @ gradient
-    return RiccatiSolution(gains, feedforwards, P, d)
+    return gains, feedforwards, P, d
 
 
 def control_hessian_factor(S: Float[Array, "m m"], t: int) -> Float[Array, "m m"]:

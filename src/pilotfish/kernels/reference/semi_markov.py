@@ -223,8 +223,8 @@ def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
         Viterbi 1967, over pairs of state and duration.
     """
     relative, log_offset = subtract_best_path(log_emissions, lambda rows: best_path(rows, tables))
-    path = best_path(relative, tables)
-    return ViterbiPath(path.states, path.log_probability + log_offset)
+    states, log_probability = best_path(relative, tables)
+    return states, log_probability + log_offset
 
 
 def best_path(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> ViterbiPath:
@@ -255,7 +255,7 @@ def best_path(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> V
         state = int(origins[begin, state])
         begin, end = int(begins[begin, state]), begin
         states[begin:end] = state
-    return ViterbiPath(states, float(last.max()))
+    return states, float(last.max())
 
 
 def wins_tie(origins: Int[Array, " K"]) -> Array:
