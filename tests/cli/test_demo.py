@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import pytest
 from annotations import check_annotations
@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from demo_run import DemoRun
 
 from pilotfish.cli.demo import run as demo_module
-from pilotfish.cli.demo.run import DemoResult, run_demo
+from pilotfish.cli.demo.run import run_demo
 from pilotfish.cli.main import cli
 from pilotfish.cli.output.tables import Table
 from pilotfish.environments.scene_renderer import rendering_error
@@ -27,7 +27,7 @@ def raise_no_network() -> NoReturn:
 
 
 @pytest.fixture(scope="module")
-def synthetic_demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[DemoResult, list[str]]:
+def synthetic_demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], list[str]]:
     """Run the demo without recorded data; return its result and the printed lines."""
     printed: list[str] = []
     with pytest.MonkeyPatch.context() as patch, check_annotations(False):
@@ -38,10 +38,10 @@ def synthetic_demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[DemoResult
 
 
 @SLOW
-def test_demo_synthetic_data_is_announced(synthetic_demo: tuple[DemoResult, list[str]]):
+def test_demo_synthetic_data_is_announced(synthetic_demo: tuple[dict[str, Any], list[str]]):
     result, printed = synthetic_demo
-    assert result.notice
-    for text in (printed[0], result.report.read_text(encoding="utf-8").partition("<table>")[0]):
+    assert result["synthetic"]
+    for text in (printed[0], Path(result["report"]).read_text(encoding="utf-8").partition("<table>")[0]):
         assert "SYNTHETIC DATA" in text
         assert "the network is down" in text
     assert printed[0].startswith("*** SYNTHETIC DATA")
@@ -49,15 +49,15 @@ def test_demo_synthetic_data_is_announced(synthetic_demo: tuple[DemoResult, list
 
 
 @SLOW
-def test_demo_synthetic_data_has_no_published_errors(synthetic_demo: tuple[DemoResult, list[str]]):
+def test_demo_synthetic_data_has_no_published_errors(synthetic_demo: tuple[dict[str, Any], list[str]]):
     result, _ = synthetic_demo
-    assert "published" not in " ".join(cell for table in result.tables for cell in table.header)
+    assert "published" not in " ".join(cell for table in result["tables"] for cell in table["header"])
 
 
 @SLOW
-def test_demo_saved_skill_is_semi_tied(synthetic_demo: tuple[DemoResult, list[str]]):
+def test_demo_saved_skill_is_semi_tied(synthetic_demo: tuple[dict[str, Any], list[str]]):
     result, _ = synthetic_demo
-    skill = open_skill(result.skill)
+    skill = open_skill(result["skill"])
     assert skill.provenance.structure == "semi-tied(1)"
     assert len(skill.provenance.demonstrations) == 4
     assert "synthetic" in skill.provenance.demonstrations[0]
@@ -65,20 +65,20 @@ def test_demo_saved_skill_is_semi_tied(synthetic_demo: tuple[DemoResult, list[st
 
 
 @SLOW
-def test_demo_tables_have_one_row_per_reproduction(synthetic_demo: tuple[DemoResult, list[str]]):
+def test_demo_tables_have_one_row_per_reproduction(synthetic_demo: tuple[dict[str, Any], list[str]]):
     result, _ = synthetic_demo
-    *numbers, summary, physics = result.tables
-    assert [len(table.rows) for table in numbers] == [10] * 4
-    assert [row[1] for row in numbers[0].rows] == ["yes"] * 4 + ["no"] * 4 + ["yes", "no"]
-    assert [row[1] for row in summary.rows] == ["1470", "1470", "588", "588"]  # covariance parameters
-    assert [row[1] for row in physics.rows] == ["yes"] * 4 + ["no"] * 4
-    assert 0.0 < result.seconds < 600.0
+    *numbers, summary, physics = (table["rows"] for table in result["tables"])
+    assert [len(rows) for rows in numbers] == [10] * 4
+    assert [row[1] for row in numbers[0]] == ["yes"] * 4 + ["no"] * 4 + ["yes", "no"]
+    assert [row[1] for row in summary] == ["1470", "1470", "588", "588"]  # covariance parameters
+    assert [row[1] for row in physics] == ["yes"] * 4 + ["no"] * 4
+    assert 0.0 < result["seconds"] < 600.0
 
 
 @SLOW
-def test_demo_report_has_figures_of_new_situations(synthetic_demo: tuple[DemoResult, list[str]]):
+def test_demo_report_has_figures_of_new_situations(synthetic_demo: tuple[dict[str, Any], list[str]]):
     result, _ = synthetic_demo
-    text = result.report.read_text(encoding="utf-8")
+    text = Path(result["report"]).read_text(encoding="utf-8")
     films = text.count("data:image/webp;base64,")
     assert films == int(rendering_error() == "")
     assert text.count("data:image/png;base64,") == 13 + films
@@ -92,13 +92,13 @@ def test_demo_without_mujoco_writes_report_and_skill(tmp_path: Path, monkeypatch
     monkeypatch.setitem(sys.modules, "mujoco", None)
     printed: list[str] = []
     result = run_demo(tmp_path, print_line=printed.append)
-    report = result.report.read_text(encoding="utf-8")
+    report = Path(result["report"]).read_text(encoding="utf-8")
     for text in (report.replace("&#x27;", "'"), "\n".join(printed)):
         assert "not executed" in text
         assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in text
     assert "image/webp" not in report
-    assert len(result.tables) == 5
-    assert open_skill(result.skill).states == 7
+    assert len(result["tables"]) == 5
+    assert open_skill(result["skill"]).states == 7
 
 
 def test_demo_invalid_data_folder_is_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

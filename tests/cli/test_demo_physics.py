@@ -16,7 +16,6 @@ from pilotfish.cli.demo import run as demo_module
 from pilotfish.cli.demo.evaluation_tables import StructureEvaluation
 from pilotfish.cli.demo.physics import (
     INTRODUCTION,
-    ValveResult,
     simulate_reproduction,
     simulate_reproductions,
 )
@@ -71,15 +70,15 @@ def evaluation(data_folder: object) -> StructureEvaluation:
 @SLOW
 def test_demo_reproductions_open_valves(demo_run: DemoRun):
     results = demo_run.valve_openings
-    assert [opening.new for opening in results] == [False] * 4 + [True] * 4
-    open_ones = [opening.outcome.success for opening in results]
+    assert [row[1] for row in demo_run.physics_table.rows] == ["yes"] * 4 + ["no"] * 4
+    open_ones = [outcome.success for outcome, _, _, _ in results]
     assert sum(open_ones) >= 6
     assert not open_ones[7]
-    for opening in results[:7]:
-        assert opening.outcome.error < radians(12.0)
-        assert opening.outcome.error < 0.2 * opening.turn
-        assert 1.0 < opening.force < 80.0
-        assert opening.max_deviation < 0.06
+    for outcome, turn, force, max_deviation in results[:7]:
+        assert outcome.error < radians(12.0)
+        assert outcome.error < 0.2 * turn
+        assert 1.0 < force < 80.0
+        assert max_deviation < 0.06
 
 
 @SLOW
@@ -87,12 +86,12 @@ def test_demo_simulation_table_equals_results(demo_run: DemoRun, evaluation: Str
     table, results = demo_run.physics_table, demo_run.valve_openings
     assert [row[0] for row in table.rows] == [demo.name for demo in evaluation.demonstrations]
     assert [row[1] for row in table.rows] == ["yes"] * 4 + ["no"] * 4
-    for row, opening in zip(table.rows, results, strict=True):
-        assert row[2] == ("yes" if opening.outcome.success else "no")
-        assert float(row[3]) == pytest.approx(np.degrees(opening.turn), abs=0.5)
-        assert float(row[4]) == pytest.approx(np.degrees(opening.outcome.error), abs=0.05)
-        assert float(row[5]) == pytest.approx(opening.force, abs=0.5)
-        assert float(row[6]) == pytest.approx(1000.0 * opening.max_deviation, abs=0.5)
+    for row, (outcome, turn, force, max_deviation) in zip(table.rows, results, strict=True):
+        assert row[2] == ("yes" if outcome.success else "no")
+        assert float(row[3]) == pytest.approx(np.degrees(turn), abs=0.5)
+        assert float(row[4]) == pytest.approx(np.degrees(outcome.error), abs=0.05)
+        assert float(row[5]) == pytest.approx(force, abs=0.5)
+        assert float(row[6]) == pytest.approx(1000.0 * max_deviation, abs=0.5)
 
 
 @SLOW
@@ -125,10 +124,10 @@ def motionless(evaluation: StructureEvaluation, m: int) -> tuple[Reproduction, D
 
 @pytest.mark.parametrize("m", range(8))
 def test_simulate_motionless_reproduction_leaves_valve_closed(evaluation: StructureEvaluation, m: int):
-    made = simulate_reproduction(*motionless(evaluation, m), m >= TRAINING_DEMONSTRATIONS, None)
-    assert not made.outcome.success
-    assert made.outcome.error == pytest.approx(made.turn, abs=1e-3)
-    assert made.force < 5.0
+    outcome, turn, force, _ = simulate_reproduction(*motionless(evaluation, m), None)
+    assert not outcome.success
+    assert outcome.error == pytest.approx(turn, abs=1e-3)
+    assert force < 5.0
 
 
 @pytest.mark.parametrize("m", [1, 5, 7])
@@ -142,7 +141,7 @@ def test_simulate_gripper_closes_and_opens_at_handle(
             commands.append((target.position, grip, ticks))
 
     monkeypatch.setattr(demo_physics, "Workcell", RecordingWorkcell)
-    simulate_reproduction(evaluation.from_first_point[m], evaluation.demonstrations[m], True, None)
+    simulate_reproduction(evaluation.from_first_point[m], evaluation.demonstrations[m], None)
     places, grips, ticks = (np.array(column) for column in zip(*commands, strict=True))
     assert np.array_equal(places, evaluation.from_first_point[m].motion.x[:, :3])
     assert set(ticks) == {100}
@@ -159,21 +158,22 @@ def test_simulate_gripper_closes_and_opens_at_handle(
 def test_simulate_synthetic_demonstration_opens_valve(unchecked: None):
     demonstrations = synthetic_valve(np.random.default_rng(0))
     evaluation = evaluate(demonstrations)
-    made = simulate_reproduction(evaluation.from_first_point[6], demonstrations[6], True, None)
-    assert made.outcome.success, made.outcome.reason
-    assert made.name == demonstrations[6].name
+    outcome, *_ = simulate_reproduction(evaluation.from_first_point[6], demonstrations[6], None)
+    assert outcome.success, outcome.reason
 
 
 def test_simulate_without_images_returns_table(
     evaluation: StructureEvaluation, monkeypatch: pytest.MonkeyPatch
 ):
-    row = ValveResult("x", True, Outcome(False, 0.1, "so"), 0.2, 3.0, 0.01)
+    row = Outcome(False, 0.1, "so"), 0.2, 3.0, 0.01
     monkeypatch.setattr(
         demo_physics, "simulate_reproduction", lambda *given: row if given[-1] is None else 1 / 0
     )
     section, table = simulate_reproductions(evaluation, with_images=False)
     assert section.parts == (INTRODUCTION, table)
-    assert table.rows == (("x", "no", "no", "11", "5.7", "3", "10"),) * 8
+    assert [row[0] for row in table.rows] == [demo.name for demo in evaluation.demonstrations]
+    assert [row[1] for row in table.rows] == ["yes"] * 4 + ["no"] * 4
+    assert [row[2:] for row in table.rows] == [("no", "11", "5.7", "3", "10")] * 8
 
 
 def test_simulate_without_mujoco_names_extra(

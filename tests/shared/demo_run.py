@@ -34,7 +34,9 @@ def run_demo(folder: Path, data: Path) -> DemoRun:
         patch.setenv("PILOTFISH_DATA", str(data))
         patch.chdir(folder)
         patch.setattr(
-            demo_physics, "result_table", lambda done: valve_openings.extend(done) or result_table(done)
+            demo_physics,
+            "result_table",
+            lambda names, done: valve_openings.extend(done) or result_table(names, done),
         )
         patch.setattr(
             demo_physics,

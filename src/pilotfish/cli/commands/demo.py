@@ -1,6 +1,5 @@
 """pilotfish demo: from demonstrations to motions, with a report."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -35,15 +34,9 @@ def demo(out: Path, seed: int) -> CommandResult:
     require_matplotlib()
     from pilotfish.cli.demo.run import run_demo
 
-    result = run_demo(out, seed=seed, print_line=_discard if is_json_output() else print_line)
-    data = {
-        "report": str(result.report),
-        "skill": str(result.skill),
-        "synthetic": bool(result.notice),
-        "seconds": result.seconds,
-        "tables": [asdict(table) for table in result.tables],
-    }
-    return CommandResult((), data)
+    return CommandResult(
+        (), run_demo(out, seed=seed, print_line=_discard if is_json_output() else print_line)
+    )
 
 
 def _discard(_: str) -> None:

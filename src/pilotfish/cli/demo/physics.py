@@ -1,7 +1,6 @@
 """Simulation of the demo: the robot opens the recorded valve along each reproduced motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import degrees
 
 import numpy as np
@@ -34,27 +33,9 @@ HEADER = (
     "peak force [N]",
     "max. deviation [mm]",
 )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ValveResult:
-    """Result of a reproduction that was executed in simulation.
-
-    Attributes:
-        name: Name of the demonstration whose situation it is.
-        new: Whether the situation was not demonstrated.
-        outcome: Whether the valve is open, and its remaining angle [rad].
-        turn: Angle by which the valve has to turn [rad].
-        force: Peak force on the tool [N].
-        max_deviation: Largest distance between the tool and its commanded position [m].
-    """
-
-    name: str
-    new: bool
-    outcome: Outcome
-    turn: float
-    force: float
-    max_deviation: float
+# Outcome with the remaining angle of the valve [rad], angle by which it has to turn [rad], peak force on the
+# tool [N], and largest distance between the tool and its commanded position [m].
+ValveResult = tuple[Outcome, float, float, float]
 
 
 def simulate_reproductions(evaluation: StructureEvaluation, *, with_images: bool) -> tuple[Section, Table]:
@@ -74,31 +55,29 @@ def simulate_reproductions(evaluation: StructureEvaluation, *, with_images: bool
         simulate_reproduction(
             reproduction,
             demonstration,
-            m >= TRAINING_DEMONSTRATIONS,
             camera if m == filmed else None,
         )
         for m, (reproduction, demonstration) in enumerate(
             zip(evaluation.from_first_point, evaluation.demonstrations, strict=True)
         )
     ]
-    table = result_table(results)
+    table = result_table([demo.name for demo in evaluation.demonstrations], results)
     images = _film_images(camera, evaluation.demonstrations[filmed].name) if camera else ()
     return Section("Simulation", (INTRODUCTION, table, *images)), table
 
 
 def simulate_reproduction(
-    reproduction: Reproduction, demonstration: Demonstration, new: bool, camera: FilmRecorder | None
+    reproduction: Reproduction, demonstration: Demonstration, camera: FilmRecorder | None
 ) -> ValveResult:
     """Execute the motion of a reproduction on the valve of a demonstration.
 
     Args:
         reproduction: Motion to execute.
         demonstration: Demonstration whose frames give the valve before and after the turn.
-        new: Whether the situation was not demonstrated.
         camera: Records a film; None records none.
 
     Returns:
-        Result of the simulation.
+        The outcome, the required turn, the peak force and the largest deviation.
     """
     poses = [Pose(row[:3].copy(), normalise(row[3:7])) for row in reproduction.motion.x]
     before, after = (_frame_pose(frame) for frame in demonstration.frames if isinstance(frame, Frame))
@@ -112,24 +91,22 @@ def simulate_reproduction(
         max_deviation = max(max_deviation, float(np.linalg.norm(cell.arm.tool.position - pose.position)))
         if camera:
             camera(cell)
-    return ValveResult(
-        demonstration.name, new, cell.outcome(), valve.turn, cell.peak_forces["tool"], max_deviation
-    )
+    return cell.outcome(), valve.turn, cell.peak_forces["tool"], max_deviation
 
 
-def result_table(results: Sequence[ValveResult]) -> Table:
-    """Return a table with a row for each result."""
+def result_table(names: Sequence[str], results: Sequence[ValveResult]) -> Table:
+    """Return a table with a row for the result in the situation of each demonstration, by name."""
     rows = [
         (
-            result.name,
-            "no" if result.new else "yes",
-            "yes" if result.outcome.success else "no",
-            f"{degrees(result.turn):.0f}",
-            f"{degrees(result.outcome.error):.1f}",
-            f"{result.force:.0f}",
-            f"{1000 * result.max_deviation:.0f}",
+            name,
+            "yes" if m < TRAINING_DEMONSTRATIONS else "no",
+            "yes" if outcome.success else "no",
+            f"{degrees(turn):.0f}",
+            f"{degrees(outcome.error):.1f}",
+            f"{force:.0f}",
+            f"{1000 * max_deviation:.0f}",
         )
-        for result in results
+        for m, (name, (outcome, turn, force, max_deviation)) in enumerate(zip(names, results, strict=True))
     ]
     return Table(HEADER, tuple(rows), "Reproductions executed in simulation", right_aligned=True)
 

@@ -1,9 +1,10 @@
 """The demo: learn to open a valve, reproduce it in new situations, simulate it, and write a report."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import click
 import numpy as np
@@ -36,26 +37,7 @@ SYNTHETIC_NOTICE = (
 PrintLine = Callable[[str], None]
 
 
-@dataclass(frozen=True, slots=True)
-class DemoResult:
-    """Files and results of the demo.
-
-    Attributes:
-        report: HTML report.
-        skill: Skill file, with semi-tied covariances.
-        tables: Tables of the report.
-        notice: Why generated data was used; empty if recorded data was used.
-        seconds: Duration of the demo [s].
-    """
-
-    report: Path
-    skill: Path
-    tables: tuple[Table, ...]
-    notice: str
-    seconds: float
-
-
-def run_demo(out: Path, *, seed: int = 0, print_line: PrintLine = click.echo) -> DemoResult:
+def run_demo(out: Path, *, seed: int = 0, print_line: PrintLine = click.echo) -> dict[str, Any]:
     """Learn from the first four valve demonstrations, reproduce all eight, and write a report and a skill.
 
     Two skills of seven states are learned, with full and with semi-tied covariances. The semi-tied one is
@@ -67,7 +49,8 @@ def run_demo(out: Path, *, seed: int = 0, print_line: PrintLine = click.echo) ->
         print_line: Prints progress and tables.
 
     Returns:
-        Files and tables.
+        The output of the command: report and skill, the files; synthetic, whether generated data was used;
+        seconds, the duration; and tables.
 
     Raises:
         SkillError: If the folder cannot be written, or PILOTFISH_DATA contains an invalid recording.
@@ -98,7 +81,13 @@ def run_demo(out: Path, *, seed: int = 0, print_line: PrintLine = click.echo) ->
     print_line(f"\nskill:  {skill}\nreport: {report}\n{seconds:.1f} s in total")
     if notice:
         print_line(f"\n*** {SYNTHETIC_NOTICE} ***")
-    return DemoResult(report, skill, (*tables, *simulation_tables), notice, seconds)
+    return {
+        "report": str(report),
+        "skill": str(skill),
+        "synthetic": bool(notice),
+        "seconds": seconds,
+        "tables": [asdict(table) for table in (*tables, *simulation_tables)],
+    }
 
 
 def load_valve(rng: np.random.Generator) -> tuple[tuple[Demonstration, ...], str]:
