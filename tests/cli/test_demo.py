@@ -93,7 +93,7 @@ def test_demo_without_mujoco_writes_report_and_skill(tmp_path: Path, monkeypatch
     printed: list[str] = []
     result = run_demo(tmp_path, print_line=printed.append)
     report = Path(result["report"]).read_text(encoding="utf-8")
-    for text in (report.replace("&#x27;", "'"), "\n".join(printed)):
+    for text in (report.replace("&#39;", "'"), "\n".join(printed)):
         assert "not executed" in text
         assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in text
     assert "image/webp" not in report
