@@ -32,7 +32,7 @@ from pilotfish.kernels.backend import (
     semi_tied_sweeps,
     viterbi,
 )
-from pilotfish.kernels.results import EStep, SemiMarkovForward
+from pilotfish.kernels.results import EStep
 from pilotfish.kernels.stream_state import (
     MAX_VALUE,
     Assignments,
@@ -52,7 +52,6 @@ __all__ = [
     "EStep",
     "Emissions",
     "ImpedanceParameters",
-    "SemiMarkovForward",
     "SemiMarkovTables",
     "SlowKernelsWarning",
     "StreamParameters",

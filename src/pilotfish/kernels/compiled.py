@@ -186,7 +186,8 @@ def semi_markov_forward_backward(
 
 @_validate_on_failure
 def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> SemiMarkovForward:
-    return SemiMarkovForward(*_native.semi_markov_forward(log_emissions, *_table_arrays(tables)))
+    log_segment_ends, log_forward = _native.semi_markov_forward(log_emissions, *_table_arrays(tables))
+    return log_segment_ends, log_forward
 
 
 @_validate_on_failure

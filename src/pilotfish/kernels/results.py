@@ -4,6 +4,11 @@ from typing import NamedTuple
 
 from pilotfish.types import Array, Float, Int
 
+# Filtered inference along a semi-Markov chain, as if the recording ended at each step. First,
+# [t, k] = log p(steps 0 to t, a segment of k ends with step t, another may follow). Second,
+# [t, k] = log p(steps 0 to t, state k at t).
+SemiMarkovForward = tuple[Float[Array, "T K"], Float[Array, "T K"]]
+
 # Most probable path: the state at each step, and log p(all steps, this path), -inf if no path explains them.
 # Among equally probable paths, it is the one whose last differing state has the lower index.
 ViterbiPath = tuple[Int[Array, " T"], float]
@@ -52,18 +57,6 @@ class SemiMarkovForwardBackward(NamedTuple):
     transition_counts: Float[Array, "K K"]
     segments: Float[Array, "4 S K"]
     tail_counts: Float[Array, "2 K"]
-
-
-class SemiMarkovForward(NamedTuple):
-    """Filtered inference along a semi-Markov chain, as if the recording ended at each step.
-
-    Attributes:
-        log_segment_ends: [t, k] = log p(steps 0 to t, a segment of k ends with step t, another may follow).
-        log_forward: [t, k] = log p(steps 0 to t, state k at t).
-    """
-
-    log_segment_ends: Float[Array, "T K"]
-    log_forward: Float[Array, "T K"]
 
 
 class EStep(NamedTuple):

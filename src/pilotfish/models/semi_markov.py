@@ -197,7 +197,9 @@ class SemiMarkovChain(StateDynamics):
     def final_states(self) -> Bool[Array, " K"]:
         return np.asarray(~self.transitions.any(axis=1))
 
-    def forward(self, log_observed: Float[Array, "S K"], horizon: int) -> kernels.SemiMarkovForward:
+    def forward(
+        self, log_observed: Float[Array, "S K"], horizon: int
+    ) -> tuple[Float[Array, "T K"], Float[Array, "T K"]]:
         """Compute the forward variables (3.40, 3.41) over `horizon` steps in O(T K (K + L)).
 
         Args:
@@ -220,11 +222,11 @@ class SemiMarkovChain(StateDynamics):
         return self._extend_max_duration(
             horizon,
             lambda limit: kernels.semi_markov_forward(log_emissions, chain.segment_tables(limit)),
-            lambda result: np.logaddexp.reduce(result.log_forward, axis=1),
+            lambda result: np.logaddexp.reduce(result[1], axis=1),
         )
 
     def log_forward(self, log_observed: Float[Array, "S K"], horizon: int) -> Float[Array, "T K"]:
-        return self.forward(log_observed, horizon).log_forward
+        return self.forward(log_observed, horizon)[1]
 
     def viterbi(self, log_emissions: Float[Array, "T K"]) -> Int[Array, " T"]:
         states, _ = self._extend_max_duration(

@@ -57,11 +57,11 @@ def forward_variable(
     require_states(skill.states)
     if log_observed is None:
         log_observed = np.empty((0, skill.states))
-    forward = chain.forward(log_observed, horizon)
+    log_segment_ends, log_forward = chain.forward(log_observed, horizon)
     figure = new_figure(FIGURE_WIDTH, 5.2)
     above, below = figure.subplots(2, 1, sharex=True)
     seconds = skill.period * np.arange(horizon)
-    for axes, log_p in ((above, forward.log_forward), (below, forward.log_segment_ends)):
+    for axes, log_p in ((above, log_forward), (below, log_segment_ends)):
         _draw_probabilities(axes, seconds, _normalise_rows(log_p))
     style_axes(above, x="time [s]", y="probability [1]", title="state probability")
     style_axes(below, x="time [s]", y="probability [1]", title="a segment ends (rescaled forward variable)")

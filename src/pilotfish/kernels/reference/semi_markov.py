@@ -209,7 +209,7 @@ def semi_markov_forward(log_emissions: Float[Array, "T K"], tables: SemiMarkovTa
         segments[:S] += tables.log_segment_weights[2 + is_first, : len(segments)]
         segments[S:] += tables.log_tail_weights[is_first]
         log_forward[b:] = np.logaddexp(log_forward[b:], segments)
-    return SemiMarkovForward(ends, log_forward)
+    return ends, log_forward
 
 
 def semi_markov_viterbi(log_emissions: Float[Array, "T K"], tables: SemiMarkovTables) -> ViterbiPath:
