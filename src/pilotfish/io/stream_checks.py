@@ -57,7 +57,8 @@ def _validate_cluster_statistics(model: online.OnlineModel) -> None:
     _require_all("weights", state.weights, positive, "more than 0")
     for name in ("mean_durations", "squared_deviations", "mean_censored_durations"):
         values = getattr(state, name)
-        _require_all(name, values, values >= 0.0, "0 or more")
+        largest = MAX_SQUARED_DISTANCE if name == "squared_deviations" else MAX_EXACT_INTEGER
+        _require_all(name, values, (values >= 0.0) & (values <= largest), f"from 0 to {largest:g}")
     if state.clusters > model.parameters.max_clusters:
         raise InvalidInput(
             f"there are {state.clusters} clusters, expected at most {model.parameters.max_clusters}"
