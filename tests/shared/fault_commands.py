@@ -206,6 +206,7 @@ def cache_slow_calls(name: str) -> None:
 
         CachedCall(run, "evaluate_structure")
         CachedCall(run, "execute_in_simulation")
+        CachedCall(run, "report_sections")
         CachedCall(html_report, "render_report")
 
 
