@@ -210,10 +210,7 @@ def use_result(value: tuple[Call, Any], thorough: bool) -> None:
 @cache
 def expected(name: str) -> Any:
     """Return the result for the example's arguments."""
-    package = "environments" if name.startswith("manipulation.") else name.rpartition(".")[0]
-    if package.rpartition(".")[2][0].isupper():  # a class
-        package = package.rpartition(".")[0]
-    arguments = examples(package)[name]
+    arguments = next(given[name] for package in EXAMPLES if name in (given := examples(package)))
     result = function_named(name)(**_fresh(arguments))
     return tuple(result) if hasattr(result, "__next__") else result
 
