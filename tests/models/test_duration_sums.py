@@ -36,7 +36,7 @@ def durations(request):
 
 @pytest.fixture(scope="module")
 def sum_every_step(durations):
-    """Return log p(s) at so many steps that the tail beyond is negligible."""
+    """Return log p(s) up to a step beyond which the tail is negligible."""
     log_w = durations.log_weights(np.arange(1.0, LONG + 1.0))
     return log_w - logsumexp(log_w, axis=0)
 
