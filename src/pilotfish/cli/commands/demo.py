@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from pilotfish.cli.options.learning import seed_option
 from pilotfish.cli.output.figures import require_matplotlib
 from pilotfish.cli.output.results import CommandResult, example_epilog, print_result
 from pilotfish.cli.output.terminal import is_json_output, print_line
@@ -17,13 +18,7 @@ from pilotfish.cli.output.terminal import is_json_output, print_line
     show_default=True,
     help="Folder of the report and the skill; files of an earlier run are replaced.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the random number generator.",
-)
+@seed_option
 @print_result
 def demo(out: Path, seed: int) -> CommandResult:
     """Learn to open a valve from four demonstrations, reproduce it in new situations, and write a report.

@@ -18,12 +18,12 @@ from pilotfish.cli.options.demonstrations import (
     select_demonstrations,
 )
 from pilotfish.cli.options.durations import DURATION_NAMES, DYNAMICS, duration_model
+from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import StructureType, structure_syntax_list
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
-    require_finite_option,
     require_writable_file,
 )
 from pilotfish.cli.output.skill_descriptions import (
@@ -100,14 +100,7 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
     show_default=True,
     help="Initial states of EM: equal time bins of each demonstration, or clusters of datapoints.",
 )
-@click.option(
-    "--regularisation",
-    type=click.FloatRange(min=0.0),
-    callback=require_finite_option,
-    default=1e-5,
-    show_default=True,
-    help="Variance added to each column of every covariance [unit squared].",
-)
+@regularisation_option
 @click.option(
     "--max-iterations",
     type=click.IntRange(1, EMSettings.MAX_ITERATIONS),
@@ -122,13 +115,7 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
     show_default=True,
     help="Number of EM runs, of which the most likely result is kept; above 1, time bins are random.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the random number generator.",
-)
+@seed_option
 @only_option
 @click.option(
     "--velocities/--no-velocities",

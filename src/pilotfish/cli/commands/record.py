@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pilotfish.cli.options.learning import seed_option
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -36,13 +37,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Number of demonstrations.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the random number generator.",
-)
+@seed_option
 @click.option(
     "--delay",
     type=click.FloatRange(min=0.0, max=10.0),

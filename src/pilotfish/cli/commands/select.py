@@ -18,13 +18,13 @@ from pilotfish.cli.options.demonstrations import (
     select_demonstrations,
 )
 from pilotfish.cli.options.durations import CANDIDATE_NAMES
+from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import structure_syntax_list
 from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
-    require_finite_option,
     require_writable_file,
 )
 from pilotfish.cli.output.tables import Table, key_value_table
@@ -75,14 +75,7 @@ HEADER = (
     callback=validate_figure_path,
     help="Plot of the scores to write, as .png, .svg or .pdf.",
 )
-@click.option(
-    "--regularisation",
-    type=click.FloatRange(min=0.0),
-    callback=require_finite_option,
-    default=1e-5,
-    show_default=True,
-    help="Variance added to each column of every covariance [unit squared].",
-)
+@regularisation_option
 @click.option(
     "--max-iterations",
     type=click.IntRange(1, EMSettings.MAX_ITERATIONS),
@@ -90,13 +83,7 @@ HEADER = (
     show_default=True,
     help="Maximum number of EM iterations per fit.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of the random number generator.",
-)
+@seed_option
 @only_option
 @click.option(
     "--velocities/--no-velocities",

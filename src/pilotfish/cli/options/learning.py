@@ -1,0 +1,21 @@
+"""Options that every command that fits skills by EM has."""
+
+import click
+
+from pilotfish.cli.output.results import require_finite_option
+
+regularisation_option = click.option(
+    "--regularisation",
+    type=click.FloatRange(min=0.0),
+    callback=require_finite_option,
+    default=1e-5,
+    show_default=True,
+    help="Variance added to each column of every covariance [unit squared].",
+)
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of the random number generator.",
+)
