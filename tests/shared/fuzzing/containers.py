@@ -11,7 +11,7 @@ from safetensors import deserialize
 from fuzzing.edits import edit_tree, json_text, short_text
 from fuzzing.edits_of_arrays import edit_array
 from fuzzing.edits_of_text import edit_bytes
-from pilotfish.io.container_format import METADATA_KEY, ContainerFormat, container_hash
+from pilotfish.io.container_format import METADATA_KEY, container_hash
 from pilotfish.types import Array
 
 Container = tuple[dict[str, Any], dict[str, Array], tuple[int, ...]]  # header, arrays, seeds of damage
@@ -24,7 +24,7 @@ def parse_container(data: bytes) -> Container:
     header = json.loads(json.loads(data[8 : 8 + length])["__metadata__"][METADATA_KEY])
     arrays = {
         name: np.frombuffer(tensor["data"], "<f8").reshape(tensor["shape"])
-        for name, tensor in deserialize(data)
+        for name, tensor in sorted(deserialize(data))  # otherwise in a random order
     }
     return header, arrays, ()
 
@@ -49,14 +49,14 @@ def edit_container(value: Container, rng: Random) -> tuple[Container, str]:
     return (header, arrays, (*damage, seed)), f"damage {seed}"
 
 
-def container_writer(kind: ContainerFormat) -> Callable[[Container], bytes]:
+def container_writer(format_name: str) -> Callable[[Container], bytes]:
     """Return a function that writes a file of that kind, its checksum recomputed."""
 
     def write(value: Container) -> bytes:
         header, arrays, damage = value
         text = json_text(header)
         if isinstance(header, dict) and "content" in header:
-            text = json_text({**header, "content": _content(kind, header, text, arrays)})
+            text = json_text({**header, "content": _content(format_name, header, text, arrays)})
         data = _safetensors(text, arrays)
         for seed in damage:
             data, _ = edit_bytes(data, Random(seed))
@@ -65,13 +65,13 @@ def container_writer(kind: ContainerFormat) -> Callable[[Container], bytes]:
     return write
 
 
-def _content(kind: ContainerFormat, header: dict[str, Any], text: str, arrays: dict[str, Array]) -> str:
+def _content(format_name: str, header: dict[str, Any], text: str, arrays: dict[str, Array]) -> str:
     if any(array.dtype.kind not in "fiub" for array in arrays.values()):
         return ""
     try:
         read = json.loads(text)
         del read["content"]
-        return container_hash(kind, read, arrays)
+        return container_hash(format_name, read, arrays)
     except (ValueError, RecursionError, TypeError):  # it is refused before its hash is looked at
         return header["content"] if isinstance(header["content"], str) else ""
 

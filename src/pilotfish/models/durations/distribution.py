@@ -7,9 +7,9 @@ add the class to `registry.py`: command line, skill files and documentation take
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
@@ -23,7 +23,12 @@ from pilotfish.models.durations.sums import (
 )
 from pilotfish.types import Array, Bool, Float
 
+Result = TypeVar("Result")
+
 MIN_DIVISOR = 1e-12  # of parameters that are divided by
+MAX_CACHED = 32  # results of log_survival and max_duration that are kept
+MAX_CACHED_SIZE = 2**14  # numbers in an array that is kept
+_CACHE: dict[tuple[Any, ...], Any] = {}
 MAX_RELATIVE_DURATION = 10.0  # bound of fitted means and deviations, relative to the maximum duration
 
 
@@ -63,6 +68,9 @@ class DurationDistribution(ABC):
 
         Args:
             steps: Durations s, whole or not, at least 1.
+
+        Returns:
+            Log-weights; the steps of a state are contiguous in memory, which makes long sums fast.
         """
 
     @property
@@ -93,7 +101,7 @@ class DurationDistribution(ABC):
             log S(d) = log p(duration >= d) and log (S(d) + S(d + 1) + ...) for d = 1 .. max_duration; the
             second at d = 1 is the log of the mean duration.
         """
-        return log_survival_from_weights(self.log_weights, max_duration)
+        return _cached(self, max_duration, log_survival_from_weights)
 
     def max_duration(self, tail_probability: float) -> int:
         """Return the smallest duration that every state exceeds with at most this probability [steps].
@@ -101,7 +109,7 @@ class DurationDistribution(ABC):
         Args:
             tail_probability: Probability of a longer segment.
         """
-        return max_duration_from_weights(self.log_weights, tail_probability)
+        return _cached(self, tail_probability, max_duration_from_weights)
 
     def degrees_of_freedom(self, states: Bool[Array, " K"], fixed_parameters: int = 0) -> int:
         """Return the number of free parameters of the given states.
@@ -115,6 +123,26 @@ class DurationDistribution(ABC):
     @abstractmethod
     def validate(self) -> None:
         """Raise InvalidInput unless the parameters define a distribution."""
+
+
+def _cached(durations: DurationDistribution, argument: int | float, compute: Callable[..., Result]) -> Result:
+    """Return compute(durations.log_weights, argument), from the cache if a recent call had the same values.
+
+    The forward variables of one skill need the same short tables again and again. The key holds the values
+    of the parameters, since a caller may change an array in place.
+    """
+    values = [getattr(durations, field.name) for field in fields(durations)]
+    key = (type(durations), compute, argument, *(value.tobytes() for value in values))
+    if key not in _CACHE:
+        result = compute(durations.log_weights, argument)
+        if argument * values[0].size > MAX_CACHED_SIZE:
+            return result
+        for array in result if isinstance(result, tuple) else ():
+            array.flags.writeable = False
+        if len(_CACHE) >= MAX_CACHED:
+            _CACHE.clear()
+        _CACHE[key] = result
+    return cast(Result, _CACHE[key])
 
 
 def require_positive(values: Float[Array, " K"], name: str) -> None:

@@ -63,7 +63,7 @@ class Gamma(DurationDistribution):
         return cls(1.0 + shapes_minus_one, -negative_rates)
 
     def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
-        return np.asarray(np.log(steps)[:, None] * (self.shapes - 1.0) - steps[:, None] * self.rates)
+        return np.asarray(np.outer(self.shapes - 1.0, np.log(steps)) - np.outer(self.rates, steps)).T
 
     def validate(self) -> None:
         require_positive(self.shapes, "durations.shapes")

@@ -60,7 +60,7 @@ class Gaussian(DurationDistribution):
         return cls(1.0 - 0.5 * slope / curvature, np.sqrt(-0.5 / curvature))
 
     def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
-        return np.asarray(-0.5 * ((steps[:, None] - self.means) / self.deviations) ** 2)
+        return np.asarray(-0.5 * ((steps - self.means[:, None]) / self.deviations[:, None]) ** 2).T
 
     def validate(self) -> None:
         require_positive(self.deviations, "durations.deviations")

@@ -11,7 +11,7 @@ from pilotfish.models.durations.distribution import DurationDistribution
 from pilotfish.models.durations.fit import complete_segments
 from pilotfish.models.durations.quadrature import single_step_quadrature
 from pilotfish.models.durations.segments import Segments
-from pilotfish.models.durations.sums import log_reverse_cumsum, max_duration_from_probs
+from pilotfish.models.durations.sums import log_reverse_cumsums, max_duration_from_probs
 from pilotfish.types import Array, Float
 from pilotfish.validation import MAX_MAGNITUDE, require_number, short_repr
 
@@ -101,8 +101,7 @@ class Histogram(DurationDistribution):
     def log_survival(self, max_duration: int) -> tuple[Float[Array, "S K"], Float[Array, "S K"]]:
         quadrature = single_step_quadrature(max(max_duration, len(self.probabilities)))
         log_p = self.log_table(quadrature.single_steps)
-        log_tail = log_reverse_cumsum(log_p, quadrature, max_duration)
-        return log_tail, log_reverse_cumsum(log_p, quadrature, max_duration, order=2)
+        return log_reverse_cumsums(log_p, quadrature, max_duration)
 
     def max_duration(self, tail_probability: float) -> int:
         return max_duration_from_probs(self.probabilities, tail_probability)

@@ -62,8 +62,9 @@ class LogNormal(DurationDistribution):
         return cls(-0.5 * slope / curvature, np.sqrt(-0.5 / curvature))
 
     def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
-        log_s = np.log(steps)[:, None]
-        return np.asarray(-0.5 * ((log_s - self.log_means) / self.log_deviations) ** 2 - log_s)
+        log_s = np.log(steps)
+        standardised = (log_s - self.log_means[:, None]) / self.log_deviations[:, None]
+        return np.asarray(-0.5 * standardised**2 - log_s).T
 
     def validate(self) -> None:
         require_positive(self.log_deviations, "durations.log_deviations")

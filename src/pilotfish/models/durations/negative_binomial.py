@@ -105,9 +105,9 @@ class NegativeBinomial(DurationDistribution):
     def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         from scipy.special import gammaln  # not at the top: importing scipy doubles the import time
 
-        extra = (steps - 1)[:, None]
-        log_choices = gammaln(extra + self.shapes) - gammaln(self.shapes) - gammaln(steps)[:, None]
-        return np.asarray(log_choices + extra * np.log1p(-self.exit_probs))
+        extra, shapes = steps - 1, self.shapes[:, None]
+        log_choices = gammaln(extra + shapes) - gammaln(shapes) - gammaln(steps)
+        return np.asarray(log_choices + np.outer(np.log1p(-self.exit_probs), extra)).T
 
     @property
     def means(self) -> Float[Array, " K"]:

@@ -63,7 +63,7 @@ class Poisson(DurationDistribution):
     def log_weights(self, steps: Float[Array, " S"]) -> Float[Array, "S K"]:
         from scipy.special import gammaln
 
-        return np.asarray((steps - 1)[:, None] * np.log(self.rates) - gammaln(steps)[:, None])
+        return np.asarray(np.outer(np.log(self.rates), steps - 1) - gammaln(steps)).T
 
     @property
     def means(self) -> Float[Array, " K"]:

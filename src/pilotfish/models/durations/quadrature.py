@@ -115,13 +115,13 @@ def _cached_block_quadrature(begin: int, end: int) -> Quadrature:
 
 def _block_quadrature(begin: int, end: int) -> Quadrature:
     """Return single steps up to 2^begin, then blocks up to 2^end."""
-    steps, counts = [np.arange(1.0, 2.0**begin + 1.0)], [np.ones(2**begin)]
+    steps, log_counts = [np.arange(1.0, 2.0**begin + 1.0)], [np.zeros(2**begin)]
     for n in range(begin, end):
         length = 2**n // BLOCKS_PER_OCTAVE
         nodes, weights = gauss_nodes(length)
         steps += [2.0**n + part * length + nodes for part in range(BLOCKS_PER_OCTAVE)]
-        counts += [weights] * BLOCKS_PER_OCTAVE
-    return Quadrature(np.concatenate(steps), np.log(np.concatenate(counts)), 2**begin)
+        log_counts += [np.log(weights)] * BLOCKS_PER_OCTAVE
+    return Quadrature(np.concatenate(steps), np.concatenate(log_counts), 2**begin)
 
 
 @cache

@@ -1,5 +1,7 @@
 """Normalisation, moments, quantiles and tails of distributions that are given by unnormalised log-weights."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pilotfish.models.durations.quadrature import LogWeights, Quadrature, make_quadrature
@@ -7,13 +9,26 @@ from pilotfish.types import Array, Float
 
 MAX_EXACT_QUANTILE = 2**20  # steps
 MAX_LOG_RANGE = 600.0  # range of logarithms within which their exponentials are added directly
+LOG_TINY = -1e300  # replaces -inf where it is subtracted
+BLOCK_ROWS = 2**14  # nodes whose weights are computed at a time: they fit in the cache of a core
 
 
 def log_probs(log_weights: LogWeights, max_duration: int) -> Float[Array, "S K"]:
     """Return log p(s) for s = 1 .. max_duration, normalised over all s >= 1."""
-    quadrature = make_quadrature(log_weights, 1)
     log_w = log_weights(np.arange(1.0, max_duration + 1.0))
-    return np.asarray(log_w - log_sum_exp(log_weights(quadrature.steps) + quadrature.log_counts[:, None]))
+    return np.asarray(log_w - log_normaliser(log_weights, make_quadrature(log_weights, 1)))
+
+
+def log_normaliser(log_weights: LogWeights, quadrature: Quadrature) -> Float[Array, " K"]:
+    """Compute log sum_s exp log_weights(s) of each state, in memory that does not grow with the nodes."""
+
+    def blocks() -> Iterator[Float[Array, "B K"]]:
+        for n in range(0, len(quadrature.steps), BLOCK_ROWS):
+            rows = slice(n, n + BLOCK_ROWS)
+            yield log_weights(quadrature.steps[rows]) + quadrature.log_counts[rows, None]
+
+    top = np.max([block.max(axis=0) for block in blocks()], axis=0)
+    return np.asarray(top + np.log(sum(np.exp(block - top).sum(axis=0) for block in blocks())))
 
 
 def mean_and_deviation(log_weights: LogWeights) -> tuple[Float[Array, " K"], Float[Array, " K"]]:
@@ -27,7 +42,8 @@ def mean_and_deviation(log_weights: LogWeights) -> tuple[Float[Array, " K"], Flo
 def _normalised_weights(log_weights: LogWeights, quadrature: Quadrature) -> Float[Array, "N K"]:
     """Return the probability that each node of the quadrature stands for."""
     log_w = log_weights(quadrature.steps) + quadrature.log_counts[:, None]
-    return np.asarray(np.exp(log_w - log_sum_exp(log_w)))
+    weights = np.exp(log_w - log_w.max(axis=0))
+    return np.asarray(weights / weights.sum(axis=0))
 
 
 def max_duration_from_weights(log_weights: LogWeights, tail_probability: float) -> int:
@@ -48,8 +64,7 @@ def max_duration_from_weights(log_weights: LogWeights, tail_probability: float) 
     # Step by step within the block that contains it.
     above = survival[quadrature.steps > begin // 2][0] > tail_probability
     steps = np.arange(begin // 2 + 1.0, begin + 1.0)
-    log_w = log_weights(quadrature.steps) + quadrature.log_counts[:, None]
-    p = np.exp(log_weights(steps) - log_sum_exp(log_w))[:, above]
+    p = np.exp(log_weights(steps) - log_normaliser(log_weights, quadrature))[:, above]
     tail = survival[quadrature.steps > begin][0][above] if begin < quadrature.steps[-1] else 0.0
     survival = np.cumsum(p[::-1], axis=0)[::-1] + tail
     return begin // 2 + int(np.count_nonzero((survival > tail_probability).any(axis=1)))
@@ -74,9 +89,7 @@ def log_survival_from_weights(
     """Compute log S(d) = log p(s >= d) and log (S(d) + S(d + 1) + ...) for d = 1 .. max_duration."""
     quadrature = make_quadrature(log_weights, max_duration)
     log_w = log_weights(quadrature.steps) + quadrature.log_counts[:, None]
-    log_p = log_w - log_sum_exp(log_w)
-    log_tail = log_reverse_cumsum(log_p, quadrature, max_duration)
-    return log_tail, log_reverse_cumsum(log_p, quadrature, max_duration, order=2)
+    return log_reverse_cumsums(log_w - log_sum_exp(log_w), quadrature, max_duration)
 
 
 def log_reverse_cumsum(
@@ -86,14 +99,20 @@ def log_reverse_cumsum(
 
     exp log_p is the probability that each node of the quadrature stands for.
     """
-    log_p, beyond = log_p[: quadrature.single_steps], log_p[quadrature.single_steps :]
-    survival = _log_cumsum(np.concatenate([_log_sum_exp_row(beyond), log_p[::-1]]), log_p[:rows])[:0:-1]
-    if order == 1:
-        return survival[:rows]
-    excess = _log_sum_exp_row(
-        beyond + np.log(quadrature.steps[quadrature.single_steps :] - quadrature.single_steps)[:, None]
-    )
-    return _log_cumsum(np.concatenate([excess, survival[::-1]]), survival[:rows])[:0:-1][:rows]
+    if order == 2:
+        return log_reverse_cumsums(log_p, quadrature, rows)[1]
+    return _log_cumsum(np.concatenate([_log_sum_exp_row(log_p[rows:]), log_p[rows - 1 :: -1]]), log_p[:rows])[
+        :0:-1
+    ]
+
+
+def log_reverse_cumsums(
+    log_p: Float[Array, "N K"], quadrature: Quadrature, rows: int
+) -> tuple[Float[Array, "S K"], Float[Array, "S K"]]:
+    """Compute `log_reverse_cumsum` of orders 1 and 2."""
+    survival = log_reverse_cumsum(log_p, quadrature, rows)
+    excess = _log_sum_exp_row(log_p[rows:] + np.log(quadrature.steps[rows:] - rows)[:, None])
+    return survival, _log_cumsum(np.concatenate([excess, survival[::-1]]), survival)[:0:-1]
 
 
 def log_cumsum(log_w: Float[Array, "S K"], quadrature: Quadrature, order: int = 1) -> Float[Array, "N K"]:
@@ -116,7 +135,9 @@ def log_cumsum(log_w: Float[Array, "S K"], quadrature: Quadrature, order: int = 
 
 def _log_sum_exp_row(log_w: Float[Array, "N K"]) -> Float[Array, "1 K"]:
     """Compute log sum exp of each column; -inf if it is empty."""
-    return np.asarray(np.logaddexp.reduce(log_w, axis=0)[None])
+    top = np.max(log_w, axis=0, initial=-np.inf, keepdims=True)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(log_w - np.maximum(top, LOG_TINY)).sum(axis=0)) + top)
 
 
 def _log_cumsum(log_w: Float[Array, "N K"], needed: Float[Array, "S K"]) -> Float[Array, "N K"]:
