@@ -17,7 +17,6 @@ from pilotfish.cli.stream import lines as stream_lines
 from pilotfish.cli.stream.batches import batch_slices, regroup_batches, take_rows
 from pilotfish.cli.stream.lines import (
     ColumnHeader,
-    Mark,
     RejectedLine,
     StreamEvent,
     parse_lines,
@@ -71,12 +70,12 @@ def parse_events(text: bytes, cut: list[int], width: int | None = None) -> list[
 
 
 def flatten_events(events: list[StreamEvent]) -> list[object]:
-    """Return rows one by one and all other events but IDLE."""
+    """Return rows one by one and all other events but "idle"."""
     out: list[object] = []
     for event in events:
         if isinstance(event, np.ndarray):
             out += [tuple(row) for row in event.tolist()]
-        elif event is not Mark.IDLE:
+        elif event != "idle":
             out.append(event)
     return out
 
@@ -86,7 +85,7 @@ def test_parse_lines_independent_of_chunks(text: str, cut: list[int], width: int
     expected = parse_events(text.encode(), [], width)
     for data in (text.encode(), text.replace("\n", "\r\n").encode()):
         events = parse_events(data, cut, width)
-        for kinds in ((np.ndarray, Mark, RejectedLine), (ColumnHeader,)):
+        for kinds in ((np.ndarray, str, RejectedLine), (ColumnHeader,)):
             assert flatten_events([p for p in events if isinstance(p, kinds)]) == flatten_events(
                 [p for p in expected if isinstance(p, kinds)]
             )
@@ -172,9 +171,9 @@ def test_parse_lines_blank_lines_and_comments():
     expected = [
         ColumnHeader(2),
         (1.0, 2.0),
-        Mark.NEW_DEMONSTRATION,
+        "new demonstration",
         (3.0, 4.0),
-        Mark.NEW_DEMONSTRATION,
+        "new demonstration",
         rejected,
         (6.0, 7.0),
     ]
@@ -231,7 +230,7 @@ def rows_of(sizes: list[int]) -> Iterator[StreamEvent]:
     n = 0
     for size in sizes:
         if size < 0:
-            yield Mark.NEW_DEMONSTRATION
+            yield "new demonstration"
         else:
             yield np.arange(n, n + size, dtype=np.float64)[:, None]
             n += size
@@ -244,8 +243,8 @@ SIZES = st.lists(st.integers(-1, 12), max_size=12)
 def test_regroup_batches_yields_full_batches(sizes: list[int], batch: int):
     events = list(regroup_batches(rows_of(sizes), batch))
     assert flatten_events(events) == flatten_events(list(rows_of(sizes)))
-    for event, after in zip(events, [*events[1:], Mark.NEW_DEMONSTRATION], strict=False):
-        if isinstance(event, np.ndarray) and after is not Mark.NEW_DEMONSTRATION:
+    for event, after in zip(events, [*events[1:], "new demonstration"], strict=False):
+        if isinstance(event, np.ndarray) and not isinstance(after, str):
             assert len(event) % batch == 0
 
 
@@ -254,7 +253,7 @@ def test_take_rows_stops_at_limit(sizes: list[int], max_rows: int):
     events = flatten_events(list(take_rows(rows_of(sizes), max_rows)))
     everything = flatten_events(list(rows_of(sizes)))
     assert events == everything[: len(events)]
-    rows = [event for event in events if event is not Mark.NEW_DEMONSTRATION]
+    rows = [event for event in events if event != "new demonstration"]
     assert len(rows) == min(max_rows, sum(size for size in sizes if size > 0))
     assert len(rows) < max_rows or events[-1] == rows[-1]
 

@@ -9,7 +9,6 @@ version and hash before it decodes a field. Every fault raises `UnreadableFile`.
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,44 +29,25 @@ T = TypeVar("T")
 Header = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class ContainerFormat:
-    """Kind of file.
-
-    Attributes:
-        name: Value of the header's key format.
-        version: Version that is written and read.
-        renewal: How to replace a file of an older version.
-        hint: What to do with such a file where another kind is expected.
-    """
-
-    name: str
-    version: int
-    renewal: str
-    hint: str
+SKILL_FORMAT = "pilotfish-skill"
+STREAM_FORMAT = "pilotfish-stream"
+VERSIONS = {SKILL_FORMAT: 2, STREAM_FORMAT: 2}  # that are written and read
+RENEWALS = {  # how to replace a file of an older version
+    SKILL_FORMAT: "learn the skill again",
+    STREAM_FORMAT: "run `pilotfish stream` on the data again",
+}
+HINTS = {  # what to do with such a file where another format is expected
+    SKILL_FORMAT: "it is a skill: read it with open_skill or `pilotfish show`",
+    STREAM_FORMAT: "it is an online model: read it with open_stream or `pilotfish show`, or write its skill "
+    "with `pilotfish stream /dev/null --resume FILE --skill NEW`",
+}
 
 
-SKILL_FORMAT = ContainerFormat(
-    "pilotfish-skill",
-    2,
-    "learn the skill again",
-    "it is a skill: read it with open_skill or `pilotfish show`",
-)
-STREAM_FORMAT = ContainerFormat(
-    "pilotfish-stream",
-    2,
-    "run `pilotfish stream` on the data again",
-    "it is an online model: read it with open_stream or `pilotfish show`, or write its skill with "
-    "`pilotfish stream /dev/null --resume FILE --skill NEW`",
-)
-FORMATS = {kind.name: kind for kind in (SKILL_FORMAT, STREAM_FORMAT)}
-
-
-def encode_container(kind: ContainerFormat, header: Header, arrays: Arrays) -> bytes:
+def encode_container(format_name: str, header: Header, arrays: Arrays) -> bytes:
     """Return the bytes of a file; equal headers and arrays give equal bytes.
 
     Args:
-        kind: Format to write.
+        format_name: Format to write.
         header: Fields of the header, without format, version and hash.
         arrays: Arrays by name.
 
@@ -76,7 +56,7 @@ def encode_container(kind: ContainerFormat, header: Header, arrays: Arrays) -> b
     """
     from safetensors.numpy import save  # slow to import
 
-    full_header = _with_format(kind, header)
+    full_header = _with_format(format_name, header)
     content = {"content": _hash_content(full_header, arrays)}
     data = bytes(save(arrays, {METADATA_KEY: canonical_json(full_header | content)}))
     if len(data) > MAX_FILE_BYTES:
@@ -84,16 +64,16 @@ def encode_container(kind: ContainerFormat, header: Header, arrays: Arrays) -> b
     return data
 
 
-def container_hash(kind: ContainerFormat, header: Header, arrays: Arrays) -> str:
+def container_hash(format_name: str, header: Header, arrays: Arrays) -> str:
     """Return the hash that a file with this header and these arrays has."""
-    return _hash_content(_with_format(kind, header), arrays)
+    return _hash_content(_with_format(format_name, header), arrays)
 
 
-def decode_container(kind: ContainerFormat, data: bytes, build: Callable[[Header, Arrays], T]) -> T:
+def decode_container(format_name: str, data: bytes, build: Callable[[Header, Arrays], T]) -> T:
     """Return what build makes of the header and the arrays of a file.
 
     Args:
-        kind: Expected format.
+        format_name: Expected format.
         data: Content of the file.
         build: Function of the header, without format, version and hash, and of the arrays.
 
@@ -103,7 +83,7 @@ def decode_container(kind: ContainerFormat, data: bytes, build: Callable[[Header
     text, arrays = _unpack(data)
     try:
         header = json.loads(text)
-        _validate_format(kind, header)
+        _validate_format(format_name, header)
         _verify_hash(header, arrays)
         del header["format"], header["version"]
         return build(header, arrays)
@@ -166,8 +146,8 @@ def canonical_json(value: object) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _with_format(kind: ContainerFormat, header: Header) -> Header:
-    return {"format": kind.name, "version": kind.version, **header}
+def _with_format(format_name: str, header: Header) -> Header:
+    return {"format": format_name, "version": VERSIONS[format_name], **header}
 
 
 def _unpack(data: bytes) -> tuple[str, Arrays]:
@@ -199,19 +179,19 @@ def _decode_array(name: str, tensor: dict[str, Any]) -> Array:
         raise UnreadableFile(f"{name} has an impossible shape: {error}") from error
 
 
-def _validate_format(kind: ContainerFormat, header: Any) -> None:
+def _validate_format(format_name: str, header: Any) -> None:
     fields = header if isinstance(header, dict) else {}
-    if (name := fields.get("format")) != kind.name:
-        hint = f"; {FORMATS[name].hint}" if isinstance(name, str) and name in FORMATS else ""
-        raise UnreadableFile(f"its format is {short_repr(name)}, expected {kind.name!r}{hint}")
-    version = fields.get("version")
+    if (name := fields.get("format")) != format_name:
+        hint = f"; {HINTS[name]}" if isinstance(name, str) and name in HINTS else ""
+        raise UnreadableFile(f"its format is {short_repr(name)}, expected {format_name!r}{hint}")
+    version, expected = fields.get("version"), VERSIONS[format_name]
     if type(version) is not int or version < 1:
-        raise UnreadableFile(f"its version is {short_repr(version)}, expected {kind.version}")
-    if version < kind.version:
-        raise UnreadableFile(f"was written by an older version (format {version}); {kind.renewal}")
-    if version > kind.version:
+        raise UnreadableFile(f"its version is {short_repr(version)}, expected {expected}")
+    if version < expected:
+        raise UnreadableFile(f"was written by an older version (format {version}); {RENEWALS[format_name]}")
+    if version > expected:
         raise UnreadableFile(
-            f"was written by a newer version (format {short_repr(version)}, this one reads {kind.version}); "
+            f"was written by a newer version (format {short_repr(version)}, this one reads {expected}); "
             "upgrade pilotfish"
         )
 

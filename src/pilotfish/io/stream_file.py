@@ -85,7 +85,7 @@ def load_any(path: str | Path) -> Skill | online.OnlineModel:
     """
 
     def decode(data: bytes) -> Skill | online.OnlineModel:
-        return decode_stream(data) if read_format_name(data) == STREAM_FORMAT.name else decode_skill(data)
+        return decode_stream(data) if read_format_name(data) == STREAM_FORMAT else decode_skill(data)
 
     return read_container(path, "skill or stream", decode)
 

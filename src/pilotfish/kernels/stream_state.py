@@ -3,7 +3,7 @@
 Packing. A step of the compiled kernel takes about a microsecond, less than it takes to build the named
 arrays. `StreamState` therefore holds the packed form, and its named arrays are properties. `counters` holds
 six numbers of the stream, in the order of `INITIAL_COUNTERS`. `rows` holds one row per cluster: first the
-statistics of `ClusterColumn`, then for every frame a block of
+columns of `STATISTICS`, then for every frame a block of
 
     dimension d, number of directions r >= d, mean (D, padded), variances (C), distances (C + 1, padded),
     bases (D x C, row-major).
@@ -79,30 +79,20 @@ class StreamParameters:
         object.__setattr__(self, "packed", np.array(values, dtype=np.float64))
 
 
-class ClusterColumn(IntEnum):
-    """First columns of a packed row."""
-
-    CLUSTER_ID = 0
-    WEIGHT = 1
-    POINTS = 2
-    DEMONSTRATION_STARTS = 3
-    SEGMENTS = 4
-    MEAN_DURATION = 5
-    SQUARED_DEVIATIONS = 6
-    CENSORED = 7
-    MEAN_CENSORED_DURATION = 8
-
+# First columns of a packed row.
+CLUSTER_ID, WEIGHT, POINTS, DEMONSTRATION_STARTS, SEGMENTS, MEAN_DURATION = range(6)
+SQUARED_DEVIATIONS, CENSORED, MEAN_CENSORED_DURATION = range(6, 9)
 
 STATISTICS = {
-    "cluster_ids": ClusterColumn.CLUSTER_ID,
-    "weights": ClusterColumn.WEIGHT,
-    "points": ClusterColumn.POINTS,
-    "demonstration_starts": ClusterColumn.DEMONSTRATION_STARTS,
-    "segments": ClusterColumn.SEGMENTS,
-    "mean_durations": ClusterColumn.MEAN_DURATION,
-    "squared_deviations": ClusterColumn.SQUARED_DEVIATIONS,
-    "censored": ClusterColumn.CENSORED,
-    "mean_censored_durations": ClusterColumn.MEAN_CENSORED_DURATION,
+    "cluster_ids": CLUSTER_ID,
+    "weights": WEIGHT,
+    "points": POINTS,
+    "demonstration_starts": DEMONSTRATION_STARTS,
+    "segments": SEGMENTS,
+    "mean_durations": MEAN_DURATION,
+    "squared_deviations": SQUARED_DEVIATIONS,
+    "censored": CENSORED,
+    "mean_censored_durations": MEAN_CENSORED_DURATION,
 }
 INITIAL_COUNTERS = {
     "current_cluster": -1,
@@ -118,7 +108,7 @@ def _counter(index: int, doc: str) -> property:
     return property(lambda state: int(state.counters[index]), doc=doc)
 
 
-def _statistic(column: ClusterColumn, doc: str) -> property:
+def _statistic(column: int, doc: str) -> property:
     return property(lambda state: state.rows[:, column], doc=doc)
 
 
@@ -216,22 +206,20 @@ class StreamState:
     previous_cluster = _counter(4, "Index of the cluster before the current segment; -1 if there is none.")
     previous_steps = _counter(5, "Length of the segment before the current one [steps].")
 
-    cluster_ids = _statistic(ClusterColumn.CLUSTER_ID, "Identifiers (K,) in the order of creation.")
-    weights = _statistic(ClusterColumn.WEIGHT, "Weight w (K,) of the past relative to the next datapoint.")
-    points = _statistic(ClusterColumn.POINTS, "Number of datapoints assigned to each cluster (K,).")
+    cluster_ids = _statistic(CLUSTER_ID, "Identifiers (K,) in the order of creation.")
+    weights = _statistic(WEIGHT, "Weight w (K,) of the past relative to the next datapoint.")
+    points = _statistic(POINTS, "Number of datapoints assigned to each cluster (K,).")
     demonstration_starts = _statistic(
-        ClusterColumn.DEMONSTRATION_STARTS, "Number of demonstrations that began in each cluster (K,)."
+        DEMONSTRATION_STARTS, "Number of demonstrations that began in each cluster (K,)."
     )
-    segments = _statistic(ClusterColumn.SEGMENTS, "Number of completed segments (K,).")
-    mean_durations = _statistic(ClusterColumn.MEAN_DURATION, "Mean duration of those segments (K,) [steps].")
+    segments = _statistic(SEGMENTS, "Number of completed segments (K,).")
+    mean_durations = _statistic(MEAN_DURATION, "Mean duration of those segments (K,) [steps].")
     squared_deviations = _statistic(
-        ClusterColumn.SQUARED_DEVIATIONS, "Sum of squared deviations from the mean duration (K,) [steps^2]."
+        SQUARED_DEVIATIONS, "Sum of squared deviations from the mean duration (K,) [steps^2]."
     )
-    censored = _statistic(
-        ClusterColumn.CENSORED, "Number of segments censored by the end of a demonstration (K,)."
-    )
+    censored = _statistic(CENSORED, "Number of segments censored by the end of a demonstration (K,).")
     mean_censored_durations = _statistic(
-        ClusterColumn.MEAN_CENSORED_DURATION, "Mean duration of the censored segments (K,) [steps]."
+        MEAN_CENSORED_DURATION, "Mean duration of the censored segments (K,) [steps]."
     )
 
     @property
@@ -270,7 +258,7 @@ class StreamState:
     @property
     def _blocks(self) -> Float[Array, "K P S"]:
         length = block_length(self.width, self.capacity)
-        return self.rows[:, len(ClusterColumn) :].reshape(self.clusters, self.frames, length)
+        return self.rows[:, len(STATISTICS) :].reshape(self.clusters, self.frames, length)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -321,7 +309,7 @@ def round_up_to_four(size: int) -> int:
 
 def stream_row_length(frames: int, width: int, capacity: int) -> int:
     """Return the length of a packed row."""
-    return len(ClusterColumn) + frames * block_length(width, capacity)
+    return len(STATISTICS) + frames * block_length(width, capacity)
 
 
 def block_length(width: int, capacity: int) -> int:

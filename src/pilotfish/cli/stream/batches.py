@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.cli.stream.lines import Mark, RejectedLine, Rows, StreamEvent
+from pilotfish.cli.stream.lines import RejectedLine, Rows, StreamEvent
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 
@@ -64,7 +64,7 @@ def regroup_batches(events: Iterable[StreamEvent], batch: int) -> Iterator[Strea
                 full, waiting = _split_full_batches([*waiting, event], batch)
                 yield from full
                 continue
-            if event is Mark.NEW_DEMONSTRATION:
+            if event == "new demonstration":
                 yield from _concatenate(waiting)
                 waiting = []
             yield event

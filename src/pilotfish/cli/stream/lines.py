@@ -14,9 +14,9 @@ from codecs import BOM_UTF8
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from enum import Enum
 from itertools import dropwhile
 from math import isfinite
+from typing import Literal
 
 import numpy as np
 
@@ -58,15 +58,9 @@ class RejectedLine:
     reason: str
 
 
-class Mark(Enum):
-    """Event without data: the next row begins a demonstration, or nothing arrived for a while."""
-
-    NEW_DEMONSTRATION = "new demonstration"
-    IDLE = "idle"
-
-
 Rows = Float[Array, "_ ..."]  # axes without names: a list may hold arrays of different lengths
-StreamEvent = ColumnHeader | Rows | Demonstration | RejectedLine | Mark
+# "new demonstration": the next row begins one; "idle": nothing arrived for a while.
+StreamEvent = ColumnHeader | Rows | Demonstration | RejectedLine | Literal["new demonstration", "idle"]
 
 
 def read_stream(source: str, width: int | None, stopped: Callable[[], int]) -> Iterator[StreamEvent]:
@@ -191,7 +185,10 @@ def parse_lines(blocks: Iterable[list[bytes]], width: int | None) -> Iterator[St
                 block = block[1:]
         if width is None and (width := infer_width(block)):
             yield ColumnHeader(width)
-        yield from parse_block(block, end - len(block), width) if block else [Mark.IDLE]
+        if block:
+            yield from parse_block(block, end - len(block), width)
+        else:
+            yield "idle"
         line = end
 
 
@@ -214,7 +211,7 @@ def parse_single_lines(block: list[bytes], first: int, width: int | None) -> Ite
             row = parse_row(line, width)
             yield np.array([row]) if isinstance(row, list) else RejectedLine(number, row)
         elif not line.strip():
-            yield Mark.NEW_DEMONSTRATION
+            yield "new demonstration"
 
 
 def infer_width(block: list[bytes]) -> int | None:

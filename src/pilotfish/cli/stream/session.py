@@ -6,7 +6,7 @@ Pipeline. Each stage is a generator; a later stage requests the next event from 
 
 Demonstrations of a folder or data set enter at take_rows. Nothing runs in the background: while the session
 waits for input, the process waits in `select` in `read_chunks`, for at most WAIT_INTERVAL. After that time an
-IDLE event passes through the pipeline, so that the status line, periodic saves and signals are handled
+"idle" event passes through the pipeline, so that the status line, periodic saves and signals are handled
 although no data arrives.
 
 Batches. The learner assigns a mini-batch of datapoints before it updates subspaces, so batch boundaries
@@ -52,7 +52,7 @@ from pilotfish.cli.output.terminal import (
     print_progress,
 )
 from pilotfish.cli.stream.batches import batch_slices
-from pilotfish.cli.stream.lines import ColumnHeader, Mark, RejectedLine, Rows, StreamEvent
+from pilotfish.cli.stream.lines import ColumnHeader, RejectedLine, Rows, StreamEvent
 from pilotfish.cli.stream.outputs import SessionOutputs
 from pilotfish.demonstrations import (
     Demonstration,
@@ -144,11 +144,11 @@ class StreamSession:
                 if self.model is None:
                     self.model = create_model(event)
                 validate_columns(self.model, event)
-            case np.ndarray():  # before Mark, which it cannot be compared with
+            case np.ndarray():  # before the text, which it cannot be compared with
                 self._observe_rows(event)
             case Demonstration():
                 self._record_update(*online.observe_demonstration(self._start_clock(), event))
-            case Mark.NEW_DEMONSTRATION:
+            case "new demonstration":
                 if self.model is not None:
                     self.model = online.begin_demonstration(self.model)
             case RejectedLine():

@@ -5,14 +5,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pilotfish.kernels.reference.subspaces import Subspace, pack_subspace, unpack_subspace
-from pilotfish.kernels.stream_state import STATISTICS, StreamParameters, StreamState, zero_arrays
-from pilotfish.kernels.stream_state import ClusterColumn as Column
+from pilotfish.kernels.stream_state import (
+    CLUSTER_ID,
+    MEAN_DURATION,
+    SEGMENTS,
+    SQUARED_DEVIATIONS,
+    STATISTICS,
+    StreamParameters,
+    StreamState,
+    zero_arrays,
+)
 from pilotfish.types import Array, Float
 
 
 @dataclass(slots=True, eq=False)
 class Cluster:
-    """Cluster of a StreamState, unpacked; statistics are indexed by ClusterColumn."""
+    """Cluster of a StreamState, unpacked; statistics are in the columns of STATISTICS."""
 
     statistics: Float[Array, " 9"]
     subspaces: list[Subspace]
@@ -36,7 +44,9 @@ class MutableState:
 
 def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
     """Return the unpacked state."""
-    statistics = np.stack([getattr(state, name) for name in STATISTICS], axis=1)  # in the order of Column
+    statistics = np.stack(
+        [getattr(state, name) for name in STATISTICS], axis=1
+    )  # in the order of their columns
     clusters = [
         Cluster(statistics[k].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
         for k in range(state.clusters)
@@ -78,14 +88,14 @@ def pack(stream: MutableState, frames: int, width: int) -> StreamState:
 def find_cluster(stream: MutableState, cluster_id: int) -> int:
     """Return the index of a cluster by its id, or -1."""
     for k, cluster in enumerate(stream.clusters):
-        if cluster.statistics[Column.CLUSTER_ID] == cluster_id:
+        if cluster.statistics[CLUSTER_ID] == cluster_id:
             return k
     return -1
 
 
 def remove_cluster(stream: MutableState, k: int, n: int, into: int) -> None:
     """Remove a cluster with its transition counts; `into` is the id of the cluster that it merged into."""
-    stream.removed.append((n, int(stream.clusters[k].statistics[Column.CLUSTER_ID]), into))
+    stream.removed.append((n, int(stream.clusters[k].statistics[CLUSTER_ID]), into))
     del stream.clusters[k]
     stream.transition_counts = np.delete(np.delete(stream.transition_counts, k, axis=0), k, axis=1)
     stream.current_cluster = _index_after_removal(stream.current_cluster, k)
@@ -106,22 +116,22 @@ def squared_mean_distance(a: Cluster, b: Cluster) -> float:
 
 def add_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
     """Add a completed segment to the duration statistics (5.32-5.33, Welford)."""
-    statistics[Column.SEGMENTS] += 1.0
-    deviation = steps - statistics[Column.MEAN_DURATION]
-    statistics[Column.MEAN_DURATION] += deviation / statistics[Column.SEGMENTS]
-    statistics[Column.SQUARED_DEVIATIONS] += deviation * (steps - statistics[Column.MEAN_DURATION])
+    statistics[SEGMENTS] += 1.0
+    deviation = steps - statistics[MEAN_DURATION]
+    statistics[MEAN_DURATION] += deviation / statistics[SEGMENTS]
+    statistics[SQUARED_DEVIATIONS] += deviation * (steps - statistics[MEAN_DURATION])
 
 
 def remove_segment_duration(statistics: Float[Array, " 9"], steps: int) -> None:
     """Remove a completed segment from the duration statistics."""
-    statistics[Column.SEGMENTS] -= 1.0
-    if statistics[Column.SEGMENTS] == 0.0:
-        statistics[Column.MEAN_DURATION] = statistics[Column.SQUARED_DEVIATIONS] = 0.0
+    statistics[SEGMENTS] -= 1.0
+    if statistics[SEGMENTS] == 0.0:
+        statistics[MEAN_DURATION] = statistics[SQUARED_DEVIATIONS] = 0.0
         return
-    deviation = steps - statistics[Column.MEAN_DURATION]
-    statistics[Column.MEAN_DURATION] -= deviation / statistics[Column.SEGMENTS]
-    remainder = statistics[Column.SQUARED_DEVIATIONS] - deviation * (steps - statistics[Column.MEAN_DURATION])
-    statistics[Column.SQUARED_DEVIATIONS] = max(remainder, 0.0)
+    deviation = steps - statistics[MEAN_DURATION]
+    statistics[MEAN_DURATION] -= deviation / statistics[SEGMENTS]
+    remainder = statistics[SQUARED_DEVIATIONS] - deviation * (steps - statistics[MEAN_DURATION])
+    statistics[SQUARED_DEVIATIONS] = max(remainder, 0.0)
 
 
 def pool_durations(

@@ -58,8 +58,23 @@ from pilotfish.kernels.reference.subspaces import (
     truncate,
     update_subspace,
 )
-from pilotfish.kernels.stream_state import MAX_VALUE, Assignments, StreamParameters, StreamState, Weighting
-from pilotfish.kernels.stream_state import ClusterColumn as Column
+from pilotfish.kernels.stream_state import (
+    CENSORED,
+    CLUSTER_ID,
+    DEMONSTRATION_STARTS,
+    MAX_VALUE,
+    MEAN_CENSORED_DURATION,
+    MEAN_DURATION,
+    POINTS,
+    SEGMENTS,
+    SQUARED_DEVIATIONS,
+    STATISTICS,
+    WEIGHT,
+    Assignments,
+    StreamParameters,
+    StreamState,
+    Weighting,
+)
 from pilotfish.types import Array, Float
 
 ORTHONORMALISE_EVERY = 256  # datapoints of a cluster
@@ -94,7 +109,7 @@ def observe(
             if k == len(stream.clusters):
                 k = create_cluster(stream, x[n], n)
                 created.add(n)
-            cluster_ids[n] = stream.clusters[k].statistics[Column.CLUSTER_ID]
+            cluster_ids[n] = stream.clusters[k].statistics[CLUSTER_ID]
             loss_changes[n] += update_transitions(stream, k)
         for n in batch:
             loss_changes[n] += update_cluster(stream, x[n], int(cluster_ids[n]), n in created)
@@ -171,13 +186,13 @@ def transition_costs(stream: MutableState) -> Float[Array, " K"]:
 def create_cluster(stream: MutableState, x: Float[Array, "P D"], n: int) -> int:
     """Create a cluster at x and return its index; at the maximum, remove the lightest other cluster first."""
     if len(stream.clusters) >= stream.parameters.max_clusters:
-        weights = np.array([cluster.statistics[Column.WEIGHT] for cluster in stream.clusters])
+        weights = np.array([cluster.statistics[WEIGHT] for cluster in stream.clusters])
         if len(weights) > 1 and stream.current_cluster >= 0:
             weights[stream.current_cluster] = np.inf
         remove_cluster(stream, int(weights.argmin()), n, -1)
-    statistics = np.zeros(len(Column))
-    statistics[Column.CLUSTER_ID] = stream.next_cluster_id
-    statistics[Column.WEIGHT] = _initial_weight(stream.parameters)
+    statistics = np.zeros(len(STATISTICS))
+    statistics[CLUSTER_ID] = stream.next_cluster_id
+    statistics[WEIGHT] = _initial_weight(stream.parameters)
     stream.next_cluster_id += 1
     stream.clusters.append(Cluster(statistics, [initial_subspace(row) for row in x]))
     stream.transition_counts = np.pad(stream.transition_counts, (0, 1))
@@ -191,11 +206,11 @@ def _initial_weight(parameters: StreamParameters) -> float:
 def update_transitions(stream: MutableState, k: int) -> float:
     """Update transition counts and durations (5.29-5.34); return the change of the transition cost."""
     statistics, previous = stream.clusters[k].statistics, stream.current_cluster
-    statistics[Column.POINTS] += 1.0
+    statistics[POINTS] += 1.0
     stream.points += 1
     loss_change = 0.0
     if previous < 0:
-        statistics[Column.DEMONSTRATION_STARTS] += 1.0
+        statistics[DEMONSTRATION_STARTS] += 1.0
     else:
         c, total = stream.transition_counts[previous, k], stream.transition_counts[previous].sum()
         if c > 0.0:
@@ -217,8 +232,8 @@ def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int
     k = find_cluster(stream, cluster_id)
     if k >= 0 and not new_cluster:
         cluster = stream.clusters[k]
-        w = cluster.statistics[Column.WEIGHT]
-        check = cluster.statistics[Column.POINTS] % ORTHONORMALISE_EVERY == 0.0
+        w = cluster.statistics[WEIGHT]
+        check = cluster.statistics[POINTS] % ORTHONORMALISE_EVERY == 0.0
         for p, previous in enumerate(cluster.subspaces):
             max_dimension = min(parameters.max_dimension, len(previous.mean) - 1)
             after = update_subspace(
@@ -231,13 +246,13 @@ def update_cluster(stream: MutableState, x: Float[Array, "P D"], cluster_id: int
     for i, cluster in enumerate(stream.clusters):
         is_assigned = i == k
         if parameters.weighting == Weighting.COUNT:
-            cluster.statistics[Column.WEIGHT] += is_assigned and not new_cluster
+            cluster.statistics[WEIGHT] += is_assigned and not new_cluster
         elif parameters.weighting == Weighting.EXPONENTIAL_DECAY:
             if is_assigned and new_cluster:
-                cluster.statistics[Column.WEIGHT] = 1.0
+                cluster.statistics[WEIGHT] = 1.0
             else:
-                cluster.statistics[Column.WEIGHT] *= parameters.weight
-                cluster.statistics[Column.WEIGHT] += is_assigned
+                cluster.statistics[WEIGHT] *= parameters.weight
+                cluster.statistics[WEIGHT] += is_assigned
     return loss_change
 
 
@@ -245,7 +260,7 @@ def remove_light_clusters(stream: MutableState, n: int) -> None:
     """Remove clusters, except the current one, whose weight is below the limit."""
     k = 0
     while k < len(stream.clusters):
-        is_light = stream.clusters[k].statistics[Column.WEIGHT] < stream.parameters.forget_below
+        is_light = stream.clusters[k].statistics[WEIGHT] < stream.parameters.forget_below
         if is_light and k != stream.current_cluster:
             remove_cluster(stream, k, n, -1)
         else:
@@ -270,19 +285,19 @@ def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
     Weights, counts and durations are added; moments are pooled.
     """
     a, b = stream.clusters[k].statistics, stream.clusters[j].statistics
-    if (b[Column.WEIGHT], -b[Column.CLUSTER_ID]) > (a[Column.WEIGHT], -a[Column.CLUSTER_ID]):
+    if (b[WEIGHT], -b[CLUSTER_ID]) > (a[WEIGHT], -a[CLUSTER_ID]):
         k, j, a, b = j, k, b, a
-    fraction = b[Column.WEIGHT] / (a[Column.WEIGHT] + b[Column.WEIGHT])
+    fraction = b[WEIGHT] / (a[WEIGHT] + b[WEIGHT])
     stream.clusters[k].subspaces = [
         truncate(merge_subspaces(p, q, float(fraction)), stream.parameters.extra_directions)
         for p, q in zip(stream.clusters[k].subspaces, stream.clusters[j].subspaces, strict=True)
     ]
-    pool_durations(a, b, Column.SEGMENTS, Column.MEAN_DURATION, Column.SQUARED_DEVIATIONS)
-    pool_durations(a, b, Column.CENSORED, Column.MEAN_CENSORED_DURATION, None)
-    a[Column.POINTS] += b[Column.POINTS]
-    a[Column.DEMONSTRATION_STARTS] += b[Column.DEMONSTRATION_STARTS]
+    pool_durations(a, b, SEGMENTS, MEAN_DURATION, SQUARED_DEVIATIONS)
+    pool_durations(a, b, CENSORED, MEAN_CENSORED_DURATION, None)
+    a[POINTS] += b[POINTS]
+    a[DEMONSTRATION_STARTS] += b[DEMONSTRATION_STARTS]
     if stream.parameters.weighting != Weighting.CONSTANT:
-        a[Column.WEIGHT] += b[Column.WEIGHT]
+        a[WEIGHT] += b[WEIGHT]
     stream.transition_counts[k] += stream.transition_counts[j]
     stream.transition_counts[:, k] += stream.transition_counts[:, j]
     stream.current_cluster = k if stream.current_cluster == j else stream.current_cluster
@@ -291,5 +306,5 @@ def merge_clusters(stream: MutableState, k: int, j: int, n: int) -> int:
         remove_segment_duration(stream.clusters[k].statistics, stream.previous_steps)
         stream.steps += stream.previous_steps
         stream.previous, stream.previous_steps = -1, 0
-    remove_cluster(stream, j, n, int(a[Column.CLUSTER_ID]))
+    remove_cluster(stream, j, n, int(a[CLUSTER_ID]))
     return k - (j < k)
