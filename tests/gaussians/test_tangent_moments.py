@@ -33,7 +33,7 @@ def test_add_moments_of_halves_equals_moments_of_whole(rng):
         parts = tangent_sums(origins, x[:cut], responsibilities[:cut]) + tangent_sums(
             origins, x[cut:], responsibilities[cut:]
         )
-        for name in ("counts", "origins", "offsets", "outer_products", "means", "scatter_matrices"):
+        for name in ("counts", "origins", "deviation_sums", "outer_products", "means", "scatter_matrices"):
             np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), atol=1e-12)
 
 

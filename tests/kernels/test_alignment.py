@@ -118,11 +118,11 @@ def test_pack_invalid_arguments_raise_with_name_and_expectation(check, arguments
 
 
 @pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize("tail_counts", [(4, 3), (2, 4), (2,)])
-def test_semi_markov_tables_of_other_shapes_raise(kernels, tail_counts):
+@pytest.mark.parametrize("long_segment_counts", [(4, 3), (2, 4), (2,)])
+def test_semi_markov_tables_of_other_shapes_raise(kernels, long_segment_counts):
     """The NumPy references are as strict as the compiled kernels."""
     tables = validation.SemiMarkovTables(
-        np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(tail_counts)
+        np.ones(3), np.ones((3, 3)), np.zeros((4, 5, 3)), np.zeros(long_segment_counts)
     )
     with pytest.raises(InvalidInput, match=r"log_tail_weights has shape .*, expected \(2, K\) with K = 3"):
         kernels.semi_markov_forward_backward(np.zeros((6, 3)), tables)

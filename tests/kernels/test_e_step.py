@@ -11,7 +11,7 @@ SUMS = (
     "counts",
     "initial_counts",
     "transition_counts",
-    "offsets",
+    "deviation_sums",
     "scatter_matrices",
 )
 
@@ -55,7 +55,7 @@ def test_e_step_equals_sums_of_forward_backward(kernels, case):
         "counts": gamma.sum(axis=0),
         "initial_counts": sum(chain.smoothed_state_probs[0] for chain in chains),
         "transition_counts": sum(chain.transition_counts for chain in chains),
-        "offsets": np.einsum("nk,pnki->pki", gamma, error),
+        "deviation_sums": np.einsum("nk,pnki->pki", gamma, error),
         "scatter_matrices": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
     }
     for name in SUMS:

@@ -128,9 +128,11 @@ def test_e_step_worker_threads_flush_subnormal_numbers(compiled, rng):
     arguments = x, np.full(40, 1000), np.full(2, 0.5), np.full((2, 2), 0.5), emissions
     alone = compiled.e_step(*arguments, threads=1)
     assert alone.counts[1] > 0.0
-    assert not alone.offsets[0, 1, 1:].any()
+    assert not alone.deviation_sums[0, 1, 1:].any()
     for _ in range(5):
-        np.testing.assert_array_equal(compiled.e_step(*arguments, threads=4).offsets, alone.offsets)
+        np.testing.assert_array_equal(
+            compiled.e_step(*arguments, threads=4).deviation_sums, alone.deviation_sums
+        )
 
 
 def test_exponential_is_exact_to_last_digits(compiled):

@@ -65,7 +65,8 @@ def test_e_step_single_step_offsets_equal_rotation_vectors(kernels, rng, sign):
     emissions = Emissions(mean[None, None], np.eye(3)[None, None], (0,))
     one = np.ones(1)
     found = [
-        kernels.e_step(step[None, None], np.array([1]), one, one[None], emissions).offsets[0, 0] for step in q
+        kernels.e_step(step[None, None], np.array([1]), one, one[None], emissions).deviation_sums[0, 0]
+        for step in q
     ]
     np.testing.assert_allclose(found, ANGLES[:, None] * axis, rtol=1e-7, atol=2e-15)
 

@@ -108,7 +108,7 @@ def test_e_step_state_of_tiny_count_keeps_its_moments(compiled, rng):
     for k in range(3):
         np.testing.assert_allclose(found.counts[k], reference_result.counts[k], rtol=1e-9)
         for result, expected in [
-            (found.offsets[0, k], reference_result.offsets[0, k]),
+            (found.deviation_sums[0, k], reference_result.deviation_sums[0, k]),
             (found.scatter_matrices[0, k], reference_result.scatter_matrices[0, k]),
         ]:
             np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-13 * np.abs(expected).max())

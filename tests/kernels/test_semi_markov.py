@@ -9,15 +9,15 @@ from scipy.special import logsumexp
 from pilotfish.kernels import SemiMarkovTables, reference
 
 SHORT = [(1, 1), (1, 3), (4, 1), (2, 2), (6, 2), (5, 3)]
-EXPECTED = ("smoothed_state_probs", "transition_counts", "segments", "tail_counts")
+EXPECTED = ("smoothed_state_probs", "transition_counts", "segment_counts", "long_segment_counts")
 SUMS = (
     "log_likelihoods",
     "counts",
     "initial_counts",
     "transition_counts",
-    "segments",
-    "tail_counts",
-    "offsets",
+    "segment_counts",
+    "long_segment_counts",
+    "deviation_sums",
     "scatter_matrices",
 )
 
@@ -65,7 +65,7 @@ def path_log_weight(log_emissions, tables, path, counts):
         kind = 2 * (end == T) + (begin == 0)
         where = (kind - 2, state) if s > S else (kind, s - 1, state)
         log_p += (tables.log_tail_weights if s > S else tables.log_segment_weights)[where]
-        counts["tail_counts" if s > S else "segments"][where] += 1.0
+        counts["long_segment_counts" if s > S else "segment_counts"][where] += 1.0
         counts["smoothed_state_probs"][begin:end, state] = 1.0
     for (j, *_), (k, *_) in itertools.pairwise(segments):
         log_p += log_of(tables.transitions)[j, k]
@@ -78,8 +78,8 @@ def enumerate_paths(log_emissions, tables):
     shapes = {
         "smoothed_state_probs": log_emissions.shape,
         "transition_counts": tables.transitions.shape,
-        "segments": tables.log_segment_weights.shape,
-        "tail_counts": tables.log_tail_weights.shape,
+        "segment_counts": tables.log_segment_weights.shape,
+        "long_segment_counts": tables.log_tail_weights.shape,
     }
     T, K = log_emissions.shape
     paths, log_p, counts = [], [], []
@@ -212,15 +212,19 @@ def test_semi_markov_expected_counts_are_consistent(kernels, problem, T, S, spre
     log_emissions, tables = problem(T, 4, S, spread)
     result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.smoothed_state_probs.sum(axis=1), 1.0, rtol=1e-12)
-    inside = np.einsum("csk,s->k", result.segments, np.arange(1.0, S + 1.0))
+    inside = np.einsum("csk,s->k", result.segment_counts, np.arange(1.0, S + 1.0))
     np.testing.assert_allclose(
-        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transition_counts.sum(), rtol=1e-10
+        result.segment_counts.sum() + result.long_segment_counts.sum(),
+        1.0 + result.transition_counts.sum(),
+        rtol=1e-10,
     )
-    np.testing.assert_allclose(result.segments[2:].sum() + result.tail_counts.sum(), 1.0, rtol=1e-10)
+    np.testing.assert_allclose(
+        result.segment_counts[2:].sum() + result.long_segment_counts.sum(), 1.0, rtol=1e-10
+    )
     if S >= T:
         np.testing.assert_allclose(inside, result.smoothed_state_probs.sum(axis=0), rtol=1e-9, atol=1e-9)
-        assert not result.tail_counts.any()
-        assert not result.segments[:, T:].any()
+        assert not result.long_segment_counts.any()
+        assert not result.segment_counts[:, T:].any()
 
 
 def test_semi_markov_final_state_lasts_to_the_end(kernels):
@@ -237,7 +241,7 @@ def test_semi_markov_final_state_lasts_to_the_end(kernels):
     )
     result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.smoothed_state_probs[:, 1], np.arange(T) >= 3, atol=1e-12)
-    np.testing.assert_allclose(result.tail_counts, [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(result.long_segment_counts, [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(result.log_likelihood, np.log(0.25), atol=1e-12)
     assert kernels.semi_markov_viterbi(log_emissions, tables)[0].tolist() == [0] * 3 + [1] * (T - 3)
 
@@ -276,7 +280,7 @@ def test_semi_markov_segment_far_beyond_underflow_is_found(kernels, rare):
     result = kernels.semi_markov_forward_backward(log_emissions, tables)
     np.testing.assert_allclose(result.log_likelihood, np.log(rare) - 1600.0, rtol=1e-12)  # change at the turn
     np.testing.assert_allclose(result.transition_counts[0, 1], 1.0, rtol=1e-9)
-    np.testing.assert_allclose(result.segments[1, turn - 1, 0], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(result.segment_counts[1, turn - 1, 0], 1.0, rtol=1e-9)
     assert kernels.semi_markov_viterbi(log_emissions, tables)[0].sum() == T - turn
 
 
@@ -301,9 +305,9 @@ def test_semi_markov_e_step_equals_sums_of_forward_backward(kernels, case, rng):
         "counts": gamma.sum(axis=0),
         "initial_counts": sum(chain.smoothed_state_probs[0] for chain in chains),
         "transition_counts": sum(chain.transition_counts for chain in chains),
-        "segments": sum(chain.segments for chain in chains),
-        "tail_counts": sum(chain.tail_counts for chain in chains),
-        "offsets": np.einsum("nk,pnki->pki", gamma, error),
+        "segment_counts": sum(chain.segment_counts for chain in chains),
+        "long_segment_counts": sum(chain.long_segment_counts for chain in chains),
+        "deviation_sums": np.einsum("nk,pnki->pki", gamma, error),
         "scatter_matrices": np.einsum("nk,pnki,pnkj->pkij", gamma, error, error),
     }
     for name in SUMS:
@@ -358,13 +362,17 @@ def test_semi_markov_hundred_thousand_steps_is_consistent(compiled, problem, spr
     T, S = 100_000, 30
     result = compiled.semi_markov_forward_backward(*problem(T, 3, S, spread))
     assert np.isfinite(result.log_likelihood)
-    lasted = np.einsum("csk,s->", result.segments, np.arange(1.0, S + 1.0))
-    np.testing.assert_allclose(lasted + result.tail_counts.sum() * S, T, rtol=1e-9)
+    lasted = np.einsum("csk,s->", result.segment_counts, np.arange(1.0, S + 1.0))
+    np.testing.assert_allclose(lasted + result.long_segment_counts.sum() * S, T, rtol=1e-9)
     np.testing.assert_allclose(
-        result.segments.sum() + result.tail_counts.sum(), 1.0 + result.transition_counts.sum()
+        result.segment_counts.sum() + result.long_segment_counts.sum(), 1.0 + result.transition_counts.sum()
     )
-    np.testing.assert_allclose(result.segments[2:].sum() + result.tail_counts.sum(), 1.0, rtol=1e-8)
-    np.testing.assert_allclose(result.segments[1::2].sum() + result.tail_counts[1].sum(), 1.0, rtol=1e-8)
+    np.testing.assert_allclose(
+        result.segment_counts[2:].sum() + result.long_segment_counts.sum(), 1.0, rtol=1e-8
+    )
+    np.testing.assert_allclose(
+        result.segment_counts[1::2].sum() + result.long_segment_counts[1].sum(), 1.0, rtol=1e-8
+    )
 
 
 @pytest.mark.parametrize("S", [5, 60])

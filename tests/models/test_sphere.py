@@ -164,7 +164,7 @@ def test_fit_on_s3_fixed_point_is_karcher_mean(rng):
         model = maximise_likelihood(statistics, None, Full(), 0.0, MixtureWeights.fit)
         statistics = expected_statistics(model, data)
     (m,) = statistics.moments
-    np.testing.assert_allclose(m.offsets / m.counts[:, None], 0.0, atol=1e-9)
+    np.testing.assert_allclose(m.deviation_sums / m.counts[:, None], 0.0, atol=1e-9)
     np.testing.assert_allclose(
         m.outer_products / m.counts[:, None, None], model.covariances[0].dense, atol=1e-9
     )

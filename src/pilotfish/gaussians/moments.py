@@ -55,7 +55,7 @@ class Moments:
         cls,
         origins: Float[Array, "K D"],
         counts: Float[Array, " K"],
-        offsets: Float[Array, "K D"],
+        deviation_sums: Float[Array, "K D"],
         scatter_matrices: Float[Array, "K D D"],
     ) -> "Moments":
         """Return moments from sums about arbitrary origins.
@@ -65,10 +65,10 @@ class Moments:
         Args:
             origins: Origin of each component.
             counts: Sum of the responsibilities r.
-            offsets: Sum of r (x - origin).
+            deviation_sums: Sum of r (x - origin).
             scatter_matrices: Sum of r (x - origin) (x - origin)^T.
         """
-        shift = offsets / np.maximum(counts, TINY)[:, None]
+        shift = deviation_sums / np.maximum(counts, TINY)[:, None]
         between = (counts[:, None] * shift)[:, :, None] * shift[:, None, :]
         return cls(counts, origins + shift, np.subtract(scatter_matrices, between, out=between))
 

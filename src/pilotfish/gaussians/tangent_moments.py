@@ -14,21 +14,21 @@ from pilotfish.types import Array, Bool, Float
 class TangentMoments:
     """Sums over tangent vectors v at K origins; a sum of two with equal origins is that of all data.
 
-    means and scatter_matrices are exact if the offsets are zero, when the origin is the Karcher mean.
+    means and scatter_matrices are exact if the deviation_sums are zero, when the origin is the Karcher mean.
     Otherwise means are one step of its iteration, and scatter matrices are exact to first order in that step,
     moved by parallel transport. Off the orientations both are exact.
 
     Attributes:
         counts: Sum of the responsibilities r, N_k.
         origins: Origins on the manifold.
-        offsets: Sum of r v.
+        deviation_sums: Sum of r v.
         outer_products: Sum of r v v^T.
         orientation_starts: First column of each quaternion in origins.
     """
 
     counts: Float[Array, " K"]
     origins: Float[Array, "K D"]
-    offsets: Float[Array, "K E"]
+    deviation_sums: Float[Array, "K E"]
     outer_products: Float[Array, "K E E"]
     orientation_starts: tuple[int, ...]
 
@@ -47,23 +47,23 @@ class TangentMoments:
             orientation_starts: First column of each quaternion.
         """
         origins = np.stack([karcher_mean(x, weights, orientation_starts) for weights in responsibilities.T])
-        offsets, outer_products = [], []
+        deviation_sums, outer_products = [], []
         for origin, weights in zip(origins, responsibilities.T, strict=True):
             v = log_map(origin, x[weights > 0.0], orientation_starts)  # (n, E)
             weighted = weights[weights > 0.0, None] * v
-            offsets.append(weighted.sum(axis=0))
+            deviation_sums.append(weighted.sum(axis=0))
             outer_products.append(weighted.T @ v)
         return cls(
             responsibilities.sum(axis=0),
             origins,
-            np.stack(offsets),
+            np.stack(deviation_sums),
             np.stack(outer_products),
             orientation_starts,
         )
 
     @property
     def means(self) -> Float[Array, "K D"]:
-        """Return the Karcher means, to first order in the offsets."""
+        """Return the Karcher means, to first order in the deviation_sums."""
         return np.asarray(exp_map(self.origins, self._mean_steps, self.orientation_starts))
 
     @property
@@ -76,7 +76,7 @@ class TangentMoments:
 
     @property
     def _mean_steps(self) -> Float[Array, "K E"]:
-        return np.asarray(self.offsets / np.maximum(self.counts, TINY)[:, None])
+        return np.asarray(self.deviation_sums / np.maximum(self.counts, TINY)[:, None])
 
     def __add__(self, other: "TangentMoments") -> "TangentMoments":
         if self.orientation_starts != other.orientation_starts or not np.array_equal(
@@ -89,7 +89,7 @@ class TangentMoments:
         return TangentMoments(
             self.counts + other.counts,
             self.origins,
-            self.offsets + other.offsets,
+            self.deviation_sums + other.deviation_sums,
             self.outer_products + other.outer_products,
             self.orientation_starts,
         )
@@ -98,7 +98,7 @@ class TangentMoments:
         return TangentMoments(
             self.counts[mask],
             self.origins[mask],
-            self.offsets[mask],
+            self.deviation_sums[mask],
             self.outer_products[mask],
             self.orientation_starts,
         )

@@ -47,16 +47,16 @@ class SemiMarkovForwardBackward(NamedTuple):
         log_likelihood: log p(all steps).
         smoothed_state_probs: [t, k] = p(state k at t | all steps).
         transition_counts: [j, k] = expected number of segments in k right after one in j.
-        segments: [c, s - 1, k] = expected number of segments of kind c in k with s recorded steps; kinds as
-            in SemiMarkovTables.
-        tail_counts: Expected number of segments of kinds 2 and 3 with more than S recorded steps.
+        segment_counts: [c, s - 1, k] = expected number of segments of kind c in k with s recorded steps;
+            kinds as in SemiMarkovTables.
+        long_segment_counts: Expected number of segments of kinds 2 and 3 with more than S recorded steps.
     """
 
     log_likelihood: float
     smoothed_state_probs: Float[Array, "T K"]
     transition_counts: Float[Array, "K K"]
-    segments: Float[Array, "4 S K"]
-    tail_counts: Float[Array, "2 K"]
+    segment_counts: Float[Array, "4 S K"]
+    long_segment_counts: Float[Array, "2 K"]
 
 
 class EStep(NamedTuple):
@@ -70,9 +70,10 @@ class EStep(NamedTuple):
         counts: Sum of gamma over all steps, N_k.
         initial_counts: Sum of gamma over the first steps.
         transition_counts: Expected number of transitions.
-        segments: Expected numbers of segments, as in SemiMarkovForwardBackward; S = 0 for a Markov model.
-        tail_counts: Expected numbers of longer segments; zero for a Markov model.
-        offsets: Sum of gamma e.
+        segment_counts: Expected numbers of segments, as in SemiMarkovForwardBackward; S = 0 for a Markov
+            model.
+        long_segment_counts: Expected numbers of longer segments; zero for a Markov model.
+        deviation_sums: Sum of gamma e.
         scatter_matrices: Sum of gamma e e^T.
     """
 
@@ -80,7 +81,7 @@ class EStep(NamedTuple):
     counts: Float[Array, " K"]
     initial_counts: Float[Array, " K"]
     transition_counts: Float[Array, "K K"]
-    segments: Float[Array, "4 S K"]
-    tail_counts: Float[Array, "2 K"]
-    offsets: Float[Array, "P K E"]
+    segment_counts: Float[Array, "4 S K"]
+    long_segment_counts: Float[Array, "2 K"]
+    deviation_sums: Float[Array, "P K E"]
     scatter_matrices: Float[Array, "P K E E"]

@@ -224,11 +224,11 @@ def expected_statistics(
     )
     starts = views.orientation_starts
     frames: list[Moments | TangentMoments] = [
-        TangentMoments(step.counts, means, offsets, scatter_matrices, starts)
+        TangentMoments(step.counts, means, sums, scatter_matrices, starts)
         if starts
-        else Moments.from_sums(means, step.counts, offsets, scatter_matrices)
-        for means, offsets, scatter_matrices in zip(
-            model.means, step.offsets, step.scatter_matrices, strict=True
+        else Moments.from_sums(means, step.counts, sums, scatter_matrices)
+        for means, sums, scatter_matrices in zip(
+            model.means, step.deviation_sums, step.scatter_matrices, strict=True
         )
     ]
     log_likelihood = float(step.log_likelihoods.sum())

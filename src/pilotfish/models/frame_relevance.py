@@ -169,11 +169,11 @@ def _segment_moments(skill: Skill, data: Views) -> list[tuple[Moments, ...]]:
                 f"demonstration {m} (first is 0) has probability zero under the skill; give the "
                 "demonstrations that it was learned from"
             )
-        zero = np.zeros(step.offsets.shape[1:])
+        zero = np.zeros(step.deviation_sums.shape[1:])
         moments.append(
             tuple(
-                Moments.from_sums(zero, step.counts, offsets, scatter)
-                for offsets, scatter in zip(step.offsets, step.scatter_matrices, strict=True)
+                Moments.from_sums(zero, step.counts, sums, scatter)
+                for sums, scatter in zip(step.deviation_sums, step.scatter_matrices, strict=True)
             )
         )
     return moments

@@ -258,7 +258,7 @@ class SemiMarkovChain(StateDynamics):
         limit = max_duration or self.durations.max_duration(TAIL_PROBABILITY)
         tables = self.segment_tables(min(limit, int(lengths.max())))
         step = kernels.semi_markov_e_step(x, lengths, tables, emissions, threads)
-        return step, self._count_segments(step.segments)
+        return step, self._count_segments(step.segment_counts)
 
     def sample(self, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
         require_count(horizon, "horizon", MAX_HORIZON, 1)

@@ -122,7 +122,7 @@ def gaussians_examples() -> Examples:
         "gaussians.Moments.from_sums": {
             "origins": means,
             "counts": np.ones(3),
-            "offsets": means,
+            "deviation_sums": means,
             "scatter_matrices": S,
         },
         "product": {"gaussians": [g, gaussians.Gaussian(means[1], S[1])]},

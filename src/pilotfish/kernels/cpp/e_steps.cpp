@@ -50,7 +50,7 @@ class GroupSums {
     visit(sums.offsets, P * K * E);
     visit(sums.scatter_matrices, P * K * E * E);
     visit(sums.segments, 4 * S * K);
-    visit(sums.tail_counts, S > 0 ? 2 * K : 0);
+    visit(sums.long_segment_counts, S > 0 ? 2 * K : 0);
   }
 
   size_t count() const {
@@ -72,7 +72,7 @@ void add_expected(const MarkovInference& inference, Sums sums) {
 }
 
 void add_expected(const SemiMarkovInference& inference, Sums sums) {
-  inference.add_to(sums.transition_counts, sums.segments, sums.tail_counts);
+  inference.add_to(sums.transition_counts, sums.segments, sums.long_segment_counts);
 }
 
 // Adds the statistics of the demonstrations of one group.

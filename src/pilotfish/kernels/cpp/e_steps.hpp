@@ -21,7 +21,7 @@ struct Gaussians {
 // Arrays of the sums; see EStep in results.py.
 struct Sums {
   double *log_likelihoods, *counts, *initial_counts, *transition_counts, *offsets, *scatter_matrices,
-      *segments, *tail_counts;
+      *segments, *long_segment_counts;
 };
 
 // Computes the sums on up to `threads` threads; zero means all cores of this process. The sums do not depend

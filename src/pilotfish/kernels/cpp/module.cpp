@@ -151,17 +151,17 @@ auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> l
       read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), initial_counts = empty<Out>({K});
   Out transition_counts = empty<Out>({K, K}), segments = empty<Out>({4, S, K}),
-      tail_counts = empty<Out>({2, K});
+      long_segment_counts = empty<Out>({2, K});
   Out offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
   const Sums sums{log_likelihoods.data(),   counts.data(),     initial_counts.data(),
                   transition_counts.data(), offsets.data(),    scatter_matrices.data(),
-                  segments.data(),          tail_counts.data()};
+                  segments.data(),          long_segment_counts.data()};
   {
     ReleasedInterpreter run;
     const SemiMarkovChain chain(tables);
     pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, segments, tail_counts,
+  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, segments, long_segment_counts,
                          offsets, scatter_matrices);
 }
 
@@ -206,8 +206,8 @@ auto semi_markov_forward_backward(In<double, 2> log_emissions, In<double, 1> log
   const SemiMarkovTables tables =
       read_tables(K, log_initial, log_transitions, log_segment_weights, log_tail_weights);
   Out smoothed_state_probs = empty<Out>({T, K}), transition_counts = empty<Out>({K, K});
-  Out segments = empty<Out>({4, S, K}), tail_counts = empty<Out>({2, K});
-  for (const Out& result : {smoothed_state_probs, transition_counts, segments, tail_counts})
+  Out segments = empty<Out>({4, S, K}), long_segment_counts = empty<Out>({2, K});
+  for (const Out& result : {smoothed_state_probs, transition_counts, segments, long_segment_counts})
     std::fill_n(result.data(), result.size(), 0.0);
   double log_likelihood;
   {
@@ -215,9 +215,9 @@ auto semi_markov_forward_backward(In<double, 2> log_emissions, In<double, 1> log
     const SemiMarkovChain chain(tables);
     SemiMarkovInference inference(chain, long(T));
     log_likelihood = inference.infer(log_emissions.data(), long(T), smoothed_state_probs.data());
-    inference.add_to(transition_counts.data(), segments.data(), tail_counts.data());
+    inference.add_to(transition_counts.data(), segments.data(), long_segment_counts.data());
   }
-  return std::make_tuple(log_likelihood, smoothed_state_probs, transition_counts, segments, tail_counts);
+  return std::make_tuple(log_likelihood, smoothed_state_probs, transition_counts, segments, long_segment_counts);
 }
 
 auto semi_markov_forward(In<double, 2> log_emissions, In<double, 1> log_initial,

@@ -45,7 +45,7 @@ SemiMarkovInference::SemiMarkovInference(const SemiMarkovChain& chain, long max_
       after_(chain.states()),
       transition_counts_(size_t(chain.states()) * chain.states(), 0.0),
       segments_(size_t(4) * chain.states() * chain.stride(), 0.0),
-      tail_counts_(size_t(2) * chain.states(), 0.0) {}
+      long_segment_counts_(size_t(2) * chain.states(), 0.0) {}
 
 double SemiMarkovInference::infer(const double* log_emissions, long T, double* smoothed_state_probs) {
   lattice_.read(log_emissions, T);
@@ -126,7 +126,7 @@ double SemiMarkovInference::backward_step(long b, int k, double log_likelihood) 
     loose_lanes<LANES>(until + c) += expected;
   }
   const long s = in.T - b;
-  (s <= S ? segments(2 + first, k)[s - 1] : tail_counts_[first * chain_.states() + k]) += scale * last_term;
+  (s <= S ? segments(2 + first, k)[s - 1] : long_segment_counts_[first * chain_.states() + k]) += scale * last_term;
   return log_after;
 }
 
@@ -161,11 +161,11 @@ void SemiMarkovInference::write(double* smoothed_state_probs) {
   }
 }
 
-void SemiMarkovInference::add_to(double* transition_counts, double* segments, double* tail_counts) const {
+void SemiMarkovInference::add_to(double* transition_counts, double* segments, double* long_segment_counts) const {
   const int K = chain_.states();
   const long S = chain_.max_duration();
   for (size_t i = 0; i < transition_counts_.size(); ++i) transition_counts[i] += transition_counts_[i];
-  for (size_t i = 0; i < tail_counts_.size(); ++i) tail_counts[i] += tail_counts_[i];
+  for (size_t i = 0; i < long_segment_counts_.size(); ++i) long_segment_counts[i] += long_segment_counts_[i];
   for (size_t kind = 0; kind < 4; ++kind)
     for (long s = 0; s < S; ++s)
       for (int k = 0; k < K; ++k)

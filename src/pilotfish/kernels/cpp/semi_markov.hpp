@@ -16,9 +16,9 @@ class SemiMarkovInference {
   // is added or written.
   double infer(const double* log_emissions, long T, double* smoothed_state_probs);
 
-  // Adds the expected counts of all demonstrations: transitions (K, K), segments (4, S, K), tail_counts (2,
+  // Adds the expected counts of all demonstrations: transitions (K, K), segments (4, S, K), long_segment_counts (2,
   // K).
-  void add_to(double* transition_counts, double* segments, double* tail_counts) const;
+  void add_to(double* transition_counts, double* segments, double* long_segment_counts) const;
 
  private:
   void forward();
@@ -37,7 +37,7 @@ class SemiMarkovInference {
   Buffer starting_, ending_;  // (K, capacity), expected segments that begin at b, that end before t
   Buffer remaining_, after_;  // (K), sum of emissions until the end; after_starts
   Buffer transition_counts_, segments_,
-      tail_counts_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
+      long_segment_counts_;  // (K, K), (4, K, stride), (2, K): sums over demonstrations
 };
 
 // Computes log_segment_ends and log_forward (T, K), as if the recording ended at each step.

@@ -43,7 +43,7 @@ def e_step(
         initial_counts += chain.smoothed_state_probs[0]
         transition_counts += chain.transition_counts
     gamma = np.concatenate(smoothed_state_probs)  # (N, K)
-    offsets, scatter_matrices = deviation_moments(x, gamma, emissions)
+    deviation_sums, scatter_matrices = deviation_moments(x, gamma, emissions)
     return EStep(
         np.array(log_likelihoods),
         gamma.sum(axis=0),
@@ -51,7 +51,7 @@ def e_step(
         transition_counts,
         np.zeros((4, 0, K)),
         np.zeros((2, K)),
-        offsets,
+        deviation_sums,
         scatter_matrices,
     )
 
@@ -81,8 +81,8 @@ def semi_markov_e_step(
         gamma.sum(axis=0),
         np.sum([chain.smoothed_state_probs[0] for chain in chains], axis=0),
         np.sum([chain.transition_counts for chain in chains], axis=0),
-        np.sum([chain.segments for chain in chains], axis=0),
-        np.sum([chain.tail_counts for chain in chains], axis=0),
+        np.sum([chain.segment_counts for chain in chains], axis=0),
+        np.sum([chain.long_segment_counts for chain in chains], axis=0),
         *deviation_moments(x, gamma, emissions),
     )
 
@@ -94,10 +94,10 @@ def deviation_moments(
 ) -> tuple[Float[Array, "P K E"], Float[Array, "P K E E"]]:
     """Return the sums of gamma e and gamma e e^T, e = deviation from the mean, per frame and state."""
     P, K, E, _ = emissions.precision_cholesky.shape
-    offsets, scatter_matrices = np.empty((P, K, E)), np.empty((P, K, E, E))
+    deviation_sums, scatter_matrices = np.empty((P, K, E)), np.empty((P, K, E, E))
     for p in range(P):
         for k in range(K):
             error = deviations(x[p], emissions.means[p, k], emissions.orientation_starts)  # (N, E)
             weighted = gamma[:, k, None] * error
-            offsets[p, k], scatter_matrices[p, k] = weighted.sum(axis=0), weighted.T @ error
-    return offsets, scatter_matrices
+            deviation_sums[p, k], scatter_matrices[p, k] = weighted.sum(axis=0), weighted.T @ error
+    return deviation_sums, scatter_matrices

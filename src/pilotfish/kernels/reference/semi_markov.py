@@ -77,7 +77,10 @@ def semi_markov_forward_backward(
     if log_likelihood == -np.inf:
         return impossible_result(log_emissions, tables)
     after_starts, after_ends = log_backward_variables(relative, tables)
-    segments, tail_counts = np.zeros_like(tables.log_segment_weights), np.zeros_like(tables.log_tail_weights)
+    segments, long_segment_counts = (
+        np.zeros_like(tables.log_segment_weights),
+        np.zeros_like(tables.log_tail_weights),
+    )
     ending = np.zeros_like(ends)  # (T, K), expected number of segments that end before step t
     for b, expected_last in enumerate(np.exp(last - log_likelihood)):
         steps = log_segments_from(b, relative, tables)  # (s, K), of segments that end before the recording
@@ -85,7 +88,7 @@ def semi_markov_forward_backward(
         expected = np.exp(starts[b] + steps + after_ends[until] - log_likelihood)
         segments[int(b == 0), : len(steps)] += expected
         ending[until] += expected
-        last_segment(segments[2:], tail_counts, len(ends) - b)[int(b == 0)] += expected_last
+        last_segment(segments[2:], long_segment_counts, len(ends) - b)[int(b == 0)] += expected_last
     starting = np.exp(starts + after_starts - log_likelihood)
     transition_counts = expected_transitions(ends, tables, after_starts - log_likelihood)
     return SemiMarkovForwardBackward(
@@ -93,7 +96,7 @@ def semi_markov_forward_backward(
         state_probabilities(starting, ending),
         transition_counts,
         segments,
-        tail_counts,
+        long_segment_counts,
     )
 
 
@@ -131,10 +134,10 @@ def log_last_segments(log_emissions: Float[Array, "T K"], tables: SemiMarkovTabl
 
 
 def last_segment(
-    segments: Float[Array, "2 S K"], tail_counts: Float[Array, "2 K"], s: int
+    segments: Float[Array, "2 S K"], long_segment_counts: Float[Array, "2 K"], s: int
 ) -> Float[Array, "2 K"]:
     """Return the entries of a last segment of s recorded steps: kind 2, then kind 3."""
-    return segments[:, s - 1] if s <= segments.shape[1] else tail_counts
+    return segments[:, s - 1] if s <= segments.shape[1] else long_segment_counts
 
 
 def log_forward_variables(
