@@ -110,9 +110,11 @@ def numeric_array(value: object, label: str) -> Float[Array, "..."]:
             f"{label} has {array.dtype} values, which are not real numbers, expected an array of real "
             f"numbers: {short_repr(value)}"
         )
-    # A number too large for float64 becomes infinite, a signalling NaN becomes a quiet one.
-    with np.errstate(over="ignore", invalid="ignore"):
-        numbers = np.array(array, dtype=np.float64, order="C")
+    if array.dtype == np.float64:
+        numbers = np.ascontiguousarray(array).reshape(array.shape)
+    else:  # a number too large for float64 becomes infinite, a signalling NaN becomes a quiet one
+        with np.errstate(over="ignore", invalid="ignore"):
+            numbers = np.array(array, dtype=np.float64, order="C")
     numbers.setflags(write=False)
     return numbers
 
@@ -216,7 +218,7 @@ def _require_real_items(value: object, label: str, depth: int) -> None:
 
     NumPy would also reserve the length of the longest text for every item.
     """
-    if np.ma.is_masked(value):
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInput(f"{label} has masked entries, expected numbers only; fill or remove them")
     if isinstance(value, np.ndarray) and value.dtype == bool:
         raise InvalidInput(f"{label} has bool values, expected an array of real numbers; pass 1 and 0")
