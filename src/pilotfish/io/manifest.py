@@ -70,11 +70,10 @@ def parse_manifest(data: bytes, name: str) -> Manifest:
     layout = _parse_layout(table["layout"], f"{name}: layout")
     items = _require_list(table["demonstration"], f"{name}: demonstration")
     _require_size(items, layout, name)
+    _require_different_files(items, name)
     entries = [_parse_entry(item, f"{name}: demonstration {m}", layout) for m, item in enumerate(items)]
     if not entries:
         raise InvalidInput(f"{name}: demonstration is empty, expected at least one; add [[demonstration]]")
-    if duplicate := first_duplicate(file for file, _ in entries):
-        raise InvalidInput(f"{name}: file {duplicate!r} is named more than once, expected one file for each")
     return require_period(table["period"], f"{name}: period"), layout, dict(entries)
 
 
@@ -189,6 +188,15 @@ def _require_size(items: list[Any], layout: Layout, name: str) -> None:
         raise InvalidInput(
             f"{name}: the matrices of {frames} frames of {layout.width} columns have {entries} numbers, "
             f"expected at most {MAX_FRAME_ENTRIES}; use several folders"
+        )
+
+
+def _require_different_files(items: list[Any], name: str) -> None:
+    """Raise InvalidInput before frames are built of a demonstration that is repeated many times."""
+    files = [item["file"] for item in items if isinstance(item, dict) and isinstance(item.get("file"), str)]
+    if duplicate := first_duplicate(files):
+        raise InvalidInput(
+            f"{name}: file {short_repr(duplicate)} is named more than once, expected one file for each"
         )
 
 
