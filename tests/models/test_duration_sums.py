@@ -214,3 +214,17 @@ def test_quadrature_narrow_distribution_far_out_raises():
     with pytest.raises(InvalidInput, match="durations of 8 states reach 16777216 steps"):
         make_quadrature(narrow.log_weights, 1)
     assert make_quadrature(Gaussian(np.full(8, 5.0), np.ones(8)).log_weights, 10**6).single_steps == 2**20
+
+
+def test_parameters_changed_in_place_change_kept_tables():
+    """Short tables are kept by the values of the parameters, and cannot be altered by their reader."""
+    durations = Poisson(np.array([3.0, 20.0]))
+    before, longest = durations.log_survival(9)[0], durations.max_duration(1e-6)
+    assert durations.log_survival(9)[0] is before
+    with pytest.raises(ValueError, match="read-only"):
+        before[0] = 0.0
+    durations.rates[:] = 2.0 * durations.rates
+    fresh = Poisson(np.array([6.0, 40.0]))
+    np.testing.assert_array_equal(durations.log_survival(9)[0], fresh.log_survival(9)[0])
+    assert durations.max_duration(1e-6) > longest
+    assert (durations.log_survival(9)[0][1:] > before[1:]).all()

@@ -14,7 +14,7 @@ from pilotfish.types import Array, Bool, Float
 class TangentMoments:
     """Sums over tangent vectors v at K origins; a sum of two with equal origins is that of all data.
 
-    means and scatter_matrices are exact if the deviation_sums are zero, when the origin is the Karcher mean.
+    Means and scatter matrices are exact if the sums of deviations are zero: the origin is the Karcher mean.
     Otherwise means are one step of its iteration, and scatter matrices are exact to first order in that step,
     moved by parallel transport. Off the orientations both are exact.
 
@@ -63,7 +63,7 @@ class TangentMoments:
 
     @property
     def means(self) -> Float[Array, "K D"]:
-        """Return the Karcher means, to first order in the deviation_sums."""
+        """Return the Karcher means, to first order in the sums of deviations."""
         return np.asarray(exp_map(self.origins, self._mean_steps, self.orientation_starts))
 
     @property

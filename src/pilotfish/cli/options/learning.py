@@ -1,4 +1,4 @@
-"""Options that every command that fits skills by EM has."""
+"""Options shared by commands that learn skills or draw random numbers."""
 
 import click
 

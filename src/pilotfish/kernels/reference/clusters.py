@@ -44,9 +44,7 @@ class MutableState:
 
 def unpack(state: StreamState, parameters: StreamParameters) -> MutableState:
     """Return the unpacked state."""
-    statistics = np.stack(
-        [getattr(state, name) for name in STATISTICS], axis=1
-    )  # in the order of their columns
+    statistics = np.stack([getattr(state, name) for name in STATISTICS], axis=1)
     clusters = [
         Cluster(statistics[k].copy(), [unpack_subspace(state, k, p) for p in range(state.frames)])
         for k in range(state.clusters)

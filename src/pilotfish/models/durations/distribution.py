@@ -133,16 +133,16 @@ def _cached(durations: DurationDistribution, argument: int | float, compute: Cal
     """
     values = [getattr(durations, field.name) for field in fields(durations)]
     key = (type(durations), compute, argument, *(value.tobytes() for value in values))
-    if key not in _CACHE:
-        result = compute(durations.log_weights, argument)
-        if argument * values[0].size > MAX_CACHED_SIZE:
-            return result
-        for array in result if isinstance(result, tuple) else ():
-            array.flags.writeable = False
+    if (cached := _CACHE.get(key)) is not None:  # read once: another thread may clear the cache
+        return cast(Result, cached)
+    result = compute(durations.log_weights, argument)
+    for array in result if isinstance(result, tuple) else ():
+        array.flags.writeable = False
+    if argument * values[0].size <= MAX_CACHED_SIZE:
         if len(_CACHE) >= MAX_CACHED:
             _CACHE.clear()
         _CACHE[key] = result
-    return cast(Result, _CACHE[key])
+    return result
 
 
 def require_positive(values: Float[Array, " K"], name: str) -> None:

@@ -101,9 +101,8 @@ def log_reverse_cumsum(
     """
     if order == 2:
         return log_reverse_cumsums(log_p, quadrature, rows)[1]
-    return _log_cumsum(np.concatenate([_log_sum_exp_row(log_p[rows:]), log_p[rows - 1 :: -1]]), log_p[:rows])[
-        :0:-1
-    ]
+    beyond, log_p = _log_sum_exp_row(log_p[rows:]), log_p[:rows]
+    return _log_cumsum(np.concatenate([beyond, log_p[::-1]]), log_p)[:0:-1]
 
 
 def log_reverse_cumsums(
