@@ -228,6 +228,11 @@ def test_observe_inconsistent_state_raises(baseline, rng):
         broken[0, 10] = 0.0 if place == 9 else broken[0, 10]
         with pytest.raises(ValueError, match="out of range"):
             observe(rows=broken)
+    for cluster_id in (-1e300, 2.0**54, 0.5, np.nan):
+        broken = rows.copy()
+        broken[0, 0] = cluster_id
+        with pytest.raises(ValueError, match="identifier of a cluster"):
+            observe(rows=broken)
 
 
 def compiled_state(module, x, parameters):

@@ -236,6 +236,17 @@ def test_observe_not_finite_datapoint_raises_with_index(compiled, rng, bad):
     assert before == [array.tobytes() for array in (state.counters, state.rows, state.transition_counts)]
 
 
+@pytest.mark.parametrize("cluster_id", [-1e300, 2.0**54, 0.5, np.nan])
+def test_observe_impossible_cluster_id_raises(compiled, rng, cluster_id):
+    """An identifier that no int64 holds would be cast to an arbitrary number."""
+    x = blobs(rng, 20, 2, 3)
+    state = compiled.observe(x, StreamState.empty(2, 3), PARAMETERS)[0]
+    state.cluster_ids[0] = cluster_id
+    for kernel in (compiled, reference):
+        with pytest.raises(InvalidInput, match="identifier"):
+            kernel.observe(x, state, PARAMETERS)
+
+
 def test_observe_no_datapoints_returns_same_state(compiled):
     for kernel in (compiled, reference):
         state, assignments = kernel.observe(np.empty((0, 1, 3)), StreamState.empty(1, 3), PARAMETERS)

@@ -336,6 +336,7 @@ def pack_stream(
     _validate_counters(counters, K)
     packed = replace(state, counters=counters, rows=rows, transition_counts=transition_counts)
     _validate_ranks(packed, min(capacity, D))
+    _validate_cluster_ids(packed)
     return points, packed
 
 
@@ -369,6 +370,14 @@ def _validate_ranks(state: StreamState, max_rank: int) -> None:
             f"cluster {k} has dimension {d[k, p]} and {r[k, p]} directions in frame {p}, expected whole "
             f"numbers 0 <= dimension <= directions <= {max_rank}"
         )
+
+
+def _validate_cluster_ids(state: StreamState) -> None:
+    ids = state.cluster_ids
+    good = (np.abs(ids) <= MAX_EXACT_INTEGER) & (ids == np.floor(ids))
+    if not good.all():
+        k = int(np.flatnonzero(~good)[0])
+        raise InvalidInput(f"cluster {k} has the identifier {ids[k]}, expected a whole number up to 2^53")
 
 
 KERNELS: dict[str, Callable[..., Iterable[Any]]] = {

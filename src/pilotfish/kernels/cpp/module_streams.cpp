@@ -73,7 +73,10 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
           head(i) == std::floor(head(i))))
       throw nb::value_error("a counter is not a whole number");
   const size_t block = (rows.shape(1) - COLUMNS) / P;
-  for (size_t k = 0; k < K; ++k)
+  for (size_t k = 0; k < K; ++k) {
+    const double id = rows.data()[k * rows.shape(1) + CLUSTER_ID];
+    if (!(std::abs(id) <= MAX_EXACT_INTEGER && id == std::floor(id)))
+      throw nb::value_error("the identifier of a cluster is not a whole number up to 2^53");
     for (size_t p = 0; p < P; ++p) {
       const double* numbers = rows.data() + k * rows.shape(1) + COLUMNS + p * block;
       const bool whole = numbers[0] == std::floor(numbers[0]) && numbers[1] == std::floor(numbers[1]);
@@ -81,6 +84,7 @@ void load(Stream& stream, size_t P, size_t D, const In<double, 1>& head, const I
             numbers[1] <= std::min(capacity, int(D))))
         throw nb::value_error("a cluster's dimension or number of directions is out of range");
     }
+  }
   stream.load(head.data(), rows.data(), transition_counts.data(), int(K), capacity);
 }
 
