@@ -21,7 +21,7 @@ from pilotfish.models import (
     log_likelihood,
     select,
 )
-from pilotfish.models.degrees_of_freedom import degrees_of_freedom
+from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.durations import (
     Gamma,
     Gaussian,
@@ -31,7 +31,6 @@ from pilotfish.models.durations import (
     Poisson,
     Segments,
 )
-from pilotfish.models.selection import bic
 
 DYNAMICS = ("semi-markov", "markov", "mixture")
 

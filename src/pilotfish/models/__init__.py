@@ -10,6 +10,12 @@ from pilotfish.models.agreement import match_labels, matched_accuracy, normalise
 from pilotfish.models.degrees_of_freedom import (
     semi_markov_parameter_count,
 )
+from pilotfish.models.demonstration_statistics import (
+    DemonstrationStatistics,
+    default_regularisation,
+    demonstration_statistics,
+    part_scales,
+)
 from pilotfish.models.dynamics import MAX_HORIZON, MarkovChain, MixtureWeights
 from pilotfish.models.em import (
     Convergence,
@@ -20,7 +26,7 @@ from pilotfish.models.em import (
 )
 from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
 from pilotfish.models.initialisation import FromModel, KMeans, TimeBins
-from pilotfish.models.learn import Fit, learn
+from pilotfish.models.learn import Fit, default_states, default_structure, learn
 from pilotfish.models.regression import filtered_regression, smoothed_regression
 from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, select
 from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain
@@ -31,7 +37,7 @@ from pilotfish.models.sequences import (
     viterbi,
 )
 from pilotfish.models.signs import align_quaternion_signs
-from pilotfish.models.skill import MAX_STATES, AdaptedSkill, HiddenModel, Provenance, Skill
+from pilotfish.models.skill import MAX_STATES, AdaptedSkill, Endpoints, HiddenModel, Provenance, Skill
 from pilotfish.models.statistics import Statistics
 
 __all__ = [
@@ -42,9 +48,11 @@ __all__ = [
     "Candidate",
     "Censoring",
     "Convergence",
+    "DemonstrationStatistics",
     "DurationModel",
     "Dynamics",
     "EMSettings",
+    "Endpoints",
     "Fit",
     "FrameRelevance",
     "FromModel",
@@ -61,6 +69,10 @@ __all__ = [
     "TimeBins",
     "adapt",
     "align_quaternion_signs",
+    "default_regularisation",
+    "default_states",
+    "default_structure",
+    "demonstration_statistics",
     "expected_statistics",
     "filtered_regression",
     "fit_em",
@@ -72,6 +84,7 @@ __all__ = [
     "maximise_likelihood",
     "normalised_mutual_information",
     "online",
+    "part_scales",
     "relevance",
     "select",
     "select_frames",

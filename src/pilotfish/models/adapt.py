@@ -10,7 +10,8 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, RiemannianGaussian, affine_transform, product
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import normalise
-from pilotfish.models.signs import align_frame_signs
+from pilotfish.models.endpoints import endpoint_skill
+from pilotfish.models.signs import align_frame_signs, nearest_quaternion_signs
 from pilotfish.models.skill import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import numeric_array, require_type
@@ -50,13 +51,40 @@ def adapt(
     frames_in_order = _match_frames(skill, frames)
     frame_weights = _validate_relevance(relevance, skill)
     aligned = align_frame_signs(frames_in_order, skill, frame_weights)
+    adapted = _adapt_states(skill, aligned, frame_weights)
+    if skill.endpoints is None:
+        return adapted
+    ends = _adapt_states(
+        endpoint_skill(skill, skill.endpoints), aligned, _endpoint_weights(skill, frame_weights)
+    )
+    signs = [nearest_quaternion_signs(mean[None], adapted.means, skill.layout) for mean in ends.means]
+    return replace(adapted, endpoints=_with_signs(ends, np.stack(signs)))
+
+
+def _adapt_states(skill: Skill, frames: Sequence[Frame], frame_weights: Float[Array, "P K"]) -> AdaptedSkill:
+    """Return the product of the frame Gaussians of each state."""
     frame_product = _riemannian_frame_product if skill.layout.orientation_starts else _frame_product
     with np.errstate(over="ignore", invalid="ignore"):
-        states = [frame_product(skill, aligned, frame_weights, k) for k in range(skill.states)]
-    _validate_finite(states, aligned)
+        states = [frame_product(skill, frames, frame_weights, k) for k in range(skill.states)]
+    _validate_finite(states, frames)
     means = _normalise_quaternions(np.stack([g.mean for g in states]), skill.layout)
-    return AdaptedSkill(
-        skill.dynamics, means, np.stack([g.covariance for g in states]), skill.layout, skill.period
+    covariances = np.stack([g.covariance for g in states])
+    return AdaptedSkill(skill.dynamics, means, covariances, skill.layout, skill.period, skill.demonstrated)
+
+
+def _endpoint_weights(skill: Skill, frame_weights: Float[Array, "P K"]) -> Float[Array, "P 2"]:
+    """Return the relevance of frames to the first state and to the last."""
+    first = int(skill.dynamics.initial.argmax())
+    final = np.flatnonzero(skill.dynamics.final_states())
+    return frame_weights[:, [first, int(final[-1]) if len(final) else skill.states - 1]]
+
+
+def _with_signs(model: AdaptedSkill, signs: Float[Array, "K D"]) -> AdaptedSkill:
+    """Return the states with other signs of their quaternions; on S^3 covariances do not depend on them."""
+    if model.layout.orientation_starts:
+        return model
+    return replace(
+        model, means=signs * model.means, covariances=signs[:, :, None] * signs[:, None] * model.covariances
     )
 
 

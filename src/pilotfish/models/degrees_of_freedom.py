@@ -5,6 +5,8 @@ such as rotations of latent factors and the lengths of shared vectors. Parameter
 the literature give.
 """
 
+import numpy as np
+
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.semi_markov import DurationModel
 from pilotfish.models.skill import Skill
@@ -46,3 +48,20 @@ def semi_markov_parameter_count(
     """
     gaussians = frames * (states * width + structure.parameter_count(states, width))
     return gaussians + states**2 + 2 * states
+
+
+def bic(log_likelihood: float, parameters: int, datapoints: int) -> float:
+    """Return the Bayesian information criterion, -2 log-likelihood + parameters log(datapoints).
+
+    Rows of one demonstration are correlated and carry less information than independent ones. The criterion
+    therefore penalises large models too little.
+
+    Args:
+        log_likelihood: Log-likelihood of all datapoints [nats].
+        parameters: Degrees of freedom.
+        datapoints: Number of datapoints.
+
+    Source:
+        Schwarz 1978, Estimating the dimension of a model.
+    """
+    return -2.0 * log_likelihood + parameters * float(np.log(datapoints))

@@ -122,6 +122,23 @@ class StateDynamics(ABC):
         """
         return np.asarray(self.filtered_state_probs(log_observed, horizon).argmax(axis=1))
 
+    def plan_states(self, log_observed: Float[Array, "T K"], *, complete: bool) -> Int[Array, " T"]:
+        """Return a state sequence for a plan: the state of largest posterior probability at every step.
+
+        Args:
+            log_observed: log b_k(x_t) of observations, finite; a row of zeros is a step without one.
+            complete: Whether the sequence ends in a final state; ignored where there is none or it cannot be
+                reached.
+        """
+        relative = log_observed - log_observed.max(axis=1, keepdims=True)
+        if complete and (final := self.final_states()).any():
+            ending = relative.copy()
+            ending[-1, ~final] = -np.inf
+            result = kernels.forward_backward(ending, *self.step_probabilities())
+            if np.isfinite(result.log_likelihood):
+                return np.asarray(result.smoothed_state_probs.argmax(axis=1))
+        return np.asarray(self.smoothed_state_probs(log_observed).argmax(axis=1))
+
     def smoothed_state_probs(self, log_observed: Float[Array, "T K"]) -> Float[Array, "T K"]:
         """Compute p(state k at step t | all T observations) by forward-backward; rows sum to one.
 
@@ -287,6 +304,9 @@ class MixtureWeights(StateDynamics):
             "the skill has mixture dynamics, which have no order in time, so neither filtered state "
             "probabilities nor a plan; learn a Markov or semi-Markov skill"
         )
+
+    def plan_states(self, log_observed: Float[Array, "T K"], *, complete: bool) -> Int[Array, " T"]:
+        return np.asarray(self.log_forward(log_observed, len(log_observed)).argmax(axis=1))
 
     def sample(self, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
         require_count(horizon, "horizon", MAX_HORIZON, 1)

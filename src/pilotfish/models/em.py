@@ -41,6 +41,7 @@ from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float
 from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
 
+GAIN_PER_DATAPOINT = 1e-3  # nats: EM has converged below it
 MIN_DURATION_VARIANCE = 1e-100  # steps^2
 NUMBER = (int, float, np.integer, np.floating)
 
@@ -54,12 +55,15 @@ class EMSettings:
     """Settings of expectation-maximisation.
 
     Attributes:
-        regularisation: Added to every variance [unit of x squared]; 0 gives plain maximum likelihood.
-        tolerance: EM has converged when an iteration raises the log-likelihood by less than this fraction.
+        regularisation: Added to every variance [unit of x squared]; 0 gives plain maximum likelihood. None
+            takes a fraction of the scale of each part, see `demonstration_statistics.py`.
+        tolerance: EM has converged when an iteration raises the log-likelihood by less than this fraction of
+            it. None asks for less than 1e-3 nats per datapoint, which no unit changes.
         max_iterations: Upper bound of the number of iterations.
         restarts: Number of initialisations; the fit with the highest log-likelihood is kept.
         duration_regularisation: Lower bound of the variance of durations that have a free width; added to the
-            variance of durations counted along Viterbi paths [steps^2].
+            variance of durations counted along Viterbi paths [steps^2]. None is 1 for fitted durations, and
+            adds a tenth of the mean duration, squared, to counted ones.
         threads: Number of threads of an E-step; 0 uses all cores.
         callback: Called with (iteration, log-likelihood) after every E-step.
     """
@@ -68,25 +72,27 @@ class EMSettings:
     MAX_RESTARTS: ClassVar[int] = 1000
     MAX_THREADS: ClassVar[int] = 1024
 
-    regularisation: float = 1e-5
-    tolerance: float = 1e-5
+    regularisation: float | None = None
+    tolerance: float | None = None
     max_iterations: int = 200
     restarts: int = 1
-    duration_regularisation: float = 1.0
+    duration_regularisation: float | None = None
     threads: int = 1
     callback: Callable[[int, float], None] | None = None
 
     def __post_init__(self) -> None:
         for name in ("regularisation", "tolerance"):
-            require_type(value := getattr(self, name), name, NUMBER, "give a number")
+            if (value := getattr(self, name)) is None:
+                continue
+            require_type(value, name, NUMBER, "give a number")
             if not 0.0 <= value <= MAX_MAGNITUDE:
                 raise InvalidInput(f"{name} is {value}, expected a number of at least 0")
-        variance = self.duration_regularisation
-        require_type(variance, "duration_regularisation", NUMBER, "give a number")
-        if not MIN_DURATION_VARIANCE <= variance <= MAX_MAGNITUDE:
-            raise InvalidInput(
-                f"duration_regularisation is {variance}, expected a positive variance [steps^2]"
-            )
+        if (variance := self.duration_regularisation) is not None:
+            require_type(variance, "duration_regularisation", NUMBER, "give a number")
+            if not MIN_DURATION_VARIANCE <= variance <= MAX_MAGNITUDE:
+                raise InvalidInput(
+                    f"duration_regularisation is {variance}, expected a positive variance [steps^2]"
+                )
         require_count(self.threads, "threads", self.MAX_THREADS)
         require_count(self.max_iterations, "max_iterations", self.MAX_ITERATIONS, 1)
         require_count(self.restarts, "restarts", self.MAX_RESTARTS, 1)
@@ -170,7 +176,7 @@ def _iterate_em(
         statistics = e_step(model, data, statistics)
         _validate_log_likelihood(statistics, iteration)
         gain = statistics.log_likelihood - log_likelihoods[-1] if log_likelihoods else np.inf
-        threshold = settings.tolerance * abs(statistics.log_likelihood)
+        threshold = _convergence_threshold(statistics, settings.tolerance)
         if best and gain < 0.0:
             reason = f"the next step would have lost {-gain:.3g} nats, as regularisation or partial tying may"
             trace = np.array(log_likelihoods)
@@ -239,7 +245,7 @@ def maximise_likelihood(
     statistics: Statistics,
     previous: HiddenModel | None,
     structure: CovarianceStructure,
-    regularisation: float,
+    regularisation: float | Float[Array, " E"],
     fit_dynamics: FitDynamics,
 ) -> HiddenModel:
     """Compute the model of maximum likelihood for expected statistics: the M-step.
@@ -249,7 +255,7 @@ def maximise_likelihood(
         previous: Model of the previous iteration, from which iterative structures and durations continue.
         structure: Covariance structure of the states.
         regularisation: Added to the diagonal of every sample covariance before the structure is imposed [unit
-            of x squared].
+            of x squared]: one variance for all columns, or one for each.
         fit_dynamics: M-step of the dynamics, such as `MarkovChain.fit`.
 
     Returns:
@@ -270,6 +276,13 @@ def maximise_likelihood(
         np.stack([m.means for m in statistics.moments]),
         tuple(covariances),
     )
+
+
+def _convergence_threshold(statistics: Statistics, tolerance: float | None) -> float:
+    """Return the gain of log-likelihood below which EM has converged [nats]."""
+    if tolerance is None:
+        return GAIN_PER_DATAPOINT * float(statistics.moments[0].counts.sum())
+    return tolerance * abs(statistics.log_likelihood)
 
 
 def _is_empty(statistics: Statistics) -> Bool[Array, " K"]:

@@ -227,7 +227,8 @@ def _hold_out(
     for p, own_moments in enumerate(own):
         rest = reduce(add, (moments[p] for moments in others))
         covariance = _shrink_covariance(rest.scatter_matrices[k] / rest.counts[k], skill.layout, len(others))
-        covariance += skill.provenance.regularisation * np.eye(len(covariance))
+        if skill.regularisation is not None:
+            covariance += np.diag(skill.regularisation)
         offsets.append(rest.means[k] - own_moments.means[k])
         factors.append(precision_cholesky(covariance[None], f"held-out covariance of state {k}, number")[0])
         scatter_matrices.append(own_moments.scatter_matrices[k] / own_moments.counts[k])

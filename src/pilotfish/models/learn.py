@@ -9,7 +9,7 @@ A semi-Markov skill is learned in two ways, both after the fit of a Markov skill
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -18,7 +18,13 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
-from pilotfish.gaussians.structures import CovarianceStructure, Full
+from pilotfish.gaussians.structures import CovarianceStructure, Diagonal, Full
+from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
+from pilotfish.models.demonstration_statistics import (
+    DemonstrationStatistics,
+    default_regularisation,
+    demonstration_statistics,
+)
 from pilotfish.models.durations import Gaussian, Segments
 from pilotfish.models.dynamics import MarkovChain, MixtureWeights
 from pilotfish.models.em import (
@@ -30,17 +36,19 @@ from pilotfish.models.em import (
     fit_em,
     maximise_likelihood,
 )
+from pilotfish.models.endpoints import fit_endpoints
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.semi_markov import TAIL_PROBABILITY, DurationModel, SemiMarkovChain
+from pilotfish.models.sequences import viterbi
 from pilotfish.models.skill import MAX_STATES, HiddenModel, Provenance, Skill
 from pilotfish.models.statistics import Statistics
 from pilotfish.models.viterbi_durations import count_durations
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_type
 
-DEFAULT_STRUCTURE = Full()
-DEFAULT_INITIALISATION = TimeBins()
 DEFAULT_SETTINGS = EMSettings()
+DEFAULT_STATES, MIN_DEFAULT_ROWS = 30, 2  # states, and steps of the shortest demonstration for each
+MIN_FITTED_DURATION_VARIANCE = 1.0  # steps^2, the default of durations fitted by EM
 MIN_RELATIVE_DEVIATION = 0.5  # of the durations with which EM of a semi-Markov skill begins
 FIT_DYNAMICS: dict[str, FitDynamics] = {
     MixtureWeights.name: MixtureWeights.fit,
@@ -72,25 +80,30 @@ class Fit:
 def learn(
     demonstrations: Sequence[Demonstration],
     *,
-    states: int,
+    states: int | None = None,
     rng: np.random.Generator,
     dynamics: str = SemiMarkovChain.name,
     durations: DurationModel | None = None,
-    structure: CovarianceStructure = DEFAULT_STRUCTURE,
-    initialisation: Initialisation = DEFAULT_INITIALISATION,
+    structure: CovarianceStructure | None = None,
+    initialisation: Initialisation | None = None,
     settings: EMSettings = DEFAULT_SETTINGS,
 ) -> Fit:
     """Learn a task-parameterised skill by expectation-maximisation.
 
+    By default a skill has many states with diagonal covariances: short states follow corners and the times of
+    a gripper, and a few demonstrations support no correlations. Few states need them, as the columns of a
+    long state vary together.
+
     Args:
         demonstrations: Recordings of one task with the same frames, columns and period.
-        states: Number of states K.
+        states: Number of states K. None takes 30, or one for every two steps of a short demonstration.
         rng: Source of randomness of the initialisation.
         dynamics: "semi-markov" (TP-HSMM), "markov" (TP-HMM) or "mixture" (TP-GMM).
         durations: How durations of a semi-Markov skill are fitted together with the states, in O(T K (K + L))
             per iteration. By default they are counted along the Viterbi paths of the Markov skill.
-        structure: Covariance structure of the states.
-        initialisation: Initial statistics. `FromModel` with a semi-Markov model continues its fit if
+        structure: Covariance structure of the states. None is diagonal where `states` is None, else full.
+        initialisation: Initial statistics. None fits from time bins and from k-means, and keeps the fit of
+            lower BIC. `FromModel` with a semi-Markov model continues its fit if
             `durations` is given.
         settings: Settings of expectation-maximisation.
 
@@ -128,98 +141,177 @@ def learn(
             f'durations is given with dynamics={dynamics!r}, expected dynamics="semi-markov"; leave one out'
         )
     _validate_initialisation(initialisation, states, rng, settings.restarts)
-    initialise = partial(initialisation.initial_statistics, states=states, rng=rng)
-    m_step = _make_m_step(structure, settings, FIT_DYNAMICS[dynamics])
-    if durations:
-        return _learn_durations(
-            demonstrations, initialisation, initialise, m_step, durations, structure, settings
-        )
     data = views(demonstrations)
-    fit = _learn_steps(demonstrations, data, initialise, m_step, structure, settings)
+    if structure is None:
+        structure = default_structure(states, dynamics)
+    if states is None:
+        states = default_states(demonstrations)
+    demonstrated = demonstration_statistics(demonstrations)
+    regularisation = default_regularisation(demonstrated.scales, demonstrations[0].layout)
+    if settings.regularisation is not None:
+        regularisation = np.full(len(regularisation), float(settings.regularisation))
+    problem = _Problem(demonstrations, data, states, structure, settings, rng, demonstrated, regularisation)
+    m_step = problem.m_step(FIT_DYNAMICS[dynamics])
+    if durations:
+        return _learn_durations(problem, initialisation, m_step, durations)
+    fit = _learn_steps(problem, initialisation, m_step)
     if dynamics != SemiMarkovChain.name:
         return fit
     chain = count_durations(fit.markov_skill, data, settings.duration_regularisation)
     return replace(fit, skill=replace(fit.skill, dynamics=chain))
 
 
+def default_states(demonstrations: Sequence[Demonstration]) -> int:
+    """Return the default number of states: 30, or one for every two steps of the shortest demonstration.
+
+    Args:
+        demonstrations: At least one.
+    """
+    shortest = min(len(demo.x) for demo in demonstrations)
+    return max(1, min(DEFAULT_STATES, shortest // MIN_DEFAULT_ROWS))
+
+
+def default_structure(states: int | None, dynamics: str = SemiMarkovChain.name) -> CovarianceStructure:
+    """Return the default covariance structure: diagonal, or full if states are given or make a mixture.
+
+    Args:
+        states: Number of states that was asked for; None for the default number.
+        dynamics: Name of the dynamics.
+    """
+    return Diagonal() if states is None and dynamics != MixtureWeights.name else Full()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """What every fit of one call of `learn` shares."""
+
+    demonstrations: Sequence[Demonstration]
+    data: Views
+    states: int
+    structure: CovarianceStructure
+    settings: EMSettings
+    rng: np.random.Generator
+    demonstrated: DemonstrationStatistics
+    regularisation: Float[Array, " E"]
+
+    def m_step(self, fit_dynamics: FitDynamics) -> MStep:
+        """Return the M-step of these dynamics."""
+        return partial(
+            maximise_likelihood,
+            structure=self.structure,
+            regularisation=self.regularisation,
+            fit_dynamics=fit_dynamics,
+        )
+
+    def skill(self, model: HiddenModel, convergence: Convergence) -> Skill:
+        """Add layout, period and frames of the demonstrations, and the provenance, to a model."""
+        first = self.demonstrations[0]
+        provenance = Provenance(
+            demonstrations=tuple(d.name for d in self.demonstrations),
+            datapoints=sum(len(d.x) for d in self.demonstrations),
+            data=_hash_demonstrations(self.demonstrations),
+            structure=self.structure.label,
+            log_likelihood=float(convergence.log_likelihoods[-1]),
+            iterations=convergence.iterations,
+            converged=convergence.converged,
+            library=library_version(),
+        )
+        return Skill(
+            model.dynamics,
+            model.means,
+            model.covariances,
+            first.layout,
+            first.period,
+            tuple(frame.name for frame in first.frames),
+            provenance,
+            self.regularisation,
+            self.demonstrated,
+            fit_endpoints(self.data, self.regularisation),
+        )
+
+
 def _validate_initialisation(
-    initialisation: Initialisation, states: int, rng: np.random.Generator, restarts: int
+    initialisation: Initialisation | None, states: int | None, rng: np.random.Generator, restarts: int
 ) -> None:
     require_type(
         initialisation,
         "initialisation",
-        (TimeBins, KMeans, FromModel, Initialisation),
+        (TimeBins, KMeans, FromModel, Initialisation, type(None)),
         "give an instance, such as pf.models.KMeans()",
     )
-    require_count(states, "states", MAX_STATES, 1)
+    if states is not None:
+        require_count(states, "states", MAX_STATES, 1)
+    elif isinstance(initialisation, FromModel):
+        raise InvalidInput("states is None, expected the number of states of the given model")
     require_type(rng, "rng", np.random.Generator, "np.random.default_rng(seed) makes one of a seed")
-    if restarts > 1 and (initialisation == DEFAULT_INITIALISATION or isinstance(initialisation, FromModel)):
+    if restarts > 1 and (initialisation in (None, TimeBins()) or isinstance(initialisation, FromModel)):
         raise InvalidInput(
             f"restarts is {restarts}, expected 1, as this initialisation is the same every time; use "
             "TimeBins(jitter=0.5) or KMeans()"
         )
 
 
-def _make_m_step(structure: CovarianceStructure, settings: EMSettings, fit_dynamics: FitDynamics) -> MStep:
-    require_type(
-        structure,
-        "structure",
-        CovarianceStructure,
-        "give an instance, such as pf.structures.Full() or pf.structures.SemiTied()",
-    )
-    return partial(
-        maximise_likelihood,
-        structure=structure,
-        regularisation=settings.regularisation,
-        fit_dynamics=fit_dynamics,
-    )
-
-
-def _learn_steps(
-    demonstrations: Sequence[Demonstration],
-    data: Views,
-    initialise: Callable[[Views], Statistics],
-    m_step: MStep,
-    structure: CovarianceStructure,
-    settings: EMSettings,
-) -> Fit:
+def _learn_steps(problem: _Problem, initialisation: Initialisation | None, m_step: MStep) -> Fit:
     """Fit a mixture or a Markov skill; of several restarts the most likely."""
-    candidates = [initialise(data) for _ in range(settings.restarts)]
-    model, convergence = _fit_restarts(candidates, data, m_step, settings)
-    skill = _make_skill(demonstrations, model, convergence, structure, settings)
+    if initialisation is None:
+        return _learn_likelier(problem, m_step)
+    candidates = [
+        initialisation.initial_statistics(problem.data, problem.states, problem.rng)
+        for _ in range(problem.settings.restarts)
+    ]
+    model, convergence = _fit_restarts(candidates, problem.data, m_step, problem.settings)
+    skill = problem.skill(model, convergence)
     return Fit(skill, skill, convergence)
 
 
+def _learn_likelier(problem: _Problem, m_step: MStep) -> Fit:
+    """Fit from time bins and from k-means, and return the fit of lower BIC.
+
+    Time bins suit a movement that goes once from left to right, k-means one that returns to its states. A
+    clustering with states of single demonstrations describes these, not the task, and is not taken.
+    """
+    bins = _learn_steps(problem, TimeBins(), m_step)
+    try:
+        clusters = _learn_steps(problem, KMeans(), m_step)
+    except (InvalidInput, NotPositiveDefinite):  # fewer distinct points than states, or a state of one point
+        return bins
+    if not _shares_states(clusters.skill, problem.demonstrations):
+        return bins
+
+    def criterion(fit: Fit) -> float:
+        parameters = degrees_of_freedom(fit.skill, problem.structure, None)
+        return bic(float(fit.log_likelihoods[-1]), parameters, fit.skill.provenance.datapoints)
+
+    return min(bins, clusters, key=criterion)
+
+
+def _shares_states(skill: Skill, demonstrations: Sequence[Demonstration]) -> bool:
+    """Return whether at least half of the demonstrations visit each state."""
+    visits = np.array([np.isin(np.arange(skill.states), viterbi(skill, demo)) for demo in demonstrations])
+    return bool((2 * visits.sum(axis=0) >= len(demonstrations)).all())
+
+
 def _learn_durations(
-    demonstrations: Sequence[Demonstration],
-    initialisation: Initialisation,
-    initialise: Callable[[Views], Statistics],
-    markov_m_step: MStep,
-    durations: DurationModel,
-    structure: CovarianceStructure,
-    settings: EMSettings,
+    problem: _Problem, initialisation: Initialisation | None, markov_m_step: MStep, durations: DurationModel
 ) -> Fit:
     """Fit states and durations together, from a given semi-Markov model or after a Markov fit."""
-    data = views(demonstrations)
+    data, settings = problem.data, problem.settings
+    given = settings.duration_regularisation
+    min_variance = MIN_FITTED_DURATION_VARIANCE if given is None else given
     if isinstance(initialisation, FromModel) and initialisation.model.dynamics.durations is not None:
-        initial_statistics = initialise(data)
+        initial_statistics = initialisation.initial_statistics(data, problem.states, problem.rng)
         one_iteration = replace(settings, max_iterations=1, callback=None)
         model, _, convergence = fit_em(initial_statistics, data, markov_m_step, one_iteration)
-        markov_skill = _make_skill(demonstrations, model, convergence, structure, settings)
+        markov_skill = problem.skill(model, convergence)
         dropped: tuple[str, ...] = ()
     else:
-        fit = _learn_steps(demonstrations, data, initialise, markov_m_step, structure, settings)
+        fit = _learn_steps(problem, initialisation, markov_m_step)
         markov_skill, dropped = fit.markov_skill, fit.convergence.dropped
-        initial_statistics = _widen_durations(
-            markov_skill, data, durations.max_duration, settings.duration_regularisation
-        )
-    fit_chain = partial(
-        SemiMarkovChain.fit, duration_model=durations, min_variance=settings.duration_regularisation
-    )
-    m_step = _make_m_step(structure, settings, fit_chain)
+        initial_statistics = _widen_durations(markov_skill, data, durations.max_duration, min_variance)
+    m_step = problem.m_step(partial(SemiMarkovChain.fit, duration_model=durations, min_variance=min_variance))
     e_step = partial(expected_statistics, max_duration=durations.max_duration, threads=settings.threads)
     model, _, convergence = fit_em(initial_statistics, data, m_step, settings, e_step)
-    skill = _make_skill(demonstrations, model, convergence, structure, settings)
+    skill = problem.skill(model, convergence)
     return Fit(skill, markov_skill, replace(convergence, dropped=dropped + convergence.dropped))
 
 
@@ -260,37 +352,6 @@ def _fit_restarts(
         return model, convergence
     failed = f"{len(failures)} of {len(candidates)} restarts collapsed: {failures[0]}"
     return model, replace(convergence, reason=f"{convergence.reason}; {failed}")
-
-
-def _make_skill(
-    demonstrations: Sequence[Demonstration],
-    model: HiddenModel,
-    convergence: Convergence,
-    structure: CovarianceStructure,
-    settings: EMSettings,
-) -> Skill:
-    """Add layout, period and frames of the demonstrations, and the provenance, to a model."""
-    first_demonstration = demonstrations[0]
-    provenance = Provenance(
-        demonstrations=tuple(d.name for d in demonstrations),
-        datapoints=sum(len(d.x) for d in demonstrations),
-        data=_hash_demonstrations(demonstrations),
-        structure=structure.label,
-        regularisation=settings.regularisation,
-        log_likelihood=float(convergence.log_likelihoods[-1]),
-        iterations=convergence.iterations,
-        converged=convergence.converged,
-        library=library_version(),
-    )
-    return Skill(
-        model.dynamics,
-        model.means,
-        model.covariances,
-        first_demonstration.layout,
-        first_demonstration.period,
-        tuple(frame.name for frame in first_demonstration.frames),
-        provenance,
-    )
 
 
 def _hash_demonstrations(demonstrations: Sequence[Demonstration]) -> str:

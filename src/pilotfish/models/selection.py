@@ -8,10 +8,10 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.models.degrees_of_freedom import degrees_of_freedom
+from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.em import EMSettings
 from pilotfish.models.initialisation import Initialisation
-from pilotfish.models.learn import DEFAULT_INITIALISATION, DEFAULT_SETTINGS, learn
+from pilotfish.models.learn import DEFAULT_SETTINGS, learn
 from pilotfish.models.semi_markov import DurationModel, SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
@@ -29,14 +29,14 @@ class Candidate:
         structure: Covariance structure.
         dynamics: "semi-markov", "markov" or "mixture".
         durations: How durations of a semi-Markov skill are fitted; by default they are counted.
-        initialisation: Initial statistics of expectation-maximisation.
+        initialisation: Initial statistics of expectation-maximisation; None is the default of `learn`.
     """
 
     states: int
     structure: CovarianceStructure
     dynamics: str = SemiMarkovChain.name
     durations: DurationModel | None = None
-    initialisation: Initialisation = DEFAULT_INITIALISATION
+    initialisation: Initialisation | None = None
 
     @property
     def dynamics_label(self) -> str:
@@ -184,23 +184,6 @@ def select(
         if callback:
             callback(candidate)
     return Selection(tuple(scores), tuple(failures))
-
-
-def bic(log_likelihood: float, parameters: int, datapoints: int) -> float:
-    """Return the Bayesian information criterion, -2 log-likelihood + parameters log(datapoints).
-
-    Rows of one demonstration are correlated and carry less information than independent ones. The criterion
-    therefore penalises large models too little.
-
-    Args:
-        log_likelihood: Log-likelihood of all datapoints [nats].
-        parameters: Degrees of freedom.
-        datapoints: Number of datapoints.
-
-    Source:
-        Schwarz 1978, Estimating the dimension of a model.
-    """
-    return -2.0 * log_likelihood + parameters * float(np.log(datapoints))
 
 
 def _score_candidate(

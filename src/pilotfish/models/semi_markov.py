@@ -229,12 +229,46 @@ class SemiMarkovChain(StateDynamics):
         return self.forward(log_observed, horizon)[1]
 
     def viterbi(self, log_emissions: Float[Array, "T K"]) -> Int[Array, " T"]:
-        states, _ = self._extend_max_duration(
+        return self._decode(log_emissions, self.segment_tables)[0]
+
+    def plan_states(self, log_observed: Float[Array, "T K"], *, complete: bool) -> Int[Array, " T"]:
+        """Return the most probable state sequence for a plan.
+
+        A complete sequence ends when the last segment of a final state does, so that a longer or shorter
+        horizon stretches or shortens all segments, in proportion to the variances of their durations.
+
+        Args:
+            log_observed: log b_k(x_t) of observations, finite; a row of zeros is a step without one.
+            complete: Whether the sequence ends in a final state; ignored where there is none or it cannot be
+                reached.
+        """
+        relative = log_observed - log_observed.max(axis=1, keepdims=True)
+        chain = self._right_censored()
+        if complete and self.final_states().any():
+            states, log_p = self._decode(relative, chain._completing_tables)
+            if np.isfinite(log_p):
+                return states
+        return self._decode(relative, chain.segment_tables)[0]
+
+    def _decode(
+        self, log_emissions: Float[Array, "T K"], tables: Callable[[int], kernels.SemiMarkovTables]
+    ) -> tuple[Int[Array, " T"], float]:
+        return self._extend_max_duration(
             len(log_emissions),
-            lambda limit: kernels.semi_markov_viterbi(log_emissions, self.segment_tables(limit)),
+            lambda limit: kernels.semi_markov_viterbi(log_emissions, tables(limit)),
             lambda path: np.array(path[1]),
         )
-        return states
+
+    def _completing_tables(self, max_duration: int) -> kernels.SemiMarkovTables:
+        """Return the tables of sequences whose last segment is a whole one of a final state."""
+        tables = self.segment_tables(max_duration)
+        ending = np.where(self.final_states(), self.durations.log_table(max_duration), -np.inf)
+        weights = np.stack([*tables.log_segment_weights[:2], ending, ending])
+        return replace(
+            tables,
+            log_segment_weights=weights,
+            log_tail_weights=np.full_like(tables.log_tail_weights, -np.inf),
+        )
 
     def log_likelihood(self, log_emissions: Float[Array, "T K"], max_duration: int | None = None) -> float:
         def compute(limit: int) -> float:

@@ -47,8 +47,16 @@ def align_quaternion_signs(start: Float[Array, " D"], model: AdaptedSkill) -> Ad
     def evidence(signs: Float[Array, " D"]) -> float:
         return float(np.logaddexp.reduce(log_initial + model.log_state_likelihoods((signs * start)[None])[0]))
 
-    signs = max(sign_combinations(model.layout), key=evidence)
-    return replace(model, means=signs * model.means, covariances=np.outer(signs, signs) * model.covariances)
+    return _multiply_signs(model, max(sign_combinations(model.layout), key=evidence))
+
+
+def _multiply_signs(model: AdaptedSkill, signs: Float[Array, " D"]) -> AdaptedSkill:
+    return replace(
+        model,
+        means=signs * model.means,
+        covariances=np.outer(signs, signs) * model.covariances,
+        endpoints=model.endpoints and _multiply_signs(model.endpoints, signs),
+    )
 
 
 def nearest_quaternion_signs(

@@ -7,6 +7,7 @@ from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import GaussianMixture, precision_cholesky
 from pilotfish.gaussians.structures import Covariances
+from pilotfish.models.demonstration_statistics import DemonstrationStatistics
 from pilotfish.models.semi_markov import Dynamics
 from pilotfish.types import Array, Float
 
@@ -37,7 +38,6 @@ class Provenance:
         datapoints: Number of datapoints.
         data: SHA-256 of the demonstrations and their frames; empty for a stream.
         structure: Name of the covariance structure.
-        regularisation: Value added to the diagonal of covariances [unit of the columns squared].
         log_likelihood: Log-likelihood of the demonstrations [nats]; NaN for a stream.
         iterations: Number of iterations of expectation-maximisation.
         converged: Whether it converged.
@@ -49,12 +49,24 @@ class Provenance:
     datapoints: int
     data: str
     structure: str
-    regularisation: float
     log_likelihood: float
     iterations: int
     converged: bool
     library: str
     note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Endpoints:
+    """Start and end of the demonstrations, as Gaussians with diagonal covariances, from `fit_endpoints`.
+
+    Attributes:
+        means: Mean of the first and of the last datapoints in each frame.
+        variances: Variance of each tangent column.
+    """
+
+    means: Float[Array, "P 2 D"]
+    variances: Float[Array, "P 2 E"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +84,10 @@ class Skill:
         period: Time of one step [s].
         frame_names: Name of each frame.
         provenance: Origin of the skill.
+        regularisation: Variance that was added to each tangent column of every covariance; None if there was
+            none, or if it is unknown.
+        demonstrated: Scales and ranges of the demonstrations; None for a skill of a stream.
+        endpoints: Start and end of the demonstrations; None for a skill of a stream.
     """
 
     dynamics: Dynamics
@@ -81,6 +97,9 @@ class Skill:
     period: float
     frame_names: tuple[str, ...]
     provenance: Provenance
+    regularisation: Float[Array, " E"] | None = None
+    demonstrated: DemonstrationStatistics | None = None
+    endpoints: Endpoints | None = None
 
     @property
     def states(self) -> int:
@@ -103,6 +122,8 @@ class AdaptedSkill:
         covariances: Covariance of the deviations of each state; E is D less one for each orientation on S^3.
         layout: Columns.
         period: Time of one step [s].
+        demonstrated: Scales and ranges of the demonstrations; None if they are unknown.
+        endpoints: Start and end of the demonstrations in the world, as two states; None if they are unknown.
     """
 
     dynamics: Dynamics
@@ -110,6 +131,8 @@ class AdaptedSkill:
     covariances: Float[Array, "K E E"]
     layout: Layout
     period: float
+    demonstrated: DemonstrationStatistics | None = None
+    endpoints: "AdaptedSkill | None" = None
 
     @property
     def states(self) -> int:

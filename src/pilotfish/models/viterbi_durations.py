@@ -10,8 +10,13 @@ from pilotfish.models.sequences import log_emissions, state_segments
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.types import Array, Int
 
+ROUNDING_VARIANCE = 1.0 / 12.0  # steps^2, of a number rounded to a whole one
+RELATIVE_DEVIATION = 0.1  # of the mean duration: the default regularisation
 
-def count_durations(model: HiddenModel | Skill, data: Views, min_variance: float) -> SemiMarkovChain:
+
+def count_durations(
+    model: HiddenModel | Skill, data: Views, min_variance: float | None = None
+) -> SemiMarkovChain:
     """Convert a fitted Markov model to a semi-Markov chain with Gaussian durations.
 
     Durations are mean and standard deviation of the segments of the Viterbi paths. The last segment of a
@@ -22,7 +27,8 @@ def count_durations(model: HiddenModel | Skill, data: Views, min_variance: float
     Args:
         model: A Markov model.
         data: Demonstrations as every frame sees them.
-        min_variance: Added to the variance of the durations [steps^2].
+        min_variance: Added to the variance of the durations [steps^2]; None adds a tenth of the mean,
+            squared, and the variance of a duration rounded to steps.
 
     Returns:
         The chain.
@@ -40,7 +46,8 @@ def count_durations(model: HiddenModel | Skill, data: Views, min_variance: float
     exits = expected_statistics(model, data).transitions * (1.0 - np.eye(len(initial)))
     departures = exits.sum(axis=1, keepdims=True)
     next_probs = np.divide(exits, departures, out=np.zeros_like(exits), where=departures >= 0.5)
-    return SemiMarkovChain(initial, next_probs, Gaussian(means, np.sqrt(variances + min_variance)))
+    added = (RELATIVE_DEVIATION * means) ** 2 + ROUNDING_VARIANCE if min_variance is None else min_variance
+    return SemiMarkovChain(initial, next_probs, Gaussian(means, np.sqrt(variances + added)))
 
 
 def _viterbi_segments(model: HiddenModel | Skill, data: Views) -> tuple[Int[Array, " R"], Int[Array, " R"]]:

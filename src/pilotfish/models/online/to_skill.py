@@ -40,7 +40,6 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
         datapoints=model.datapoints,
         data="",
         structure=model.settings.label,
-        regularisation=0.0,
         log_likelihood=np.nan,
         iterations=0,
         converged=True,
