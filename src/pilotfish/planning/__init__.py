@@ -5,6 +5,7 @@ and `reproduce_step` plans again each period while the objects move.
 """
 
 from pilotfish.planning.conditioning import condition_on
+from pilotfish.planning.costs import default_control_cost, default_covariance_regularisation
 from pilotfish.planning.evaluation import (
     end_orientation_error,
     end_position_error,
@@ -13,19 +14,19 @@ from pilotfish.planning.evaluation import (
     reproduce_demonstration,
 )
 from pilotfish.planning.moving import moving_frames, reproduce_step
-from pilotfish.planning.plan import CONTROL_COST, COVARIANCE_REGULARISATION, plan, plan_states
+from pilotfish.planning.plan import plan, plan_states
 from pilotfish.planning.reproduction import Reproduction, mean_demonstration_length, reproduce
 from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points, via_point
 
 __all__ = [
-    "CONTROL_COST",
-    "COVARIANCE_REGULARISATION",
     "Reproduction",
     "TangentChart",
     "ViaPoint",
     "ViaPointObservation",
     "condition_on",
+    "default_control_cost",
+    "default_covariance_regularisation",
     "end_orientation_error",
     "end_position_error",
     "largest_acceleration",

@@ -7,7 +7,6 @@ from pilotfish.demonstrations import Demonstration, Layout, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle
 from pilotfish.models import Skill
-from pilotfish.planning.plan import CONTROL_COST, COVARIANCE_REGULARISATION
 from pilotfish.planning.reproduction import Reproduction, reproduce
 from pilotfish.types import Array, Float
 
@@ -17,19 +16,20 @@ def reproduce_demonstration(
     demonstration: Demonstration,
     *,
     from_first_state: bool = False,
-    control_cost: float = CONTROL_COST,
-    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+    control_cost: float | None = None,
+    covariance_regularisation: float | None = None,
+    stepwise: bool = False,
 ) -> Reproduction:
     """Reproduce a skill in the situation and over the length of a demonstration.
 
     Args:
         skill: Learned skill.
         demonstration: Demonstration with frames that do not move.
-        from_first_state: Start at the mean of the skill's first state instead of the demonstration's first
-            point.
-        control_cost: R, the cost of squared acceleration.
+        from_first_state: Start where the skill begins instead of at the demonstration's first point.
+        control_cost: R, the cost of squared acceleration; None derives it from the scales of the skill.
         covariance_regularisation: Variance added to every variance before it becomes a weight
-            [unit of x squared].
+            [unit of x squared]; None derives it from the scales of the skill.
+        stepwise: Whether to plan as published, see `plan`.
 
     Returns:
         The motion, its controller and its plan.
@@ -46,6 +46,7 @@ def reproduce_demonstration(
         horizon=len(demonstration.x),
         control_cost=control_cost,
         covariance_regularisation=covariance_regularisation,
+        stepwise=stepwise,
     )
 
 

@@ -26,7 +26,8 @@ from pilotfish.geometry import (
     rotation_vector_in_world,
 )
 from pilotfish.models import AdaptedSkill, Skill, adapt, align_quaternion_signs
-from pilotfish.planning.plan import CONTROL_COST, COVARIANCE_REGULARISATION, reference_from_states
+from pilotfish.planning.costs import default_control_cost
+from pilotfish.planning.plan import reference_from_states
 from pilotfish.planning.reproduction import coordinates_with_derivatives
 from pilotfish.planning.tangent_chart import tangent_chart
 from pilotfish.types import Array, Float, Int
@@ -40,8 +41,8 @@ def reproduce_step(
     x: Float[Array, " D"],
     states: Int[Array, " T"],
     *,
-    control_cost: float = CONTROL_COST,
-    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+    control_cost: float | None = None,
+    covariance_regularisation: float | None = None,
 ) -> Float[Array, " D"]:
     """Return the next point x of a reproduction while the objects move.
 
@@ -52,9 +53,9 @@ def reproduce_step(
         x: Current state of the robot, in the columns of the skill.
         states: State of each coming step, beginning with this one: the first periods of a `plan_states`
             result.
-        control_cost: R, the cost of squared acceleration.
+        control_cost: R, the cost of squared acceleration; None derives it from the scales of the skill.
         covariance_regularisation: Variance added to every variance before it becomes a weight
-            [unit of x squared].
+            [unit of x squared]; None derives it from the scales of the skill.
 
     Returns:
         The state one period later.
@@ -73,14 +74,16 @@ def reproduce_step(
     if not skill.layout.orientations:
         aligned = align_quaternion_signs(x, adapted)
         reference = moving_frame_reference(aligned, later, states, covariance_regularisation)
-        return np.asarray(track(system, reference, control_cost).rollout(x).x[1])
+        R = default_control_cost(aligned) if control_cost is None else control_cost
+        return np.asarray(track(system, reference, R).rollout(x).x[1])
     chart = tangent_chart(adapted)
     base_pose = adapted.means[0].copy()
     for columns, quaternion in zip(skill.layout.orientations, chart.base_quaternions, strict=True):
         base_pose[columns.quaternion] = quaternion
     later_chart = tangent_chart(later, base_pose=base_pose)
     reference = moving_frame_reference(chart.skill, later_chart.skill, states, covariance_regularisation)
-    motion = track(system, reference, control_cost).rollout(chart.to_tangent(x))
+    R = default_control_cost(chart.skill) if control_cost is None else control_cost
+    motion = track(system, reference, R).rollout(chart.to_tangent(x))
     return np.asarray(chart.to_manifold(motion.x[1]))
 
 
@@ -111,7 +114,10 @@ def moving_frames(
 
 
 def moving_frame_reference(
-    now: AdaptedSkill, later: AdaptedSkill, states: Int[Array, " T"], covariance_regularisation: float
+    now: AdaptedSkill,
+    later: AdaptedSkill,
+    states: Int[Array, " T"],
+    covariance_regularisation: float | None = None,
 ) -> Reference:
     """Return the reference of a state sequence with targets interpolated from one adapted skill to another.
 
@@ -120,7 +126,7 @@ def moving_frame_reference(
         later: Skill adapted to the frames expected at the last step; its quaternions take the signs of now.
         states: State of each step.
         covariance_regularisation: Variance added to every variance before it becomes a weight
-            [unit of x squared].
+            [unit of x squared]; None derives it from the scales of the skill.
 
     Raises:
         InvalidInput: If the two differ in states or columns, or covariance_regularisation cannot be used.

@@ -1,11 +1,16 @@
 """From an adapted skill to a step-wise reference: a target and a weight at every step.
 
-A plan has two parts. First the state of every step is chosen: the most probable one given the start, or the
-most probable one given the start and all via-points. Then the targets are the means of those states, and the
-weights
-are the inverses of their covariances:
+A plan has two parts. First the state sequence is chosen: the most probable one given the start and all
+via-points that ends with the movement, in a final state. Then the targets are the means of those states, and
+the weights are the inverses of their covariances:
 
     target_t = mean of state_t,    Q_t = (Sigma of state_t + r I)^-1,    r the covariance regularisation.
+
+The last step has the end of the demonstrations in place of a state, with the weight of a whole state: that of
+one step times the mean number of steps of a state, so that it does not depend on the period.
+
+The published plan (`stepwise`) takes the most probable state of every step by itself (3.42), need not reach
+the end of the movement, and has no end point.
 
 Tracking these targets (`pilotfish.control.track`) minimises the sum of (x_t - target_t)' Q_t (x_t - target_t)
 and u_t' R u_t, so that precise states are followed closely and variable ones loosely.
@@ -22,17 +27,15 @@ from pilotfish.models import (
     AdaptedSkill,
     align_quaternion_signs,
 )
+from pilotfish.models.dynamics import pad_unobserved, validate_observations
 from pilotfish.planning.conditioning import condition_on
+from pilotfish.planning.costs import default_covariance_regularisation
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type, short_repr
 
 MAX_HORIZON = 10**6  # steps
 MAX_WEIGHTS = 2**26  # entries of the weights of all steps: 512 MiB
-
-# One set of defaults for every reproduction: plan, reproduce, and the commands `reproduce` and `perform`.
-CONTROL_COST = 0.1  # R, the cost of squared acceleration
-COVARIANCE_REGULARISATION = 1e-5  # added to every variance [unit of x squared]
 
 
 def plan(
@@ -41,7 +44,9 @@ def plan(
     *,
     horizon: int,
     via_points: Sequence[ViaPoint] = (),
-    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+    covariance_regularisation: float | None = None,
+    complete: bool = True,
+    stepwise: bool = False,
 ) -> Reference:
     """Plan the targets and weights of a motion of an adapted skill.
 
@@ -49,13 +54,18 @@ def plan(
     is first. Via-points choose the states too, before and after their times, and the reference is then
     conditioned on them (`condition_on`). Targets have the sign of the start's quaternions.
 
+    A horizon other than the duration of the demonstrations makes the movement slower or faster.
+
     Args:
         adapted: Skill adapted to the frames, from `adapt`.
         start: Current state of the robot; None if it is unknown, so that the skill's own beginning is used.
         horizon: Number of steps.
         via_points: Points that the motion passes, from `via_point`.
         covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared],
-            so that no direction has a weight above its inverse.
+            so that no direction has a weight above its inverse. None takes (s / 1000)^2 for a column of scale
+            s.
+        complete: Whether the plan ends with the movement; False plans the first steps of it.
+        stepwise: Whether to choose the state of each step by itself, as published, without an end point.
 
     Returns:
         One target and one weight per step.
@@ -65,12 +75,15 @@ def plan(
             or plan on a `tangent_chart`.
 
     Source:
-        Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + r I)^-1. With via-points, (3.42) has the
-        posterior of the state in place of its prediction.
+        Tanwani 2018, equations 3.41-3.43, with Q_t = (Sigma + r I)^-1, and the most probable sequence in
+        place of the most probable states.
     """
     _require_no_orientations(adapted)
-    aligned, states = plan_states(adapted, start, horizon=horizon, via_points=via_points)
-    reference = reference_from_states(aligned, states, covariance_regularisation)
+    aligned, states = plan_states(
+        adapted, start, horizon=horizon, via_points=via_points, complete=complete, stepwise=stepwise
+    )
+    end_point = complete and not stepwise
+    reference = reference_from_states(aligned, states, covariance_regularisation, end_point=end_point)
     return condition_on(reference, via_points, adapted.layout) if len(via_points) else reference
 
 
@@ -80,6 +93,8 @@ def plan_states(
     *,
     horizon: int,
     via_points: Sequence[ViaPoint] = (),
+    complete: bool = True,
+    stepwise: bool = False,
 ) -> tuple[AdaptedSkill, Int[Array, " T"]]:
     """Choose the state of every step of a plan.
 
@@ -88,6 +103,8 @@ def plan_states(
         start: Current state of the robot, or None.
         horizon: Number of steps.
         via_points: Points that the motion passes.
+        complete: Whether the sequence ends in a final state, where the skill has one.
+        stepwise: Whether to choose the most probable state of each step by itself (3.42).
 
     Returns:
         The skill with its quaternions on the start's half of S^3, and one state per step.
@@ -104,25 +121,36 @@ def plan_states(
         start = require_start(start, adapted)
         aligned = align_quaternion_signs(start, adapted)
         log_start = aligned.log_state_likelihoods(start[None])
-    states = aligned.dynamics.most_probable_states(log_start, horizon)
+    dynamics, log_observed = aligned.dynamics, pad_unobserved(log_start, horizon)
+    validate_observations(log_start, horizon)
+    if stepwise:
+        states = dynamics.most_probable_states(log_start, horizon)
+    else:
+        states = dynamics.plan_states(log_observed, complete=complete)
     if not len(via_points):
         return aligned, states
-    log_observed = np.zeros((horizon, aligned.states))
-    log_observed[: len(log_start)] = log_start
     for observation in observe_via_points(via_points, aligned.layout, aligned.means[states], aligned.period):
         log_observed[observation.step] += _observation_log_likelihoods(aligned, observation)
-    return aligned, aligned.dynamics.smoothed_state_probs(log_observed).argmax(axis=1)
+    if stepwise:
+        return aligned, dynamics.smoothed_state_probs(log_observed).argmax(axis=1)
+    return aligned, dynamics.plan_states(log_observed, complete=complete)
 
 
 def reference_from_states(
-    adapted: AdaptedSkill, states: Int[Array, " T"], covariance_regularisation: float
+    adapted: AdaptedSkill,
+    states: Int[Array, " T"],
+    covariance_regularisation: float | None = None,
+    *,
+    end_point: bool = False,
 ) -> Reference:
     """Return the means and weights of a state sequence.
 
     Args:
         adapted: Skill adapted to the frames, without orientations on S^3.
         states: State of each step.
-        covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared].
+        covariance_regularisation: Variance added to every variance before it is inverted [unit of x squared];
+            None takes (s / 1000)^2 for a column of scale s.
+        end_point: Whether the last step has the end of the demonstrations in place of a state.
 
     Returns:
         One target and one weight (covariance + regularisation)^-1 per step.
@@ -132,14 +160,23 @@ def reference_from_states(
         NotPositiveDefinite: If a regularised covariance has no Cholesky factor.
     """
     _require_no_orientations(adapted)
-    _require_variance(covariance_regularisation)
     _require_states(states, adapted)
-    D = adapted.means.shape[1]
-    regularised = adapted.covariances + covariance_regularisation * np.eye(D)
+    added = _regularisation(covariance_regularisation, adapted)
+    targets, weights = adapted.means[states], _weights(adapted.covariances, added)[states]
+    if end_point and adapted.endpoints is not None:
+        steps_of_a_state = len(states) / len(np.unique(states))
+        end = adapted.endpoints
+        targets[-1], weights[-1] = end.means[1], steps_of_a_state * _weights(end.covariances, added)[1]
+    return Reference(targets, weights, adapted.period)
+
+
+def _weights(covariances: Float[Array, "K D D"], added: Float[Array, " D"]) -> Float[Array, "K D D"]:
+    """Return the inverses of regularised covariances."""
+    identity = np.eye(len(added))
+    regularised = covariances + added * identity
     cholesky(regularised, "the regularised covariance of state")
-    inverse = np.linalg.solve(regularised, np.broadcast_to(np.eye(D), regularised.shape))
-    weights = 0.5 * (inverse + inverse.transpose(0, 2, 1))
-    return Reference(adapted.means[states], weights[states], adapted.period)
+    inverse = np.linalg.solve(regularised, np.broadcast_to(identity, regularised.shape))
+    return np.asarray(0.5 * (inverse + inverse.transpose(0, 2, 1)))
 
 
 def _require_no_orientations(adapted: AdaptedSkill) -> None:
@@ -165,12 +202,16 @@ def require_start(start: Float[Array, " D"], adapted: AdaptedSkill) -> Float[Arr
     return start
 
 
-def _require_variance(variance: float) -> None:
+def _regularisation(variance: float | None, adapted: AdaptedSkill) -> Float[Array, " D"]:
+    """Return the variance added to each column."""
+    if variance is None:
+        return default_covariance_regularisation(adapted)
     require_type(variance, "covariance_regularisation", (float, int), "pass a variance")
     if not 0.0 <= variance <= MAX_MAGNITUDE:
         raise InvalidInput(
             f"covariance_regularisation is {variance}, expected a finite variance of at least 0"
         )
+    return np.full(adapted.means.shape[1], float(variance))
 
 
 def _require_states(states: Int[Array, " T"], adapted: AdaptedSkill) -> None:

@@ -8,14 +8,15 @@ for it.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
-from pilotfish.demonstrations import Frame, Layout, MovingFrame
+from pilotfish.demonstrations import Frame, Layout, MovingFrame, Part, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning.conditioning import condition_on
+from pilotfish.planning.costs import default_control_cost
 from pilotfish.planning.plan import (
-    CONTROL_COST,
-    COVARIANCE_REGULARISATION,
     plan_states,
     reference_from_states,
     require_start,
@@ -67,20 +68,24 @@ def reproduce(
     *,
     horizon: int | None = None,
     via_points: Sequence[ViaPoint] = (),
-    control_cost: float = CONTROL_COST,
-    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+    control_cost: float | Float[Array, "m m"] | None = None,
+    covariance_regularisation: float | None = None,
+    stepwise: bool = False,
 ) -> Reproduction:
     """Reproduce a skill where the objects are now, as the motion of a unit mass on every axis.
 
     Args:
         skill: Learned skill whose columns are coordinates, then the derivative of each.
         frames: Frame of each object, in any order.
-        start: State of the robot at the first step; None starts where the skill begins.
-        horizon: Number of steps; None takes the mean length of the demonstrations.
+        start: State of the robot at the first step; None starts where the demonstrations began.
+        horizon: Number of steps; None takes the mean length of the demonstrations. The movement takes all of
+            them, so that another horizon makes it slower or faster.
         via_points: Points that the motion passes, from `via_point`.
-        control_cost: R, the cost of squared acceleration; a larger value gives a softer motion.
+        control_cost: R, the cost of squared acceleration, or the number that multiplies the identity; a
+            larger value gives a softer motion. None derives R from the scales of the skill, see `costs.py`.
         covariance_regularisation: Variance added to every variance before it becomes a weight
-            [unit of x squared].
+            [unit of x squared]. None takes (s / 1000)^2 for a column of scale s.
+        stepwise: Whether to plan as published, see `plan`.
 
     Returns:
         The motion, its controller and its plan.
@@ -107,14 +112,52 @@ def reproduce(
     points = [chart.via_point(point) if chart else point for point in via_points]
     if start is not None and chart:
         start = chart.to_tangent(require_start(start, adapted))
-    aligned, states = plan_states(tangent_skill, start, horizon=steps, via_points=points)
-    reference = reference_from_states(aligned, states, covariance_regularisation)
+    aligned, states = plan_states(tangent_skill, start, horizon=steps, via_points=points, stepwise=stepwise)
+    reference = reference_from_states(aligned, states, covariance_regularisation, end_point=not stepwise)
     if points:
         reference = condition_on(reference, points, tangent_skill.layout)
-    feedback = track(double_integrator(axes, skill.period), reference, control_cost)
-    motion = feedback.rollout(reference.targets[0] if start is None else start)
+    R = default_control_cost(tangent_skill) if control_cost is None else control_cost
+    feedback = track(double_integrator(axes, skill.period), reference, R)
+    if start is None:
+        ends = None if stepwise else aligned.endpoints
+        start = ends.means[0] if ends else reference.targets[0]
+    motion = feedback.rollout(start)
     x = chart.to_manifold(motion.x) if chart else motion.x
+    x = _hold_scalars(x, states, adapted, clip=not points)
     return Reproduction(adapted, chart, states, reference, feedback, Motion(x, motion.u, motion.period))
+
+
+def _hold_scalars(
+    x: Float[Array, "T D"], states: Int[Array, " T"], adapted: AdaptedSkill, *, clip: bool
+) -> Float[Array, "T D"]:
+    """Return the motion with columns that switch at one of their values, and scalars in their range.
+
+    A column that switches has the value of the state, and no derivative. The first row is the start.
+    """
+    demonstrated, layout = adapted.demonstrated, adapted.layout
+    if demonstrated is None:
+        return x
+    x, lowest, highest = x.copy(), demonstrated.lowest, demonstrated.highest
+    for part, columns in zip(layout.parts, layout.slices, strict=True):
+        if part.quantity is not Quantity.SCALAR or part.derivative:
+            continue
+        if clip:
+            low, high = np.minimum(lowest, x[0])[columns], np.maximum(highest, x[0])[columns]
+            x[1:, columns] = x[1:, columns].clip(low, high)
+        for n, column in enumerate(range(columns.start, columns.stop)):
+            if layout.names[column] in demonstrated.switches:
+                is_high = adapted.means[states[1:], column] > 0.5 * (lowest + highest)[column]
+                x[1:, column] = np.where(is_high, highest[column], lowest[column])
+                x[1:, _rate_column(layout, part, n)] = 0.0
+    return x
+
+
+def _rate_column(layout: Layout, part: Part, n: int) -> slice:
+    """Return the derivative of column n of a part; empty if there is none."""
+    for other, columns in zip(layout.parts, layout.slices, strict=True):
+        if (other.name, other.derivative) == (part.name, 1):
+            return slice(columns.start + n, columns.start + n + 1)
+    return slice(0, 0)
 
 
 def coordinates_with_derivatives(layout: Layout) -> int:

@@ -160,10 +160,33 @@ def tangent_chart(model: AdaptedSkill, *, base_pose: Float[Array, " D"] | None =
         raise InvalidInput("the skill has no orientation on S^3, expected one; plan it without a chart")
     q = np.stack([model.means[:, columns.quaternion] for columns in orientations])
     base_quaternions = _base_quaternions(q, base_pose, layout)
+    if model.endpoints is None:
+        return TangentChart(_to_chart(model, base_quaternions), model, base_quaternions)
+    ends, K = model.endpoints, model.states
+    means = np.concatenate([model.means, ends.means])  # together, so that signs of the ends follow the states
+    covariances = np.concatenate([model.covariances, ends.covariances])
+    tangent = _to_chart(replace(model, means=means, covariances=covariances), base_quaternions)
+    return TangentChart(
+        replace(
+            tangent,
+            means=tangent.means[:K],
+            covariances=tangent.covariances[:K],
+            endpoints=replace(
+                ends, means=tangent.means[K:], covariances=tangent.covariances[K:], layout=layout.tangent
+            ),
+        ),
+        model,
+        base_quaternions,
+    )
+
+
+def _to_chart(model: AdaptedSkill, base_quaternions: Float[Array, "R 4"]) -> AdaptedSkill:
+    """Return the states in the columns of the chart, with covariances M S M'."""
+    layout = model.layout
     means = _copy_vector_columns(model.means, layout)
     M = np.zeros((*means.shape, means.shape[1])) + np.eye(means.shape[1])
-    for columns, base, quaternions in zip(orientations, base_quaternions, q, strict=True):
-        v = _rotation_vectors(base, _align_sign_chain(quaternions, base))
+    for columns, base in zip(layout.orientations, base_quaternions, strict=True):
+        v = _rotation_vectors(base, _align_sign_chain(model.means[:, columns.quaternion], base))
         J = inverse_right_jacobian(v)
         vector, rate = columns.rotation_vector, columns.rotation_rate
         means[:, vector], M[:, vector, vector] = v, J
@@ -173,9 +196,7 @@ def tangent_chart(model: AdaptedSkill, *, base_pose: Float[Array, " D"] | None =
             M[:, rate, vector] = inverse_right_jacobian_derivative(v, w) @ J
     transformed = M @ model.covariances @ M.transpose(0, 2, 1)
     covariances = 0.5 * (transformed + transformed.transpose(0, 2, 1))
-    return TangentChart(
-        replace(model, means=means, covariances=covariances, layout=layout.tangent), model, base_quaternions
-    )
+    return replace(model, means=means, covariances=covariances, layout=layout.tangent)
 
 
 def _require_angular_velocities(layout: Layout) -> None:

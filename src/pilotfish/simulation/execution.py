@@ -14,8 +14,6 @@ from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
 from pilotfish.models import Skill, adapt
 from pilotfish.planning import (
-    CONTROL_COST,
-    COVARIANCE_REGULARISATION,
     mean_demonstration_length,
     moving_frames,
     plan_states,
@@ -64,8 +62,8 @@ def perform(
     situation: S,
     *,
     horizon: int | None = None,
-    control_cost: float = CONTROL_COST,
-    covariance_regularisation: float = COVARIANCE_REGULARISATION,
+    control_cost: float | None = None,
+    covariance_regularisation: float | None = None,
     on_period: PeriodCallback[S] | None = None,
     visual_meshes: Sequence[VisualMesh] = (),
 ) -> ExecutionResult:
@@ -78,9 +76,9 @@ def perform(
         task: Task from `TASKS`.
         situation: Situation of the task.
         horizon: Number of steps; None takes the mean length of the demonstrations.
-        control_cost: R, the cost of squared acceleration.
+        control_cost: R, the cost of squared acceleration; None derives it from the scales of the skill.
         covariance_regularisation: Variance added to every variance before it becomes a weight
-            [unit of x squared].
+            [unit of x squared]; None derives it from the scales of the skill.
         on_period: Function that is called with the workcell after every period, such as a `FilmRecorder`.
         visual_meshes: Meshes of the robot in images, from `baxter_meshes`.
 
@@ -146,7 +144,12 @@ def _start_state(skill: Skill, cell: Workcell[S]) -> Float[Array, " D"]:
 
 
 def _plan_once(
-    skill: Skill, cell: Workcell[S], horizon: int, *, control_cost: float, covariance_regularisation: float
+    skill: Skill,
+    cell: Workcell[S],
+    horizon: int,
+    *,
+    control_cost: float | None,
+    covariance_regularisation: float | None,
 ) -> Iterator[tuple[Pose, float]]:
     """Yield pose and grip of each period from one plan."""
     frames = [frame_from_pose(name, skill.layout, pose) for name, pose in cell.frames().items()]
@@ -163,7 +166,12 @@ def _plan_once(
 
 
 def _plan_each_period(
-    skill: Skill, cell: Workcell[S], horizon: int, *, control_cost: float, covariance_regularisation: float
+    skill: Skill,
+    cell: Workcell[S],
+    horizon: int,
+    *,
+    control_cost: float | None,
+    covariance_regularisation: float | None,
 ) -> Iterator[tuple[Pose, float]]:
     """Yield pose and grip of each period from a plan of the next steps for the objects' present motion.
 
