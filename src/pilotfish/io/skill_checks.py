@@ -9,7 +9,7 @@ from dataclasses import fields
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians.structures import Covariances
+from pilotfish.gaussians.structures import Covariances, DenseCovariances
 from pilotfish.models import MAX_STATES, Dynamics, SemiMarkovChain, Skill
 from pilotfish.models.durations import DurationDistribution
 from pilotfish.types import Array, Float
@@ -27,6 +27,7 @@ MAX_FRAMES = 1000
 MAX_SKILL_NUMBERS = 2**26  # in the dense covariances of all states in all frames: 512 MiB
 MAX_MEAN = 1e101  # datapoints are at most 1e100
 MAX_DURATION_STEPS = 1e12  # of means, deviations and parameters of durations
+MIN_SCALE = 1e-50  # its square and the reciprocal of that are finite
 SUM_TOLERANCE = 1e-6  # of the sum of probabilities
 
 
@@ -90,11 +91,54 @@ def validate_values(skill: Skill) -> None:
     require_period(skill.period, "period")
     _validate_magnitude(skill.means, "means", MAX_MEAN)
     _validate_dynamics(skill.dynamics)
-    require_number(skill.provenance.regularisation, "provenance.regularisation", 0.0)
+    _validate_demonstrated(skill)
     if not np.isnan(skill.provenance.log_likelihood):  # NaN: unknown, as for a skill of an online model
         require_number(skill.provenance.log_likelihood, "provenance.log_likelihood")
     for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
         _validate_covariances(covariances, f"the covariance in frame {name!r} of state")
+
+
+def _validate_demonstrated(skill: Skill) -> None:
+    """Check what the skill keeps of its demonstrations: variances, scales, ranges and end points."""
+    E, D = skill.layout.tangent.width, skill.layout.width
+    if (given := skill.regularisation) is not None:
+        _validate_column_values(given, "regularisation", E, 0.0, MAX_MAGNITUDE**2)
+    if (demonstrated := skill.demonstrated) is not None:
+        _validate_column_values(demonstrated.scales, "demonstrated.scales", E, MIN_SCALE, MAX_MEAN)
+        for name in ("lowest", "highest"):
+            values = getattr(demonstrated, name)
+            _validate_column_values(values, f"demonstrated.{name}", D, -MAX_MEAN, MAX_MEAN)
+        if (bad := np.flatnonzero(demonstrated.lowest > demonstrated.highest)).size:
+            raise InvalidInput(f"demonstrated.lowest[{bad[0]}] is above demonstrated.highest[{bad[0]}]")
+        if unknown := set(demonstrated.switches) - set(skill.layout.names):
+            raise InvalidInput(
+                f"demonstrated.switches has {short_list(sorted(unknown))}, expected names of columns: "
+                f"{short_list(skill.layout.names)}"
+            )
+    if (endpoints := skill.endpoints) is not None:
+        P = len(skill.frame_names)
+        if endpoints.means.shape != (P, 2, D) or endpoints.variances.shape != (P, 2, E):
+            raise InvalidInput(
+                f"endpoints have shapes {endpoints.means.shape} and {endpoints.variances.shape}, expected "
+                f"({P}, 2, {D}) and ({P}, 2, {E})"
+            )
+        _validate_magnitude(endpoints.means, "endpoints.means", MAX_MEAN)
+        _validate_magnitude(endpoints.variances, "endpoints.variances", MAX_MAGNITUDE**2)
+        _validate_covariances(
+            DenseCovariances(endpoints.variances.reshape(-1, E)[:, None] * np.eye(E)),
+            "the variance of end point",
+        )
+
+
+def _validate_column_values(
+    values: Float[Array, " D"], label: str, width: int, lowest: float, highest: float
+) -> None:
+    if values.shape != (width,):
+        raise InvalidInput(f"{label} has shape {values.shape}, expected ({width},)")
+    if (bad := np.flatnonzero(~((values >= lowest) & (values <= highest)))).size:
+        raise InvalidInput(
+            f"{label}[{bad[0]}] is {values[bad[0]]}, expected a number from {lowest:g} to {highest:g}"
+        )
 
 
 def _validate_dynamics(dynamics: Dynamics) -> None:

@@ -31,10 +31,20 @@ from pilotfish.io.skill_fields import (
     pop_field,
     pop_list,
     reject_unknown_fields,
+    validate_array,
 )
-from pilotfish.models import MarkovChain, MixtureWeights, Provenance, SemiMarkovChain, Skill
+from pilotfish.models import (
+    DemonstrationStatistics,
+    Endpoints,
+    MarkovChain,
+    MixtureWeights,
+    Provenance,
+    SemiMarkovChain,
+    Skill,
+)
 from pilotfish.types import Array, Float
 
+OPTIONAL_FIELDS = {"demonstrated": DemonstrationStatistics, "endpoints": Endpoints}
 DYNAMICS: Variants = {kind.name: kind for kind in (MixtureWeights, MarkovChain, SemiMarkovChain)}
 
 
@@ -116,7 +126,10 @@ def _encode_fields(skill: Skill) -> tuple[Header, Arrays]:
         covariances.append(fields)
         arrays |= inner
     validate_values(skill)
+    optional, inner = _encode_optional_fields(skill, sizes)
+    arrays |= inner
     header = {
+        **optional,
         "dynamics": dynamics,
         "covariances": covariances,
         "layout": encode_layout(skill.layout),
@@ -125,6 +138,31 @@ def _encode_fields(skill: Skill) -> tuple[Header, Arrays]:
         "provenance": encode_dataclass(skill.provenance, "provenance", {})[0],
     }
     return header, arrays
+
+
+def _encode_optional_fields(skill: Skill, sizes: dict[str, int]) -> tuple[Header, Arrays]:
+    """Return the fields that the skill of a stream does not have."""
+    header: Header = {}
+    arrays: Arrays = {}
+    sizes = sizes | {"E": _tangent_sizes(sizes, skill.layout)["D"]}
+    for name in OPTIONAL_FIELDS:
+        if (value := getattr(skill, name)) is not None:
+            header[name], inner = encode_dataclass(value, name, sizes)
+            arrays |= inner
+    if skill.regularisation is not None:
+        arrays["regularisation"] = np.ascontiguousarray(skill.regularisation, dtype=np.float64)
+    return header, arrays
+
+
+def _decode_optional_fields(header: dict[str, Any], arrays: Arrays, sizes: dict[str, int]) -> dict[str, Any]:
+    """Return the fields that `_encode_optional_fields` encoded."""
+    values: dict[str, Any] = {"regularisation": arrays.pop("regularisation", None)}
+    if values["regularisation"] is not None:
+        validate_array(values["regularisation"], Float[Array, " E"], "regularisation", dict(sizes))
+    for name, kind in OPTIONAL_FIELDS.items():
+        if name in header:
+            values[name] = decode_dataclass(kind, name, header.pop(name), arrays, sizes)
+    return values
 
 
 def _decode_fields(header: dict[str, Any], arrays: Arrays) -> Skill:
@@ -150,6 +188,7 @@ def _decode_fields(header: dict[str, Any], arrays: Arrays) -> Skill:
         period=decode_json_value(period, float, "period"),
         frame_names=decode_json_value(frames, tuple[str, ...], "frames"),
         provenance=decode_dataclass(Provenance, "provenance", provenance, {}, {}),
+        **_decode_optional_fields(header, arrays, sizes | {"E": tangent_sizes["D"]}),
     )
     reject_unknown_fields(header, "the header")
     reject_unknown_fields(arrays, "the file")

@@ -46,6 +46,7 @@ from pilotfish.models import (
     Fit,
     KMeans,
     TimeBins,
+    default_structure,
     relevance,
     select_frames,
 )
@@ -60,14 +61,14 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
 @click.argument("folder")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Skill file to write.")
 @click.option(
-    "--states", type=click.IntRange(1, MAX_STATES), default=7, show_default=True, help="Number of states."
+    "--states",
+    type=click.IntRange(1, MAX_STATES),
+    help="Number of states.  [default: 30, or one for every two steps of a short demonstration]",
 )
 @click.option(
     "--structure",
     type=StructureType(),
-    default="full",
-    show_default=True,
-    help=f"Covariance structure: {structure_syntax_list()}.",
+    help=f"Covariance structure: {structure_syntax_list()}.  [default: diagonal; full with --states]",
 )
 @click.option(
     "--dynamics",
@@ -96,9 +97,8 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
 @click.option(
     "--initialisation",
     type=click.Choice(INITIALISATIONS),
-    default="time-bins",
-    show_default=True,
-    help="Initial states of EM: equal time bins of each demonstration, or clusters of datapoints.",
+    help="Initial states of EM: equal time bins of each demonstration, or clusters of datapoints.  [default: "
+    "both, of which the likelier is kept; time-bins with --restarts]",
 )
 @regularisation_option
 @click.option(
@@ -143,7 +143,8 @@ def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
     if options["drop_distractors"]:
         fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, options)
     save_skill(fit.skill, out, overwrite=force, use_free_name=True)
-    return _to_result(fit, dropped_frames, out, options["structure"])
+    structure = options["structure"] or default_structure(options["states"], options["dynamics"])
+    return _to_result(fit, dropped_frames, out, structure)
 
 
 def _choose_duration_model(
@@ -167,12 +168,12 @@ def _fit(
     demonstrations: Sequence[Demonstration], durations: DurationModel | None, options: Mapping[str, Any]
 ) -> Fit:
     restarts, max_iterations = options["restarts"], options["max_iterations"]
-    initialisation: KMeans | TimeBins = (
-        KMeans()
-        if options["initialisation"] == "k-means"
-        else TimeBins(RESTART_JITTER if restarts > 1 else 0.0)
-    )
-    with progress_bar(max_iterations * restarts, "learning") as advance:
+    name = options["initialisation"] or ("time-bins" if restarts > 1 else None)
+    initialisation: KMeans | TimeBins | None = None
+    if name:
+        bins = TimeBins(RESTART_JITTER if restarts > 1 else 0.0)
+        initialisation = KMeans() if name == "k-means" else bins
+    with progress_bar(max_iterations * (restarts if name else len(INITIALISATIONS)), "learning") as advance:
         return models.learn(
             demonstrations,
             dynamics=options["dynamics"],

@@ -19,6 +19,8 @@ from pilotfish.cli.output.results import (
 from pilotfish.cli.output.skill_descriptions import (
     format_columns,
     format_dynamics,
+    format_regularisation,
+    format_scales,
     relevance_blocks,
     relevance_to_json,
     skill_to_json,
@@ -96,14 +98,15 @@ def _skill_rows(skill: Skill, digest: str) -> list[tuple[str, str]]:
     status = "converged" if provenance.converged else "not converged"
     is_streamed = not provenance.data  # without demonstrations, EM and log-likelihood
     fitted = f"{provenance.log_likelihood:.6g}, {provenance.iterations} iterations, {status}"
-    regularised = f"{provenance.structure}, regularisation {provenance.regularisation:g}"
     data_hash = "" if is_streamed else f", sha256 {provenance.data}"
     rows = [
         ("columns", f"{format_columns(skill.layout)}, every {skill.period:g} s"),
         ("demonstrations", ", ".join(provenance.demonstrations)),
         ("datapoints", f"{provenance.datapoints}{data_hash}"),
         ("dynamics", format_dynamics(skill)),
-        ("covariances", provenance.structure if is_streamed else regularised),
+        ("covariances", provenance.structure),
+        ("scales", format_scales(skill)),
+        ("regularisation", format_regularisation(skill)),
         ("log-likelihood", "" if is_streamed else fitted),
         ("library", provenance.library),
         ("note", provenance.note),

@@ -25,7 +25,7 @@ from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians.structures import CovarianceStructure, Full, SemiTied
 from pilotfish.io import datasets, make_folder, save_skill, synthetic_valve
-from pilotfish.models import learn
+from pilotfish.models import TimeBins, learn
 from pilotfish.planning import reproduce_demonstration
 from pilotfish.rendering import require_mujoco, require_renderer
 
@@ -158,6 +158,7 @@ def evaluate_structure(
         states=STATES,
         rng=rng,
         structure=structure,
+        initialisation=TimeBins(),
         settings=SETTINGS,
     )
     seconds = perf_counter() - start_time
@@ -173,6 +174,7 @@ def evaluate_structure(
                 from_first_state=from_first_state,
                 control_cost=CONTROL_COST,
                 covariance_regularisation=COVARIANCE_REGULARISATION,
+                stepwise=True,
             )
             for demonstration in demonstrations
         )

@@ -8,9 +8,8 @@ regularisation_option = click.option(
     "--regularisation",
     type=click.FloatRange(min=0.0),
     callback=require_finite_option,
-    default=1e-5,
-    show_default=True,
-    help="Variance added to each column of every covariance [unit squared].",
+    help="Variance added to each column of every covariance [unit squared].  [default: from the scales of "
+    "the demonstrations, for each column]",
 )
 seed_option = click.option(
     "--seed",

@@ -7,7 +7,6 @@ import click
 
 from pilotfish.cli.output.results import require_finite_option
 from pilotfish.models import MAX_HORIZON
-from pilotfish.planning import CONTROL_COST, COVARIANCE_REGULARISATION
 
 Command = Callable[..., Any]
 PLANNING_OPTIONS = (
@@ -20,17 +19,15 @@ PLANNING_OPTIONS = (
         "--control-cost",
         type=click.FloatRange(min=0.0, min_open=True),
         callback=require_finite_option,
-        default=CONTROL_COST,
-        show_default=True,
-        help="Cost of squared acceleration; a larger value gives lower gains and a smoother motion.",
+        help="Cost of squared acceleration, the same for every column; a larger value gives lower gains and "
+        "a smoother motion.  [default: from the scales of the skill, for each column]",
     ),
     click.option(
         "--covariance-regularisation",
         type=click.FloatRange(min=0.0),
         callback=require_finite_option,
-        default=COVARIANCE_REGULARISATION,
-        show_default=True,
-        help="Variance added to the planned covariances before they are inverted to weights [unit squared].",
+        help="Variance added to the planned covariances before they are inverted to weights [unit squared].  "
+        "[default: a thousandth of the scale of each column, squared]",
     ),
 )
 

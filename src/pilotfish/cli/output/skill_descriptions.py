@@ -9,6 +9,7 @@ from pilotfish.cli.output.tables import Table
 from pilotfish.demonstrations import Layout, Quantity
 from pilotfish.models import FrameRelevance, Skill
 from pilotfish.types import Array, Float
+from pilotfish.validation import short_list
 
 MAX_PARTS = 12  # parts of a layout that are listed in full
 MIN_TRANSITION_PROBABILITY = 0.005  # less probable transitions are not printed
@@ -28,7 +29,9 @@ def skill_to_json(skill: Skill) -> dict[str, Any]:
         "demonstrations": list(provenance.demonstrations),
         "datapoints": provenance.datapoints,
         "data_hash": provenance.data,
-        "regularisation": provenance.regularisation,
+        "regularisation": None if skill.regularisation is None else skill.regularisation.tolist(),
+        "scales": None if skill.demonstrated is None else skill.demonstrated.scales.tolist(),
+        "switches": [] if skill.demonstrated is None else list(skill.demonstrated.switches),
         "log_likelihood": None if isnan(provenance.log_likelihood) else provenance.log_likelihood,
         "iterations": provenance.iterations,
         "converged": provenance.converged,
@@ -98,6 +101,25 @@ def format_dynamics(skill: Skill) -> str:
     distribution = duration_distribution_name(skill)
     name = skill.dynamics.name
     return f"{name}, {distribution} durations" if distribution else name
+
+
+def format_scales(skill: Skill) -> str:
+    """Return the scale of each part: the extent of its coordinates, or the size of its derivatives."""
+    return "" if skill.demonstrated is None else _format_parts(skill, skill.demonstrated.scales)
+
+
+def format_regularisation(skill: Skill) -> str:
+    """Return the standard deviation that regularisation adds to each part, as a length or an angle."""
+    return "" if skill.regularisation is None else _format_parts(skill, np.sqrt(skill.regularisation))
+
+
+def _format_parts(skill: Skill, values: Float[Array, " E"]) -> str:
+    layout = skill.layout.tangent
+    names = [
+        f"{part.name}{chr(39) * part.derivative} {values[columns.start]:.3g} {part.unit}"
+        for part, columns in zip(layout.parts, layout.slices, strict=True)
+    ]
+    return short_list(names)
 
 
 def relevance_blocks(frame_relevance: FrameRelevance) -> list[str | Table]:
