@@ -35,7 +35,7 @@ from pilotfish.gaussians.structures import CovarianceStructure, component_correl
 POINTS, TRAINED = 500, 375  # datapoints; those before the last quarter
 FACTORS = 4  # of MFA and HDDC; the thesis names no number
 COMPONENTS = (5, 10, 20, 40, 75)
-SETTINGS = pf.models.EMSettings(regularisation=1e-4)
+SETTINGS = pf.models.EMSettings(regularisation=1e-4, tolerance=1e-5, duration_regularisation=1.0)
 STRUCTURES: dict[str, CovarianceStructure] = {
     s.label: s
     for s in (
@@ -147,6 +147,7 @@ def learn_skill(dance: Demonstration, label: str, states: int) -> pf.models.Fit:
         rng=rng,
         dynamics="mixture",
         structure=STRUCTURES[label],
+        initialisation=pf.models.TimeBins(),
         settings=SETTINGS,
     )
 

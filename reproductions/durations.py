@@ -83,7 +83,7 @@ def run_trial(count: int, seed: int) -> dict[str, np.ndarray]:
             rng=rng,
             durations=durations,
             initialisation=FromModel(model),
-            settings=pf.models.EMSettings(tolerance=1e-7),
+            settings=pf.models.EMSettings(regularisation=1e-5, tolerance=1e-7, duration_regularisation=1.0),
         ).skill
         for method, durations in (("fitted", pf.models.DurationModel(pf.durations.Gamma)), ("counted", None))
     }

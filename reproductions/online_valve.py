@@ -128,7 +128,14 @@ def learn_skill(
 ) -> pf.Skill:
     structure = pf.structures.Full() if structure is None else structure
     rng = np.random.default_rng(0)
-    fit = pf.learn(demonstrations, states=STATES, rng=rng, structure=structure, settings=SETTINGS)
+    fit = pf.learn(
+        demonstrations,
+        states=STATES,
+        rng=rng,
+        structure=structure,
+        initialisation=pf.models.TimeBins(),
+        settings=SETTINGS,
+    )
     return fit.skill
 
 

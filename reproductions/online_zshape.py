@@ -33,6 +33,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from protocol import PUBLISHED, SETTINGS
 from zshape_clusters import bandwidth, draw_clusters, empty_model, learn_stream, squared_distances
 
 import pilotfish as pf
@@ -52,7 +53,7 @@ from pilotfish.models.online import (
     to_skill,
 )
 
-CONTROL_COST, HORIZON, SHUFFLES = 1e-4, 300, 100
+CONTROL_COST, COVARIANCE_REGULARISATION, HORIZON, SHUFFLES = 1e-4, 1e-5, 300, 100
 NO_MERGING = Maintenance(merge_distance=0.0)
 GMM = DPGMM(cluster=35.0, noise=100.0, maintenance=NO_MERGING)
 MPPCA = DPMPPCA(cluster=14.0, dimension=2.0, noise=1.0, bandwidth=1e4, maintenance=NO_MERGING)
@@ -180,11 +181,11 @@ def draw_encodings(encoded: dict[str, OnlineModel], demonstrations: Sequence[Dem
 def sosc(demonstrations: Sequence[Demonstration]) -> tuple[dict[str, object], dict[str, Figure]]:
     """Return states, transitions and durations of a stream of positions and velocities, and figures."""
     demonstrations = [add_derivatives(demo) for demo in demonstrations]
-    fit = pf.learn(demonstrations[:1], states=3, rng=np.random.default_rng(0))
+    fit = pf.learn(demonstrations[:1], states=3, rng=np.random.default_rng(0), **PUBLISHED)
     settings = estimate_penalties(fit.skill, demonstrations[:1])
     model = learn_stream(settings, demonstrations)
     skill = to_skill(model)
-    batch = pf.learn(demonstrations, states=model.clusters, rng=np.random.default_rng(0)).skill
+    batch = pf.learn(demonstrations, states=model.clusters, rng=np.random.default_rng(0), **PUBLISHED).skill
     printed = SOSC(cluster=14.0, dimension=2.0, noise=1.0, bandwidth=1e4)
     chain = skill.dynamics
     assert isinstance(chain, SemiMarkovChain)
@@ -220,7 +221,9 @@ def sosc(demonstrations: Sequence[Demonstration]) -> tuple[dict[str, object], di
 def reproduce(skill: pf.Skill, demonstrations: Sequence[Demonstration]) -> Motion:
     """Return the motion from the start of the first demonstration."""
     adapted, start = pf.adapt(skill, demonstrations[0].frames), demonstrations[0].x[0]
-    reference = pf.plan(adapted, start, horizon=HORIZON)
+    reference = pf.plan(
+        adapted, start, horizon=HORIZON, covariance_regularisation=COVARIANCE_REGULARISATION, stepwise=True
+    )
     return pf.track(
         pf.control.double_integrator(3, period=adapted.period), reference, control_cost=CONTROL_COST
     ).rollout(start)
@@ -280,6 +283,7 @@ def learn_skill(experiment: OrderExperiment, x: np.ndarray, like: Demonstration)
             rng=np.random.default_rng(0),
             dynamics="mixture",
             initialisation=pf.models.KMeans(),
+            settings=SETTINGS,
         )
         model = from_batch_fit(fit.skill, [first], experiment.settings)
     model, _ = observe_stream(model, x[start:])

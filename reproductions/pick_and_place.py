@@ -69,7 +69,7 @@ THESIS = {  # table 4.1: train and test mean squared error, covariance parameter
     0.5: (0.0028, 0.0129, 1470, 4.73),
     1.0: (0.0033, 0.0127, 588, 10.21),
 }
-HORIZON, PERIOD, POSE = 200, 0.1, 7
+HORIZON, PERIOD, POSE, CONTROL_COST = 200, 0.1, 7, 0.1
 LEVELS = range(8)
 MIN_LEVEL, MAX_LEVEL = 0, 6  # of the training demonstrations; the skill extrapolates outside
 NEW_LEVELS = (1, 3, 5, -1, 7, 8, 1, 3, 5, 7, 8, 1, 3, 5, -1, 9)  # of the new situations
@@ -223,7 +223,7 @@ def group_situations(
 def learn_with_grip(method: Method, alpha: float, recorded: Sequence[SituationDemonstration]) -> pf.Skill:
     """Learn a skill with the grip column from the training demonstrations."""
     train = [pf.add_derivatives(item.demonstration) for item in recorded[::2]]
-    settings = EMSettings(regularisation=method.regularisation)
+    settings = EMSettings(regularisation=method.regularisation, tolerance=1e-5, duration_regularisation=1.0)
     skill = learn_skill(train, structure(alpha), method.states, settings).skill
     return weight_frames(skill, relevance(skill, train).values) if method.weighted else skill
 
@@ -262,6 +262,7 @@ def perform_plate(
         plate.PLATE,
         situation,
         horizon=HORIZON,
+        control_cost=CONTROL_COST,
         covariance_regularisation=method.covariance_regularisation,
         on_period=camera,
     )

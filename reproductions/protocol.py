@@ -24,7 +24,8 @@ from pilotfish.models import EMSettings
 from pilotfish.planning import Reproduction, mean_squared_error, reproduce_demonstration
 
 STATES = 7
-SETTINGS = EMSettings(regularisation=1e-5)
+SETTINGS = EMSettings(regularisation=1e-5, tolerance=1e-5, duration_regularisation=1.0)
+PUBLISHED: dict[str, Any] = {"initialisation": pf.models.TimeBins(), "settings": SETTINGS}  # of pf.learn
 COVARIANCE_REGULARISATION = 2e-3  # m^2, and squared quaternion components
 CONTROL_COST = 9.0
 TIMED_FITS = 9
@@ -45,7 +46,14 @@ def learn_skill(
 ) -> pf.models.Fit:
     """Learn a skill from time bins."""
     rng = np.random.default_rng(0)
-    return pf.learn(demonstrations, states=states, rng=rng, structure=structure, settings=settings)
+    return pf.learn(
+        demonstrations,
+        states=states,
+        rng=rng,
+        structure=structure,
+        initialisation=pf.models.TimeBins(),
+        settings=settings,
+    )
 
 
 def reproduce_published(
@@ -58,6 +66,7 @@ def reproduce_published(
         from_first_state=from_first_state,
         control_cost=CONTROL_COST,
         covariance_regularisation=COVARIANCE_REGULARISATION,
+        stepwise=True,
     )
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from protocol import argument_parser, write_figures, write_numbers
+from protocol import PUBLISHED, argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -85,7 +85,12 @@ def to_representation(demonstrations: Sequence[pf.Demonstration], sphere: bool) 
 
 
 def learn_skill(demonstrations: Sequence[pf.Demonstration]) -> pf.models.Fit:
-    return pf.learn(demonstrations, states=STATES, rng=np.random.default_rng(0))
+    return pf.learn(
+        demonstrations,
+        states=STATES,
+        rng=np.random.default_rng(0),
+        **PUBLISHED,
+    )
 
 
 def reproduce(skill: pf.Skill, demonstration: pf.Demonstration) -> Reproduction:
@@ -98,6 +103,7 @@ def reproduce(skill: pf.Skill, demonstration: pf.Demonstration) -> Reproduction:
         horizon=STEPS,
         control_cost=CONTROL_COST,
         covariance_regularisation=COVARIANCE_REGULARISATION,
+        stepwise=True,
     ).motion.x
     poses = np.hstack([x[:, :3], normalise(x[:, 3:7])])
     metres = np.linalg.norm(poses[:, :3] - demonstration.x[:, :3], axis=1)

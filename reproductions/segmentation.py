@@ -154,7 +154,9 @@ def fit_skill(
         dynamics=dynamics,
         durations=durations,
         initialisation=pf.models.KMeans(),
-        settings=pf.models.EMSettings(regularisation=regularisation),
+        settings=pf.models.EMSettings(
+            regularisation=regularisation, tolerance=1e-5, duration_regularisation=1.0
+        ),
     )
 
 

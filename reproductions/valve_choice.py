@@ -124,7 +124,9 @@ def learn_skill(
     training: Sequence[Demonstration], states: int, structure: CovarianceStructure, regularisation: float
 ) -> tuple[pf.Skill, Weights]:
     """Learn a skill and the relevance of its frames."""
-    settings = pf.models.EMSettings(regularisation=regularisation)
+    settings = pf.models.EMSettings(
+        regularisation=regularisation, tolerance=1e-5, duration_regularisation=1.0
+    )
     skill = learn_published(training, structure, states, settings).skill
     return skill, relevance(skill, training).values
 
@@ -145,10 +147,16 @@ def squared_errors(
     horizon, start = len(demonstration.x), demonstration.x[0]
     if own_start:
         reference = pf.plan(
-            adapted, start, horizon=horizon, covariance_regularisation=covariance_regularisation
+            adapted,
+            start,
+            horizon=horizon,
+            covariance_regularisation=covariance_regularisation,
+            stepwise=True,
         )
     else:
-        reference = pf.plan(adapted, horizon=horizon, covariance_regularisation=covariance_regularisation)
+        reference = pf.plan(
+            adapted, horizon=horizon, covariance_regularisation=covariance_regularisation, stepwise=True
+        )
         start = reference.targets[0]
     motion = pf.track(
         pf.control.double_integrator(7, period=demonstration.period), reference, control_cost

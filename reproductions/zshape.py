@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
-from protocol import COVARIANCE_REGULARISATION, argument_parser, write_figures, write_numbers
+from protocol import COVARIANCE_REGULARISATION, PUBLISHED, argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
 from pilotfish import plots
@@ -81,7 +81,7 @@ def reproduce(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
 def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Draw figure 3.1: three components, narrow where the demonstrations agree."""
     rng = np.random.default_rng(0)
-    fit = pf.learn(demonstrations, states=STATES, rng=rng, dynamics="mixture")
+    fit = pf.learn(demonstrations, states=STATES, rng=rng, dynamics="mixture", **PUBLISHED)
     figure = Figure(figsize=(11, 5.2), layout="constrained")
     left, right = (figure.add_subplot(1, 2, n, projection="3d") for n in (1, 2))
     for axes in (left, right):
@@ -102,8 +102,8 @@ def mixture(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, o
 def graphs(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Draw figure 3.2: seven components without order, with transitions, and with durations."""
     rng = np.random.default_rng(0)
-    fit = pf.learn(demonstrations, states=7, rng=rng)
-    weights = pf.learn(demonstrations, states=7, rng=rng, dynamics="mixture").skill.dynamics
+    fit = pf.learn(demonstrations, states=7, rng=rng, **PUBLISHED)
+    weights = pf.learn(demonstrations, states=7, rng=rng, dynamics="mixture", **PUBLISHED).skill.dynamics
     chain, semi = fit.markov_skill.dynamics, fit.skill.dynamics
     assert isinstance(weights, MixtureWeights)
     assert isinstance(chain, MarkovChain)
@@ -132,7 +132,7 @@ def task_parameterised(
 ) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Draw figure 3.3: two frames at the ends of the movement adapt it to new ends."""
     framed = [add_derivatives(with_end_frames(d)) for d in demonstrations]
-    fit = pf.learn(framed, states=7, rng=np.random.default_rng(0))
+    fit = pf.learn(framed, states=7, rng=np.random.default_rng(0), **PUBLISHED)
     first, last = framed[0].frames
     assert isinstance(first, pf.Frame)
     assert isinstance(last, pf.Frame)
@@ -145,7 +145,7 @@ def task_parameterised(
     system = pf.control.double_integrator(3, period=adapted.period)
     motion = pf.track(
         system,
-        pf.plan(adapted, horizon=300, covariance_regularisation=COVARIANCE_REGULARISATION),
+        pf.plan(adapted, horizon=300, covariance_regularisation=COVARIANCE_REGULARISATION, stepwise=True),
         control_cost=CONTROL_COST,
     ).rollout(start)
     errors = [
@@ -165,12 +165,14 @@ def task_parameterised(
 def tracked(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str, object]], dict[str, Figure]]:
     """Draw figure 3.4: a sequence of states, followed smoothly by a linear-quadratic tracker."""
     moving = [add_derivatives(d) for d in demonstrations]
-    fit = pf.learn(moving, states=7, rng=np.random.default_rng(0))
+    fit = pf.learn(moving, states=7, rng=np.random.default_rng(0), **PUBLISHED)
     frames = [f for f in moving[0].frames if isinstance(f, pf.Frame)]
     adapted = pf.adapt(fit.skill, frames)
     no_observations = np.empty((0, adapted.states))
     states = adapted.dynamics.most_probable_states(no_observations, 300)
-    reference = pf.plan(adapted, horizon=300, covariance_regularisation=COVARIANCE_REGULARISATION)
+    reference = pf.plan(
+        adapted, horizon=300, covariance_regularisation=COVARIANCE_REGULARISATION, stepwise=True
+    )
     system = pf.control.double_integrator(3, period=adapted.period)
     motion = pf.track(system, reference, control_cost=CONTROL_COST).rollout(moving[0].x[0])
     errors = [float(np.mean((motion.x[:, :3] - d.x[:, :3]) ** 2)) for d in moving]
@@ -196,6 +198,7 @@ def semi_tied(demonstrations: tuple[Demonstration, ...]) -> tuple[list[dict[str,
             rng=np.random.default_rng(0),
             dynamics="mixture",
             structure=structure,
+            **PUBLISHED,
         )
         for structure in (pf.structures.SemiTied(), pf.structures.Full())
     ]
@@ -228,7 +231,10 @@ def reproduce_demonstration(skill: pf.Skill, demonstration: Demonstration) -> np
     """Reproduce a skill in the situation and from the start of a demonstration."""
     adapted = pf.adapt(skill, [f for f in demonstration.frames if isinstance(f, pf.Frame)])
     reference = pf.plan(
-        adapted, horizon=len(demonstration.x), covariance_regularisation=COVARIANCE_REGULARISATION
+        adapted,
+        horizon=len(demonstration.x),
+        covariance_regularisation=COVARIANCE_REGULARISATION,
+        stepwise=True,
     )
     system = pf.control.double_integrator(3, period=adapted.period)
     return pf.track(system, reference, control_cost=CONTROL_COST).rollout(demonstration.x[0]).x
