@@ -10,7 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from pilotfish.kernels import validation
+from pilotfish.kernels import stream_validation, validation
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.arm_types import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
 from pilotfish.kernels.errors import (
@@ -97,9 +97,11 @@ def e_step(
     transitions: Float[Array, "K K"],
     emissions: Emissions,
     threads: int = 1,
+    final: Float[Array, " K"] | None = None,
 ) -> EStep:
     logarithms = log_probability_array(initial), transitions, log_probability_array(transitions)
-    sums = _native.e_step(x, lengths, *logarithms, *_emission_arrays(emissions), threads)
+    log_final = np.zeros(len(initial)) if final is None else log_probability_array(final)
+    sums = _native.e_step(x, lengths, *logarithms, *_emission_arrays(emissions), threads, log_final)
     no_segments, no_tails = np.zeros((4, 0, len(initial))), np.zeros((2, len(initial)))
     return EStep(*(*sums[:4], no_segments, no_tails, *sums[4:]))
 
@@ -204,7 +206,7 @@ def observe(
             x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
     except (TypeError, ValueError):  # checked and packed only here: a datapoint takes a few microseconds
-        x, state = validation.pack_stream(x, "NPD", state, parameters)
+        x, state = stream_validation.pack_stream(x, "NPD", state, parameters)
         found = _native.observe(
             x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
@@ -225,7 +227,7 @@ def observe_one(
             x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )
     except (TypeError, ValueError):
-        x, state = validation.pack_stream(x, "PD", state, parameters)
+        x, state = stream_validation.pack_stream(x, "PD", state, parameters)
         found = _native.observe_one(
             x, state.counters, state.rows, state.transition_counts, state.capacity, parameters.packed
         )

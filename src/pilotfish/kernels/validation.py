@@ -12,7 +12,6 @@ raise the same message. `KERNELS`, at the end, lists the function of every kerne
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import fields, replace
-from math import inf
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,13 +19,11 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.arm_types import ArmLimits, ArmState, ImpedanceParameters, ToolTarget
-from pilotfish.kernels.stream_state import INITIAL_COUNTERS, StreamParameters, StreamState, stream_row_length
-from pilotfish.types import Array, Float, Int
-from pilotfish.validation import numeric_array, require_count, require_number, short_repr
+from pilotfish.kernels.packing import MAX_INT, ArgumentSpec, pack_arguments
+from pilotfish.kernels.stream_validation import pack_stream
+from pilotfish.types import Array, Int
+from pilotfish.validation import require_count, short_repr
 
-MAX_NUMBER = 1e150  # sums of squares do not overflow
-MAX_EXACT_INTEGER = 2**53  # float64 represents every integer up to here
-MAX_INT = 2**31 - 1
 MAX_JOINTS = 16
 MIN_DIAGONAL = float(np.finfo(np.float64).tiny)  # compiled kernels flush smaller numbers to 0
 
@@ -34,11 +31,6 @@ Dataclass = TypeVar(
     "Dataclass", SemiMarkovTables, Emissions, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
 )
 
-
-# An array argument of a kernel: its name, its axes and its domain. Axes are a letter each, equal letters for
-# equal sizes, or a digit for a fixed size. Domains: "finite" (at most MAX_NUMBER in magnitude), "probability"
-# (at least 0, finite), "logarithm" (below +inf) and "any" (NaN and infinities have a meaning).
-ArgumentSpec = tuple[str, str, str]
 
 MARKOV = (
     ("log_emissions", "TK", "logarithm"),
@@ -89,76 +81,6 @@ ARM = (
     ),
 )
 ARM_SCALARS = tuple(field.name for field in fields(ImpedanceParameters) if field.type in (float, "float"))
-EMPTY_AXES = "N"  # axes that may have size 0
-
-
-def pack_arguments(
-    arguments: tuple[ArgumentSpec, ...], values: tuple[object, ...], sizes: dict[str, int]
-) -> list[Array]:
-    """Return the values packed for the compiled kernels.
-
-    Args:
-        arguments: Specification of each value.
-        values: Arrays or nested lists of numbers.
-        sizes: Known sizes of axes; those of the values are added.
-
-    Raises:
-        InvalidInput: If a value is not an array of real numbers, or its shape or domain is wrong.
-    """
-    arrays = []
-    for (name, axes, domain), value in zip(arguments, values, strict=True):
-        array = pack_array(value, name)
-        if not _shape_matches(axes, array.shape, sizes):
-            raise _shape_error(name, axes, array, sizes)
-        if domain != "any" and array.size and not _in_domain(domain, array):
-            raise _domain_error(name, domain, array)
-        arrays.append(array)
-    return arrays
-
-
-def pack_array(value: object, name: str) -> Float[Array, "..."]:
-    """Return value itself if the compiled kernels can read it in place, else a packed copy."""
-    if type(value) is np.ndarray and value.dtype == np.float64:
-        flags = value.flags
-        if flags.c_contiguous and flags.aligned and value.dtype.isnative:
-            return value
-    return numeric_array(value, name)
-
-
-def _shape_matches(axes: str, shape: tuple[int, ...], sizes: dict[str, int]) -> bool:
-    if len(axes) != len(shape):
-        return False
-    for axis, size in zip(axes, shape, strict=True):
-        expected_size = int(axis) if axis.isdigit() else sizes.setdefault(axis, size)
-        if size != expected_size or (size == 0 and axis not in EMPTY_AXES):
-            return False
-    return True
-
-
-def _shape_error(name: str, axes: str, array: Array, sizes: dict[str, int]) -> InvalidInput:
-    known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items() if axis in axes and size)
-    expected = f"({', '.join(axes)})" + (f" with {known}" if known else "")
-    return InvalidInput(f"{name} has shape {array.shape}, expected {expected}")
-
-
-def _in_domain(domain: str, array: Array) -> bool:
-    match domain:
-        case "finite":
-            return bool(np.abs(array).max() <= MAX_NUMBER)
-        case "probability":
-            return bool(array.min() >= 0.0 and array.max() < inf)
-        case _:
-            return bool(array.max() < inf)  # false for NaN too
-
-
-def _domain_error(name: str, domain: str, array: Array) -> InvalidInput:
-    good, expected = {
-        "finite": (np.abs(array) <= MAX_NUMBER, f"finite numbers of at most {MAX_NUMBER:g}"),
-        "probability": ((array >= 0.0) & (array < inf), "finite numbers of at least 0"),
-        "logarithm": (array < inf, "logarithms: finite numbers or -inf"),
-    }[domain]
-    index = np.argwhere(~good)[0].tolist()
-    return InvalidInput(f"{name}{index} is {array[tuple(index)]}, expected {expected}")
 
 
 def pack_markov(log_emissions: object, initial: object, transitions: object) -> list[Array]:
@@ -202,14 +124,23 @@ def _validate_orientation_starts(orientation_starts: tuple[int, ...], D: int) ->
 
 
 def pack_e_step(
-    x: object, lengths: object, initial: object, transitions: object, emissions: Emissions, threads: int = 1
-) -> tuple[Array, Array, Array, Array, Emissions, int]:
+    x: object,
+    lengths: object,
+    initial: object,
+    transitions: object,
+    emissions: Emissions,
+    threads: int = 1,
+    final: object = None,
+) -> tuple[Array, Array, Array, Array, Emissions, int, Array]:
     """Return the packed arguments of e_step."""
     sizes: dict[str, int] = {}
     points, packed = pack_emissions(x, emissions, sizes)
     initial_array, transitions_array = pack_arguments(MARKOV[1:], (initial, transitions), sizes)
     lengths_array = _validate_lengths(lengths, sizes["N"])
-    return points, lengths_array, initial_array, transitions_array, packed, _validate_threads(threads)
+    given = np.ones(sizes["K"]) if final is None else final
+    (final_array,) = pack_arguments((("final", "K", "probability"),), (given,), sizes)
+    threads = _validate_threads(threads)
+    return points, lengths_array, initial_array, transitions_array, packed, threads, final_array
 
 
 def pack_semi_markov_e_step(
@@ -300,84 +231,6 @@ def _pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: d
         return value
     packed: dict[str, Any] = dict(zip(names, arrays, strict=True))
     return replace(value, **packed)
-
-
-def pack_stream(
-    x: object, axes: str, state: StreamState, parameters: StreamParameters
-) -> tuple[Array, StreamState]:
-    """Return packed datapoints and the packed state of a stream, after checking state and parameters.
-
-    Args:
-        x: Datapoints; their numbers are checked by the kernels.
-        axes: Axes of x, "NPD" or "PD".
-        state: State before the datapoints.
-        parameters: Penalties and limits; counts must be whole numbers.
-
-    Raises:
-        InvalidInput: If shapes do not match, or a counter or size is not a valid whole number.
-    """
-    _validate_parameters(parameters)
-    sizes: dict[str, int] = {}
-    (points,) = pack_arguments((("x", axes, "any"),), (x,), sizes)
-    P, D = sizes["P"], sizes["D"]
-    if (state.frames, state.width) != (P, D):
-        raise InvalidInput(f"x has {P} frames of {D} columns, expected {state.frames} of {state.width}")
-    capacity = require_count(state.capacity, "capacity", (D + 3) // 4 * 4)
-    if capacity % 4:
-        raise InvalidInput(f"capacity is {capacity}, expected a multiple of 4")
-    counters, rows, transition_counts = (
-        pack_array(getattr(state, name), name) for name in ("counters", "rows", "transition_counts")
-    )
-    K = len(rows) if rows.ndim else 0
-    expected = {"counters": (6,), "rows": (K, stream_row_length(P, D, capacity)), "transition_counts": (K, K)}
-    for name, array in (("counters", counters), ("rows", rows), ("transition_counts", transition_counts)):
-        if array.shape != expected[name]:
-            raise InvalidInput(f"{name} has shape {array.shape}, expected {expected[name]}")
-    _validate_counters(counters, K)
-    packed = replace(state, counters=counters, rows=rows, transition_counts=transition_counts)
-    _validate_ranks(packed, min(capacity, D))
-    _validate_cluster_ids(packed)
-    return points, packed
-
-
-def _validate_parameters(parameters: StreamParameters) -> None:
-    for name, lowest, largest in (
-        ("weighting", 0, 2),
-        ("extra_directions", 0, MAX_INT),
-        ("max_dimension", 0, MAX_INT),
-        ("max_clusters", 1, MAX_EXACT_INTEGER),
-        ("batch", 1, MAX_EXACT_INTEGER),
-    ):
-        require_count(getattr(parameters, name), name, largest, lowest)
-
-
-def _validate_counters(counters: Float[Array, " 6"], K: int) -> None:
-    for name, value in zip(INITIAL_COUNTERS, counters.tolist(), strict=True):
-        is_index = name in ("current_cluster", "previous_cluster")
-        require_number(
-            value, name, -1.0 if is_index else 0.0, K - 1.0 if is_index else float(MAX_EXACT_INTEGER)
-        )
-        if value != np.floor(value):
-            raise InvalidInput(f"{name} is {value}, expected a whole number")
-
-
-def _validate_ranks(state: StreamState, max_rank: int) -> None:
-    d, r = state.dimensions, state.ranks
-    good = (d >= 0.0) & (d <= r) & (r <= max_rank) & (d == np.floor(d)) & (r == np.floor(r))
-    if not good.all():
-        k, p = np.argwhere(~good)[0].tolist()
-        raise InvalidInput(
-            f"cluster {k} has dimension {d[k, p]} and {r[k, p]} directions in frame {p}, expected whole "
-            f"numbers 0 <= dimension <= directions <= {max_rank}"
-        )
-
-
-def _validate_cluster_ids(state: StreamState) -> None:
-    ids = state.cluster_ids
-    good = (np.abs(ids) <= MAX_EXACT_INTEGER) & (ids == np.floor(ids))
-    if not good.all():
-        k = int(np.flatnonzero(~good)[0])
-        raise InvalidInput(f"cluster {k} has the identifier {ids[k]}, expected a whole number up to 2^53")
 
 
 KERNELS: dict[str, Callable[..., Iterable[Any]]] = {

@@ -185,6 +185,7 @@ class StateDynamics(ABC):
         *,
         max_duration: int | None = None,
         threads: int = 1,
+        final: Float[Array, " K"] | None = None,
     ) -> EStep:
         """Compute expected sufficient statistics by the forward-backward algorithm (3.8-3.15).
 
@@ -195,11 +196,13 @@ class StateDynamics(ABC):
             max_duration: Longest segment of a semi-Markov chain [steps]. By default every segment is longer
                 with a probability of at most 1e-8.
             threads: Number of threads; 0 uses all cores. The sums do not depend on it.
+            final: Probability of a recording to end at its last step, given the state there; None is 1. A
+                semi-Markov chain has the censoring of its segments instead.
 
         Returns:
             The sums of the kernel, and the expected segments of a semi-Markov chain.
         """
-        return kernels.e_step(x, lengths, *self.step_probabilities(), emissions, threads), None
+        return kernels.e_step(x, lengths, *self.step_probabilities(), emissions, threads, final), None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

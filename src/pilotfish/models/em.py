@@ -201,6 +201,7 @@ def expected_statistics(
     *,
     max_duration: int | None = None,
     threads: int = 1,
+    complete: bool = False,
 ) -> Statistics:
     """Compute the expected statistics of all demonstrations under a model: the E-step.
 
@@ -212,6 +213,7 @@ def expected_statistics(
         max_duration: Longest segment of a semi-Markov model [steps]. By default every segment is longer with
             a probability of at most 1e-8. The longest demonstration is an upper bound in any case.
         threads: Number of threads; 0 uses all cores. The result does not depend on it.
+        complete: Whether every demonstration of a Markov model ends in its last state.
 
     Returns:
         The statistics, with the log-likelihood of the demonstrations.
@@ -226,7 +228,12 @@ def expected_statistics(
         default = min(model.dynamics.durations.max_duration(TAIL_PROBABILITY), int(views.lengths.max()))
         max_duration = max(default, len(previous.segments.uncensored))
     step, segments = model.dynamics.e_step(
-        views.x, views.lengths, emissions, max_duration=max_duration, threads=threads
+        views.x,
+        views.lengths,
+        emissions,
+        max_duration=max_duration,
+        threads=threads,
+        final=last_state(len(model.dynamics.initial)) if complete else None,
     )
     starts = views.orientation_starts
     frames: list[Moments | TangentMoments] = [
@@ -239,6 +246,11 @@ def expected_statistics(
     ]
     log_likelihood = float(step.log_likelihoods.sum())
     return Statistics(tuple(frames), step.initial_counts, step.transition_counts, log_likelihood, segments)
+
+
+def last_state(states: int) -> Float[Array, " K"]:
+    """Return 1 for the last of a number of states and 0 for the others."""
+    return np.asarray(np.eye(states)[-1])
 
 
 def maximise_likelihood(

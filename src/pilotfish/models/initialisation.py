@@ -41,9 +41,12 @@ class TimeBins:
     Attributes:
         jitter: Largest random shift of a cut, as a fraction of a bin, from 0 to 1; gives restarts different
             initialisations.
+        complete: Whether every demonstration must end in the last state, as a recording of the whole movement
+            does. EM may otherwise let some end in an earlier one.
     """
 
     jitter: float = 0.0
+    complete: bool = False
 
     def __post_init__(self) -> None:
         require_number(self.jitter, "jitter", 0.0, 1.0)

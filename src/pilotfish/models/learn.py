@@ -30,6 +30,7 @@ from pilotfish.models.dynamics import MarkovChain, MixtureWeights
 from pilotfish.models.em import (
     Convergence,
     EMSettings,
+    EStep,
     FitDynamics,
     MStep,
     expected_statistics,
@@ -39,7 +40,7 @@ from pilotfish.models.em import (
 from pilotfish.models.endpoints import fit_endpoints
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.semi_markov import TAIL_PROBABILITY, DurationModel, SemiMarkovChain
-from pilotfish.models.sequences import viterbi
+from pilotfish.models.sequences import state_segments, viterbi
 from pilotfish.models.skill import MAX_STATES, HiddenModel, Provenance, Skill
 from pilotfish.models.statistics import Statistics
 from pilotfish.models.viterbi_durations import count_durations
@@ -48,6 +49,7 @@ from pilotfish.validation import require_count, require_type
 
 DEFAULT_SETTINGS = EMSettings()
 DEFAULT_STATES, MIN_DEFAULT_ROWS = 30, 2  # states, and steps of the shortest demonstration for each
+MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
 MIN_FITTED_DURATION_VARIANCE = 1.0  # steps^2, the default of durations fitted by EM
 MIN_RELATIVE_DEVIATION = 0.5  # of the durations with which EM of a semi-Markov skill begins
 FIT_DYNAMICS: dict[str, FitDynamics] = {
@@ -146,18 +148,23 @@ def learn(
         structure = default_structure(states, dynamics)
     if states is None:
         states = default_states(demonstrations)
+    has_time_order = dynamics != MixtureWeights.name
     demonstrated = demonstration_statistics(demonstrations)
     regularisation = default_regularisation(demonstrated.scales, demonstrations[0].layout)
     if settings.regularisation is not None:
         regularisation = np.full(len(regularisation), float(settings.regularisation))
-    problem = _Problem(demonstrations, data, states, structure, settings, rng, demonstrated, regularisation)
+    problem = _Problem(
+        demonstrations, data, states, has_time_order, structure, settings, rng, demonstrated, regularisation
+    )
     m_step = problem.m_step(FIT_DYNAMICS[dynamics])
     if durations:
         return _learn_durations(problem, initialisation, m_step, durations)
-    fit = _learn_steps(problem, initialisation, m_step)
+    fit, chosen = _learn_steps(problem, initialisation, m_step)
     if dynamics != SemiMarkovChain.name:
         return fit
-    chain = count_durations(fit.markov_skill, data, settings.duration_regularisation)
+    chain = count_durations(
+        fit.markov_skill, data, settings.duration_regularisation, complete=_is_complete(chosen)
+    )
     return replace(fit, skill=replace(fit.skill, dynamics=chain))
 
 
@@ -188,6 +195,7 @@ class _Problem:
     demonstrations: Sequence[Demonstration]
     data: Views
     states: int
+    has_time_order: bool
     structure: CovarianceStructure
     settings: EMSettings
     rng: np.random.Generator
@@ -251,44 +259,61 @@ def _validate_initialisation(
         )
 
 
-def _learn_steps(problem: _Problem, initialisation: Initialisation | None, m_step: MStep) -> Fit:
-    """Fit a mixture or a Markov skill; of several restarts the most likely."""
+def _learn_steps(
+    problem: _Problem, initialisation: Initialisation | None, m_step: MStep
+) -> tuple[Fit, Initialisation]:
+    """Fit a mixture or a Markov skill, of several restarts the most likely; return the initialisation too."""
     if initialisation is None:
         return _learn_likelier(problem, m_step)
     candidates = [
         initialisation.initial_statistics(problem.data, problem.states, problem.rng)
         for _ in range(problem.settings.restarts)
     ]
-    model, convergence = _fit_restarts(candidates, problem.data, m_step, problem.settings)
+    complete = _is_complete(initialisation)
+
+    def e_step(model: HiddenModel, data: Views, previous: Statistics) -> Statistics:
+        threads = problem.settings.threads
+        return expected_statistics(model, data, previous, threads=threads, complete=complete)
+
+    model, convergence = _fit_restarts(candidates, problem, m_step, e_step)
     skill = problem.skill(model, convergence)
-    return Fit(skill, skill, convergence)
+    return Fit(skill, skill, convergence), initialisation
 
 
-def _learn_likelier(problem: _Problem, m_step: MStep) -> Fit:
+def _is_complete(initialisation: Initialisation) -> bool:
+    """Return whether every demonstration must end in the last state."""
+    return isinstance(initialisation, TimeBins) and initialisation.complete
+
+
+def _learn_likelier(problem: _Problem, m_step: MStep) -> tuple[Fit, Initialisation]:
     """Fit from time bins and from k-means, and return the fit of lower BIC.
 
-    Time bins suit a movement that goes once from left to right, k-means one that returns to its states. A
-    clustering with states of single demonstrations describes these, not the task, and is not taken.
+    Time bins suit a movement that goes once from left to right, k-means one that returns to its states: only
+    then is it taken. Otherwise it may leave out parts of the movement, or describe single demonstrations.
     """
-    bins = _learn_steps(problem, TimeBins(), m_step)
+    bins = _learn_steps(problem, TimeBins(complete=problem.has_time_order), m_step)
     try:
         clusters = _learn_steps(problem, KMeans(), m_step)
     except (InvalidInput, NotPositiveDefinite):  # fewer distinct points than states, or a state of one point
         return bins
-    if not _shares_states(clusters.skill, problem.demonstrations):
+    if not _returns_to_states(clusters[0].skill, problem.demonstrations):
         return bins
 
-    def criterion(fit: Fit) -> float:
+    def criterion(learned: tuple[Fit, Initialisation]) -> float:
+        fit, _ = learned
         parameters = degrees_of_freedom(fit.skill, problem.structure, None)
         return bic(float(fit.log_likelihoods[-1]), parameters, fit.skill.provenance.datapoints)
 
     return min(bins, clusters, key=criterion)
 
 
-def _shares_states(skill: Skill, demonstrations: Sequence[Demonstration]) -> bool:
-    """Return whether at least half of the demonstrations visit each state."""
-    visits = np.array([np.isin(np.arange(skill.states), viterbi(skill, demo)) for demo in demonstrations])
-    return bool((2 * visits.sum(axis=0) >= len(demonstrations)).all())
+def _returns_to_states(skill: Skill, demonstrations: Sequence[Demonstration]) -> bool:
+    """Return whether demonstrations return to states that they have left, and most visit each state."""
+    visits = np.zeros((len(demonstrations), skill.states))
+    for m, demo in enumerate(demonstrations):
+        np.add.at(visits[m], state_segments(viterbi(skill, demo))[0], 1.0)
+    shared = (2 * (visits > 0.0).sum(axis=0) >= len(demonstrations)).all()
+    return bool(shared and visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
 
 
 def _learn_durations(
@@ -305,7 +330,7 @@ def _learn_durations(
         markov_skill = problem.skill(model, convergence)
         dropped: tuple[str, ...] = ()
     else:
-        fit = _learn_steps(problem, initialisation, markov_m_step)
+        fit, _ = _learn_steps(problem, initialisation, markov_m_step)
         markov_skill, dropped = fit.markov_skill, fit.convergence.dropped
         initial_statistics = _widen_durations(markov_skill, data, durations.max_duration, min_variance)
     m_step = problem.m_step(partial(SemiMarkovChain.fit, duration_model=durations, min_variance=min_variance))
@@ -334,14 +359,14 @@ def _widen_durations(
 
 
 def _fit_restarts(
-    candidates: Sequence[Statistics], data: Views, m_step: MStep, settings: EMSettings
+    candidates: Sequence[Statistics], problem: _Problem, m_step: MStep, e_step: EStep
 ) -> tuple[HiddenModel, Convergence]:
     """Fit from every initialisation; a fit whose covariance collapses fails only if all do."""
     results: list[tuple[HiddenModel, Convergence]] = []
     failures: list[NotPositiveDefinite] = []
     for initial_statistics in candidates:
         try:
-            model, _, convergence = fit_em(initial_statistics, data, m_step, settings)
+            model, _, convergence = fit_em(initial_statistics, problem.data, m_step, problem.settings, e_step)
             results.append((model, convergence))
         except NotPositiveDefinite as error:
             failures.append(error)

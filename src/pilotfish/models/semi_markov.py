@@ -288,6 +288,7 @@ class SemiMarkovChain(StateDynamics):
         *,
         max_duration: int | None = None,
         threads: int = 1,
+        final: Float[Array, " K"] | None = None,
     ) -> EStep:
         limit = max_duration or self.durations.max_duration(TAIL_PROBABILITY)
         tables = self.segment_tables(min(limit, int(lengths.max())))

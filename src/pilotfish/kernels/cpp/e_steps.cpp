@@ -91,6 +91,8 @@ void add_group(const Sizes& sizes, Demonstrations data, Group group, const AnyCh
   for (long m = group.first, begin = group.begin; m < group.last; begin += lengths[m++]) {
     const long T = lengths[m];
     densities.evaluate(data.x, begin, begin + T, log_emissions.data(), width);
+    if (data.log_final)
+      for (int k = 0; k < K; ++k) log_emissions[(T - 1) * width + k] += data.log_final[k];
     sums.log_likelihoods[m] = inference.infer(log_emissions.data(), T, gamma.data());
     if (sums.log_likelihoods[m] == NEVER) continue;
     for (int k = 0; k < K; ++k) sums.initial_counts[k] += gamma[k];

@@ -7,11 +7,13 @@
 
 namespace pilotfish {
 
-// M demonstrations, one after the other in x (P, N, D).
+// M demonstrations, one after the other in x (P, N, D). log_final has the log-weight of each state at the last
+// step of a demonstration; null is 0 for all.
 struct Demonstrations {
   const double* x;
   const int64_t* lengths;
   long M;
+  const double* log_final = nullptr;
 };
 
 struct Gaussians {

@@ -112,9 +112,14 @@ Out log_emissions(In<double, 3> x, In<double, 3> means, In<double, 4> precision_
 
 auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, In<double, 2> transitions,
             In<double, 2> log_transitions, In<double, 3> means, In<double, 4> precision_cholesky,
-            In<int64_t, 1> orientation_starts, int threads) {
+            In<int64_t, 1> orientation_starts, int threads, In<double, 1> log_final) {
   const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
-  const Demonstrations data = demonstrations(x, lengths);
+  Demonstrations data = demonstrations(x, lengths);
+  expect(log_final, "log_final", {size_t(sizes.K)});
+  for (size_t k = 0; k < log_final.shape(0); ++k)
+    if (!(log_final(k) < std::numeric_limits<double>::infinity()))
+      throw nb::value_error("log_final has a value that is not below infinity");
+  data.log_final = log_final.data();
   expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
   expect(transitions, "transitions", {K, K});

@@ -4,7 +4,7 @@ import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.reference.emission import deviations, log_emissions
-from pilotfish.kernels.reference.markov import forward_backward
+from pilotfish.kernels.reference.markov import forward_backward, log_probability_array
 from pilotfish.kernels.reference.semi_markov import semi_markov_forward_backward
 from pilotfish.kernels.results import EStep
 from pilotfish.types import Array, Float, Int
@@ -17,6 +17,7 @@ def e_step(
     transitions: Float[Array, "K K"],
     emissions: Emissions,
     threads: int = 1,
+    final: Float[Array, " K"] | None = None,
 ) -> EStep:
     """Return the expected sufficient statistics of M demonstrations under a hidden Markov model.
 
@@ -30,6 +31,8 @@ def e_step(
         emissions: Gaussians in every frame.
         threads: Largest number of threads of the compiled kernel, 0 for all cores; the sums do not depend on
             it.
+        final: Probability of a demonstration to end at its last step, given the state there; None is 1. A
+            state with 0 is not the last one of any demonstration.
 
     Source:
         Rabiner 1989; Tanwani 2018, eqs. 3.8-3.17, 3.22-3.25.
@@ -37,7 +40,10 @@ def e_step(
     K, log_likelihoods, smoothed_state_probs = len(initial), [], []
     initial_counts, transition_counts = np.zeros(K), np.zeros((K, K))
     for part in np.split(x, np.cumsum(lengths)[:-1], axis=1):
-        chain = forward_backward(log_emissions(part, emissions), initial, transitions)
+        log_b = log_emissions(part, emissions)
+        if final is not None:
+            log_b[-1] += log_probability_array(final)
+        chain = forward_backward(log_b, initial, transitions)
         log_likelihoods.append(chain.log_likelihood)
         smoothed_state_probs.append(chain.smoothed_state_probs)
         initial_counts += chain.smoothed_state_probs[0]
