@@ -26,7 +26,8 @@ from pilotfish.models.em import (
 )
 from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
 from pilotfish.models.initialisation import FromModel, KMeans, TimeBins
-from pilotfish.models.learn import Fit, default_states, default_structure, learn
+from pilotfish.models.learn import default_states, default_structure, learn
+from pilotfish.models.learning_problem import Fit
 from pilotfish.models.regression import filtered_regression, smoothed_regression
 from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, select
 from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain

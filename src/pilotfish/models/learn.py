@@ -8,48 +8,39 @@ A semi-Markov skill is learned in two ways, both after the fit of a Markov skill
                              (Yu 2010). The likelihood of the semi-Markov model is maximised.
 """
 
-import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, views
-from pilotfish.errors import InvalidInput, NotPositiveDefinite
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import CovarianceStructure, Diagonal, Full
-from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.demonstration_statistics import (
-    DemonstrationStatistics,
     default_regularisation,
     demonstration_statistics,
 )
 from pilotfish.models.durations import Gaussian, Segments
 from pilotfish.models.dynamics import MarkovChain, MixtureWeights
 from pilotfish.models.em import (
-    Convergence,
     EMSettings,
-    EStep,
     FitDynamics,
     MStep,
     expected_statistics,
     fit_em,
-    maximise_likelihood,
 )
-from pilotfish.models.endpoints import fit_endpoints
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
+from pilotfish.models.learning_problem import Fit, LearningProblem
 from pilotfish.models.semi_markov import TAIL_PROBABILITY, DurationModel, SemiMarkovChain
-from pilotfish.models.sequences import state_segments, viterbi
-from pilotfish.models.skill import MAX_STATES, HiddenModel, Provenance, Skill
+from pilotfish.models.skill import MAX_STATES, Skill
 from pilotfish.models.statistics import Statistics
+from pilotfish.models.step_fit import fit_steps
 from pilotfish.models.viterbi_durations import count_durations
-from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_type
 
 DEFAULT_SETTINGS = EMSettings()
 DEFAULT_STATES, MIN_DEFAULT_ROWS = 30, 2  # states, and steps of the shortest demonstration for each
-MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
 MIN_FITTED_DURATION_VARIANCE = 1.0  # steps^2, the default of durations fitted by EM
 MIN_RELATIVE_DEVIATION = 0.5  # of the durations with which EM of a semi-Markov skill begins
 FIT_DYNAMICS: dict[str, FitDynamics] = {
@@ -57,26 +48,6 @@ FIT_DYNAMICS: dict[str, FitDynamics] = {
     MarkovChain.name: MarkovChain.fit,
     SemiMarkovChain.name: MarkovChain.fit,
 }
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """A learned skill, and how the fit went.
-
-    Attributes:
-        skill: The skill.
-        markov_skill: The Markov skill that a semi-Markov fit begins with; otherwise the same as `skill`.
-        convergence: How expectation-maximisation ended.
-    """
-
-    skill: Skill
-    markov_skill: Skill
-    convergence: Convergence
-
-    @property
-    def log_likelihoods(self) -> Float[Array, " I"]:
-        """Return the log-likelihood after every iteration of expectation-maximisation [nats]."""
-        return self.convergence.log_likelihoods
 
 
 def learn(
@@ -153,18 +124,16 @@ def learn(
     regularisation = default_regularisation(demonstrated.scales, demonstrations[0].layout)
     if settings.regularisation is not None:
         regularisation = np.full(len(regularisation), float(settings.regularisation))
-    problem = _Problem(
+    problem = LearningProblem(
         demonstrations, data, states, has_time_order, structure, settings, rng, demonstrated, regularisation
     )
     m_step = problem.m_step(FIT_DYNAMICS[dynamics])
     if durations:
         return _learn_durations(problem, initialisation, m_step, durations)
-    fit, chosen = _learn_steps(problem, initialisation, m_step)
+    fit, complete = fit_steps(problem, initialisation, m_step)
     if dynamics != SemiMarkovChain.name:
         return fit
-    chain = count_durations(
-        fit.markov_skill, data, settings.duration_regularisation, complete=_is_complete(chosen)
-    )
+    chain = count_durations(fit.markov_skill, data, settings.duration_regularisation, complete=complete)
     return replace(fit, skill=replace(fit.skill, dynamics=chain))
 
 
@@ -188,56 +157,6 @@ def default_structure(states: int | None, dynamics: str = SemiMarkovChain.name) 
     return Diagonal() if states is None and dynamics != MixtureWeights.name else Full()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
-    """What every fit of one call of `learn` shares."""
-
-    demonstrations: Sequence[Demonstration]
-    data: Views
-    states: int
-    has_time_order: bool
-    structure: CovarianceStructure
-    settings: EMSettings
-    rng: np.random.Generator
-    demonstrated: DemonstrationStatistics
-    regularisation: Float[Array, " E"]
-
-    def m_step(self, fit_dynamics: FitDynamics) -> MStep:
-        """Return the M-step of these dynamics."""
-        return partial(
-            maximise_likelihood,
-            structure=self.structure,
-            regularisation=self.regularisation,
-            fit_dynamics=fit_dynamics,
-        )
-
-    def skill(self, model: HiddenModel, convergence: Convergence) -> Skill:
-        """Add layout, period and frames of the demonstrations, and the provenance, to a model."""
-        first = self.demonstrations[0]
-        provenance = Provenance(
-            demonstrations=tuple(d.name for d in self.demonstrations),
-            datapoints=sum(len(d.x) for d in self.demonstrations),
-            data=_hash_demonstrations(self.demonstrations),
-            structure=self.structure.label,
-            log_likelihood=float(convergence.log_likelihoods[-1]),
-            iterations=convergence.iterations,
-            converged=convergence.converged,
-            library=library_version(),
-        )
-        return Skill(
-            model.dynamics,
-            model.means,
-            model.covariances,
-            first.layout,
-            first.period,
-            tuple(frame.name for frame in first.frames),
-            provenance,
-            self.regularisation,
-            self.demonstrated,
-            fit_endpoints(self.data, self.regularisation),
-        )
-
-
 def _validate_initialisation(
     initialisation: Initialisation | None, states: int | None, rng: np.random.Generator, restarts: int
 ) -> None:
@@ -259,65 +178,11 @@ def _validate_initialisation(
         )
 
 
-def _learn_steps(
-    problem: _Problem, initialisation: Initialisation | None, m_step: MStep
-) -> tuple[Fit, Initialisation]:
-    """Fit a mixture or a Markov skill, of several restarts the most likely; return the initialisation too."""
-    if initialisation is None:
-        return _learn_likelier(problem, m_step)
-    candidates = [
-        initialisation.initial_statistics(problem.data, problem.states, problem.rng)
-        for _ in range(problem.settings.restarts)
-    ]
-    complete = _is_complete(initialisation)
-
-    def e_step(model: HiddenModel, data: Views, previous: Statistics) -> Statistics:
-        threads = problem.settings.threads
-        return expected_statistics(model, data, previous, threads=threads, complete=complete)
-
-    model, convergence = _fit_restarts(candidates, problem, m_step, e_step)
-    skill = problem.skill(model, convergence)
-    return Fit(skill, skill, convergence), initialisation
-
-
-def _is_complete(initialisation: Initialisation) -> bool:
-    """Return whether every demonstration must end in the last state."""
-    return isinstance(initialisation, TimeBins) and initialisation.complete
-
-
-def _learn_likelier(problem: _Problem, m_step: MStep) -> tuple[Fit, Initialisation]:
-    """Fit from time bins and from k-means, and return the fit of lower BIC.
-
-    Time bins suit a movement that goes once from left to right, k-means one that returns to its states: only
-    then is it taken. Otherwise it may leave out parts of the movement, or describe single demonstrations.
-    """
-    bins = _learn_steps(problem, TimeBins(complete=problem.has_time_order), m_step)
-    try:
-        clusters = _learn_steps(problem, KMeans(), m_step)
-    except (InvalidInput, NotPositiveDefinite):  # fewer distinct points than states, or a state of one point
-        return bins
-    if not _returns_to_states(clusters[0].skill, problem.demonstrations):
-        return bins
-
-    def criterion(learned: tuple[Fit, Initialisation]) -> float:
-        fit, _ = learned
-        parameters = degrees_of_freedom(fit.skill, problem.structure, None)
-        return bic(float(fit.log_likelihoods[-1]), parameters, fit.skill.provenance.datapoints)
-
-    return min(bins, clusters, key=criterion)
-
-
-def _returns_to_states(skill: Skill, demonstrations: Sequence[Demonstration]) -> bool:
-    """Return whether demonstrations return to states that they have left, and most visit each state."""
-    visits = np.zeros((len(demonstrations), skill.states))
-    for m, demo in enumerate(demonstrations):
-        np.add.at(visits[m], state_segments(viterbi(skill, demo))[0], 1.0)
-    shared = (2 * (visits > 0.0).sum(axis=0) >= len(demonstrations)).all()
-    return bool(shared and visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
-
-
 def _learn_durations(
-    problem: _Problem, initialisation: Initialisation | None, markov_m_step: MStep, durations: DurationModel
+    problem: LearningProblem,
+    initialisation: Initialisation | None,
+    markov_m_step: MStep,
+    durations: DurationModel,
 ) -> Fit:
     """Fit states and durations together, from a given semi-Markov model or after a Markov fit."""
     data, settings = problem.data, problem.settings
@@ -330,7 +195,7 @@ def _learn_durations(
         markov_skill = problem.skill(model, convergence)
         dropped: tuple[str, ...] = ()
     else:
-        fit, _ = _learn_steps(problem, initialisation, markov_m_step)
+        fit, _ = fit_steps(problem, initialisation, markov_m_step)
         markov_skill, dropped = fit.markov_skill, fit.convergence.dropped
         initial_statistics = _widen_durations(markov_skill, data, durations.max_duration, min_variance)
     m_step = problem.m_step(partial(SemiMarkovChain.fit, duration_model=durations, min_variance=min_variance))
@@ -356,42 +221,3 @@ def _widen_durations(
     table = np.exp(widened.log_table(limit))
     counts = table / table.sum(axis=0) * (statistics.initial_counts + transition_counts.sum(axis=0))
     return replace(statistics, transitions=transition_counts, segments=Segments.all_uncensored(counts))
-
-
-def _fit_restarts(
-    candidates: Sequence[Statistics], problem: _Problem, m_step: MStep, e_step: EStep
-) -> tuple[HiddenModel, Convergence]:
-    """Fit from every initialisation; a fit whose covariance collapses fails only if all do."""
-    results: list[tuple[HiddenModel, Convergence]] = []
-    failures: list[NotPositiveDefinite] = []
-    for initial_statistics in candidates:
-        try:
-            model, _, convergence = fit_em(initial_statistics, problem.data, m_step, problem.settings, e_step)
-            results.append((model, convergence))
-        except NotPositiveDefinite as error:
-            failures.append(error)
-    if not results:
-        raise failures[0]
-    model, convergence = max(results, key=lambda result: result[1].log_likelihoods[-1])
-    if not failures:
-        return model, convergence
-    failed = f"{len(failures)} of {len(candidates)} restarts collapsed: {failures[0]}"
-    return model, replace(convergence, reason=f"{convergence.reason}; {failed}")
-
-
-def _hash_demonstrations(demonstrations: Sequence[Demonstration]) -> str:
-    """Return the SHA-256 of values, shapes, periods and frames of all demonstrations."""
-    digest = hashlib.sha256()
-    for demonstration in demonstrations:
-        digest.update(repr((demonstration.x.shape, demonstration.period, demonstration.layout)).encode())
-        for array in (demonstration.x, *(a for frame in demonstration.frames for a in (frame.A, frame.b))):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
-
-
-def library_version() -> str:
-    """Return the name and version of this library for the provenance of a skill."""
-    try:
-        return f"pilotfish {version('pilotfish')}"
-    except PackageNotFoundError:  # run from a source tree that was never installed
-        return "pilotfish (not installed)"

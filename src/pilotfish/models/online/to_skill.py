@@ -6,7 +6,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import LatentCovariances
 from pilotfish.models.durations import Gaussian
 from pilotfish.models.dynamics import MixtureWeights
-from pilotfish.models.learn import library_version
+from pilotfish.models.learning_problem import library_version
 from pilotfish.models.online.model import OnlineModel
 from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
 from pilotfish.models.skill import Provenance, Skill
