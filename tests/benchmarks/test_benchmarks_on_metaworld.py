@@ -65,14 +65,15 @@ def test_nearest_in_demonstrated_situation_repeats_that_demonstration(methods: M
         np.testing.assert_allclose(reproduce(episode.situation)[1:], episode.commands)
 
 
-def test_mean_of_two_lines_ends_at_new_goal(methods: ModuleType):
+def test_mean_of_two_lines_begins_at_new_start_and_ends_at_new_goal(methods: ModuleType):
     episodes = [straight_episode(methods, [1.0, 0.0, 0.0], 4), straight_episode(methods, [3.0, 0.0, 0.0], 8)]
     path = methods.prepare_mean(episodes, 1, 0)(
-        methods.Situation(2, np.zeros(3), np.zeros(3), np.array([2.0, 1.0, 0.0]))
+        methods.Situation(2, np.array([0.0, 0.0, 0.5]), np.zeros(3), np.array([2.0, 1.0, 0.0]))
     )
     assert len(path) == 7  # the mean of 5 and 9 rows
     np.testing.assert_allclose(path[:, 0], np.linspace(0.0, 2.0, 7))
     np.testing.assert_allclose(path[:, 1], np.linspace(0.0, 1.0, 7))
+    np.testing.assert_allclose(path[:, 2], np.linspace(0.5, 0.0, 7), atol=1e-15)
 
 
 @pytest.mark.parametrize(("name", "tolerance"), [("promp", 2e-3), ("ours", 0.02)])
