@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from machine import machine
-from metaworld_methods import METHODS, Episode, Situation, commands_of_path
+from metaworld_methods import BASIS_FUNCTIONS, METHODS, Episode, Situation, commands_of_path
 from peer_environment import execute, peer_environment
 from problems import Floats
 
@@ -272,7 +272,8 @@ def document(results: Sequence[Result], settings: Settings, options: str) -> str
     command = f"python benchmarks/metaworld.py {options}".strip()
     tasks = {result.task for result in results}
     draws = sorted({result.draw for result in results})
-    counts = f"{len(tasks)} tasks, {settings.situations} new situations each, draws {draws}"
+    listed = ", ".join(map(str, draws))
+    counts = f"{len(tasks)} tasks, {settings.situations} new situations each, draw {listed}"
     rate = 80 // settings.steps_per_row
     packages = dict(line.split("==") for line in PACKAGES.read_text(encoding="utf-8").split())
     with_versions = f"metaworld {packages['metaworld']}, MuJoCo {packages['mujoco']}"
@@ -281,7 +282,7 @@ def document(results: Sequence[Result], settings: Settings, options: str) -> str
             "# Benchmark on Meta-World",
             "",
             f"Written on {datetime.now(UTC):%Y-%m-%d} by `{command}`: {counts}.",
-            PROTOCOL.format(rate=rate, versions=with_versions),
+            PROTOCOL.format(rate=rate, versions=with_versions, basis=BASIS_FUNCTIONS),
             *summary(results),
             "",
             "## Tasks",
@@ -299,13 +300,20 @@ def document(results: Sequence[Result], settings: Settings, options: str) -> str
 
 PROTOCOL = """
 [Meta-World](https://meta-world.github.io) ({versions}) has fifty tasks of one arm. For each task and draw, \
-the suite's scripted expert gives five demonstrations that succeed: the commanded position of the hand and \
-the command of the gripper, at {rate} Hz. Frames are the world, the object and the goal at the start, \
-without rotation. Each method begins at the hand's position and answers with commands. The suite executes \
-them without feedback and judges success.
+the suite's scripted expert gives five demonstrations that succeed. They hold the commanded position of the \
+hand and the command of the gripper at {rate} Hz. Frames are the world, the object and the goal at the \
+start, without rotation. Each method begins at the hand's position and answers with commands. The suite \
+executes them without feedback, holds the last one for half a second, and judges success.
+
+- The *expert* observes every step. The *replay* executes the expert's commands again, without observation.
+- The *nearest* demonstration is that of the nearest situation. It is shifted at the start, at the object \
+and at the end, as hand, object and goal moved.
+- The *mean* over relative time is shifted at the start and at the end.
+- *ProMP* conditions the weights of {basis} basis functions per axis on hand, object and goal.
 
 Tasks are in the order of the alphabet. The library is developed on those at even places; those at odd \
-places are for checking only.
+places are for checking only. Demonstrations, situations and answers follow from the number of the draw, so \
+that a run can be repeated exactly on the same machine.
 
 ## Success
 """
@@ -323,10 +331,8 @@ def summary(results: Sequence[Result]) -> list[str]:
         shares = list(by_task.values())
         good, poor = sum(share >= GOOD for share in shares), sum(share < POOR for share in shares)
         spread = ", ".join(f"{share:.1f}" for share in by_draw.values())
-        seconds = np.mean([result.seconds for result in own])
-        lines.append(
-            f"| {NAMES[name]} | {np.mean(shares):.1f} | {spread} | {good} | {poor} | {seconds:.2f} |"
-        )
+        seconds = "" if name in EXPERTS else f"{np.mean([result.seconds for result in own]):.2f}"
+        lines.append(f"| {NAMES[name]} | {np.mean(shares):.1f} | {spread} | {good} | {poor} | {seconds} |")
     return lines
 
 
