@@ -108,7 +108,7 @@ def main() -> None:
         for found in pool.map(partial(measure, settings), *zip(*jobs, strict=True)):
             results += found
             print_progress(found)
-    page = document(results, settings, " ".join(sys.argv[1:]))
+    page = document(results, settings, repeatable_options(sys.argv[1:]))
     print(page)
     if options.out:
         options.out.write_text(page + "\n", encoding="utf-8")
@@ -137,6 +137,18 @@ def arguments() -> argparse.Namespace:
     if not 1 <= options.situations <= SITUATIONS:
         parser.error(f"--situations is {options.situations}, expected 1 to {SITUATIONS}, which are recorded")
     return options
+
+
+def repeatable_options(words: Sequence[str]) -> str:
+    """Return the options that determine the figures, without those that name files and folders."""
+    places = {"--data", "--environment", "--out", "--json", "--workers"}
+    kept, skip = [], False
+    for word in words:
+        skip = skip or word.split("=")[0] in places
+        if not skip:
+            kept.append(word)
+        skip = skip and word in places
+    return " ".join(kept)
 
 
 def numbers(text: str) -> list[int]:
@@ -305,6 +317,7 @@ hand and the command of the gripper at {rate} Hz. Frames are the world, the obje
 start, without rotation. Each method begins at the hand's position and answers with commands. The suite \
 executes them without feedback, holds the last one for half a second, and judges success.
 
+- *Pilotfish* learns and reproduces at defaults; the gripper follows the means of the states.
 - The *expert* observes every step. The *replay* executes the expert's commands again, without observation.
 - The *nearest* demonstration is that of the nearest situation. It is shifted at the start, at the object \
 and at the end, as hand, object and goal moved.

@@ -4,10 +4,8 @@ A path is an array with one row per time step of the demonstrations: the command
 and the command of the gripper. Its first row is the start, at which no command was given.
 """
 
-import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from problems import Floats
@@ -16,7 +14,6 @@ import pilotfish as pf
 from pilotfish.geometry import Pose
 
 STEP = 0.0125  # s, of the suite
-STATES = 20  # of learn, while it has no default
 BASIS_FUNCTIONS, WEIGHT_PENALTY = 20, 1e-6  # of ProMP: radial functions, penalty of the least squares
 CONTEXT_NOISE = 1e-6  # m^2, of ProMP: variance that is added to the covariance of the situations
 
@@ -106,12 +103,9 @@ def prepare_ours(demonstrations: Sequence[Episode], steps_per_row: int, seed: in
 
 
 def learn_skill(recordings: Sequence[pf.Demonstration], seed: int) -> pf.Skill:
-    """Learn from recordings without derivatives."""
+    """Learn from recordings without derivatives, at defaults."""
     demonstrations = [pf.add_derivatives(recording) for recording in recordings]
-    options: dict[str, Any] = {}
-    if inspect.signature(pf.learn).parameters["states"].default is inspect.Parameter.empty:
-        options = {"states": STATES, "structure": pf.structures.Diagonal()}
-    return pf.learn(demonstrations, rng=np.random.default_rng(seed), **options).skill
+    return pf.learn(demonstrations, rng=np.random.default_rng(seed)).skill
 
 
 def reproduce_path(skill: pf.Skill, frames: Sequence[pf.Frame], start: Floats) -> Floats:

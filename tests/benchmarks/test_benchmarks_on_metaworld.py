@@ -104,6 +104,11 @@ def test_even_and_odd_tasks_share_none(program: ModuleType):
         program.chosen_tasks(["f-v3"], tasks)
 
 
+def test_options_of_page_leave_out_files(program: ModuleType):
+    words = ["--draws", "0,1", "--data", "here", "--out=page.md", "--tasks", "even", "--json", "figures.json"]
+    assert program.repeatable_options(words) == "--draws 0,1 --tasks even"
+
+
 def test_table_averages_over_tasks_and_draws(program: ModuleType):
     def result(task: str, draw: int, *succeeded: bool):
         return program.Result(task, draw, "nearest", succeeded, 1.0)
