@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cases import REQUIREMENTS
 from kinds import Case
 from measure import Result
-from peers import OURS
+from peer_libraries import OURS
 from requirements import Requirement
 
 CaseResults = Sequence[tuple[Case, list[Result]]]

@@ -11,7 +11,7 @@ from time import monotonic
 from typing import Any
 
 from kinds import Case, Entry
-from peers import LIBRARIES
+from peer_libraries import LIBRARIES
 from workers import Worker, WorkerError, timed_environment
 
 Report = Callable[[str], None]

@@ -9,7 +9,7 @@ from judging import agrees, disagreement, own_result, requirement_results
 from kinds import Case
 from machine import Machine
 from measure import MeasurementSettings, Result, SampleStatistics
-from peers import LIBRARIES, NOT_INSTALLABLE
+from peer_libraries import LIBRARIES, NOT_INSTALLABLE
 from requirements import format_milliseconds, format_rate, ratio
 
 VALVE_PROBLEMS = ("valve", "frames", "tracking", "semi_markov_valve")

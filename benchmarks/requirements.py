@@ -7,7 +7,7 @@ from statistics import median
 from typing import Protocol
 
 from measure import Result, SampleStatistics
-from peers import LIBRARIES, OWN
+from peer_libraries import LIBRARIES, OWN
 
 Evaluation = tuple[str, bool] | None  # measured value in words, and whether it suffices; None if not measured
 

@@ -21,7 +21,7 @@ from kinds import Case
 from machine import load, machine
 from measure import FULL, QUICK, Installations, MeasurementSettings, measure, measure_imports
 from peer_environment import environment_folder, execute, peer_environment
-from peers import LIBRARIES, OURS
+from peer_libraries import LIBRARIES, OURS
 from report import Report, as_json, markdown
 from workers import Worker, WorkerError, timed_environment
 

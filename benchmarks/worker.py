@@ -18,7 +18,7 @@ from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
-from peers import LIBRARIES
+from peer_libraries import LIBRARIES
 from prepared import Answer, Prepared
 
 Reply = dict[str, Any]  # JSON object

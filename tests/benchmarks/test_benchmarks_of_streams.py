@@ -150,7 +150,7 @@ def test_time_limit_of_labelled_entry_is_used(benchmark_module):
 
 
 def test_requirements_refer_to_existing_cases(benchmark_module):
-    cases, peers = map(benchmark_module, ("cases", "peers"))
+    cases, peers = map(benchmark_module, ("cases", "peer_libraries"))
     known = {case.name: [entry.label for entry in case.entries] for case in cases.CASES}
     assert len(known) == len(cases.CASES)
     for target in cases.REQUIREMENTS:
