@@ -3,9 +3,9 @@
 All motions have one row per step of the demonstration. Positions are any number of columns.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
+
+from pilotfish.geometry import angle
 
 
 def resample_rows(x: np.ndarray, steps: int) -> np.ndarray:
@@ -15,12 +15,12 @@ def resample_rows(x: np.ndarray, steps: int) -> np.ndarray:
 
 
 def shift_ends(x: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Add the offsets that are missing at the start and at the end; each fades out linearly over the motion."""
+    """Add the offsets that are missing at start and end; each fades out linearly over the motion."""
     share = np.linspace(0.0, 1.0, len(x))[:, None]
     return np.asarray(x + (1.0 - share) * (start - x[0]) + share * (end - x[-1]))
 
 
-def mean_with_offsets(demonstrations: Sequence[np.ndarray], start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def mean_with_offsets(demonstrations: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the mean of demonstrations of the same length, moved to a start and an end."""
     return shift_ends(np.mean(demonstrations, axis=0), start, end)
 
@@ -67,6 +67,5 @@ def extent(y: np.ndarray) -> float:
 
 
 def mean_angle(q: np.ndarray, p: np.ndarray) -> float:
-    """Return the mean angle between orientations, unit quaternions in any sign [deg]."""
-    difference = np.minimum(np.linalg.norm(q - p, axis=1), np.linalg.norm(q + p, axis=1))
-    return float(np.degrees(4.0 * np.arcsin(np.clip(difference / 2.0, 0.0, 1.0))).mean())
+    """Return the mean angle between orientations, unit quaternions of any sign [deg]."""
+    return float(np.degrees(angle(q, p)).mean())

@@ -69,6 +69,10 @@ class Split:
         """Held-out demonstration without derivatives."""
         return self.test.x[:, : self.recording.width]
 
+    def unit_quaternions(self, x: np.ndarray) -> np.ndarray:
+        """Normalise the quaternions of a motion of poses."""
+        return unit_quaternions(x, self.recording)
+
     def to_world(self, local: np.ndarray) -> np.ndarray:
         """Return a motion of a peer in world coordinates, with the steps of the held-out demonstration."""
         recording = self.recording
@@ -170,7 +174,9 @@ def read_helloworld(name: str) -> Recording:
 def read_robotask(name: str) -> Recording:
     """Read a household task."""
     found = pf.datasets.robotasks(name.split()[1])
-    return Recording(name, tuple(with_end_frames(resample(d, STEPS)) for d in found), position=3, is_pose=True)
+    return Recording(
+        name, tuple(with_end_frames(resample(d, STEPS)) for d in found), position=3, is_pose=True
+    )
 
 
 def read_valve(name: str) -> Recording:

@@ -36,6 +36,11 @@ def robotasks() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
+def peers() -> ModuleType:
+    return script("peers")
+
+
+@pytest.fixture(scope="session")
 def online_stages() -> ModuleType:
     return script("online_stages")
 
