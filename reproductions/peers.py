@@ -1,11 +1,13 @@
 """Held-out demonstrations: pilotfish at defaults, ProMP, DMP, GMR, and the mean of the demonstrations.
 
     python reproductions/peers.py --json peers.json --out peers/ --only robotasks "letters a"
+    python reproductions/peers.py --markdown docs/how-good-is-it.md
 
 Protocol: each demonstration is held out once, and every method learns from the others. It is then given the
 start and the end of the held-out demonstration, and its number of steps. pilotfish has both as frames, the
-start also as its first state. The end of the valve is not known: there pilotfish has the frames of the valve,
-and the others learn in the coordinates of the valve after the movement, with the mean end in it. Recordings
+start also as its first state. The end of the valve is not known: there pilotfish has the frames of the valve
+before and after, and the others, which take one coordinate system, learn in that of the valve after, with the
+mean end in it. Recordings
 of 1000 rows are resampled to 200; ProMP, DMP, GMR and the mean learn from rows at equal shares of the time.
 
 Settings: benchmarks/motion_peers.py. Those of ProMP were chosen on these recordings; pilotfish has its
@@ -37,6 +39,7 @@ from motion_measures import (
     time_warped_distance,
 )
 from peer_recordings import Split, load_recordings, splits
+from peer_tables import markdown_tables, print_table, replace_tables
 from protocol import argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
@@ -95,6 +98,7 @@ def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument("--data", type=Path, help="folder of recordings (default: PILOTFISH_DATA)")
     parser.add_argument("--only", nargs="+", default=[], help="these recordings or groups (default: all)")
+    parser.add_argument("--markdown", type=Path, help="page whose tables are replaced")
     arguments = parser.parse_args()
     if arguments.data:
         os.environ["PILOTFISH_DATA"] = str(arguments.data)
@@ -108,6 +112,11 @@ def main() -> None:
     print_table(rows)
     for note in notes:
         print(f"note: {note}")
+    if arguments.markdown:
+        try:
+            replace_tables(arguments.markdown, markdown_tables(rows))
+        except (OSError, pf.SkillError) as error:
+            parser.exit(1, f"{error}\n")
     if arguments.out:
         write_figures(arguments.out, {name: draw(found[0], answers) for name, found in parts.items()})
         print(f"pictures in {arguments.out}")
@@ -221,28 +230,6 @@ def table_rows(found: Sequence[Split], answers: Answers) -> list[dict[str, Any]]
         unit = "mm" if recording.is_pose else "%"
         rows.append({"recording": recording.name, "method": method, "unit": unit} | means)
     return rows
-
-
-def print_table(rows: Sequence[dict[str, Any]]) -> None:
-    """Print rows, with the smallest distances of each recording marked by a star."""
-    print(
-        f"{'recording':<32}{'method':<16}{'mean':>10}{'DTW':>10}{'end':>9}{'unit':>6}"
-        f"{'angle [deg]':>13}{'size [%]':>10}{'force [%]':>11}{'fit [CPU s]':>13}"
-    )
-    for row in rows:
-        same = [other for other in rows if other["recording"] == row["recording"]]
-        stars = ["*" if row[n] == min(other[n] for other in same) else " " for n in ("mean", "warped")]
-        cells = (
-            f"{row['recording']:<32}{row['method']:<16}",
-            f"{row['mean']:>9.2f}{stars[0]}{row['warped']:>9.2f}{stars[1]}{row['end']:>9.2f}{row['unit']:>6}",
-            f"{format_number(row['degrees']):>13}{row['size']:>10.1f}{format_number(row['force']):>11}",
-            f"{row['seconds']:>13.4f}",
-        )
-        print("".join(cells))
-
-
-def format_number(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
 
 
 def draw(part: Split, answers: Answers) -> Figure:

@@ -17,9 +17,10 @@ from motion_measures import (
     time_warped_distance,
 )
 from peer_recordings import load_recordings, select_names, split
+from peer_tables import BEGIN, END, markdown_tables, replace_tables
 
 import pilotfish as pf
-from pilotfish.geometry import multiply, normalise, quaternion_exp
+from pilotfish.geometry import multiply, normalise
 
 FOLDER = Path(__file__).parents[2] / "reproductions"
 METHODS = ("pilotfish", "ProMP", "DMP", "GMR", "mean + offsets")
@@ -84,7 +85,8 @@ def test_relative_size_of_shrunk_motion_is_its_factor(rng: np.random.Generator):
 
 def test_mean_angle_of_rotated_orientations_is_the_angle(rng: np.random.Generator):
     q = normalise(rng.normal(size=(10, 4)))
-    turned = multiply(q, quaternion_exp(np.tile([0.0, np.radians(30.0), 0.0], (10, 1))))
+    half = np.radians(15.0)
+    turned = multiply(q, np.tile([np.cos(half), 0.0, np.sin(half), 0.0], (10, 1)))
     signs = np.where(np.arange(10) % 2, 1.0, -1.0)[:, None]
     assert mean_angle(q, signs * turned) == pytest.approx(30.0, rel=1e-9)
 
@@ -174,3 +176,37 @@ def test_peers_write_table_and_json(data_folder, tmp_path: Path):
     assert 3.0 < rows["letters c", "mean + offsets"]["mean"] < 8.0  # mean of demonstrations: 4-8 %
     assert rows["robotasks openbox", "DMP"]["end"] < 2.0
     assert len(list((tmp_path / "pictures").glob("*.png"))) == 2
+
+
+def table_row(recording: str, method: str, mean: float, degrees: float | None) -> dict[str, object]:
+    numbers = {"mean": mean, "warped": 1.0 + mean, "end": 0.5, "size": 99.6, "seconds": 0.0123}
+    kind = {"unit": "%" if degrees is None else "mm", "degrees": degrees, "force": None}
+    return {"recording": recording, "method": method} | numbers | kind
+
+
+def test_markdown_tables_mark_smallest_distance(tmp_path: Path):
+    rows = [
+        table_row("letters a", "DMP", 2.0, None),
+        table_row("letters a", "GMR", 3.0, None),
+        table_row("valve", "DMP", 5.0, 7.0),
+        table_row("valve", "GMR", 4.0, 8.0),
+    ]
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    replace_tables(page, markdown_tables(rows))
+    text = page.read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+    assert "old" not in text
+    assert "| letters a [%] | **2.00** / **3.00** | 3.00 / 4.00 |" in text
+    assert "| valve [mm] | 5.00 / 6.00 | **4.00** / **5.00** |" in text
+    assert "| valve [mm] | 7.00 | 8.00 |" in text
+    assert "| valve [mm] | 12.3 | 12.3 |" in text
+
+
+def test_replace_tables_without_marks_is_refused(tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text("text\n")
+    with pytest.raises(pf.InvalidInput, match="has no tables to replace"):
+        replace_tables(page, "")
+    assert page.read_text() == "text\n"
