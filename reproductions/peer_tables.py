@@ -55,20 +55,27 @@ def markdown_tables(rows: Sequence[Row]) -> str:
     def seconds(row: Row) -> str:
         return f"{row['seconds'] * 1e3:.1f}"
 
-    with_third = [row for row in rows if angle_or_force(row)]
-    parts = (
-        ("Mean distance / distance after dynamic time warping [mm or %]", markdown_table(rows, distances)),
-        ("Distance of the end points [mm or %] / size [%]", markdown_table(rows, end_and_size)),
-        (
-            "Angle between orientations [deg], force error of letters [%]",
-            with_third and markdown_table(with_third, angle_or_force),
-        ),
-        ("Time of learning [CPU ms]", markdown_table(rows, seconds)),
+    def distance_unit(row: Row) -> str:
+        return str(row["unit"])
+
+    def angle_or_force_unit(row: Row) -> str:
+        return "deg" if row["force"] is None else "%"
+
+    others = [row for row in rows if angle_or_force(row)]
+    parts = [
+        ("Mean distance / distance after dynamic time warping", rows, distances, distance_unit),
+        ("Distance of the end points / size [%]", rows, end_and_size, distance_unit),
+        ("Angle between orientations, force error of letters", others, angle_or_force, angle_or_force_unit),
+        ("Time of learning", rows, seconds, lambda _: "CPU ms"),
+    ]
+    return "\n\n".join(
+        f"### {title}\n\n{markdown_table(chosen, cell, unit)}"
+        for title, chosen, cell, unit in parts
+        if chosen
     )
-    return "\n\n".join(f"### {title}\n\n{table}" for title, table in parts if table)
 
 
-def markdown_table(rows: Sequence[Row], cell: Callable[[Row], str]) -> str:
+def markdown_table(rows: Sequence[Row], cell: Callable[[Row], str], unit: Callable[[Row], str]) -> str:
     """Return a table with one line per recording and one column per method."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     lines = [
@@ -77,8 +84,8 @@ def markdown_table(rows: Sequence[Row], cell: Callable[[Row], str]) -> str:
     ]
     for recording in dict.fromkeys(row["recording"] for row in rows):
         cells = {row["method"]: cell(row) for row in rows if row["recording"] == recording}
-        unit = next(row["unit"] for row in rows if row["recording"] == recording)
-        lines.append(f"| {recording} [{unit}] | {' | '.join(cells[method] for method in methods)} |")
+        first = next(row for row in rows if row["recording"] == recording)
+        lines.append(f"| {recording} [{unit(first)}] | {' | '.join(cells[method] for method in methods)} |")
     return "\n".join(lines)
 
 

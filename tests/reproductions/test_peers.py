@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,17 @@ def test_split_of_valve_gives_peers_start_and_frame_but_no_end(data_folder):
     np.testing.assert_array_equal(again.local_training, part.local_training)
 
 
+def test_start_state_does_not_depend_on_later_rows(data_folder, peers):
+    recording = load_recordings(["helloworld l"])[0]
+    part = split(recording, 3)
+    demonstration = part.test
+    bent = demonstration.x.copy()
+    bent[0, 2:] += 1.0  # the difference to the second row
+    changed = pf.demonstration(bent, demonstration.period, demonstration.layout, demonstration.frames)
+    np.testing.assert_array_equal(peers.start_state(replace(part, test=changed)), peers.start_state(part))
+    np.testing.assert_array_equal(peers.start_state(part)[:2], part.x[0])
+
+
 @pytest.mark.parametrize("name", ["letters m", "valve", "robotasks pouring"])
 def test_to_world_inverts_coordinates_of_peers(data_folder, name: str):
     recording = load_recordings([name])[0]
@@ -200,8 +212,8 @@ def test_markdown_tables_mark_smallest_distance(tmp_path: Path):
     assert "old" not in text
     assert "| letters a [%] | **2.00** / **3.00** | 3.00 / 4.00 |" in text
     assert "| valve [mm] | 5.00 / 6.00 | **4.00** / **5.00** |" in text
-    assert "| valve [mm] | 7.00 | 8.00 |" in text
-    assert "| valve [mm] | 12.3 | 12.3 |" in text
+    assert "| valve [deg] | 7.00 | 8.00 |" in text
+    assert "| valve [CPU ms] | 12.3 | 12.3 |" in text
 
 
 def test_replace_tables_without_marks_is_refused(tmp_path: Path):
