@@ -11,7 +11,7 @@ learn in that of the valve after, with the mean end in it. Recordings of 1000 ro
 ProMP, DMP, GMR and the mean learn from rows at equal shares of the time.
 
 Settings: benchmarks/motion_peers.py. Those of ProMP were chosen on these recordings; pilotfish has its
-defaults, and 20 states with diagonal covariances while `pf.learn` has no default for states. GMR takes no start and end, so it has the offsets of the mean: the differences at start and end,
+defaults. GMR takes no start and end, so it has the offsets of the mean: the differences at start and end,
 fading linearly. The peers are installed into build/peers-motions-venv.
 """
 
