@@ -38,7 +38,7 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from protocol import SETTINGS, STATES, reproduce_published
+from protocol import STATES, reproduce_published
 
 import pilotfish as pf
 from pilotfish import plots
@@ -128,15 +128,7 @@ def learn_skill(
 ) -> pf.Skill:
     structure = pf.structures.Full() if structure is None else structure
     rng = np.random.default_rng(0)
-    fit = pf.learn(
-        demonstrations,
-        states=STATES,
-        rng=rng,
-        structure=structure,
-        initialisation=pf.models.TimeBins(),
-        settings=SETTINGS,
-    )
-    return fit.skill
+    return pf.learn(demonstrations, states=STATES, rng=rng, structure=structure, **PUBLISHED).skill
 
 
 def empty_model(

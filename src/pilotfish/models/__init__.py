@@ -16,6 +16,7 @@ from pilotfish.models.demonstration_statistics import (
     demonstration_statistics,
     part_scales,
 )
+from pilotfish.models.duration_model import Censoring, DurationModel
 from pilotfish.models.dynamics import MAX_HORIZON, MarkovChain, MixtureWeights
 from pilotfish.models.em import (
     Convergence,
@@ -30,7 +31,7 @@ from pilotfish.models.learn import default_states, default_structure, learn
 from pilotfish.models.learning_problem import Fit
 from pilotfish.models.regression import filtered_regression, smoothed_regression
 from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, select
-from pilotfish.models.semi_markov import Censoring, DurationModel, Dynamics, SemiMarkovChain
+from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
 from pilotfish.models.sequences import (
     log_emissions,
     log_likelihood,

@@ -8,7 +8,7 @@ the literature give.
 import numpy as np
 
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.models.semi_markov import DurationModel
+from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.skill import Skill
 
 

@@ -122,22 +122,28 @@ class StateDynamics(ABC):
         """
         return np.asarray(self.filtered_state_probs(log_observed, horizon).argmax(axis=1))
 
-    def plan_states(self, log_observed: Float[Array, "T K"], *, complete: bool) -> Int[Array, " T"]:
+    def plan_states(
+        self, log_observed: Float[Array, "S K"], horizon: int, *, complete: bool
+    ) -> Int[Array, " T"]:
         """Return a state sequence for a plan: the state of largest posterior probability at every step.
 
         Args:
-            log_observed: log b_k(x_t) of observations, finite; a row of zeros is a step without one.
+            log_observed: log b_k(x_t) of the first S steps, finite; a row of zeros has no observation.
+            horizon: Number of steps T, at least S.
             complete: Whether the sequence ends in a final state; ignored where there is none or it cannot be
                 reached.
+
+        Raises:
+            InvalidInput: As `log_forward` does.
         """
-        relative = log_observed - log_observed.max(axis=1, keepdims=True)
+        relative = relative_observations(log_observed, horizon)
         if complete and (final := self.final_states()).any():
             ending = relative.copy()
             ending[-1, ~final] = -np.inf
             result = kernels.forward_backward(ending, *self.step_probabilities())
             if np.isfinite(result.log_likelihood):
                 return np.asarray(result.smoothed_state_probs.argmax(axis=1))
-        return np.asarray(self.smoothed_state_probs(log_observed).argmax(axis=1))
+        return np.asarray(self._smooth(relative).argmax(axis=1))
 
     def smoothed_state_probs(self, log_observed: Float[Array, "T K"]) -> Float[Array, "T K"]:
         """Compute p(state k at step t | all T observations) by forward-backward; rows sum to one.
@@ -308,8 +314,10 @@ class MixtureWeights(StateDynamics):
             "probabilities nor a plan; learn a Markov or semi-Markov skill"
         )
 
-    def plan_states(self, log_observed: Float[Array, "T K"], *, complete: bool) -> Int[Array, " T"]:
-        return np.asarray(self.log_forward(log_observed, len(log_observed)).argmax(axis=1))
+    def plan_states(
+        self, log_observed: Float[Array, "S K"], horizon: int, *, complete: bool
+    ) -> Int[Array, " T"]:
+        return np.asarray(self.log_forward(log_observed, horizon).argmax(axis=1))
 
     def sample(self, horizon: int, rng: np.random.Generator) -> Int[Array, " T"]:
         require_count(horizon, "horizon", MAX_HORIZON, 1)
@@ -335,6 +343,13 @@ def count_free_probabilities(rows: Float[Array, "R C"]) -> int:
 def pad_unobserved(log_observed: Float[Array, "S K"], horizon: int) -> Float[Array, "T K"]:
     """Append rows of zeros, log-densities of steps without an observation, up to the horizon."""
     return np.concatenate([log_observed, np.zeros((horizon - len(log_observed), log_observed.shape[1]))])
+
+
+def relative_observations(log_observed: Float[Array, "S K"], horizon: int) -> Float[Array, "T K"]:
+    """Return valid observations relative to the largest of each step, padded to the horizon."""
+    validate_observations(log_observed, horizon)
+    relative = log_observed - log_observed.max(axis=1, keepdims=True, initial=-np.inf)
+    return np.ascontiguousarray(pad_unobserved(relative, horizon))
 
 
 def validate_observations(log_observed: Float[Array, "S K"], horizon: int) -> None:

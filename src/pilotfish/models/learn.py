@@ -21,6 +21,7 @@ from pilotfish.models.demonstration_statistics import (
     default_regularisation,
     demonstration_statistics,
 )
+from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.durations import Gaussian, Segments
 from pilotfish.models.dynamics import MarkovChain, MixtureWeights
 from pilotfish.models.em import (
@@ -32,7 +33,7 @@ from pilotfish.models.em import (
 )
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
-from pilotfish.models.semi_markov import TAIL_PROBABILITY, DurationModel, SemiMarkovChain
+from pilotfish.models.semi_markov import TAIL_PROBABILITY, SemiMarkovChain
 from pilotfish.models.skill import MAX_STATES, Skill
 from pilotfish.models.statistics import Statistics
 from pilotfish.models.step_fit import fit_steps
@@ -114,27 +115,44 @@ def learn(
             f'durations is given with dynamics={dynamics!r}, expected dynamics="semi-markov"; leave one out'
         )
     _validate_initialisation(initialisation, states, rng, settings.restarts)
-    data = views(demonstrations)
-    if structure is None:
-        structure = default_structure(states, dynamics)
-    if states is None:
-        states = default_states(demonstrations)
-    has_time_order = dynamics != MixtureWeights.name
-    demonstrated = demonstration_statistics(demonstrations)
-    regularisation = default_regularisation(demonstrated.scales, demonstrations[0].layout)
-    if settings.regularisation is not None:
-        regularisation = np.full(len(regularisation), float(settings.regularisation))
-    problem = LearningProblem(
-        demonstrations, data, states, has_time_order, structure, settings, rng, demonstrated, regularisation
-    )
+    problem = _make_problem(demonstrations, states, rng, dynamics, structure, settings)
     m_step = problem.m_step(FIT_DYNAMICS[dynamics])
     if durations:
         return _learn_durations(problem, initialisation, m_step, durations)
     fit, complete = fit_steps(problem, initialisation, m_step)
     if dynamics != SemiMarkovChain.name:
         return fit
-    chain = count_durations(fit.markov_skill, data, settings.duration_regularisation, complete=complete)
+    chain = count_durations(
+        fit.markov_skill, problem.data, settings.duration_regularisation, complete=complete
+    )
     return replace(fit, skill=replace(fit.skill, dynamics=chain))
+
+
+def _make_problem(
+    demonstrations: Sequence[Demonstration],
+    states: int | None,
+    rng: np.random.Generator,
+    dynamics: str,
+    structure: CovarianceStructure | None,
+    settings: EMSettings,
+) -> LearningProblem:
+    """Fill in the defaults that depend on the demonstrations."""
+    data = views(demonstrations)
+    demonstrated = demonstration_statistics(demonstrations)
+    regularisation = default_regularisation(demonstrated.scales, demonstrations[0].layout)
+    if settings.regularisation is not None:
+        regularisation = np.full(len(regularisation), float(settings.regularisation))
+    return LearningProblem(
+        demonstrations,
+        data,
+        default_states(demonstrations) if states is None else states,
+        dynamics != MixtureWeights.name,
+        structure or default_structure(states, dynamics),
+        settings,
+        rng,
+        demonstrated,
+        regularisation,
+    )
 
 
 def default_states(demonstrations: Sequence[Demonstration]) -> int:

@@ -9,10 +9,11 @@ from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
+from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.em import EMSettings
 from pilotfish.models.initialisation import Initialisation
 from pilotfish.models.learn import DEFAULT_SETTINGS, learn
-from pilotfish.models.semi_markov import DurationModel, SemiMarkovChain
+from pilotfish.models.semi_markov import SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float

@@ -23,16 +23,16 @@ Keep in step: the order of the four kinds with `kernels.SemiMarkovTables` and wi
 terms with the likelihood of `durations/fit.py`.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
-from pilotfish.models.durations import DurationDistribution, Gaussian, Segments
+from pilotfish.models.duration_model import Censoring, DurationModel
+from pilotfish.models.durations import DurationDistribution, Segments
 from pilotfish.models.dynamics import (
     MAX_HORIZON,
     EStep,
@@ -41,98 +41,18 @@ from pilotfish.models.dynamics import (
     StateDynamics,
     count_free_probabilities,
     pad_unobserved,
+    relative_observations,
     validate_observations,
 )
 from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float, Int
-from pilotfish.validation import require_count, require_number, require_type
+from pilotfish.validation import require_count
 
-MAX_DURATION = 2**31 - 1  # steps
 TAIL_PROBABILITY = 1e-8  # of segments longer than the maximum duration, and gain per step [nats]
 SAMPLING_TAIL_PROBABILITY = 1e-12  # of segments longer than those that are sampled
 FULL_LENGTH_FACTOR = 4  # recordings up to this multiple of the maximum duration are evaluated in full
 
 Result = TypeVar("Result")
-
-
-class Censoring(StrEnum):
-    """Which ends of a recording may cut off a segment.
-
-    RIGHT is usual: a recording begins with a segment and may end inside one. LEFT: it begins inside a
-    segment, at a random step of it, and ends with one. BOTH and NONE accordingly.
-    """
-
-    RIGHT = "right"
-    LEFT = "left"
-    BOTH = "both"
-    NONE = "none"
-
-    @property
-    def left(self) -> bool:
-        """Return whether a recording begins inside a segment."""
-        return self in (Censoring.LEFT, Censoring.BOTH)
-
-    @property
-    def right(self) -> bool:
-        """Return whether a recording may end inside a segment."""
-        return self in (Censoring.RIGHT, Censoring.BOTH)
-
-    def with_right(self) -> "Censoring":
-        """Return the same left end, with a right end that may cut off a segment."""
-        return Censoring.BOTH if self.left else Censoring.RIGHT
-
-
-@dataclass(frozen=True, slots=True)
-class DurationModel:
-    """How the durations of a semi-Markov chain are fitted.
-
-    Attributes:
-        distribution: Class of the duration distribution, such as `pf.durations.LogNormal`.
-        censoring: Which ends of the recordings may cut off a segment.
-        max_duration: Longest segment [steps]. By default every segment is longer with a probability of at
-            most 1e-8.
-        options: Options of `distribution.fit`, such as {"pseudocount": 1.0} of a histogram or {"shape": 1.0}
-            of a negative binomial.
-    """
-
-    distribution: type[DurationDistribution] = Gaussian
-    censoring: Censoring = Censoring.RIGHT
-    max_duration: int | None = None
-    options: Mapping[str, float] = field(default_factory=dict, hash=False)
-
-    def __post_init__(self) -> None:
-        if not _is_distribution(self.distribution):
-            raise InvalidInput(
-                f"distribution is {self.distribution!r}, expected a class such as pf.durations.LogNormal"
-            )
-        require_type(self.censoring, "censoring", Censoring, 'pf.models.Censoring("both") makes one')
-        validate_max_duration(self.max_duration)
-        for name, value in self.options.items():
-            if name not in self.distribution.options:
-                known = ", ".join(self.distribution.options) or "no option"
-                raise InvalidInput(f"options has {name!r}, but {self.distribution.name} has {known}")
-            require_number(value, name, *self.distribution.options[name])
-
-    @property
-    def fixed_parameters(self) -> int:
-        """Return how many parameters of each state the options fix."""
-        return int("shape" in self.options)
-
-    def fit(
-        self, segments: Segments, previous: DurationDistribution | None, min_variance: float
-    ) -> DurationDistribution:
-        """Estimate the duration distribution from expected segments (M-step).
-
-        Args:
-            segments: Expected segments.
-            previous: Distribution of the previous iteration.
-            min_variance: Lower bound of the variance [steps^2].
-
-        Returns:
-            A distribution of the chosen class.
-        """
-        fit: Callable[..., DurationDistribution] = self.distribution.fit
-        return fit(segments, previous, min_variance, **self.options)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,18 +151,24 @@ class SemiMarkovChain(StateDynamics):
     def viterbi(self, log_emissions: Float[Array, "T K"]) -> Int[Array, " T"]:
         return self._decode(log_emissions, self.segment_tables)[0]
 
-    def plan_states(self, log_observed: Float[Array, "T K"], *, complete: bool) -> Int[Array, " T"]:
+    def plan_states(
+        self, log_observed: Float[Array, "S K"], horizon: int, *, complete: bool
+    ) -> Int[Array, " T"]:
         """Return the most probable state sequence for a plan.
 
         A complete sequence ends when the last segment of a final state does, so that a longer or shorter
         horizon stretches or shortens all segments, in proportion to the variances of their durations.
 
         Args:
-            log_observed: log b_k(x_t) of observations, finite; a row of zeros is a step without one.
+            log_observed: log b_k(x_t) of the first S steps, finite; a row of zeros has no observation.
+            horizon: Number of steps T, at least S.
             complete: Whether the sequence ends in a final state; ignored where there is none or it cannot be
                 reached.
+
+        Raises:
+            InvalidInput: If a log-density is not finite, or the horizon is too short or too long.
         """
-        relative = log_observed - log_observed.max(axis=1, keepdims=True)
+        relative = relative_observations(log_observed, horizon)
         chain = self._right_censored()
         if complete and self.final_states().any():
             states, log_p = self._decode(relative, chain._completing_tables)
@@ -394,16 +320,6 @@ class SemiMarkovChain(StateDynamics):
 
 
 Dynamics = MixtureWeights | MarkovChain | SemiMarkovChain
-
-
-def _is_distribution(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, DurationDistribution)
-
-
-def validate_max_duration(max_duration: int | None) -> None:
-    """Raise InvalidInput unless max_duration is None or a number of steps."""
-    if max_duration is not None:
-        require_count(max_duration, "max_duration", MAX_DURATION, 1)
 
 
 def _select_final_states(statistics: Statistics, before: SemiMarkovChain | None) -> Bool[Array, " K"]:

@@ -7,7 +7,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
-from pilotfish.models.semi_markov import validate_max_duration
+from pilotfish.models.duration_model import validate_max_duration
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type

@@ -27,7 +27,6 @@ from pilotfish.models import (
     AdaptedSkill,
     align_quaternion_signs,
 )
-from pilotfish.models.dynamics import pad_unobserved, validate_observations
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.costs import default_covariance_regularisation
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
@@ -121,19 +120,20 @@ def plan_states(
         start = require_start(start, adapted)
         aligned = align_quaternion_signs(start, adapted)
         log_start = aligned.log_state_likelihoods(start[None])
-    dynamics, log_observed = aligned.dynamics, pad_unobserved(log_start, horizon)
-    validate_observations(log_start, horizon)
+    dynamics = aligned.dynamics
     if stepwise:
         states = dynamics.most_probable_states(log_start, horizon)
     else:
-        states = dynamics.plan_states(log_observed, complete=complete)
+        states = dynamics.plan_states(log_start, horizon, complete=complete)
     if not len(via_points):
         return aligned, states
+    log_observed = np.zeros((horizon, aligned.states))
+    log_observed[: len(log_start)] = log_start
     for observation in observe_via_points(via_points, aligned.layout, aligned.means[states], aligned.period):
         log_observed[observation.step] += _observation_log_likelihoods(aligned, observation)
     if stepwise:
         return aligned, dynamics.smoothed_state_probs(log_observed).argmax(axis=1)
-    return aligned, dynamics.plan_states(log_observed, complete=complete)
+    return aligned, dynamics.plan_states(log_observed, horizon, complete=complete)
 
 
 def reference_from_states(

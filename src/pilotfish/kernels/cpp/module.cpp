@@ -117,8 +117,7 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
   Demonstrations data = demonstrations(x, lengths);
   expect(log_final, "log_final", {size_t(sizes.K)});
   for (size_t k = 0; k < log_final.shape(0); ++k)
-    if (!(log_final(k) < std::numeric_limits<double>::infinity()))
-      throw nb::value_error("log_final has a value that is not below infinity");
+    if (!(log_final(k) < INFINITY)) throw nb::value_error("log_final has a value that is not below infinity");
   data.log_final = log_final.data();
   expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
