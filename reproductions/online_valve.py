@@ -38,7 +38,7 @@ from typing import TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from protocol import STATES, reproduce_published
+from protocol import PUBLISHED, STATES, reproduce_published
 
 import pilotfish as pf
 from pilotfish import plots

@@ -115,17 +115,17 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
             In<int64_t, 1> orientation_starts, int threads, In<double, 1> log_final) {
   const Sizes sizes = read_sizes(x, means, precision_cholesky, orientation_starts);
   Demonstrations data = demonstrations(x, lengths);
+  expect_threads(threads);
   expect(log_final, "log_final", {size_t(sizes.K)});
-  for (size_t k = 0; k < log_final.shape(0); ++k)
+  for (int k = 0; k < sizes.K; ++k)
     if (!(log_final(k) < INFINITY)) throw nb::value_error("log_final has a value that is not below infinity");
   data.log_final = log_final.data();
-  expect_threads(threads);
   const size_t M = data.M, P = sizes.P, K = sizes.K, E = sizes.E();
   expect(transitions, "transitions", {K, K});
   expect_chain(K, log_initial, log_transitions);
   Out log_likelihoods = empty<Out>({M}), counts = empty<Out>({K}), initial_counts = empty<Out>({K});
-  Out transition_counts = empty<Out>({K, K}), offsets = empty<Out>({P, K, E}),
-      scatter_matrices = empty<Out>({P, K, E, E});
+  Out transition_counts = empty<Out>({K, K});
+  Out offsets = empty<Out>({P, K, E}), scatter_matrices = empty<Out>({P, K, E, E});
   const Sums sums{log_likelihoods.data(),
                   counts.data(),
                   initial_counts.data(),
@@ -139,8 +139,7 @@ auto e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial, 
     const Chain chain(int(K), log_initial.data(), transitions.data(), log_transitions.data());
     pilotfish::e_step(sizes, data, chain, {means.data(), precision_cholesky.data()}, threads, sums);
   }
-  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, offsets,
-                         scatter_matrices);
+  return std::make_tuple(log_likelihoods, counts, initial_counts, transition_counts, offsets, scatter_matrices);
 }
 
 auto semi_markov_e_step(In<double, 3> x, In<int64_t, 1> lengths, In<double, 1> log_initial,
