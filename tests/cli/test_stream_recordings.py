@@ -31,6 +31,7 @@ SOSC = [
     "2",
     "--transition",
     "0.01",
+    "--no-scale",
 ]
 PENALTIES = online.SOSC(0.3, 0.02, 0.01, 2.0, 0.01)
 
@@ -135,6 +136,30 @@ def test_from_batch_estimates_penalties(
     for demo in demonstrations[3:]:
         model, _ = online.observe_demonstration(model, demo)
     assert models_equal(tmp_path / "a.stream", model)
+
+
+def test_stream_of_demonstrations_without_options_starts_from_batch(
+    run_command_line: RunCommand,
+    folder: Path,
+    tmp_path: Path,
+    reach_demonstrations: tuple[Demonstration, ...],
+):
+    """The first four are the initial model; with --from-batch 0 they give scales and penalties only."""
+    assert run_command_line("stream", folder, "--out", "a.stream").exit_code == 0
+    demonstrations = [add_derivatives(demo) for demo in reach_demonstrations]
+    skill = pf.learn(demonstrations[:4], states=7, rng=np.random.default_rng(0)).skill
+    settings = online.estimate_penalties(skill, demonstrations[:4])
+    model = online.from_batch_fit(skill, demonstrations[:4], settings)
+    assert models_equal(tmp_path / "a.stream", online.observe_demonstration(model, demonstrations[4])[0])
+
+    assert run_command_line("stream", folder, "--from-batch", "0", "--out", "b.stream").exit_code == 0
+    settings = online.estimate_settings(demonstrations[:4], states=7, rng=np.random.default_rng(0))
+    first = demonstrations[0]
+    names = tuple(frame.name for frame in first.frames)
+    model = online.online_model(settings, first.layout, first.period, names)
+    for demo in demonstrations:
+        model, _ = online.observe_demonstration(model, demo)
+    assert models_equal(tmp_path / "b.stream", model)
 
 
 def test_from_batch_larger_than_folder_is_rejected(

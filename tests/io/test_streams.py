@@ -36,11 +36,15 @@ COUNTERS = {"current_cluster", "steps_in_cluster", "next_cluster_id", "datapoint
 COUNTERS |= {"previous_cluster", "previous_steps"}
 Header = dict[str, Any]
 Arrays = dict[str, np.ndarray]
+SCALES = (0.5, 0.25, 3.0)
 LEARNER_TYPES: dict[str, Callable[[online.Maintenance], online.OnlineSettings]] = {
     "dp-gmm": lambda maintenance: online.DPGMM(0.6, 0.01, maintenance),
     "dp-mppca": lambda maintenance: online.DPMPPCA(0.6, 0.02, 0.01, 2.0, maintenance),
     "hdp-hsmm": lambda maintenance: online.HDPHSMM(0.6, 0.01, 0.01, 0.02, maintenance),
     "sosc": lambda maintenance: online.SOSC(0.6, 0.02, 0.01, 2.0, 0.01, 0.02, maintenance),
+    "scaled sosc": lambda maintenance: online.SOSC(
+        2.4, 0.08, 0.04, 8.0, 0.04, 0.08, maintenance, scales=SCALES
+    ),
 }
 KINDS = [(learner, maintenance) for learner in LEARNER_TYPES for maintenance in MAINTENANCES]
 LAYOUT = Layout((Part("place", Quantity.POSITION, 2, "m"), Part("grip ∆", Quantity.SCALAR, 1, "1")))
@@ -150,7 +154,8 @@ def test_encode_stream_hash_and_fields_equal_documentation():
         header, arrays = split_container(encode_stream(trained_model(learner, maintenance)))
         assert header["content"] == documented_hash(header, arrays)
         assert header["format"] == "pilotfish-stream"
-        assert header["settings"]["kind"] == learner
+        assert header["settings"]["kind"] == learner.removeprefix("scaled ")
+        assert header["settings"]["scales"] == (list(SCALES) if learner.startswith("scaled") else None)
         assert header["settings"]["maintenance"]["batch"] == MAINTENANCES[maintenance].batch
         assert set(header["counters"]) == COUNTERS
         assert set(arrays) == ARRAYS
@@ -203,11 +208,12 @@ def test_save_stream_invalid_model_is_refused(tmp_path: Path):
     assert not list(tmp_path.iterdir())
 
 
-def test_decode_stream_older_version_is_refused():
+@pytest.mark.parametrize("version", [1, 2])
+def test_decode_stream_older_version_is_refused(version: int):
     """The message says to learn again."""
     header, arrays = split_container(encode_stream(trained_model("sosc", "count")))
-    with pytest.raises(UnreadableFile, match=r"older version \(format 1\); run `pilotfish stream`"):
-        decode_stream(with_hash({**header, "version": 1}, arrays))
+    with pytest.raises(UnreadableFile, match=rf"older version \(format {version}\); run `pilotfish stream`"):
+        decode_stream(with_hash({**header, "version": version}, arrays))
 
 
 def test_load_any_skill_and_stream_are_distinguished(tmp_path: Path):

@@ -19,7 +19,7 @@ from pilotfish.io.stream_file import encode_stream
 from pilotfish.models import online
 
 TIMEOUT = 60.0  # s, for a process on a busy machine
-OPTIONS = ["--learner", "dp-gmm", "--cluster", "0.5", "--noise", "0.01", "--out", "now.stream"]
+OPTIONS = ["--learner", "dp-gmm", "--cluster", "0.5", "--noise", "0.01", "--no-scale", "--out", "now.stream"]
 LAYOUT = Layout((Part("column", Quantity.SCALAR, 3, "1"),))
 StartCommand = Callable[..., subprocess.Popen[bytes]]
 

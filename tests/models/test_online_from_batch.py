@@ -23,19 +23,21 @@ def skill(demonstrations):
     return pf.learn(demonstrations, states=5, rng=np.random.default_rng(0)).skill
 
 
-def test_from_batch_fit_means_and_covariances_equal_skill(demonstrations, skill):
-    """With every direction stored, covariances are those of the skill."""
+@pytest.mark.parametrize("scales", [True, False], ids=["scaled", "unscaled"])
+def test_from_batch_fit_means_and_covariances_equal_skill(demonstrations, skill, scales):
+    """With every direction stored, covariances are those of the skill in scaled columns."""
     settings = online.estimate_penalties(
-        skill, demonstrations, maintenance=Maintenance(extra_directions=skill.width)
+        skill, demonstrations, maintenance=Maintenance(extra_directions=skill.width), scales=scales
     )
     model = online.from_batch_fit(skill, demonstrations, settings)
-    np.testing.assert_array_equal(model.means.transpose(1, 0, 2), skill.means)
+    np.testing.assert_allclose(model.means.transpose(1, 0, 2), skill.means, rtol=1e-15)
+    scale = np.ones(skill.width) if model.scales is None else model.scales
     stored = np.einsum("kpdc,kpc,kpec->pkde", model.state.bases, model.state.variances, model.state.bases)
     for p, covariances in enumerate(skill.covariances):
-        np.testing.assert_allclose(stored[p], covariances.dense, atol=1e-12)
+        np.testing.assert_allclose(stored[p] * np.outer(scale, scale), covariances.dense, atol=1e-12)
     ranks = model.state.ranks[..., None]
     for k in range(skill.states):  # mean squared distances to the first k directions, by their definition
-        U, S = model.state.bases[k, 0], skill.covariances[0].dense[k]
+        U, S = model.state.bases[k, 0], skill.covariances[0].dense[k] / np.outer(scale, scale)
         for d in range(int(ranks[k, 0, 0]) + 1):
             outside = np.eye(skill.width) - U[:, :d] @ U[:, :d].T
             np.testing.assert_allclose(
@@ -101,18 +103,20 @@ def test_estimate_penalties_larger_share_gives_more_dimensions(demonstrations, s
 def test_estimate_penalties_directions_above_lambda_1_explain_share(
     demonstrations, skill, explained_variance
 ):
-    """Enumerated over all eigenvalues, weighted by the datapoints of each state."""
-    settings = online.estimate_penalties(skill, demonstrations, explained_variance=explained_variance)
+    """Enumerated over the eigenvalues of each state's datapoints; no row of these recordings is wild."""
+    settings = online.estimate_penalties(
+        skill, demonstrations, explained_variance=explained_variance, scales=False
+    )
     states = np.concatenate([viterbi(skill, d) for d in demonstrations])
-    shares = np.bincount(states, minlength=skill.states) / len(states)
+    x = pf.demonstrations.views(demonstrations).x
     above = total = rest = weight = 0.0
-    for covariances in skill.covariances:
-        for k, covariance in enumerate(covariances.dense):
-            for value in np.linalg.eigvalsh(covariance):
-                total += shares[k] * value
-                above += shares[k] * value * (value > settings.dimension)
-                rest += shares[k] * value * (value <= settings.dimension)
-                weight += shares[k] * (value <= settings.dimension)
+    for view in x:
+        for k, count in enumerate(np.bincount(states, minlength=skill.states).tolist()):
+            for value in np.linalg.eigvalsh(np.cov(view[states == k].T, bias=True)):
+                total += count * value
+                above += count * value * (value > settings.dimension)
+                rest += count * value * (value <= settings.dimension)
+                weight += count * (value <= settings.dimension)
     assert explained_variance <= above / total < explained_variance + 0.2
     np.testing.assert_allclose(settings.noise, rest / weight, rtol=1e-9)
 
@@ -120,7 +124,7 @@ def test_estimate_penalties_directions_above_lambda_1_explain_share(
 def test_estimate_penalties_merge_distance_separates_states(demonstrations, skill):
     """No two states are closer than the merge distance, unless it is given."""
     settings = online.estimate_penalties(skill, demonstrations)
-    means = skill.means.transpose(1, 0, 2).reshape(skill.states, -1)
+    means = (skill.means / np.array(settings.scales)).transpose(1, 0, 2).reshape(skill.states, -1)
     distances = [np.linalg.norm(a - b) for n, a in enumerate(means) for b in means[:n]]
     np.testing.assert_allclose(settings.maintenance.merge_distance, 0.5 * min(distances))
     named = online.estimate_penalties(

@@ -31,7 +31,7 @@ Header = dict[str, Any]
 
 SKILL_FORMAT = "pilotfish-skill"
 STREAM_FORMAT = "pilotfish-stream"
-VERSIONS = {SKILL_FORMAT: 3, STREAM_FORMAT: 2}  # that are written and read
+VERSIONS = {SKILL_FORMAT: 3, STREAM_FORMAT: 3}  # that are written and read
 RENEWALS = {  # how to replace a file of an older version
     SKILL_FORMAT: "learn the skill again",
     STREAM_FORMAT: "run `pilotfish stream` on the data again",

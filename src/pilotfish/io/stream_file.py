@@ -147,7 +147,7 @@ def _decode_state(arrays: Arrays, counters: dict[str, int], P: int, D: int) -> S
 
 
 def _encode_settings(settings: online.OnlineSettings) -> dict[str, Any]:
-    """Return the name of the learner, its penalties by name, and the maintenance."""
+    """Return the name of the learner, its penalties by name, the maintenance and the scales."""
     maintenance = settings.maintenance
     encoded: dict[str, Any] = {"forget_below": float(maintenance.forget_below)}
     for name in OPTIONAL_FIELDS:
@@ -156,7 +156,8 @@ def _encode_settings(settings: online.OnlineSettings) -> dict[str, Any]:
     for name in INTEGER_FIELDS:
         encoded[name] = _require_integer(getattr(maintenance, name), f"maintenance.{name}")
     penalties = {name: float(getattr(settings, name)) for name in _penalty_names(type(settings))}
-    return {"kind": settings.name, **penalties, "maintenance": encoded}
+    scales = None if settings.scales is None else list(settings.scales)
+    return {"kind": settings.name, **penalties, "maintenance": encoded, "scales": scales}
 
 
 def _decode_settings(values: Any) -> online.OnlineSettings:
@@ -171,9 +172,20 @@ def _decode_settings(values: Any) -> online.OnlineSettings:
         name: decode_json_value(pop_field(values, name, "settings"), float, f"settings.{name}")
         for name in _penalty_names(learner)
     }
+    scales = _decode_scales(pop_field(values, "scales", "settings"))
     reject_unknown_fields(values, "settings")
-    settings: online.OnlineSettings = learner(**penalties, maintenance=_decode_maintenance(maintenance))
+    settings: online.OnlineSettings = learner(
+        **penalties, maintenance=_decode_maintenance(maintenance), scales=scales
+    )
     return settings
+
+
+def _decode_scales(values: Any) -> tuple[float, ...] | None:
+    if values is None:
+        return None
+    if not isinstance(values, list):
+        raise InvalidInput(f"settings.scales is {short_repr(values)}, expected a list of numbers, or null")
+    return tuple(decode_json_value(value, float, f"settings.scales[{n}]") for n, value in enumerate(values))
 
 
 def _decode_maintenance(values: Any) -> online.Maintenance:
@@ -189,7 +201,7 @@ def _decode_maintenance(values: Any) -> online.Maintenance:
 
 
 def _penalty_names(learner: type[Any]) -> list[str]:
-    return [field.name for field in fields(learner) if field.name != "maintenance"]
+    return online.penalty_names(learner)
 
 
 def _require_integer(value: Any, place: str) -> int:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.cli.stream.lines import RejectedLine, Rows, StreamEvent
+from pilotfish.cli.stream.lines import ColumnHeader, RejectedLine, Rows, StreamEvent
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 
@@ -49,6 +49,53 @@ def stop_at_rejection(events: Iterable[StreamEvent]) -> Iterator[StreamEvent]:
         yield event
         if isinstance(event, RejectedLine):
             return
+
+
+def attach_first_rows(events: Iterable[StreamEvent], count: int) -> Iterator[StreamEvent]:
+    """Hold rows back until there are `count` or a demonstration ends, and attach them to the column header.
+
+    The held events then follow in order. Rejected lines and idle events are not held. If the stream fails or
+    ends earlier, the rows that arrived are attached.
+
+    Args:
+        events: Events of the stream.
+        count: Number of rows.
+    """
+    held: list[StreamEvent] = []  # from the header on, while rows are missing
+    is_attached = False
+    try:
+        for event in events:
+            is_header = isinstance(event, ColumnHeader)
+            if is_attached or not (held or is_header) or _is_passed(event):
+                yield event
+                continue
+            held.append(event)
+            is_attached = _has_first_rows(held, count)
+            if is_attached:
+                yield from _with_first_rows(held, count)
+    except InvalidInput:
+        if not is_attached:
+            yield from _with_first_rows(held, count)
+        raise
+    if not is_attached:
+        yield from _with_first_rows(held, count)
+
+
+def _is_passed(event: StreamEvent) -> bool:
+    return isinstance(event, RejectedLine) or (isinstance(event, str) and event == "idle")
+
+
+def _has_first_rows(held: list[StreamEvent], count: int) -> bool:
+    """Return whether there are enough rows, or the first demonstration has ended."""
+    rows = sum(len(event) for event in held if isinstance(event, np.ndarray))
+    return rows >= count or (rows > 0 and not isinstance(held[-1], np.ndarray))
+
+
+def _with_first_rows(held: list[StreamEvent], count: int) -> Iterator[StreamEvent]:
+    rows = [event for event in held if isinstance(event, np.ndarray)]
+    for event in held:
+        is_header = isinstance(event, ColumnHeader)
+        yield replace(event, first_rows=np.concatenate(rows)[:count]) if is_header and rows else event
 
 
 def regroup_batches(events: Iterable[StreamEvent], batch: int) -> Iterator[StreamEvent]:

@@ -1,7 +1,8 @@
-"""Options of `pilotfish stream` that describe the online learner: penalties and maintenance."""
+"""Options of `pilotfish stream` that describe the online learner: penalties, scales and maintenance."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from math import isfinite
 from typing import Any
 
 import click
@@ -12,7 +13,7 @@ from pilotfish.models import MAX_STATES, online
 Command = Callable[..., Any]
 Options = Mapping[str, Any]  # values of options by name; None if an option was not given
 
-# Meaning of each penalty, in squared units of the columns unless it says otherwise.
+# Meaning of each penalty, in squared scales of the columns unless it says otherwise.
 PENALTIES = {
     "cluster": "squared distance from which a datapoint starts a new cluster (lambda)",
     "dimension": "variance that an additional subspace direction must explain (lambda_1)",
@@ -24,11 +25,43 @@ PENALTIES = {
 DEFAULT_ZERO = {"sosc": ("transition", "new_transition")}  # penalties that need not be given
 ZERO_ALLOWED = ("transition", "new_transition")
 MAINTENANCE = tuple(field.name for field in fields(online.Maintenance))
-NAMES = ("learner", *PENALTIES, *MAINTENANCE)
+SCALES = ("scale", "scales")
+NAMES = ("learner", *PENALTIES, *SCALES, *MAINTENANCE)
 
 
 LEARNER_OPTION = click.option(
     "--learner", type=click.Choice(tuple(online.LEARNERS)), help="Online learner.  [default: sosc]"
+)
+
+
+def parse_scales(_: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Return numbers that are separated by commas, or raise click.BadParameter."""
+    if value is None:
+        return None
+    try:
+        scales = tuple(map(float, value.split(",")))
+    except ValueError:
+        scales = ()
+    if not scales or not all(isfinite(scale) and scale > 0.0 for scale in scales):
+        raise click.BadParameter(
+            f"{value!r} is not a list of positive numbers, such as 0.1,0.1,1.", param=parameter
+        )
+    return scales
+
+
+SCALE_OPTIONS = (
+    click.option(
+        "--scale/--no-scale",
+        default=None,
+        help="Divide columns by scales that are estimated from the first rows or demonstrations. Penalties are "
+        "in squared scales; with --no-scale, in squared units of the columns.  [default: scale]",
+    ),
+    click.option(
+        "--scales",
+        metavar="NUMBERS",
+        callback=parse_scales,
+        help="Scale of each column, separated by commas, in place of estimated scales.",
+    ),
 )
 MAINTENANCE_OPTIONS = (
     click.option(
@@ -77,7 +110,7 @@ MAINTENANCE_OPTIONS = (
 def learner_options(command: Command) -> Command:
     """Add the options named in NAMES to a command; a default of None means not given."""
     penalties = (_penalty_option(name, meaning) for name, meaning in PENALTIES.items())
-    for option in reversed((LEARNER_OPTION, *penalties, *MAINTENANCE_OPTIONS)):
+    for option in reversed((LEARNER_OPTION, *penalties, *SCALE_OPTIONS, *MAINTENANCE_OPTIONS)):
         command = option(command)
     return command
 
@@ -101,36 +134,64 @@ def given_options(options: Options, names: tuple[str, ...] = NAMES) -> list[str]
     return [option_name(name) for name in names if options[name] is not None]
 
 
-def build_settings(options: Options, estimate: online.SOSC | None = None) -> online.OnlineSettings:
-    """Build the settings of the online learner.
+def missing_penalties(options: Options) -> list[str]:
+    """Return the penalties that the learner needs and that were not given.
 
     Args:
         options: Values of the options in NAMES.
-        estimate: Settings that supply the penalties that were not given.
-
-    Returns:
-        Settings of the learner.
 
     Raises:
-        click.UsageError: If a penalty is missing, or the learner does not have a penalty that was given.
+        click.UsageError: If the learner does not have a penalty that was given.
     """
     learner = options["learner"] or "sosc"
-    names = [field.name for field in fields(online.LEARNERS[learner]) if field.name != "maintenance"]
-    given = {name: options[name] for name in PENALTIES if options[name] is not None}
+    names = online.penalty_names(online.LEARNERS[learner])
+    given = [name for name in PENALTIES if options[name] is not None]
     if unsupported := [name for name in given if name not in names]:
         raise click.UsageError(
             f"{option_name(unsupported[0])} is not an option of --learner {learner}, which has "
             f"{', '.join(map(option_name, names))}"
         )
-    penalties = {name: getattr(estimate, name) for name in names} | given if estimate else given
-    if missing := [p for p in names if p not in penalties and p not in DEFAULT_ZERO.get(learner, ())]:
-        meanings = "; ".join(f"{option_name(name)} is the {PENALTIES[name]}" for name in missing)
-        raise click.UsageError(
-            f"{learner} needs {', '.join(map(option_name, missing))}: {meanings}; in squared units of the "
-            "columns. For demonstrations, --from-batch N estimates them"
+    return [p for p in names if p not in given and p not in DEFAULT_ZERO.get(learner, ())]
+
+
+def given_scales(options: Options) -> tuple[float, ...] | bool:
+    """Return the scales of --scales, False for --no-scale, or True where they are estimated.
+
+    Args:
+        options: Values of the options in NAMES.
+
+    Raises:
+        click.UsageError: If scales are given together with --no-scale.
+    """
+    if options["scales"] and options["scale"] is False:
+        raise click.UsageError("--scales and --no-scale exclude each other; omit one")
+    return options["scales"] or options["scale"] is not False
+
+
+def build_settings(
+    options: Options, estimate: online.SOSC | None = None, scales: tuple[float, ...] | None = None
+) -> online.OnlineSettings:
+    """Build the settings of the online learner.
+
+    Args:
+        options: Values of the options in NAMES.
+        estimate: Settings that supply the penalties that were not given, the scales and the maintenance; None
+            if all penalties were given.
+        scales: Scale of each column, without an estimate.
+
+    Returns:
+        Settings of the learner.
+    """
+    learner = online.LEARNERS[options["learner"] or "sosc"]
+    names = online.penalty_names(learner)
+    given = {name: options[name] for name in names if options[name] is not None}
+    if estimate is None:
+        settings: online.OnlineSettings = learner(
+            **given, maintenance=build_maintenance(options), scales=scales
         )
-    maintenance = estimate.maintenance if estimate else build_maintenance(options)
-    settings: online.OnlineSettings = online.LEARNERS[learner](**penalties, maintenance=maintenance)
+        return settings
+    penalties = {name: getattr(estimate, name) for name in names} | given
+    settings = learner(**penalties, maintenance=estimate.maintenance, scales=estimate.scales)
     return settings
 
 

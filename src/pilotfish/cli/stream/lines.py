@@ -39,10 +39,12 @@ class ColumnHeader:
     Attributes:
         width: Number of columns.
         names: Names of the columns from the first line; empty if it has none.
+        first_rows: First rows of the stream if the model is created from them; they follow the header, too.
     """
 
     width: int
     names: tuple[str, ...] = ()
+    first_rows: Float[Array, "N D"] | None = None
 
 
 @dataclass(frozen=True, slots=True)

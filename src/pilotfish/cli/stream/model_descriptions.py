@@ -1,6 +1,6 @@
 """Descriptions of online models: clusters, settings, and counts of a stream."""
 
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from pilotfish.cli.output.skill_descriptions import (
     durations_in_seconds,
     format_columns,
 )
+from pilotfish.demonstrations import Layout
 from pilotfish.models import Skill, online
 
 MAX_NUMBERS = 16  # numbers of a list that are printed
@@ -26,10 +27,9 @@ def online_model_to_json(model: online.OnlineModel, skill: Skill) -> dict[str, A
     settings = model.settings
     return {
         "learner": settings.name,
-        "penalties": {
-            f.name: float(getattr(settings, f.name)) for f in fields(settings) if f.name != "maintenance"
-        },
+        "penalties": {name: float(getattr(settings, name)) for name in online.penalty_names(settings)},
         "maintenance": asdict(settings.maintenance),
+        "scales": None if settings.scales is None else list(settings.scales),
         "datapoints": model.datapoints,
         "demonstrations": model.demonstrations,
         "frames": list(model.frame_names),
@@ -46,8 +46,40 @@ def online_model_rows(model: online.OnlineModel) -> list[tuple[str, str]]:
         ("dimensions", shorten_list(model.dimensions.max(axis=1).tolist())),
         ("datapoints", f"{model.datapoints}, in clusters {shorten_list(_datapoints_per_cluster(model))}"),
         ("columns", f"{format_columns(model.layout)}, every {model.period:g} s"),
+        ("scales", format_scales(model.settings, model.layout)),
         ("learner", model.settings.label),
     ]
+
+
+def format_settings(settings: online.OnlineSettings, layout: Layout) -> str:
+    """Return scales and learner in one line.
+
+    Args:
+        settings: Settings of the learner.
+        layout: Columns.
+    """
+    return f"scales {format_scales(settings, layout)}; learner {settings.label}"
+
+
+def format_scales(settings: online.OnlineSettings, layout: Layout) -> str:
+    """Return the scale of each part of a layout with its unit; of different scales the smallest and largest.
+
+    Args:
+        settings: Settings of the learner.
+        layout: Columns.
+    """
+    if settings.scales is None:
+        return "none: columns as they are"
+    texts = []
+    for part, columns in zip(layout.parts, layout.slices, strict=True):
+        scales = settings.scales[columns]
+        least, most = f"{min(scales):.3g}", f"{max(scales):.3g}"
+        name = f"{part.name}{chr(39) * part.derivative}"
+        texts.append(
+            f"{name} {least if least == most else f'{least} to {most}'} {part.unit}".removesuffix(" 1")
+        )
+    rest = f", ... {len(texts)} in total" if len(texts) > MAX_NUMBERS else ""
+    return ", ".join(texts[:MAX_NUMBERS]) + rest
 
 
 def shorten_list(numbers: list[int]) -> str:

@@ -2,12 +2,18 @@
 
 Pipeline. Each stage is a generator; a later stage requests the next event from the earlier one:
 
-    read_chunks -> split_lines -> parse_lines -> take_rows -> stop_at_rejection -> regroup_batches -> run
+    read_chunks -> split_lines -> parse_lines -> take_rows -> stop_at_rejection -> attach_first_rows
+        -> regroup_batches -> run
 
 Demonstrations of a folder or data set enter at take_rows. Nothing runs in the background: while the session
 waits for input, the process waits in `select` in `read_chunks`, for at most WAIT_INTERVAL. After that time an
 "idle" event passes through the pipeline, so that the status line, periodic saves and signals are handled
 although no data arrives.
+
+First rows. Scales and penalties that were not given are estimated from the first rows. `attach_first_rows`
+holds them back until there are enough of them, or until the first demonstration, the stream or the session
+ends. The model is then created from them and learns them as any others. What arrives later changes neither
+scales nor penalties, so the result depends on the rows only, never on arrival times.
 
 Batches. The learner assigns a mini-batch of datapoints before it updates subspaces, so batch boundaries
 change the result. `regroup_batches` holds rows back until a batch is full; boundaries depend only on the
@@ -68,7 +74,7 @@ from pilotfish.models import online
 from pilotfish.validation import short_list
 
 MAX_REPORTED_LINES = 10  # rejected lines that are reported in full
-ModelFactory = Callable[[ColumnHeader], online.OnlineModel]
+ModelFactory = Callable[[ColumnHeader], online.OnlineModel | None]  # None for a stream without rows
 
 
 class StreamSession:
@@ -143,7 +149,8 @@ class StreamSession:
             case ColumnHeader():
                 if self.model is None:
                     self.model = create_model(event)
-                validate_columns(self.model, event)
+                if self.model is not None:
+                    validate_columns(self.model, event)
             case np.ndarray():  # before the text, which it cannot be compared with
                 self._observe_rows(event)
             case Demonstration():

@@ -27,7 +27,8 @@ class OnlineModel:
         period: Time between datapoints [s].
         frame_names: Name of each frame.
         parameters: The settings in the form of the kernel.
-        state: Everything that was learned, as named arrays.
+        state: Everything that was learned, as named arrays, in columns divided by their scales.
+        scales: Scale of each column, as in `settings`; None where columns are used as they are.
     """
 
     settings: OnlineSettings
@@ -36,6 +37,7 @@ class OnlineModel:
     frame_names: tuple[str, ...]
     parameters: kernels.StreamParameters
     state: kernels.StreamState
+    scales: Float[Array, " D"] | None = None
 
     @property
     def clusters(self) -> int:
@@ -69,8 +71,8 @@ class OnlineModel:
 
     @property
     def means(self) -> Float[Array, "K P D"]:
-        """Mean of each cluster in each frame."""
-        return self.state.means
+        """Mean of each cluster in each frame, in the units of the columns."""
+        return self.state.means if self.scales is None else np.asarray(self.state.means * self.scales)
 
     @property
     def dimensions(self) -> Int[Array, "K P"]:
@@ -94,7 +96,7 @@ def online_model(
     """Create a model before its first datapoint.
 
     Args:
-        settings: Learner and penalties, for example `SOSC(...)`.
+        settings: Learner, penalties and scales, for example `SOSC(...)` or those of `estimate_settings`.
         layout: Columns of a datapoint. Quaternions are four numbers; orientations on S^3 are not supported.
         period: Time between datapoints [s].
         frame_names: Name of each frame, all different.
@@ -119,9 +121,14 @@ def online_model(
         raise InvalidInput(
             f"frame_names is {short_list(names)}, expected at least one name and no duplicates"
         )
+    if settings.scales is not None and len(settings.scales) != layout.width:
+        raise InvalidInput(
+            f"settings have {len(settings.scales)} scales, expected {layout.width}, one for each column"
+        )
     state = kernels.StreamState.empty(len(names), layout.width)
     parameters = kernel_parameters(settings, layout.width)
-    return OnlineModel(settings, layout, float(period), names, parameters, state)
+    scales = None if settings.scales is None else np.array(settings.scales)
+    return OnlineModel(settings, layout, float(period), names, parameters, state, scales)
 
 
 def begin_demonstration(model: OnlineModel) -> OnlineModel:

@@ -6,6 +6,9 @@ on the number of clusters (DP-means, Kulis & Jordan 2012). With subspaces, trans
 scalable online sequence clustering (SOSC, Tanwani 2018, chapter 5). Every datapoint is used once; none is
 stored.
 
+Scales. Where the settings have scales, x below is a datapoint divided by them, column by column, in each
+frame. `to_skill` and `OnlineModel.means` convert back.
+
 Assignment. Cluster k has mean mu and directions U (the first d of its basis) in each of P frames. Let
 e = x - mu and rho = exp(-|e|^2 / b_m). Let i be the cluster of the last datapoint, n_ik the transition
 counts, and n_i their sum over k:
@@ -65,10 +68,11 @@ def observe(model: OnlineModel, x: Float[Array, "..."]) -> tuple[OnlineModel, in
     point, state = _as_float_array(x), model.state
     if point.shape != (state.frames, state.width):
         point = _add_frame_axis(point, model)
+    scaled = point if model.scales is None else point / model.scales
     try:
-        after, cluster_id, cost, loss_change = kernels.observe_one(point, state, model.parameters)
+        after, cluster_id, cost, loss_change = kernels.observe_one(scaled, state, model.parameters)
     except InvalidInput as error:
-        raise _datapoint_error(point[None], model) from error
+        raise _datapoint_error(point[None], scaled[None], model) from error
     return _replace_state(model, after), cluster_id, cost, loss_change
 
 
@@ -96,10 +100,11 @@ def observe_stream(model: OnlineModel, x: Float[Array, "N *rest"]) -> tuple[Onli
             f"the datapoints have shape {points.shape}, expected (N, ...), each {_expected_shape(model)}"
         )
     points = points.reshape(len(points), P, D)
+    scaled = points if model.scales is None else points / model.scales
     try:
-        state, assignments = kernels.observe(points, model.state, model.parameters)
+        state, assignments = kernels.observe(scaled, model.state, model.parameters)
     except InvalidInput as error:
-        raise _datapoint_error(points, model) from error
+        raise _datapoint_error(points, scaled, model) from error
     return _replace_state(model, state), assignments
 
 
@@ -141,7 +146,9 @@ def observe_demonstration(
 
 def _replace_state(model: OnlineModel, state: kernels.StreamState) -> OnlineModel:
     # dataclasses.replace takes half the time of a step
-    return OnlineModel(model.settings, model.layout, model.period, model.frame_names, model.parameters, state)
+    return OnlineModel(
+        model.settings, model.layout, model.period, model.frame_names, model.parameters, state, model.scales
+    )
 
 
 def _add_frame_axis(x: Float[Array, "..."], model: OnlineModel) -> Float[Array, "1 D"]:
@@ -162,11 +169,14 @@ def _expected_shape(model: OnlineModel) -> str:
     return f"({D},): {columns}" if P == 1 else f"({P}, {D}): {columns}, one row per frame"
 
 
-def _datapoint_error(points: Float[Array, "N P D"], model: OnlineModel) -> InvalidInput:
-    n, p, d = np.argwhere(~(np.abs(points) <= kernels.MAX_VALUE))[0].tolist()
+def _datapoint_error(
+    points: Float[Array, "N P D"], scaled: Float[Array, "N P D"], model: OnlineModel
+) -> InvalidInput:
+    n, p, d = np.argwhere(~(np.abs(scaled) <= kernels.MAX_VALUE))[0].tolist()
+    scale = "" if model.scales is None else f" times its scale {model.scales[d]:g}"
     return InvalidInput(
         f"datapoint {n} (first is 0), column {model.layout.names[d]!r} in frame {model.frame_names[p]!r}, is "
-        f"{points[n, p, d]}, expected a number of at most {kernels.MAX_VALUE:g}; leave it out: the model has "
+        f"{points[n, p, d]}, expected a number of at most {kernels.MAX_VALUE:g}{scale}; leave it out: the model has "
         "not changed"
     )
 

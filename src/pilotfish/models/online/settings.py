@@ -3,16 +3,23 @@
 Each learner is a special case of the next: DP-GMM (spheres), DP-MPPCA (subspaces), HDP-HSMM (spheres with
 transitions and durations), SOSC (subspaces with transitions and durations). To add a learner, add a class and
 its line in `LEARNERS`: the command line and the stream file derive their names from that table.
+
+Scales. Columns of a stream have different units, but a learner adds their squared distances and has one noise
+variance. Settings therefore hold a scale for each column: the learner sees columns divided by their scales,
+and penalties are in squared scales. `estimate_penalties` and `estimate_settings` choose scales and penalties.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any, ClassVar
+
+import numpy as np
 
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
 from pilotfish.models.skill import MAX_STATES
-from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
+from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +113,8 @@ class Maintenance:
 
 
 DEFAULT_MAINTENANCE = Maintenance()
+Scales = tuple[float, ...]
+MIN_SCALE, MAX_SCALE = 1e-100, 1e100  # scaled datapoints stay finite
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +123,10 @@ class DPGMM:
 
     Attributes:
         cluster: Penalty lambda of a new cluster: a datapoint whose squared distance to every mean is at least
-            this starts one [squared units of the columns].
+            this starts one [squared scales].
         noise: Variance sigma^2 of every column in the skill.
         maintenance: Weights, number and merging of the clusters.
+        scales: Scale of each column [unit of the column]. None: columns are used as they are.
 
     Source:
         Kulis & Jordan 2012, Revisiting k-means; Tanwani 2018, equations 5.7-5.9.
@@ -129,6 +139,7 @@ class DPGMM:
     cluster: float
     noise: float
     maintenance: Maintenance = DEFAULT_MAINTENANCE
+    scales: Scales | None = None
 
     def __post_init__(self) -> None:
         _validate_settings(self)
@@ -150,6 +161,7 @@ class DPMPPCA:
         bandwidth: Squared distance b_m from the mean at which rho, the influence of the subspace, is 1 / e
             (5.13).
         maintenance: Weights, number and merging of the clusters.
+        scales: Scale of each column [unit of the column]. None: columns are used as they are.
 
     Source:
         Tanwani 2018, equations 5.12-5.25, as specification 2 corrects them.
@@ -164,6 +176,7 @@ class DPMPPCA:
     noise: float
     bandwidth: float
     maintenance: Maintenance = DEFAULT_MAINTENANCE
+    scales: Scales | None = None
 
     def __post_init__(self) -> None:
         _validate_settings(self)
@@ -184,6 +197,7 @@ class HDPHSMM:
         transition: Penalty lambda_2 of a transition, per nat of its negative log-probability.
         new_transition: Penalty lambda_3 of a transition that has not occurred before.
         maintenance: Weights, number and merging of the clusters.
+        scales: Scale of each column [unit of the column]. None: columns are used as they are.
 
     Source:
         Roychowdhury et al. 2013; Tanwani 2018, equations 5.26-5.35 with d = 0 (footnote 5).
@@ -198,6 +212,7 @@ class HDPHSMM:
     transition: float
     new_transition: float
     maintenance: Maintenance = DEFAULT_MAINTENANCE
+    scales: Scales | None = None
 
     def __post_init__(self) -> None:
         _validate_settings(self)
@@ -223,6 +238,7 @@ class SOSC:
         transition: Penalty lambda_2 of a transition, as in `HDPHSMM`.
         new_transition: Penalty lambda_3 of a transition that has not occurred before.
         maintenance: Weights, number and merging of the clusters.
+        scales: Scale of each column [unit of the column]. None: columns are used as they are.
 
     Source:
         Tanwani 2018, algorithm 5, as specification 2 corrects it.
@@ -239,6 +255,7 @@ class SOSC:
     transition: float = 0.0
     new_transition: float = 0.0
     maintenance: Maintenance = DEFAULT_MAINTENANCE
+    scales: Scales | None = None
 
     def __post_init__(self) -> None:
         _validate_settings(self)
@@ -255,9 +272,38 @@ LEARNERS: dict[str, type[OnlineSettings]] = {
 }
 
 
+def penalty_names(learner: OnlineSettings | type[OnlineSettings]) -> list[str]:
+    """Return the names of the penalties of a learner.
+
+    Args:
+        learner: Settings, or their class.
+    """
+    return [f.name for f in fields(learner) if f.name not in ("maintenance", "scales")]
+
+
 def penalties(settings: OnlineSettings) -> dict[str, float]:
     """Return the penalties of a learner by name."""
-    return {f.name: float(getattr(settings, f.name)) for f in fields(settings) if f.name != "maintenance"}
+    return {name: float(getattr(settings, name)) for name in penalty_names(settings)}
+
+
+def validated_scales(scales: Sequence[float]) -> Scales:
+    """Return scales as floats.
+
+    Args:
+        scales: Scale of each column.
+
+    Raises:
+        InvalidInput: If they are not positive numbers.
+    """
+    require_type(scales, "scales", (tuple, list, np.ndarray), "give one number per column, or None")
+    values = tuple(map(float, numeric_array(scales, "scales").ravel()))
+    for column, value in enumerate(values):
+        if not (isfinite(value) and MIN_SCALE <= value <= MAX_SCALE):
+            raise InvalidInput(
+                f"scales[{column}] is {value}, expected a number from {MIN_SCALE:g} to {MAX_SCALE:g}; "
+                "1 leaves a column as it is"
+            )
+    return values
 
 
 def kernel_parameters(settings: OnlineSettings, width: int) -> kernels.StreamParameters:
@@ -282,15 +328,15 @@ def kernel_parameters(settings: OnlineSettings, width: int) -> kernels.StreamPar
 
 
 def _validate_settings(settings: Any) -> None:
-    for f in fields(settings):
-        if f.name == "maintenance":
-            continue
-        value = getattr(settings, f.name)
-        require_type(value, f.name, (int, float), "give a number")
-        positive = f.name not in ("transition", "new_transition")
+    for name in penalty_names(settings):
+        value = getattr(settings, name)
+        require_type(value, name, (int, float), "give a number")
+        positive = name not in ("transition", "new_transition")
         if not value <= MAX_MAGNITUDE or value < 0 or (positive and value == 0):
             expected = "more than 0" if positive else "0 or more"
-            raise InvalidInput(f"{f.name} is {value}, expected {expected}, in squared units of the columns")
+            raise InvalidInput(f"{name} is {value}, expected {expected}, in squared scales of the columns")
     require_type(
         settings.maintenance, "maintenance", Maintenance, "give an instance, say Maintenance(batch=50)"
     )
+    if settings.scales is not None:
+        object.__setattr__(settings, "scales", validated_scales(settings.scales))

@@ -19,7 +19,8 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
     """Return the skill that a model represents: a mixture, or a semi-Markov skill for HDPHSMM and SOSC.
 
     Covariances are Lambda Lambda^T + sigma^2 I with Lambda = U sqrt(variances) over the first d directions
-    (5.24-5.25), in factored form. Self-transitions are excluded; a state without other transitions is final.
+    (5.24-5.25), in factored form. Means and covariances are in the units of the columns: where the model has
+    scales S, covariances are S (Lambda Lambda^T + sigma^2 I) S. Self-transitions are excluded; a state without other transitions is final.
     Durations are Gaussian, fitted to completed segments, or to right-censored segments where none is
     complete.
 
@@ -63,7 +64,10 @@ def _covariances(model: OnlineModel, p: int) -> LatentCovariances:
     variances = _resize_last_axis(model.state.variances[:, p], L)
     lengths = np.where(np.arange(L) < d[:, None], np.sqrt(variances), 0.0)
     loadings = _resize_last_axis(model.state.bases[:, p], L) * lengths[:, None, :]
-    return LatentCovariances(loadings, np.full((model.clusters, model.layout.width), model.settings.noise))
+    noise = np.full((model.clusters, model.layout.width), model.settings.noise)
+    if model.scales is None:
+        return LatentCovariances(loadings, noise)
+    return LatentCovariances(loadings * model.scales[:, None], noise * model.scales**2)
 
 
 def _resize_last_axis(values: Float[Array, "... C"], L: int) -> Float[Array, "... L"]:
