@@ -135,7 +135,7 @@ def empty_model(
     skill: pf.Skill, demonstrations: Sequence[Demonstration], explained_variance: float
 ) -> OnlineModel:
     """Create an empty model with penalties estimated from a skill."""
-    settings = estimate_penalties(skill, demonstrations, explained_variance=explained_variance)
+    settings = estimate_penalties(skill, demonstrations, explained_variance=explained_variance, scales=False)
     return online_model(settings, skill.layout, skill.period, skill.frame_names)
 
 
@@ -145,7 +145,7 @@ def begin_from_batch(
     return from_batch_fit(
         skill,
         demonstrations,
-        estimate_penalties(skill, demonstrations, explained_variance=explained_variance),
+        estimate_penalties(skill, demonstrations, explained_variance=explained_variance, scales=False),
     )
 
 

@@ -47,7 +47,6 @@ from pilotfish.models.online import (
     SOSC,
     Maintenance,
     OnlineModel,
-    estimate_penalties,
     from_batch_fit,
     observe_stream,
     to_skill,
@@ -181,8 +180,15 @@ def draw_encodings(encoded: dict[str, OnlineModel], demonstrations: Sequence[Dem
 def sosc(demonstrations: Sequence[Demonstration]) -> tuple[dict[str, object], dict[str, Figure]]:
     """Return states, transitions and durations of a stream of positions and velocities, and figures."""
     demonstrations = [add_derivatives(demo) for demo in demonstrations]
-    fit = pf.learn(demonstrations[:1], states=3, rng=np.random.default_rng(0), **PUBLISHED)
-    settings = estimate_penalties(fit.skill, demonstrations[:1])
+    settings = SOSC(
+        cluster=3207.87907118446,  # a batch fit of three states of the first demonstration: largest squared
+        dimension=393.4543361448289,  # distance to its states, 90 % explained variance, and noise
+        noise=98.88772455370975,
+        bandwidth=27581.619456898727,
+        transition=22.276937994336528,
+        new_transition=22.276937994336528,
+        maintenance=Maintenance(merge_distance=40.61251477760672),
+    )
     model = learn_stream(settings, demonstrations)
     skill = to_skill(model)
     batch = pf.learn(demonstrations, states=model.clusters, rng=np.random.default_rng(0), **PUBLISHED).skill

@@ -124,7 +124,7 @@ def learn_from_stream(
     scaled = [pf.online.scale_demonstration(d, scales, unscaled) for d in demonstrations]
     first, later = scaled[:half], scaled[half:]
     batch = pf.learn(first, states=states, rng=rng).skill
-    penalties = pf.online.estimate_penalties(batch, first, explained_variance=EXPLAINED)
+    penalties = pf.online.estimate_penalties(batch, first, explained_variance=EXPLAINED, scales=False)
     model = pf.online.from_batch_fit(batch, first, penalties)
     for demonstration in later:
         model, _ = pf.online.observe_demonstration(model, demonstration)

@@ -116,11 +116,20 @@ def test_scaled_stream_equals_stream_of_scaled_columns(rng):
     for row in x:
         one_by_one, *_ = online.observe(one_by_one, row)
     assert one_by_one.state.rows.tobytes() == model.state.rows.tobytes()
-    skill, expected = online.to_skill(model), online.to_skill(scaled)
-    np.testing.assert_allclose(skill.means, expected.means * scales)
-    np.testing.assert_allclose(
-        skill.covariances[0].dense, expected.covariances[0].dense * np.outer(scales, scales)
-    )
+    np.testing.assert_allclose(online.to_skill(model).means, online.to_skill(scaled).means * scales)
+
+
+def test_scaled_skill_covariances_equal_those_of_datapoints(rng):
+    """With all directions stored, up to one datapoint of variance sigma^2 as noise."""
+    x, _ = stop_and_go(rng)
+    settings = estimate(x[:150], maintenance=Maintenance(extra_directions=7, merge_distance=0.0))
+    model, assignments = stream(settings, x)
+    skill, scales = online.to_skill(model), np.array(settings.scales)
+    for k, cluster_id in enumerate(model.cluster_ids):
+        rows = x[assignments.cluster_ids == cluster_id]
+        noise = np.diag(settings.noise / (len(rows) + 1) * scales**2)
+        covariance = np.cov(rows.T, bias=True) + noise
+        np.testing.assert_allclose(skill.covariances[0].dense[k], covariance, rtol=1e-6, atol=1e-9)
 
 
 def test_saved_scaled_stream_continues_batch_by_batch(rng):

@@ -31,7 +31,7 @@ def test_from_batch_fit_means_and_covariances_equal_skill(demonstrations, skill,
     )
     model = online.from_batch_fit(skill, demonstrations, settings)
     np.testing.assert_allclose(model.means.transpose(1, 0, 2), skill.means, rtol=1e-15)
-    scale = np.ones(skill.width) if model.scales is None else model.scales
+    scale = np.ones(skill.width) if model.scales is None else model.scales[0]
     stored = np.einsum("kpdc,kpc,kpec->pkde", model.state.bases, model.state.variances, model.state.bases)
     for p, covariances in enumerate(skill.covariances):
         np.testing.assert_allclose(stored[p] * np.outer(scale, scale), covariances.dense, atol=1e-12)

@@ -3,7 +3,7 @@
 docs/stream-file.md specifies the format.
 """
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 

@@ -85,8 +85,8 @@ Events = Callable[[Callable[[], int]], Iterator[StreamEvent]]  # from a function
     "--from-batch",
     type=click.IntRange(min=0),
     help="Number of demonstrations from which an initial model is learned offline, and from which scales and "
-    "penalties that are not given are estimated; the other demonstrations are streamed. 0 starts from nothing."
-    f"  [default: {FROM_BATCH}; 0 if all penalties are given]",
+    "penalties that are not given are estimated; the others are streamed. 0 starts from nothing.  "
+    f"[default: {FROM_BATCH}; 0 if all penalties are given]",
 )
 @click.option(
     "--first-rows",
@@ -97,8 +97,8 @@ Events = Callable[[Callable[[], int]], Iterator[StreamEvent]]  # from a function
 @click.option(
     "--states",
     type=click.IntRange(1, MAX_STATES),
-    help="Number of states of the initial model of --from-batch, or of the first rows from which penalties are "
-    f"estimated.  [default: {STATES}]",
+    help="Number of states of the initial model of --from-batch, or of the first rows from which penalties "
+    f"are estimated.  [default: {STATES}]",
 )
 @click.option(
     "--seed",
@@ -154,7 +154,8 @@ def _open_rows(
     width = len(resumed.frame_names) * resumed.layout.width if resumed else None
     missing, scales = missing_penalties(options), given_scales(options)
     if resumed or not (missing or scales is True):
-        settings = resumed.settings if resumed else build_settings(options, scales=scales or None)
+        given = scales if isinstance(scales, tuple) else None
+        settings = resumed.settings if resumed else build_settings(options, scales=given)
 
         def create_model(columns: ColumnHeader) -> online.OnlineModel:
             return online.online_model(settings, infer_layout(columns), options["period"] or PERIOD)
@@ -324,8 +325,8 @@ def _validate_options(is_recorded: bool, options: Options) -> None:
         )
     if estimate_only and not (options["from_batch"] or is_estimated):
         raise click.UsageError(
-            f"{estimate_only[0]} needs --from-batch, which learns an initial model offline, or penalties that "
-            "are estimated"
+            f"{estimate_only[0]} needs --from-batch, which learns an initial model offline, or estimated "
+            "penalties"
         )
     if options["first_rows"] and is_recorded:
         raise click.UsageError("--first-rows needs rows of numbers; for demonstrations give --from-batch")

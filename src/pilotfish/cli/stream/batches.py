@@ -94,8 +94,10 @@ def _has_first_rows(held: list[StreamEvent], count: int) -> bool:
 def _with_first_rows(held: list[StreamEvent], count: int) -> Iterator[StreamEvent]:
     rows = [event for event in held if isinstance(event, np.ndarray)]
     for event in held:
-        is_header = isinstance(event, ColumnHeader)
-        yield replace(event, first_rows=np.concatenate(rows)[:count]) if is_header and rows else event
+        if isinstance(event, ColumnHeader) and rows:
+            yield replace(event, first_rows=np.concatenate(rows)[:count])
+        else:
+            yield event
 
 
 def regroup_batches(events: Iterable[StreamEvent], batch: int) -> Iterator[StreamEvent]:

@@ -53,7 +53,7 @@ SCALE_OPTIONS = (
     click.option(
         "--scale/--no-scale",
         default=None,
-        help="Divide columns by scales that are estimated from the first rows or demonstrations. Penalties are "
+        help="Divide columns by scales estimated from the first rows or demonstrations. Penalties are then "
         "in squared scales; with --no-scale, in squared units of the columns.  [default: scale]",
     ),
     click.option(
@@ -92,7 +92,8 @@ MAINTENANCE_OPTIONS = (
     click.option(
         "--extra-directions",
         type=click.IntRange(0, online.Maintenance.MAX_EXTRA_DIRECTIONS),
-        help="Subspace directions that are tracked beyond the dimension.  [default: 1]",
+        help="Subspace directions that are tracked beyond the dimension.  [default: 1; 32 with estimated "
+        "penalties]",
     ),
     click.option(
         "--max-clusters",
@@ -182,7 +183,7 @@ def build_settings(
     Returns:
         Settings of the learner.
     """
-    learner = online.LEARNERS[options["learner"] or "sosc"]
+    learner: type[Any] = online.LEARNERS[options["learner"] or "sosc"]
     names = online.penalty_names(learner)
     given = {name: options[name] for name in names if options[name] is not None}
     if estimate is None:
@@ -191,13 +192,17 @@ def build_settings(
         )
         return settings
     penalties = {name: getattr(estimate, name) for name in names} | given
-    settings = learner(**penalties, maintenance=estimate.maintenance, scales=estimate.scales)
-    return settings
+    estimated: online.OnlineSettings = learner(
+        **penalties, maintenance=estimate.maintenance, scales=estimate.scales
+    )
+    return estimated
 
 
 def build_maintenance(options: Options) -> online.Maintenance:
     """Build the maintenance settings, or raise click.UsageError if options exclude each other."""
     given = {name: options[name] for name in MAINTENANCE if options[name] is not None}
+    if missing_penalties(options):
+        given = {"extra_directions": online.ALL_DIRECTIONS.extra_directions} | given
     if given.get("forget_below") and "discount" not in given:
         raise click.UsageError("--forget-below needs --discount; without decay no weight falls below it")
     if "constant_weight" in given and "discount" in given:

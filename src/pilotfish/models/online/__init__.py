@@ -5,6 +5,7 @@ variants update it, and `to_skill` converts it to a skill. observe.py explains t
 """
 
 from pilotfish.models.online.estimation import (
+    ALL_DIRECTIONS,
     estimate_penalties,
     estimate_scales,
     estimate_settings,
@@ -26,6 +27,7 @@ from pilotfish.models.online.settings import (
 from pilotfish.models.online.to_skill import to_skill
 
 __all__ = [
+    "ALL_DIRECTIONS",
     "DPGMM",
     "DPMPPCA",
     "HDPHSMM",

@@ -1,4 +1,4 @@
-"""Scales and penalties of an online learner, estimated from a few demonstrations or the first rows of a stream.
+"""Scales and penalties of an online learner, estimated from demonstrations or the first rows of a stream.
 
 Both estimates need a state for each datapoint: the most probable states of a batch skill
 (`estimate_penalties`), or k-means clusters where there is no skill yet (`estimate_settings`).
@@ -21,7 +21,6 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, Layout, views
 from pilotfish.errors import InvalidInput
 from pilotfish.models.online.settings import (
-    DEFAULT_MAINTENANCE,
     MIN_SCALE,
     SOSC,
     Maintenance,
@@ -44,6 +43,8 @@ MERGE_SHARE = 0.5  # merge distance from nothing, as a share of the square root 
 MIN_RELATIVE_SPREAD = 1e-9  # of a part that is not constant, as a share of its largest value
 MIN_ROWS_PER_STATE, KMEANS_ITERATIONS, KMEANS_RESTARTS = 10, 50, 10
 
+ALL_DIRECTIONS = Maintenance(extra_directions=32)  # of up to 32 columns: the skill has exact covariances
+
 LabelledViews = tuple[Float[Array, "P N D"], Int[Array, " M"], Int[Array, " N"]]  # x, lengths, states
 GivenScales = Sequence[float] | bool
 
@@ -64,13 +65,14 @@ def estimate_penalties(
     demonstrations: Sequence[Demonstration],
     *,
     explained_variance: float = EXPLAINED_VARIANCE,
-    maintenance: Maintenance = DEFAULT_MAINTENANCE,
+    maintenance: Maintenance = ALL_DIRECTIONS,
     scales: GivenScales = True,
 ) -> SOSC:
     """Estimate scales and penalties of SOSC under which clusters resemble the states of a batch skill.
 
     Datapoints have the most probable state of the skill. Rows whose squared distance to the median of all
-    rows, or of their state, is more than ten times the 97 % quantile are left out. Of the others, divided by the scales:
+    rows, or of their state, is more than ten times the 97 % quantile are left out. Of
+    the others, divided by the scales:
 
     - lambda: the 90 % quantile of the squared distances to the state, added over frames; at least twice the
       95 % quantile of the squared distances to the subspaces of the state.
@@ -115,7 +117,7 @@ def estimate_settings(
     states: int,
     rng: np.random.Generator,
     explained_variance: float = EXPLAINED_FROM_NOTHING,
-    maintenance: Maintenance = DEFAULT_MAINTENANCE,
+    maintenance: Maintenance = ALL_DIRECTIONS,
     scales: GivenScales = True,
 ) -> SOSC:
     """Estimate scales and penalties of SOSC for a stream that starts from nothing.
@@ -173,8 +175,8 @@ def estimate_settings(
 def estimate_scales(demonstrations: Sequence[Demonstration]) -> tuple[float, ...]:
     """Estimate the scale of each column: the deviation of its part of the layout over all datapoints.
 
-    Deviations are those in the frames, averaged over them. Rows that are far from all others are left out. The
-    columns of one part share a scale. A part that is constant has the scale 1.
+    Deviations are those in the frames, averaged over them. Rows that are far from all others are left out.
+    The columns of one part share a scale. A part that is constant has the scale 1.
 
     Args:
         demonstrations: One or more recordings, or the first rows of a stream.

@@ -50,7 +50,7 @@ def from_batch_fit(
     arrays["points"] = points
     arrays["weights"] = np.array([settings.maintenance.initial_weight(n) for n in points.tolist()])
     _count_transitions_and_segments(arrays, data)
-    scales = np.ones(skill.width) if model.scales is None else model.scales
+    scales = np.ones(skill.width) if model.scales is None else model.scales[0]
     for p, covariances in enumerate(skill.covariances):
         for k, covariance in enumerate(covariances.dense / np.outer(scales, scales)):
             _fill_subspace(arrays, (k, p), skill.means[p, k] / scales, covariance, parameters)

@@ -173,11 +173,11 @@ def _datapoint_error(
     points: Float[Array, "N P D"], scaled: Float[Array, "N P D"], model: OnlineModel
 ) -> InvalidInput:
     n, p, d = np.argwhere(~(np.abs(scaled) <= kernels.MAX_VALUE))[0].tolist()
-    scale = "" if model.scales is None else f" times its scale {model.scales[d]:g}"
+    scale = "" if model.scales is None else f" times its scale {model.scales[p, d]:g}"
     return InvalidInput(
         f"datapoint {n} (first is 0), column {model.layout.names[d]!r} in frame {model.frame_names[p]!r}, is "
-        f"{points[n, p, d]}, expected a number of at most {kernels.MAX_VALUE:g}{scale}; leave it out: the model has "
-        "not changed"
+        f"{points[n, p, d]}, expected a number of at most {kernels.MAX_VALUE:g}{scale}; leave it out: the "
+        "model has not changed"
     )
 
 

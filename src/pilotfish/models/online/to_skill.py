@@ -10,7 +10,7 @@ from pilotfish.models.learning_problem import library_version
 from pilotfish.models.online.model import OnlineModel
 from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
 from pilotfish.models.skill import Provenance, Skill
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Float, Int
 
 DURATION_VARIANCE_REGULARISATION = 1.0  # steps^2, added to variances of durations, as in EMSettings
 
@@ -19,8 +19,12 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
     """Return the skill that a model represents: a mixture, or a semi-Markov skill for HDPHSMM and SOSC.
 
     Covariances are Lambda Lambda^T + sigma^2 I with Lambda = U sqrt(variances) over the first d directions
-    (5.24-5.25), in factored form. Means and covariances are in the units of the columns: where the model has
-    scales S, covariances are S (Lambda Lambda^T + sigma^2 I) S. Self-transitions are excluded; a state without other transitions is final.
+    (5.24-5.25), in factored form. With scales S, Lambda has all stored directions of a cluster, its noise
+    is the mean variance of its other directions, and covariances are S (Lambda Lambda^T + noise I) S. One
+    sigma^2 for all clusters would hide where a task is precise. The noise includes one datapoint of variance sigma^2,
+    so that a cluster of few datapoints is not certain.
+
+    Self-transitions are excluded; a state without other transitions is final.
     Durations are Gaussian, fitted to completed segments, or to right-censored segments where none is
     complete.
 
@@ -59,15 +63,28 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
 
 
 def _covariances(model: OnlineModel, p: int) -> LatentCovariances:
-    d = model.dimensions[:, p]
+    if model.scales is not None:
+        return _scaled_covariances(model, p, model.scales[p])
+    noise = np.full((model.clusters, model.layout.width), model.settings.noise)
+    return LatentCovariances(_loadings(model, p, model.dimensions[:, p]), noise)
+
+
+def _scaled_covariances(model: OnlineModel, p: int, scales: Float[Array, " D"]) -> LatentCovariances:
+    """Return covariances of all stored directions, with the noise of each cluster."""
+    state, ranks = model.state, model.state.ranks[:, p].astype(np.int64)
+    outside = state.distances[np.arange(model.clusters), p, ranks]  # mean squared distance to the directions
+    others = model.layout.width - ranks
+    residual = np.where(others > 0, outside / np.maximum(others, 1), 0.0)
+    noise = (state.points * residual + model.settings.noise) / (state.points + 1.0)
+    return LatentCovariances(_loadings(model, p, ranks) * scales[:, None], noise[:, None] * scales**2)
+
+
+def _loadings(model: OnlineModel, p: int, d: Int[Array, " K"]) -> Float[Array, "K D L"]:
+    """Return U sqrt(variances) over the first d directions of each cluster."""
     L = max(1, int(d.max()))
     variances = _resize_last_axis(model.state.variances[:, p], L)
     lengths = np.where(np.arange(L) < d[:, None], np.sqrt(variances), 0.0)
-    loadings = _resize_last_axis(model.state.bases[:, p], L) * lengths[:, None, :]
-    noise = np.full((model.clusters, model.layout.width), model.settings.noise)
-    if model.scales is None:
-        return LatentCovariances(loadings, noise)
-    return LatentCovariances(loadings * model.scales[:, None], noise * model.scales**2)
+    return _resize_last_axis(model.state.bases[:, p], L) * lengths[:, None, :]
 
 
 def _resize_last_axis(values: Float[Array, "... C"], L: int) -> Float[Array, "... L"]:
