@@ -181,12 +181,12 @@ def sosc(demonstrations: Sequence[Demonstration]) -> tuple[dict[str, object], di
     """Return states, transitions and durations of a stream of positions and velocities, and figures."""
     demonstrations = [add_derivatives(demo) for demo in demonstrations]
     settings = SOSC(
-        cluster=3207.87907118446,  # a batch fit of three states of the first demonstration: largest squared
-        dimension=393.4543361448289,  # distance to its states, 90 % explained variance, and noise
-        noise=98.88772455370975,
+        cluster=3989.767604050694,  # a batch fit of three states of the first demonstration: largest squared
+        dimension=316.46052519524403,  # distance to its states, 90 % explained variance, and noise
+        noise=35.87298061344109,
         bandwidth=27581.619456898727,
-        transition=22.276937994336528,
-        new_transition=22.276937994336528,
+        transition=27.706719472574267,
+        new_transition=27.706719472574267,
         maintenance=Maintenance(merge_distance=40.61251477760672),
     )
     model = learn_stream(settings, demonstrations)

