@@ -120,7 +120,7 @@ def test_scaled_stream_equals_stream_of_scaled_columns(rng):
 
 
 def test_scaled_skill_covariances_equal_those_of_datapoints(rng):
-    """With all directions stored, up to one datapoint of variance sigma^2 and the least direction as noise."""
+    """With all directions stored, up to noise: a datapoint of sigma^2, and the least direction."""
     x, _ = stop_and_go(rng)
     settings = estimate(x[:150], maintenance=Maintenance(extra_directions=7, merge_distance=0.0))
     model, assignments = stream(settings, x)

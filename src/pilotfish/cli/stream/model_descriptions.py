@@ -69,7 +69,7 @@ def format_scales(settings: online.OnlineSettings, layout: Layout) -> str:
         layout: Columns.
     """
     if settings.scales is None:
-        return "none: columns as they are"
+        return "none"
     texts = []
     for part, columns in zip(layout.parts, layout.slices, strict=True):
         scales = settings.scales[columns]

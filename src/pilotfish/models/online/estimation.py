@@ -1,7 +1,7 @@
 """Scales and penalties of an online learner, estimated from demonstrations or the first rows of a stream.
 
 Both estimates need a state for each datapoint: the most probable states of a batch skill
-(`estimate_penalties`), or k-means clusters where there is no skill yet (`estimate_settings`).
+(`estimate_penalties`), or k-means clusters without a skill (`estimate_settings`).
 
 Robustness. Recordings contain wild rows: a tracker that loses its marker, a spike of a sensor. They may be a
 few per cent of the rows, and arbitrarily far away. Every statistic is therefore one that such rows hardly
@@ -89,7 +89,7 @@ def estimate_penalties(
         explained_variance: Share of all variance that subspaces explain, between 0 and 1.
         maintenance: Maintenance of the clusters. If it has no merge distance, half the least distance between
             the means of two states is used, so that these are not merged.
-        scales: True: those of `estimate_scales`. False: columns are used as they are. Numbers: the scale of
+        scales: True: those of `estimate_scales`. False: columns are not scaled. Numbers: the scale of
             each column.
 
     Returns:
@@ -123,7 +123,7 @@ def estimate_settings(
     """Estimate scales and penalties of SOSC for a stream that starts from nothing.
 
     As `estimate_penalties`, with k-means clusters in place of the states of a skill. The first rows of a live
-    stream are enough: the scales then stay as they are.
+    stream are enough: the scales then do not change.
 
     Args:
         demonstrations: One or more recordings of the kind that is streamed, or the first rows of the stream.

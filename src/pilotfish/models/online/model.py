@@ -28,7 +28,7 @@ class OnlineModel:
         frame_names: Name of each frame.
         parameters: The settings in the form of the kernel.
         state: Everything that was learned, as named arrays, in columns divided by their scales.
-        scales: Scales of the settings, the same in each frame; None where columns are used as they are. An
+        scales: Scales of the settings, the same in each frame; None where columns are not scaled. An
             array of the shape of a datapoint divides six times as fast as a row.
     """
 

@@ -126,7 +126,7 @@ class DPGMM:
             this starts one [squared scales].
         noise: Variance sigma^2 of every column in the skill.
         maintenance: Weights, number and merging of the clusters.
-        scales: Scale of each column [unit of the column]. None: columns are used as they are.
+        scales: Scale of each column [unit of the column]. None: columns are not scaled.
 
     Source:
         Kulis & Jordan 2012, Revisiting k-means; Tanwani 2018, equations 5.7-5.9.
@@ -161,7 +161,7 @@ class DPMPPCA:
         bandwidth: Squared distance b_m from the mean at which rho, the influence of the subspace, is 1 / e
             (5.13).
         maintenance: Weights, number and merging of the clusters.
-        scales: Scale of each column [unit of the column]. None: columns are used as they are.
+        scales: Scale of each column [unit of the column]. None: columns are not scaled.
 
     Source:
         Tanwani 2018, equations 5.12-5.25, as specification 2 corrects them.
@@ -197,7 +197,7 @@ class HDPHSMM:
         transition: Penalty lambda_2 of a transition, per nat of its negative log-probability.
         new_transition: Penalty lambda_3 of a transition that has not occurred before.
         maintenance: Weights, number and merging of the clusters.
-        scales: Scale of each column [unit of the column]. None: columns are used as they are.
+        scales: Scale of each column [unit of the column]. None: columns are not scaled.
 
     Source:
         Roychowdhury et al. 2013; Tanwani 2018, equations 5.26-5.35 with d = 0 (footnote 5).
@@ -238,7 +238,7 @@ class SOSC:
         transition: Penalty lambda_2 of a transition, as in `HDPHSMM`.
         new_transition: Penalty lambda_3 of a transition that has not occurred before.
         maintenance: Weights, number and merging of the clusters.
-        scales: Scale of each column [unit of the column]. None: columns are used as they are.
+        scales: Scale of each column [unit of the column]. None: columns are not scaled.
 
     Source:
         Tanwani 2018, algorithm 5, as specification 2 corrects it.
