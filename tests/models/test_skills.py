@@ -226,6 +226,15 @@ def test_provenance_hash_depends_on_values_and_frames_not_names(rng, make_demons
     assert data(replace(demos[0], x=demos[0].x + 1e-12)) != data(demos[0])
 
 
+def test_provenance_hash_depends_on_units(rng, make_demonstrations):
+    """Columns that a short repr of the layout would not tell apart have different hashes."""
+    demos = make_demonstrations()
+    parts = tuple(replace(part, unit="mm") for part in demos[0].layout.parts)
+    scaled = [replace(demo, layout=replace(demo.layout, parts=parts)) for demo in demos]
+    hashes = {learn(each, states=2, rng=rng).skill.provenance.data for each in (demos, scaled)}
+    assert len(hashes) == 2
+
+
 def test_log_likelihood_incompatible_data_is_refused(rng, make_demonstrations):
     """Another width and invalid maximum durations are refused."""
     demos = make_demonstrations()

@@ -8,8 +8,10 @@ from pilotfish.control.reference import Reference
 from pilotfish.control.systems import ContinuousSystem, DiscreteSystem
 from pilotfish.control.validation import position_count, require_start
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
     """States of a system and the inputs between them.
@@ -25,6 +27,7 @@ class Motion:
     period: float
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Feedback:
     """Controller u[t] = feedforwards[t] - gains[t] (x[t] - targets[t]) over S = T - 1 periods.

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
     """One target and one weight per step; from a skill, means and precision matrices.

@@ -6,8 +6,10 @@ import numpy as np
 
 from pilotfish.geometry import Pose, quaternion_from_rotation_matrix, rotation_matrix
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class SerialChain:
     """A base, n revolute joints in series, and a tool.

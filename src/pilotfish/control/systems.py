@@ -8,11 +8,12 @@ import numpy as np
 from pilotfish.control.validation import require_axes, require_system
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_period, require_type
+from pilotfish.validation import require_period, require_type, shorten_repr
 
 MAX_GENERATOR_NORM = 1e15  # beyond it, float64 leaves no correct digit of a matrix exponential
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearSystem:
     """Time-invariant system x[t+1] = A x[t] + B u[t], the input held for a period.
@@ -40,6 +41,7 @@ class LinearSystem:
         return TimeVaryingSystem(A, B, self.period)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeVaryingSystem:
     """Time-varying system x[t+1] = A[t] x[t] + B[t] u[t], with S periods between S + 1 states.
@@ -65,6 +67,7 @@ class TimeVaryingSystem:
         return self
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ContinuousSystem:
     """Continuous system dx/dt = A x + B u [1/s].

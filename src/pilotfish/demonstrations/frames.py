@@ -28,7 +28,7 @@ from pilotfish.geometry import (
     unwrap_quaternions,
 )
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import finite_array, float_array, require_count, require_name
+from pilotfish.validation import finite_array, float_array, require_count, require_name, shorten_repr
 
 WORLD = "world"
 MIN_SCALE, MAX_SCALE, MAX_OFFSET = 1e-20, 1e20, 1e50  # of A and of b; covariances take squares
@@ -99,6 +99,7 @@ class _AffineFrame:
         return matrix
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame(_AffineFrame):
     """Coordinate system of an object that does not move: world = A @ local + b.
@@ -168,6 +169,7 @@ class Frame(_AffineFrame):
         return Frame(self.name, A, np.append(self.b, np.zeros(len(rates))))
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class MovingFrame(_AffineFrame):
     """Coordinate system of an object that moves, such as a conveyor belt: one A and one b per step.

@@ -18,6 +18,7 @@ from pilotfish.validation import (
     require_printable,
     require_type,
     short_list,
+    shorten_repr,
 )
 
 QUATERNION_SIZE, ROTATION_VECTOR_SIZE = 4, 3
@@ -90,6 +91,7 @@ class OrientationColumns:
     rotation_rate: slice | None
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Parts of a row, in order.

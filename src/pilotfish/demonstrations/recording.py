@@ -18,11 +18,13 @@ from pilotfish.validation import (
     require_type,
     short_list,
     short_repr,
+    shorten_repr,
 )
 
 NORM_TOLERANCE = 1e-3  # recordings are rounded; norms within this tolerance are accepted unchanged
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Demonstration:
     """One evenly sampled recording of a task; `demonstration` creates it from a user's array.

@@ -10,9 +10,10 @@ from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.demonstrations.signs import has_opposite_sign
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_type, short_list
+from pilotfish.validation import require_type, short_list, shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Views:
     """Demonstrations one after the other, in the coordinates of each of P frames.

@@ -13,8 +13,10 @@ from pilotfish import kernels
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import precision_cholesky, split_columns
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ConditionalGaussians:
     """Conditional densities of K Gaussians: outputs given inputs.

@@ -15,12 +15,14 @@ from pilotfish.validation import (
     require_number,
     require_type,
     short_repr,
+    shorten_repr,
 )
 
 MAX_SAMPLES, MAX_RADIUS = 10**8, 1e50
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaussian:
     """Gaussian density on R^D.

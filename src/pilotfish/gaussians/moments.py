@@ -6,11 +6,12 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Bool, Float
-from pilotfish.validation import float_array
+from pilotfish.validation import float_array, shorten_repr
 
 TINY = float(np.finfo(float).tiny)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Moments:
     """Counts, means and scatter matrices of K components; a sum of two is that of all data, in any order.

@@ -17,10 +17,12 @@ from pilotfish.gaussians.conditional import (
 )
 from pilotfish.gaussians.riemannian_regression import regress_on_manifold
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 MAX_ARRAY_SIZE = 2**21  # numbers in the largest intermediate array: 16 MiB
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class GaussianRegression:
     """Predicted density of the outputs at each of N inputs.
@@ -40,6 +42,7 @@ class GaussianRegression:
     orientation_starts: tuple[int, ...] = ()
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class GaussianMixture:
     """Mixture of K Gaussians.

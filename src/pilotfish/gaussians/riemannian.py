@@ -12,11 +12,13 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import Gaussian, log_density, precision_cholesky, product
 from pilotfish.geometry import exp_map, exp_map_jacobian, log_map
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 MAX_ITERATIONS, TOLERANCE = 100, 1e-10
 STEP_SIZES = 0.5 ** np.arange(20)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class RiemannianGaussian:
     """Density under which log_map(mean, x) is Gaussian with this covariance.

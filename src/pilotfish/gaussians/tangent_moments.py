@@ -8,8 +8,10 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.moments import TINY
 from pilotfish.geometry import exp_map, karcher_mean, log_map, parallel_transport
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentMoments:
     """Sums over tangent vectors v at K origins; a sum of two with equal origins is that of all data.

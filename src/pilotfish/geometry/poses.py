@@ -7,11 +7,12 @@ import numpy as np
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry.quaternions import conjugate, multiply, rotation_matrix
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array
+from pilotfish.validation import finite_array, shorten_repr
 
 NORM_TOLERANCE = 1e-4  # allows four typed digits: |(.7071, .7071, 0, 0)| = 1 - 1e-5
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
     """Rigid transform; as world_from_a it maps coordinates in frame a to coordinates in the world.

@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Emissions:
     """Gaussian emissions of K states in each of P frames.
@@ -22,6 +24,7 @@ class Emissions:
     orientation_starts: tuple[int, ...] = ()
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class SemiMarkovTables:
     """Semi-Markov chain: probabilities, and log-weights of segment durations.

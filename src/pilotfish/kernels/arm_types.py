@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmLimits:
     """Limits of the joints.
@@ -24,6 +26,7 @@ class ArmLimits:
     torque: Float[Array, " n"]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ImpedanceParameters:
     """Cartesian impedance of the tool in world axes, and joint impedance in its null space.
@@ -53,6 +56,7 @@ class ImpedanceParameters:
     limit_stiffness: float
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmState:
     """Measured state of an arm.
@@ -74,6 +78,7 @@ class ArmState:
     bias: Float[Array, " n"]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolTarget:
     """Desired pose and twist of a tool, in world axes.
@@ -89,6 +94,7 @@ class ToolTarget:
     twist: Float[Array, " 6"]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmCommand:
     """Joint torques within their limits.

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 # Filtered inference along a semi-Markov chain, as if the recording ended at each step. First,
 # [t, k] = log p(steps 0 to t, a segment of k ends with step t, another may follow). Second,
@@ -20,6 +21,7 @@ RiccatiSolution = tuple[
 ]
 
 
+@shorten_repr
 class ForwardBackward(NamedTuple):
     """Smoothed inference along a Markov chain.
 
@@ -38,6 +40,7 @@ class ForwardBackward(NamedTuple):
     log_forward: Float[Array, "T K"]
 
 
+@shorten_repr
 class SemiMarkovForwardBackward(NamedTuple):
     """Smoothed inference along a semi-Markov chain.
 
@@ -59,6 +62,7 @@ class SemiMarkovForwardBackward(NamedTuple):
     long_segment_counts: Float[Array, "2 K"]
 
 
+@shorten_repr
 class EStep(NamedTuple):
     """Expected sufficient statistics of a hidden Markov or semi-Markov model over M demonstrations.
 

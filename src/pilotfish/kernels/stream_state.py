@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 MAX_VALUE = 1e100  # of a datapoint: its square must not overflow
 
@@ -38,6 +39,7 @@ class Weighting(IntEnum):
     CONSTANT = 2
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class StreamParameters:
     """Penalties and limits of an online learner, with the letters of Tanwani 2018.
@@ -112,6 +114,7 @@ def _statistic(column: int, doc: str) -> property:
     return property(lambda state: state.rows[:, column], doc=doc)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamState:
     """K clusters in P frames, their subspaces, and the transitions and durations between them.
@@ -261,6 +264,7 @@ class StreamState:
         return self.rows[:, len(STATISTICS) :].reshape(self.clusters, self.frames, length)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Assignments:
     """Result of N datapoints, and the clusters that were removed at the same time.

@@ -21,6 +21,7 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity
 from pilotfish.geometry import karcher_mean, log_map
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 CONSTANT = 1e-9  # of the magnitude: a smaller spread is rounding
 MIN_SHARE = 0.98  # of the rows of a column that switches are at one of its two values
@@ -29,6 +30,7 @@ RELATIVE_DEVIATION = 0.005  # of the scale of coordinates: their regularisation 
 RELATIVE_RATE_DEVIATION = 0.2  # of the scale of derivatives
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class DemonstrationStatistics:
     """What a skill keeps of its demonstrations beside the states.

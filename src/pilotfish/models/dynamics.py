@@ -23,7 +23,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.models.durations import Segments
 from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float, Int
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, shorten_repr
 
 MAX_HORIZON = 1_000_000  # steps
 MAX_STATE_PROBS = 2**24  # numbers for every step and state; a few arrays of them are held at a time
@@ -211,6 +211,7 @@ class StateDynamics(ABC):
         return kernels.e_step(x, lengths, *self.step_probabilities(), emissions, threads, final), None
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkovChain(StateDynamics):
     """Markov chain over the states of a hidden Markov model (TP-HMM).
@@ -268,6 +269,7 @@ class MarkovChain(StateDynamics):
         return kernels.forward_backward(relative, self.initial, self.transitions).smoothed_state_probs
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class MixtureWeights(StateDynamics):
     """Weights of a Gaussian mixture (TP-GMM): every step draws its state independently.

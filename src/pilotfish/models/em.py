@@ -39,7 +39,7 @@ from pilotfish.models.semi_markov import TAIL_PROBABILITY, Dynamics
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float
-from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type
+from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type, shorten_repr
 
 GAIN_PER_DATAPOINT = 1e-3  # nats: EM has converged below it
 MIN_DURATION_VARIANCE = 1e-100  # steps^2
@@ -98,6 +98,7 @@ class EMSettings:
         require_count(self.restarts, "restarts", self.MAX_RESTARTS, 1)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Convergence:
     """How a fit ended.

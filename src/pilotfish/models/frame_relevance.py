@@ -42,12 +42,13 @@ from pilotfish.gaussians import Moments, precision_cholesky
 from pilotfish.models.opinion_pools import FrameOpinions, HeldOutSegment, eliminate_frames
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_type
+from pilotfish.validation import require_type, shorten_repr
 
 MIN_EVIDENCE = 3.0  # nats: odds of twenty to one, strong evidence on the scale of Kass & Raftery 1995
 MIN_DATAPOINTS = 1.0  # expected datapoints of a segment, for its demonstration to count at a state
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameRelevance:
     """Relevance of each frame at each state.

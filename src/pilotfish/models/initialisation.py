@@ -12,7 +12,7 @@ from pilotfish.models.em import expected_statistics
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import BLOCK_ROWS, Statistics, labelled_statistics
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_number
+from pilotfish.validation import require_number, shorten_repr
 
 MAX_ATTEMPTS = 20
 
@@ -163,6 +163,7 @@ def _count_distinct(x: Float[Array, "N C"], limit: int) -> int:
     return len(points)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class FromModel:
     """Initialise by the E-step of a given model, for instance one learned from other demonstrations.

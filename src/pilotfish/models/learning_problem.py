@@ -15,8 +15,10 @@ from pilotfish.models.em import Convergence, EMSettings, FitDynamics, MStep, max
 from pilotfish.models.endpoints import fit_endpoints
 from pilotfish.models.skill import HiddenModel, Provenance, Skill
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
     """A learned skill, and how the fit went.
@@ -37,6 +39,7 @@ class Fit:
         return self.convergence.log_likelihoods
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class LearningProblem:
     """What every fit of one call of `learn` shares."""
@@ -91,7 +94,8 @@ def _hash_demonstrations(demonstrations: Sequence[Demonstration]) -> str:
     """Return the SHA-256 of values, shapes, periods and frames of all demonstrations."""
     digest = hashlib.sha256()
     for demonstration in demonstrations:
-        digest.update(repr((demonstration.x.shape, demonstration.period, demonstration.layout)).encode())
+        shape, period, parts = demonstration.x.shape, demonstration.period, demonstration.layout.parts
+        digest.update(f"({shape!r}, {period!r}, Layout(parts={parts!r}))".encode())
         for array in (demonstration.x, *(a for frame in demonstration.frames for a in (frame.A, frame.b))):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

@@ -22,11 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import shorten_repr
 
 MIN_POOL_WEIGHT = 1e-9  # of an included frame; with all weights zero the pool would be flat
 HeldOutSegment = tuple[Float[Array, "P E"], Float[Array, "P E E"], Float[Array, "P E E"]]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameOpinions:
     """Gaussians of P frames in world coordinates, for M held-out segments, each relative to its own mean.

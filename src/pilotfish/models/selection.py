@@ -17,10 +17,12 @@ from pilotfish.models.semi_markov import SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.models.skill import Skill
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 VITERBI = "viterbi"  # durations counted along Viterbi paths
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """Arguments of `learn` that are compared by `select`.
@@ -52,6 +54,7 @@ class Candidate:
         return f"{self.states} states, {self.structure.label}, {self.dynamics_label}"
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
     """Result of one candidate.
@@ -83,6 +86,7 @@ class Score:
         return _standard_error(self.held_out)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Selection:
     """Scores of all candidates, in the order given.

@@ -46,7 +46,7 @@ from pilotfish.models.dynamics import (
 )
 from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float, Int
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, shorten_repr
 
 TAIL_PROBABILITY = 1e-8  # of segments longer than the maximum duration, and gain per step [nats]
 SAMPLING_TAIL_PROBABILITY = 1e-12  # of segments longer than those that are sampled
@@ -55,6 +55,7 @@ FULL_LENGTH_FACTOR = 4  # recordings up to this multiple of the maximum duration
 Result = TypeVar("Result")
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class SemiMarkovChain(StateDynamics):
     """Semi-Markov chain over the states of a hidden semi-Markov model (TP-HSMM).

@@ -10,10 +10,12 @@ from pilotfish.gaussians.structures import Covariances
 from pilotfish.models.demonstration_statistics import DemonstrationStatistics
 from pilotfish.models.semi_markov import Dynamics
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 MAX_STATES = 1000
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class HiddenModel:
     """States with a Gaussian in every frame, as expectation-maximisation estimates them.
@@ -29,6 +31,7 @@ class HiddenModel:
     covariances: tuple[Covariances, ...]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Provenance:
     """Origin of a skill.
@@ -56,6 +59,7 @@ class Provenance:
     note: str = ""
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Endpoints:
     """Start and end of the demonstrations, as Gaussians with diagonal covariances, from `fit_endpoints`.
@@ -69,6 +73,7 @@ class Endpoints:
     variances: Float[Array, "P 2 E"]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Skill:
     """Learned skill: K states in P frames, and the dynamics between them.
@@ -112,6 +117,7 @@ class Skill:
         return int(self.means.shape[2])
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class AdaptedSkill:
     """Skill adapted to present frames: one Gaussian per state, in the world.

@@ -11,10 +11,12 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments, TangentMoments
 from pilotfish.models.durations import Segments
 from pilotfish.types import Array, Bool, Float, Int
+from pilotfish.validation import shorten_repr
 
 BLOCK_ROWS = 8192  # rows that are summed at a time
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Statistics:
     """Expected statistics of demonstrations under a model of K states. The sum of two is exact.

@@ -24,11 +24,12 @@ from pilotfish.planning.plan import (
 from pilotfish.planning.tangent_chart import TangentChart, tangent_chart
 from pilotfish.planning.via_points import ViaPoint
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_type, short_list
+from pilotfish.validation import require_type, short_list, shorten_repr
 
 MAX_DEFAULT_WORK = 2**34  # squared steps times states of a plan of default horizon: a few seconds
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduction:
     """Motion of a skill in one situation, with the controller that makes it.

@@ -43,9 +43,10 @@ from pilotfish.geometry import (
 from pilotfish.models import AdaptedSkill
 from pilotfish.planning.via_points import ViaPoint, named_columns, unit_quaternion
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array, require_type
+from pilotfish.validation import numeric_array, require_type, shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentChart:
     """Chart of an adapted skill: each orientation is a rotation vector [rad] from a base quaternion.

@@ -15,6 +15,7 @@ from pilotfish.validation import (
     require_number,
     require_printable,
     require_type,
+    shorten_repr,
 )
 
 Numbers = float | Sequence[float] | Array
@@ -24,6 +25,7 @@ MIN_PERIOD = 1e-100  # s
 UNIT_TOLERANCE = 1e-3  # of the norm of a quaternion that was typed
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ViaPoint:
     """Desired value of some columns at a time, with its standard deviation; `via_point` creates it.
@@ -42,6 +44,7 @@ class ViaPoint:
     deviation: Float[Array, " C"]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ViaPointObservation:
     """Via-point as a measurement at a step: x[step, columns] = values, with independent noise.

@@ -23,6 +23,7 @@ from pilotfish.planning import (
 )
 from pilotfish.simulation.recording import task_layout
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 S = TypeVar("S")
 SETTLING_TIME = 1.0  # s after the end of the plan, for the arm to come to rest
@@ -33,6 +34,7 @@ PeriodCallback = Callable[[Workcell[S]], None]
 """Function that is called after every period of the skill."""
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ExecutionResult:
     """Result of a skill in one situation; rows are one period of the skill apart.

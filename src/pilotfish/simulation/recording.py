@@ -37,6 +37,7 @@ from pilotfish.environments.human import (
 from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 S = TypeVar("S")
 PERIOD, OBSERVATION_PERIOD = 0.1, 0.02  # s between rows of a recording; between observations of the leader
@@ -53,6 +54,7 @@ Leader = Callable[[float, Observation], tuple[Pose, float, bool]]
 """Function (time [s], observation) that returns the commanded tool pose, the grip, and whether it ends."""
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedDemonstration:
     """Demonstration recorded in physics.

@@ -1,4 +1,4 @@
-"""Checks of data from outside: bounded numbers, printable text and types.
+"""Checks of data from outside: bounded numbers, printable text and types, and short representations.
 
 Every reader of files and messages, and every public function that takes a user's array, uses these checks.
 """
@@ -15,6 +15,7 @@ from pilotfish.validation.numbers import (
     require_period,
     require_shapes_agree,
 )
+from pilotfish.validation.representation import shorten_repr
 from pilotfish.validation.text import (
     MAX_NAME_LENGTH,
     first_duplicate,
@@ -45,4 +46,5 @@ __all__ = [
     "require_type",
     "short_list",
     "short_repr",
+    "shorten_repr",
 ]

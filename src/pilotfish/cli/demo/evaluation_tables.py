@@ -17,6 +17,7 @@ from pilotfish.planning import (
     largest_acceleration,
     mean_squared_error,
 )
+from pilotfish.validation import shorten_repr
 
 HEADER = (
     "situation",
@@ -30,6 +31,7 @@ HEADER = (
 PUBLISHED = {"full": (".0021", ".0146"), "semi-tied(1)": (".0040", ".0119")}
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class StructureEvaluation:
     """Fit with one covariance structure, and its reproductions in the situation of each demonstration.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from pilotfish.cli.output.tables import Table
 from pilotfish.errors import InvalidInput
 from pilotfish.io import atomic_file
+from pilotfish.validation import shorten_repr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,6 +23,7 @@ DOTS_PER_INCH = 160
 CSS_PIXELS_PER_INCH = 96
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Image:
     """Image or film with a caption and a text alternative.

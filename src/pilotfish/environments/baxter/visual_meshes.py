@@ -10,6 +10,7 @@ from pilotfish.environments.baxter.body import UPPER_BODY
 from pilotfish.environments.baxter.parameters import JOINT_NAMES
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 SIDES = ("left", "right")
 TRUNK = "torso"
@@ -17,6 +18,7 @@ PARTS = (TRUNK, *JOINT_NAMES)
 HIDDEN_GROUP = 3  # geom group that the renderer leaves out
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class VisualMesh:
     """Triangle mesh of one colour on a part of the robot.

@@ -15,10 +15,12 @@ from pilotfish.environments.human.human_model import HumanModel
 from pilotfish.environments.human.pose_offsets import clip_offset, pose_difference
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 TIME_TOLERANCE = 1e-9  # s: times are sums of periods
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
     """Tool and goal as observed at one time.

@@ -8,9 +8,10 @@ from pilotfish.environments.human.human_model import HumanModel
 from pilotfish.environments.human.pose_offsets import offset_norms, pose_difference
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
-from pilotfish.validation import require_type
+from pilotfish.validation import require_type, shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Subtask:
     """One step of a demonstration: bring the tool to a goal, set the grip, then wait.
@@ -57,6 +58,7 @@ class Subtask:
             )
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class DemonstrationPlan:
     """Person, subtasks and delay of a demonstration.
@@ -83,6 +85,7 @@ class DemonstrationPlan:
             raise InvalidInput(f"round_trip is {self.round_trip} s, expected 0 or more")
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """Poses of tool and objects that the human model sees, delayed by the link.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import inf, pi, radians
 
 from pilotfish.errors import InvalidInput
-from pilotfish.validation import require_type
+from pilotfish.validation import require_type, shorten_repr
 
 NON_NEGATIVE = (
     "parallel_noise",
@@ -20,6 +20,7 @@ POSITIVE = ("gain", "peak_speed", "min_duration", "peak_angular_speed", "tau_e",
 DELAYS = ("reaction_time", "max_tracking_delay")
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class HumanModel:
     """Parameters of a person who moves a hand; the defaults describe an ordinary person.

@@ -10,10 +10,12 @@ from pilotfish.environments.human.crossover_model import Sample
 from pilotfish.environments.human.submovements import Submovement
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 Phase = Enum("Phase", ["MOVE_AND_WAIT", "TRACKING", "DONE"])
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class HumanState:
     """State of a person after a step.

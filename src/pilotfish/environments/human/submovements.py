@@ -9,10 +9,12 @@ from pilotfish.environments.human.human_model import HumanModel
 from pilotfish.environments.human.pose_offsets import add_offset, offset_norms
 from pilotfish.geometry import Pose, minimum_jerk
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 PEAK_TO_MEAN_SPEED = 1.875  # of a minimum-jerk movement
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Submovement:
     """Displacement of the hand by a minimum-jerk profile.

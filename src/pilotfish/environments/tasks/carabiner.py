@@ -32,7 +32,7 @@ from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_number
+from pilotfish.validation import require_number, shorten_repr
 
 ROD, HALF = 0.007, 0.15  # m: radius and half length of the rod
 SEAT, GATE_LINE = 0.12, 0.172  # m from the hand: goal of the rod, and position of the gate
@@ -56,6 +56,7 @@ ACROSS = axis_angle_quaternion((sqrt(0.5), sqrt(0.5), 0.0), pi)
 LEVEL = axis_angle_quaternion((0.0, 1.0, 0.0), pi / 2)  # rotates z to x
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class CarabinerSituation:
     """Situation of the rod.

@@ -31,7 +31,7 @@ from pilotfish.environments.tasks.scene_objects import (
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, relative_rotation_vector, rotation_matrix
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, shorten_repr
 
 LEVELS, STEP, LOWEST = 8, 0.02, 0.09  # heights of the obstacle: number, step [m], lowest [m]
 POSSIBLE = (-3, 20)  # levels: from just above the table to the reach of the arm with a plate
@@ -49,6 +49,7 @@ FRAGILE_GEOMS = ("obstacle", "rod_0", "rod_1")
 DOWN = axis_angle_quaternion((0.0, 1.0, 0.0), pi)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class PlateSituation:
     """Situation of plate and obstacle.

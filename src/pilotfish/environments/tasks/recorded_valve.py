@@ -27,6 +27,7 @@ from pilotfish.environments.tasks.scene_objects import (
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply
+from pilotfish.validation import shorten_repr
 
 BEFORE, AFTER = "valve before", "valve after"
 CENTRE, LEVER = np.array([0.591, -1.086, 0.256]), 0.177  # m, fitted to the frames
@@ -36,6 +37,7 @@ END = 0.22  # m, length of the lever from the axle
 TOOL = 0.204  # m from the hand to the tool point of the recording
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedValve:
     """Situation of a recorded demonstration.

@@ -33,7 +33,7 @@ from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_p
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, require_number
+from pilotfish.validation import finite_array, require_number, shorten_repr
 
 TIP, REACH = 0.0035, 0.2  # m: radius of the tip, and its distance from the hand
 BORE, MOUTH, DEEP, HIGH = (
@@ -54,6 +54,7 @@ SIDES = 8
 MAX_AMPLITUDE, MAX_FREQUENCY = 1.0, 100.0  # m, rad/s
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ScrewdriverSituation:
     """Situation of a screw that oscillates: middle + amplitude sin(frequency t + phase) direction.

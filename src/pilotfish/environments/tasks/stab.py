@@ -31,6 +31,7 @@ from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 LENGTH = 0.2  # m, from the hand to the tip of the stab
 RADIUS, BORE, MOUTH = 0.012, 0.014, 0.0265  # m: radii of stab, bore and mouth of the funnel
@@ -43,6 +44,7 @@ WALL, SIDES = 0.008, 12
 SLOPE = axis_angle_quaternion((0.0, 1.0, 0.0), radians(150.0))
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class StabSituation:
     """Situation of the receptacle.

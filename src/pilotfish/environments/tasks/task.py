@@ -11,6 +11,7 @@ from pilotfish.environments.baxter.tools import Tool
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import FRONT_RIGHT, CameraView
 from pilotfish.geometry import Pose
+from pilotfish.validation import shorten_repr
 
 S = TypeVar("S")
 
@@ -30,6 +31,7 @@ class Outcome:
     reason: str = ""
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """State of the physics that decides about success.
@@ -49,6 +51,7 @@ class Scene:
     forces: Mapping[str, float]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Task(Generic[S]):
     """Manipulation task whose situations are values of type S; poses are in torso axes.

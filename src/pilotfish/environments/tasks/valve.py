@@ -23,7 +23,7 @@ from pilotfish.environments.tasks.scene_objects import (
 from pilotfish.environments.tasks.task import Outcome, Scene, Task
 from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_pose
 from pilotfish.geometry import Pose
-from pilotfish.validation import require_number
+from pilotfish.validation import require_number, shorten_repr
 
 TOLERANCE = radians(5.0)
 CLEAR = 0.08  # m, smallest distance from handle to tool at the end
@@ -32,6 +32,7 @@ STICTION, DRAG = 0.3, 0.3  # N m; N m s/rad
 FACING = axis_angle_quaternion((0.0, 1.0, 0.0), pi / 2)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ValveSituation:
     """Situation of the valve.

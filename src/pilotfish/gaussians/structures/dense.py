@@ -9,9 +9,10 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.gaussian import precision_cholesky
 from pilotfish.gaussians.structures.structure import Covariances, CovarianceStructure, validate_symmetry
 from pilotfish.types import Array, Float
-from pilotfish.validation import float_array
+from pilotfish.validation import float_array, shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class DenseCovariances(Covariances):
     """Covariances stored as matrices.

@@ -16,12 +16,13 @@ from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.gaussian import cholesky
 from pilotfish.gaussians.structures.structure import MAX_COUNT, Covariances, CovarianceStructure
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_count
+from pilotfish.validation import require_count, shorten_repr
 
 INITIAL_SWEEPS = 10  # of the initial semi-tied transform
 MAX_HALVINGS = 20
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpandedPrecisions(Covariances):
     """Covariances with Sigma_k^-1 = sum over r of weights[k, r] a_r a_r^T.

@@ -13,6 +13,7 @@ import numpy as np
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.structures.structure import Covariances
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import shorten_repr
 
 MIN_VARIANCE_RATIO = 1e-15  # of the largest variance; below, a direction has no variance
 MIN_CONDITIONAL_VARIANCE_RATIO = 1e-29  # computed from square roots of variances, so rounding is squared
@@ -21,6 +22,7 @@ MIN_CONDITIONAL_VARIANCE_RATIO = 1e-29  # computed from square roots of variance
 NoiseUpdate = Callable[[Float[Array, "K D"], Float[Array, "K D"]], Float[Array, "K D"]]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class LatentCovariances(Covariances):
     """Covariances Sigma_k = loadings[k] loadings[k]^T + diag(noise[k]).

@@ -15,11 +15,12 @@ from pilotfish.gaussians.structures.structure import (
     validate_positive,
 )
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_count, short_repr
+from pilotfish.validation import require_count, short_repr, shorten_repr
 
 INITIAL_SWEEPS = 10  # of the initial transform
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class MultipleTransformCovariances(Covariances):
     """Covariances Sigma_k = H diag(variances[k]) H^T, where H is the basis of state k.

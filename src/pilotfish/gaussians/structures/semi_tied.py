@@ -20,9 +20,10 @@ from pilotfish.gaussians.structures.structure import (
     validate_symmetry,
 )
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_count, require_number, require_type
+from pilotfish.validation import require_count, require_number, require_type, shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class SemiTiedCovariances(Covariances):
     """Covariances dense = tying H diag(variances) H^T + (1 - tying) sample covariance, with H = basis.

@@ -16,8 +16,10 @@ from pilotfish.kernels.stream_state import (
     zero_arrays,
 )
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(slots=True, eq=False)
 class Cluster:
     """Cluster of a StreamState, unpacked; statistics are in the columns of STATISTICS."""
@@ -26,6 +28,7 @@ class Cluster:
     subspaces: list[Subspace]
 
 
+@shorten_repr
 @dataclass(slots=True, eq=False)
 class MutableState:
     """StreamState, unpacked, while it changes."""

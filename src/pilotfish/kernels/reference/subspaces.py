@@ -30,11 +30,13 @@ import numpy as np
 
 from pilotfish.kernels.stream_state import StreamState
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 MAX_DRIFT = 1e-8
 ROUNDING_TOLERANCE = 8 * np.finfo(np.float64).eps
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Subspace:
     """Subspace of one cluster in one frame, as defined at the head of this file."""

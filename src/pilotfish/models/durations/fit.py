@@ -41,6 +41,7 @@ from pilotfish.models.durations.quadrature import Quadrature, make_quadrature, s
 from pilotfish.models.durations.segments import Segments
 from pilotfish.models.durations.sums import log_cumsum, log_reverse_cumsum, log_sum_exp
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import shorten_repr
 
 MAX_ITERATIONS, WARM_START_ITERATIONS, MAX_HALVINGS = 50, 3, 30
 BOUND_TOLERANCE = 1e-6  # relative distance at which a parameter counts as at its bound
@@ -50,6 +51,7 @@ TOLERANCE = 1e-14  # relative gain of the log-likelihood that is rounding
 Likelihood = tuple[Float[Array, " K"], Float[Array, "Q K"], Float[Array, "K Q Q"], Float[Array, "K Q Q"]]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ExponentialFamily:
     """Distributions p(s) proportional to exp(t(s) . theta + h(s)), s >= 1, with bounds of theta.

@@ -13,10 +13,12 @@ from pilotfish.models.durations.distribution import (
 from pilotfish.models.durations.fit import bounded_family, fit_parameters, zero_log_base
 from pilotfish.models.durations.segments import Segments
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 SHAPE_BOUNDS = (-0.99, 1e6)  # of the shape minus one
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Gamma(DurationDistribution):
     """Gamma density s^(shape - 1) exp(-rate s) at whole steps s >= 1, normalised over them.

@@ -13,8 +13,10 @@ from pilotfish.models.durations.distribution import (
 from pilotfish.models.durations.fit import bounded_family, fit_parameters, zero_log_base
 from pilotfish.models.durations.segments import Segments
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Gaussian(DurationDistribution):
     """Gaussian density at whole steps s >= 1, normalised over them.

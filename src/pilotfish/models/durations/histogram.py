@@ -13,13 +13,14 @@ from pilotfish.models.durations.quadrature import single_step_quadrature
 from pilotfish.models.durations.segments import Segments
 from pilotfish.models.durations.sums import log_reverse_cumsums, max_duration_from_probs
 from pilotfish.types import Array, Float
-from pilotfish.validation import MAX_MAGNITUDE, require_number, short_repr
+from pilotfish.validation import MAX_MAGNITUDE, require_number, short_repr, shorten_repr
 
 MIN_TAIL_PROBABILITY = 1e-250  # quotients by a survival probability above it do not overflow
 MAX_ITERATIONS = 10  # of completing the censored segments
 SUM_TOLERANCE = 1e-6  # of probabilities that sum to one
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Histogram(DurationDistribution):
     """Free probabilities of s = 1 .. S steps; longer segments are impossible.

@@ -9,10 +9,12 @@ from pilotfish.models.durations.distribution import DurationDistribution, requir
 from pilotfish.models.durations.fit import bounded_family, fit_parameters
 from pilotfish.models.durations.segments import Segments
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 MAX_LOG_DEVIATION = 2.0  # of log s; at 2 the mean is 7.4 times the median, the deviation 54 times
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class LogNormal(DurationDistribution):
     """Log-normal density at whole steps s >= 1, normalised over them: log s is Gaussian.

@@ -26,7 +26,7 @@ from pilotfish.models.durations.quadrature import make_quadrature
 from pilotfish.models.durations.segments import Segments
 from pilotfish.models.durations.sums import log_sum_exp
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_number
+from pilotfish.validation import require_number, shorten_repr
 
 MIN_SHAPE, MAX_SHAPE = 1e-2, 1e4
 STAY_PROB_BOUNDS = (1e-6, 1.0 - 1e-4)  # of 1 - exit probability
@@ -35,6 +35,7 @@ FIRST_STEP, MAX_SECANT_STEPS, ROOT_TOLERANCE = 0.1, 50, 1e-9  # of log shapes
 TOLERANCE = 1e-10  # relative gain of the log-likelihood that ends the iterations
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class NegativeBinomial(DurationDistribution):
     """One step, followed by a negative binomial number of steps.

@@ -13,10 +13,12 @@ from pilotfish.models.durations.distribution import (
 from pilotfish.models.durations.fit import bounded_family, fit_parameters
 from pilotfish.models.durations.segments import Segments
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 MIN_RATE = 1e-3  # mean number of steps after the first
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Poisson(DurationDistribution):
     """One step, followed by a Poisson number of steps.

@@ -15,6 +15,7 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import shorten_repr
 
 MAX_TERMS = 2**22  # single steps times states; an array of them takes 32 MiB
 MAX_CACHED = 16  # quadratures of at most 2^16 single steps are cached
@@ -28,6 +29,7 @@ MIN_EXPONENT, MAX_EXPONENT = 7, 40  # no block begins before step 2^7, none ends
 BLOCKS_PER_OCTAVE = 4  # blocks between a power of two and the next, of equal length
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Quadrature:
     """Nodes and weights of a sum over s = 1, 2, ...

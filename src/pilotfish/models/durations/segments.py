@@ -18,8 +18,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from pilotfish.types import Array, Bool, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Segments:
     """Expected number of segments by recorded length s = 1 .. S and state. The sum of two is exact.

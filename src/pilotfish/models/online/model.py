@@ -11,9 +11,10 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.models.online.settings import LEARNERS, OnlineSettings, kernel_parameters
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_name, require_period, require_type, short_list
+from pilotfish.validation import require_name, require_period, require_type, short_list, shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class OnlineModel:
     """K clusters in P frames, and the transitions and durations between them.

@@ -19,7 +19,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.errors import InvalidInput
 from pilotfish.models.skill import MAX_STATES
-from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type
+from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type, shorten_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +117,7 @@ Scales = tuple[float, ...]
 MIN_SCALE, MAX_SCALE = 1e-100, 1e100  # scaled datapoints stay finite
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class DPGMM:
     """Online Dirichlet process mixture of spheres under small-variance asymptotics (DP-means).
@@ -150,6 +151,7 @@ class DPGMM:
         return f"DP-GMM({self.cluster:g})"
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class DPMPPCA:
     """Online Dirichlet process mixture of probabilistic principal component analysers.
@@ -187,6 +189,7 @@ class DPMPPCA:
         return f"DP-MPPCA({self.cluster:g}, {self.dimension:g})"
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class HDPHSMM:
     """Online hierarchical Dirichlet process hidden semi-Markov model of spheres.
@@ -223,6 +226,7 @@ class HDPHSMM:
         return f"HDP-HSMM({self.cluster:g}, {self.transition:g}, {self.new_transition:g})"
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class SOSC:
     """Scalable online sequence clustering: subspaces with transitions and durations.
