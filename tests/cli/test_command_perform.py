@@ -11,10 +11,11 @@ from drawing import needs_renderer
 from PIL import Image
 
 from pilotfish import simulation
-from pilotfish.environments import TASKS, Task
+from pilotfish.cli.output.attempts import ADVICE
+from pilotfish.environments import TASKS, Failure, Outcome, Phase, Task
 from pilotfish.io.skill_file import open_skill
 from pilotfish.planning.reproduction import mean_demonstration_length
-from pilotfish.simulation import situation_from_seed
+from pilotfish.simulation import ExecutionResult, situation_from_seed
 
 RunCommand = Callable[..., Result]
 RunJson = Callable[..., dict[str, Any]]
@@ -36,14 +37,18 @@ def test_perform_json_equals_executions(
     for n, fact in enumerate(output["situations"]):
         made = simulation.perform(skill, alignment_task, situation_from_seed(alignment_task, "test", 3, n))
         assert fact == {
+            "seed": 3,
+            "situation": n,
             "success": made.outcome.success,
             "error": made.outcome.error,
             "reason": made.outcome.reason,
+            "failure": None,
             "peak_forces": made.peak_forces,
             "seconds": made.duration,
         }
     assert output["succeeded"] == sum(fact["success"] for fact in output["situations"])
-    assert (output["unit"], output["film"]) == ("m", None)
+    assert output["succeeded_by_seed"] == {"3": output["succeeded"]}
+    assert (output["unit"], output["film"], output["advice"], output["failures"]) == ("m", None, None, [])
 
 
 def test_perform_text_counts_successes(perform: list[str], run_command_line: RunCommand, unchecked: None):
@@ -51,7 +56,7 @@ def test_perform_text_counts_successes(perform: list[str], run_command_line: Run
     assert (result.exit_code, result.stderr) == (0, "")
     lines = [line.split("  ") for line in result.stdout.splitlines()]
     output = {line[0]: line[-1].strip() for line in lines}
-    assert output["succeeded"] == "2 of 2"
+    assert output["result"] == "2 of 2 succeeded"
     assert output["error, maximum"].endswith(" m")
     assert output["peak force, median"] == "0.0 N"
     assert output["duration, median"].endswith(" s")
@@ -63,11 +68,61 @@ def test_perform_failures_have_reasons_and_exit_code_0(
     soft = [*perform, "--situations", "1", "--control-cost", "1e6"]
     result = run_command_line(*soft)
     assert result.exit_code == 0
-    assert "0 of 1" in result.stdout
+    assert "0 of 1 succeeded" in result.stdout
+    assert "try: learn again with more --states" in result.stdout
     (fact,) = run_json(*soft)["situations"]
     assert not fact["success"]
     assert fact["reason"]
     assert f"situation 0: {fact['reason']}" in result.stdout.splitlines()
+
+
+def outcomes(monkeypatch: pytest.MonkeyPatch, failures: dict[tuple[int, int], Failure]) -> None:
+    """Replace the executions by failures in some situations, given by seed and number, else successes."""
+
+    def execute(skill: object, task: object, situation: tuple[int, int], **_: object) -> ExecutionResult:
+        failure = failures.get(situation)
+        outcome = Outcome(failure is None, 0.01, failure.detail if failure else "")
+        rows = np.zeros((3, 7))
+        return ExecutionResult(outcome, rows, rows, rows[:, 0], {"tool": 1.0}, 2.0, {}, {}, failure)
+
+    monkeypatch.setattr(simulation, "perform", execute)
+    monkeypatch.setattr(simulation, "situation_from_seed", lambda task, kind, *key: key)
+
+
+def test_perform_seeds_print_spread(
+    perform: list[str], run_command_line: RunCommand, run_json: RunJson, monkeypatch: pytest.MonkeyPatch
+):
+    drop = Failure(Phase.MOTION, "dropped on the way", "it fell")
+    aside = Failure(Phase.GOAL, "put down aside", "it lies 34 mm aside")
+    outcomes(monkeypatch, {(5, 0): drop, (5, 2): drop, (7, 1): aside})
+    command = [*perform, "--situations", "3", "--seeds", "3", "--seed", "5"]
+    lines = run_command_line(*command).stdout.splitlines()
+    rows = [line.split(maxsplit=1) for line in lines]
+    assert ["result", "6 of 9 succeeded"] in rows
+    assert "each seed           1, 3, 2 of 3 succeeded" in lines
+    assert "over seeds          1 to 3, median 2 of 3" in lines
+    assert ["2", "dropped on the way  motion"] in rows
+    assert ["1", "put down aside      goal"] in rows
+    assert "seed 5, situation 2: dropped on the way: it fell" in lines
+    assert "seed 7, situation 1: put down aside: it lies 34 mm aside" in lines
+    assert [line for line in lines if line.startswith("try: ")] == [f"try: {ADVICE['motion']}"]
+    output = run_json(*command)
+    assert output["succeeded_by_seed"] == {"5": 1, "6": 3, "7": 2}
+    assert output["failures"][0] == {"phase": "motion", "summary": "dropped on the way", "count": 2}
+    assert [(fact["seed"], fact["situation"]) for fact in output["situations"][2:4]] == [(5, 2), (6, 0)]
+
+
+def test_advice_covers_every_phase():
+    assert ADVICE.keys() == {phase.value for phase in Phase}
+
+
+def test_perform_situation_executes_only_this_one(
+    perform: list[str], run_json: RunJson, alignment_task: Task[Any], alignment_skill: Path, unchecked: None
+):
+    (fact,) = run_json(*perform, "--situation", "2", "--seed", "4")["situations"]
+    skill = open_skill(alignment_skill / "skill")
+    made = simulation.perform(skill, alignment_task, situation_from_seed(alignment_task, "test", 4, 2))
+    assert (fact["seed"], fact["situation"], fact["error"]) == (4, 2, made.outcome.error)
 
 
 @needs_renderer
@@ -111,6 +166,10 @@ def test_film_existing_is_replaced_only_with_force(
         (["--covariance-regularisation", "-1"], "--covariance-regularisation"),
         (["--situations", "0"], "--situations"),
         (["--seed", "-1"], "--seed"),
+        (["--seeds", "0"], "--seeds"),
+        (["--situation", "-1"], "--situation"),
+        (["--situation", "1", "--seeds", "2"], "omit --seeds"),
+        (["--situation", "1", "--situations", "2"], "omit --situations"),
         (["--meshes"], "give --film FILE"),
     ],
 )

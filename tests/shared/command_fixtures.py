@@ -239,6 +239,7 @@ ALIGNMENT_TASK: Task[ValveSituation] = replace(
     time_limit=6.0,
     demonstration_script=lambda situation: TASKS["valve"].demonstration_script(situation)[:1],
     check_success=_check_alignment,
+    progress=None,
 )
 
 

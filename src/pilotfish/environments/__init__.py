@@ -9,23 +9,36 @@ from pilotfish.environments.contacts import contact_forces
 from pilotfish.environments.guidance import linear_path
 from pilotfish.environments.manipulation import Manipulation
 from pilotfish.environments.scene_renderer import CameraView, SceneRenderer
+from pilotfish.environments.tasks.progress import (
+    Failure,
+    Phase,
+    Progress,
+    explain_failure,
+    stack_measurements,
+)
 from pilotfish.environments.tasks.recorded_valve import RECORDED_VALVE, RecordedValve
 from pilotfish.environments.tasks.registry import TASKS
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.workcell import Workcell
 
 __all__ = [
     "RECORDED_VALVE",
     "TASKS",
     "CameraView",
+    "Failure",
     "Manipulation",
     "Outcome",
+    "Phase",
+    "Progress",
     "RecordedValve",
     "Scene",
     "SceneRenderer",
     "Task",
     "Workcell",
     "contact_forces",
+    "explain_failure",
     "human",
     "linear_path",
+    "stack_measurements",
 ]

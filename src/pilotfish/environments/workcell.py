@@ -23,7 +23,9 @@ from pilotfish.environments.baxter.visual_meshes import VisualMesh, add_visual_m
 from pilotfish.environments.contacts import contact_forces
 from pilotfish.environments.guidance import follow_relative_motion, guidance_wrench, linear_path
 from pilotfish.environments.simulated_arm import JOINTS, SimulatedArm
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.progress import Measurements
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
 from pilotfish.kernels import ToolTarget
@@ -109,8 +111,15 @@ class Workcell(Generic[S]):
 
     def outcome(self) -> Outcome:
         """Return whether the task is done now."""
-        scene = Scene(self.model, self.data, self.arm.tool, self.grip, self.peak_forces)
-        return self.task.check_success(scene, self.situation)
+        return self.task.check_success(self._scene(), self.situation)
+
+    def measure_progress(self) -> Measurements:
+        """Return the quantities that explain a failure of the task, now; empty if it has none."""
+        progress = self.task.progress
+        return progress.measure(self._scene(), self.situation) if progress else {}
+
+    def _scene(self) -> Scene:
+        return Scene(self.model, self.data, self.arm.tool, self.grip, self.peak_forces)
 
     def step_impedance(self, target: Pose, grip: float, n_steps: int) -> None:
         """Simulate impedance control to a target that moves at constant speed from the last one.

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from pilotfish.demonstrations import Layout, Quantity, frame_from_pose
-from pilotfish.environments import Outcome, Task, Workcell
+from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_failure, stack_measurements
 from pilotfish.environments.baxter import VisualMesh
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
@@ -47,6 +47,8 @@ class ExecutionResult:
         peak_forces: Largest contact forces [N].
         duration: Simulated duration [s].
         frames: Pose of each frame at the start.
+        progress: Quantities that the task measures, such as the height of an object above its support.
+        failure: First phase of the task that was not passed, and why; None on success.
     """
 
     outcome: Outcome
@@ -56,6 +58,8 @@ class ExecutionResult:
     peak_forces: dict[str, float]
     duration: float
     frames: dict[str, Pose]
+    progress: dict[str, Float[Array, " T"]]
+    failure: Failure | None
 
 
 def perform(
@@ -98,17 +102,21 @@ def perform(
     targets = plan(
         skill, cell, n_steps, control_cost=control_cost, covariance_regularisation=covariance_regularisation
     )
-    commanded, measured, forces = [], [], []
+    commanded, measured, forces, progress = [], [], [], []
     for pose, grip in targets:
         cell.step_impedance(pose, grip, round(skill.period / cell.timestep))
         tool = cell.arm.tool
         commanded.append(np.append(pose.position, pose.quaternion))
         measured.append(np.append(tool.position, tool.quaternion))
         forces.append(cell.forces["tool"])
+        progress.append(cell.measure_progress())
         if on_period:
             on_period(cell)
     rows = np.array(commanded), np.array(measured), np.array(forces)
-    return ExecutionResult(cell.outcome(), *rows, dict(cell.peak_forces), cell.time, initial_frames)
+    outcome, history = cell.outcome(), stack_measurements(progress)
+    failure = explain_failure(task.progress, history, outcome)
+    peak_forces = dict(cell.peak_forces)
+    return ExecutionResult(outcome, *rows, peak_forces, cell.time, initial_frames, history, failure)
 
 
 def _validate_skill(skill: Skill, task: Task[S]) -> None:

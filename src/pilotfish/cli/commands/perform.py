@@ -1,20 +1,21 @@
 """pilotfish perform: execute a skill with the simulated robot, in situations without demonstrations."""
 
+from itertools import product
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from pilotfish.cli.commands.record import find_task
 from pilotfish.cli.options.planning import planning_options
+from pilotfish.cli.output.attempts import Attempt, format_attempt, name_situation, summarise_attempts
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
     require_writable_file,
 )
-from pilotfish.cli.output.tables import Table, key_value_table
 from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.io import open_skill
 from pilotfish.models import Skill
@@ -53,26 +54,47 @@ def validate_film_path(_: click.Context, parameter: click.Parameter, path: Path 
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the situations."
 )
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=1,
+    show_default=True,
+    help="Number of seeds, from --seed on; each gives other situations, and the spread is printed.",
+)
+@click.option(
+    "--situation",
+    type=click.IntRange(0, 9_999),
+    help="Execute only the situation with this number, as printed with its failure.",
+)
 @planning_options
 @click.option(
     "--film",
     type=FILE,
     callback=validate_film_path,
-    help="Film of the first situation to write, as .webp or .gif.",
+    help="Film to write, as .webp or .gif, of the first situation or of that of --situation.",
 )
 @click.option("--meshes", is_flag=True, help="Show the visual meshes of pilotfish[meshes] in the film.")
 @click.option("--force", is_flag=True, help="Replace an existing film.")
 @print_result
 def perform(
-    skill: Path, task: str, situations: int, seed: int, film: Path | None, **options: Any
+    skill: Path,
+    task: str,
+    situations: int,
+    seed: int,
+    seeds: int,
+    situation: int | None,
+    film: Path | None,
+    **options: Any,
 ) -> CommandResult:
     """Execute the skill in the file SKILL in simulated physics, in situations without demonstrations.
 
     The skill is adapted to the frames of the objects, and an impedance controller at 1 kHz tracks the planned
-    motion. The exit code is 0 also if some situations fail.
+    motion. A failure is explained by the first phase of the task that was not passed. The exit code is 0 also
+    if some situations fail.
     """
     if options["meshes"] and not film:
         raise click.UsageError("--meshes needs a film to show them in; give --film FILE")
+    _require_one_situation(situation)
     require_mujoco()
     from pilotfish.simulation import require_pillow
 
@@ -81,13 +103,26 @@ def perform(
         require_pillow()
         require_renderer()
     selected, learned = find_task(task), open_skill(skill)
-    executions = []
-    for n in range(situations):
-        execution = _execute(learned, selected, (seed, n), film if n == 0 else None, options)
-        executions.append(execution)
+    numbers = range(situations) if situation is None else (situation,)
+    attempts: list[Attempt] = []
+    for key in product(range(seed, seed + seeds), numbers):
+        execution = _execute(learned, selected, key, None if attempts else film, options)
+        attempts.append(Attempt(*key, execution))
         if is_interactive():
-            print_note(f"situation {n}: {_format_execution(execution, selected.unit)}")
-    return _to_result(executions, selected.unit, film)
+            print_note(
+                f"{name_situation(attempts[-1], seeds)}: {format_attempt(attempts[-1], selected.unit)}"
+            )
+    return summarise_attempts(attempts, selected, film)
+
+
+def _require_one_situation(situation: int | None) -> None:
+    """Raise click.UsageError if one situation and a number of them are both given."""
+    if situation is None:
+        return
+    context = click.get_current_context()
+    for name in ("situations", "seeds"):
+        if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--situation executes one situation; omit --{name}")
 
 
 def _execute(
@@ -116,46 +151,3 @@ def _execute(
         write_film(camera.images, film, camera.period, overwrite=options["force"])
         camera.close()
     return execution
-
-
-def _format_execution(execution: "ExecutionResult", unit: str) -> str:
-    outcome = execution.outcome
-    result = "success" if outcome.success else f"failure, {outcome.reason}"
-    force = execution.peak_forces["tool"]
-    return f"{result}; error {outcome.error:.2g} {unit}, peak force {force:.0f} N, {execution.duration:.1f} s"
-
-
-def _to_result(executions: "list[ExecutionResult]", unit: str, film: Path | None) -> CommandResult:
-    errors = [execution.outcome.error for execution in executions]
-    succeeded = sum(execution.outcome.success for execution in executions)
-    rows = [
-        ("succeeded", f"{succeeded} of {len(executions)}"),
-        ("error, median", f"{median(errors):.2g} {unit}"),
-        ("error, maximum", f"{max(errors):.2g} {unit}"),
-        ("peak force, median", f"{median(e.peak_forces['tool'] for e in executions):.1f} N"),
-        ("duration, median", f"{median(e.duration for e in executions):.1f} s"),
-    ]
-    failures = [
-        f"situation {n}: {execution.outcome.reason}"
-        for n, execution in enumerate(executions)
-        if not execution.outcome.success
-    ]
-    blocks: list[str | Table] = [key_value_table(rows), *(["\n".join(failures)] if failures else [])]
-    data = {
-        "succeeded": succeeded,
-        "situations": [_execution_to_json(execution) for execution in executions],
-        "film": str(film) if film else None,
-        "unit": unit,
-    }
-    return CommandResult(blocks, data)
-
-
-def _execution_to_json(execution: "ExecutionResult") -> dict[str, object]:
-    outcome = execution.outcome
-    return {
-        "success": outcome.success,
-        "error": outcome.error,
-        "reason": outcome.reason,
-        "peak_forces": execution.peak_forces,
-        "seconds": execution.duration,
-    }

@@ -18,6 +18,17 @@ from pilotfish.environments.baxter.body import FLOOR
 from pilotfish.environments.baxter.tools import Tool, add_tool_body, add_tool_geom, add_tool_point
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.progress import (
+    Failure,
+    History,
+    Measurements,
+    Phase,
+    Progress,
+    first_failure,
+    in_degrees,
+    in_mm,
+    smallest,
+)
 from pilotfish.environments.tasks.scene_objects import (
     BOX,
     CAPSULE,
@@ -28,7 +39,8 @@ from pilotfish.environments.tasks.scene_objects import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
@@ -39,6 +51,7 @@ SEAT, GATE_LINE = 0.12, 0.172  # m from the hand: goal of the rod, and position 
 WIRE, LATCH, GATE_RADIUS = 0.0045, 0.04, 0.004  # m: radius of the ring's wire, length and radius of the gate
 HINGE = -0.03  # m, lateral position of the gate's hinge
 SHUT = radians(5.0)  # largest angle of a closed gate
+NEAR_GATE = 0.015  # m, distance of rod and gate at which they may touch
 # Centre line of the ring, x and z in hand axes [m], from the hinge along the spine to the nose.
 RING = np.array(
     [
@@ -166,6 +179,64 @@ def _check_success(scene: Scene, situation: CarabinerSituation) -> Outcome:
     return Outcome(True, error)
 
 
+def _measure_progress(scene: Scene, situation: CarabinerSituation) -> Measurements:
+    """Return the distance of rod and goal, whether the rod is inside the ring, and the angle of the gate."""
+    rod = _observe_frames(scene.model, scene.data, situation)["rod"]
+    x, _, z = rod_in_ring_plane(rod, scene.tool)
+    return {
+        "distance": _distance_to_rod(rod, scene.tool),
+        "inside": float(point_inside_ring(x, z)),
+        "gate": abs(float(scene.data.joint("right_gate").qpos[0])),
+    }
+
+
+def _describe_progress(now: Measurements) -> str:
+    if now["inside"]:
+        return "hooked" if now["gate"] <= SHUT else "rod inside, gate open"
+    return (
+        "gate pushed open" if now["gate"] > SHUT else f"rod {1000.0 * now['distance']:.0f} mm from its goal"
+    )
+
+
+def _explain_failure(history: History, outcome: Outcome) -> Failure:
+    """Explain a failure by the first of: reach the rod, push it in, keep it, and close the gate."""
+    distance, gate, inside = history["distance"], history["gate"], history["inside"] > 0.0
+    short = smallest(distance) - (GATE_LINE - SEAT)
+    checks = (
+        (
+            not inside.any() and short > NEAR_GATE and gate.max() <= SHUT,
+            Phase.APPROACH,
+            "never reached the rod",
+            f"the gate stayed {in_mm(short)} away from the rod",
+        ),
+        (
+            not inside.any() and gate.max() <= SHUT,
+            Phase.GRASP,
+            "pushed beside the gate",
+            f"the gate opened by only {in_degrees(gate.max())}",
+        ),
+        (
+            not inside.any(),
+            Phase.MOTION,
+            "rod not pushed in",
+            f"the gate opened, but the rod stayed {in_mm(smallest(distance))} from its goal",
+        ),
+        (
+            not inside[-1],
+            Phase.GOAL,
+            "rod slipped out",
+            f"the rod was inside, and is {in_mm(distance[-1])} from its goal at the end",
+        ),
+        (
+            gate[-1] > SHUT,
+            Phase.GOAL,
+            "gate not closed",
+            f"the rod is inside, but holds the gate open by {in_degrees(gate[-1])}",
+        ),
+    )
+    return first_failure(checks, outcome)
+
+
 def _start_pose(situation: CarabinerSituation) -> Pose:
     del situation
     return Pose(
@@ -205,4 +276,5 @@ CARABINER: Task[CarabinerSituation] = Task(
     check_success=_check_success,
     demonstration_script=_demonstration_script,
     view=CameraView((0.66, -0.3, 0.1), 1.05, 95.0, -18.0),
+    progress=Progress(_measure_progress, _describe_progress, _explain_failure),
 )

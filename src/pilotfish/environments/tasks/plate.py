@@ -15,6 +15,17 @@ import numpy as np
 from pilotfish.environments.baxter.tools import mount_suction
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.progress import (
+    Failure,
+    History,
+    Measurements,
+    Phase,
+    Progress,
+    first_failure,
+    first_true,
+    in_degrees,
+    in_mm,
+)
 from pilotfish.environments.tasks.scene_objects import (
     BOX,
     CYLINDER,
@@ -28,7 +39,8 @@ from pilotfish.environments.tasks.scene_objects import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, relative_rotation_vector, rotation_matrix
 from pilotfish.validation import require_count, shorten_repr
@@ -44,6 +56,7 @@ CROSS_POSITION = (0.66, -0.1)  # m
 NEAR, STRAIGHT, FLAT = 0.02, radians(10.0), radians(3.0)  # m, rad, rad: largest errors
 PASS = 0.1  # m, height of the cup above the centre of the bar
 CLEAR, STILL, TOUCH = 0.03, 0.02, 1.0  # m from plate to cup; m/s; N on the obstacle
+LIFTED, DROPPED, PARTED, SUCKING = 0.01, 0.015, 0.02, 0.5  # m; grip at which suction begins
 FRAGILE_GEOMS = ("obstacle", "rod_0", "rod_1")
 # Tool z axis down, hand x axis to the robot; z of a frame on the table points up.
 DOWN = axis_angle_quaternion((0.0, 1.0, 0.0), pi)
@@ -164,6 +177,80 @@ def _check_success(scene: Scene, situation: PlateSituation) -> Outcome:
     return Outcome(True, error)
 
 
+def _measure_progress(scene: Scene, situation: PlateSituation) -> Measurements:
+    """Return the plate's pose relative to its start and the cross, and the cup's position on the plate."""
+    plate, goal = plate_pose(scene.data), goal_pose()
+    cup = (plate.inverse() @ scene.tool).position
+    return {
+        "lift": float(plate.position[2] - situation.plate.position[2]),
+        "to cross": float(np.linalg.norm((plate.position - goal.position)[:2])),
+        "rotation": float(np.linalg.norm(relative_rotation_vector(goal.quaternion, plate.quaternion))),
+        "tilt": float(np.arccos(np.clip(rotation_matrix(plate.quaternion)[2, 2], -1.0, 1.0))),
+        "cup above": float(cup[2]),
+        "cup beside": float(np.linalg.norm(np.maximum(np.abs(cup[:2]) - np.array(HALF[:2]), 0.0))),
+        "suction": scene.grip,
+        "obstacle force": max(scene.forces.get(name, 0.0) for name in FRAGILE_GEOMS),
+    }
+
+
+def _describe_progress(now: Measurements) -> str:
+    if now["lift"] > LIFTED:
+        return "picked up"
+    if now["to cross"] < NEAR:
+        return "on the cross"
+    return "suction on" if now["suction"] > SUCKING else "suction off"
+
+
+def _explain_failure(history: History, outcome: Outcome) -> Failure:
+    """Explain a failure by the first of: pick up, carry, put down, release, and force on the obstacle."""
+    if not (history["lift"] > LIFTED).any():
+        return Failure(Phase.GRASP, "never picked up", _describe_missed_plate(history))
+    if failure := _explain_parting(history):
+        return failure
+    aside, rotation, tilt, force = (
+        float(history[name][-1]) for name in ("to cross", "rotation", "tilt", "obstacle force")
+    )
+    turned = f"the plate is turned by {in_degrees(rotation)}, at most {in_degrees(STRAIGHT)} are allowed"
+    pushed = f"the obstacle was pushed by {force:.1f} N, at most {TOUCH:.0f} N are allowed"
+    checks = (
+        (aside > NEAR, Phase.GOAL, "put down aside", f"the plate lies {in_mm(aside)} beside the cross"),
+        (tilt > FLAT, Phase.GOAL, "put down tilted", f"the plate is tilted by {in_degrees(tilt)}"),
+        (rotation > STRAIGHT, Phase.GOAL, "put down turned", turned),
+        (force > TOUCH, Phase.CONTACT, "hit the obstacle", pushed),
+    )
+    return first_failure(checks, outcome)
+
+
+def _explain_parting(history: History) -> Failure | None:
+    """Return a failure if the plate left the cup before it was put down, or never did."""
+    lift, suction = history["lift"], history["suction"] > SUCKING
+    lifted = first_true(lift > LIFTED)
+    apart = np.maximum(history["cup above"], history["cup beside"])[lifted:] > PARTED
+    if not apart.any():
+        return Failure(Phase.RELEASE, "not released", "the plate still hangs on the cup at the end")
+    parted = lifted + first_true(apart)
+    if (height := float(lift[parted - 1])) <= DROPPED:
+        return None
+    let_go = not suction[parted - 1 : parted + 1].all()
+    how = "suction was switched off" if let_go else "it was torn off with suction on"
+    place = f"{in_mm(height)} above the table, {in_mm(float(history['to cross'][parted - 1]))} from the cross"
+    return Failure(
+        Phase.RELEASE if let_go else Phase.MOTION, "dropped on the way", f"the plate fell {place}: {how}"
+    )
+
+
+def _describe_missed_plate(history: History) -> str:
+    """Return why the plate was not picked up."""
+    suction = history["suction"] > SUCKING
+    if not suction.any():
+        return f"suction never exceeded {history['suction'].max():.2f}, it begins at {SUCKING:g}"
+    beside, above = history["cup beside"][suction], np.maximum(history["cup above"][suction], 0.0)
+    nearest = int(np.argmin(np.hypot(beside, above)))
+    if beside[nearest] > 0.0:
+        return f"with suction on, the cup came no closer than {in_mm(beside[nearest])} beside the plate"
+    return f"with suction on, the cup stayed {in_mm(above[nearest])} above the plate"
+
+
 def _start_pose(situation: PlateSituation) -> Pose:
     del situation
     return Pose(np.array([0.56, -0.4, 0.18]), DOWN)
@@ -223,4 +310,5 @@ PLATE: Task[PlateSituation] = Task(
     demonstration_script=_demonstration_script,
     fragile_geoms=FRAGILE_GEOMS,
     view=CameraView((0.66, -0.3, 0.1), 1.2, 75.0, -25.0),
+    progress=Progress(_measure_progress, _describe_progress, _explain_failure),
 )

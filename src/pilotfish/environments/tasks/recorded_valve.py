@@ -24,7 +24,8 @@ from pilotfish.environments.tasks.scene_objects import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply
 from pilotfish.validation import shorten_repr

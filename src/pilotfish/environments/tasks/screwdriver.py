@@ -17,6 +17,18 @@ from pilotfish.environments.baxter.body import FLOOR
 from pilotfish.environments.baxter.tools import Tool, add_tool_body, add_tool_geom, add_tool_point
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.progress import (
+    Failure,
+    History,
+    Measurements,
+    Phase,
+    Progress,
+    first_failure,
+    first_true,
+    in_degrees,
+    in_mm,
+    smallest,
+)
 from pilotfish.environments.tasks.scene_objects import (
     BLUE,
     BOX,
@@ -28,7 +40,8 @@ from pilotfish.environments.tasks.scene_objects import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_pose
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, multiply, rotation_matrix
@@ -196,6 +209,65 @@ def _check_success(scene: Scene, situation: ScrewdriverSituation) -> Outcome:
     return Outcome(True, error)
 
 
+def _measure_progress(scene: Scene, situation: ScrewdriverSituation) -> Measurements:
+    """Return the position of the tip in the recess, and the angles of axis and blade."""
+    tool = _observe_frames(scene.model, scene.data, situation)["target"].inverse() @ scene.tool
+    blade, _, axis = rotation_matrix(tool.quaternion).T
+    return {
+        "aside": float(np.hypot(*tool.position[:2])),
+        "height": float(tool.position[2]),
+        "distance": float(np.linalg.norm(tool.position)),
+        "tilt": acos(np.clip(-axis[2], -1.0, 1.0)),
+        "twist": acos(min(abs(blade[0]), 1.0)),
+    }
+
+
+def _describe_progress(now: Measurements) -> str:
+    if now["distance"] <= NEAR:
+        return "on the bottom of the recess"
+    if now["height"] < HIGH and now["aside"] < MOUTH:
+        return "in the recess"
+    return f"tip {1000.0 * now['distance']:.0f} mm away"
+
+
+def _explain_failure(history: History, outcome: Outcome) -> Failure:
+    """Explain a failure by the first of: find the mouth, reach the bottom, stay there, and align."""
+    aside, height, distance = history["aside"], history["height"], history["distance"]
+    inside = (height < HIGH) & (aside < MOUTH)
+    low = first_true(height < HIGH + NEAR)
+    at_mouth = aside[min(low, len(aside) - 1)]
+    tilt, twist = float(history["tilt"][-1]), float(history["twist"][-1])
+    checks = (
+        (
+            not inside.any() and low == len(height),
+            Phase.APPROACH,
+            "stopped above the recess",
+            f"the tip came down to {in_mm(smallest(height))} above the bottom, the mouth is at {in_mm(HIGH)}",
+        ),
+        (
+            not inside.any(),
+            Phase.APPROACH,
+            "missed the recess",
+            f"the tip came down {in_mm(at_mouth)} beside the middle, the mouth's radius is {in_mm(MOUTH)}",
+        ),
+        (
+            distance[-1] > NEAR and distance.min() <= NEAR,
+            Phase.GOAL,
+            "left the recess again",
+            f"the tip was on the bottom, and is {in_mm(distance[-1])} away at the end",
+        ),
+        (
+            distance[-1] > NEAR,
+            Phase.GOAL,
+            "not inserted to the bottom",
+            f"the tip is {in_mm(distance[-1])} from the bottom, expected {in_mm(NEAR)}",
+        ),
+        (tilt > STRAIGHT, Phase.GOAL, "inserted tilted", f"the screwdriver is tilted by {in_degrees(tilt)}"),
+        (twist > SLOT, Phase.GOAL, "blade turned", f"the blade is {in_degrees(twist)} from the slot"),
+    )
+    return first_failure(checks, outcome)
+
+
 def _start_pose(situation: ScrewdriverSituation) -> Pose:
     del situation
     return Pose(np.array([0.6, -0.35, 0.15]), DOWN)
@@ -233,4 +305,5 @@ SCREWDRIVER: Task[ScrewdriverSituation] = Task(
     demonstration_script=_demonstration_script,
     view=CameraView((0.66, -0.3, 0.07), 1.05, 80.0, -22.0),
     actuate_scene=_actuate_scene,
+    progress=Progress(_measure_progress, _describe_progress, _explain_failure),
 )

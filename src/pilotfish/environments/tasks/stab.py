@@ -16,6 +16,17 @@ from pilotfish.environments.baxter.body import FLOOR
 from pilotfish.environments.baxter.tools import Tool, add_tool_body, add_tool_geom, add_tool_point
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.progress import (
+    Failure,
+    History,
+    Measurements,
+    Phase,
+    Progress,
+    first_failure,
+    first_true,
+    in_degrees,
+    in_mm,
+)
 from pilotfish.environments.tasks.scene_objects import (
     BLUE,
     BOX,
@@ -27,7 +38,8 @@ from pilotfish.environments.tasks.scene_objects import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import validate_object_pose
 from pilotfish.geometry import Pose, multiply, rotation_matrix
 from pilotfish.types import Array, Float
@@ -156,6 +168,59 @@ def _tip_velocity(scene: Scene) -> Float[Array, " 3"]:
     return velocity[3:]
 
 
+def _measure_progress(scene: Scene, situation: StabSituation) -> Measurements:
+    """Return the depth of the tip, its distance from the bore axis, and the angle of the axes."""
+    depth, distance, angle = insertion_depth(situation.receptacle, scene.tool)
+    return {"depth": depth, "aside": distance, "angle": angle}
+
+
+def _describe_progress(now: Measurements) -> str:
+    if now["depth"] > 0.0 and now["aside"] < MOUTH:
+        return f"{1000.0 * now['depth']:.0f} mm deep"
+    return f"tip {1000.0 * float(np.hypot(now['depth'], now['aside'])):.0f} mm from the mouth"
+
+
+def _explain_failure(history: History, outcome: Outcome) -> Failure:
+    """Explain a failure by the first of: find the mouth, enter the bore, reach the depth, and align."""
+    depth, aside, angle = history["depth"], history["aside"], float(history["angle"][-1])
+    inside, at_mouth = (depth > 0.0) & (aside < MOUTH), first_true(depth > 0.0)
+    deepest, passed = depth[aside < BORE].max(initial=0.0), aside[min(at_mouth, len(aside) - 1)]
+    checks = (
+        (
+            not inside.any() and at_mouth == len(depth),
+            Phase.APPROACH,
+            "never reached the receptacle",
+            f"the tip stopped {in_mm(-depth.max())} before the mouth",
+        ),
+        (
+            not inside.any(),
+            Phase.APPROACH,
+            "missed the funnel",
+            f"the tip passed {in_mm(passed)} beside the axis, the funnel's radius is {in_mm(MOUTH)}",
+        ),
+        (
+            deepest < FUNNEL,
+            Phase.MOTION,
+            "stuck in the funnel",
+            f"the tip came {in_mm(depth[inside].max(initial=0.0))} deep, the bore begins at {in_mm(FUNNEL)}",
+        ),
+        (
+            depth[-1] < DEEP and deepest >= DEEP,
+            Phase.GOAL,
+            "pulled out again",
+            f"the tip was {in_mm(deepest)} deep, and is {in_mm(depth[-1])} deep at the end",
+        ),
+        (
+            depth[-1] < DEEP,
+            Phase.GOAL,
+            "not pushed in far enough",
+            f"the tip is {in_mm(depth[-1])} deep, expected {in_mm(DEEP)}",
+        ),
+        (angle > AXIS, Phase.GOAL, "tilted in the bore", f"the stab is tilted by {in_degrees(angle)}"),
+    )
+    return first_failure(checks, outcome)
+
+
 def _start_pose(situation: StabSituation) -> Pose:
     del situation
     return Pose(np.array([0.75, -0.4, 0.2]), SLOPE)
@@ -192,4 +257,5 @@ STAB: Task[StabSituation] = Task(
     check_success=_check_success,
     demonstration_script=_demonstration_script,
     view=CameraView((0.66, -0.28, 0.07), 1.3, 65.0, -20.0),
+    progress=Progress(_measure_progress, _describe_progress, _explain_failure),
 )

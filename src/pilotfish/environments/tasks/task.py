@@ -1,6 +1,6 @@
 """What a task is: objects in a workcell, where they may be, and when the task is done."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -10,45 +10,12 @@ import numpy as np
 from pilotfish.environments.baxter.tools import Tool
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import FRONT_RIGHT, CameraView
+from pilotfish.environments.tasks.progress import Progress
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.geometry import Pose
 from pilotfish.validation import shorten_repr
 
 S = TypeVar("S")
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """Result of a task.
-
-    Attributes:
-        success: Whether the task is done.
-        error: Remaining error in the unit of the task.
-        reason: Why the task is not done; empty on success.
-    """
-
-    success: bool
-    error: float
-    reason: str = ""
-
-
-@shorten_repr
-@dataclass(frozen=True, slots=True, eq=False)
-class Scene:
-    """State of the physics that decides about success.
-
-    Attributes:
-        model: Compiled model.
-        data: State of the model.
-        tool: Pose of the tool in torso axes.
-        grip: Commanded grip, 0 to 1.
-        forces: Largest forces since the start [N]: "tool" and each fragile geom.
-    """
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    tool: Pose
-    grip: float
-    forces: Mapping[str, float]
 
 
 @shorten_repr
@@ -73,6 +40,7 @@ class Task(Generic[S]):
         fragile_geoms: Names of geoms whose contact forces are measured.
         view: Camera for images of the task.
         actuate_scene: Function (model, state, situation, time) that moves objects; None if nothing moves.
+        progress: How progress is measured and a failure explained; None for the outcome's reason only.
     """
 
     name: str
@@ -91,3 +59,4 @@ class Task(Generic[S]):
     fragile_geoms: tuple[str, ...] = ()
     view: CameraView = FRONT_RIGHT
     actuate_scene: Callable[[mujoco.MjModel, mujoco.MjData, S, float], None] | None = None
+    progress: Progress[S] | None = None

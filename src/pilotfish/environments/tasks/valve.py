@@ -11,6 +11,17 @@ from pilotfish.environments.baxter.body import FLOOR
 from pilotfish.environments.baxter.tools import mount_gripper
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
+from pilotfish.environments.tasks.progress import (
+    Failure,
+    History,
+    Measurements,
+    Phase,
+    Progress,
+    first_failure,
+    in_degrees,
+    in_mm,
+    smallest,
+)
 from pilotfish.environments.tasks.scene_objects import (
     BOX,
     CYLINDER,
@@ -20,13 +31,16 @@ from pilotfish.environments.tasks.scene_objects import (
     add_solid,
     axis_angle_quaternion,
 )
-from pilotfish.environments.tasks.task import Outcome, Scene, Task
+from pilotfish.environments.tasks.task import Task
+from pilotfish.environments.tasks.task_state import Outcome, Scene
 from pilotfish.environments.tasks.validation import MAX_ANGLE, validate_object_pose
 from pilotfish.geometry import Pose
 from pilotfish.validation import require_number, shorten_repr
 
 TOLERANCE = radians(5.0)
 CLEAR = 0.08  # m, smallest distance from handle to tool at the end
+# rad, grip and m: smallest turn that counts, closed gripper, and largest distance of a grasp.
+TURNING, CLOSED, GRASPED = radians(3.0), 0.5, 0.03
 STICTION, DRAG = 0.3, 0.3  # N m; N m s/rad
 # Orientation of the tool at the grasp: z ahead along x, fingers closing horizontally.
 FACING = axis_angle_quaternion((0.0, 1.0, 0.0), pi / 2)
@@ -111,6 +125,55 @@ def _check_success(scene: Scene, situation: ValveSituation) -> Outcome:
     return Outcome(True, error)
 
 
+def _measure_progress(scene: Scene, situation: ValveSituation) -> Measurements:
+    """Return the angle of the valve, grip, and the distance of the tool from the handle."""
+    goal = situation.goal_angle - situation.start_angle
+    return {
+        "turned": (_valve_angle(scene) - situation.start_angle) * float(np.sign(goal) or 1.0),
+        "goal": abs(goal),
+        "grip": scene.grip,
+        "distance": float(np.linalg.norm(scene.tool.position - situation.valve.position)),
+    }
+
+
+def _describe_progress(now: Measurements) -> str:
+    if now["turned"] < TURNING:
+        return "gripper closed" if now["grip"] > CLOSED else "gripper open"
+    return f"turned by {degrees(now['turned']):.0f} of {degrees(now['goal']):.0f} degrees"
+
+
+def _explain_failure(history: History, outcome: Outcome) -> Failure:
+    """Explain a failure by the first of: grip, turn, release."""
+    most = float(history["turned"].max())
+    if most < TURNING:
+        return _explain_missed_grasp(history, most)
+    goal, end, left = (float(history[name][-1]) for name in ("goal", "turned", "distance"))
+    total = f"of {in_degrees(goal)}"
+    turned_back = f"turned by {in_degrees(most)}, then back to {in_degrees(end)} {total}"
+    too_far = f"turned by {in_degrees(end)} instead {total}"
+    too_near = f"the tool is still {in_mm(left)} from the handle, expected {in_mm(CLEAR)}"
+    too_little, enough = end < goal - TOLERANCE, most >= goal - TOLERANCE
+    checks = (
+        (too_little and enough, Phase.RELEASE, "turned back while letting go", turned_back),
+        (too_little, Phase.GOAL, "turned too little", f"turned by only {in_degrees(end)} {total}"),
+        (end > goal + TOLERANCE, Phase.GOAL, "turned too far", too_far),
+        (left < CLEAR, Phase.RELEASE, "hand not withdrawn", too_near),
+    )
+    return first_failure(checks, outcome)
+
+
+def _explain_missed_grasp(history: History, most: float) -> Failure:
+    """Explain why the valve has not been turned, or only by an angle that does not count."""
+    closed = history["grip"] > CLOSED
+    if not closed.any():
+        strongest = f"the gripper closed to {history['grip'].max():.2f} at most, 1 is closed"
+        return Failure(Phase.GRASP, "never gripped", strongest)
+    if (nearest := smallest(history["distance"][closed])) > GRASPED:
+        detail = f"the closed gripper came no closer to the handle than {in_mm(nearest)}"
+        return Failure(Phase.GRASP, "never gripped", detail)
+    return Failure(Phase.MOTION, "gripped but not turned", f"turned by only {in_degrees(max(most, 0.0))}")
+
+
 def _start_pose(situation: ValveSituation) -> Pose:
     del situation
     return Pose(np.array([0.62, -0.35, 0.15]), FACING)
@@ -147,4 +210,5 @@ VALVE: Task[ValveSituation] = Task(
     check_success=_check_success,
     demonstration_script=_demonstration_script,
     view=CameraView((0.68, -0.3, 0.12), 1.25, 62.0, -18.0),
+    progress=Progress(_measure_progress, _describe_progress, _explain_failure),
 )
