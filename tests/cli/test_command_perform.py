@@ -137,12 +137,30 @@ def test_film_has_one_frame_per_period(
     assert output["film"] == name
     with Image.open(tmp_path / name) as film:
         assert film.n_frames == periods
-        assert film.size == (480, 360)
+        assert film.size == (720, 540)
         film.seek(0)
         first = np.asarray(film.convert("RGB"))
         assert film.info["duration"] == 100
         film.seek(periods // 2)
         assert not np.array_equal(first, np.asarray(film.convert("RGB")))
+
+
+@needs_renderer
+def test_film_shows_chosen_situation_and_outcome(
+    perform: list[str], run_json: RunJson, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unchecked: None
+):
+    captions: list[dict[str, Any]] = []
+    draw = simulation.caption_images
+
+    def record_caption(*arguments: Any, **caption: Any) -> Any:
+        captions.append(caption)
+        return draw(*arguments, **caption)
+
+    monkeypatch.setattr(simulation, "caption_images", record_caption)
+    run_json(*perform, "--situation", "3", "--seed", "1", "--film", "film.webp", "--control-cost", "1e6")
+    title = "lining up, situation 3, seed 1"
+    assert captions == [{"title": title, "outcome": "failed: not done", "success": False}]
+    assert (tmp_path / "film.webp").stat().st_size > 1000
 
 
 @needs_renderer

@@ -203,7 +203,7 @@ def test_plate_released_in_the_air_is_dropped_in_physics():
     assert "suction was switched off" in failure.detail
     aside = np.linalg.norm((cell.situation.plate.position - goal_pose().position)[:2])
     assert f"{1000 * aside:.0f} mm from the cross" in failure.detail
-    assert [said[n] for n in (0, 23, 35, -1)] == ["suction off", "suction on", "picked up", "suction off"]
+    assert [said[n] for n in (0, 23, 35, -1)] == ["moving", "suction on", "picked up", "moving"]
 
 
 def test_valve_turned_half_is_turned_too_little_in_physics():

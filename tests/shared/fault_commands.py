@@ -163,10 +163,11 @@ class CachedExecution(CachedCall):
     def result(self, *arguments: Any, **options: Any) -> Any:
         execution, recorder = self.real(*arguments, **options), options["on_period"]
         recorder.close()
-        return execution, recorder.images, recorder.times
+        return execution, recorder.images, recorder.times, recorder.phases
 
     def given(self, result: Any, **options: Any) -> Any:
-        execution, options["on_period"].images, options["on_period"].times = result
+        recorder = options["on_period"]
+        execution, recorder.images, recorder.times, recorder.phases = result
         return execution
 
 

@@ -12,7 +12,17 @@ from reference_images import initial_workcell
 
 from pilotfish.environments import TASKS, SceneRenderer
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
+from pilotfish.simulation.captions import BAND, GREEN, RED, caption_images
+from pilotfish.simulation.films import (
+    FOLLOWING,
+    TO_TOOL,
+    FilmRecorder,
+    encode_film,
+    film_strip,
+    require_pillow,
+    view_at,
+    write_film,
+)
 
 FORMATS = (".webp", ".gif")
 
@@ -97,18 +107,23 @@ def test_film_strip_missing_times_are_refused():
 @pytest.mark.parametrize("interval", [0.02, 0.03])
 def test_film_recorder_records_image_per_period(interval: float):
     cell, camera = initial_workcell("valve"), FilmRecorder(period=0.1)
-    last = np.zeros(0)
+    last, look_at = np.zeros(0), np.zeros(3)
     for _ in range(round(0.45 / interval)):
         cell.step_impedance(cell.target, 0.0, round(interval * 1000))
         before = len(camera.images)
         camera(cell)
         if len(camera.images) > before:
-            with SceneRenderer(cell.model, TASKS["valve"].view, width=480, height=360) as renderer:
+            middle = np.array(TASKS["valve"].view.look_at)
+            goal = middle + TO_TOOL * (cell.arm.tool.position - middle)
+            look_at = look_at + FOLLOWING * (goal - look_at) if before else goal
+            view = view_at(TASKS["valve"].view, look_at)
+            with SceneRenderer(cell.model, view, width=720, height=540) as renderer:
                 last = renderer.render(cell.data)
             np.testing.assert_array_equal(camera.images[-1], last)
     camera.close()
     expected = interval + 0.1 * np.arange(len(camera.times))
     assert len(camera.times) == 5
+    assert camera.phases == ["moving"] * 5
     assert (np.array(camera.times) - expected >= -1e-6).all()
     assert (np.array(camera.times) - expected < interval).all()
 
@@ -125,4 +140,48 @@ def test_film_of_ten_seconds_is_small():
         camera(cell)
     camera.close()
     assert len(camera.images) == 100
-    assert len(encode_film(camera.images)) < 600_000
+    assert len(encode_film(camera.images)) < 1_350_000  # 2.25 times the pixels of 480 x 360
+
+
+def colours(image: np.ndarray) -> set[tuple[int, ...]]:
+    return set(map(tuple, image.reshape(-1, 3).tolist()))
+
+
+@pytest.mark.parametrize(("success", "colour", "other"), [(True, GREEN, RED), (False, RED, GREEN)])
+def test_caption_images_draw_bands_and_keep_the_rest(
+    success: bool, colour: tuple[int, ...], other: tuple[int, ...]
+):
+    images = [np.full((540, 720, 3), 128, np.uint8)] * 2
+    captioned = caption_images(
+        images, [0.0, 1.5], ["moving", "picked up"], title="plate", outcome="outcome", success=success
+    )
+    assert [image.shape for image in captioned] == [(540, 720, 3)] * 2
+    assert np.array_equal(images[0], np.full((540, 720, 3), 128))  # unchanged
+    for image in captioned:
+        assert BAND in colours(image[:30])
+        assert BAND in colours(image[-30:])
+        assert colours(image[60:-60]) == {(128, 128, 128)}
+        assert colour in colours(image[:40, 360:])
+        assert other not in colours(image)
+    assert np.array_equal(captioned[0][:60], captioned[1][:60])  # title and outcome
+    assert not np.array_equal(captioned[0][-60:, :360], captioned[1][-60:, :360])  # time
+    assert not np.array_equal(captioned[0][-60:, 360:], captioned[1][-60:, 360:])  # phase
+
+
+def test_caption_images_missing_phase_is_refused():
+    with pytest.raises(InvalidInput, match="2 times and 1 phases, expected 2 of each"):
+        caption_images(plain(2), [0.0, 0.1], ["moving"], title="", outcome="", success=True)
+
+
+@needs_renderer
+def test_film_camera_is_closer_and_keeps_tool_in_image():
+    """The tool is nearer than in the task's view, and stays within half of the image's height."""
+    cell, camera = initial_workcell("valve"), FilmRecorder()
+    view = TASKS["valve"].view
+    camera(cell)
+    camera.close()
+    film_view = view_at(view, cell.arm.tool.position)
+    assert film_view.distance < 0.7 * view.distance
+    assert film_view.azimuth == view.azimuth
+    offset = (1.0 - TO_TOOL) * np.linalg.norm(np.array(view.look_at) - cell.arm.tool.position)
+    assert offset / film_view.distance < np.tan(np.radians(22.5))  # MuJoCo's field of view is 45 degrees

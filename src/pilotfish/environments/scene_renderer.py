@@ -105,6 +105,7 @@ class SceneRenderer:
         *,
         frames: Mapping[str, Pose] = NO_FRAMES,
         path: Float[Array, "T 3"] = NO_PATH,
+        view: CameraView | None = None,
     ) -> UInt8[Array, "H W 3"]:
         """Return an RGB image of the present state.
 
@@ -112,7 +113,10 @@ class SceneRenderer:
             data: State of the model.
             frames: Poses that are drawn as red, green and blue axes, in torso axes.
             path: Points of a path that is drawn in orange, in torso axes [m].
+            view: Position and direction of the camera from this image on; None leaves it.
         """
+        if view:
+            self._camera = _free_camera(view)
         self._renderer.update_scene(data, self._camera)
         _draw_frames(self._renderer.scene, frames)
         _draw_path(self._renderer.scene, path)

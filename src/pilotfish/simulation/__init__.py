@@ -1,5 +1,6 @@
 """Record demonstrations and perform skills in physics, with films of both."""
 
+from pilotfish.simulation.captions import caption_images
 from pilotfish.simulation.execution import ExecutionResult, perform
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
 from pilotfish.simulation.meshes import baxter_meshes
@@ -17,6 +18,7 @@ __all__ = [
     "FilmRecorder",
     "RecordedDemonstration",
     "baxter_meshes",
+    "caption_images",
     "delay_observations",
     "encode_film",
     "film_strip",

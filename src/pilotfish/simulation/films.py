@@ -1,13 +1,14 @@
 """Films of a simulation as animated images for browsers, and strips of their frames for reports."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pilotfish.environments import SceneRenderer, Workcell
+from pilotfish.environments import CameraView, SceneRenderer, Workcell
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import Pose
 from pilotfish.io import atomic_file
@@ -16,7 +17,10 @@ from pilotfish.types import Array, Float, UInt8
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH, HEIGHT = 480, 360
+WIDTH, HEIGHT = 720, 540
+CLOSER, STEEPER = 0.66, 12.0  # distance relative to the task's view; degrees: hand and object fill the image
+TO_TOOL = 0.6  # part of the way from the middle of the task's view to the tool at which the camera looks
+FOLLOWING = 0.15  # part of the remaining way by which the camera moves with each image
 PERIOD = 0.1  # s between frames
 FORMATS = {".webp": "WEBP", ".gif": "GIF"}
 QUALITY = 70  # of WebP, 0 to 100; ten seconds take about 300 kB
@@ -26,12 +30,16 @@ Image = UInt8[Array, "H W 3"]
 
 
 class FilmRecorder:
-    """Recorder of images of a workcell, from the view of its task; call it after each period.
+    """Recorder of images of a workcell; call it after each period.
+
+    The camera is closer than the task's view, on the same side, and slowly follows the tool, so that hand and
+    object stay in the image.
 
     Attributes:
         period: Simulated time between images [s].
         images: Recorded images.
         times: Simulated time of each image [s].
+        phases: What happens in each image, in the words of the task; empty for a task without progress.
     """
 
     def __init__(
@@ -51,9 +59,11 @@ class FilmRecorder:
         self.period = period
         self.images: list[Image] = []
         self.times: list[float] = []
+        self.phases: list[str] = []
         self._frames = {} if frames is None else frames
         self._path = np.zeros((0, 3)) if path is None else path
         self._renderer: tuple[Any, SceneRenderer] | None = None
+        self._look_at: Float[Array, " 3"] | None = None
 
     def __call__(self, cell: Workcell[Any]) -> None:
         """Record an image if a period has passed since the last one.
@@ -63,9 +73,12 @@ class FilmRecorder:
         """
         if self.times and cell.time < self.times[0] + len(self.times) * self.period - TIME_TOLERANCE:
             return
-        image = self._renderer_for(cell).render(cell.data, frames=self._frames, path=self._path)
-        self.images.append(image)
+        renderer, progress = self._renderer_for(cell), cell.task.progress
+        self._look_at = self._follow_tool(cell)
+        view = view_at(cell.task.view, self._look_at)
+        self.images.append(renderer.render(cell.data, frames=self._frames, path=self._path, view=view))
         self.times.append(cell.time)
+        self.phases.append(progress.describe(cell.measure_progress()) if progress else "")
 
     def close(self) -> None:
         """Release the graphics memory; the images stay."""
@@ -73,12 +86,32 @@ class FilmRecorder:
             self._renderer[1].close()
         self._renderer = None
 
+    def _follow_tool(self, cell: Workcell[Any]) -> Float[Array, " 3"]:
+        """Return the point in the middle of the next image."""
+        middle = np.array(cell.task.view.look_at)
+        goal = middle + TO_TOOL * (cell.arm.tool.position - middle)
+        before = goal if self._look_at is None else self._look_at
+        return np.asarray(before + FOLLOWING * (goal - before))
+
     def _renderer_for(self, cell: Workcell[Any]) -> SceneRenderer:
         if self._renderer is None or self._renderer[0] is not cell.model:
             self.close()
             renderer = SceneRenderer(cell.model, cell.task.view, width=WIDTH, height=HEIGHT)
             self._renderer = cell.model, renderer
         return self._renderer[1]
+
+
+def view_at(view: CameraView, look_at: Float[Array, " 3"]) -> CameraView:
+    """Return a closer and steeper view of a point, from the side of a view.
+
+    Args:
+        view: View of the whole task.
+        look_at: Point in the middle of the image, in torso axes [m].
+    """
+    x, y, z = look_at.tolist()
+    return replace(
+        view, look_at=(x, y, z), distance=CLOSER * view.distance, elevation=view.elevation - STEEPER
+    )
 
 
 def require_pillow() -> None:

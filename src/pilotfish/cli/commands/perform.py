@@ -133,7 +133,13 @@ def _execute(
     options: dict[str, Any],
 ) -> "ExecutionResult":
     """Execute the skill in the situation of a seed and a number, and write a film if a file is given."""
-    from pilotfish.simulation import FilmRecorder, baxter_meshes, situation_from_seed, write_film
+    from pilotfish.simulation import (
+        FilmRecorder,
+        baxter_meshes,
+        caption_images,
+        situation_from_seed,
+        write_film,
+    )
     from pilotfish.simulation import perform as simulate
 
     camera = FilmRecorder() if film else None
@@ -148,6 +154,14 @@ def _execute(
         visual_meshes=baxter_meshes() if options["meshes"] and film else (),
     )
     if camera and film:
-        write_film(camera.images, film, camera.period, overwrite=options["force"])
+        images = caption_images(
+            camera.images,
+            camera.times,
+            camera.phases,
+            title=f"{task.name}, situation {seed[1]}, seed {seed[0]}",
+            outcome=f"failed: {failure.summary}" if (failure := execution.failure) else "succeeded",
+            success=execution.outcome.success,
+        )
+        write_film(images, film, camera.period, overwrite=options["force"])
         camera.close()
     return execution

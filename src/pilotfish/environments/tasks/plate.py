@@ -198,7 +198,7 @@ def _describe_progress(now: Measurements) -> str:
         return "picked up"
     if now["to cross"] < NEAR:
         return "on the cross"
-    return "suction on" if now["suction"] > SUCKING else "suction off"
+    return "suction on" if now["suction"] > SUCKING else "moving"
 
 
 def _explain_failure(history: History, outcome: Outcome) -> Failure:

@@ -138,7 +138,7 @@ def _measure_progress(scene: Scene, situation: ValveSituation) -> Measurements:
 
 def _describe_progress(now: Measurements) -> str:
     if now["turned"] < TURNING:
-        return "gripper closed" if now["grip"] > CLOSED else "gripper open"
+        return "gripper closed" if now["grip"] > CLOSED else "moving"
     return f"turned by {degrees(now['turned']):.0f} of {degrees(now['goal']):.0f} degrees"
 
 
