@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon
 
 from pilotfish import plots
 from pilotfish.demonstrations import pose_layout, views
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import (
     DenseCovariances,
     SemiTiedCovariances,
@@ -23,6 +25,7 @@ from pilotfish.models import (
     durations,
 )
 from pilotfish.planning import via_point
+from pilotfish.plots.style import state_colour
 
 LAYOUT = pose_layout().differentiate()
 NO_OBSERVATIONS = np.empty((0, 4))  # log p(x | state) of no observation, four states
@@ -247,3 +250,54 @@ def test_via_points_markers_have_time_value_and_deviation(inputs: Any):
     np.testing.assert_allclose(bars[1].lines[0].get_xydata(), [[1.1, 0.4]])
     line = panels["position z [m]"].get_lines()[0]
     np.testing.assert_allclose(line.get_ydata(), inputs.motion.x[:, 2])
+
+
+def floor_lines(figure: Figure) -> list[float]:
+    """Return the height of each line of the floor, panel by panel."""
+    return [line.get_ydata()[0] for panel in figure.axes for line in panel.lines if line.get_gid() == "floor"]
+
+
+def legend_labels(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_state_deviations_floor_is_root_of_regularisation(inputs: Any):
+    provenance = replace(inputs.skill.provenance, regularisation=4e-4)
+    figure = plots.state_deviations(replace(inputs.skill, provenance=provenance))
+    assert floor_lines(figure) == pytest.approx([0.02] * len(figure.axes))
+    assert "floor set by regularisation" in legend_labels(figure)
+    without = replace(provenance, regularisation=0.0)
+    figure = plots.state_deviations(replace(inputs.skill, provenance=without))
+    assert floor_lines(figure) == []
+    assert "floor set by regularisation" not in legend_labels(figure)
+
+
+def test_state_deviations_given_floor_is_drawn_per_column(inputs: Any):
+    layout = inputs.skill.layout.tangent
+    floor = 0.001 * np.arange(1, layout.width + 1)
+    columns = layout.names[:2]
+    figure = plots.state_deviations(inputs.skill, columns=columns, floor=floor)
+    assert floor_lines(figure) == pytest.approx([0.001, 0.002] * len(inputs.skill.frame_names))
+    with pytest.raises(InvalidInput, match="expected deviations of at least 0"):
+        plots.state_deviations(inputs.skill, floor=-floor)
+    with pytest.raises(InvalidInput, match="floor has shape"):
+        plots.state_deviations(inputs.skill, floor=floor[:-1])
+
+
+def test_state_deviations_legend_entries_are_distinct(inputs: Any):
+    figure = plots.state_deviations(inputs.skill)
+    styles = [
+        (line.get_color(), line.get_linestyle(), line.get_marker()) for line in figure.legends[0].get_lines()
+    ]
+    assert len(set(styles)) == len(styles) > 4
+
+
+def test_reproduction_numbers_every_state_in_every_panel(inputs: Any):
+    figure = plots.reproduction(inputs.adapted, inputs.motion, inputs.frames)
+    numbers = {str(k) for k in range(inputs.adapted.states)}
+    for panel in figure.axes:
+        boxed = [text for text in panel.texts if text.get_bbox_patch()]
+        assert {text.get_text() for text in boxed} == numbers
+        for text in boxed:
+            edge = text.get_bbox_patch().get_edgecolor()
+            assert edge == to_rgba(state_colour(int(text.get_text())))

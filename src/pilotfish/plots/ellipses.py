@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
-from matplotlib.text import Annotation
+from matplotlib.text import Annotation, Text
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped] # matplotlib types no 3-D axes
 
 from pilotfish.demonstrations import Frame
@@ -50,18 +50,28 @@ def draw_ellipses(
         axes.add_patch(patch)
         outermost = contour[np.linalg.norm(contour - centre, axis=1).argmax()]
         labels.append(add_label(axes, str(k), outermost))
-        labels[-1].set(color=colour, fontweight="bold")
+        _style_state_number(labels[-1], k)
     axes.autoscale_view()
     return labels
 
 
 def draw_principal_axes(axes: Axes3D, means: Float[Array, "K 3"], covariances: Float[Array, "K 3 3"]) -> None:
-    """Draw the principal axes of every state's 1-sigma ellipsoid."""
+    """Draw the principal axes of every state's 1-sigma ellipsoid, and its number above."""
+    rise = np.array([0.0, 0.0, 0.06 * float(np.ptp(means, axis=0).max())])
     for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         values, vectors = np.linalg.eigh(covariance)
         for axis in (vectors * np.sqrt(np.maximum(values, 0.0))).T:
             axes.plot(*np.stack([mean - axis, mean + axis], axis=1), color=state_colour(k), linewidth=1.8)
         axes.plot(*mean[:, None], marker="o", markersize=5, color=state_colour(k))
+        number = axes.text(*(mean + rise), str(k), ha="center", va="bottom", zorder=10)
+        _style_state_number(number, k)
+
+
+def _style_state_number(number: Text, state: int) -> None:
+    """Write a state's number in black in a box with the state's colour: light colours are hard to read."""
+    number.set(color="black", fontweight="bold", fontsize=SMALL_FONT, path_effects=[])
+    box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": state_colour(state)}
+    number.set_bbox({**box, "linewidth": 1.4, "linestyle": state_dash(state)})
 
 
 def draw_frame_axes(axes: Axes, frame_axes: Sequence[FrameAxes]) -> None:

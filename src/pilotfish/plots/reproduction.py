@@ -46,9 +46,10 @@ from pilotfish.plots.validation import (
     require_type,
     require_width,
 )
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Float, Int
 
 SPACE_DIMENSIONS = 3
+MAX_PATH_MARKS = 60  # points of the motion that labels avoid
 MIN_RELATIVE_HEIGHT = 0.4  # of the longest side of the box in space
 VIA_POINT_MARKER: dict[str, Any] = {
     "color": MOTION,
@@ -104,9 +105,8 @@ def reproduction(
         frame_axes = frame_axes_in(frames, space, plane, length) if set(plane) <= set(space) else []
         labels = _draw_plane(panel, skill, motion, demonstration, plane, frame_axes, length)
         _draw_via_points(panel, observations, plane)
-        drawn.append(
-            (panel, labels, np.stack([motion.x[0, list(plane)], *(origin for _, origin, _ in frame_axes)]))
-        )
+        path = motion.x[_path_marks(len(motion.x))][:, list(plane)]
+        drawn.append((panel, labels, np.vstack([path, *(origin for _, origin, _ in frame_axes)])))
     if is_spatial:
         frame_axes = frame_axes_in(frames, space, space, length)
         panel = figure.add_subplot(cells[0, -1], projection="3d")
@@ -133,6 +133,11 @@ def _validate(
         require_width(f"frame {frame.name!r}", len(frame.b), skill.layout)
     if demonstration is not None:
         require_same_columns(demonstration, skill.layout)
+
+
+def _path_marks(steps: int) -> Int[Array, " M"]:
+    """Return the steps of a motion that labels should not cover, the start among them."""
+    return np.unique(np.linspace(0, steps - 1, min(steps, MAX_PATH_MARKS)).round().astype(int))
 
 
 def _draw_via_points(
