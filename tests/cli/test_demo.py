@@ -67,7 +67,8 @@ def test_demo_saved_skill_is_semi_tied(synthetic_demo: tuple[dict[str, Any], lis
 @SLOW
 def test_demo_tables_have_one_row_per_reproduction(synthetic_demo: tuple[dict[str, Any], list[str]]):
     result, _ = synthetic_demo
-    *numbers, summary, physics = (table["rows"] for table in result["tables"])
+    grasp, *numbers, summary, physics = (table["rows"] for table in result["tables"])
+    assert [row[0] for row in grasp] == ["grasp"] * 4 + ["release"] * 4
     assert [len(rows) for rows in numbers] == [10] * 4
     assert [row[1] for row in numbers[0]] == ["yes"] * 4 + ["no"] * 4 + ["yes", "no"]
     assert [row[1] for row in summary] == ["1470", "1470", "588", "588"]  # covariance parameters
@@ -97,7 +98,7 @@ def test_demo_without_mujoco_writes_report_and_skill(tmp_path: Path, monkeypatch
         assert "not executed" in text
         assert "simulation needs mujoco: pip install 'pilotfish[sim]'" in text
     assert "image/webp" not in report
-    assert len(result["tables"]) == 5
+    assert len(result["tables"]) == 6
     assert open_skill(result["skill"]).states == 7
 
 

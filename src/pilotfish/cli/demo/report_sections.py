@@ -25,17 +25,19 @@ INTRODUCTION = (
 )
 ERROR_NOTE = (
     "Until the valve is open, the frames determine the position of the hand. Then the person lets go, and "
-    "the demonstrations differ from each other. Errors at the end of the motion measure this last part."
+    "the demonstrations differ from each other. Errors at the end of the motion measure this last part; the "
+    "errors at grasp and release, in the summary, measure the task."
 )
 
 
 def report_sections(
-    evaluations: Sequence[StructureEvaluation], tables: Sequence[Table], notice: str
+    evaluations: Sequence[StructureEvaluation], headline: Table, tables: Sequence[Table], notice: str
 ) -> tuple[Section, ...]:
     """Return the sections of the report.
 
     Args:
         evaluations: Evaluations; figures are those of the last one, the others are compared with it.
+        headline: Errors at grasp and release.
         tables: Error tables, then the summary.
         notice: Why generated data was used; empty for recorded data.
     """
@@ -43,13 +45,13 @@ def report_sections(
     evaluation = evaluations[-1]
     data_text = GENERATED_TEXT if notice else RECORDED_TEXT
     return (
-        Section("Summary", (data_text + INTRODUCTION, summary), notice),
+        Section("Summary", (data_text + INTRODUCTION, headline), notice),
         Section("Demonstrations and learned model", _model_images(evaluation)),
         Section("Precision in each frame", _precision_images(evaluation)),
         Section("New situations", (ERROR_NOTE, *_reproduction_images(evaluation))),
         Section("Tracking", _tracking_images(evaluation)),
         Section("Full and semi-tied covariances", _covariance_images(evaluations)),
-        Section("All errors", (_settings_text(evaluations), *errors)),
+        Section("All errors", (_settings_text(evaluations), summary, *errors)),
     )
 
 

@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from pilotfish.cli.demo.evaluation_tables import StructureEvaluation, error_tables, summary_table
+from pilotfish.cli.demo.grasp_errors import grasp_error_table
 from pilotfish.cli.demo.protocol import (
     CONTROL_COST,
     COVARIANCE_REGULARISATION,
@@ -72,11 +73,12 @@ def run_demo(out: Path, *, seed: int = 0, print_line: PrintLine = click.echo) ->
         *(table for evaluation in evaluations for table in error_tables(evaluation)),
         summary_table(evaluations, published=not notice),
     )
-    for table in tables:
+    headline = grasp_error_table(evaluations[-1])
+    for table in (*tables, headline):
         print_line(f"\n{table.to_text()}")
     save_skill(evaluations[-1].fit.skill, skill)
     section, simulation_tables = execute_in_simulation(evaluations[-1], print_line)
-    write_report(report, TITLE, (*report_sections(evaluations, tables, notice), section))
+    write_report(report, TITLE, (*report_sections(evaluations, headline, tables, notice), section))
     seconds = perf_counter() - start_time
     print_line(f"\nskill:  {skill}\nreport: {report}\n{seconds:.1f} s in total")
     if notice:
@@ -86,7 +88,7 @@ def run_demo(out: Path, *, seed: int = 0, print_line: PrintLine = click.echo) ->
         "skill": str(skill),
         "synthetic": bool(notice),
         "seconds": seconds,
-        "tables": [asdict(table) for table in (*tables, *simulation_tables)],
+        "tables": [asdict(table) for table in (headline, *tables, *simulation_tables)],
     }
 
 
