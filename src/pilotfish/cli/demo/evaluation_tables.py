@@ -91,9 +91,7 @@ def summary_table(evaluations: Sequence[StructureEvaluation], *, published: bool
             row = (label, str(count), f"{evaluation.seconds:.2f}", start, *map(_format_error, errors))
             rows.append((*row, *(PUBLISHED.get(label, ("", "")) if published else ())))
     more = ("published, demonstrated", "published, new") if published else ()
-    caption = (
-        "Published figure: mean squared error over seven coordinates; it mixes m² and quaternion entries"
-    )
+    caption = "Published figure: mean squared error over seven coordinates, in m² and quaternion entries"
     return Table((*header, *more), tuple(rows), caption, right_aligned=True)
 
 
