@@ -262,12 +262,11 @@ def legend_labels(figure: Figure) -> list[str]:
 
 
 def test_state_deviations_floor_is_root_of_regularisation(inputs: Any):
-    provenance = replace(inputs.skill.provenance, regularisation=4e-4)
-    figure = plots.state_deviations(replace(inputs.skill, provenance=provenance))
+    regularisation = np.full(inputs.skill.layout.tangent.width, 4e-4)
+    figure = plots.state_deviations(replace(inputs.skill, regularisation=regularisation))
     assert floor_lines(figure) == pytest.approx([0.02] * len(figure.axes))
     assert "floor set by regularisation" in legend_labels(figure)
-    without = replace(provenance, regularisation=0.0)
-    figure = plots.state_deviations(replace(inputs.skill, provenance=without))
+    figure = plots.state_deviations(replace(inputs.skill, regularisation=None))
     assert floor_lines(figure) == []
     assert "floor set by regularisation" not in legend_labels(figure)
 

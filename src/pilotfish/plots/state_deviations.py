@@ -46,7 +46,7 @@ def state_deviations(
         skill: Learned skill.
         columns: Names of columns of the tangent layout; None for all that are not derivatives.
         floor: Smallest deviation of each column of the tangent layout; None for the square root of the
-            regularisation in the skill's provenance.
+            skill's regularisation, if it has one.
 
     Returns:
         The figure.
@@ -85,7 +85,7 @@ def _require_floor(floor: Float[Array, " E"] | None, skill: Skill) -> Float[Arra
     """Return the smallest deviation of each column, 0 where there is none."""
     width = skill.layout.tangent.width
     if floor is None:
-        return np.full(width, np.sqrt(skill.provenance.regularisation))
+        return np.zeros(width) if skill.regularisation is None else np.sqrt(skill.regularisation)
     floors = finite_array(floor, "floor", (width,))
     if (floors < 0.0).any():
         raise InvalidInput(f"floor has the entry {floors.min():g}, expected deviations of at least 0")
