@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from pilotfish.simulation import ExecutionResult
 
 # What to try if most failures are in a phase, by the name of the phase. On the plate task from four
-# demonstrations (seed 0, control cost 0.1), nine states with diagonal covariances succeeded in 20 of 20 situations,
-# seven with full covariances in 2 of the first 4; tighter tracking did not change that.
-RELEARN = "learn again with more --states and --structure diagonal"
+# demonstrations (seed 0, control cost 0.1), nine states with diagonal covariances succeeded in 20 of 20
+# situations, seven with full covariances in 2 of the first 4; tighter tracking did not change that.
+RELEARN = "learn again with more --states and with diagonal covariances, as the defaults do"
 TIGHTER = "track more closely, with a smaller --control-cost and --covariance-regularisation"
 MORE_DEMONSTRATIONS = "record more demonstrations, in situations like those that fail"
 ADVICE = {
