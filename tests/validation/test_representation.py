@@ -62,7 +62,7 @@ def field_names(kind: type) -> list[str]:
     return [field.name for field in fields(kind)] if is_dataclass(kind) else list(kind._fields)
 
 
-def large_content(hint: Any) -> object:
+def large_content(hint: Any, depth: int = 2) -> object:
     """Return a large value of the type of a field, an array where the type is not known."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint in (float, int):
@@ -70,26 +70,26 @@ def large_content(hint: Any) -> object:
     if hint in (str, bool):
         return hint("demonstration of a task " * 3)
     if origin in (Union, UnionType):
-        return large_content(arguments[0])
+        return large_content(arguments[0], depth)
     if origin is Literal:
         return arguments[0]
     if origin is tuple:
-        return tuple(large_content(item) for item in arguments[:1] * 3 if item is not ...)
+        return tuple(large_content(item, depth) for item in arguments[:1] * 3 if item is not ...)
     if origin in (dict, Mapping):
-        return {f"name {n}": large_content(arguments[1]) for n in range(4)}
+        return {f"name {n}": large_content(arguments[1], depth) for n in range(4)}
     if origin in (type, Callable) or hint is Callable:
         return large_content
     if isinstance(hint, type) and issubclass(hint, Enum):
         return next(iter(hint))
-    if isinstance(hint, type) and is_dataclass(hint):
-        return filled(hint)
+    if isinstance(hint, type) and is_dataclass(hint) and depth:  # a value may hold values of its own type
+        return filled(hint, depth - 1)
     return np.random.default_rng(0).normal(size=(3, 40, 16))
 
 
-def filled(kind: type) -> object:
+def filled(kind: type, depth: int = 2) -> object:
     """Return a value with large contents, which need not be valid."""
     hints = get_type_hints(kind)
-    contents = [large_content(hints[name]) for name in field_names(kind)]
+    contents = [large_content(hints[name], depth) for name in field_names(kind)]
     if not is_dataclass(kind):
         return kind(*contents)
     value = object.__new__(kind)
