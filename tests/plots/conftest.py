@@ -81,7 +81,7 @@ def make_skill(
     ]
     means = np.cumsum(rng.normal(scale=0.2, size=(len(frames), states, width)), axis=1)
     label = "semi-tied(1)" if semi_tied_skill else "full"
-    provenance = Provenance(("a",), 9, "", label, 0.0, 1.0, 3, True, "pilotfish")
+    provenance = Provenance(("a",), 9, "", label, 1.0, 3, True, "pilotfish")
     chain = left_right_chain(rng, states)
     return Skill(chain, means, tuple(covariances), layout, PERIOD, frames, provenance)
 
