@@ -46,7 +46,7 @@ def save_small_skill(folder: Path, durations: Any, datapoints: int) -> Path:
         Layout((place, speed)),
         0.1,
         ("cup",),
-        Provenance(("one",), datapoints, "", "full", 0.0, -1.0, 1, True, "pilotfish"),
+        Provenance(("one",), datapoints, "", "full", -1.0, 1, True, "pilotfish"),
     )
     save_skill(skill, folder / "a.skill")
     return folder / "a.skill"

@@ -41,7 +41,7 @@ def skill(durations: Any = None) -> Skill:
         LINE,
         0.1,
         ("world",),
-        Provenance(("one",), 100, "", "full", 0.0, -1.0, 1, True, "pilotfish"),
+        Provenance(("one",), 100, "", "full", -1.0, 1, True, "pilotfish"),
     )
 
 
@@ -159,8 +159,8 @@ def test_sample_segments_longer_than_horizon_have_their_probability() -> None:
         ),
         (lambda h, a: h["provenance"].update(datapoints=-1), "datapoints is -1"),
         (
-            lambda h, a: h["provenance"].update(regularisation=None),
-            "regularisation is nan, expected a number",
+            lambda h, a: a.update(regularisation=np.array([np.nan])),
+            r"regularisation\[0\] is nan, expected finite numbers",
         ),
         (lambda h, a: h["provenance"].update(log_likelihood=1e200), "log_likelihood is 1e[+]200"),
         (lambda h, a: h.update(version=10**400), "written by a newer version"),

@@ -44,7 +44,7 @@ def skill_with_durations(durations: DurationDistribution, censoring: Censoring =
         Layout((Part("place", Quantity.SCALAR, 1, "m"),)),
         0.1,
         ("world",),
-        Provenance(("one",), 100, "", "full", 0.0, -1.0, 1, True, "pilotfish"),
+        Provenance(("one",), 100, "", "full", -1.0, 1, True, "pilotfish"),
     )
 
 

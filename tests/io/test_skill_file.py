@@ -38,7 +38,8 @@ def skill() -> Skill:
     rng = np.random.default_rng(4)
     while True:
         one = random_skill(rng, "semi-markov", "mixed")
-        if len(one.frame_names) == 2 and one.states == 3 and one.width > 1:
+        complete = all(value is not None for value in (one.regularisation, one.demonstrated, one.endpoints))
+        if len(one.frame_names) == 2 and one.states == 3 and one.width > 1 and complete:
             return one
 
 
@@ -76,6 +77,17 @@ CHANGES: dict[str, Callable[[Skill], Skill]] = {
     "the period": lambda s: replace(s, period=2 * s.period),
     "a frame's name": lambda s: replace(s, frame_names=("other", *s.frame_names[1:])),
     "the order of frames": lambda s: replace(s, frame_names=s.frame_names[::-1]),
+    "the regularisation": lambda s: replace(s, regularisation=np.full(s.width, 0.25)),
+    "no regularisation": lambda s: replace(s, regularisation=None),
+    "no statistics": lambda s: replace(s, demonstrated=None),
+    "no end points": lambda s: replace(s, endpoints=None),
+    "a scale": lambda s: replace(s, demonstrated=replace(s.demonstrated, scales=2.0 * s.demonstrated.scales)),
+    "the switches": lambda s: replace(
+        s, demonstrated=replace(s.demonstrated, switches=(*s.demonstrated.switches, s.layout.names[0]))
+    ),
+    "an end point": lambda s: replace(
+        s, endpoints=replace(s.endpoints, means=np.nextafter(s.endpoints.means, np.inf))
+    ),
     "a note": lambda s: replace(s, provenance=replace(s.provenance, note="other")),
     "the dynamics": lambda s: replace(s, dynamics=MarkovChain(s.dynamics.initial, np.eye(s.states))),
     "a structure": lambda s: replace(s, covariances=tuple(DenseCovariances(c.dense) for c in s.covariances)),

@@ -18,9 +18,7 @@ from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.errors import InvalidInput, NotPositiveDefinite, UnreadableFile
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.io.skill_file import content_hash, decode_skill, encode_skill, open_skill, save_skill
-from pilotfish.models import (
-    Skill,
-)
+from pilotfish.models import DemonstrationStatistics, Endpoints, Skill
 
 
 @pytest.fixture
@@ -29,7 +27,8 @@ def skill() -> Skill:
     rng = np.random.default_rng(4)
     while True:
         one = random_skill(rng, "semi-markov", "mixed")
-        if len(one.frame_names) == 2 and one.states == 3 and one.width > 1:
+        complete = all(value is not None for value in (one.regularisation, one.demonstrated, one.endpoints))
+        if len(one.frame_names) == 2 and one.states == 3 and one.width > 1 and complete:
             return one
 
 
@@ -40,12 +39,12 @@ def drop(table: dict[str, Any], key: str) -> None:
 REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
     "another format": ("expected 'pilotfish-skill'", lambda h, a: h.update(format="other")),
     "a newer version": (
-        r"written by a newer version \(format 3, this one reads 2\); upgrade",
-        lambda h, a: h.update(version=3),
+        r"written by a newer version \(format 4, this one reads 3\); upgrade",
+        lambda h, a: h.update(version=4),
     ),
     "an older version": (
-        r"was written by an older version \(format 1\); learn the skill again",
-        lambda h, a: h.update(version=1),
+        r"was written by an older version \(format 2\); learn the skill again",
+        lambda h, a: h.update(version=2),
     ),
     "an impossible version": ("version is 0", lambda h, a: h.update(version=0)),
     "unknown dynamics": ("'levy'", lambda h, a: h["dynamics"].update(kind="levy")),
@@ -82,6 +81,78 @@ REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
     "a row of sum a half": (r"transitions\[0\]", lambda h, a: a["dynamics.transitions"].__imul__(0.5)),
     "a state after itself": (r"transitions\[1, 1\]", lambda h, a: a["dynamics.transitions"].put(4, 0.5)),
     "a deviation of zero": ("deviations", lambda h, a: a["dynamics.durations.deviations"].put(0, 0.0)),
+    "a negative regularisation": (
+        r"regularisation\[1\] is -1.0, expected a number from 0 to",
+        lambda h, a: a["regularisation"].put(1, -1.0),
+    ),
+    "a regularisation too few": (
+        "regularisation has shape",
+        lambda h, a: a.update(regularisation=a["regularisation"][1:]),
+    ),
+    "a scale of zero": (
+        r"demonstrated.scales\[0\] is 0.0, expected a number from 1e-50",
+        lambda h, a: a["demonstrated.scales"].put(0, 0.0),
+    ),
+    "a scale too few": (
+        "demonstrated.scales has shape",
+        lambda h, a: a.update({"demonstrated.scales": a["demonstrated.scales"][1:]}),
+    ),
+    "an enormous smallest value": (
+        r"demonstrated.lowest\[0\] is -1e\+150",
+        lambda h, a: a["demonstrated.lowest"].put(0, -1e150),
+    ),
+    "an enormous largest value": (
+        r"demonstrated.highest\[1\] is 1e\+150",
+        lambda h, a: a["demonstrated.highest"].put(1, 1e150),
+    ),
+    "a smallest value above the largest": (
+        r"demonstrated.lowest\[1\] is above demonstrated.highest\[1\]",
+        lambda h, a: a["demonstrated.lowest"].put(1, 1e6),
+    ),
+    "a missing largest value": (
+        "lacks 'demonstrated.highest'",
+        lambda h, a: drop(a, "demonstrated.highest"),
+    ),
+    "an unknown switch": (
+        "demonstrated.switches has no such, expected names of columns",
+        lambda h, a: h["demonstrated"].update(switches=["no such"]),
+    ),
+    "switches that are text": (
+        "demonstrated.switches is 'on', expected a list",
+        lambda h, a: h["demonstrated"].update(switches="on"),
+    ),
+    "an end point too few": (
+        r"endpoints.means has shape \(2, 1, \d+\), expected \(2, 2, \d+\)",
+        lambda h, a: a.update({"endpoints.means": a["endpoints.means"][:, :1].copy()}),
+    ),
+    "end points of another frame": (
+        r"endpoints.variances has shape \(1, 2, \d+\), expected \(2, 2, \d+\)",
+        lambda h, a: a.update({"endpoints.variances": a["endpoints.variances"][:1]}),
+    ),
+    "an enormous end point": (
+        r"endpoints.means\[0, 0, 0\] is 1e\+150",
+        lambda h, a: a["endpoints.means"].put(0, 1e150),
+    ),
+    "an enormous variance of an end point": (
+        r"endpoints.variances\[0, 0, 0\] is 1e\+250",
+        lambda h, a: a["endpoints.variances"].put(0, 1e250),
+    ),
+    "a negative variance of an end point": (
+        "the variance of end point 0.*positive definite",
+        lambda h, a: a["endpoints.variances"].put(0, -1.0),
+    ),
+    "NaN in an end point": (
+        r"endpoints.means\[0, 0, 1\] is nan",
+        lambda h, a: a["endpoints.means"].put(1, np.nan),
+    ),
+    "end points without a variance": (
+        "lacks 'endpoints.variances'",
+        lambda h, a: drop(a, "endpoints.variances"),
+    ),
+    "another field of the demonstrations": (
+        "demonstrated has the unknown fields",
+        lambda h, a: h["demonstrated"].update(colour="red"),
+    ),
 }
 
 
@@ -158,6 +229,11 @@ def test_encode_skill_orientation_has_three_tangent_columns(skill: Skill):
         means=rng.normal(size=(2, 3, 6)),
         layout=layout,
         covariances=tuple(random_covariances(rng, kind, 3, 5) for kind in ("dense", "latent")),
+        regularisation=rng.uniform(size=5),
+        demonstrated=DemonstrationStatistics(
+            rng.uniform(0.1, 1.0, size=5), -np.ones(6), np.ones(6), ("grip 1",)
+        ),
+        endpoints=Endpoints(rng.normal(size=(2, 2, 6)), rng.uniform(0.1, 1.0, size=(2, 2, 5))),
     )
     assert equal(decode_skill(encode_skill(one)), one)
     with pytest.raises(InvalidInput, match="shape"):

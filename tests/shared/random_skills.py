@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from pilotfish.demonstrations import Layout, Part, Quantity
 from pilotfish.gaussians.structures import EMLLT, HDDC, MFA, MLT, DenseCovariances, SemiTied
 from pilotfish.models import (
+    DemonstrationStatistics,
+    Endpoints,
     MarkovChain,
     MixtureWeights,
     Provenance,
@@ -87,7 +89,6 @@ def random_skill(rng: np.random.Generator, dynamics: str, structure: str) -> Ski
         int(rng.integers(1, 10**6)),
         "0" * 64,
         "full",
-        1e-5,
         log_likelihood,
         7,
         bool(rng.random() < 0.5),
@@ -95,7 +96,23 @@ def random_skill(rng: np.random.Generator, dynamics: str, structure: str) -> Ski
     )
     period, names = float(rng.uniform(1e-3, 1.0)), tuple(f"frame {p}" for p in range(P))
     chain = random_dynamics(rng, dynamics, K)
-    return Skill(chain, means, tuple(covariances), layout, period, names, provenance)
+    optional = random_optional_fields(rng, layout, P)
+    return Skill(chain, means, tuple(covariances), layout, period, names, provenance, **optional)
+
+
+def random_optional_fields(rng: np.random.Generator, layout: Layout, P: int) -> dict[str, Any]:
+    """Return some of the fields that a skill of a stream does not have, for a layout without S^3."""
+    D = layout.width
+    lowest = rng.normal(size=D)
+    switches = tuple(name for name in layout.names if rng.random() < 0.3)
+    fields = {
+        "regularisation": rng.uniform(size=D),
+        "demonstrated": DemonstrationStatistics(
+            rng.uniform(0.1, 1.0, size=D), lowest, lowest + rng.uniform(size=D), switches
+        ),
+        "endpoints": Endpoints(rng.normal(size=(P, 2, D)), rng.uniform(0.1, 1.0, size=(P, 2, D))),
+    }
+    return {name: value for name, value in fields.items() if rng.random() < 0.7}
 
 
 def equal(one: Any, other: Any) -> bool:

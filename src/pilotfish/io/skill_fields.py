@@ -192,6 +192,7 @@ def validate_array(array: Float[Array, "..."], annotation: Any, place: str, size
         InvalidInput: If the shape differs, the array is empty, or a value is not finite.
     """
     axes = annotation.dim_str.split()
+    sizes.update((axis, int(axis)) for axis in axes if axis.isdigit())  # an axis of fixed length
     shape = tuple(sizes.setdefault(axis, size) for axis, size in zip(axes, array.shape, strict=False))
     if array.shape != shape or len(axes) != array.ndim or array.size == 0:
         known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items())
