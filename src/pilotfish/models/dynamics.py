@@ -125,7 +125,11 @@ class StateDynamics(ABC):
     def plan_states(
         self, log_observed: Float[Array, "S K"], horizon: int, *, complete: bool
     ) -> Int[Array, " T"]:
-        """Return a state sequence for a plan: the state of largest posterior probability at every step.
+        """Return a state sequence for a plan.
+
+        It is the most probable sequence of a semi-Markov chain, and the state of largest posterior
+        probability at every step of a Markov chain. With fewer steps than states, a complete sequence is
+        planned for as many steps as states, and states are passed over at equal distances.
 
         Args:
             log_observed: log b_k(x_t) of the first S steps, finite; a row of zeros has no observation.
@@ -137,12 +141,27 @@ class StateDynamics(ABC):
             InvalidInput: As `log_forward` does.
         """
         relative = relative_observations(log_observed, horizon)
-        if complete and (final := self.final_states()).any():
-            ending = relative.copy()
-            ending[-1, ~final] = -np.inf
-            result = kernels.forward_backward(ending, *self.step_probabilities())
-            if np.isfinite(result.log_likelihood):
-                return np.asarray(result.smoothed_state_probs.argmax(axis=1))
+        if complete and self.final_states().any():
+            (states, reached), (T, K) = self._plan_complete(relative), relative.shape
+            if reached:
+                return states
+            if T < K:
+                rows = np.linspace(K - 1, 0, T).round().astype(np.int64)[::-1]
+                spread = np.zeros((K, K))
+                spread[rows] = relative
+                states, reached = self._plan_complete(spread)
+                if reached:
+                    return states[rows]
+        return self._plan_incomplete(relative)
+
+    def _plan_complete(self, relative: Float[Array, "T K"]) -> tuple[Int[Array, " T"], bool]:
+        """Return a sequence that ends in a final state, and whether there is one."""
+        ending = relative.copy()
+        ending[-1, ~self.final_states()] = -np.inf
+        result = kernels.forward_backward(ending, *self.step_probabilities())
+        return result.smoothed_state_probs.argmax(axis=1), bool(np.isfinite(result.log_likelihood))
+
+    def _plan_incomplete(self, relative: Float[Array, "T K"]) -> Int[Array, " T"]:
         return np.asarray(self._smooth(relative).argmax(axis=1))
 
     def smoothed_state_probs(self, log_observed: Float[Array, "T K"]) -> Float[Array, "T K"]:

@@ -41,7 +41,6 @@ from pilotfish.models.dynamics import (
     StateDynamics,
     count_free_probabilities,
     pad_unobserved,
-    relative_observations,
     validate_observations,
 )
 from pilotfish.models.statistics import Statistics
@@ -152,30 +151,17 @@ class SemiMarkovChain(StateDynamics):
     def viterbi(self, log_emissions: Float[Array, "T K"]) -> Int[Array, " T"]:
         return self._decode(log_emissions, self.segment_tables)[0]
 
-    def plan_states(
-        self, log_observed: Float[Array, "S K"], horizon: int, *, complete: bool
-    ) -> Int[Array, " T"]:
-        """Return the most probable state sequence for a plan.
+    def _plan_complete(self, relative: Float[Array, "T K"]) -> tuple[Int[Array, " T"], bool]:
+        """Return the most probable sequence whose last segment is a whole one of a final state.
 
-        A complete sequence ends when the last segment of a final state does, so that a longer or shorter
-        horizon stretches or shortens all segments, in proportion to the variances of their durations.
-
-        Args:
-            log_observed: log b_k(x_t) of the first S steps, finite; a row of zeros has no observation.
-            horizon: Number of steps T, at least S.
-            complete: Whether the sequence ends in a final state; ignored where there is none or it cannot be
-                reached.
-
-        Raises:
-            InvalidInput: If a log-density is not finite, or the horizon is too short or too long.
+        A longer or shorter horizon stretches or shortens all segments, in proportion to the variances of
+        their durations.
         """
-        relative = relative_observations(log_observed, horizon)
-        chain = self._right_censored()
-        if complete and self.final_states().any():
-            states, log_p = self._decode(relative, chain._completing_tables)
-            if np.isfinite(log_p):
-                return states
-        return self._decode(relative, chain.segment_tables)[0]
+        states, log_p = self._decode(relative, self._right_censored()._completing_tables)
+        return states, bool(np.isfinite(log_p))
+
+    def _plan_incomplete(self, relative: Float[Array, "T K"]) -> Int[Array, " T"]:
+        return self._decode(relative, self._right_censored().segment_tables)[0]
 
     def _decode(
         self, log_emissions: Float[Array, "T K"], tables: Callable[[int], kernels.SemiMarkovTables]
