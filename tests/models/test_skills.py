@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from published import published_options
 
 from pilotfish.demonstrations import (
     Frame,
@@ -47,7 +48,7 @@ def test_state_segments_repeat_to_the_sequence(rng):
 def test_learn_counted_durations_do_not_join_demonstrations(rng, make_demonstrations):
     """The last segment of one demonstration is not joined to the first of the next."""
     demos = make_demonstrations(lengths=(40, 50, 45), stops=3)
-    fit = learn(demos, states=3, rng=rng)
+    fit = learn(demos, states=3, rng=rng, **published_options())
     paths = [viterbi(fit.markov_skill, d) for d in demos]
     for k in range(3):
         lengths = np.concatenate([state_segments(p)[1][state_segments(p)[0] == k] for p in paths])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from published import published_options
 
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, MovingFrame, pose_layout, to_sphere
@@ -14,7 +15,7 @@ from pilotfish.gaussians.structures import CovarianceStructure, Full, SemiTied
 from pilotfish.geometry import from_rotation_vector, multiply
 from pilotfish.io import datasets
 from pilotfish.io.synthetic import synthetic_valve
-from pilotfish.models import EMSettings, Skill, learn
+from pilotfish.models import Skill, learn
 from pilotfish.planning import (
     end_orientation_error,
     end_position_error,
@@ -57,11 +58,16 @@ def test_reproduce_demonstration_equals_reproduce_in_its_situation(from_first_st
 
 
 def test_reproduce_demonstration_begins_at_point_or_first_mean():
-    """The motion begins at the demonstration's first point, or at the adapted mean of the first state."""
+    """The motion begins at the demonstration's first point, or where the skill begins.
+
+    That is the adapted start of the demonstrations, in a published plan the mean of the first state.
+    """
     skill, situation = learn_valve(1), demonstrations(1)[6]
     motion = reproduce_demonstration(skill, situation).motion
     np.testing.assert_array_equal(motion.x[0], situation.x[0])
     result = reproduce_demonstration(skill, situation, from_first_state=True)
+    np.testing.assert_array_equal(result.motion.x[0], result.adapted.endpoints.means[0])
+    result = reproduce_demonstration(skill, situation, from_first_state=True, stepwise=True)
     np.testing.assert_array_equal(result.motion.x[0], result.adapted.means[0])
 
 
@@ -164,12 +170,17 @@ def test_reproduce_demonstration_published_valve_has_known_errors(
         states=STATES,
         rng=np.random.default_rng(0),
         structure=structure,
-        settings=EMSettings(regularisation=1e-5),
+        **published_options(),
     ).skill
     errors = [
         mean_squared_error(
             reproduce_demonstration(
-                skill, d, from_first_state=True, control_cost=9.0, covariance_regularisation=2e-3
+                skill,
+                d,
+                from_first_state=True,
+                control_cost=9.0,
+                covariance_regularisation=2e-3,
+                stepwise=True,
             ).motion,
             d,
         )

@@ -104,8 +104,14 @@ def test_plan_via_points_equal_conditioned_reference_of_smoothed_states(model):
 
 
 def test_plan_without_start_begins_at_most_probable_state(model):
-    """With start=None the initial probabilities of the skill choose the first state."""
+    """With start=None the initial probabilities of the skill choose the first state.
+
+    A complete sequence of 20 steps begins at state 0 in both cases, since two states last 12 steps and three
+    18; one of 12 steps begins at state 1.
+    """
     _, states = plan_states(model, horizon=20)
     assert states[0] == model.dynamics.initial.argmax()
     reordered = replace(model, dynamics=replace(model.dynamics, initial=np.array([0.1, 0.9, 0.0])))
-    assert plan_states(reordered, horizon=20)[1][0] == 1
+    assert plan_states(reordered, horizon=20, stepwise=True)[1][0] == 1
+    assert plan_states(reordered, horizon=20)[1][0] == 0
+    assert plan_states(reordered, horizon=12)[1][0] == 1

@@ -51,16 +51,21 @@ def test_plan_via_point_on_rare_branch_selects_it():
 
 
 def test_plan_via_point_shifts_time_of_state():
-    """A state is active at the time of a via-point near its mean, if its durations allow it."""
+    """A state is active at the time of a via-point near its mean, if its durations allow it.
+
+    The plan is stepwise: a complete one stretches every state over the horizon.
+    """
     model, start = branching_skill(), np.zeros(4)
     for time in (1.3, 2.1):
         point = via_point("position", [0.0, 2.0], time=time, deviation=0.05)
-        states = plan(model, start, horizon=40, via_points=[point]).targets[:, 1]
+        states = plan(model, start, horizon=40, stepwise=True, via_points=[point]).targets[:, 1]
         first = np.flatnonzero(states == 2.0)[0]
         assert first <= round(time / PERIOD)
     late = via_point("position", [-1.0, 1.0], time=1.9, deviation=0.05)
-    assert plan(model, start, horizon=40).targets[19, 1] == 2.0
-    assert plan(model, start, horizon=40, via_points=[late]).targets[19, 1] == pytest.approx(1.0)
+    assert plan(model, start, horizon=40, stepwise=True).targets[19, 1] == 2.0
+    assert plan(model, start, horizon=40, stepwise=True, via_points=[late]).targets[19, 1] == pytest.approx(
+        1.0
+    )
 
 
 def test_plan_empty_via_points_equals_plan_without(rng):

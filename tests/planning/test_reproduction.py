@@ -13,6 +13,7 @@ from pilotfish.geometry import Pose, angle, from_rotation_vector, multiply
 from pilotfish.io.synthetic import synthetic_valve
 from pilotfish.models import Skill, adapt, learn
 from pilotfish.planning import (
+    default_control_cost,
     mean_demonstration_length,
     moving_frames,
     plan,
@@ -39,7 +40,7 @@ def learn_valve(sphere: bool) -> Skill:
     return learn(demonstrations(sphere)[:4], states=5, rng=np.random.default_rng(0)).skill
 
 
-def track_by_hand(skill: Skill, reference, start, control_cost: float = 0.1):
+def track_by_hand(skill: Skill, reference, start, control_cost):
     axes = coordinates_with_derivatives(skill.layout)
     return track(double_integrator(axes, skill.period), reference, control_cost).rollout(start)
 
@@ -53,13 +54,45 @@ def test_reproduce_vector_space_equals_steps_by_hand(with_start: bool, with_via_
     points = [via_point("position", situation.x[30, :3], time=3.0, deviation=0.01)] if with_via_point else []
     adapted = adapt(skill, situation.frames)
     reference = plan(adapted, start, horizon=HORIZON, via_points=points)
-    expected = track_by_hand(skill, reference, reference.targets[0] if start is None else start)
+    begin = adapted.endpoints.means[0] if start is None else start
+    expected = track_by_hand(skill, reference, begin, default_control_cost(adapted))
     found = reproduce(skill, situation.frames, start, horizon=HORIZON, via_points=points)
     np.testing.assert_array_equal(found.motion.x, expected.x)
     np.testing.assert_array_equal(found.motion.u, expected.u)
     np.testing.assert_array_equal(found.targets, reference.targets)
     assert found.tangent_chart is None
     assert found.tangent_skill is found.adapted
+
+
+@pytest.mark.parametrize("with_start", [True, False])
+@pytest.mark.parametrize("sphere", [False, True])
+def test_reproduce_published_plan_equals_steps_by_hand(with_start: bool, sphere: bool):
+    """A stepwise plan has no end point, and begins at its first target."""
+    skill, situation = learn_valve(sphere), demonstrations(sphere)[SITUATION]
+    adapted = adapt(skill, situation.frames)
+    chart = tangent_chart(adapted) if sphere else None
+    start = situation.x[0] if with_start else None
+    tangent_start = chart.to_tangent(start) if chart and with_start else start
+    reference = plan(
+        chart.skill if chart else adapted,
+        tangent_start,
+        horizon=HORIZON,
+        covariance_regularisation=2e-3,
+        stepwise=True,
+    )
+    begin = reference.targets[0] if tangent_start is None else tangent_start
+    expected = track_by_hand(skill, reference, begin, 9.0)
+    found = reproduce(
+        skill,
+        situation.frames,
+        start,
+        horizon=HORIZON,
+        control_cost=9.0,
+        covariance_regularisation=2e-3,
+        stepwise=True,
+    )
+    np.testing.assert_array_equal(found.motion.x, chart.to_manifold(expected.x) if chart else expected.x)
+    np.testing.assert_array_equal(found.motion.u, expected.u)
 
 
 @pytest.mark.parametrize("with_start", [True, False])
@@ -73,7 +106,8 @@ def test_reproduce_sphere_equals_steps_by_hand(with_start: bool, with_via_point:
     start = chart.to_tangent(situation.x[0]) if with_start else None
     points = [chart.via_point(point)] if with_via_point else []
     reference = plan(chart.skill, start, horizon=HORIZON, via_points=points)
-    expected = track_by_hand(skill, reference, reference.targets[0] if start is None else start)
+    begin = chart.skill.endpoints.means[0] if start is None else start
+    expected = track_by_hand(skill, reference, begin, default_control_cost(chart.skill))
     found = reproduce(
         skill,
         situation.frames,
@@ -138,9 +172,9 @@ def test_reproduce_step_static_objects_equals_plan_of_coming_states(sphere: bool
     adapted = adapt(skill, frames)
     chart = tangent_chart(adapted) if sphere else None
     start = chart.to_tangent(x) if chart else x
-    aligned, states = plan_states(chart.skill if chart else adapted, start, horizon=30)
-    reference = plan(aligned, start, horizon=30)
-    expected = track_by_hand(skill, reference, start).x[1]
+    aligned, states = plan_states(chart.skill if chart else adapted, start, horizon=30, complete=False)
+    reference = plan(aligned, start, horizon=30, complete=False)
+    expected = track_by_hand(skill, reference, start, default_control_cost(aligned)).x[1]
     found = reproduce_step(skill, poses, poses, x, states)
     np.testing.assert_allclose(found, chart.to_manifold(expected) if chart else expected, atol=1e-9)
 
