@@ -22,7 +22,7 @@ via_points = [
     pf.via_point("orientation", orientation, time=time, deviation=np.radians(0.3)),  # [rad]
 ]
 reference = pf.planning.condition_on(direct.reference, via_points, direct.adapted.layout)
-feedback = pf.track(direct.feedback.system, reference, pf.planning.CONTROL_COST)
+feedback = pf.track(direct.feedback.system, reference, pf.planning.default_control_cost(direct.tangent_skill))
 motion = feedback.rollout(test.x[0])
 
 error = np.linalg.norm(motion.x[step, :3] - position)  # [m]

@@ -17,7 +17,7 @@ from pilotfish.io.situations import read_frames
 from pilotfish.io.skill_file import open_skill, save_skill
 from pilotfish.models import Skill, adapt, learn
 from pilotfish.planning import (
-    CONTROL_COST,
+    default_control_cost,
     end_orientation_error,
     mean_squared_error,
     plan,
@@ -79,7 +79,7 @@ def test_riemannian_reproduction_equals_tangent_plan(
     chart = tangent_chart(adapt(sphere_skill, read_frames(frames, sphere_skill)))
     begin = chart.to_tangent(np.array([*START["position"], *START["quaternion"], *np.zeros(6)]))
     reference = plan(chart.skill, begin, horizon=24)
-    feedback = track(double_integrator(6, sphere_skill.period), reference, CONTROL_COST)
+    feedback = track(double_integrator(6, sphere_skill.period), reference, default_control_cost(chart.skill))
     np.testing.assert_allclose(rows[:, 1:], chart.to_manifold(feedback.rollout(begin).x), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(rows[:, 4:8], axis=1), 1.0, rtol=1e-12)
     assert angle(rows[0, 4:8], np.array(START["quaternion"])) < 1e-6

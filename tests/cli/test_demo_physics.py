@@ -35,7 +35,7 @@ from pilotfish.errors import SkillError
 from pilotfish.gaussians.structures import SemiTied
 from pilotfish.io import datasets
 from pilotfish.io.synthetic import synthetic_valve
-from pilotfish.models import learn
+from pilotfish.models import TimeBins, learn
 from pilotfish.planning import Reproduction, reproduce_demonstration
 
 SLOW = pytest.mark.slow  # the whole demo: eight simulations of twenty seconds
@@ -49,6 +49,7 @@ def evaluate(demonstrations: tuple[Demonstration, ...]) -> StructureEvaluation:
         rng=np.random.default_rng(0),
         structure=SemiTied(),
         settings=SETTINGS,
+        initialisation=TimeBins(),
     )
     reproductions = tuple(
         reproduce_demonstration(
@@ -56,6 +57,7 @@ def evaluate(demonstrations: tuple[Demonstration, ...]) -> StructureEvaluation:
             demo,
             control_cost=CONTROL_COST,
             covariance_regularisation=COVARIANCE_REGULARISATION,
+            stepwise=True,
         )
         for demo in demonstrations
     )

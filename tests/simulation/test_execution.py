@@ -21,8 +21,6 @@ from pilotfish.geometry import (
 )
 from pilotfish.models import Skill, learn
 from pilotfish.planning import (
-    CONTROL_COST,
-    COVARIANCE_REGULARISATION,
     mean_demonstration_length,
     moving,
 )
@@ -271,7 +269,6 @@ def test_perform_plans_ahead_to_end(
 
 
 def test_perform_control_cost_reduces_acceleration(valve_skill: Skill, unchecked: None):
-    assert (CONTROL_COST, COVARIANCE_REGULARISATION) == (0.1, 1e-5)
     pushes = []
     for control_cost in (0.01, 0.1, 10.0):
         result = perform(valve_skill, VALVE, unseen_situation(0), control_cost=control_cost, horizon=25)
