@@ -1,5 +1,7 @@
 """Scales, ranges and switching columns of demonstrations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from pilotfish.demonstrations import (
     position_layout,
 )
 from pilotfish.geometry import from_rotation_vector, multiply
+from pilotfish.io.synthetic import synthetic_valve
 from pilotfish.models import default_regularisation, demonstration_statistics, part_scales
 
 MOVING = position_layout(2).differentiate()
@@ -83,6 +86,16 @@ def test_default_regularisation_sphere_has_tangent_columns():
     parts = pose_layout().parts
     layout = Layout((parts[0], Part("orientation", Quantity.ORIENTATION, 4, "1"))).differentiate()
     assert default_regularisation(np.ones(12), layout).tolist() == pytest.approx([2.5e-5] * 6 + [0.04] * 6)
+
+
+def test_demonstration_statistics_signs_of_quaternions_have_no_effect():
+    """A recording with -q is equivalent, and its derivatives too."""
+    demos = synthetic_valve(np.random.default_rng(0))[:3]
+    turned = np.repeat([1.0, -1.0, 1.0, -1.0], [3, 4, 3, 4])
+    expected = demonstration_statistics(demos)
+    found = demonstration_statistics([demos[0], replace(demos[1], x=demos[1].x * turned), demos[2]])
+    np.testing.assert_allclose(found.scales, expected.scales, rtol=1e-12)
+    np.testing.assert_allclose(found.lowest, expected.lowest, rtol=1e-12)
 
 
 def gripper_demonstration(values):

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity
+from pilotfish.demonstrations.signs import has_opposite_sign
 from pilotfish.geometry import karcher_mean, log_map
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
@@ -55,11 +56,21 @@ def demonstration_statistics(demonstrations: Sequence[Demonstration]) -> Demonst
         demonstrations: At least one; all have the same layout and period.
     """
     first = demonstrations[0]
-    x = np.concatenate([demo.x for demo in demonstrations])
+    x = np.concatenate([_align_signs(demo, first) for demo in demonstrations])
     duration = first.period * len(x) / len(demonstrations)
     lowest, highest = x.min(axis=0), x.max(axis=0)
     scales = part_scales(x, np.ones(len(x)), first.layout, duration)
     return DemonstrationStatistics(scales, lowest, highest, _switches(x, first.layout))
+
+
+def _align_signs(demo: Demonstration, reference: Demonstration) -> Float[Array, "T D"]:
+    """Return the datapoints with quaternions in R^4 on the half of S^3 of the reference."""
+    negated = [
+        columns
+        for columns in demo.layout.quaternions
+        if has_opposite_sign(demo.x[:, columns], reference.x[:, columns])
+    ]
+    return demo.x * demo.layout.quaternion_signs(negated) if negated else demo.x
 
 
 def part_scales(
