@@ -74,6 +74,9 @@ def test_adapt_signs_ignore_frame_with_zero_relevance(skill):
         means=means,
         covariances=covariances,
         layout=layout,
+        regularisation=None,
+        demonstrated=None,
+        endpoints=None,
     )
     pool_weights = np.array([[0.0], [1.0], [1.0]])
     for signs in product((1.0, -1.0), repeat=3):
