@@ -17,7 +17,7 @@ from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout
 from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resample
-from pilotfish.demonstrations.signs import unwrap_orientations
+from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
 from pilotfish.demonstrations.views import Views, views
 
@@ -35,6 +35,7 @@ __all__ = [
     "diagnose",
     "frame",
     "frame_from_pose",
+    "has_opposite_sign",
     "moving_frame",
     "moving_frame_from_poses",
     "pose_layout",

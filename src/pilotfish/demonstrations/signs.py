@@ -37,7 +37,12 @@ def unwrap_orientations(x: object, layout: Layout) -> Float[Array, "T D"]:
 
 
 def has_opposite_sign(q: Float[Array, "T 4"], reference: Float[Array, "S 4"]) -> bool:
-    """Return whether -q is closer to the reference than q, after resampling to equal length."""
+    """Return whether -q is closer to the reference than q, after resampling to equal length.
+
+    Args:
+        q: Quaternions of a recording.
+        reference: Quaternions of another recording.
+    """
     steps = np.linspace(0, len(reference) - 1, len(q)).round().astype(int)
     return bool(np.einsum("td,td->", q, reference[steps]) < 0)
 

@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity
-from pilotfish.demonstrations.signs import has_opposite_sign
+from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, has_opposite_sign
 from pilotfish.geometry import karcher_mean, log_map
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
