@@ -26,7 +26,7 @@ from pilotfish.models.em import (
     maximise_likelihood,
 )
 from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_frames
-from pilotfish.models.initialisation import FromModel, KMeans, TimeBins
+from pilotfish.models.initialisation import FromModel, KMeans, Template, TimeBins
 from pilotfish.models.learn import default_states, default_structure, learn
 from pilotfish.models.learning_problem import Fit
 from pilotfish.models.regression import filtered_regression, smoothed_regression
@@ -68,6 +68,7 @@ __all__ = [
     "SemiMarkovChain",
     "Skill",
     "Statistics",
+    "Template",
     "TimeBins",
     "adapt",
     "align_quaternion_signs",

@@ -1,4 +1,4 @@
-"""Initialisation of expectation-maximisation: time bins, k-means over all frames, or a given model."""
+"""Initialisation of expectation-maximisation: time bins, a template, k-means, or a given model."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -7,19 +7,24 @@ import numpy as np
 
 from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
+from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import karcher_mean, log_map
+from pilotfish.models.dynamics import MarkovChain
 from pilotfish.models.em import expected_statistics
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import BLOCK_ROWS, Statistics, labelled_statistics
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import require_number, shorten_repr
+from pilotfish.validation import require_count, require_number, shorten_repr
 
 MAX_ATTEMPTS = 20
+MAX_DEMONSTRATIONS = 10**6
+MAX_HALVINGS = 500  # that float64 represents
+TEMPLATE_DEVIATION = 0.5  # of the deviation of all datapoints: that of the states of a template
 
 
 @runtime_checkable
 class Initialisation(Protocol):
-    """Initial statistics of K states; `TimeBins`, `KMeans` and `FromModel` implement it."""
+    """Initial statistics of K states; `TimeBins`, `Template`, `KMeans` and `FromModel` implement it."""
 
     def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         """Compute the statistics of the first M-step.
@@ -77,6 +82,73 @@ def _time_bins(length: int, states: int, jitter: float, rng: np.random.Generator
     cuts = np.maximum.accumulate(np.maximum(cuts - order, 0)) + order  # every bin has at least one step,
     cuts = np.minimum(cuts, length - states + order)  # the last bins too
     return np.searchsorted(cuts, np.arange(length), side="right").astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """Cut one demonstration into K bins and let the others pass through them, wait in them or skip them.
+
+    The states have the means of the bins in every frame, and half the deviation of all datapoints, so that
+    demonstrations of other situations and another rhythm follow the order of the template. From a state every
+    later one can be reached, with a probability that halves for each state that is skipped.
+
+    Attributes:
+        demonstration: Number of the demonstration, from 0.
+        complete: Whether every demonstration must end in the last state.
+    """
+
+    demonstration: int = 0
+    complete: bool = True
+
+    def __post_init__(self) -> None:
+        require_count(self.demonstration, "demonstration", MAX_DEMONSTRATIONS)
+
+    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+        """Compute the expected statistics of all demonstrations under the template.
+
+        Args:
+            views: Demonstrations as every frame sees them.
+            states: Number of bins.
+            rng: Not used.
+
+        Raises:
+            InvalidInput: If there is no such demonstration, or it has fewer steps than states.
+        """
+        if self.demonstration >= len(views.lengths):
+            raise InvalidInput(
+                f"demonstration is {self.demonstration}, expected a number below {len(views.lengths)}"
+            )
+        start = int(views.lengths[: self.demonstration].sum())
+        length = int(views.lengths[self.demonstration])
+        rows = np.ascontiguousarray(views.x[:, start : start + length])
+        bins = TimeBins().initial_statistics(
+            Views(rows, np.array([length]), views.orientation_starts), states, rng
+        )
+        means = np.stack([moments.means for moments in bins.moments])
+        covariances = tuple(_wide_covariances(x, states, views.orientation_starts) for x in views.x)
+        model = HiddenModel(_skipping_chain(states, length), means, covariances)
+        return expected_statistics(model, views, complete=self.complete)
+
+
+def _wide_covariances(
+    x: Float[Array, "N D"], states: int, orientation_starts: tuple[int, ...]
+) -> DenseCovariances:
+    """Return one diagonal covariance for every state, of half the deviation of the datapoints."""
+    if orientation_starts:
+        x = log_map(karcher_mean(x, np.ones(len(x)), orientation_starts), x, orientation_starts)
+    deviations = x.std(axis=0)
+    deviations = TEMPLATE_DEVIATION * np.where(deviations > 0.0, deviations, 1.0)
+    return DenseCovariances(np.tile(np.diag(deviations**2), (states, 1, 1)))
+
+
+def _skipping_chain(states: int, length: int) -> MarkovChain:
+    """Return a chain that begins in the first state and can go to every later one."""
+    steps = np.arange(states) - np.arange(states)[:, None]
+    exits = np.where(steps > 0, 0.5 ** np.clip(steps, 0, MAX_HALVINGS), 0.0)
+    sums = exits.sum(axis=1, keepdims=True)
+    leave = min(states / length, 0.5)
+    transitions = leave * np.divide(exits, sums, out=np.zeros_like(exits), where=sums > 0.0)
+    return MarkovChain(np.eye(states)[0], transitions + np.diag(1.0 - transitions.sum(axis=1)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,15 @@
-"""Fit of a mixture or a Markov skill by EM, from one initialisation or from the better of two.
+"""Fit of a mixture or a Markov skill by EM, from one initialisation or from the best of several.
 
-EM finds a local maximum, so `learn` begins at two models by default. Equal time bins suit a movement that
-goes once from left to right. K-means suits a movement that returns to its states, such as a periodic one; the
-fit is taken only then, and only if its BIC is lower. Of other movements it may leave out parts, or describe
-single demonstrations.
+EM finds a local maximum, so `learn` begins at several models by default and keeps the fit of lowest BIC:
+
+    time bins  suit a movement that goes once from left to right, in one rhythm.
+    templates  are single demonstrations. They suit movements of which some have a part that others lack, such
+               as a second attempt: time bins would average unlike parts.
+    k-means    suits a movement that returns to its states, such as a periodic one.
+
+The likelihood alone prefers states that describe single demonstrations. A template is therefore taken only if
+nearly all of its states are visited by at least half of the demonstrations, and k-means only if all are and
+the movement returns to its states; otherwise it may leave out parts.
 """
 
 from collections.abc import Sequence
@@ -15,12 +21,14 @@ from pilotfish.demonstrations import Demonstration, Views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.em import Convergence, EStep, MStep, expected_statistics, fit_em
-from pilotfish.models.initialisation import Initialisation, KMeans, TimeBins
+from pilotfish.models.initialisation import Initialisation, KMeans, Template, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
 from pilotfish.models.sequences import state_segments, viterbi
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics
 
+MIN_FOR_TEMPLATES, MAX_TEMPLATES = 3, 5  # demonstrations
+MIN_SHARED = 0.95  # of the states of a template are visited by half of the demonstrations
 MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
 
 
@@ -48,30 +56,44 @@ def fit_steps(
 
 
 def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
-    """Fit from time bins and from k-means, and return the fit of lower BIC."""
-    once, _ = fit_steps(problem, TimeBins(complete=problem.has_time_order), m_step)
-    try:
-        clusters, _ = fit_steps(problem, KMeans(), m_step)
-    except (InvalidInput, NotPositiveDefinite):  # fewer distinct points than states, or a state of one point
-        return once, problem.has_time_order
-    if not _returns_to_states(clusters.skill, problem.demonstrations):
-        return once, problem.has_time_order
+    """Fit from several initialisations, and return the admissible fit of lowest BIC."""
+    bins = TimeBins(complete=problem.has_time_order)
+    results = [fit_steps(problem, bins, m_step)]
+    others: list[Initialisation] = [KMeans()]
+    if problem.has_time_order and len(problem.demonstrations) >= MIN_FOR_TEMPLATES:
+        count = min(len(problem.demonstrations), MAX_TEMPLATES)
+        chosen = np.linspace(0, len(problem.demonstrations) - 1, count).round().astype(int).tolist()
+        others += [Template(m) for m in chosen]
+    for initialisation in others:
+        try:
+            fit, complete = fit_steps(problem, initialisation, m_step)
+        except (
+            InvalidInput,
+            NotPositiveDefinite,
+        ):  # too few distinct points, or a state collapses
+            continue
+        if _is_admissible(fit.skill, problem.demonstrations, initialisation):
+            results.append((fit, complete))
 
-    def criterion(fit: Fit) -> float:
+    def criterion(result: tuple[Fit, bool]) -> float:
+        fit, _ = result
         parameters = degrees_of_freedom(fit.skill, problem.structure, None)
         return bic(float(fit.log_likelihoods[-1]), parameters, fit.skill.provenance.datapoints)
 
-    best = min(once, clusters, key=criterion)
-    return best, problem.has_time_order and best is once
+    return min(results, key=criterion)
 
 
-def _returns_to_states(skill: Skill, demonstrations: Sequence[Demonstration]) -> bool:
-    """Return whether demonstrations return to states that they have left, and most visit each state."""
+def _is_admissible(
+    skill: Skill, demonstrations: Sequence[Demonstration], initialisation: Initialisation
+) -> bool:
+    """Return whether demonstrations share the states, and those of k-means return to theirs."""
     visits = np.zeros((len(demonstrations), skill.states))
     for m, demo in enumerate(demonstrations):
         np.add.at(visits[m], state_segments(viterbi(skill, demo))[0], 1.0)
-    shared = (2 * (visits > 0.0).sum(axis=0) >= len(demonstrations)).all()
-    return bool(shared and visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
+    shared = float((2 * (visits > 0.0).sum(axis=0) >= len(demonstrations)).mean())
+    if isinstance(initialisation, KMeans):
+        return shared == 1.0 and bool(visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
+    return shared >= MIN_SHARED
 
 
 def _make_e_step(problem: LearningProblem, *, complete: bool) -> EStep:
