@@ -41,7 +41,7 @@ from pilotfish.models.statistics import Statistics
 from pilotfish.types import Array, Bool, Float
 from pilotfish.validation import MAX_MAGNITUDE, require_count, require_type, shorten_repr
 
-GAIN_PER_DATAPOINT = 1e-3  # nats: EM has converged below it
+MIN_GAIN = 1e-3  # nats per datapoint: EM has converged below it
 MIN_DURATION_VARIANCE = 1e-100  # steps^2
 NUMBER = (int, float, np.integer, np.floating)
 
@@ -58,7 +58,10 @@ class EMSettings:
         regularisation: Added to every variance [unit of x squared]; 0 gives plain maximum likelihood. None
             takes a fraction of the scale of each part, see `demonstration_statistics.py`.
         tolerance: EM has converged when an iteration raises the log-likelihood by less than this fraction of
-            it. None asks for less than 1e-3 nats per datapoint, which no unit changes.
+            it. None applies `min_gain` instead, which no unit changes.
+        min_gain: EM has converged when an iteration raises the log-likelihood by less than this [nats per
+            datapoint]. None is 0.5 where `learn` compares initialisations, and 0.001 elsewhere: later
+            iterations fit few demonstrations more closely than the task, and differ with the period.
         max_iterations: Upper bound of the number of iterations.
         restarts: Number of initialisations; the fit with the highest log-likelihood is kept.
         duration_regularisation: Lower bound of the variance of durations that have a free width; added to the
@@ -74,6 +77,7 @@ class EMSettings:
 
     regularisation: float | None = None
     tolerance: float | None = None
+    min_gain: float | None = None
     max_iterations: int = 200
     restarts: int = 1
     duration_regularisation: float | None = None
@@ -81,7 +85,7 @@ class EMSettings:
     callback: Callable[[int, float], None] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("regularisation", "tolerance"):
+        for name in ("regularisation", "tolerance", "min_gain"):
             if (value := getattr(self, name)) is None:
                 continue
             require_type(value, name, NUMBER, "give a number")
@@ -177,7 +181,7 @@ def _iterate_em(
         statistics = e_step(model, data, statistics)
         _validate_log_likelihood(statistics, iteration)
         gain = statistics.log_likelihood - log_likelihoods[-1] if log_likelihoods else np.inf
-        threshold = _convergence_threshold(statistics, settings.tolerance)
+        threshold = _convergence_threshold(statistics, settings)
         if best and gain < 0.0:
             reason = f"the next step would have lost {-gain:.3g} nats, as regularisation or partial tying may"
             trace = np.array(log_likelihoods)
@@ -291,11 +295,12 @@ def maximise_likelihood(
     )
 
 
-def _convergence_threshold(statistics: Statistics, tolerance: float | None) -> float:
+def _convergence_threshold(statistics: Statistics, settings: EMSettings) -> float:
     """Return the gain of log-likelihood below which EM has converged [nats]."""
-    if tolerance is None:
-        return GAIN_PER_DATAPOINT * float(statistics.moments[0].counts.sum())
-    return tolerance * abs(statistics.log_likelihood)
+    if settings.tolerance is not None:
+        return settings.tolerance * abs(statistics.log_likelihood)
+    min_gain = MIN_GAIN if settings.min_gain is None else settings.min_gain
+    return min_gain * float(statistics.moments[0].counts.sum())
 
 
 def _is_empty(statistics: Statistics) -> Bool[Array, " K"]:

@@ -10,6 +10,10 @@ EM finds a local maximum, so `learn` begins at several models by default and kee
 The likelihood alone prefers states that describe single demonstrations. A template is therefore taken only if
 nearly all of its states are visited by at least half of the demonstrations, and k-means only if all are and
 the movement returns to its states; otherwise it may leave out parts.
+
+EM stops early, when an iteration gains less than half a nat per datapoint. Later iterations move states to
+what few demonstrations have in common by chance: held-out demonstrations are reproduced no better, and
+recordings of another period get other states.
 """
 
 from collections.abc import Sequence
@@ -27,6 +31,7 @@ from pilotfish.models.sequences import state_segments, viterbi
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics
 
+EARLY_GAIN = 0.5  # nats per datapoint
 MIN_FOR_TEMPLATES, MAX_TEMPLATES = 3, 5  # demonstrations
 MIN_SHARED = 0.95  # of the states of a template are visited by half of the demonstrations
 MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
@@ -57,6 +62,8 @@ def fit_steps(
 
 def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
     """Fit from several initialisations, and return the admissible fit of lowest BIC."""
+    if problem.settings.min_gain is None:
+        problem = replace(problem, settings=replace(problem.settings, min_gain=EARLY_GAIN))
     bins = TimeBins(complete=problem.has_time_order)
     results = [fit_steps(problem, bins, m_step)]
     others: list[Initialisation] = [KMeans()]
