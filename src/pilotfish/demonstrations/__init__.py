@@ -19,6 +19,7 @@ from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resample
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
+from pilotfish.demonstrations.switches import switching_columns
 from pilotfish.demonstrations.views import Views, views
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "pose_layout",
     "position_layout",
     "resample",
+    "switching_columns",
     "to_sphere",
     "unwrap_orientations",
     "views",

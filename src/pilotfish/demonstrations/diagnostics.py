@@ -1,14 +1,16 @@
 """Diagnostics: anomalies of a set of demonstrations, each of which is well formed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Literal
 
 import numpy as np
 
+from pilotfish.demonstrations.layouts import Layout
 from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.demonstrations.signs import unwrap_orientations
+from pilotfish.demonstrations.switches import switching_columns
 from pilotfish.demonstrations.views import incompatibility
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import short_list
@@ -52,10 +54,19 @@ def diagnose(demonstrations: Sequence[Demonstration]) -> tuple[Diagnostic, ...]:
     if not found:
         found += [*_constant_frames(demonstrations)]
     found += [*_duplicates(demonstrations), *_lengths(demonstrations)]
+    switches = _switches_by_layout(demonstrations)
     for m, demo in enumerate(demonstrations):
-        unwrapped = replace(demo, x=unwrap_orientations(demo.x, demo.layout))
-        found += [*_constant_columns(_label(m, demo), unwrapped), *_jumps(_label(m, demo), unwrapped)]
+        unwrapped, label = replace(demo, x=unwrap_orientations(demo.x, demo.layout)), _label(m, demo)
+        found += [*_constant_columns(label, unwrapped), *_jumps(label, unwrapped, switches[demo.layout])]
     return tuple(found)
+
+
+def _switches_by_layout(demonstrations: Sequence[Demonstration]) -> dict[Layout, tuple[str, ...]]:
+    """Return the columns that switch in all demonstrations of each layout."""
+    rows: dict[Layout, list[Float[Array, "T D"]]] = {}
+    for demo in demonstrations:
+        rows.setdefault(demo.layout, []).append(demo.x)
+    return {layout: switching_columns(np.concatenate(x), layout) for layout, x in rows.items()}
 
 
 def _label(m: int, demo: Demonstration) -> str:
@@ -108,9 +119,12 @@ def _constant_columns(label: str, demo: Demonstration) -> Iterator[Diagnostic]:
         yield Diagnostic("note", label, f"is constant in {names}; its variance is then the regularisation")
 
 
-def _jumps(label: str, demo: Demonstration) -> Iterator[Diagnostic]:
+def _jumps(label: str, demo: Demonstration, switches: Collection[str]) -> Iterator[Diagnostic]:
+    """Find jumps of parts that are no derivatives, in columns that do not switch."""
+    names = demo.layout.names
     for part, columns in zip(demo.layout.parts, demo.layout.slices, strict=True):
-        rows = _jump_rows(demo.x[:, columns]) if part.derivative == 0 else np.zeros(0, dtype=np.int64)
+        smooth = [c for c in range(columns.start, columns.stop) if names[c] not in switches]
+        rows = _jump_rows(demo.x[:, smooth]) if part.derivative == 0 else np.zeros(0, dtype=np.int64)
         if rows.size:
             message = (
                 f"{part.name} jumps at row {rows[0]} (first is 0), {rows.size} times in all; "

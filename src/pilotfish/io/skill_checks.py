@@ -10,7 +10,14 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import Covariances, DenseCovariances
-from pilotfish.models import MAX_STATES, Dynamics, SemiMarkovChain, Skill
+from pilotfish.models import (
+    MAX_STATES,
+    DemonstrationStatistics,
+    Dynamics,
+    SemiMarkovChain,
+    Skill,
+    coordinate_parts,
+)
 from pilotfish.models.durations import DurationDistribution
 from pilotfish.types import Array, Float
 from pilotfish.validation import (
@@ -103,18 +110,8 @@ def _validate_demonstrated(skill: Skill) -> None:
     E, D = skill.layout.tangent.width, skill.layout.width
     if (given := skill.regularisation) is not None:
         _validate_column_values(given, "regularisation", E, 0.0, MAX_MAGNITUDE**2)
-    if (demonstrated := skill.demonstrated) is not None:
-        _validate_column_values(demonstrated.scales, "demonstrated.scales", E, MIN_SCALE, MAX_MEAN)
-        for name in ("lowest", "highest"):
-            values = getattr(demonstrated, name)
-            _validate_column_values(values, f"demonstrated.{name}", D, -MAX_MEAN, MAX_MEAN)
-        if (bad := np.flatnonzero(demonstrated.lowest > demonstrated.highest)).size:
-            raise InvalidInput(f"demonstrated.lowest[{bad[0]}] is above demonstrated.highest[{bad[0]}]")
-        if unknown := set(demonstrated.switches) - set(skill.layout.names):
-            raise InvalidInput(
-                f"demonstrated.switches has {short_list(sorted(unknown))}, expected names of columns: "
-                f"{short_list(skill.layout.names)}"
-            )
+    if skill.demonstrated is not None:
+        _validate_statistics(skill.demonstrated, skill)
     if (endpoints := skill.endpoints) is not None:
         P = len(skill.frame_names)
         if endpoints.means.shape != (P, 2, D) or endpoints.variances.shape != (P, 2, E):
@@ -128,6 +125,33 @@ def _validate_demonstrated(skill: Skill) -> None:
             DenseCovariances(endpoints.variances.reshape(-1, E)[:, None] * np.eye(E)),
             "the variance of end point",
         )
+
+
+def _validate_statistics(demonstrated: DemonstrationStatistics, skill: Skill) -> None:
+    """Check scales and ranges of the demonstrations."""
+    E, D = skill.layout.tangent.width, skill.layout.width
+    _validate_column_values(demonstrated.scales, "demonstrated.scales", E, MIN_SCALE, MAX_MEAN)
+    for name in ("lowest", "highest"):
+        _validate_column_values(getattr(demonstrated, name), f"demonstrated.{name}", D, -MAX_MEAN, MAX_MEAN)
+    if (bad := np.flatnonzero(demonstrated.lowest > demonstrated.highest)).size:
+        raise InvalidInput(f"demonstrated.lowest[{bad[0]}] is above demonstrated.highest[{bad[0]}]")
+    if unknown := set(demonstrated.switches) - set(skill.layout.names):
+        raise InvalidInput(
+            f"demonstrated.switches has {short_list(sorted(unknown))}, expected names of columns: "
+            f"{short_list(skill.layout.names)}"
+        )
+    parts, ranges = len(list(coordinate_parts(skill.layout))), demonstrated.motion
+    for name in ("smallest_sizes", "largest_sizes", "speeds", "accelerations"):
+        label = f"demonstrated.motion.{name}"
+        _validate_column_values(getattr(ranges, name), label, parts, 0.0, MAX_MAGNITUDE**2)
+    for field in fields(frames := demonstrated.frames):
+        values = getattr(frames, field.name)
+        _validate_magnitude(values, f"demonstrated.frames.{field.name}", MAX_MEAN)
+        if len(values) != len(skill.frame_names):
+            raise InvalidInput(
+                f"demonstrated.frames.{field.name} has {len(values)} rows, expected one for each of the "
+                f"{len(skill.frame_names)} frames"
+            )
 
 
 def _validate_column_values(

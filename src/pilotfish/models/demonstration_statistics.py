@@ -18,14 +18,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, Layout, Part, Quantity, has_opposite_sign
+from pilotfish.demonstrations import (
+    Demonstration,
+    Layout,
+    Part,
+    Quantity,
+    has_opposite_sign,
+    switching_columns,
+)
 from pilotfish.geometry import karcher_mean, log_map
+from pilotfish.models.demonstrated_ranges import FrameRanges, MotionRanges, frame_ranges, motion_ranges
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
 
 CONSTANT = 1e-9  # of the magnitude: a smaller spread is rounding
-MIN_SHARE = 0.98  # of the rows of a column that switches are at one of its two values
-LEVEL_TOLERANCE = 0.01  # of the range: values this close to an end of it count as that end
 RELATIVE_DEVIATION = 0.005  # of the scale of coordinates: their regularisation in EM
 RELATIVE_RATE_DEVIATION = 0.2  # of the scale of derivatives
 
@@ -40,12 +46,16 @@ class DemonstrationStatistics:
         lowest: Smallest value of each column.
         highest: Largest value of each column.
         switches: Names of the columns that take two values only, such as a gripper's command.
+        motion: Lengths, sizes, speeds and accelerations.
+        frames: Where the frames were.
     """
 
     scales: Float[Array, " E"]
     lowest: Float[Array, " D"]
     highest: Float[Array, " D"]
-    switches: tuple[str, ...] = ()
+    switches: tuple[str, ...]
+    motion: MotionRanges
+    frames: FrameRanges
 
 
 def demonstration_statistics(demonstrations: Sequence[Demonstration]) -> DemonstrationStatistics:
@@ -59,7 +69,14 @@ def demonstration_statistics(demonstrations: Sequence[Demonstration]) -> Demonst
     duration = first.period * len(x) / len(demonstrations)
     lowest, highest = x.min(axis=0), x.max(axis=0)
     scales = part_scales(x, np.ones(len(x)), first.layout, duration)
-    return DemonstrationStatistics(scales, lowest, highest, _switches(x, first.layout))
+    return DemonstrationStatistics(
+        scales,
+        lowest,
+        highest,
+        switching_columns(x, first.layout),
+        motion_ranges(demonstrations),
+        frame_ranges(demonstrations),
+    )
 
 
 def _align_signs(demo: Demonstration, reference: Demonstration) -> Float[Array, "T D"]:
@@ -122,19 +139,3 @@ def _spread(values: Float[Array, "N d"], weights: Float[Array, " N"], part: Part
 
 def _root_mean_square(values: Float[Array, "N d"], weights: Float[Array, " N"]) -> float:
     return float(np.sqrt(np.average(np.sum(values**2, axis=1), weights=weights)))
-
-
-def _switches(x: Float[Array, "N D"], layout: Layout) -> tuple[str, ...]:
-    """Return the names of scalar columns that take two values, with rare values between them."""
-    names = []
-    for part, columns in zip(layout.parts, layout.slices, strict=True):
-        if part.quantity is not Quantity.SCALAR or part.derivative:
-            continue
-        for column in range(columns.start, columns.stop):
-            values = x[:, column]
-            low, high = float(values.min()), float(values.max())
-            margin = LEVEL_TOLERANCE * (high - low)
-            at_level = (values <= low + margin) | (values >= high - margin)
-            if high - low > CONSTANT * max(abs(low), abs(high)) and at_level.mean() >= MIN_SHARE:
-                names.append(layout.names[column])
-    return tuple(names)
