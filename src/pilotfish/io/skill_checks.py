@@ -141,7 +141,7 @@ def _validate_statistics(demonstrated: DemonstrationStatistics, skill: Skill) ->
             f"{short_list(skill.layout.names)}"
         )
     parts, ranges = len(list(coordinate_parts(skill.layout))), demonstrated.motion
-    for name in ("smallest_sizes", "largest_sizes", "speeds", "accelerations"):
+    for name in ("smallest_sizes", "largest_sizes", "speeds", "accelerations", "start_distances"):
         label = f"demonstrated.motion.{name}"
         _validate_column_values(getattr(ranges, name), label, parts, 0.0, MAX_MAGNITUDE**2)
     for field in fields(frames := demonstrated.frames):

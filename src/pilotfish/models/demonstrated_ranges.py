@@ -33,6 +33,8 @@ class MotionRanges:
         largest_sizes: Largest size of a demonstration.
         speeds: Largest speed.
         accelerations: Largest acceleration.
+        start: First row of the first demonstration.
+        start_distances: Largest distance of the first row of a demonstration from it.
     """
 
     shortest: int
@@ -41,6 +43,8 @@ class MotionRanges:
     largest_sizes: Float[Array, " Q"]
     speeds: Float[Array, " Q"]
     accelerations: Float[Array, " Q"]
+    start: Float[Array, " D"]
+    start_distances: Float[Array, " Q"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +73,11 @@ def motion_ranges(demonstrations: Sequence[Demonstration]) -> MotionRanges:
     lengths = [len(demo.x) for demo in demonstrations]
     measures = np.array([measure_motion(demo.x, demo.layout, demo.period) for demo in demonstrations])
     sizes, speeds, accelerations = measures.swapaxes(0, 1)
+    starts = np.array([demo.x[0] for demo in demonstrations])
+    distances = [
+        _largest(differences(part, starts[0, columns], starts[:, columns]))
+        for part, columns in coordinate_parts(demonstrations[0].layout)
+    ]
     return MotionRanges(
         min(lengths),
         max(lengths),
@@ -76,6 +85,8 @@ def motion_ranges(demonstrations: Sequence[Demonstration]) -> MotionRanges:
         sizes.max(axis=0),
         speeds.max(axis=0),
         accelerations.max(axis=0),
+        starts[0],
+        np.array(distances),
     )
 
 
@@ -90,14 +101,23 @@ def measure_motion(x: Float[Array, "T D"], layout: Layout, period: float) -> Flo
     measures = []
     for part, columns in coordinate_parts(layout):
         values = x[:, columns]
-        if part.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION):
-            q = normalise(values)
-            offsets, steps = log_map(q[0], q, (0,)), log_map(q[:-1], q[1:], (0,))
-        else:
-            offsets, steps = values - values[0], np.diff(values, axis=0)
-        rates = steps / period
+        offsets = differences(part, values[0], values)
+        rates = differences(part, values[:-1], values[1:]) / period
         measures.append([_largest(offsets), _largest(rates), _largest(np.diff(rates, axis=0) / period)])
     return np.array(measures).T
+
+
+def differences(part: Part, a: Float[Array, "*#T d"], b: Float[Array, "T d"]) -> Float[Array, "T e"]:
+    """Return b - a, or the rotation vector from a to b [rad] if the part is an orientation.
+
+    Args:
+        part: Part whose columns are given.
+        a: Values, or one value.
+        b: Values.
+    """
+    if part.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION) and not part.derivative:
+        return log_map(normalise(a), normalise(b), (0,))
+    return b - a
 
 
 def coordinate_parts(layout: Layout) -> Iterator[tuple[Part, slice]]:

@@ -13,6 +13,7 @@ from pilotfish.planning.evaluation import (
     mean_squared_error,
     reproduce_demonstration,
 )
+from pilotfish.planning.motion_notes import motion_notes
 from pilotfish.planning.moving import moving_frames, reproduce_step
 from pilotfish.planning.plan import plan, plan_states
 from pilotfish.planning.reproduction import Reproduction, mean_demonstration_length, reproduce
@@ -32,6 +33,7 @@ __all__ = [
     "largest_acceleration",
     "mean_demonstration_length",
     "mean_squared_error",
+    "motion_notes",
     "moving_frames",
     "observe_via_points",
     "plan",
