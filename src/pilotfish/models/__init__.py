@@ -5,6 +5,7 @@ frames. They are learned by expectation-maximisation, adapted to new frames, and
 """
 
 from pilotfish.models import online
+from pilotfish.models.active_bounds import structure_notes
 from pilotfish.models.adapt import adapt
 from pilotfish.models.agreement import match_labels, matched_accuracy, normalised_mutual_information
 from pilotfish.models.degrees_of_freedom import (
@@ -50,6 +51,7 @@ from pilotfish.models.skill import MAX_STATES, AdaptedSkill, Endpoints, HiddenMo
 from pilotfish.models.statistics import Statistics
 
 __all__ = [
+    "structure_notes",
     "MAX_HORIZON",
     "MAX_STATES",
     "VITERBI",

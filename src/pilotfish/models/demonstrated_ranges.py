@@ -117,7 +117,7 @@ def differences(part: Part, a: Float[Array, "*#T d"], b: Float[Array, "T d"]) ->
     """
     if part.quantity in (Quantity.QUATERNION, Quantity.ORIENTATION) and not part.derivative:
         return log_map(normalise(a), normalise(b), (0,))
-    return b - a
+    return np.asarray(b - a)
 
 
 def coordinate_parts(layout: Layout) -> Iterator[tuple[Part, slice]]:

@@ -17,6 +17,7 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, Views, views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import CovarianceStructure, Diagonal, Full
+from pilotfish.models.active_bounds import duration_bounds, regularisation_bounds
 from pilotfish.models.demonstration_statistics import (
     default_regularisation,
     demonstration_statistics,
@@ -118,8 +119,10 @@ def learn(
     problem = _make_problem(demonstrations, states, rng, dynamics, structure, settings)
     m_step = problem.m_step(FIT_DYNAMICS[dynamics])
     if durations:
-        return _learn_durations(problem, initialisation, m_step, durations)
+        fit = _learn_durations(problem, initialisation, m_step, durations)
+        return _report_regularisation(fit, settings)
     fit, complete = fit_steps(problem, initialisation, m_step)
+    fit = _report_regularisation(fit, settings)
     if dynamics != SemiMarkovChain.name:
         return fit
     chain = count_durations(
@@ -153,6 +156,13 @@ def _make_problem(
         demonstrated,
         regularisation,
     )
+
+
+def _report_regularisation(fit: Fit, settings: EMSettings) -> Fit:
+    """Add the bounds of a regularisation that the user chose."""
+    if settings.regularisation is None:
+        return fit
+    return replace(fit, active_bounds=fit.active_bounds + regularisation_bounds(fit.skill))
 
 
 def default_states(demonstrations: Sequence[Demonstration]) -> int:
@@ -218,9 +228,12 @@ def _learn_durations(
         initial_statistics = _widen_durations(markov_skill, data, durations.max_duration, min_variance)
     m_step = problem.m_step(partial(SemiMarkovChain.fit, duration_model=durations, min_variance=min_variance))
     e_step = partial(expected_statistics, max_duration=durations.max_duration, threads=settings.threads)
-    model, _, convergence = fit_em(initial_statistics, data, m_step, settings, e_step)
+    model, statistics, convergence = fit_em(initial_statistics, data, m_step, settings, e_step)
     skill = problem.skill(model, convergence)
-    return Fit(skill, markov_skill, replace(convergence, dropped=dropped + convergence.dropped))
+    bounds: tuple[str, ...] = ()
+    if durations.max_duration and statistics.segments:
+        bounds = duration_bounds(statistics.segments, durations.max_duration)
+    return Fit(skill, markov_skill, replace(convergence, dropped=dropped + convergence.dropped), bounds)
 
 
 def _widen_durations(

@@ -27,11 +27,13 @@ class Fit:
         skill: The skill.
         markov_skill: The Markov skill that a semi-Markov fit begins with; otherwise the same as `skill`.
         convergence: How expectation-maximisation ended.
+        active_bounds: A sentence for each bound that decided the fit, with its remedy.
     """
 
     skill: Skill
     markov_skill: Skill
     convergence: Convergence
+    active_bounds: tuple[str, ...] = ()
 
     @property
     def log_likelihoods(self) -> Float[Array, " I"]:

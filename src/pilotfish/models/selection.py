@@ -8,6 +8,7 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.gaussians.structures import CovarianceStructure
+from pilotfish.models.active_bounds import structure_notes
 from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.em import EMSettings
@@ -15,7 +16,7 @@ from pilotfish.models.initialisation import Initialisation
 from pilotfish.models.learn import DEFAULT_SETTINGS, learn
 from pilotfish.models.semi_markov import SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
-from pilotfish.models.skill import Skill
+from pilotfish.models.learning_problem import Fit
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
 
@@ -66,6 +67,7 @@ class Score:
         log_likelihood: Log-likelihood of all demonstrations under that model [nats].
         bic: Bayesian information criterion; lower is better.
         held_out: Log-likelihood per datapoint of each demonstration under the model of the others [nats].
+        notes: Active bounds of that model, and too few datapoints for its covariances.
     """
 
     candidate: Candidate
@@ -74,6 +76,7 @@ class Score:
     log_likelihood: float
     bic: float
     held_out: Float[Array, " M"]
+    notes: tuple[str, ...] = ()
 
     @property
     def held_out_mean(self) -> float:
@@ -194,7 +197,7 @@ def select(
 def _score_candidate(
     candidate: Candidate, demonstrations: Sequence[Demonstration], seeds: Sequence[int], settings: EMSettings
 ) -> Score:
-    def learn_skill(training: Sequence[Demonstration], seed: int) -> Skill:
+    def fit_candidate(training: Sequence[Demonstration], seed: int) -> Fit:
         return learn(
             training,
             states=candidate.states,
@@ -204,17 +207,18 @@ def _score_candidate(
             structure=candidate.structure,
             initialisation=candidate.initialisation,
             settings=settings,
-        ).skill
+        )
 
-    skill = learn_skill(demonstrations, seeds[-1])
+    fit = fit_candidate(demonstrations, seeds[-1])
+    skill, notes = fit.skill, fit.active_bounds + structure_notes(fit.skill)
     held_out = []
     for m, (demo, seed) in enumerate(zip(demonstrations, seeds[:-1], strict=True)):
-        others = learn_skill([*demonstrations[:m], *demonstrations[m + 1 :]], seed)
+        others = fit_candidate([*demonstrations[:m], *demonstrations[m + 1 :]], seed).skill
         held_out.append(float(log_likelihood(others, [demo])[0]) / len(demo.x))
     total = float(log_likelihood(skill, demonstrations).sum())
     count = degrees_of_freedom(skill, candidate.structure, candidate.durations)
     criterion = bic(total, count, sum(len(demo.x) for demo in demonstrations))
-    return Score(candidate, skill.states, count, total, criterion, np.array(held_out))
+    return Score(candidate, skill.states, count, total, criterion, np.array(held_out), notes)
 
 
 def _standard_error(values: Float[Array, " M"]) -> float:

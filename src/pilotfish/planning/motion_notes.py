@@ -65,7 +65,7 @@ class _PartOfMotion:
 
     def distances(self, layout: Layout, x: Float[Array, "T D"], y: Float[Array, " D"]) -> Float[Array, " T"]:
         gaps = layout.distances(self.columns, x, y)
-        return np.radians(gaps) if self.turns else gaps
+        return np.asarray(np.radians(gaps)) if self.turns else gaps
 
     def deviations_away(
         self, layout: Layout, x: Float[Array, "T D"], y: Float[Array, " D"], covariance: Float[Array, "E E"]
@@ -74,9 +74,9 @@ class _PartOfMotion:
         block = covariance[self.tangent, self.tangent]
         if self.turns:
             unit = 2.0 if self.part.quantity is Quantity.QUATERNION else 1.0  # |dq| is half an angle
-            return self.distances(layout, x, y) / (unit * np.sqrt(np.linalg.eigvalsh(block)[-1]))
+            return np.asarray(self.distances(layout, x, y) / (unit * np.sqrt(np.linalg.eigvalsh(block)[-1])))
         gaps = x[:, self.columns] - y[self.columns]
-        return np.sqrt(np.einsum("ti,it->t", gaps, np.linalg.solve(block, gaps.T)))
+        return np.asarray(np.sqrt(np.einsum("ti,it->t", gaps, np.linalg.solve(block, gaps.T))))
 
     def deviation(self, covariance: Float[Array, "E E"]) -> float:
         """Return the root mean square of the standard deviations of the columns."""
@@ -183,7 +183,7 @@ def _start_notes(
     parts: Sequence[_PartOfMotion],
     name_argument: NameArgument,
 ) -> Iterator[str]:
-    """Compare the start with the first rows of the demonstrations, as the frames see them and in the world."""
+    """Compare the start with the first rows of the demonstrations, seen from the frames and in the world."""
     if (ends := reproduction.adapted.endpoints) is None:
         return
     ranges, start = demonstrated.motion, reproduction.motion.x[:1]
@@ -276,8 +276,8 @@ def _state_notes(
             )
             others = f", and {len(missed) - 1} other states at a distance" if len(missed) > 1 else ""
             yield (
-                f"state {k} was learned to {part.format(deviation)} in {part.part.name} in frame {name!r}, but "
-                f"the motion passes it at {part.format(gap)}{others}: {_remedy(name_argument)}"
+                f"state {k} was learned to {part.format(deviation)} in {part.part.name} in frame {name!r}, "
+                f"but the motion passes it at {part.format(gap)}{others}: {_remedy(name_argument)}"
             )
 
 

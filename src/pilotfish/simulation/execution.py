@@ -7,13 +7,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from pilotfish.demonstrations import Layout, Quantity, frame_from_pose
+from pilotfish.demonstrations import Frame, Layout, Quantity, frame_from_pose
 from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_failure, stack_measurements
 from pilotfish.environments.baxter import VisualMesh
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
 from pilotfish.models import Skill, adapt
 from pilotfish.planning import (
+    Reproduction,
     mean_demonstration_length,
     moving_frames,
     plan_states,
@@ -119,6 +120,62 @@ def perform(
     return ExecutionResult(outcome, *rows, peak_forces, cell.time, initial_frames, history, failure)
 
 
+def plan_in_situation(
+    skill: Skill,
+    task: Task[S],
+    situation: S,
+    *,
+    horizon: int | None = None,
+    control_cost: float | None = None,
+    covariance_regularisation: float | None = None,
+) -> tuple[Reproduction, tuple[Frame, ...]]:
+    """Plan the motion of a skill from the task's start pose, for objects where they are at the start.
+
+    Args:
+        skill: Skill learned from recordings of the task, with derivatives.
+        task: Task from `TASKS`.
+        situation: Situation of the task.
+        horizon: As `perform`.
+        control_cost: As `perform`.
+        covariance_regularisation: As `perform`.
+
+    Returns:
+        The motion, and the frames of the objects.
+
+    Raises:
+        InvalidInput: As `perform`.
+    """
+    _validate_skill(skill, task)
+    return _reproduce_in_cell(
+        skill,
+        Workcell(task, situation),
+        horizon,
+        control_cost=control_cost,
+        covariance_regularisation=covariance_regularisation,
+    )
+
+
+def _reproduce_in_cell(
+    skill: Skill,
+    cell: Workcell[S],
+    horizon: int | None,
+    *,
+    control_cost: float | None,
+    covariance_regularisation: float | None,
+) -> tuple[Reproduction, tuple[Frame, ...]]:
+    """Return the motion from the pose of the arm, and the frames of the objects as they are now."""
+    frames = tuple(frame_from_pose(name, skill.layout, pose) for name, pose in cell.frames().items())
+    reproduction = reproduce(
+        skill,
+        frames,
+        _start_state(skill, cell),
+        horizon=horizon,
+        control_cost=control_cost,
+        covariance_regularisation=covariance_regularisation,
+    )
+    return reproduction, frames
+
+
 def _validate_skill(skill: Skill, task: Task[S]) -> None:
     expected = task_layout(task).differentiate()
     if skill.layout.names not in (expected.names, _layout_on_sphere(task_layout(task)).differentiate().names):
@@ -162,15 +219,13 @@ def _plan_once(
     covariance_regularisation: float | None,
 ) -> Iterator[tuple[Pose, float]]:
     """Yield pose and grip of each period from one plan."""
-    frames = [frame_from_pose(name, skill.layout, pose) for name, pose in cell.frames().items()]
-    x = reproduce(
+    x = _reproduce_in_cell(
         skill,
-        frames,
-        _start_state(skill, cell),
-        horizon=horizon,
+        cell,
+        horizon,
         control_cost=control_cost,
         covariance_regularisation=covariance_regularisation,
-    ).motion.x
+    )[0].motion.x
     for row in [*x[1:], *[x[-1]] * round(SETTLING_TIME / skill.period)]:
         yield _tool_target(row, cell.task.has_gripper)
 

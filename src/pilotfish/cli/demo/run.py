@@ -168,6 +168,8 @@ def evaluate_structure(
         f"learned {STATES} states with {structure.label} covariances from {TRAINING_DEMONSTRATIONS} "
         f"demonstrations: {fit.convergence.iterations} iterations, {seconds:.2f} s; {fit.convergence.reason}"
     )
+    for note in (*fit.active_bounds, *structure_notes(fit.skill)):
+        print_line(f"note: {note}")
     from_first_point, from_first_state = (
         tuple(
             reproduce_demonstration(
