@@ -7,6 +7,9 @@ import pytest
 
 from pilotfish.demonstrations import (
     Demonstration,
+    Layout,
+    Part,
+    Quantity,
     add_derivatives,
     demonstration,
     diagnose,
@@ -97,3 +100,20 @@ def test_diagnose_incompatible_demonstrations_is_error(make, good: list[Demonstr
     errors = [finding for finding in found if finding.severity == "error"]
     require_only(tuple(errors), "error", "demonstration 3 (pose)", "differ in layout")
     require_only(diagnose([]), "error", "the set", "no demonstrations")
+
+
+@pytest.mark.parametrize("levels", [(0.0, 1.0), (-1.0, 1.0), (0.0, 100.0)])
+def test_diagnose_column_of_two_values_is_no_jump(rng: np.random.Generator, levels: tuple[float, float]):
+    """A gripper switches; the position beside it is still checked."""
+    grip = Part("grip", Quantity.SCALAR, 1, "1")
+    layout = Layout((*position_layout().parts, grip))
+    demonstrations = []
+    for steps in (30, 34, 40):
+        closed = np.where(np.arange(steps) > steps // 2, levels[1], levels[0])[:, None]
+        x = np.hstack([smooth(rng, steps).x, closed])
+        demonstrations.append(demonstration(x, 0.1, layout))
+    assert diagnose(demonstrations) == ()
+    x = demonstrations[0].x.copy()
+    x[20:, 0] += 1.0
+    found = diagnose([demonstration(x, 0.1, layout), *demonstrations[1:]])
+    require_only(found, "warning", "demonstration 0", "position jumps at row 20")

@@ -11,7 +11,7 @@ import pytest
 from container_by_spec import documented_hash, split_container, with_hash
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_skills import Arrays, Header, equal, random_covariances, random_skill
+from random_skills import Arrays, Header, equal, random_covariances, random_ranges, random_skill
 from safetensors.numpy import save
 
 from pilotfish.demonstrations import Layout, Part, Quantity
@@ -231,7 +231,11 @@ def test_encode_skill_orientation_has_three_tangent_columns(skill: Skill):
         covariances=tuple(random_covariances(rng, kind, 3, 5) for kind in ("dense", "latent")),
         regularisation=rng.uniform(size=5),
         demonstrated=DemonstrationStatistics(
-            rng.uniform(0.1, 1.0, size=5), -np.ones(6), np.ones(6), ("grip 1",)
+            rng.uniform(0.1, 1.0, size=5),
+            -np.ones(6),
+            np.ones(6),
+            ("grip 1",),
+            *random_ranges(rng, layout, 2),
         ),
         endpoints=Endpoints(rng.normal(size=(2, 2, 6)), rng.uniform(0.1, 1.0, size=(2, 2, 5))),
     )

@@ -13,11 +13,14 @@ from pilotfish.gaussians.structures import EMLLT, HDDC, MFA, MLT, DenseCovarianc
 from pilotfish.models import (
     DemonstrationStatistics,
     Endpoints,
+    FrameRanges,
     MarkovChain,
     MixtureWeights,
+    MotionRanges,
     Provenance,
     SemiMarkovChain,
     Skill,
+    coordinate_parts,
 )
 from pilotfish.models import durations as distributions
 
@@ -108,11 +111,28 @@ def random_optional_fields(rng: np.random.Generator, layout: Layout, P: int) -> 
     fields = {
         "regularisation": rng.uniform(size=D),
         "demonstrated": DemonstrationStatistics(
-            rng.uniform(0.1, 1.0, size=D), lowest, lowest + rng.uniform(size=D), switches
+            rng.uniform(0.1, 1.0, size=D),
+            lowest,
+            lowest + rng.uniform(size=D),
+            switches,
+            *random_ranges(rng, layout, P),
         ),
         "endpoints": Endpoints(rng.normal(size=(P, 2, D)), rng.uniform(0.1, 1.0, size=(P, 2, D))),
     }
     return {name: value for name, value in fields.items() if rng.random() < 0.7}
+
+
+def random_ranges(rng: np.random.Generator, layout: Layout, P: int) -> tuple[MotionRanges, FrameRanges]:
+    """Return ranges of motions and frames in the columns of a layout."""
+    Q, D = len(list(coordinate_parts(layout))), layout.width
+    sizes, distances = rng.uniform(size=(4, Q)), rng.uniform(size=Q)
+    lowest = rng.normal(size=(P, D))
+    return (
+        MotionRanges(
+            int(rng.integers(1, 9)), int(rng.integers(9, 99)), *sizes, rng.normal(size=D), distances
+        ),
+        FrameRanges(lowest, lowest + 1.0, rng.normal(size=(P, D, D)), rng.uniform(size=P)),
+    )
 
 
 def equal(one: Any, other: Any) -> bool:

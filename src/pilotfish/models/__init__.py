@@ -51,7 +51,6 @@ from pilotfish.models.skill import MAX_STATES, AdaptedSkill, Endpoints, HiddenMo
 from pilotfish.models.statistics import Statistics
 
 __all__ = [
-    "structure_notes",
     "MAX_HORIZON",
     "MAX_STATES",
     "VITERBI",
@@ -108,5 +107,6 @@ __all__ = [
     "semi_markov_parameter_count",
     "smoothed_regression",
     "state_segments",
+    "structure_notes",
     "viterbi",
 ]

@@ -27,17 +27,16 @@ def duration_bounds(segments: Segments, max_duration: int) -> tuple[str, ...]:
         segments: Expected segments of the fit.
         max_duration: Longest segment that was allowed [steps].
     """
-    counts = (
-        segments.uncensored + segments.right_censored + segments.left_censored + segments.doubly_censored
-    )
+    counts = segments.uncensored + segments.right_censored + segments.left_censored + segments.doubly_censored
     shares = counts[max_duration - 1 :].sum(axis=0) / np.maximum(counts.sum(axis=0), 1e-300)
     if not (reached := np.flatnonzero(shares > MIN_SEGMENT_SHARE)).size:
         return ()
     states = f"state{'s' if len(reached) > 1 else ''} {short_list(reached.tolist())}"
-    return (
+    note = (
         f"max_duration is {max_duration} steps, which up to {shares.max():.0%} of the segments of {states} "
-        "reach: the demonstrations stay longer in one place; raise max_duration, or leave it out",
+        "reach: the demonstrations stay longer in one place; raise max_duration, or leave it out"
     )
+    return (note,)
 
 
 def regularisation_bounds(skill: Skill) -> tuple[str, ...]:
@@ -74,10 +73,12 @@ def structure_notes(skill: Skill) -> tuple[str, ...]:
     rows = source.datapoints / skill.states
     if source.structure != Full().label or rows >= MIN_ROWS_PER_COLUMN * columns:
         return ()
-    return (
+    note = (
         f"a state has {rows:.3g} datapoints for full covariances of {columns} columns, expected at least "
-        f"{MIN_ROWS_PER_COLUMN * columns:.0f}: take diagonal covariances, fewer states or more demonstrations",
+        f"{MIN_ROWS_PER_COLUMN * columns:.0f}: take diagonal covariances, fewer states, or more "
+        "demonstrations"
     )
+    return (note,)
 
 
 def _varying_columns(skill: Skill) -> list[int]:

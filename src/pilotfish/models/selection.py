@@ -14,9 +14,9 @@ from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.em import EMSettings
 from pilotfish.models.initialisation import Initialisation
 from pilotfish.models.learn import DEFAULT_SETTINGS, learn
+from pilotfish.models.learning_problem import Fit
 from pilotfish.models.semi_markov import SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
-from pilotfish.models.learning_problem import Fit
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
 

@@ -27,6 +27,7 @@ from pilotfish.models import (
     measure_motion,
 )
 from pilotfish.planning.costs import scales
+from pilotfish.planning.far_starts import far_starts
 from pilotfish.planning.reproduction import Reproduction
 from pilotfish.types import Array, Float
 
@@ -106,7 +107,7 @@ def motion_notes(
     """Compare a motion and its situation with the demonstrations of the skill.
 
     Args:
-        skill: Learned skill; a skill without statistics of its demonstrations has no notes.
+        skill: Learned skill; without statistics of its demonstrations, only a far start is noted.
         reproduction: Motion of the skill, from `reproduce`.
         frames: Frames with which it was computed.
         name_argument: Names the arguments of `reproduce` for the reader, such as options of a command.
@@ -118,13 +119,15 @@ def motion_notes(
         >>> pf.planning.motion_notes(skill, pf.reproduce(skill, frames), frames)  # doctest: +SKIP
         ()
     """
-    demonstrated = skill.demonstrated
+    demonstrated, far = skill.demonstrated, far_starts(reproduction.adapted, reproduction.motion.x[0])
     if demonstrated is None:
-        return ()
+        return tuple(far.values())
     parts = _parts(reproduction.adapted, demonstrated)
+    near = [part for part in parts if part.part.name not in far]
     return (
         *_frame_notes(skill, demonstrated, frames, parts, name_argument),
-        *_start_notes(reproduction, demonstrated, parts, name_argument),
+        *far.values(),
+        *_start_notes(reproduction, demonstrated, near, name_argument),
         *_horizon_notes(reproduction, demonstrated, name_argument),
         *_state_notes(skill, reproduction, parts, name_argument),
         *_end_notes(reproduction, parts, name_argument),
@@ -290,14 +293,15 @@ def _size_notes(
     """Compare the size with that of the demonstrations and, as situations differ, with that of the plan."""
     motion, layout, ranges = reproduction.motion, reproduction.adapted.layout, demonstrated.motion
     sizes = measure_motion(motion.x, layout, motion.period)[0]
-    planned_sizes = measure_motion(reproduction.targets, layout, motion.period)[0]
+    planned = np.vstack([motion.x[:1], reproduction.targets])  # from the same start
+    planned_sizes = measure_motion(planned, layout, motion.period)[0]
     for part in parts:
         n = part.index
-        size, planned, smallest, largest = (
+        size, planned_size, smallest, largest = (
             float(values[n]) for values in (sizes, planned_sizes, ranges.smallest_sizes, ranges.largest_sizes)
         )
-        is_small = size < SIZES[0] * min(smallest, planned)
-        if not part.turns and (is_small or size > SIZES[1] * max(largest, planned)):
+        is_small = size < SIZES[0] * min(smallest, planned_size)
+        if not part.turns and (is_small or size > SIZES[1] * max(largest, planned_size)):
             remedy = _remedy(name_argument) if is_small else f"check {name_argument('start')}"
             yield (
                 f"the motion goes {part.format(size)} from its start in {part.part.name}, the demonstrations "
@@ -320,6 +324,8 @@ def _rate_notes(
             ("speed", speeds, ranges.speeds, MAX_SPEED_RATIO, "/s"),
             ("acceleration", accelerations, ranges.accelerations, MAX_ACCELERATION_RATIO, "/s²"),
         ):
+            if kind == "acceleration" and part.turns:  # small turns of precise states begin abruptly
+                continue
             is_large = float(values[n]) * motion.period ** len(rate[1:]) > MIN_STEP * part.scale
             if is_large and values[n] > ratio * limits[n]:
                 yield (

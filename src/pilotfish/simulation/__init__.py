@@ -1,7 +1,7 @@
 """Record demonstrations and perform skills in physics, with films of both."""
 
 from pilotfish.simulation.captions import caption_images
-from pilotfish.simulation.execution import ExecutionResult, perform
+from pilotfish.simulation.execution import ExecutionResult, perform, plan_in_situation
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
 from pilotfish.simulation.meshes import baxter_meshes
 from pilotfish.simulation.recording import (
@@ -23,6 +23,7 @@ __all__ = [
     "encode_film",
     "film_strip",
     "perform",
+    "plan_in_situation",
     "record",
     "record_demonstrations",
     "require_pillow",

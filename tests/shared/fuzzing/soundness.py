@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.cli.output.motion_notes import end_notes, start_notes
+from pilotfish.cli.output.motion_notes import end_notes
 from pilotfish.cli.output.results import CommandResult
 from pilotfish.cli.output.skill_descriptions import (
     format_columns,
@@ -24,7 +24,7 @@ from pilotfish.errors import SkillError
 from pilotfish.io.skill_file import decode_skill, encode_skill
 from pilotfish.io.stream_file import decode_stream, encode_stream
 from pilotfish.models import AdaptedSkill, Skill, adapt, online
-from pilotfish.planning import plan, plan_states, reproduce
+from pilotfish.planning import motion_notes, plan, plan_states, reproduce
 
 MAX_ARRAY_SIZE = 2**22  # numbers in one array that a small file may lead to
 MAX_TEXT_LENGTH = 10**4
@@ -116,7 +116,7 @@ def use_in_frames(skill: Skill, frames: Sequence[Frame]) -> None:
         require_sound(plan(adapted, start, horizon=12), "reference")
     result = reproduce(skill, frames, start, horizon=12, control_cost=9.0)
     require_sound([result.adapted, result.states, result.reference, result.motion], "reproduction")
-    require_sound([*end_notes(adapted, 0), *start_notes(adapted, result.motion.x[0])], "notes")
+    require_sound([*end_notes(adapted, 0), *motion_notes(skill, result, frames)], "notes")
 
 
 def use_stream(model: online.OnlineModel, thorough: bool) -> None:

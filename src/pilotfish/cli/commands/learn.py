@@ -20,6 +20,7 @@ from pilotfish.cli.options.demonstrations import (
 from pilotfish.cli.options.durations import DURATION_NAMES, DYNAMICS, duration_model
 from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import StructureType, structure_syntax_list
+from pilotfish.cli.output.motion_notes import name_options
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -49,6 +50,7 @@ from pilotfish.models import (
     default_structure,
     relevance,
     select_frames,
+    structure_notes,
 )
 
 INITIALISATIONS = ("time-bins", "k-means")
@@ -144,7 +146,10 @@ def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
         fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, options)
     save_skill(fit.skill, out, overwrite=force, use_free_name=True)
     structure = options["structure"] or default_structure(options["states"], options["dynamics"])
-    return _to_result(fit, dropped_frames, out, structure)
+    notes = [*map(name_options, fit.active_bounds), *structure_notes(fit.skill)]
+    for note in notes:
+        print_note(f"note: {note}")
+    return _to_result(fit, dropped_frames, out, structure, notes)
 
 
 def _choose_duration_model(
@@ -220,7 +225,7 @@ def _print_warnings(demonstrations: Sequence[Demonstration]) -> None:
 
 
 def _to_result(
-    fit: Fit, dropped_frames: Sequence[str], out: Path, structure: CovarianceStructure
+    fit: Fit, dropped_frames: Sequence[str], out: Path, structure: CovarianceStructure, notes: Sequence[str]
 ) -> CommandResult:
     skill, convergence, provenance = fit.skill, fit.convergence, fit.skill.provenance
     parameters = structure.fitted_parameter_count(skill.covariances)
@@ -233,6 +238,7 @@ def _to_result(
         "dropped_states": list(convergence.dropped),
         "dropped_frames": list(dropped_frames),
         "covariance_parameters": parameters,
+        "notes": list(notes),
     }
     rows = [
         ("demonstrations", f"{len(provenance.demonstrations)}, {provenance.datapoints} datapoints"),

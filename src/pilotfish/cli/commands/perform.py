@@ -1,5 +1,6 @@
 """pilotfish perform: execute a skill with the simulated robot, in situations without demonstrations."""
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from click.core import ParameterSource
 from pilotfish.cli.commands.record import find_task
 from pilotfish.cli.options.planning import planning_options
 from pilotfish.cli.output.attempts import Attempt, format_attempt, name_situation, summarise_attempts
+from pilotfish.cli.output.motion_notes import option_name
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -19,6 +21,7 @@ from pilotfish.cli.output.results import (
 from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.io import open_skill
 from pilotfish.models import Skill
+from pilotfish.planning import motion_notes
 from pilotfish.rendering import require_mujoco, require_renderer
 
 if TYPE_CHECKING:
@@ -104,6 +107,9 @@ def perform(
         require_renderer()
     selected, learned = find_task(task), open_skill(skill)
     numbers = range(situations) if situation is None else (situation,)
+    notes = _compare_motion(learned, selected, (seed, numbers[0]), options)
+    for note in notes:
+        print_note(f"note, situation {numbers[0]}: {note}")
     attempts: list[Attempt] = []
     for key in product(range(seed, seed + seeds), numbers):
         execution = _execute(learned, selected, key, None if attempts else film, options)
@@ -112,7 +118,8 @@ def perform(
             print_note(
                 f"{name_situation(attempts[-1], seeds)}: {format_attempt(attempts[-1], selected.unit)}"
             )
-    return summarise_attempts(attempts, selected, film)
+    result = summarise_attempts(attempts, selected, film)
+    return replace(result, data={**result.data, "notes": list(notes)})
 
 
 def _require_one_situation(situation: int | None) -> None:
@@ -123,6 +130,18 @@ def _require_one_situation(situation: int | None) -> None:
     for name in ("situations", "seeds"):
         if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
             raise click.UsageError(f"--situation executes one situation; omit --{name}")
+
+
+def _compare_motion(
+    skill: Skill, task: "Task[Any]", seed: tuple[int, int], options: dict[str, Any]
+) -> tuple[str, ...]:
+    """Return notes on the motion that is planned at the start of a situation."""
+    from pilotfish.simulation import plan_in_situation, situation_from_seed
+
+    planning = {key: options[key] for key in ("horizon", "control_cost", "covariance_regularisation")}
+    situation = situation_from_seed(task, "test", *seed)
+    reproduction, frames = plan_in_situation(skill, task, situation, **planning)
+    return motion_notes(skill, reproduction, frames, name_argument=option_name)
 
 
 def _execute(

@@ -19,7 +19,7 @@ from pilotfish.cli.options.via_points import (
     via_point_rows,
 )
 from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
-from pilotfish.cli.output.motion_notes import coordinate_parts, end_notes, reaches_final_state, start_notes
+from pilotfish.cli.output.motion_notes import end_notes, option_name, reaches_final_state
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -38,8 +38,8 @@ from pilotfish.io import (
     read_start,
     write_motion,
 )
-from pilotfish.models import Skill, adapt
-from pilotfish.planning import Reproduction, ViaPoint, mean_demonstration_length, reproduce
+from pilotfish.models import Skill, adapt, coordinate_parts
+from pilotfish.planning import Reproduction, ViaPoint, mean_demonstration_length, motion_notes, reproduce
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,7 +108,8 @@ def reproduce_command(
     figures = _plot(reproduction, baseline, current_frames, points, options)  # a failure leaves no file
     _write(reproduction, figures, options, force)
     files = {name: str(path) for name, path in outputs.items()}
-    return _to_result(skill, reproduction, points, options, files)
+    compared = motion_notes(learned, reproduction, current_frames, name_argument=option_name)
+    return _to_result(skill, reproduction, points, options, files, compared)
 
 
 def _reproduce(
@@ -216,13 +217,14 @@ def _to_result(
     points: Sequence[ViaPoint],
     options: dict[str, Any],
     files: dict[str, str],
+    compared: Sequence[str],
 ) -> CommandResult:
     adapted, motion = reproduction.adapted, reproduction.motion
     typed: Sequence[re.Match[str]] = options["via_point"]
     parts = _parts_to_json(reproduction)
     errors = via_point_errors(points, typed, adapted.layout, motion)
     final_state = int(reproduction.states[-1])
-    notes = end_notes(adapted, final_state) + start_notes(adapted, motion.x[0])
+    notes = end_notes(adapted, final_state) + list(compared)
     notes += via_point_notes(errors, typed) + (_plot_notes(adapted.layout) if options["plot"] else [])
     seconds = float(f"{motion.period * (len(motion.x) - 1):.12g}")
     data = {

@@ -21,6 +21,7 @@ from pilotfish.cli.options.durations import CANDIDATE_NAMES
 from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import structure_syntax_list
 from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
+from pilotfish.cli.output.motion_notes import name_options
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -156,6 +157,7 @@ def _to_result(
     ]
     notes = [("selected", best.candidate.label)]
     notes += [("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures]
+    notes += [("note", name_options(note)) for note in best.notes]
     notes += [("plot", str(out))] if out else []
     data = {
         "selected": _score_to_json(best, seconds),
@@ -200,6 +202,7 @@ def _score_to_json(score: Score, seconds: dict[int, float]) -> dict[str, Any]:
         "parameters": score.parameters,
         "log_likelihood": _finite_or_none(score.log_likelihood),
         "bic": _finite_or_none(score.bic),
+        "notes": list(map(name_options, score.notes)),
         "held_out_log_likelihood": [_finite_or_none(value) for value in score.held_out.tolist()],
         "mean": _finite_or_none(score.held_out_mean),
         "standard_error": _finite_or_none(score.standard_error),

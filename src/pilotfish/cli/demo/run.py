@@ -26,7 +26,7 @@ from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians.structures import CovarianceStructure, Full, SemiTied
 from pilotfish.io import datasets, make_folder, save_skill, synthetic_valve
-from pilotfish.models import TimeBins, learn
+from pilotfish.models import TimeBins, learn, structure_notes
 from pilotfish.planning import reproduce_demonstration
 from pilotfish.rendering import require_mujoco, require_renderer
 
