@@ -12,8 +12,10 @@ from PIL import Image
 
 from pilotfish import simulation
 from pilotfish.cli.output.attempts import ADVICE
+from pilotfish.cli.output.motion_notes import option_name
 from pilotfish.environments import TASKS, Failure, Outcome, Phase, Task
 from pilotfish.io.skill_file import open_skill
+from pilotfish.planning import motion_notes
 from pilotfish.planning.reproduction import mean_demonstration_length
 from pilotfish.simulation import ExecutionResult, situation_from_seed
 
@@ -49,11 +51,25 @@ def test_perform_json_equals_executions(
     assert output["succeeded"] == sum(fact["success"] for fact in output["situations"])
     assert output["succeeded_by_seed"] == {"3": output["succeeded"]}
     assert (output["unit"], output["film"], output["advice"], output["failures"]) == ("m", None, None, [])
+    motion, at = simulation.plan_in_situation(
+        skill, alignment_task, situation_from_seed(alignment_task, "test", 3, 0)
+    )
+    assert output["notes"] == list(motion_notes(skill, motion, at, name_argument=option_name))
+
+
+def test_perform_notes_of_a_short_horizon_name_the_option(
+    perform: list[str], run_command_line: RunCommand, run_json: RunJson, unchecked: None
+):
+    arguments = [*perform, "--situations", "1", "--horizon", "5"]
+    (note,) = [note for note in run_json(*arguments)["notes"] if "the motion has 5 steps" in note]
+    assert "--horizon" in note
+    assert f"note, situation 0: {note}" in run_command_line(*arguments).stderr
 
 
 def test_perform_text_counts_successes(perform: list[str], run_command_line: RunCommand, unchecked: None):
     result = run_command_line(*perform, "--situations", "2")
-    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.exit_code == 0
+    assert all(line.startswith("note, situation 0: ") for line in result.stderr.splitlines())
     lines = [line.split("  ") for line in result.stdout.splitlines()]
     output = {line[0]: line[-1].strip() for line in lines}
     assert output["result"] == "2 of 2 succeeded"

@@ -84,7 +84,21 @@ def test_reproduce_any_horizon_reaches_final_state(
         assert output["final_state_reached"] is True
         assert not any("before the final state" in note for note in output["notes"])
         text = run_command_line(*reproduce, "--horizon", horizon).stdout
-        assert not any(line.startswith("note ") for line in text.splitlines())
+        notes = [line for line in text.splitlines() if line.startswith("note ")]
+        assert any("the motion has 4 steps" in note for note in notes) is (horizon == "4")
+        assert bool(notes) is (horizon == "4")
+
+
+def test_reproduce_notes_name_options(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):
+    """Frames in millimetres and a soft motion: each note has its remedy as an option."""
+    soft = run_json("reproduce", skill, "--frames", frames, "--control-cost", "1e6")["notes"]
+    assert any("was learned to" in note and "lower --control-cost or" in note for note in soft)
+    content = json.loads(frames.read_text())
+    for entry in content["frames"] if isinstance(content, dict) else content:
+        entry["position"] = [1000.0 * value for value in entry["position"]]
+    frames.write_text(json.dumps(content))
+    notes = run_json("reproduce", skill, "--frames", frames)["notes"]
+    assert any("frame 'cup' is" in note and "check --frames, and their unit" in note for note in notes)
 
 
 def test_motion_file_quaternions_have_unit_norm(run_json: RunJson, skill: Path, frames: Path, tmp_path: Path):

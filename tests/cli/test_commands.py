@@ -250,3 +250,18 @@ def test_reproduce_world_frame_needs_no_frames(
     )
     run_json("learn", "world", "--states", "2", "--out", "skill")
     assert run_json("reproduce", "skill", "--horizon", "5")["steps"] == 5
+
+
+def test_learn_notes_name_options_in_text_and_json(
+    run_command_line: RunCommand, run_json: Callable[..., dict[str, Any]], folder: Path
+):
+    """Full covariances of few datapoints, and a regularisation of more than the variances."""
+    arguments = ["learn", folder, "--structure", "full", "--states", "8", "--regularisation", "10"]
+    notes = run_json(*arguments, "--out", "one.skill")["notes"]
+    assert any("--regularisation is 10, which is the variance of" in note for note in notes)
+    assert any(
+        "datapoints for full covariances of 14 columns, expected at least 42" in note for note in notes
+    )
+    stderr = run_command_line(*arguments, "--out", "two.skill").stderr
+    assert all(f"note: {note}" in stderr for note in notes)
+    assert run_json("learn", folder, "--out", "three.skill")["notes"] == []

@@ -125,12 +125,10 @@ def random_optional_fields(rng: np.random.Generator, layout: Layout, P: int) -> 
 def random_ranges(rng: np.random.Generator, layout: Layout, P: int) -> tuple[MotionRanges, FrameRanges]:
     """Return ranges of motions and frames in the columns of a layout."""
     Q, D = len(list(coordinate_parts(layout))), layout.width
-    sizes, distances = rng.uniform(size=(4, Q)), rng.uniform(size=Q)
+    sizes, start, distances = rng.uniform(size=(4, Q)), rng.normal(size=D), rng.uniform(size=Q)
     lowest = rng.normal(size=(P, D))
     return (
-        MotionRanges(
-            int(rng.integers(1, 9)), int(rng.integers(9, 99)), *sizes, rng.normal(size=D), distances
-        ),
+        MotionRanges(int(rng.integers(1, 9)), int(rng.integers(9, 99)), *sizes, start, distances),
         FrameRanges(lowest, lowest + 1.0, rng.normal(size=(P, D, D)), rng.uniform(size=P)),
     )
 
