@@ -120,7 +120,7 @@ def _constant_columns(label: str, demo: Demonstration) -> Iterator[Diagnostic]:
 
 
 def _jumps(label: str, demo: Demonstration, switches: Collection[str]) -> Iterator[Diagnostic]:
-    """Find jumps of parts that are no derivatives, in columns that do not switch."""
+    """Find jumps of coordinates in columns that do not switch."""
     names = demo.layout.names
     for part, columns in zip(demo.layout.parts, demo.layout.slices, strict=True):
         smooth = [c for c in range(columns.start, columns.stop) if names[c] not in switches]

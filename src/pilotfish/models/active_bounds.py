@@ -1,4 +1,4 @@
-"""Bounds that decide a fit: found after it, and reported, as they are no errors.
+"""Bounds that decide a fit. They are not errors: they are found after the fit and reported.
 
 A maximum duration binds where a noticeable share of the expected segments of a state has that length: longer
 segments would have been likelier. A regularisation binds where it is nearly the whole variance: the spread

@@ -186,7 +186,7 @@ def _start_notes(
     parts: Sequence[_PartOfMotion],
     name_argument: NameArgument,
 ) -> Iterator[str]:
-    """Compare the start with the first rows of the demonstrations, seen from the frames and in the world."""
+    """Compare the start with the first rows of the demonstrations, in the frames and in the world."""
     if (ends := reproduction.adapted.endpoints) is None:
         return
     ranges, start = demonstrated.motion, reproduction.motion.x[:1]

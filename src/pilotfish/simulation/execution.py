@@ -163,7 +163,7 @@ def _reproduce_in_cell(
     control_cost: float | None,
     covariance_regularisation: float | None,
 ) -> tuple[Reproduction, tuple[Frame, ...]]:
-    """Return the motion from the pose of the arm, and the frames of the objects as they are now."""
+    """Return the motion from the pose of the arm, and the present frames of the objects."""
     frames = tuple(frame_from_pose(name, skill.layout, pose) for name, pose in cell.frames().items())
     reproduction = reproduce(
         skill,
