@@ -32,9 +32,7 @@ from pilotfish.planning.reproduction import Reproduction
 from pilotfish.types import Array, Float
 
 MAX_STATE_DEVIATIONS = 4.0  # standard deviations of a state at which the motion may pass it
-MAX_END_DEVIATIONS = (
-    6.0  # of the start and of the end, which are estimated from one row of each demonstration
-)
+MAX_END_DEVIATIONS = 6.0  # of start and end, each estimated from one row per demonstration
 PRECISE = 0.15  # of the scale: the motion may cut a corner at a state of larger deviation
 MIN_GAP = 0.05  # of the scale: a state or an end that is missed by less is not reported
 MIN_START_GAP = 0.2  # of the scale
