@@ -36,6 +36,7 @@ def drop(table: dict[str, Any], key: str) -> None:
     del table[key]
 
 
+MOTION_RANGES = ("smallest_sizes", "largest_sizes", "speeds", "accelerations", "start_distances")
 REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
     "another format": ("expected 'pilotfish-skill'", lambda h, a: h.update(format="other")),
     "a newer version": (
@@ -120,6 +121,26 @@ REFUSED: dict[str, tuple[str, Callable[[Header, Arrays], object]]] = {
     "switches that are text": (
         "demonstrated.switches is 'on', expected a list",
         lambda h, a: h["demonstrated"].update(switches="on"),
+    ),
+    "a negative speed": (
+        r"demonstrated.motion.speeds\[0\] is -1.0, expected a number from 0 to",
+        lambda h, a: a["demonstrated.motion.speeds"].put(0, -1.0),
+    ),
+    "a size too many": (
+        "demonstrated.motion.smallest_sizes has shape",
+        lambda h, a: a.update({f"demonstrated.motion.{name}": np.ones(99) for name in MOTION_RANGES}),
+    ),
+    "a shortest demonstration that is text": (
+        "demonstrated.motion.shortest is 'no', expected int",
+        lambda h, a: h["demonstrated"]["motion"].update(shortest="no"),
+    ),
+    "offsets of another frame": (
+        "demonstrated.frames.lowest",
+        lambda h, a: a.update({"demonstrated.frames.lowest": a["demonstrated.frames.lowest"][:1]}),
+    ),
+    "NaN in the angle of a frame": (
+        r"demonstrated.frames.angles\[0\] is nan",
+        lambda h, a: a["demonstrated.frames.angles"].put(0, np.nan),
     ),
     "an end point too few": (
         r"endpoints.means has shape \(2, 1, \d+\), expected \(2, 2, \d+\)",

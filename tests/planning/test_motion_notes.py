@@ -104,6 +104,17 @@ def test_motion_notes_of_too_high_control_cost_name_a_state_and_the_remedy(spher
     require_note(notes, "was learned to", "mm in position in frame", "passes it at", "lower control_cost")
 
 
+def test_motion_notes_of_a_regularisation_above_the_deviations_name_the_cube():
+    """2e-3 is (45 mm)^2: the motion passes the cube at 2 cm, although the grasp was learned to 3 mm."""
+    skill, poses = learn_pick(), sample_poses(np.random.default_rng(7))
+    loose = notes_at(skill, poses, home_start(skill), covariance_regularisation=2e-3)
+    require_note(loose, "in position in frame 'cube', but the motion passes it at 2", "covariance_regularis")
+    soft = notes_at(skill, poses, home_start(skill), covariance_regularisation=2e-3, control_cost=9.0)
+    require_note(soft, "the motion ends", "mm from where the demonstrations ended in position")
+    tight = notes_at(skill, poses, home_start(skill), covariance_regularisation=1e-5, control_cost=0.1)
+    assert tight == ()
+
+
 def test_motion_notes_of_quaternions_in_the_order_x_y_z_w_name_the_order():
     skill, poses = learn_pick(), sample_poses(np.random.default_rng(7))
     swapped = {name: replace(pose, quaternion=np.roll(pose.quaternion, -1)) for name, pose in poses.items()}
@@ -129,7 +140,9 @@ def test_motion_notes_of_a_situation_one_metre_away_name_the_frames():
 def test_motion_notes_of_home_as_start_of_demonstrations_that_began_later_name_the_start():
     skill, poses = learn_pick(first_row=20), sample_poses(np.random.default_rng(7))
     assert notes_at(skill, poses) == ()
-    require_note(notes_at(skill, poses, home_start(skill)), "the start is", "in position", "check start")
+    notes = notes_at(skill, poses, home_start(skill))
+    require_note(notes, "the start is", "in position", "check start")
+    require_note(notes, "the largest acceleration is", "m/s² in position")
 
 
 def test_motion_notes_of_a_start_velocity_in_millimetres_name_the_speed():
