@@ -102,6 +102,12 @@ def outcomes(monkeypatch: pytest.MonkeyPatch, failures: dict[tuple[int, int], Fa
         return ExecutionResult(outcome, rows, rows, rows[:, 0], {"tool": 1.0}, 2.0, {}, {}, failure)
 
     monkeypatch.setattr(simulation, "perform", execute)
+    sample, plan = simulation.situation_from_seed, simulation.plan_in_situation
+    monkeypatch.setattr(
+        simulation,
+        "plan_in_situation",
+        lambda skill, task, key, **options: plan(skill, task, sample(task, "test", *key), **options),
+    )
     monkeypatch.setattr(simulation, "situation_from_seed", lambda task, kind, *key: key)
 
 
