@@ -112,7 +112,7 @@ class Template:
             rng: Not used.
 
         Raises:
-            InvalidInput: If there is no such demonstration, or it has fewer steps than states.
+            InvalidInput: If the number is beyond the last demonstration, or it has fewer steps than states.
         """
         if self.demonstration >= len(views.lengths):
             raise InvalidInput(
