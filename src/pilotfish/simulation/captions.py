@@ -1,4 +1,4 @@
-"""Captions in the images of a film: what is shown, the time, the phase of the task and the outcome."""
+"""Captions in the images of a film: the title, the time, the phase of the task and the outcome."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ def caption_images(
         images: Images of one size.
         times: Time of each image [s].
         phases: What happens in each image.
-        title: What is shown, the same in all images.
+        title: Task and situation, the same in all images.
         outcome: Result at the end, the same in all images.
         success: Whether the result is a success: green, otherwise red.
 

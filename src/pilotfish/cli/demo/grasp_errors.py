@@ -77,7 +77,7 @@ def learned_deviation(
     A quaternion deviates by half of the angle.
     """
     position, orientation = _pose_columns(demonstrations[0])
-    events = [_seen_from(d, frame)[event_step(d, frame)] for d in demonstrations]
+    events = [_to_frame(d, frame)[event_step(d, frame)] for d in demonstrations]
     state = int(
         np.linalg.norm(skill.means[frame][:, position] - np.mean(events, axis=0)[position], axis=1).argmin()
     )
@@ -86,9 +86,9 @@ def learned_deviation(
 
 
 def demonstrated_spread(demonstrations: Sequence[Demonstration], frame: int) -> tuple[float, float]:
-    """Return the root mean square deviation [m, rad] of the demonstrated events, seen from the frame."""
+    """Return the root mean square deviation [m, rad] of the demonstrated events in the frame."""
     position, orientation = _pose_columns(demonstrations[0])
-    events = np.array([_seen_from(d, frame)[event_step(d, frame)] for d in demonstrations])
+    events = np.array([_to_frame(d, frame)[event_step(d, frame)] for d in demonstrations])
     mean = events.mean(axis=0)
     distances = np.linalg.norm(events[:, position] - mean[position], axis=1)
     angles = np.array([angle(event[orientation], mean[orientation]) for event in events])
@@ -121,10 +121,10 @@ def _static_frame(demonstration: Demonstration, frame: int) -> Frame:
     return static[frame]
 
 
-def _seen_from(demonstration: Demonstration, frame: int) -> Float[Array, "T D"]:
+def _to_frame(demonstration: Demonstration, frame: int) -> Float[Array, "T D"]:
     """Return the demonstration in the columns of a frame."""
-    seen = _static_frame(demonstration, frame)
-    return np.linalg.solve(seen.A, (demonstration.x - seen.b).T).T
+    given = _static_frame(demonstration, frame)
+    return np.linalg.solve(given.A, (demonstration.x - given.b).T).T
 
 
 def _pose_columns(demonstration: Demonstration) -> tuple[slice, slice]:
