@@ -30,31 +30,6 @@ def mean_distance(x: np.ndarray, y: np.ndarray) -> float:
     return float(np.linalg.norm(x - y, axis=1).mean())
 
 
-def time_warped_distance(x: np.ndarray, y: np.ndarray) -> float:
-    """Return the mean distance of rows that dynamic time warping pairs.
-
-    Warping chooses the monotone sequence of pairs, from the first rows to the last rows, with the least sum
-    of distances. Each step advances one row in x, in y, or in both. The mean is over the pairs in it.
-
-    Source:
-        Sakoe & Chiba 1978, IEEE Transactions on Acoustics, Speech, and Signal Processing 26(1).
-    """
-    N, M = len(x), len(y)
-    distances = np.linalg.norm(x[:, None] - y[None], axis=2)
-    total = np.full((N + 1, M + 1), np.inf)
-    pairs = np.zeros((N + 1, M + 1))
-    total[0, 0] = 0.0
-    for diagonal in range(2, N + M + 1):  # pairs of one anti-diagonal do not depend on each other
-        i = np.arange(max(1, diagonal - M), min(N, diagonal - 1) + 1)
-        j = diagonal - i
-        rows, columns = np.stack([i - 1, i - 1, i]), np.stack([j - 1, j, j - 1])
-        best = np.argmin(total[rows, columns], axis=0)
-        before = rows[best, np.arange(len(i))], columns[best, np.arange(len(i))]
-        total[i, j] = distances[i - 1, j - 1] + total[before]
-        pairs[i, j] = 1.0 + pairs[before]
-    return float(total[N, M] / pairs[N, M])
-
-
 def relative_size(x: np.ndarray, y: np.ndarray) -> float:
     """Return the root-mean-square distance of the rows of x from their mean, divided by that of y."""
     spreads = [float(np.sqrt(np.sum((z - z.mean(axis=0)) ** 2))) for z in (x, y)]

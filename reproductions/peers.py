@@ -36,13 +36,13 @@ from motion_measures import (
     mean_with_offsets,
     relative_size,
     shift_ends,
-    time_warped_distance,
 )
 from peer_recordings import Split, load_recordings, splits
 from peer_tables import markdown_tables, print_table, replace_tables
 from protocol import argument_parser, write_figures, write_numbers
 
 import pilotfish as pf
+from pilotfish.planning import time_warped_distance
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path.append(str(BENCHMARKS))

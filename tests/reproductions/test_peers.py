@@ -15,7 +15,6 @@ from motion_measures import (
     mean_with_offsets,
     relative_size,
     resample_rows,
-    time_warped_distance,
 )
 from peer_recordings import load_recordings, select_names, split
 from peer_tables import BEGIN, END, markdown_tables, replace_tables

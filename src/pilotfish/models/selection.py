@@ -1,7 +1,11 @@
-"""Model selection: compare candidates by the log-likelihood of demonstrations that were held out."""
+"""Candidates of a model selection, and their log-likelihood on demonstrations that were held out.
+
+`planning.select_by_reproduction` compares the same candidates by the motions that they make.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -13,12 +17,12 @@ from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.em import EMSettings
 from pilotfish.models.initialisation import Initialisation
-from pilotfish.models.learn import DEFAULT_SETTINGS, learn
+from pilotfish.models.learn import DEFAULT_SETTINGS, default_structure, learn
 from pilotfish.models.learning_problem import Fit
 from pilotfish.models.semi_markov import SemiMarkovChain
 from pilotfish.models.sequences import log_likelihood
 from pilotfish.types import Array, Float
-from pilotfish.validation import shorten_repr
+from pilotfish.validation import require_number, require_type, shorten_repr
 
 VITERBI = "viterbi"  # durations counted along Viterbi paths
 
@@ -26,21 +30,40 @@ VITERBI = "viterbi"  # durations counted along Viterbi paths
 @shorten_repr
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """Arguments of `learn` that are compared by `select`.
+    """Arguments of `learn` that are compared, and two choices that only a reproduction depends on.
+
+    `Candidate()` is the configuration of `learn` and `reproduce` without arguments.
 
     Attributes:
-        states: Number of states.
-        structure: Covariance structure.
+        states: Number of states; None is the default of `learn`.
+        structure: Covariance structure; None is the default of `learn`.
         dynamics: "semi-markov", "markov" or "mixture".
         durations: How durations of a semi-Markov skill are fitted; by default they are counted.
         initialisation: Initial statistics of expectation-maximisation; None is the default of `learn`.
+        frames: "equal", or "relevance" to weight each frame by its relevance at each state.
+        control_cost_factor: Factor of the default control cost.
     """
 
-    states: int
-    structure: CovarianceStructure
+    states: int | None = None
+    structure: CovarianceStructure | None = None
     dynamics: str = SemiMarkovChain.name
     durations: DurationModel | None = None
     initialisation: Initialisation | None = None
+    frames: Literal["equal", "relevance"] = "equal"
+    control_cost_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.frames not in ("equal", "relevance"):
+            raise InvalidInput(f'frames is {self.frames!r}, expected "equal" or "relevance"')
+        if require_number(self.control_cost_factor, "control_cost_factor") <= 0.0:
+            raise InvalidInput(
+                f"control_cost_factor is {self.control_cost_factor}, expected a positive number"
+            )
+
+    @property
+    def fitted_structure(self) -> CovarianceStructure:
+        """The covariance structure that `learn` uses."""
+        return self.structure or default_structure(self.states, self.dynamics)
 
     @property
     def dynamics_label(self) -> str:
@@ -52,7 +75,32 @@ class Candidate:
     @property
     def label(self) -> str:
         """States, structure and dynamics, for tables."""
-        return f"{self.states} states, {self.structure.label}, {self.dynamics_label}"
+        states = "default" if self.states is None else self.states
+        label = f"{states} states, {self.fitted_structure.label}, {self.dynamics_label}"
+        label += ", frames by relevance" if self.frames == "relevance" else ""
+        factor = self.control_cost_factor
+        return label if factor == 1.0 else f"{label}, control cost x {factor:g}"
+
+    def learn(
+        self, demonstrations: Sequence[Demonstration], *, rng: np.random.Generator, settings: EMSettings
+    ) -> Fit:
+        """Learn a skill with these arguments.
+
+        Args:
+            demonstrations: Recordings of one task.
+            rng: Source of randomness of the initialisation.
+            settings: Settings of expectation-maximisation.
+        """
+        return learn(
+            demonstrations,
+            states=self.states,
+            rng=rng,
+            dynamics=self.dynamics,
+            durations=self.durations,
+            structure=self.structure,
+            initialisation=self.initialisation,
+            settings=settings,
+        )
 
 
 @shorten_repr
@@ -175,12 +223,7 @@ def select(
     Raises:
         InvalidInput: If there are fewer than two demonstrations or no candidates.
     """
-    if len(demonstrations) < 2:
-        raise InvalidInput(
-            f"{len(demonstrations)} demonstration was given, expected at least two: one is held out in turn"
-        )
-    if not candidates:
-        raise InvalidInput("candidates is empty, expected at least one; give pf.models.Candidate(...)")
+    require_selection(demonstrations, candidates)
     seeds = rng.integers(2**63, size=len(demonstrations) + 1).tolist()
     scores: list[Score] = []
     failures: list[tuple[Candidate, str]] = []
@@ -194,20 +237,34 @@ def select(
     return Selection(tuple(scores), tuple(failures))
 
 
+def require_selection(demonstrations: Sequence[Demonstration], candidates: Sequence[Candidate]) -> None:
+    """Raise InvalidInput unless there are candidates, and demonstrations to hold out.
+
+    Args:
+        demonstrations: Demonstrations of a selection.
+        candidates: Candidates of a selection.
+    """
+    if len(demonstrations) < 2:
+        raise InvalidInput(
+            f"{len(demonstrations)} demonstration was given, expected at least two: one is held out in turn"
+        )
+    if not candidates:
+        raise InvalidInput("candidates is empty, expected at least one; give pf.models.Candidate(...)")
+    for candidate in candidates:
+        require_type(candidate, "candidates", Candidate, "pf.models.Candidate(states, structure) makes one")
+
+
 def _score_candidate(
     candidate: Candidate, demonstrations: Sequence[Demonstration], seeds: Sequence[int], settings: EMSettings
 ) -> Score:
-    def fit_candidate(training: Sequence[Demonstration], seed: int) -> Fit:
-        return learn(
-            training,
-            states=candidate.states,
-            rng=np.random.default_rng(seed),
-            dynamics=candidate.dynamics,
-            durations=candidate.durations,
-            structure=candidate.structure,
-            initialisation=candidate.initialisation,
-            settings=settings,
+    if candidate.frames != "equal" or candidate.control_cost_factor != 1.0:
+        raise InvalidInput(
+            f"the likelihood does not depend on the frames and the control cost of {candidate.label!r}; "
+            "leave them out, or select by reproduction"
         )
+
+    def fit_candidate(training: Sequence[Demonstration], seed: int) -> Fit:
+        return candidate.learn(training, rng=np.random.default_rng(seed), settings=settings)
 
     fit = fit_candidate(demonstrations, seeds[-1])
     skill, notes = fit.skill, fit.active_bounds + structure_notes(fit.skill)
@@ -216,7 +273,7 @@ def _score_candidate(
         others = fit_candidate([*demonstrations[:m], *demonstrations[m + 1 :]], seed).skill
         held_out.append(float(log_likelihood(others, [demo])[0]) / len(demo.x))
     total = float(log_likelihood(skill, demonstrations).sum())
-    count = degrees_of_freedom(skill, candidate.structure, candidate.durations)
+    count = degrees_of_freedom(skill, candidate.fitted_structure, candidate.durations)
     criterion = bic(total, count, sum(len(demo.x) for demo in demonstrations))
     return Score(candidate, skill.states, count, total, criterion, np.array(held_out), notes)
 

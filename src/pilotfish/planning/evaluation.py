@@ -9,6 +9,7 @@ from pilotfish.geometry import angle
 from pilotfish.models import Skill
 from pilotfish.planning.reproduction import Reproduction, reproduce
 from pilotfish.types import Array, Float
+from pilotfish.validation import finite_array
 
 
 def reproduce_demonstration(
@@ -111,6 +112,48 @@ def largest_acceleration(motion: Motion, layout: Layout) -> float:
     """
     columns = _find_part(layout.tangent, Quantity.POSITION)
     return float(np.linalg.norm(motion.u[:, columns], axis=1).max())
+
+
+def time_warped_distance(x: Float[Array, "N D"], y: Float[Array, "M D"]) -> float:
+    """Return the mean distance of rows that dynamic time warping pairs [unit of x].
+
+    Warping chooses the monotone sequence of pairs, from the first rows to the last rows, with the least sum
+    of distances. Each step advances one row in x, in y, or in both. The mean is over the pairs in it.
+
+    Args:
+        x: Positions of one motion.
+        y: Positions of another one.
+
+    Raises:
+        InvalidInput: If an array has no rows, or the two differ in columns.
+
+    Source:
+        Sakoe & Chiba 1978, IEEE Transactions on Acoustics, Speech, and Signal Processing 26(1).
+    """
+    x, y = finite_array(x, "x"), finite_array(y, "y")
+    if x.ndim != 2 or y.ndim != 2 or x.shape[1] != y.shape[1] or not x.size or not y.size:
+        raise InvalidInput(f"x and y have shapes {x.shape} and {y.shape}, expected rows of the same columns")
+    return warped_mean(np.linalg.norm(x[:, None] - y[None], axis=2))
+
+
+def warped_mean(distances: Float[Array, "N M"]) -> float:
+    """Return the mean of the distances along the path of dynamic time warping.
+
+    Args:
+        distances: Distance of row i of one motion from row j of another.
+    """
+    N, M = distances.shape
+    total, pairs = np.full((N + 1, M + 1), np.inf), np.zeros((N + 1, M + 1))
+    total[0, 0] = 0.0
+    for diagonal in range(2, N + M + 1):  # pairs of one anti-diagonal do not depend on each other
+        i = np.arange(max(1, diagonal - M), min(N, diagonal - 1) + 1)
+        j = diagonal - i
+        rows, columns = np.stack([i - 1, i - 1, i]), np.stack([j - 1, j, j - 1])
+        best = np.argmin(total[rows, columns], axis=0)
+        before = rows[best, np.arange(len(i))], columns[best, np.arange(len(i))]
+        total[i, j] = distances[i - 1, j - 1] + total[before]
+        pairs[i, j] = 1.0 + pairs[before]
+    return float(total[N, M] / pairs[N, M])
 
 
 def _require_same_columns(skill: Skill, demonstration: Demonstration) -> None:

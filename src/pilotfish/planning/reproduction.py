@@ -72,6 +72,7 @@ def reproduce(
     control_cost: float | Float[Array, "m m"] | None = None,
     covariance_regularisation: float | None = None,
     stepwise: bool = False,
+    relevance: Float[Array, "P K"] | None = None,
 ) -> Reproduction:
     """Reproduce a skill where the objects are now, as the motion of a unit mass on every axis.
 
@@ -87,6 +88,7 @@ def reproduce(
         covariance_regularisation: Variance added to every variance before it becomes a weight
             [unit of x squared]. None takes (s / 1000)^2 for a column of scale s.
         stepwise: Whether to plan as published, see `plan`.
+        relevance: Power of the Gaussian of each frame at each state, see `adapt`; None is 1 everywhere.
 
     Returns:
         The motion, its controller and its plan.
@@ -105,7 +107,7 @@ def reproduce(
         Tanwani 2018, sections 3.3-3.5; for S^3, Zeestraten et al. 2017, section V.
     """
     require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
-    adapted = adapt(skill, frames)
+    adapted = adapt(skill, frames, relevance=relevance)
     axes = coordinates_with_derivatives(adapted.layout)
     steps = mean_demonstration_length(skill) if horizon is None else horizon
     chart = tangent_chart(adapted) if adapted.layout.orientations else None
