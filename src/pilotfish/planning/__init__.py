@@ -18,9 +18,15 @@ from pilotfish.planning.evaluation import (
 from pilotfish.planning.motion_notes import motion_notes
 from pilotfish.planning.moving import moving_frames, reproduce_step
 from pilotfish.planning.plan import plan, plan_states
-from pilotfish.planning.reproduction import Reproduction, mean_demonstration_length, reproduce
+from pilotfish.planning.reproduction import (
+    Reproduction,
+    mean_demonstration_length,
+    reproduce,
+    reproduce_adapted,
+)
 from pilotfish.planning.selection import (
     DEFAULT_CANDIDATE,
+    MAX_FOLDS,
     ReproductionScore,
     ReproductionSelection,
     default_candidates,
@@ -32,6 +38,7 @@ from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe
 
 __all__ = [
     "DEFAULT_CANDIDATE",
+    "MAX_FOLDS",
     "Reproduction",
     "ReproductionScore",
     "ReproductionSelection",
@@ -54,6 +61,7 @@ __all__ = [
     "plan",
     "plan_states",
     "reproduce",
+    "reproduce_adapted",
     "reproduce_demonstration",
     "reproduce_step",
     "select_by_reproduction",

@@ -72,7 +72,6 @@ def reproduce(
     control_cost: float | Float[Array, "m m"] | None = None,
     covariance_regularisation: float | None = None,
     stepwise: bool = False,
-    relevance: Float[Array, "P K"] | None = None,
 ) -> Reproduction:
     """Reproduce a skill where the objects are now, as the motion of a unit mass on every axis.
 
@@ -88,7 +87,6 @@ def reproduce(
         covariance_regularisation: Variance added to every variance before it becomes a weight
             [unit of x squared]. None takes (s / 1000)^2 for a column of scale s.
         stepwise: Whether to plan as published, see `plan`.
-        relevance: Power of the Gaussian of each frame at each state, see `adapt`; None is 1 everywhere.
 
     Returns:
         The motion, its controller and its plan.
@@ -107,20 +105,59 @@ def reproduce(
         Tanwani 2018, sections 3.3-3.5; for S^3, Zeestraten et al. 2017, section V.
     """
     require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
-    adapted = adapt(skill, frames, relevance=relevance)
+    adapted = adapt(skill, frames)
+    coordinates_with_derivatives(adapted.layout)  # before the horizon, which may be missing too
+    return reproduce_adapted(
+        adapted,
+        start,
+        horizon=mean_demonstration_length(skill) if horizon is None else horizon,
+        via_points=via_points,
+        control_cost=control_cost,
+        covariance_regularisation=covariance_regularisation,
+        stepwise=stepwise,
+    )
+
+
+def reproduce_adapted(
+    adapted: AdaptedSkill,
+    start: Float[Array, " D"] | None = None,
+    *,
+    horizon: int,
+    via_points: Sequence[ViaPoint] = (),
+    control_cost: float | Float[Array, "m m"] | None = None,
+    covariance_regularisation: float | None = None,
+    stepwise: bool = False,
+) -> Reproduction:
+    """Reproduce a skill that is adapted already, such as with frames weighted by relevance.
+
+    Args:
+        adapted: Adapted skill, from `adapt`.
+        start: State of the robot at the first step; None starts where the demonstrations began.
+        horizon: Number of steps.
+        via_points: Points that the motion passes, from `via_point`.
+        control_cost: As for `reproduce`.
+        covariance_regularisation: As for `reproduce`.
+        stepwise: Whether to plan as published, see `plan`.
+
+    Returns:
+        The motion, its controller and its plan.
+
+    Raises:
+        InvalidInput: If the columns have no derivatives, or an argument cannot be used.
+    """
+    require_type(adapted, "adapted", AdaptedSkill, "adapt(skill, frames) returns one")
     axes = coordinates_with_derivatives(adapted.layout)
-    steps = mean_demonstration_length(skill) if horizon is None else horizon
     chart = tangent_chart(adapted) if adapted.layout.orientations else None
     tangent_skill = chart.skill if chart else adapted
     points = [chart.via_point(point) if chart else point for point in via_points]
     if start is not None and chart:
         start = chart.to_tangent(require_start(start, adapted))
-    aligned, states = plan_states(tangent_skill, start, horizon=steps, via_points=points, stepwise=stepwise)
+    aligned, states = plan_states(tangent_skill, start, horizon=horizon, via_points=points, stepwise=stepwise)
     reference = reference_from_states(aligned, states, covariance_regularisation, end_point=not stepwise)
     if points:
         reference = condition_on(reference, points, tangent_skill.layout)
     R = default_control_cost(tangent_skill) if control_cost is None else control_cost
-    feedback = track(double_integrator(axes, skill.period), reference, R)
+    feedback = track(double_integrator(axes, adapted.period), reference, R)
     if start is None:
         ends = None if stepwise else aligned.endpoints
         start = ends.means[0] if ends else reference.targets[0]

@@ -1,8 +1,8 @@
 """Model selection by reproduction: compare candidates by the motions that they make in new situations.
 
 Every candidate is learned without some demonstrations (a fold), and reproduced in the situation of each of
-them, from its start, over its number of steps, at default costs. A coordinate part of the columns, such as the
-position, has three errors there:
+them, from its start, over its number of steps, at default costs. A coordinate part of the columns, such as
+the position, has three errors there:
 
     mean distance     of rows at the same time: what a tracker of the motion sees
     warped distance   of rows that dynamic time warping pairs: the path, whatever the timing
@@ -10,13 +10,13 @@ position, has three errors there:
 
 Each is divided by the scale of the part (`models/demonstration_statistics.py`), so that units do not matter;
 orientations are compared by angles. The score of a held-out demonstration is the sum of the three, averaged
-over parts. One error alone rewards the wrong model: the mean distance of people's repetitions is mostly their
-timing, the warped distance ignores a late arrival, and an end can be right after a wrong path. Lower is better.
+over parts. One error alone rewards the wrong model: the mean distance of people's repetitions is mostly
+timing, the warped distance ignores a late arrival, and an end can be right after a wrong path.
 
-Choice. The default of `learn` is always a candidate, and is kept unless another one is better by more than the
-standard error of the difference, paired by demonstration. Of those, the one of the lowest mean score is chosen.
-Two candidates on the same few demonstrations differ by chance; without this rule, the lowest of many scores is
-often worse than the default on the next demonstration.
+Choice. The default of `learn` is always a candidate. It is kept unless another one is better by more than
+the standard error of the difference, paired by demonstration; of those, the one of the lowest mean score is
+chosen. Two candidates on the same few demonstrations differ by chance: without this rule, the lowest of many
+scores is often worse than the default on the next demonstration.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ from pilotfish.models import Candidate, EMSettings, Skill, adapt, default_states
 from pilotfish.models.selection import require_selection
 from pilotfish.planning.costs import default_control_cost
 from pilotfish.planning.evaluation import warped_mean
-from pilotfish.planning.reproduction import reproduce
+from pilotfish.planning.reproduction import reproduce_adapted
 from pilotfish.types import Array, Float
 
 DEFAULT_CANDIDATE = Candidate()  # the configuration of `learn` and `reproduce` without arguments
@@ -103,15 +103,25 @@ class ReproductionSelection:
         if not self.scores:
             reasons = {reason for _, reason in self.failures}
             raise InvalidInput(f"no candidate could be reproduced: {'; '.join(sorted(reasons))}")
-        eligible = self.scores
-        if (default := self.default) is not None:
-            gains = [default.values - score.values for score in self.scores]
-            eligible = tuple(
-                score
-                for score, gain in zip(self.scores, gains, strict=True)
-                if score is default or gain.mean() > _standard_error(gain)
-            )
+        default = self.default
+        if default is None:
+            return min(self.scores, key=lambda score: score.mean)
+        eligible = [score for score in self.scores if score is default or np.less(*self.gain(score)[::-1])]
         return min(eligible, key=lambda score: score.mean)
+
+    def gain(self, score: ReproductionScore) -> tuple[float, float]:
+        """Return by how much a score is lower than that of the default, and the standard error of this.
+
+        Args:
+            score: One of the scores.
+
+        Raises:
+            InvalidInput: If the default failed.
+        """
+        if self.default is None:
+            raise InvalidInput("the default has no score, expected one; see failures")
+        gains = self.default.values - score.values
+        return float(gains.mean()), _standard_error(gains)
 
     @property
     def default(self) -> ReproductionScore | None:
@@ -120,7 +130,7 @@ class ReproductionSelection:
 
     @property
     def edge(self) -> str | None:
-        """ "largest" or "smallest" if the choice has the largest or smallest number of states tried.
+        """Whether the choice has the "largest" or "smallest" number of states tried.
 
         None if the default is kept, or all candidates have one number of states.
         """
@@ -257,9 +267,7 @@ def _score_fold(fold: _Fold) -> Float[Array, "N 4"] | str:
     """Return the errors of each held-out demonstration, or why the candidate failed."""
     rng = np.random.default_rng(fold.seed)
     try:
-        return held_out_errors(
-            fold.candidate, fold.training, fold.held_out, rng=rng, settings=fold.settings
-        )
+        return held_out_errors(fold.candidate, fold.training, fold.held_out, rng=rng, settings=fold.settings)
     except SkillError as error:
         return str(error)
 
@@ -296,10 +304,11 @@ def _reproduction_errors(
     skill: Skill, weights: Float[Array, "P K"] | None, demonstration: Demonstration, candidate: Candidate
 ) -> Float[Array, " 4"]:
     """Return the errors of the reproduction of a demonstration that was held out."""
-    factor, frames = candidate.control_cost_factor, demonstration.frames
-    R = None if factor == 1.0 else factor * default_control_cost(adapt(skill, frames))
+    adapted = adapt(skill, demonstration.frames, relevance=weights)
+    factor = candidate.control_cost_factor
+    R = None if factor == 1.0 else factor * default_control_cost(adapted)
     start, steps = demonstration.x[0], len(demonstration.x)
-    motion = reproduce(skill, frames, start, horizon=steps, control_cost=R, relevance=weights).motion
+    motion = reproduce_adapted(adapted, start, horizon=steps, control_cost=R).motion
     assert skill.demonstrated is not None  # `learn` states them
     return relative_errors(motion, demonstration, skill.demonstrated.scales)
 

@@ -13,6 +13,7 @@ from pilotfish.plots.matrices import basis_vectors, covariance_correlations
 from pilotfish.plots.model_selection import model_selection
 from pilotfish.plots.online_clusters import online_clusters
 from pilotfish.plots.reproduction import reproduction
+from pilotfish.plots.reproduction_selection import reproduction_selection
 from pilotfish.plots.state_deviations import state_deviations
 from pilotfish.plots.state_graph import state_graph
 from pilotfish.plots.style import state_colour
@@ -31,6 +32,7 @@ __all__ = [
     "model_selection",
     "online_clusters",
     "reproduction",
+    "reproduction_selection",
     "state_colour",
     "state_deviations",
     "state_graph",

@@ -68,12 +68,12 @@ def model_selection(selection: Selection) -> Figure:
     left, right = figure.subplots(1, 2)
     left.set_yscale("symlog", linthresh=max(MIN_LINEAR_RANGE, _linear_range(top)), linscale=0.8)
     for scores, shift, style in lines:
-        x = np.array([score.candidate.states + shift for score in scores])
+        x = np.array([_state_count(score) + shift for score in scores])
         _draw_held_out(left, x, np.array([_differences(score, top) for score in scores]), style)
         right.plot(x, [score.bic for score in scores], **style)
         if best in scores:
-            _mark_selected(left, best.candidate.states + shift, float(_differences(best, top).mean()))
-            _mark_selected(right, best.candidate.states + shift, best.bic)
+            _mark_selected(left, _state_count(best) + shift, float(_differences(best, top).mean()))
+            _mark_selected(right, _state_count(best) + shift, best.bic)
     style_axes(
         left, x="states", y="log-likelihood per datapoint,\nrelative to the best [nat]", title=HELD_OUT_TITLE
     )
@@ -109,7 +109,7 @@ def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequen
     shifts = np.linspace(-half_width, half_width, len(pairs))
     return [
         (
-            tuple(sorted((s for s in scores if _line_name(s) == pair), key=lambda s: s.candidate.states)),
+            tuple(sorted((s for s in scores if _line_name(s) == pair), key=_state_count)),
             float(shift),
             _line_style(structures.index(pair[0]), durations.index(pair[1])),
         )
@@ -117,8 +117,12 @@ def _lines(scores: Sequence[Score], structures: Sequence[str], durations: Sequen
     ]
 
 
+def _state_count(score: Score) -> int:
+    return score.candidate.states or score.states
+
+
 def _line_name(score: Score) -> tuple[str, str]:
-    return score.candidate.structure.label, score.candidate.dynamics_label
+    return score.candidate.fitted_structure.label, score.candidate.dynamics_label
 
 
 def _differences(score: Score, top: Score) -> Float[Array, " M"]:

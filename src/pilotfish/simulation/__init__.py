@@ -12,6 +12,7 @@ from pilotfish.simulation.recording import (
     simulated_leader,
     situation_from_seed,
 )
+from pilotfish.simulation.selection import select_by_success
 
 __all__ = [
     "ExecutionResult",
@@ -27,6 +28,7 @@ __all__ = [
     "record",
     "record_demonstrations",
     "require_pillow",
+    "select_by_success",
     "simulated_leader",
     "situation_from_seed",
     "write_film",

@@ -47,7 +47,7 @@ OBSERVATIONS_PER_ROW = round(PERIOD / OBSERVATION_PERIOD)
 EXTRA_TIME_PER_DELAY = 40.0  # s for each second of delay: the number of observations that a task may need
 TIME_TOLERANCE = 1e-9  # s
 MAX_ATTEMPTS = 5  # of one demonstration
-SPLITS = {"demonstration": 1, "test": 2}  # independent streams of situations
+SPLITS = {"demonstration": 1, "test": 2, "selection": 3}  # independent streams of situations
 DEFAULT_HUMAN = HumanModel()
 
 Leader = Callable[[float, Observation], tuple[Pose, float, bool]]
@@ -78,12 +78,15 @@ def task_layout(task: Task[S]) -> Layout:
     return Layout(pose_layout().parts + grip)
 
 
-def situation_from_seed(task: Task[S], split: Literal["demonstration", "test"], seed: int, number: int) -> S:
-    """Return a sampled situation; the two splits are independent.
+def situation_from_seed(
+    task: Task[S], split: Literal["demonstration", "test", "selection"], seed: int, number: int
+) -> S:
+    """Return a sampled situation; the splits are independent.
 
     Args:
         task: Task from `TASKS`.
-        split: "demonstration" for those of `record_demonstrations`, "test" for others.
+        split: "demonstration" for those of `record_demonstrations`, "selection" for those that choose a
+            model, "test" for others.
         seed: Seed of the situations, at least 0.
         number: Index of the situation in the split.
     """

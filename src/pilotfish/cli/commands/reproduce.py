@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from pilotfish.cli.options.demonstrations import training_demonstrations
 from pilotfish.cli.options.planning import planning_options
 from pilotfish.cli.options.via_points import (
     SYNTAX,
@@ -38,8 +39,14 @@ from pilotfish.io import (
     read_start,
     write_motion,
 )
-from pilotfish.models import Skill, adapt, coordinate_parts
-from pilotfish.planning import Reproduction, ViaPoint, mean_demonstration_length, motion_notes, reproduce
+from pilotfish.models import Skill, adapt, coordinate_parts, relevance
+from pilotfish.planning import (
+    Reproduction,
+    ViaPoint,
+    mean_demonstration_length,
+    motion_notes,
+    reproduce_adapted,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,6 +71,11 @@ MAX_LISTED_PARTS = 5  # positions that a note names
     help="JSON or TOML file with the start state of the robot.  [default: mean of the first state]",
 )
 @planning_options
+@click.option(
+    "--relevance",
+    metavar="FOLDER",
+    help="Demonstrations that the skill was learned from, to weight each frame by its relevance.",
+)
 @click.option(
     "--via-point",
     type=ViaPointType(),
@@ -125,10 +137,12 @@ def _reproduce(
         horizon = options["horizon"] or mean_demonstration_length(skill)
     except InvalidInput as error:
         raise InvalidInput(f"{error} with --horizon") from error
+    weights = None
+    if source := options["relevance"]:
+        weights = relevance(skill, training_demonstrations(skill, source)).values
     run = partial(
-        reproduce,
-        skill,
-        frames,
+        reproduce_adapted,
+        adapt(skill, frames, relevance=weights),
         start,
         horizon=horizon,
         control_cost=options["control_cost"],

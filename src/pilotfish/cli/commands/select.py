@@ -1,14 +1,15 @@
-"""pilotfish select: choose the number of states, the structure and the durations of a model."""
+"""pilotfish select: choose the number of states, the structure and the frames of a model."""
 
 import time
-from collections.abc import Sequence
-from math import isfinite
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
+from pilotfish.cli.commands.record import find_task
 from pilotfish.cli.options.candidates import parse_candidates
 from pilotfish.cli.options.demonstrations import (
     load_demonstrations,
@@ -20,49 +21,66 @@ from pilotfish.cli.options.demonstrations import (
 from pilotfish.cli.options.durations import CANDIDATE_NAMES
 from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import structure_syntax_list
+from pilotfish.cli.options.workers import process_pool, workers_option
 from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
-from pilotfish.cli.output.motion_notes import name_options
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
     require_writable_file,
 )
-from pilotfish.cli.output.tables import Table, key_value_table
+from pilotfish.cli.output.selections import learn_command, likelihood_result, reproduction_result
 from pilotfish.cli.output.terminal import progress_bar
 from pilotfish.demonstrations import Demonstration
-from pilotfish.models import VITERBI, Candidate, EMSettings, Score, Selection
+from pilotfish.models import VITERBI, Candidate, EMSettings, Selection
 from pilotfish.models import select as score_candidates
-
-HEADER = (
-    "states",
-    "structure",
-    "durations",
-    "parameters",
-    "log-lik.",
-    "BIC",
-    "held out",
-    "std. error",
-    "CPU [s]",
-    "",
+from pilotfish.planning import (
+    MAX_FOLDS,
+    ReproductionSelection,
+    default_candidates,
+    select_by_reproduction,
 )
+from pilotfish.rendering import require_mujoco
+
+if TYPE_CHECKING:
+    from pilotfish.environments import Task
+
+REPRODUCTION, LIKELIHOOD = "reproduction", "likelihood"
+STATES = {REPRODUCTION: "15,20,30,40", LIKELIHOOD: "3:10"}
+STRUCTURES = {REPRODUCTION: "diagonal,semi-tied", LIKELIHOOD: "full,diagonal,semi-tied"}
+DEFAULT_SITUATIONS = 10
 
 
 @click.command(
     name="select",
-    epilog=example_epilog(
-        "pilotfish select dataset:valve --only 0-3 --states 4:8 --structures full,diagonal --out scores.png"
-    ),
+    epilog=example_epilog("pilotfish select dataset:valve --only 0-3 --out scores.png"),
 )
 @click.argument("folder")
 @click.option(
-    "--states", default="3:10", show_default=True, help="Numbers of states, such as 7, 3:10 or 3,5,8:12."
+    "--by",
+    type=click.Choice((REPRODUCTION, LIKELIHOOD)),
+    default=REPRODUCTION,
+    show_default=True,
+    help="Score of held-out demonstrations: errors of their reproductions, or their log-likelihood.",
+)
+@click.option(
+    "--task",
+    help="Task that the demonstrations show; models are then compared by success in simulated physics.",
+)
+@click.option(
+    "--situations",
+    type=click.IntRange(1, 10_000),
+    help=f"Number of random situations of --task.  [default: {DEFAULT_SITUATIONS}]",
+)
+@click.option(
+    "--states",
+    help="Numbers of states, such as 7, 3:10 or 3,5,8:12.  [default: a few around that of `learn`; "
+    f"{STATES[LIKELIHOOD]} by likelihood]",
 )
 @click.option(
     "--structures",
-    default="full,diagonal,semi-tied",
-    show_default=True,
-    help=f"Covariance structures, separated by commas: {structure_syntax_list()}.",
+    help=f"Covariance structures, separated by commas: {structure_syntax_list()}.  [default: those that the "
+    f"data support of full, diagonal, semi-tied; all three by likelihood]",
 )
 @click.option(
     "--durations",
@@ -76,6 +94,7 @@ HEADER = (
     callback=validate_figure_path,
     help="Plot of the scores to write, as .png, .svg or .pdf.",
 )
+@workers_option
 @regularisation_option
 @click.option(
     "--max-iterations",
@@ -95,15 +114,19 @@ HEADER = (
 @riemannian_option
 @click.option("--force", is_flag=True, help="Replace an existing plot.")
 @print_result
-def select(
-    folder: str, states: str, structures: str, durations: str, out: Path | None, **options: Any
-) -> CommandResult:
+def select(folder: str, by: str, out: Path | None, **options: Any) -> CommandResult:
     """Compare models of the demonstrations in FOLDER by cross-validation and select one.
 
-    Every combination of state count, structure and durations is learned from all demonstrations but one, and
-    scored on that one, for each demonstration in turn. FOLDER may also be dataset:NAME.
+    Every model is learned without some demonstrations, and scored on those, until each was held out once.
+    The default of `learn` is kept unless another model reproduces better by more than the standard error.
+    FOLDER may also be dataset:NAME.
     """
-    candidates = parse_candidates(states, structures, durations)
+    if by == LIKELIHOOD and options["task"]:
+        raise click.UsageError("--task compares by success, not by likelihood; leave out one of --task, --by")
+    if options["situations"] and not options["task"]:
+        raise click.UsageError("--situations needs a task to perform; give --task NAME")
+    parse_candidates(*_candidate_options(by, options))  # reports mistakes before anything is read
+    task = _find_task(options["task"]) if options["task"] else None
     if out:
         require_matplotlib()
     require_writable_file(out, force=options["force"])
@@ -113,103 +136,78 @@ def select(
         velocities=options["velocities"],
     )
     settings = EMSettings(regularisation=options["regularisation"], max_iterations=options["max_iterations"])
-    selection, seconds = _score_candidates(demonstrations, candidates, settings, options["seed"])
+    candidates = _choose_candidates(demonstrations, by, options)
+    selection, seconds = _score_candidates(demonstrations, candidates, settings, by, task, options)
     best = selection.best  # raises if no candidate could be learned
     if out:
         from pilotfish import plots
 
-        save_figure(plots.model_selection(selection), out, overwrite=options["force"])
-    return _to_result(selection, best, seconds, out)
+        plot: Callable[[Any], Any] = (
+            plots.model_selection if by == LIKELIHOOD else plots.reproduction_selection
+        )
+        save_figure(plot(selection), out, overwrite=options["force"])
+    if isinstance(selection, Selection):
+        return likelihood_result(selection, seconds, out)
+    commands = learn_command(best.candidate, folder, options)
+    return reproduction_result(selection, commands, sum(seconds.values()), out)
+
+
+def _find_task(name: str) -> "Task[Any]":
+    require_mujoco()
+    return find_task(name)
+
+
+def _candidate_options(by: str, options: dict[str, Any]) -> tuple[str, str, str]:
+    """Return the values of --states, --structures and --durations."""
+    return (
+        options["states"] or STATES[by],
+        options["structures"] or STRUCTURES[by],
+        options["durations"],
+    )
+
+
+def _choose_candidates(
+    demonstrations: Sequence[Demonstration], by: str, options: dict[str, Any]
+) -> list[Candidate]:
+    """Return the candidates of the options, or those of `default_candidates` if none is given."""
+    given = options["states"], options["structures"], options["durations"] != VITERBI
+    if by == LIKELIHOOD or any(given):
+        return parse_candidates(*_candidate_options(by, options))
+    candidates = default_candidates(demonstrations)
+    return [c for c in candidates if not (options["task"] and c.frames == "relevance")]
 
 
 def _score_candidates(
     demonstrations: Sequence[Demonstration],
     candidates: Sequence[Candidate],
     settings: EMSettings,
-    seed: int,
-) -> tuple[Selection, dict[int, float]]:
-    """Return the scores, and the CPU time [s] of each candidate by its id."""
-    seconds: dict[int, float] = {}
-    with progress_bar(len(candidates), "selecting") as advance:
-        last_time = [time.process_time()]
+    by: str,
+    task: "Task[Any] | None",
+    options: dict[str, Any],
+) -> tuple[Selection | ReproductionSelection, dict[int, float]]:
+    """Return the scores, and the time of each candidate by its id [s]: CPU time by likelihood."""
+    seconds: dict[int, float] = dict.fromkeys(map(id, candidates), 0.0)
+    clock = time.process_time if by == LIKELIHOOD else time.perf_counter
+    count = options["situations"] or DEFAULT_SITUATIONS
+    per_candidate = 1 if by == LIKELIHOOD else count if task else min(MAX_FOLDS, len(demonstrations))
+    jobs = per_candidate * (len(candidates) + 1)
+    with progress_bar(jobs, "selecting") as advance:
+        last_time = [clock()]
 
         def record_time(candidate: Candidate) -> None:
-            now = time.process_time()
-            seconds[id(candidate)] = now - last_time.pop()
+            now = clock()
+            seconds[id(candidate)] = seconds.get(id(candidate), 0.0) + now - last_time.pop()
             last_time.append(now)
             advance(candidate.label)
 
-        rng = np.random.default_rng(seed)
-        selection = score_candidates(
-            demonstrations, candidates, rng=rng, settings=settings, callback=record_time
-        )
-    return selection, seconds
+        rng = np.random.default_rng(options["seed"])
+        common: dict[str, Any] = {"settings": settings, "callback": record_time}
+        if by == LIKELIHOOD:
+            return score_candidates(demonstrations, candidates, rng=rng, **common), seconds
+        score = partial(select_by_reproduction, rng=rng)
+        if task:
+            from pilotfish.simulation import select_by_success
 
-
-def _to_result(
-    selection: Selection, best: Score, seconds: dict[int, float], out: Path | None
-) -> CommandResult:
-    marks = {id(selection.lowest_bic): "lowest BIC", id(selection.highest_held_out): "highest held out"}
-    marks[id(best)] = "selected"
-    rows = [
-        _score_row(score, seconds[id(score.candidate)], marks.get(id(score), ""))
-        for score in selection.scores
-    ]
-    notes = [("selected", best.candidate.label)]
-    notes += [("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures]
-    notes += [("note", name_options(note)) for note in best.notes]
-    notes += [("plot", str(out))] if out else []
-    data = {
-        "selected": _score_to_json(best, seconds),
-        "highest_held_out": selection.highest_held_out.candidate.label,
-        "lowest_bic": selection.lowest_bic.candidate.label,
-        "scores": [_score_to_json(score, seconds) for score in selection.scores],
-        "failures": [{**_candidate_to_json(c), "reason": reason} for c, reason in selection.failures],
-        "plot": str(out) if out else None,
-    }
-    return CommandResult([Table(HEADER, tuple(rows)), key_value_table(notes)], data)
-
-
-def _score_row(score: Score, seconds: float, mark: str) -> tuple[str, ...]:
-    candidate = score.candidate
-    dropped = candidate.states - score.states
-    return (
-        f"{candidate.states}" + (f" ({dropped} dropped)" if dropped else ""),
-        candidate.structure.label,
-        candidate.dynamics_label,
-        str(score.parameters),
-        f"{score.log_likelihood:.0f}",
-        f"{score.bic:.0f}",
-        f"{score.held_out_mean:.2f}",
-        f"{score.standard_error:.2f}",
-        f"{seconds:.2f}",
-        mark,
-    )
-
-
-def _candidate_to_json(candidate: Candidate) -> dict[str, Any]:
-    return {
-        "states": candidate.states,
-        "structure": candidate.structure.label,
-        "durations": candidate.dynamics_label,
-    }
-
-
-def _score_to_json(score: Score, seconds: dict[int, float]) -> dict[str, Any]:
-    return {
-        **_candidate_to_json(score.candidate),
-        "learned_states": score.states,
-        "parameters": score.parameters,
-        "log_likelihood": _finite_or_none(score.log_likelihood),
-        "bic": _finite_or_none(score.bic),
-        "notes": list(map(name_options, score.notes)),
-        "held_out_log_likelihood": [_finite_or_none(value) for value in score.held_out.tolist()],
-        "mean": _finite_or_none(score.held_out_mean),
-        "standard_error": _finite_or_none(score.standard_error),
-        "cpu_seconds": seconds[id(score.candidate)],
-    }
-
-
-def _finite_or_none(value: float) -> float | None:
-    """Return None for infinity, which JSON lacks: a demonstration that the model of the others excludes."""
-    return value if isfinite(value) else None
+            score = partial(select_by_success, task=task, situations=count, seed=options["seed"])
+        with process_pool(options["workers"], jobs) as executor:
+            return score(demonstrations, candidates, executor=executor, **common), seconds

@@ -60,6 +60,18 @@ def parse_structure(text: str) -> CovarianceStructure:
         raise InvalidInput(expected + reason) from None
 
 
+def structure_text(structure: CovarianceStructure) -> str:
+    """Return the text of a structure that `parse_structure` reads.
+
+    Args:
+        structure: Covariance structure with at most one parameter, a number.
+    """
+    if (parameter := _parameter(type(structure))) is None:
+        return structure.name
+    value = getattr(structure, parameter.name)
+    return structure.name if value == parameter.default else f"{structure.name}:{value}"
+
+
 class StructureType(click.ParamType[CovarianceStructure]):
     """Type of an option that is a covariance structure."""
 
