@@ -36,6 +36,7 @@ from pilotfish.planning.costs import default_control_cost
 from pilotfish.planning.evaluation import warped_mean
 from pilotfish.planning.reproduction import reproduce_adapted
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 DEFAULT_CANDIDATE = Candidate()  # the configuration of `learn` and `reproduce` without arguments
 DEFAULT_SETTINGS = EMSettings()
@@ -46,6 +47,7 @@ MAX_WARPED_ROWS = 200  # longer motions are warped at 200 rows of equal distance
 MEASURES = ("mean distance", "warped distance", "end error")
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ReproductionScore:
     """Result of one candidate.
@@ -73,6 +75,7 @@ class ReproductionScore:
         return _standard_error(self.values)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class ReproductionSelection:
     """Scores of all candidates; the first candidate is the default.
