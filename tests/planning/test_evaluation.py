@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from pilotfish.planning import (
     mean_squared_error,
     reproduce,
     reproduce_demonstration,
+    time_warped_distance,
 )
 
 STATES, TRAINING = 7, 4  # of the published experiment: states, and demonstrations that train
@@ -188,3 +190,45 @@ def test_reproduce_demonstration_published_valve_has_known_errors(
     ]
     assert np.mean(errors[:TRAINING]) == pytest.approx(train, rel=0.1)
     assert np.mean(errors[TRAINING:]) == pytest.approx(test, rel=0.1)
+
+
+def pairings(i: int, j: int, N: int, M: int):
+    """Yield every monotone sequence of pairs from (i, j) to the last rows."""
+    if (i, j) == (N - 1, M - 1):
+        yield [(i, j)]
+        return
+    for a, b in ((i + 1, j), (i, j + 1), (i + 1, j + 1)):
+        if a < N and b < M:
+            yield from ([(i, j), *rest] for rest in pairings(a, b, N, M))
+
+
+@pytest.mark.parametrize(("N", "M"), [(1, 1), (1, 4), (4, 1), (3, 5), (5, 5), (6, 4)])
+def test_time_warped_distance_equals_enumeration(rng: np.random.Generator, N: int, M: int):
+    x, y = rng.normal(size=(N, 2)), rng.normal(size=(M, 2))
+    costs = []
+    for pairs in pairings(0, 0, N, M):
+        distances = [np.linalg.norm(x[i] - y[j]) for i, j in pairs]
+        costs.append((sum(distances), np.mean(distances)))
+    assert time_warped_distance(x, y) == pytest.approx(min(costs)[1], rel=1e-12)
+
+
+def test_time_warped_distance_ignores_repeated_rows(rng: np.random.Generator):
+    x = rng.normal(size=(7, 3))
+    slower = np.repeat(x, [1, 3, 1, 2, 5, 1, 1], axis=0)
+    assert time_warped_distance(x, slower) == 0.0
+
+
+def test_time_warped_distance_of_200_rows_takes_milliseconds(rng: np.random.Generator):
+    x, y = np.cumsum(rng.normal(size=(2, 200, 3)), axis=1)
+    seconds = []
+    for _ in range(5):
+        begin = process_time()
+        time_warped_distance(x, y)
+        seconds.append(process_time() - begin)
+    assert min(seconds) < 0.03  # 10 ms on an idle core
+
+
+@pytest.mark.parametrize(("x", "y"), [(np.zeros((2, 2)), np.zeros((2, 3))), (np.zeros((0, 2)),) * 2])
+def test_time_warped_distance_of_unlike_rows_is_refused(x: np.ndarray, y: np.ndarray, unchecked: None):
+    with pytest.raises(InvalidInput, match="rows of the same columns"):
+        time_warped_distance(x, y)

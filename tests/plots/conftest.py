@@ -39,6 +39,7 @@ from pilotfish.models.online import (
     observe_stream,
     online_model,
 )
+from pilotfish.planning import DEFAULT_CANDIDATE, ReproductionScore, ReproductionSelection
 from pilotfish.planning.plan import reference_from_states
 
 PERIOD = 0.1  # s
@@ -142,6 +143,20 @@ def make_online_models(rng: np.random.Generator) -> list[OnlineModel]:
     return models
 
 
+def make_reproduction_selection(rng: np.random.Generator) -> ReproductionSelection:
+    """Return scores of the default, of frames by relevance, and of two structures."""
+    candidates = [
+        DEFAULT_CANDIDATE,
+        Candidate(frames="relevance"),
+        *(Candidate(states, structure) for structure in (Full(), SemiTied()) for states in (15, 20, 40)),
+    ]
+    scores = [
+        ReproductionScore(c, c.states or 30, rng.normal(0.5, 0.1, size=5), {"end error": np.zeros(5)})
+        for c in candidates
+    ]
+    return ReproductionSelection(tuple(scores), (), 40)
+
+
 @dataclass(frozen=True)
 class PlotInputs:
     """Arguments of all plots."""
@@ -156,6 +171,7 @@ class PlotInputs:
     motion: Motion
     fit: Fit
     selection: Selection
+    reproduction_selection: ReproductionSelection
     frame_relevance: FrameRelevance
     online_models: list[OnlineModel]
 
@@ -182,6 +198,7 @@ def make_plot_inputs(rng: np.random.Generator) -> PlotInputs:
         motion,
         fit,
         chosen,
+        make_reproduction_selection(rng),
         frame_relevance,
         online_models,
     )

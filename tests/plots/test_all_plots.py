@@ -41,6 +41,7 @@ DRAW: dict[str, Callable[[Any], Figure]] = {
     "basis_vectors": lambda t: plots.basis_vectors(t.semi_tied_skill),
     "covariance_correlations": lambda t: plots.covariance_correlations([t.skill, t.semi_tied_skill]),
     "model_selection": lambda t: plots.model_selection(t.selection),
+    "reproduction_selection": lambda t: plots.reproduction_selection(t.reproduction_selection),
     "frame_relevance": lambda t: plots.frame_relevance(t.frame_relevance),
     "online_clusters": lambda t: plots.online_clusters(t.online_models),
     "likelihood_trace": lambda t: plots.likelihood_trace([t.fit, t.fit]),

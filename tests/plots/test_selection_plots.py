@@ -185,3 +185,23 @@ def test_online_clusters_lines_equal_clusters_and_dimensions(inputs: Any):
             offset = drawn.get_ydata() - expected
             assert np.isnan(expected).tolist() == np.isnan(offset).tolist()
             assert np.nanmax(np.abs(offset)) < 0.2
+
+
+def test_reproduction_selection_points_equal_gains_and_ring_selection(inputs: Any):
+    """A point is the gain over the default, and its bar the error of the difference on both sides."""
+    selection = inputs.reproduction_selection
+    (axes,) = plots.reproduction_selection(selection).axes
+    drawn = sorted(pair for c in axes.containers for pair in _points_and_bars(c))
+    gains = sorted(selection.gain(score) for score in selection.scores)
+    np.testing.assert_allclose(drawn, [(gain, 2.0 * error) for gain, error in gains], atol=1e-12)
+    (ring,) = by_gid(axes.figure, Line2D, "selected")
+    assert float(ring.get_ydata()[0]) == selection.gain(selection.best)[0]
+    assert abs(float(ring.get_xdata()[0]) - selection.best.states) < 0.31
+
+
+def test_reproduction_selection_without_default_draws_mean_scores(inputs: Any):
+    failed = replace(inputs.reproduction_selection, scores=inputs.reproduction_selection.scores[2:])
+    (axes,) = plots.reproduction_selection(failed).axes
+    drawn = sorted(y for c in axes.containers for y, _ in _points_and_bars(c))
+    np.testing.assert_allclose(drawn, sorted(score.mean for score in failed.scores))
+    assert "lower is better" in axes.get_title(loc="left")

@@ -14,43 +14,16 @@ from motion_measures import (
     mean_distance,
     mean_with_offsets,
     relative_size,
-    resample_rows,
 )
 from peer_recordings import load_recordings, select_names, split
 from peer_tables import BEGIN, END, markdown_tables, replace_tables
 
 import pilotfish as pf
 from pilotfish.geometry import multiply, normalise
+from pilotfish.planning import time_warped_distance
 
 FOLDER = Path(__file__).parents[2] / "reproductions"
 METHODS = ("pilotfish", "ProMP", "DMP", "GMR", "mean + offsets")
-
-
-def pairings(i: int, j: int, N: int, M: int):
-    """Yield every monotone sequence of pairs from (i, j) to the last rows."""
-    if (i, j) == (N - 1, M - 1):
-        yield [(i, j)]
-        return
-    for a, b in ((i + 1, j), (i, j + 1), (i + 1, j + 1)):
-        if a < N and b < M:
-            yield from ([(i, j), *rest] for rest in pairings(a, b, N, M))
-
-
-@pytest.mark.parametrize(("N", "M"), [(1, 1), (1, 4), (4, 1), (3, 5), (5, 5), (6, 4)])
-def test_time_warped_distance_equals_enumeration(rng: np.random.Generator, N: int, M: int):
-    x, y = rng.normal(size=(N, 2)), rng.normal(size=(M, 2))
-    costs = []
-    for pairs in pairings(0, 0, N, M):
-        distances = [np.linalg.norm(x[i] - y[j]) for i, j in pairs]
-        costs.append((sum(distances), np.mean(distances)))
-    assert time_warped_distance(x, y) == pytest.approx(min(costs)[1], rel=1e-12)
-
-
-def test_time_warped_distance_ignores_repeated_rows(rng: np.random.Generator):
-    x = rng.normal(size=(7, 3))
-    slower = np.repeat(x, [1, 3, 1, 2, 5, 1, 1], axis=0)
-    assert time_warped_distance(x, slower) == 0.0
-    assert mean_distance(resample_rows(x, len(slower)), slower) > 0.1
 
 
 def test_mean_with_offsets_starts_and_ends_exactly(rng: np.random.Generator):

@@ -41,7 +41,8 @@ def commands(inputs: Path) -> list[Command]:
     """Return every command that writes, once with missing outputs and once with old outputs and --force."""
     recordings, skill, rows = (str(inputs / name) for name in ("recordings", "a.skill", "rows"))
     stream = ["stream", rows, "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
-    select = ["select", recordings, "--states", "2", "--structures", "full", "--max-iterations", "2"]
+    select = ["select", recordings, "--by", "likelihood", "--states", "2", "--structures", "full"]
+    select += ["--max-iterations", "2"]
     via = ["--via-point", "position=0.5,0.5@1s+-0.01", "--via-plot", "via.png"]
     lines = {
         "learn": (["learn", recordings, "--states", "2", "--out", "new.skill"], ["new.skill"]),

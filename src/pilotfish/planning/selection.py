@@ -13,10 +13,11 @@ orientations are compared by angles. The score of a held-out demonstration is th
 over parts. One error alone rewards the wrong model: the mean distance of people's repetitions is mostly
 timing, the warped distance ignores a late arrival, and an end can be right after a wrong path.
 
-Choice. The default of `learn` is always a candidate. It is kept unless another one is better by more than
-the standard error of the difference, paired by demonstration; of those, the one of the lowest mean score is
-chosen. Two candidates on the same few demonstrations differ by chance: without this rule, the lowest of many
-scores is often worse than the default on the next demonstration.
+Choice. The default of `learn` is always a candidate. It is kept unless another one is significantly better: a
+one-sided t-test of the differences, paired by demonstration, at 95 %. Of those, the one of the lowest mean
+score is chosen. Candidates on the same few demonstrations differ by chance, and the lowest of many scores is
+as often worse as better than the default on the next demonstration; so is a gain of one standard error
+(`reproductions/select_splits.py`).
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +25,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t
 
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Quantity
@@ -42,6 +44,7 @@ DEFAULT_CANDIDATE = Candidate()  # the configuration of `learn` and `reproduce` 
 DEFAULT_SETTINGS = EMSettings()
 STATE_COUNTS, MIN_ROWS = (15, 20, 40), 2  # of `default_candidates`; steps of a demonstration for each state
 ROWS_PER_COLUMN = 3  # of each state, for full covariances
+CONFIDENCE = 0.95  # of the t-test with which a candidate replaces the default
 MAX_FOLDS = 5  # fits of a candidate
 MAX_WARPED_ROWS = 200  # longer motions are warped at 200 rows of equal distance in time
 MEASURES = ("mean distance", "warped distance", "end error")
@@ -92,16 +95,12 @@ class ReproductionSelection:
 
     @property
     def best(self) -> ReproductionScore:
-        """The default, unless another candidate is better by more than one standard error.
+        """The default, unless another candidate is significantly better; of several the lowest mean.
 
-        The standard error is that of the difference, paired by demonstration. Without a score of the
-        default, this is the score of the lowest mean.
+        Without a score of the default, this is the score of the lowest mean.
 
         Raises:
             InvalidInput: If every candidate failed.
-
-        Source:
-            Breiman et al. 1984, the one-standard-error rule; here on paired differences from the default.
         """
         if not self.scores:
             reasons = {reason for _, reason in self.failures}
@@ -109,8 +108,13 @@ class ReproductionSelection:
         default = self.default
         if default is None:
             return min(self.scores, key=lambda score: score.mean)
-        eligible = [score for score in self.scores if score is default or np.less(*self.gain(score)[::-1])]
-        return min(eligible, key=lambda score: score.mean)
+        better = [score for score in self.scores if self._is_significantly_better(score)]
+        return min(better, key=lambda score: score.mean, default=default)
+
+    def _is_significantly_better(self, score: ReproductionScore) -> bool:
+        """Return whether a score is lower than that of the default, by a paired one-sided t-test."""
+        gain, error = self.gain(score)
+        return len(score.values) > 1 and gain > float(t.ppf(CONFIDENCE, len(score.values) - 1)) * error
 
     def gain(self, score: ReproductionScore) -> tuple[float, float]:
         """Return by how much a score is lower than that of the default, and the standard error of this.
@@ -245,7 +249,7 @@ class _Fold:
 
 def _collect(
     candidates: Sequence[Candidate],
-    results: Sequence[Float[Array, "N 4"] | str],
+    results: Sequence[Float[Array, "_ 4"] | str],
     order: Array,
     default_count: int,
 ) -> ReproductionSelection:

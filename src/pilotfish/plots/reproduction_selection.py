@@ -51,7 +51,11 @@ def reproduction_selection(selection: ReproductionSelection) -> Figure:
         if best in scores:
             x, y = best.states + shift, _height(selection, best)[0]
             axes.plot(x, y, "o", markersize=13, markerfacecolor="none", color="black", gid="selected")
-    label = "mean score" if selection.default is None else "score of the default less that of the candidate"
+    label = (
+        "mean score [1]"
+        if selection.default is None
+        else "score of the default less that of the candidate [1]"
+    )
     style_axes(axes, x="states", y=label, title="held-out reproductions" + _direction(selection))
     axes.axhline(0.0, color="0.3", linewidth=0.8)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -141,6 +141,29 @@ def planning_examples() -> Examples:
             "control_cost": 0.1,
             "covariance_regularisation": 1e-3,
         },
+        "reproduce_adapted": {
+            "adapted": adapted,
+            "start": start,
+            "horizon": 10,
+            "via_points": [via_point],
+            "control_cost": 0.1,
+            "covariance_regularisation": 1e-3,
+        },
+        "time_warped_distance": {"x": demos[0].x[:6], "y": demos[0].x[3:8]},
+        "default_candidates": {"demonstrations": demos},
+        "held_out_errors": {
+            "candidate": candidate(2),
+            "training": demos,
+            "held_out": demos[:1],
+            "rng": new_rng(),
+            "settings": FAST_SETTINGS,
+        },
+        "select_by_reproduction": {
+            "demonstrations": demos,
+            "candidates": [candidate(2)],
+            "rng": new_rng(),
+            "settings": FAST_SETTINGS,
+        },
         "reproduce_demonstration": {"skill": fit.skill, "demonstration": demos[0]},
         "reproduce_step": {
             "skill": skill_on_sphere,
@@ -188,6 +211,11 @@ def plots_examples() -> Examples:
         "online_clusters": {"models": [streams()[6]]},
         "likelihood_trace": {"fits": [fit]},
         "model_selection": {"selection": chosen},
+        "reproduction_selection": {
+            "selection": planning.select_by_reproduction(
+                demos, [candidate(2)], rng=new_rng(), settings=FAST_SETTINGS
+            )
+        },
         "reproduction": {
             "skill": model,
             "motion": motion,

@@ -243,7 +243,7 @@ def require_alike(a: Any, b: Any, place: str) -> None:
 
 def _target(package: str) -> Target:
     given = examples(package)
-    slow = {"select", "relevance"}
+    slow = {"select", "relevance", "select_by_reproduction", "held_out_errors"}
     names = [name for name in given if name.rpartition(".")[2] not in slow or package == "models"]
     bases = [Call(name, given[name]) for name in names]
 

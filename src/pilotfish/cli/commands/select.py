@@ -118,7 +118,7 @@ def select(folder: str, by: str, out: Path | None, **options: Any) -> CommandRes
     """Compare models of the demonstrations in FOLDER by cross-validation and select one.
 
     Every model is learned without some demonstrations, and scored on those, until each was held out once.
-    The default of `learn` is kept unless another model reproduces better by more than the standard error.
+    The default of `learn` is kept unless another model reproduces significantly better.
     FOLDER may also be dataset:NAME.
     """
     if by == LIKELIHOOD and options["task"]:

@@ -77,7 +77,7 @@ def reproduction_result(
         mark += (", default" if mark else DEFAULT) if score is selection.default else ""
         rows.append(_reproduction_row(selection, score, mark))
     notes = [
-        ("selected", best.candidate.label + (": no other is better by a standard error" if kept else "")),
+        ("selected", best.candidate.label + (": no other is significantly better" if kept else "")),
         ("cost", f"{selection.fits} fits in {seconds:.0f} s"),
         *(("edge", text) for text in edge_notes(selection)),
         *(("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures),
