@@ -216,10 +216,12 @@ def test_best_keeps_default_unless_gain_is_significant():
     differences = DEFAULT_SCORE.values - steady.values
     assert gain == pytest.approx(differences.mean())
     assert error == pytest.approx(differences.std(ddof=1) / 2.0)
-    for threshold, expected in ((2.36, True), (2.35, False)):  # 95 % of Student's t with 3 degrees: 2.353
+    for threshold, others, expected in ((2.36, 0, True), (2.35, 0, False), (3.19, 1, True), (3.18, 1, False)):
         spread = np.array([1.0, -1.0, 1.0, -1.0])  # of standard error sqrt(1 / 3)
-        edge = make_score(Candidate(10), *(DEFAULT_SCORE.values - 1e-3 * (spread + threshold / np.sqrt(3.0))))
-        assert (make_selection(DEFAULT_SCORE, edge).best is edge) == expected
+        near = make_score(Candidate(10), *(DEFAULT_SCORE.values - 1e-3 * (spread + threshold / np.sqrt(3.0))))
+        selection = make_selection(DEFAULT_SCORE, near, *[worse] * others)  # 95 and 97.5 % of t: 2.353, 3.182
+        assert (selection.best is near) == expected
+        assert selection.lowest is near
     assert make_selection(lucky, worse).best is lucky  # the default failed
     with pytest.raises(InvalidInput, match="no candidate"):
         _ = ReproductionSelection((), ((Candidate(3), "too short"),), 0).best

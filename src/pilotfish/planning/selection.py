@@ -13,11 +13,11 @@ orientations are compared by angles. The score of a held-out demonstration is th
 over parts. One error alone rewards the wrong model: the mean distance of people's repetitions is mostly
 timing, the warped distance ignores a late arrival, and an end can be right after a wrong path.
 
-Choice. The default of `learn` is always a candidate. It is kept unless another one is significantly better: a
-one-sided t-test of the differences, paired by demonstration, at 95 %. Of those, the one of the lowest mean
-score is chosen. Candidates on the same few demonstrations differ by chance, and the lowest of many scores is
-as often worse as better than the default on the next demonstration; so is a gain of one standard error
-(`reproductions/select_splits.py`).
+Choice. The default of `learn` is always a candidate. It is kept unless another one is significantly better:
+by a one-sided t-test of the differences, paired by demonstration, at 5 % for all candidates together
+(Bonferroni). Of those, the one of the lowest mean score is chosen. Candidates on the same few demonstrations
+differ by chance, and the lowest of many scores is as often worse as better than the default on the next
+demonstration; so is a gain of one standard error (`reproductions/select_splits.py`).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
 
 from pilotfish.control import Motion
 from pilotfish.demonstrations import Demonstration, Quantity
@@ -44,7 +43,7 @@ DEFAULT_CANDIDATE = Candidate()  # the configuration of `learn` and `reproduce` 
 DEFAULT_SETTINGS = EMSettings()
 STATE_COUNTS, MIN_ROWS = (15, 20, 40), 2  # of `default_candidates`; steps of a demonstration for each state
 ROWS_PER_COLUMN = 3  # of each state, for full covariances
-CONFIDENCE = 0.95  # of the t-test with which a candidate replaces the default
+SIGNIFICANCE = 0.05  # probability of replacing a default that is as good as every candidate
 MAX_FOLDS = 5  # fits of a candidate
 MAX_WARPED_ROWS = 200  # longer motions are warped at 200 rows of equal distance in time
 MEASURES = ("mean distance", "warped distance", "end error")
@@ -102,19 +101,24 @@ class ReproductionSelection:
         Raises:
             InvalidInput: If every candidate failed.
         """
-        if not self.scores:
-            reasons = {reason for _, reason in self.failures}
-            raise InvalidInput(f"no candidate could be reproduced: {'; '.join(sorted(reasons))}")
         default = self.default
-        if default is None:
-            return min(self.scores, key=lambda score: score.mean)
+        if default is None or not self.scores:
+            return self.lowest
         better = [score for score in self.scores if self._is_significantly_better(score)]
         return min(better, key=lambda score: score.mean, default=default)
 
     def _is_significantly_better(self, score: ReproductionScore) -> bool:
-        """Return whether a score is lower than that of the default, by a paired one-sided t-test."""
+        """Return whether a score is lower than that of the default, by a paired one-sided t-test.
+
+        The level of the test is divided by the number of candidates that are compared with the default.
+        """
+        from scipy.special import stdtrit  # quantile of Student's t; a slow import
+
+        degrees = len(score.values) - 1
+        if score is self.default or degrees < 1:
+            return False
         gain, error = self.gain(score)
-        return len(score.values) > 1 and gain > float(t.ppf(CONFIDENCE, len(score.values) - 1)) * error
+        return gain > error * float(stdtrit(degrees, 1.0 - SIGNIFICANCE / (len(self.scores) - 1)))
 
     def gain(self, score: ReproductionScore) -> tuple[float, float]:
         """Return by how much a score is lower than that of the default, and the standard error of this.
@@ -129,6 +133,18 @@ class ReproductionSelection:
             raise InvalidInput("the default has no score, expected one; see failures")
         gains = self.default.values - score.values
         return float(gains.mean()), _standard_error(gains)
+
+    @property
+    def lowest(self) -> ReproductionScore:
+        """Score of the lowest mean, which may be low by chance.
+
+        Raises:
+            InvalidInput: If every candidate failed.
+        """
+        if not self.scores:
+            reasons = {reason for _, reason in self.failures}
+            raise InvalidInput(f"no candidate could be reproduced: {'; '.join(sorted(reasons))}")
+        return min(self.scores, key=lambda score: score.mean)
 
     @property
     def default(self) -> ReproductionScore | None:

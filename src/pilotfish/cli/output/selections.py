@@ -73,11 +73,12 @@ def reproduction_result(
     header = ("states", "structure", "durations", "frames", "score", "gain", *measures, "")
     rows = []
     for score in selection.scores:
-        mark = "selected" if score is best else ""
-        mark += (", default" if mark else DEFAULT) if score is selection.default else ""
+        marks = {"selected": best, DEFAULT: selection.default, "lowest": selection.lowest}
+        mark = ", ".join(name for name, marked in marks.items() if score is marked)
         rows.append(_reproduction_row(selection, score, mark))
     notes = [
         ("selected", best.candidate.label + (": no other is significantly better" if kept else "")),
+        *(("lowest", text) for text in chance_notes(selection)),
         ("cost", f"{selection.fits} fits in {seconds:.0f} s"),
         *(("edge", text) for text in edge_notes(selection)),
         *(("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures),
@@ -96,6 +97,20 @@ def reproduction_result(
         "plot": str(out) if out else None,
     }
     return CommandResult([Table(header, tuple(rows)), key_value_table(notes)], data)
+
+
+def chance_notes(selection: ReproductionSelection) -> list[str]:
+    """Return a note if a candidate has a lower score than the choice, but possibly by chance.
+
+    Args:
+        selection: Scores of the candidates.
+    """
+    lowest = selection.lowest
+    if lowest is selection.best or lowest.mean >= selection.best.mean:
+        return []
+    gain, error = selection.gain(lowest)
+    note = f"{lowest.candidate.label}: better by {gain:.3f} +- {error:.3f}, which may be chance with "
+    return [f"{note}{len(lowest.values)} held out; more of them tell"]
 
 
 def edge_notes(selection: ReproductionSelection) -> list[str]:
