@@ -86,11 +86,13 @@ class ReproductionSelection:
         scores: Results of the candidates that could be learned and reproduced.
         failures: The other candidates, each with the reason.
         fits: Number of calls of `learn`.
+        executions: Number of executions in physics.
     """
 
     scores: tuple[ReproductionScore, ...]
     failures: tuple[tuple[Candidate, str], ...]
     fits: int
+    executions: int = 0
 
     @property
     def best(self) -> ReproductionScore:

@@ -85,7 +85,8 @@ def select_by_success(
         measures = {"failures": rows[:, 0], f"error [{task.unit}]": rows[:, 1]}
         states = candidate.states or default_states(demonstrations)
         scores.append(ReproductionScore(candidate, states, rows[:, 0], measures))
-    return ReproductionSelection(tuple(scores), tuple(failures), len(every_candidate))
+    executions = len(scores) * situations
+    return ReproductionSelection(tuple(scores), tuple(failures), len(every_candidate), executions)
 
 
 def _learn(

@@ -76,10 +76,11 @@ def reproduction_result(
         marks = {"selected": best, DEFAULT: selection.default, "lowest": selection.lowest}
         mark = ", ".join(name for name, marked in marks.items() if score is marked)
         rows.append(_reproduction_row(selection, score, mark))
+    executions = f" and {selection.executions} executions" if selection.executions else ""
     notes = [
         ("selected", best.candidate.label + (": no other is significantly better" if kept else "")),
         *(("lowest", text) for text in chance_notes(selection)),
-        ("cost", f"{selection.fits} fits in {seconds:.0f} s"),
+        ("cost", f"{selection.fits} fits{executions} in {seconds:.0f} s"),
         *(("edge", text) for text in edge_notes(selection)),
         *(("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures),
         *(("run", line) for line in commands),
@@ -91,6 +92,7 @@ def reproduction_result(
         "default_kept": kept,
         "edge": selection.edge,
         "fits": selection.fits,
+        "executions": selection.executions,
         "commands": list(commands),
         "scores": [_reproduction_to_json(score) for score in selection.scores],
         "failures": _failures_to_json(selection.failures),
