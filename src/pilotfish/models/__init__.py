@@ -38,7 +38,7 @@ from pilotfish.models.initialisation import FromModel, KMeans, Template, TimeBin
 from pilotfish.models.learn import default_states, default_structure, learn
 from pilotfish.models.learning_problem import Fit
 from pilotfish.models.regression import filtered_regression, smoothed_regression
-from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, select
+from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, require_selection, select
 from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
 from pilotfish.models.sequences import (
     log_emissions,
@@ -102,6 +102,7 @@ __all__ = [
     "online",
     "part_scales",
     "relevance",
+    "require_selection",
     "select",
     "select_frames",
     "semi_markov_parameter_count",

@@ -90,6 +90,9 @@ class Candidate:
             demonstrations: Recordings of one task.
             rng: Source of randomness of the initialisation.
             settings: Settings of expectation-maximisation.
+
+        Returns:
+            The skill, and how the fit ended.
         """
         return learn(
             demonstrations,
@@ -238,11 +241,14 @@ def select(
 
 
 def require_selection(demonstrations: Sequence[Demonstration], candidates: Sequence[Candidate]) -> None:
-    """Raise InvalidInput unless there are candidates, and demonstrations to hold out.
+    """Check that there are candidates, and demonstrations to hold out.
 
     Args:
         demonstrations: Demonstrations of a selection.
         candidates: Candidates of a selection.
+
+    Raises:
+        InvalidInput: If there are fewer than two demonstrations or no candidates.
     """
     if len(demonstrations) < 2:
         raise InvalidInput(

@@ -31,8 +31,15 @@ from pilotfish.demonstrations import Demonstration, Quantity
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.gaussians.structures import Diagonal, Full, SemiTied
 from pilotfish.geometry import angle
-from pilotfish.models import Candidate, EMSettings, Skill, adapt, default_states, relevance
-from pilotfish.models.selection import require_selection
+from pilotfish.models import (
+    Candidate,
+    EMSettings,
+    Skill,
+    adapt,
+    default_states,
+    relevance,
+    require_selection,
+)
 from pilotfish.planning.costs import default_control_cost
 from pilotfish.planning.evaluation import warped_mean
 from pilotfish.planning.reproduction import reproduce_adapted

@@ -10,8 +10,7 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration
 from pilotfish.environments import Task
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.models import Candidate, EMSettings, Skill, default_states
-from pilotfish.models.selection import require_selection
+from pilotfish.models import Candidate, EMSettings, Skill, default_states, require_selection
 from pilotfish.planning import DEFAULT_CANDIDATE, ReproductionScore, ReproductionSelection
 from pilotfish.simulation.execution import perform
 from pilotfish.simulation.recording import situation_from_seed

@@ -58,6 +58,7 @@ def models_examples() -> Examples:
         "align_quaternion_signs": {"start": demos[0].x[0], "model": adapted},
         "select_frames": {"demonstrations": valve, "frame_relevance": frame_relevance},
         "state_segments": {"states": labels},
+        "require_selection": {"demonstrations": demos, "candidates": [candidate(2)]},
         "select": {
             "demonstrations": demos,
             "candidates": [candidate(2)],
