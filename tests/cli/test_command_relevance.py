@@ -1,5 +1,6 @@
-"""Frame relevance: `show --relevance` and `learn --drop-distractors`."""
+"""Frame relevance: `show --relevance`, `reproduce --relevance` and `learn --drop-distractors`."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -166,3 +167,23 @@ def test_markov_model_has_no_duration_distribution(run_json: RunJson, folder: Pa
     assert (
         run_json("learn", folder, "--states", "2", "--dynamics", "markov", "--out", "m")["durations"] is None
     )
+
+
+def test_reproduce_with_relevance_ignores_distractor(
+    run_command_line: RunCommand, distractor_folder: Path, tmp_path: Path
+):
+    """Moving the clock changes the motion of equal frames, and not that of weighted ones."""
+    learn = ("learn", distractor_folder, "--states", "3", "--out", "all.skill")
+    assert run_command_line(*learn).exit_code == 0
+    motions = {}
+    for place in (0.0, 5.0):
+        positions = {"box": [0.0, 0.0, 0.0], "cup": [1.0, 0.0, 0.0], "clock": [2.0, place, 0.0]}
+        poses = [{"name": n, "position": p, "quaternion": [1, 0, 0, 0]} for n, p in positions.items()]
+        (tmp_path / "now.json").write_text(json.dumps(poses))
+        for name, weights in (("equal", ()), ("weighted", ("--relevance", distractor_folder))):
+            file = tmp_path / f"{name}{place}.csv"
+            line = ("reproduce", "all.skill", "--frames", "now.json", *weights, "--out", file)
+            assert run_command_line(*line).exit_code == 0
+            motions[name, place] = np.loadtxt(file, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(motions["weighted", 0.0], motions["weighted", 5.0], atol=1e-9)
+    assert np.abs(motions["equal", 0.0] - motions["equal", 5.0]).max() > 0.01  # m
