@@ -39,7 +39,8 @@ for side in np.radians([-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0]):
 
 cup = Pose(np.array([0.3, 0.4, 0.1]), rotation_about(UP, 2.5))  # a new place
 for name, convert in (("four numbers", lambda d: d), ("on the sphere", pf.demonstrations.to_sphere)):
-    skill = pf.learn([convert(d) for d in training], states=5, rng=np.random.default_rng(0)).skill
+    converted, bins = [convert(d) for d in training], pf.models.TimeBins()  # the same bins for both
+    skill = pf.learn(converted, states=5, initialisation=bins, rng=np.random.default_rng(0)).skill
     print(f"{name}, {skill.width} columns; orientation error of the jug by the side that it is held from")
     for side in (0.0, 15.0, 30.0, 60.0):
         test = convert(sample_pouring(cup, np.radians(side), error=np.zeros(3)))

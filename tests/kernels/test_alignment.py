@@ -7,7 +7,7 @@ import pytest
 from kernel_arguments import LAYOUTS, field, unaligned
 
 from pilotfish.errors import InvalidInput
-from pilotfish.kernels import Emissions, reference, validation
+from pilotfish.kernels import Emissions, packing, reference, validation
 
 
 def place_at_offset(array, offset):
@@ -70,10 +70,10 @@ def test_native_arrays_not_readable_in_place_raise(native, spoil):
 def test_pack_array_readable_array_is_not_copied():
     """All others are copied, with equal values."""
     array = np.arange(12.0).reshape(3, 4)
-    assert validation.pack_array(array, "x") is array
+    assert packing.pack_array(array, "x") is array
     others = [lay_out(array) for lay_out in LAYOUTS.values() if lay_out is not LAYOUTS["read-only"]]
     for other in (*others, array.tolist()):
-        packed = validation.pack_array(other, "x")
+        packed = packing.pack_array(other, "x")
         assert packed.flags.aligned
         assert packed.flags.c_contiguous
         assert packed.dtype.isnative

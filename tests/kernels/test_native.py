@@ -63,7 +63,7 @@ def test_native_both_instruction_sets_agree(baseline, case):
         (given.means, given.precision_cholesky[..., :8, :8].copy(), np.array([4]), 2),
     )
     logs = np.log(given.initial), np.log(given.transitions)
-    markov = *data, logs[0], given.transitions, logs[1], *gaussians
+    markov = *data, logs[0], given.transitions, logs[1], *gaussians, np.zeros(5)
     semi_markov = *data, *logs, np.zeros((4, 30, 5)), np.zeros((2, 5)), *gaussians
     for name, arguments in [("e_step", markov), ("semi_markov_e_step", semi_markov)]:
         old_sums, new_sums = getattr(baseline, name)(*arguments), getattr(newer, name)(*arguments)
@@ -160,7 +160,7 @@ def test_native_wrong_shapes_raise(baseline):
     chain, no_turns = (np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))), np.array([], dtype=np.int64)
     for lengths in ([4], [6], [5, 0], [-1, 6], [2**62, 2**62]):
         with pytest.raises(ValueError, match="lengths"):
-            baseline.e_step(x, np.array(lengths), *chain, means, precision_cholesky, no_turns, 1)
+            baseline.e_step(x, np.array(lengths), *chain, means, precision_cholesky, no_turns, 1, np.zeros(3))
     with pytest.raises(ValueError, match="precision_cholesky has 2 entries along axis 1, expected 3"):
         baseline.log_emissions(x, means, precision_cholesky[:, :2], no_turns)
     for orientation_starts in ([0], [-1], [2**40]):
@@ -169,7 +169,7 @@ def test_native_wrong_shapes_raise(baseline):
     with pytest.raises(ValueError, match="orientation_starts are not"):  # they overlap
         baseline.log_emissions(np.zeros((1, 5, 8)), np.zeros((1, 3, 8)), precision_cholesky, np.array([0, 3]))
     with pytest.raises(ValueError, match="threads is -1, expected"):
-        baseline.e_step(x, np.array([5]), *chain, means, precision_cholesky, no_turns, -1)
+        baseline.e_step(x, np.array([5]), *chain, means, precision_cholesky, no_turns, -1, np.zeros(3))
     with pytest.raises(ValueError, match="log_segment_weights has 5 entries along axis 0, expected 4"):
         baseline.semi_markov_forward_backward(
             np.zeros((9, 3)), *chain[:2], np.zeros((5, 7, 3)), np.zeros((2, 3))

@@ -132,7 +132,10 @@ def test_learned_values_repr_states_shapes():
     assert f"means=array({P} x 3 x {columns})" in repr(skill)
     assert "dynamics=SemiMarkovChain(...)" in repr(skill)
     assert f"period={skill.period:g}" in repr(skill)
-    assert repr(fit) == "Fit(skill=Skill(...), markov_skill=Skill(...), convergence=Convergence(...))"
+    assert (
+        repr(fit)
+        == "Fit(skill=Skill(...), markov_skill=Skill(...), convergence=Convergence(...), active_bounds=[])"
+    )
 
 
 def test_reproduction_repr_is_short():

@@ -18,8 +18,10 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, Frame, Layout, MovingFrame, Part, Quantity
 from pilotfish.geometry import log_map, normalise
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionRanges:
     """Lengths, sizes, speeds and accelerations of the demonstrations.
@@ -47,6 +49,7 @@ class MotionRanges:
     start_distances: Float[Array, " Q"]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameRanges:
     """Where the frames of the demonstrations were.

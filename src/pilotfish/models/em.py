@@ -50,6 +50,7 @@ MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
 EStep = Callable[[HiddenModel, Views, Statistics], Statistics]
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class EMSettings:
     """Settings of expectation-maximisation.

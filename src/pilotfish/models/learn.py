@@ -115,6 +115,12 @@ def learn(
         raise InvalidInput(
             f'durations is given with dynamics={dynamics!r}, expected dynamics="semi-markov"; leave one out'
         )
+    require_type(
+        structure,
+        "structure",
+        (CovarianceStructure, type(None)),
+        "give an instance, such as pf.structures.Full() or pf.structures.SemiTied()",
+    )
     _validate_initialisation(initialisation, states, rng, settings.restarts)
     problem = _make_problem(demonstrations, states, rng, dynamics, structure, settings)
     m_step = problem.m_step(FIT_DYNAMICS[dynamics])

@@ -27,7 +27,7 @@ def frame_relevance(frame_relevance: FrameRelevance) -> Figure:
     The relevance is the power of the frame's Gaussian in the product, relative to the most relevant frame of
     the state. The cost is what held-out demonstrations lose if this frame alone is left out of the state
     [nat]. Its colours are linear up to three nats and logarithmic beyond. Frames without relevance at any
-    state have grey names. Cells without a number are zero, or below 0.05 nat. Above 24 states only colours
+    state have grey names. Cells without a number are zero, or below 0.05 nat. Above 32 states only colours
     are drawn.
 
     Args:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pilotfish.cli.options.structures import structure_text
+from pilotfish.cli.output.motion_notes import name_options
 from pilotfish.cli.output.results import CommandResult
 from pilotfish.cli.output.tables import Table, key_value_table
 from pilotfish.models import Candidate, Score, Selection, SemiMarkovChain
@@ -181,6 +182,7 @@ def likelihood_result(selection: Selection, seconds: dict[int, float], out: Path
     ]
     notes = [("selected", best.candidate.label)]
     notes += [("failed", f"{c.label}: {' '.join(reason.split())}") for c, reason in selection.failures]
+    notes += [("note", name_options(note)) for note in best.notes]
     notes += [("plot", str(out))] if out else []
     data = {
         "by": "likelihood",
@@ -227,6 +229,7 @@ def _score_to_json(score: Score, seconds: dict[int, float]) -> dict[str, Any]:
         "log_likelihood": _finite_or_none(score.log_likelihood),
         "bic": _finite_or_none(score.bic),
         "held_out_log_likelihood": [_finite_or_none(value) for value in score.held_out.tolist()],
+        "notes": list(map(name_options, score.notes)),
         "mean": _finite_or_none(score.held_out_mean),
         "standard_error": _finite_or_none(score.standard_error),
         "cpu_seconds": seconds[id(score.candidate)],
