@@ -14,7 +14,7 @@ import pytest
 
 FULL_DEVICE = Path("/dev/full")
 LEARN = ["learn", "reaches", "--states", "2"]
-STREAM = ["stream", "rows", "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3"]
+STREAM = ["stream", "rows", "--learner", "dp-gmm", "--cluster", "0.1", "--noise", "1e-3", "--no-scale"]
 
 
 @pytest.fixture
