@@ -38,6 +38,7 @@ def models_examples() -> Examples:
     framed = models.learn(valve, states=2, rng=new_rng(), settings=FAST_SETTINGS).skill
     frame_relevance = models.relevance(framed, valve)
     frames = [demonstrations.frame(name, np.eye(14), np.zeros(14)) for name in framed.frame_names]
+    shares, scales = np.ones(len(demos[0].x)), models.demonstration_statistics(demos).scales
     counts = {"structure": full, "states": 3, "width": 4, "frames": 2}
     return {
         "adapt": {"skill": framed, "frames": frames, "relevance": np.ones((2, 2))},
@@ -55,6 +56,15 @@ def models_examples() -> Examples:
         "matched_accuracy": {"predicted": labels, "labels": labels[::-1].copy()},
         "match_labels": {"predicted": labels, "labels": labels[::-1].copy()},
         "normalised_mutual_information": {"predicted": labels, "labels": labels[::-1].copy()},
+        "coordinate_parts": {"layout": valve[0].layout},
+        "default_regularisation": {"scales": scales, "layout": demos[0].layout},
+        "default_states": {"demonstrations": demos},
+        "default_structure": {"states": None, "dynamics": "semi-markov"},
+        "demonstration_statistics": {"demonstrations": demos},
+        "frame_angle": {"frame": frames[0], "orientation": np.eye(14), "layout": valve[0].layout},
+        "measure_motion": {"x": demos[0].x, "layout": demos[0].layout, "period": 0.1},
+        "part_scales": {"x": demos[0].x, "weights": shares, "layout": demos[0].layout, "duration": 3.0},
+        "structure_notes": {"skill": framed},
         "align_quaternion_signs": {"start": demos[0].x[0], "model": adapted},
         "select_frames": {"demonstrations": valve, "frame_relevance": frame_relevance},
         "state_segments": {"states": labels},

@@ -8,7 +8,7 @@ from fuzzing.examples_of_models import adapt_in_world, candidate, learn_lines
 from fuzzing.examples_of_values import Examples, new_rng, unit_quaternions
 from fuzzing.seeds import FAST_SETTINGS, streams, valve_demonstrations
 from pilotfish import control, demonstrations, gaussians, geometry, kernels, models, planning
-from pilotfish.environments import Manipulation
+from pilotfish.environments import Manipulation, stack_measurements
 
 
 @cache
@@ -125,6 +125,13 @@ def planning_examples() -> Examples:
         "plan_states": {"adapted": adapted, "start": start, "horizon": 10, "via_points": [via_point]},
         "condition_on": {"reference": reference, "points": [via_point], "layout": adapted.layout},
         "via_point": {"name": "position", "value": [0.5, 0.1], "time": 0.4, "deviation": [0.01, 0.02]},
+        "default_control_cost": {"adapted": adapted},
+        "default_covariance_regularisation": {"adapted": adapted},
+        "motion_notes": {
+            "skill": fit.skill,
+            "reproduction": planning.reproduce(fit.skill, frames, start, horizon=10),
+            "frames": frames,
+        },
         "mean_demonstration_length": {"skill": fit.skill},
         "largest_acceleration": {"motion": motion, "layout": demos[0].layout},
         **{
@@ -177,8 +184,16 @@ def planning_examples() -> Examples:
 
 def environments_examples() -> Examples:
     cell = new_environment()
+    now = cell.cell.measure_progress()
+    periods = [{**now, "turned": turned} for turned in (0.0, 0.2, 0.4)]
     action = np.array([0.6, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.5])
     return {
+        "explain_failure": {
+            "progress": cell.task.progress,
+            "history": stack_measurements(periods),
+            "outcome": cell.cell.outcome(),
+        },
+        "stack_measurements": {"measurements": periods},
         "manipulation.step": {"action": action},
         "manipulation.reset": {"options": {"situation": cell.task.sample_situation(new_rng())}},
     }

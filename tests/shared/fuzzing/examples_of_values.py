@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fuzzing.seeds import valve_demonstrations
+from fuzzing.seeds import gripper_demonstrations, valve_demonstrations
 from pilotfish import demonstrations, gaussians, geometry
 
 Examples = dict[str, dict[str, object]]
@@ -57,7 +57,7 @@ def geometry_examples() -> Examples:
 
 
 def demonstrations_examples() -> Examples:
-    demos = valve_demonstrations()
+    demos, gripper = valve_demonstrations(), gripper_demonstrations()
     demo, layout = demos[0], demonstrations.pose_layout()
     given = demo.frames[0]
     A, b = np.stack([given.A] * len(demo.x)), np.stack([given.b] * len(demo.x))
@@ -77,6 +77,11 @@ def demonstrations_examples() -> Examples:
         "moving_frame": {"name": "a", "A": A, "b": b},
         "frame_from_pose": {"name": "a", "layout": layout, "pose": place},
         "moving_frame_from_poses": {"name": "a", "layout": layout, "poses": [place, place]},
+        "has_opposite_sign": {"q": demo.x[:, 3:7], "reference": -demos[1].x[:, 3:7]},
+        "switching_columns": {
+            "x": np.vstack([held.x for held in gripper]),
+            "layout": gripper[0].layout,
+        },
         "to_sphere": {"demo": demo},
         "position_layout": {"axes": 2, "unit": "m"},
         "resample": {"demo": demo, "steps": 9},

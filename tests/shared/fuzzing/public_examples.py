@@ -52,6 +52,7 @@ EXCLUDED: Mapping[str, str] = {
         for name in ("contact_forces", "linear_path")
     },
     "plots.draw_ellipses": "draws into axes; the figures call it",
+    "validation.shorten_repr": "changes a class of the library when it is defined",
     "plots.state_colour": "takes the index of a state only",
 }
 
