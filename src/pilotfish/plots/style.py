@@ -15,7 +15,7 @@ from pilotfish.demonstrations import Layout
 
 # Six colours of Okabe & Ito 2008, without yellow, and two dark ones of Paul Tol.
 STATE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#332288", "#882255")
-STATE_DASHES: tuple[LineStyleType, ...] = ("-", "--", ":", "-.")
+STATE_DASHES: tuple[LineStyleType, ...] = ("-", "--", ":", (0.0, (3.0, 1.0, 1.0, 1.0)))
 MAX_STATES = len(STATE_COLOURS) * len(STATE_DASHES)
 
 # Other lines are grey or black. Spatial axes, and columns named after them, have their own colours.
