@@ -21,13 +21,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, Views
+from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.em import Convergence, EStep, MStep, expected_statistics, fit_em
 from pilotfish.models.initialisation import Initialisation, KMeans, Template, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
-from pilotfish.models.sequences import state_segments, viterbi
+from pilotfish.models.sequences import log_emissions, state_segments
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics
 
@@ -79,7 +79,7 @@ def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
             NotPositiveDefinite,
         ):  # too few distinct points, or a state collapses
             continue
-        if _is_admissible(fit.skill, problem.demonstrations, initialisation):
+        if _is_admissible(fit.skill, problem.data, initialisation):
             results.append((fit, complete))
 
     def criterion(result: tuple[Fit, bool]) -> float:
@@ -90,14 +90,16 @@ def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
     return min(results, key=criterion)
 
 
-def _is_admissible(
-    skill: Skill, demonstrations: Sequence[Demonstration], initialisation: Initialisation
-) -> bool:
-    """Return whether demonstrations share the states, and those of k-means return to theirs."""
-    visits = np.zeros((len(demonstrations), skill.states))
-    for m, demo in enumerate(demonstrations):
-        np.add.at(visits[m], state_segments(viterbi(skill, demo))[0], 1.0)
-    shared = float((2 * (visits > 0.0).sum(axis=0) >= len(demonstrations)).mean())
+def _is_admissible(skill: Skill, data: Views, initialisation: Initialisation) -> bool:
+    """Return whether demonstrations share the states, and those of k-means return to theirs.
+
+    The views of all demonstrations together have the quaternion signs of the skill; those of one alone may
+    not.
+    """
+    visits = np.zeros((len(data.lengths), skill.states))
+    for m, log_b in enumerate(np.split(log_emissions(skill, data), np.cumsum(data.lengths)[:-1])):
+        np.add.at(visits[m], state_segments(skill.dynamics.viterbi(log_b))[0], 1.0)
+    shared = float((2 * (visits > 0.0).sum(axis=0) >= len(data.lengths)).mean())
     if isinstance(initialisation, KMeans):
         return shared == 1.0 and bool(visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
     return shared >= MIN_SHARED
