@@ -123,3 +123,12 @@ def test_riemannian_product_means_half_turn_apart_is_half_way(rng):
 def test_riemannian_product_empty_raises():
     with pytest.raises(InvalidInput, match="at least one"):
         RiemannianGaussian.product([])
+
+
+def test_riemannian_product_conflicting_means_is_no_less_likely_than_either(rng, base):
+    """Means many deviations apart turn some products to a half turn from a mean, where the density jumps."""
+    for _ in range(30):
+        said = [random_gaussian(rng, base, apart=2.0) for _ in range(2)]
+        points = np.stack([RiemannianGaussian.product(said).mean, *(g.mean for g in said)])
+        fused, *means = sum(g.log_density(points) for g in said)
+        assert fused >= max(means)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from published import published_options
 
 from pilotfish.demonstrations import (
     Demonstration,
@@ -236,9 +237,13 @@ def test_adapt_on_s3_negated_quaternions_give_same_skill(rng, demos):
 
 
 def test_adapt_on_s3_mean_maximises_product_of_powers(rng, demos):
-    """At the mean of each state no step increases sum_j r_j log p_j."""
+    """At the mean of each state no step increases sum_j r_j log p_j.
+
+    Frames of the published fit agree. Where they conflict, the product may end at a half turn from a frame,
+    where its density jumps and has no mode; `tests/gaussians/test_riemannian.py` covers that.
+    """
     skill, frame_weights = (
-        learn(demos, states=3, rng=rng, dynamics="markov").skill,
+        learn(demos, states=3, rng=rng, dynamics="markov", **published_options()).skill,
         rng.uniform(0.1, 1.0, size=(2, 3)),
     )
     frame_weights[1, 0] = 0.0

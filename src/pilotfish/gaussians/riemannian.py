@@ -15,6 +15,7 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
 
 MAX_ITERATIONS, TOLERANCE = 100, 1e-10
+ROUNDING = 1e-9  # relative error of the cost
 STEP_SIZES = 0.5 ** np.arange(20)
 
 
@@ -107,7 +108,10 @@ class RiemannianGaussian:
             if lower is None or np.abs(step.mean).max() <= TOLERANCE:
                 break
             x, v = lower
-        return cls(exp_map(x, step.mean, orientation_starts), step.covariance, orientation_starts)
+        end = exp_map(x, step.mean, orientation_starts)  # more exact than x where only rounding is left
+        if cost(log_map(means, end, orientation_starts)) > (1.0 + ROUNDING) * cost(v):
+            end = x  # next to a half turn from a mean, where the density jumps
+        return cls(end, step.covariance, orientation_starts)
 
 
 def _tangent_gaussians(v: Float[Array, "P E"], gaussians: Sequence[RiemannianGaussian]) -> list[Gaussian]:
