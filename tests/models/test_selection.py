@@ -125,9 +125,12 @@ def test_select_uncorrelated_columns_gives_diagonal(rng, make_demonstrations):
 
 
 def test_select_failed_candidate_is_reported(rng, make_demonstrations):
-    """Too many states for the shortest demonstration, and covariances that collapse."""
+    """Too many states for the shortest demonstration, and covariances that collapse.
+
+    Twelve time bins of two or three points collapse without regularisation.
+    """
     finished = []
-    candidates = [candidate(), candidate(states=35), candidate(states=12)]
+    candidates = [candidate(states=K, initialisation=TimeBins()) for K in (3, 35, 12)]
     selection = select(
         make_demonstrations(lengths=(30, 42, 37)),
         candidates,
