@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from published import published_options
 
 from pilotfish.demonstrations import (
     Layout,
@@ -35,12 +36,16 @@ VALVE, SCREWDRIVER = TASKS["valve"], TASKS["screwdriver"]
 
 
 def learn_skill(
-    recordings: tuple[RecordedDemonstration, ...], *, sphere: bool = False, states: int = 5
+    recordings: tuple[RecordedDemonstration, ...],
+    *,
+    sphere: bool = False,
+    states: int | None = 5,
+    **options: Any,
 ) -> Skill:
     demonstrations = [recorded.demonstration for recorded in recordings]
     converted = [to_sphere(demo) if sphere else demo for demo in demonstrations]
     return learn(
-        [add_derivatives(demo) for demo in converted], states=states, rng=np.random.default_rng(0)
+        [add_derivatives(demo) for demo in converted], states=states, rng=np.random.default_rng(0), **options
     ).skill
 
 
@@ -223,10 +228,17 @@ def test_perform_next_plan_starts_from_last_command(
 
 
 @pytest.mark.parametrize("sphere", [False, True])
+@pytest.mark.parametrize(
+    "options", [{"states": None}, {"states": 5, **published_options()}], ids=["default", "published"]
+)
 def test_perform_command_is_smooth(
-    alignment_recordings: tuple[RecordedDemonstration, ...], sphere: bool, unchecked: None
+    alignment_recordings: tuple[RecordedDemonstration, ...],
+    options: dict[str, Any],
+    sphere: bool,
+    unchecked: None,
 ):
-    skill = learn_skill(alignment_recordings, sphere=sphere)
+    """Five states are cut as published: a first state of a few steps is a long way from the start."""
+    skill = learn_skill(alignment_recordings, sphere=sphere, **options)
     commanded = perform(skill, SCREWDRIVER, unseen_situation(1, SCREWDRIVER)).commanded
     h2 = skill.period**2
     assert np.linalg.norm(np.diff(commanded[:, :3], n=2, axis=0), axis=1).max() < 2.0 * h2
