@@ -8,7 +8,7 @@ EM finds a local maximum, so `learn` begins at several models by default and kee
     k-means    suits a movement that returns to its states, such as a periodic one.
 
 The likelihood alone prefers states that describe single demonstrations. A template is therefore taken only if
-nearly all of its states are visited by at least half of the demonstrations, and k-means only if all are and
+nearly all of its states are visited by more than half of the demonstrations, and k-means only if all are and
 the movement returns to its states; otherwise it may leave out parts.
 
 EM stops early, when an iteration gains less than half a nat per datapoint. Later iterations move states to
@@ -33,7 +33,7 @@ from pilotfish.models.statistics import Statistics
 
 EARLY_GAIN = 0.5  # nats per datapoint
 MIN_FOR_TEMPLATES, MAX_TEMPLATES = 3, 5  # demonstrations
-MIN_SHARED = 0.95  # of the states of a template are visited by half of the demonstrations
+MIN_SHARED = 0.95  # of the states of a template are visited by more than half of the demonstrations
 MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
 
 
@@ -99,7 +99,7 @@ def _is_admissible(skill: Skill, data: Views, initialisation: Initialisation) ->
     visits = np.zeros((len(data.lengths), skill.states))
     for m, log_b in enumerate(np.split(log_emissions(skill, data), np.cumsum(data.lengths)[:-1])):
         np.add.at(visits[m], state_segments(skill.dynamics.viterbi(log_b))[0], 1.0)
-    shared = float((2 * (visits > 0.0).sum(axis=0) >= len(data.lengths)).mean())
+    shared = float((2 * (visits > 0.0).sum(axis=0) > len(data.lengths)).mean())
     if isinstance(initialisation, KMeans):
         return shared == 1.0 and bool(visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
     return shared >= MIN_SHARED
