@@ -141,7 +141,7 @@ def test_motion_notes_of_home_as_start_of_demonstrations_that_began_later_name_t
     skill, poses = learn_pick(first_row=20), sample_poses(np.random.default_rng(7))
     assert notes_at(skill, poses) == ()
     notes = notes_at(skill, poses, home_start(skill))
-    require_note(notes, "the start is", "in position", "check start")
+    require_note(notes, "the start's position is", "farther than any two states")
     require_note(notes, "the largest acceleration is", "m/s² in position")
 
 
