@@ -115,12 +115,8 @@ def learn(
         raise InvalidInput(
             f'durations is given with dynamics={dynamics!r}, expected dynamics="semi-markov"; leave one out'
         )
-    require_type(
-        structure,
-        "structure",
-        (CovarianceStructure, type(None)),
-        "give an instance, such as pf.structures.Full() or pf.structures.SemiTied()",
-    )
+    fix = "give an instance, such as pf.structures.Full() or pf.structures.SemiTied()"
+    require_type(structure, "structure", (CovarianceStructure, type(None)), fix)
     _validate_initialisation(initialisation, states, rng, settings.restarts)
     problem = _make_problem(demonstrations, states, rng, dynamics, structure, settings)
     m_step = problem.m_step(FIT_DYNAMICS[dynamics])
