@@ -162,7 +162,7 @@ def test_failing_plot_leaves_no_other_file(run_failing: RunFailing, tmp_path: Pa
     pytest.importorskip("matplotlib")
     rng = np.random.default_rng(0)
     x = [np.linspace(0, 1, 90)[:, None] + 0.01 * rng.normal(size=(90, 2)) for _ in range(3)]
-    path = save_learned_skill(tmp_path / "long.skill", x, position_layout(2), states=30)
+    path = save_learned_skill(tmp_path / "long.skill", x, position_layout(2), states=40)
     run_failing("reproduce", path, "--out", "x.csv", "--gains", "x.npz", "--plot", "x.png")
     assert [file.name for file in tmp_path.iterdir()] == ["long.skill"]
 
@@ -177,13 +177,13 @@ def test_show_too_many_states_gives_reason_per_plot(run_command_line: RunCommand
     pytest.importorskip("matplotlib")
     rng = np.random.default_rng(0)
     x = [np.linspace(0, 1, 90)[:, None] + 0.01 * rng.normal(size=(90, 2)) for _ in range(3)]
-    path = save_learned_skill(tmp_path / "long.skill", x, position_layout(2), states=30)
+    path = save_learned_skill(tmp_path / "long.skill", x, position_layout(2), states=40)
     result = run_command_line("show", path, "--plots", "plots")
     failures = [line for line in result.stdout.splitlines() if line.startswith("not plotted: ")]
     plots = list((tmp_path / "plots").iterdir()) if (tmp_path / "plots").exists() else []
     assert len(failures) + len(plots) == 3
     assert failures
-    assert all("24" in line and "30 states" in line for line in failures)
+    assert all("32" in line and "40 states" in line for line in failures)
     assert (result.exit_code == 0) is bool(plots)
     assert (tmp_path / "plots").exists() is bool(plots)
 

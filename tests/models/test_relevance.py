@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from published import published_options
 
 import pilotfish as pf
 from pilotfish.demonstrations import Frame, MovingFrame, frame_from_pose
@@ -194,7 +195,7 @@ def test_plan_with_relevance_moved_distractor_changes_less_than_one_percent(data
     Without relevance the moved frame changes the plan by more than a tenth of that.
     """
     demos = with_distractor(pf.datasets.valve()[:4], rng)
-    skill = learn(demos, states=7, rng=rng).skill
+    skill = learn(demos, states=7, rng=rng, **published_options()).skill
     pool_weights = relevance(skill, demos).values
     np.testing.assert_array_equal(pool_weights[2], 0.0)
     assert pool_weights[0, 1] == 1.0  # the valve before it is turned, when it is grasped

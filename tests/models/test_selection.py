@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from published import published_options
 
 from pilotfish.demonstrations import views, world_frame
 from pilotfish.errors import InvalidInput
@@ -51,7 +52,8 @@ def test_degrees_of_freedom_full_covariances_equal_count_by_hand(rng, make_demon
     Left-right: three states may stay or go on (3), the last stays and the first begins. Counted durations:
     mean and deviation of three states. Mixture: four weights that sum to one.
     """
-    skill = learn(make_demonstrations(stops=4, noise=0.02), states=4, rng=rng, dynamics=dynamics).skill
+    demos = make_demonstrations(stops=4, noise=0.02)
+    skill = learn(demos, states=4, rng=rng, dynamics=dynamics, **published_options()).skill
     assert degrees_of_freedom(skill, Full()) == 16 + 24 + count
 
 

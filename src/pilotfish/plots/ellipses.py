@@ -16,7 +16,7 @@ from pilotfish.types import Array, Float
 
 CONTOUR_POINTS = 73  # every five degrees
 # Name, origin, and axes x, y and z side by side, of a frame in the drawn columns.
-FrameAxes = tuple[str, Float[Array, " D"], Float[Array, "D 3"]]
+FrameAxes = tuple[str, Float[Array, " D"], Float[Array, "D _"]]
 
 
 def draw_ellipses(
