@@ -73,7 +73,7 @@ def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument("--data", type=Path, help="folder of recordings (default: PILOTFISH_DATA)")
     parser.add_argument("--only", nargs="+", default=RECORDINGS, help="these recordings or groups")
-    parser.add_argument("--splits", type=int, default=100, help="at most so many splits of each recording")
+    parser.add_argument("--splits", type=int, default=100, help="largest number of splits of each recording")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
     arguments = parser.parse_args()
     if arguments.data:

@@ -8,36 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import Result
+from stream_commands import PENALTIES, SOSC, models_equal
 
 import pilotfish as pf
 from pilotfish.cli.options.demonstrations import training_demonstrations
 from pilotfish.demonstrations import Demonstration, add_derivatives, moving_frame, position_layout
 from pilotfish.io.demonstration_folder import write_demonstrations
-from pilotfish.io.stream_file import encode_stream
 from pilotfish.models import online
 
 RunCommand = Callable[..., Result]
 RunJson = Callable[..., dict[str, Any]]
 RunFailing = Callable[..., str]
-
-SOSC = [
-    "--cluster",
-    "0.3",
-    "--dimension",
-    "0.02",
-    "--noise",
-    "0.01",
-    "--bandwidth",
-    "2",
-    "--transition",
-    "0.01",
-    "--no-scale",
-]
-PENALTIES = online.SOSC(0.3, 0.02, 0.01, 2.0, 0.01)
-
-
-def models_equal(path: Path, model: online.OnlineModel) -> bool:
-    return path.read_bytes() == encode_stream(model)
 
 
 @pytest.fixture

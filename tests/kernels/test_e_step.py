@@ -1,5 +1,7 @@
 """E-step of a hidden Markov model against its definition, and the compiled kernel against the reference."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -37,6 +39,25 @@ def test_log_emissions_entries_above_diagonal_are_ignored(kernels, case):
         kernels.log_emissions(given.x, Emissions(given.means, stained)),
         kernels.log_emissions(given.x, given.emissions),
     )
+
+
+def test_e_step_end_probabilities_equal_enumeration_of_paths(kernels, case):
+    """The weight of every path of states is multiplied by the end probability of its last state."""
+    given, final = case(2, [5, 3], 3, 3), np.array([0.3, 0.0, 0.9])
+    result = kernels.e_step(*given.arguments, final=final)
+    parts = np.split(reference.log_emissions(given.x, given.emissions), [5])
+    log_likelihoods, counts = [], np.zeros(3)
+    for log_b in parts:
+        total, visits = 0.0, np.zeros(3)
+        for path in product(range(3), repeat=len(log_b)):
+            steps = np.prod(given.transitions[path[:-1], path[1:]])
+            weight = given.initial[path[0]] * steps * final[path[-1]]
+            weight *= np.exp(log_b[range(len(path)), path].sum())
+            total, visits = total + weight, visits + weight * np.bincount(path, minlength=3)
+        log_likelihoods.append(np.log(total))
+        counts += visits / total
+    np.testing.assert_allclose(result.log_likelihoods, log_likelihoods, rtol=1e-10)
+    np.testing.assert_allclose(result.counts, counts, rtol=1e-9)
 
 
 def test_e_step_equals_sums_of_forward_backward(kernels, case):

@@ -38,7 +38,7 @@ def valve(count: int = 4) -> tuple[Demonstration, ...]:
 
 
 def reaches(unit: float, count: int = 4) -> list[Demonstration]:
-    """Return reaches in the plane from a start to a goal, both with a frame, in a unit of so many metres."""
+    """Return reaches in the plane from a start to a goal, both with a frame; `unit` is in metres."""
     rng = np.random.default_rng(1)
     layout, s = position_layout(2).differentiate(), np.linspace(0.0, 1.0, 40)
     demonstrations = []

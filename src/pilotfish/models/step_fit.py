@@ -74,11 +74,8 @@ def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
     for initialisation in others:
         try:
             fit, complete = fit_steps(problem, initialisation, m_step)
-        except (
-            InvalidInput,
-            NotPositiveDefinite,
-        ):  # too few distinct points, or a state collapses
-            continue
+        except (InvalidInput, NotPositiveDefinite):
+            continue  # too few distinct points, or a state collapses
         if _is_admissible(fit.skill, problem.data, initialisation):
             results.append((fit, complete))
 

@@ -1,7 +1,7 @@
 """Default costs of a plan, as multiples of the scales of the demonstrations.
 
-A column of scale s (`models/demonstration_statistics.py`) is tracked to no less than a thousandth of s, so
-that the variance (s / 1000)^2 is added to each of its covariances. Accelerations have the scale s'^2 / s,
+A column of scale s (`models/demonstration_statistics.py`) is never tracked more closely than s / 1000:
+the variance (s / 1000)^2 is added to each of its covariances. Accelerations have the scale s'^2 / s,
 with s' the scale of the derivative. The control cost is
 
     R = diag(c / (s'^2 / s)^2),    c = 0.01.
