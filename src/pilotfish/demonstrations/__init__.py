@@ -19,7 +19,7 @@ from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resample
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
-from pilotfish.demonstrations.switches import switching_columns
+from pilotfish.demonstrations.switches import common_switches, switching_columns
 from pilotfish.demonstrations.views import Views, views
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "Quantity",
     "Views",
     "add_derivatives",
+    "common_switches",
     "demonstration",
     "diagnose",
     "frame",

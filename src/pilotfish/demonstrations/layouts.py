@@ -189,6 +189,22 @@ class Layout:
             f"the layout has no part {name!r} with derivative {derivative}, only {short_list(known)}{hint}"
         )
 
+    def rate_column(self, column: int) -> int | None:
+        """Return the column of the first derivative of a scalar column, or None if there is none.
+
+        Args:
+            column: Number of the column, of a part that is not differentiated.
+        """
+        for part, columns in zip(self.parts, self.slices, strict=True):
+            if columns.start <= column < columns.stop:
+                rates = [
+                    s
+                    for p, s in zip(self.parts, self.slices, strict=True)
+                    if p.name == part.name and p.derivative == 1
+                ]
+                return rates[0].start + column - columns.start if rates else None
+        return None
+
     def differentiate(self) -> "Layout":
         """Return the same parts, followed by the first derivative of each [unit/s].
 

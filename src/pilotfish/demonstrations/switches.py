@@ -1,6 +1,11 @@
 """Columns that switch: scalars that take two values only, such as the command of a gripper."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from pilotfish.demonstrations.layouts import Layout, Quantity
+from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.types import Array, Float
 
 CONSTANT = 1e-9  # of the magnitude: a smaller range is rounding
@@ -27,3 +32,33 @@ def switching_columns(x: Float[Array, "N D"], layout: Layout) -> tuple[str, ...]
             if high - low > CONSTANT * max(abs(low), abs(high)) and at_level.mean() >= MIN_SHARE:
                 names.append(layout.names[column])
     return tuple(names)
+
+
+def common_switches(
+    demonstrations: Sequence[Demonstration], names: Sequence[str]
+) -> tuple[tuple[int, ...], ...]:
+    """Return the steps at which columns switch, if they do so in the same order in all demonstrations.
+
+    These are events that the demonstrations share, such as the closing of a gripper. Two columns that switch
+    at the same step are one event.
+
+    Args:
+        demonstrations: At least one; all have the same layout.
+        names: Columns that switch, from `switching_columns`.
+
+    Returns:
+        For each demonstration, the first step after each switch. Empty if the order differs, or if no column
+        switches.
+    """
+    layout = demonstrations[0].layout
+    columns = [layout.names.index(name) for name in names]
+    stacked = np.concatenate([demo.x[:, columns] for demo in demonstrations])
+    middle = 0.5 * (stacked.min(axis=0) + stacked.max(axis=0)) if columns else np.empty(0)
+    sequences, steps = [], []
+    for demo in demonstrations:
+        levels = demo.x[:, columns] > middle
+        rows = np.flatnonzero((levels[1:] != levels[:-1]).any(axis=1)) + 1
+        sequences.append(levels[[0, *rows]].tolist())
+        steps.append(tuple(rows.tolist()))
+    is_common = all(sequence == sequences[0] for sequence in sequences)
+    return tuple(steps) if is_common and steps[0] else ()

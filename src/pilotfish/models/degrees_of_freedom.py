@@ -9,11 +9,11 @@ import numpy as np
 
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.duration_model import DurationModel
-from pilotfish.models.skill import Skill
+from pilotfish.models.skill import HiddenModel, Skill
 
 
 def degrees_of_freedom(
-    skill: Skill, structure: CovarianceStructure, durations: DurationModel | None = None
+    skill: HiddenModel | Skill, structure: CovarianceStructure, durations: DurationModel | None = None
 ) -> int:
     """Return the degrees of freedom of means, covariances, probabilities and durations.
 
@@ -22,7 +22,7 @@ def degrees_of_freedom(
     states, which are never left, do not count.
 
     Args:
-        skill: Learned skill.
+        skill: Learned skill, or its model alone.
         structure: Covariance structure that it was learned with.
         durations: Duration model that it was learned with, if its options fix parameters.
     """

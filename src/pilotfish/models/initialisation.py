@@ -41,20 +41,31 @@ class Initialisation(Protocol):
 class TimeBins:
     """Cut every demonstration into K bins of equal duration: a left-right skill.
 
-    Only transitions from one bin to the next are possible, so that no state is revisited.
+    Only transitions from one bin to the next are possible, so that no state is revisited. Where boundaries
+    are given, each part between them is cut by itself, so that the bins describe the same events in all
+    demonstrations. The parts share the bins in proportion to their mean duration.
 
     Attributes:
         jitter: Largest random shift of a cut, as a fraction of a bin, from 0 to 1; gives restarts different
             initialisations.
         complete: Whether every demonstration must end in the last state, as a recording of the whole movement
             does. EM may otherwise let some end in an earlier one.
+        boundaries: For each demonstration, the steps at which a bin begins, in ascending order, such as those
+            at which a gripper closes. Empty: none.
     """
 
     jitter: float = 0.0
     complete: bool = False
+    boundaries: tuple[tuple[int, ...], ...] = ()
 
     def __post_init__(self) -> None:
         require_number(self.jitter, "jitter", 0.0, 1.0)
+        if len({len(steps) for steps in self.boundaries}) > 1:
+            counts = sorted({len(steps) for steps in self.boundaries})
+            raise InvalidInput(
+                f"boundaries has demonstrations with {counts[0]} and with {counts[-1]} steps, expected the "
+                "same number for each"
+            )
 
     def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
         """Compute the statistics of the bins.
@@ -65,15 +76,58 @@ class TimeBins:
             rng: Source of the jitter.
 
         Raises:
-            InvalidInput: If a demonstration has fewer steps than states.
+            InvalidInput: If a demonstration has fewer steps than states, or the boundaries do not fit.
         """
         if (shortest := int(views.lengths.min())) < states:
             raise InvalidInput(
                 f"demonstration {views.lengths.argmin()} (first is 0) has {shortest} steps, which cannot "
                 f"be cut into {states} states; ask for at most {shortest} states or resample it to more steps"
             )
-        labels = [_time_bins(int(length), states, self.jitter, rng) for length in views.lengths]
+        lengths = _part_lengths(views.lengths, self.boundaries)
+        counts = _bins_of_parts(lengths, states)
+        first = np.cumsum(counts) - counts
+        labels = [
+            k + _time_bins(int(length), int(count), self.jitter, rng)
+            for parts in lengths
+            for k, length, count in zip(first, parts, counts, strict=True)
+        ]
         return labelled_statistics(views, np.concatenate(labels), states)
+
+
+def _part_lengths(lengths: Int[Array, " M"], boundaries: tuple[tuple[int, ...], ...]) -> Int[Array, "M S"]:
+    """Return the number of steps between the boundaries of each demonstration."""
+    if not boundaries:
+        return lengths[:, None]
+    if len(boundaries) != len(lengths):
+        raise InvalidInput(
+            f"boundaries has {len(boundaries)} demonstrations, expected {len(lengths)}, one entry for each"
+        )
+    steps = np.column_stack([np.zeros_like(lengths), np.array(boundaries, dtype=np.int64), lengths])
+    parts = np.diff(steps, axis=1)
+    if (parts < 1).any():
+        m = int((parts < 1).any(axis=1).argmax())
+        raise InvalidInput(
+            f"boundaries of demonstration {m} (first is 0) is {boundaries[m]}, expected ascending steps from "
+            f"1 to {lengths[m] - 1}"
+        )
+    return parts
+
+
+def _bins_of_parts(lengths: Int[Array, "M S"], states: int) -> Int[Array, " S"]:
+    """Share out the bins: at least one for each part, and at most one for each step of its shortest.
+
+    Each bin in turn goes to the part whose bins are longest.
+    """
+    means, most = lengths.mean(axis=0), lengths.min(axis=0)
+    counts: Int[Array, " S"] = np.ones_like(most)
+    if not len(counts) <= states <= most.sum():
+        raise InvalidInput(
+            f"states is {states}, expected {len(counts)} to {most.sum()} with these boundaries; give fewer "
+            "boundaries"
+        )
+    for _ in range(states - len(counts)):
+        counts[np.where(counts < most, means / counts, 0.0).argmax()] += 1
+    return counts
 
 
 def _time_bins(length: int, states: int, jitter: float, rng: np.random.Generator) -> Int[Array, " T"]:

@@ -2,13 +2,13 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, Views
+from pilotfish.demonstrations import Demonstration, Views, resample, views
 from pilotfish.gaussians.structures import CovarianceStructure
 from pilotfish.models.demonstration_statistics import DemonstrationStatistics
 from pilotfish.models.em import Convergence, EMSettings, FitDynamics, MStep, maximise_likelihood
@@ -64,6 +64,22 @@ class LearningProblem:
             regularisation=self.regularisation,
             fit_dynamics=fit_dynamics,
         )
+
+    def resample(self, rows: int) -> "LearningProblem":
+        """Return the problem with demonstrations of another number of rows, on average.
+
+        Statistics and regularisation remain those of the given demonstrations.
+
+        Raises:
+            InvalidInput: If a demonstration cannot be interpolated.
+        """
+        ratio = rows / float(self.data.lengths.mean())
+        period = self.demonstrations[0].period / ratio  # rounded numbers of rows would give each its own
+        demonstrations = [
+            replace(resample(demo, max(2, round(ratio * len(demo.x)))), period=period)
+            for demo in self.demonstrations
+        ]
+        return replace(self, demonstrations=demonstrations, data=views(demonstrations))
 
     def skill(self, model: HiddenModel, convergence: Convergence) -> Skill:
         """Add layout, period and frames of the demonstrations, and the provenance, to a model."""

@@ -2,7 +2,9 @@
 
 EM finds a local maximum, so `learn` begins at several models by default and keeps the fit of lowest BIC:
 
-    time bins  suit a movement that goes once from left to right, in one rhythm.
+    time bins  suit a movement that goes once from left to right, in one rhythm. Where columns such as a
+               gripper switch in the same order in all demonstrations, the bins between two switches are those
+               of the same part of the movement.
     templates  are single demonstrations. They suit movements of which some have a part that others lack, such
                as a second attempt: time bins would average unlike parts.
     k-means    suits a movement that returns to its states, such as a periodic one.
@@ -11,31 +13,41 @@ The likelihood alone prefers states that describe single demonstrations. A templ
 nearly all of its states are visited by more than half of the demonstrations, and k-means only if all are and
 the movement returns to its states; otherwise it may leave out parts.
 
+The models are compared on demonstrations that are resampled to about 100 rows, and the chosen one takes one
+iteration with all rows. The maximum that EM reaches depends on the number of rows, and so would the motion:
+the same recording at 10, 30 and 200 Hz would give motions that differ by up to 19 % of their extent. Learning
+from a fast recording is cheaper too.
+
 EM stops early, when an iteration gains less than half a nat per datapoint. Later iterations move states to
 what few demonstrations have in common by chance: held-out letters and household tasks are reproduced no
-better, and recordings of another period get other states. On Meta-World EM to convergence is better by 3 %
-(docs/benchmarks-metaworld.md); `EMSettings(min_gain=0.001)` asks for it.
+better. `EMSettings(min_gain=0.001)` asks for them.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from pilotfish.demonstrations import Views
+from pilotfish.demonstrations import Views, common_switches
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
-from pilotfish.models.em import Convergence, EStep, MStep, expected_statistics, fit_em
+from pilotfish.models.em import Convergence, MStep, expected_statistics, fit_em
 from pilotfish.models.initialisation import Initialisation, KMeans, Template, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
 from pilotfish.models.sequences import log_emissions, state_segments
-from pilotfish.models.skill import HiddenModel, Skill
+from pilotfish.models.skill import HiddenModel
 from pilotfish.models.statistics import Statistics
 
 EARLY_GAIN = 0.5  # nats per datapoint
+COMPARED_ROWS = 100  # mean number of rows of a demonstration with which initialisations are compared
+ROWS_PER_STATE = 2  # at least, of the shortest
 MIN_FOR_TEMPLATES, MAX_TEMPLATES = 3, 5  # demonstrations
 MIN_SHARED = 0.95  # of the states of a template are visited by more than half of the demonstrations
 MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
+
+
+StepFit = tuple[HiddenModel, Convergence, bool]  # and whether demonstrations had to end in the last state
 
 
 def fit_steps(
@@ -52,21 +64,48 @@ def fit_steps(
         The fit, and whether every demonstration had to end in the last state.
     """
     if initialisation is None:
-        return _fit_likelier(problem, m_step)
-    candidates = [
-        initialisation.initial_statistics(problem.data, problem.states, problem.rng)
-        for _ in range(problem.settings.restarts)
-    ]
-    complete = getattr(initialisation, "complete", False)
-    return _fit_restarts(candidates, problem, m_step, complete), complete
+        model, convergence, complete = _fit_best(problem, m_step)
+    else:
+        model, convergence, complete = _fit_from(initialisation, problem, m_step)
+    skill = problem.skill(model, convergence)
+    return Fit(skill, skill, convergence), complete
 
 
-def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
-    """Fit from several initialisations, and return the admissible fit of lowest BIC."""
+def _fit_best(problem: LearningProblem, m_step: MStep) -> StepFit:
+    """Fit from several initialisations to resampled demonstrations, then once to all rows."""
     if problem.settings.min_gain is None:
         problem = replace(problem, settings=replace(problem.settings, min_gain=EARLY_GAIN))
-    bins = TimeBins(complete=problem.has_time_order)
-    results = [fit_steps(problem, bins, m_step)]
+    model, convergence, complete = _best_fit(_resample(problem), m_step)
+    e_step = _make_e_step(problem, complete=complete)
+    statistics = e_step(model, problem.data, None)
+    last = replace(problem.settings, max_iterations=1)
+    model, _, all_rows = fit_em(statistics, problem.data, m_step, last, e_step)
+    return (
+        model,
+        replace(
+            all_rows,
+            converged=convergence.converged,
+            iterations=convergence.iterations + 1,
+            reason=f"{convergence.reason}, with resampled demonstrations; one more had all rows",
+            dropped=convergence.dropped + all_rows.dropped,
+        ),
+        complete,
+    )
+
+
+def _resample(problem: LearningProblem) -> LearningProblem:
+    """Resample the demonstrations, so that the shortest has at least two rows for each state."""
+    lengths = problem.data.lengths
+    rows = max(COMPARED_ROWS, math.ceil(ROWS_PER_STATE * problem.states * lengths.mean() / lengths.min()))
+    try:
+        return problem.resample(rows)
+    except InvalidInput:  # a single row, or a frame that turns too fast to be interpolated
+        return problem
+
+
+def _best_fit(problem: LearningProblem, m_step: MStep) -> StepFit:
+    """Return the admissible fit of lowest BIC."""
+    results = [_fit_time_bins(problem, m_step)]
     others: list[Initialisation] = [KMeans()]
     if problem.has_time_order and len(problem.demonstrations) >= MIN_FOR_TEMPLATES:
         count = min(len(problem.demonstrations), MAX_TEMPLATES)
@@ -74,51 +113,68 @@ def _fit_likelier(problem: LearningProblem, m_step: MStep) -> tuple[Fit, bool]:
         others += [Template(m) for m in chosen]
     for initialisation in others:
         try:
-            fit, complete = fit_steps(problem, initialisation, m_step)
+            fit = _fit_from(initialisation, problem, m_step)
         except (InvalidInput, NotPositiveDefinite):
             continue  # too few distinct points, or a state collapses
-        if _is_admissible(fit.skill, problem.data, initialisation):
-            results.append((fit, complete))
+        if _is_admissible(fit[0], problem.data, initialisation):
+            results.append(fit)
 
-    def criterion(result: tuple[Fit, bool]) -> float:
-        fit, _ = result
-        parameters = degrees_of_freedom(fit.skill, problem.structure, None)
-        return bic(float(fit.log_likelihoods[-1]), parameters, fit.skill.provenance.datapoints)
+    def criterion(fit: StepFit) -> float:
+        model, convergence, _ = fit
+        parameters = degrees_of_freedom(model, problem.structure, None)
+        return bic(float(convergence.log_likelihoods[-1]), parameters, int(problem.data.lengths.sum()))
 
     return min(results, key=criterion)
 
 
-def _is_admissible(skill: Skill, data: Views, initialisation: Initialisation) -> bool:
+def _fit_time_bins(problem: LearningProblem, m_step: MStep) -> StepFit:
+    """Fit from time bins between common switches, or of whole demonstrations if there are too many."""
+    bins = TimeBins(complete=problem.has_time_order)
+    boundaries = common_switches(problem.demonstrations, problem.demonstrated.switches)
+    if boundaries:
+        try:
+            return _fit_from(replace(bins, boundaries=boundaries), problem, m_step)
+        except InvalidInput:  # more parts than states, or too few steps in some
+            pass
+    return _fit_from(bins, problem, m_step)
+
+
+def _is_admissible(model: HiddenModel, data: Views, initialisation: Initialisation) -> bool:
     """Return whether demonstrations share the states, and those of k-means return to theirs.
 
     The views of all demonstrations together have the quaternion signs of the skill; those of one alone may
     not.
     """
-    visits = np.zeros((len(data.lengths), skill.states))
-    for m, log_b in enumerate(np.split(log_emissions(skill, data), np.cumsum(data.lengths)[:-1])):
-        np.add.at(visits[m], state_segments(skill.dynamics.viterbi(log_b))[0], 1.0)
+    visits = np.zeros((len(data.lengths), model.means.shape[1]))
+    for m, log_b in enumerate(np.split(log_emissions(model, data), np.cumsum(data.lengths)[:-1])):
+        np.add.at(visits[m], state_segments(model.dynamics.viterbi(log_b))[0], 1.0)
     shared = float((2 * (visits > 0.0).sum(axis=0) > len(data.lengths)).mean())
     if isinstance(initialisation, KMeans):
         return shared == 1.0 and bool(visits.sum() >= MIN_RETURNS * (visits > 0.0).sum())
     return shared >= MIN_SHARED
 
 
-def _make_e_step(problem: LearningProblem, *, complete: bool) -> EStep:
+def _make_e_step(
+    problem: LearningProblem, *, complete: bool
+) -> "Callable[[HiddenModel, Views, Statistics | None], Statistics]":
     threads = problem.settings.threads
 
-    def e_step(model: HiddenModel, data: Views, previous: Statistics) -> Statistics:
+    def e_step(model: HiddenModel, data: Views, previous: Statistics | None) -> Statistics:
         return expected_statistics(model, data, previous, threads=threads, complete=complete)
 
     return e_step
 
 
-def _fit_restarts(
-    candidates: Sequence[Statistics], problem: LearningProblem, m_step: MStep, complete: bool
-) -> Fit:
-    """Fit from every initialisation; a fit whose covariance collapses fails only if all do."""
+def _fit_from(initialisation: Initialisation, problem: LearningProblem, m_step: MStep) -> StepFit:
+    """Fit from every restart; a fit whose covariance collapses fails only if all do."""
+    restarts = problem.settings.restarts
+    candidates = [
+        initialisation.initial_statistics(problem.data, problem.states, problem.rng) for _ in range(restarts)
+    ]
+    complete = getattr(initialisation, "complete", False)
+    e_step = _make_e_step(problem, complete=complete)
     results: list[tuple[HiddenModel, Convergence]] = []
     failures: list[NotPositiveDefinite] = []
-    e_step = _make_e_step(problem, complete=complete)
     for initial_statistics in candidates:
         try:
             model, _, convergence = fit_em(initial_statistics, problem.data, m_step, problem.settings, e_step)
@@ -131,5 +187,4 @@ def _fit_restarts(
     if failures:
         failed = f"{len(failures)} of {len(candidates)} restarts collapsed: {failures[0]}"
         convergence = replace(convergence, reason=f"{convergence.reason}; {failed}")
-    skill = problem.skill(model, convergence)
-    return Fit(skill, skill, convergence)
+    return model, convergence, complete

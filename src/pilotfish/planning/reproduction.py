@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.control import Feedback, Motion, Reference, double_integrator, track
-from pilotfish.demonstrations import Frame, Layout, MovingFrame, Part, Quantity
+from pilotfish.demonstrations import Frame, Layout, MovingFrame, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.models import AdaptedSkill, Skill, adapt
 from pilotfish.planning.conditioning import condition_on
@@ -184,20 +184,13 @@ def _hold_scalars(
         if clip:
             low, high = np.minimum(lowest, x[0])[columns], np.maximum(highest, x[0])[columns]
             x[1:, columns] = x[1:, columns].clip(low, high)
-        for n, column in enumerate(range(columns.start, columns.stop)):
+        for column in range(columns.start, columns.stop):
             if layout.names[column] in demonstrated.switches:
                 is_high = adapted.means[states[1:], column] > 0.5 * (lowest + highest)[column]
                 x[1:, column] = np.where(is_high, highest[column], lowest[column])
-                x[1:, _rate_column(layout, part, n)] = 0.0
+                if (rate := layout.rate_column(column)) is not None:
+                    x[1:, rate] = 0.0
     return x
-
-
-def _rate_column(layout: Layout, part: Part, n: int) -> slice:
-    """Return the derivative of column n of a part; empty if there is none."""
-    for other, columns in zip(layout.parts, layout.slices, strict=True):
-        if (other.name, other.derivative) == (part.name, 1):
-            return slice(columns.start + n, columns.start + n + 1)
-    return slice(0, 0)
 
 
 def coordinates_with_derivatives(layout: Layout) -> int:
