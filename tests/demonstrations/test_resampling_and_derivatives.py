@@ -34,6 +34,21 @@ def test_add_derivatives_twice_is_refused(make):
         add_derivatives(add_derivatives(make()))
 
 
+@pytest.mark.parametrize("steps", [7, 20, 61, 400])
+def test_resample_column_that_switches_takes_no_other_value(steps: int):
+    """It closes and opens once, at the times of the recording, and its derivative adds up to the changes."""
+    layout = Layout((Part("position", Quantity.POSITION, 1, "m"), Part("gripper", Quantity.SCALAR, 1, "1")))
+    gripper = np.where((np.arange(61) >= 20) & (np.arange(61) < 50), 0.8, -1.0)
+    recorded = demonstration(np.column_stack([np.arange(61.0), gripper]), 0.1, layout, (), "one")
+    demo = resample(add_derivatives(recorded), steps)
+    closed = demo.x[:, 1] > 0.0
+    assert set(demo.x[:, 1]) == {-1.0, 0.8}
+    assert np.abs(np.diff(closed.astype(int))).sum() == 2
+    times = demo.period * (np.flatnonzero(closed[1:] != closed[:-1]) + 1)
+    np.testing.assert_allclose(times, [2.0, 5.0], atol=demo.period + 0.05)
+    np.testing.assert_allclose(demo.x[:-1, 1] + demo.period * demo.x[:-1, 3], demo.x[1:, 1], atol=1e-12)
+
+
 @pytest.mark.parametrize("steps", [2, 7, 23, 230])
 def test_resample_keeps_ends_duration_and_norms(make, steps: int):
     """Ends, duration and unit norms are kept."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pilotfish.demonstrations import Views, views
+from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments
 from pilotfish.models import KMeans, MarkovChain, TimeBins
 from pilotfish.models.initialisation import _count_distinct, _joint_features
@@ -36,6 +37,48 @@ def test_time_bins_are_ordered_and_not_empty(rng, jitter, length):
     assert statistics.moments[0].counts.min() >= 1.0
     assert (np.diff(statistics.moments[0].means[:, 0]) > 0.0).all()
     np.testing.assert_array_equal(np.triu(np.tril(statistics.transitions, 1)), statistics.transitions)
+
+
+def test_time_bins_with_boundaries_begin_at_them(rng):
+    """Parts of 6 and 6, and of 4 and 8 steps: both have two of the four bins."""
+    x = np.concatenate([np.arange(12.0), 100.0 + np.arange(12.0)])[None, :, None]
+    data = Views(x, np.array([12, 12]))
+    found = TimeBins(boundaries=((6,), (4,))).initial_statistics(data, 4, rng)
+    labels = np.repeat([0, 1, 2, 3, 0, 1, 2, 3], [3, 3, 3, 3, 2, 2, 4, 4])
+    expected = labelled_statistics(data, labels, 4)
+    np.testing.assert_array_equal(found.moments[0].counts, expected.moments[0].counts)
+    np.testing.assert_allclose(found.moments[0].means, expected.moments[0].means)
+    np.testing.assert_array_equal(found.transitions, expected.transitions)
+
+
+def test_time_bins_without_boundaries_in_between_equal_those_of_one_part(rng):
+    """Boundaries at the cuts of the bins change nothing."""
+    data = Views(rng.normal(size=(2, 24, 3)), np.array([12, 12]))
+    plain = TimeBins().initial_statistics(data, 4, rng)
+    cut = TimeBins(boundaries=((3, 6, 9), (3, 6, 9))).initial_statistics(data, 4, rng)
+    np.testing.assert_allclose(cut.moments[1].means, plain.moments[1].means)
+
+
+@pytest.mark.parametrize(
+    ("boundaries", "message"),
+    [
+        (((4,),), "1 demonstrations, expected 2"),
+        (((4,), (0,)), "demonstration 1 .* expected ascending steps from 1 to 11"),
+        (((4,), (12,)), "ascending steps"),
+        (((5, 4), (4, 5)), "demonstration 0"),
+        (((1, 2, 3, 4), (1, 2, 3, 4)), "states is 4, expected 5 to 12"),
+        (((11,), (1,)), "states is 4, expected 2 to 2 "),
+    ],
+)
+def test_time_bins_boundaries_that_do_not_fit_are_refused(rng, boundaries, message):
+    data = Views(np.zeros((1, 24, 1)), np.array([12, 12]))
+    with pytest.raises(InvalidInput, match=message):
+        TimeBins(boundaries=boundaries).initial_statistics(data, 4, rng)
+
+
+def test_time_bins_boundaries_of_unequal_number_are_refused():
+    with pytest.raises(InvalidInput, match="with 1 and with 2 steps"):
+        TimeBins(boundaries=((1,), (2, 3)))
 
 
 def test_k_means_every_transition_is_possible(rng, make_demonstrations):
