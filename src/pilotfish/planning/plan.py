@@ -29,6 +29,7 @@ from pilotfish.models import (
 )
 from pilotfish.planning.conditioning import condition_on
 from pilotfish.planning.costs import default_covariance_regularisation
+from pilotfish.planning.timing import share_time
 from pilotfish.planning.via_points import ViaPoint, ViaPointObservation, observe_via_points
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import MAX_MAGNITUDE, numeric_array, require_count, require_type, short_repr
@@ -126,6 +127,8 @@ def plan_states(
     else:
         states = dynamics.plan_states(log_start, horizon, complete=complete)
     if not len(via_points):
+        if complete and not stepwise and dynamics.durations is not None:
+            states = share_time(states, dynamics.durations)
         return aligned, states
     log_observed = np.zeros((horizon, aligned.states))
     log_observed[: len(log_start)] = log_start
