@@ -317,7 +317,7 @@ hand and the command of the gripper at {rate} Hz. Frames are the world, the obje
 start, without rotation. Each method begins at the hand's position and answers with commands. The suite \
 executes them without feedback, holds the last one for half a second, and judges success.
 
-- *Pilotfish* learns and reproduces at defaults; the gripper follows the means of the states.
+- *Pilotfish* learns and reproduces at defaults.
 - The *expert* observes every step. The *replay* executes the expert's commands again, without observation.
 - The *nearest* demonstration is that of the nearest situation. It is shifted at the start, at the object \
 and at the end, as hand, object and goal moved.

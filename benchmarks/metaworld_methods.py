@@ -109,10 +109,8 @@ def learn_skill(recordings: Sequence[pf.Demonstration], seed: int) -> pf.Skill:
 
 
 def reproduce_path(skill: pf.Skill, frames: Sequence[pf.Frame], start: Floats) -> Floats:
-    """Reproduce a skill; the gripper follows the means of the states."""
-    reproduction = pf.reproduce(skill, frames, start)
-    gripper = reproduction.adapted.means[reproduction.states][:, 3]
-    return np.column_stack([reproduction.motion.x[:, :3], gripper])
+    """Reproduce a skill at defaults."""
+    return np.asarray(pf.reproduce(skill, frames, start).motion.x[:, :4])
 
 
 def situation_frames(situation: Situation, layout: pf.demonstrations.Layout) -> list[pf.Frame]:

@@ -100,3 +100,18 @@ def test_unit_quaternions_either_representation_leave_out_derivatives():
     assert sphere.unit_quaternions == (slice(3, 7), slice(14, 18))
     assert sphere.quaternions == (slice(3, 7),)
     assert sphere.coordinates == (*range(7), *range(14, 18))
+
+
+def test_rate_column_is_that_of_the_derivative_of_the_same_axis():
+    """Position, force and gripper, then their rates."""
+    parts = (
+        Part("position", Quantity.POSITION, 3, "m"),
+        Part("force", Quantity.VECTOR, 2, "N"),
+        Part("gripper", Quantity.SCALAR, 1, "1"),
+    )
+    layout = Layout(parts).differentiate()
+    assert [layout.rate_column(column) for column in range(6)] == [6, 7, 8, 9, 10, 11]
+    assert layout.rate_column(6) is None
+    assert Layout(parts).rate_column(5) is None
+    with pytest.raises(InvalidInput, match="column is 12"):
+        layout.rate_column(12)

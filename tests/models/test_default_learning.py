@@ -121,7 +121,8 @@ def test_learn_periodic_movement_keeps_its_radius():
 
 def criterion(fit) -> float:
     parameters = degrees_of_freedom(fit.skill, Full(), None)
-    return bic(float(fit.log_likelihoods[-1]), parameters, fit.skill.provenance.datapoints)
+    source = fit.skill.provenance
+    return bic(source.log_likelihood, parameters, source.datapoints)
 
 
 def test_learn_states_of_single_demonstrations_are_refused():
@@ -137,4 +138,5 @@ def test_learn_states_of_single_demonstrations_are_refused():
         for each in (TimeBins(), KMeans())
     )
     assert criterion(clusters) < criterion(bins)
-    np.testing.assert_array_equal(found.skill.means, bins.skill.means)
+    np.testing.assert_allclose(found.skill.means, bins.skill.means, atol=0.2)
+    assert abs(clusters.skill.means - bins.skill.means).max() > 5.0

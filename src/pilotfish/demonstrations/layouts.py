@@ -193,17 +193,16 @@ class Layout:
         """Return the column of the first derivative of a scalar column, or None if there is none.
 
         Args:
-            column: Number of the column, of a part that is not differentiated.
+            column: Number of the column, from 0.
+
+        Raises:
+            InvalidInput: If the layout has no such column.
         """
-        for part, columns in zip(self.parts, self.slices, strict=True):
-            if columns.start <= column < columns.stop:
-                rates = [
-                    s
-                    for p, s in zip(self.parts, self.slices, strict=True)
-                    if p.name == part.name and p.derivative == 1
-                ]
-                return rates[0].start + column - columns.start if rates else None
-        return None
+        require_count(column, "column", self.width - 1)
+        parts = list(zip(self.parts, self.slices, strict=True))
+        part, columns = next(pair for pair in parts if column < pair[1].stop)
+        rates = [s for p, s in parts if (p.name, p.derivative) == (part.name, part.derivative + 1)]
+        return rates[0].start + column - columns.start if rates else None
 
     def differentiate(self) -> "Layout":
         """Return the same parts, followed by the first derivative of each [unit/s].

@@ -6,7 +6,10 @@ import numpy as np
 
 from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.demonstrations.recording import Demonstration
+from pilotfish.demonstrations.views import require_compatible
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
+from pilotfish.validation import require_type, short_list
 
 CONSTANT = 1e-9  # of the magnitude: a smaller range is rounding
 MIN_SHARE = 0.98  # of the rows of a column that switches are at one of its two values
@@ -49,8 +52,15 @@ def common_switches(
     Returns:
         For each demonstration, the first step after each switch. Empty if the order differs, or if no column
         switches.
+
+    Raises:
+        InvalidInput: If the list is empty, layouts differ, or a column is unknown.
     """
+    require_compatible(demonstrations)
     layout = demonstrations[0].layout
+    require_type(names, "names", Sequence, "pass names of columns")
+    if unknown := [name for name in names if name not in layout.names]:
+        raise InvalidInput(f"no column is named {unknown[0]!r}, expected some of {short_list(layout.names)}")
     columns = [layout.names.index(name) for name in names]
     stacked = np.concatenate([demo.x[:, columns] for demo in demonstrations])
     middle = 0.5 * (stacked.min(axis=0) + stacked.max(axis=0)) if columns else np.empty(0)

@@ -44,7 +44,7 @@ def views(demonstrations: Sequence[Demonstration]) -> Views:
     Source:
         Tanwani 2018, eq. 3.21.
     """
-    _require_compatible(demonstrations)
+    require_compatible(demonstrations)
     first, lengths = demonstrations[0], np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
     x = np.empty((len(first.frames), lengths.sum(), first.layout.width))  # filled in place, to save memory
     for demo, end in zip(demonstrations, np.cumsum(lengths), strict=True):
@@ -68,7 +68,15 @@ def incompatibility(first: Demonstration, other: Demonstration) -> str:
     return ""
 
 
-def _require_compatible(demonstrations: Sequence[Demonstration]) -> None:
+def require_compatible(demonstrations: Sequence[Demonstration]) -> None:
+    """Raise unless one skill can be learned from these demonstrations.
+
+    Args:
+        demonstrations: Demonstrations.
+
+    Raises:
+        InvalidInput: If there is none, or if they differ in layout, period or frame names.
+    """
     require_type(demonstrations, "demonstrations", Sequence, "pass a list, also for a single one")
     for demo in demonstrations:
         require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")

@@ -26,7 +26,7 @@ class Fit:
     Attributes:
         skill: The skill.
         markov_skill: The Markov skill that a semi-Markov fit begins with; otherwise the same as `skill`.
-        convergence: How expectation-maximisation ended.
+        convergence: How expectation-maximisation ended; see `log_likelihoods`.
         active_bounds: A sentence for each bound that decided the fit, with its remedy.
     """
 
@@ -37,7 +37,11 @@ class Fit:
 
     @property
     def log_likelihoods(self) -> Float[Array, " I"]:
-        """Return the log-likelihood after every iteration of expectation-maximisation [nats]."""
+        """Return the log-likelihood after every iteration of expectation-maximisation [nats].
+
+        Without a given initialisation, it is that of demonstrations resampled to about 100 rows; that of all
+        rows is `skill.provenance.log_likelihood`.
+        """
         return self.convergence.log_likelihoods
 
 

@@ -36,7 +36,7 @@ from pilotfish.models.em import Convergence, MStep, expected_statistics, fit_em
 from pilotfish.models.initialisation import Initialisation, KMeans, Template, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
 from pilotfish.models.sequences import log_emissions, state_segments
-from pilotfish.models.skill import HiddenModel
+from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics
 
 EARLY_GAIN = 0.5  # nats per datapoint
@@ -63,39 +63,32 @@ def fit_steps(
     Returns:
         The fit, and whether every demonstration had to end in the last state.
     """
-    if initialisation is None:
-        model, convergence, complete = _fit_best(problem, m_step)
-    else:
+    if initialisation is not None:
         model, convergence, complete = _fit_from(initialisation, problem, m_step)
-    skill = problem.skill(model, convergence)
-    return Fit(skill, skill, convergence), complete
-
-
-def _fit_best(problem: LearningProblem, m_step: MStep) -> StepFit:
-    """Fit from several initialisations to resampled demonstrations, then once to all rows."""
+        skill = problem.skill(model, convergence)
+        return Fit(skill, skill, convergence), complete
     if problem.settings.min_gain is None:
         problem = replace(problem, settings=replace(problem.settings, min_gain=EARLY_GAIN))
     model, convergence, complete = _best_fit(_resample(problem), m_step)
+    skill = _fit_all_rows(model, convergence, complete, problem, m_step)
+    return Fit(skill, skill, convergence), complete
+
+
+def _fit_all_rows(
+    model: HiddenModel, convergence: Convergence, complete: bool, problem: LearningProblem, m_step: MStep
+) -> Skill:
+    """Return the skill after one more iteration, with all rows and their log-likelihood."""
     e_step = _make_e_step(problem, complete=complete)
-    statistics = e_step(model, problem.data, None)
-    last = replace(problem.settings, max_iterations=1)
-    model, _, all_rows = fit_em(statistics, problem.data, m_step, last, e_step)
-    return (
-        model,
-        replace(
-            all_rows,
-            converged=convergence.converged,
-            iterations=convergence.iterations + 1,
-            reason=f"{convergence.reason}, with resampled demonstrations; one more had all rows",
-            dropped=convergence.dropped + all_rows.dropped,
-        ),
-        complete,
-    )
+    one_iteration = replace(problem.settings, max_iterations=1, callback=None)
+    model, _, last = fit_em(e_step(model, problem.data, None), problem.data, m_step, one_iteration, e_step)
+    return problem.skill(model, replace(convergence, log_likelihoods=last.log_likelihoods))
 
 
 def _resample(problem: LearningProblem) -> LearningProblem:
     """Resample the demonstrations, so that the shortest has at least two rows for each state."""
     lengths = problem.data.lengths
+    if lengths.min() < problem.states:  # so that the error names the demonstration
+        return problem
     rows = max(COMPARED_ROWS, math.ceil(ROWS_PER_STATE * problem.states * lengths.mean() / lengths.min()))
     try:
         return problem.resample(rows)

@@ -14,7 +14,7 @@ import numpy as np
 
 from pilotfish.models import state_segments
 from pilotfish.models.durations import DurationDistribution
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Int
 
 
 def share_time(states: Int[Array, " T"], durations: DurationDistribution) -> Int[Array, " T"]:

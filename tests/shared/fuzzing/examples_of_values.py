@@ -78,6 +78,8 @@ def demonstrations_examples() -> Examples:
         "frame_from_pose": {"name": "a", "layout": layout, "pose": place},
         "moving_frame_from_poses": {"name": "a", "layout": layout, "poses": [place, place]},
         "has_opposite_sign": {"q": demo.x[:, 3:7], "reference": -demos[1].x[:, 3:7]},
+        "common_switches": {"demonstrations": gripper, "names": ["grip"]},
+        "demonstrations.Layout.rate_column": {"self": gripper[0].layout, "column": 4},
         "switching_columns": {
             "x": np.vstack([held.x for held in gripper]),
             "layout": gripper[0].layout,
