@@ -3,6 +3,7 @@
 import numpy as np
 
 from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Moments
 from pilotfish.io.skill_fields import validate_finite
 from pilotfish.models import online
 from pilotfish.types import Array, Bool, Float
@@ -24,6 +25,20 @@ def validate_online_model(model: online.OnlineModel) -> None:
     _validate_counters(model)
     _validate_cluster_statistics(model)
     _validate_subspaces(model)
+    for moments in model.ends:
+        _validate_ends(moments)
+
+
+def _validate_ends(moments: Moments) -> None:
+    """Require one or more demonstrations, and means and scatter of datapoints of at most 1e100."""
+    counts, means, scatter = moments.counts, moments.means, moments.scatter_matrices
+    for name, values in (("end_counts", counts), ("end_means", means), ("end_scatter_matrices", scatter)):
+        validate_finite(values, name)
+    _require_all("end_counts", counts, _is_count(counts) & (counts >= 1.0), "whole numbers of 1 or more")
+    _require_all("end_means", means, np.abs(means) <= MAX_VALUE, f"at most {MAX_VALUE:g}")
+    squares = np.diagonal(scatter, axis1=1, axis2=2)
+    valid = (squares >= 0.0) & (squares <= MAX_SQUARED_DISTANCE)
+    _require_all("diagonals of end_scatter_matrices", squares, valid, "0 or more")
 
 
 def _validate_counters(model: online.OnlineModel) -> None:

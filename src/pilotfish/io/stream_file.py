@@ -7,7 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pilotfish.errors import InvalidInput, UnreadableFile
+from pilotfish.gaussians import Moments
 from pilotfish.io.container_format import (
     STREAM_FORMAT,
     Header,
@@ -34,6 +37,7 @@ from pilotfish.models import Skill, online
 from pilotfish.validation import require_type, short_repr
 
 INTEGER_FIELDS = ("extra_directions", "max_clusters", "batch")
+ENDS = ("end_counts", "end_means", "end_scatter_matrices")  # absent before the first demonstration
 OPTIONAL_FIELDS = ("discount", "constant_weight", "merge_distance")  # null where they are None
 
 
@@ -101,7 +105,7 @@ def encode_stream(model: online.OnlineModel) -> bytes:
         "frames": list(model.frame_names),
         "counters": model.state.to_counters(),
     }
-    return encode_container(STREAM_FORMAT, header, model.state.to_arrays())
+    return encode_container(STREAM_FORMAT, header, model.state.to_arrays() | _encode_ends(model.ends))
 
 
 def decode_stream(data: bytes) -> online.OnlineModel:
@@ -118,9 +122,10 @@ def _decode_model(header: Header, arrays: Arrays) -> online.OnlineModel:
     if "points" in arrays and arrays["points"].ndim and arrays["points"].size:
         validate_sizes(len(names), len(arrays["points"]), layout.width)
     state = _decode_state(arrays, counters, len(names), layout.width)
+    ends = _decode_ends(arrays, len(names), layout.width)
     reject_unknown_fields(header, "the header")
     reject_unknown_fields(arrays, "the file")
-    model = replace(online.online_model(settings, layout, period, names), state=state)
+    model = replace(online.online_model(settings, layout, period, names), state=state, ends=ends)
     validate_online_model(model)
     return model
 
@@ -144,6 +149,25 @@ def _decode_state(arrays: Arrays, counters: dict[str, int], P: int, D: int) -> S
         if held[name].shape != zeros.shape:
             raise InvalidInput(f"{name} has shape {held[name].shape}, expected {zeros.shape}")
     return StreamState.from_arrays(held, counters)
+
+
+def _encode_ends(ends: tuple[Moments, ...]) -> Arrays:
+    """Return the moments of the ends of demonstrations, if there are any."""
+    if not ends:
+        return {}
+    return {
+        name: np.stack([getattr(moments, name.removeprefix("end_")) for moments in ends]) for name in ENDS
+    }
+
+
+def _decode_ends(arrays: Arrays, P: int, D: int) -> tuple[Moments, ...]:
+    if not arrays.keys() & set(ENDS):
+        return ()
+    held = [pop_field(arrays, name, "the file") for name in ENDS]
+    for name, values, shape in zip(ENDS, held, ((P, 2), (P, 2, D), (P, 2, D, D)), strict=True):
+        if values.shape != shape:
+            raise InvalidInput(f"{name} has shape {values.shape}, expected {shape}")
+    return tuple(Moments(*values) for values in zip(*held, strict=True))
 
 
 def _encode_settings(settings: online.OnlineSettings) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration
 from pilotfish.models.online.estimation import LabelledViews, label_datapoints
-from pilotfish.models.online.model import OnlineModel, online_model
+from pilotfish.models.online.model import OnlineModel, count_ends, online_model
 from pilotfish.models.online.settings import OnlineSettings
 from pilotfish.models.sequences import state_segments
 from pilotfish.models.skill import Skill
@@ -59,7 +59,10 @@ def from_batch_fit(
     arrays = {name: values[kept] for name, values in arrays.items()}
     arrays |= {"transition_counts": counts[kept][:, kept], "cluster_ids": np.arange(kept.sum(), dtype=float)}
     counters = model.state.to_counters() | {"next_cluster_id": int(kept.sum()), "datapoints": len(states)}
-    return replace(model, state=kernels.StreamState.from_arrays(arrays, counters))
+    model = replace(model, state=kernels.StreamState.from_arrays(arrays, counters))
+    for x in np.split(data[0], np.cumsum(data[1])[:-1], axis=1):
+        model = count_ends(model, x)
+    return model
 
 
 def _count_transitions_and_segments(arrays: Arrays, data: LabelledViews) -> None:

@@ -9,6 +9,7 @@ from pilotfish.demonstrations import (
     Layout,
 )
 from pilotfish.errors import InvalidInput
+from pilotfish.gaussians import Moments
 from pilotfish.models.online.settings import LEARNERS, OnlineSettings, kernel_parameters
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_name, require_period, require_type, short_list, shorten_repr
@@ -31,6 +32,8 @@ class OnlineModel:
         state: Everything that was learned, as named arrays, in columns divided by their scales.
         scales: Scales of the settings, the same in each frame; None where columns are not scaled. An
             array of the shape of a datapoint divides six times as fast as a row.
+        ends: Moments of the first and of the last datapoints of whole demonstrations, as two components for
+            each frame, in the units of the columns; empty before the first demonstration.
     """
 
     settings: OnlineSettings
@@ -40,6 +43,7 @@ class OnlineModel:
     parameters: kernels.StreamParameters
     state: kernels.StreamState
     scales: Float[Array, "P D"] | None = None
+    ends: tuple[Moments, ...] = ()
 
     @property
     def clusters(self) -> int:
@@ -131,6 +135,19 @@ def online_model(
     parameters = kernel_parameters(settings, layout.width)
     scales = None if settings.scales is None else np.tile(settings.scales, (len(names), 1))
     return OnlineModel(settings, layout, float(period), names, parameters, state, scales)
+
+
+def count_ends(model: OnlineModel, x: Float[Array, "P T D"]) -> OnlineModel:
+    """Add the first and the last datapoint of a demonstration to the moments of the ends.
+
+    Args:
+        model: Model.
+        x: The demonstration in every frame.
+    """
+    ends = [Moments.from_data(view[[0, -1]], np.eye(2)) for view in x]
+    if model.ends:
+        ends = [before + new for before, new in zip(model.ends, ends, strict=True)]
+    return replace(model, ends=tuple(ends))
 
 
 def begin_demonstration(model: OnlineModel) -> OnlineModel:

@@ -39,7 +39,7 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.demonstrations import Demonstration, views
 from pilotfish.errors import InvalidInput
-from pilotfish.models.online.model import OnlineModel, begin_demonstration
+from pilotfish.models.online.model import OnlineModel, begin_demonstration, count_ends
 from pilotfish.models.signs import nearest_quaternion_signs
 from pilotfish.types import Array, Float
 from pilotfish.validation import numeric_array, require_type
@@ -114,7 +114,8 @@ def observe_demonstration(
     """Update a model with one demonstration, in the frames of the demonstration.
 
     q and -q are the same orientation: a quaternion changes its sign, with its derivatives, if it is then
-    closer to the means of the clusters.
+    closer to the means of the clusters. The first and the last datapoint also count as start and end of the
+    demonstrations, which a skill with scales has beside its states.
 
     Args:
         model: Model before the demonstration; it is not modified.
@@ -141,13 +142,21 @@ def observe_demonstration(
     x = views([demonstration]).x
     for p, view in enumerate(x):
         view *= nearest_quaternion_signs(view, model.means[:, p], model.layout)
-    return observe_stream(begin_demonstration(model), x.transpose(1, 0, 2))
+    after, assignments = observe_stream(begin_demonstration(model), x.transpose(1, 0, 2))
+    return count_ends(after, x), assignments
 
 
 def _replace_state(model: OnlineModel, state: kernels.StreamState) -> OnlineModel:
     # dataclasses.replace takes half the time of a step
     return OnlineModel(
-        model.settings, model.layout, model.period, model.frame_names, model.parameters, state, model.scales
+        model.settings,
+        model.layout,
+        model.period,
+        model.frame_names,
+        model.parameters,
+        state,
+        model.scales,
+        model.ends,
     )
 
 

@@ -1,30 +1,47 @@
-"""Conversion of an online model to a skill, for adaptation, planning and tracking."""
+"""Conversion of an online model to a skill, for adaptation, planning and tracking.
+
+Without scales the skill is the published one: covariances have one sigma^2, transitions are the counts. With
+scales it differs where hard assignments and a single sigma^2 hide what the datapoints say:
+
+Precision. A cluster has its own covariance. sigma^2 is the variance of datapoints over all clusters, so that
+it fills in for datapoints only where a cluster has too few for a covariance in D columns: of n < D + 1
+datapoints, D + 1 - n have the variance sigma^2. Every covariance then has the regularisation of a batch fit.
+
+Shortcuts. A datapoint belongs to one cluster. A demonstration that passes beside a cluster, or enters the
+next one early, therefore skips it, and the time of the cluster goes to a neighbour, whose durations then
+spread. The most probable sequence of a plan prefers such a shortcut, as every segment costs the density of
+its duration. A transition i -> j is therefore left out if a detour i -> k -> ... -> j is more probable. The most
+probable successor of a state always remains, and every state that could be reached.
+
+Ends. A batch fit knows that demonstrations are whole. A state is final if more than half of its visits end a
+demonstration, and first and last datapoints are the endpoints of the skill.
+"""
 
 import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import LatentCovariances
+from pilotfish.models.demonstration_statistics import default_regularisation
 from pilotfish.models.durations import Gaussian
 from pilotfish.models.dynamics import MixtureWeights
 from pilotfish.models.learning_problem import library_version
 from pilotfish.models.online.model import OnlineModel
 from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
-from pilotfish.models.skill import Provenance, Skill
-from pilotfish.types import Array, Float, Int
+from pilotfish.models.skill import Endpoints, Provenance, Skill
+from pilotfish.types import Array, Bool, Float, Int
 
 DURATION_VARIANCE_REGULARISATION = 1.0  # steps^2, added to variances of durations, as in EMSettings
+TIE = 1e-12  # relative difference of two probabilities that are equal up to rounding
 
 
 def to_skill(model: OnlineModel, note: str = "") -> Skill:
     """Return the skill that a model represents: a mixture, or a semi-Markov skill for HDPHSMM and SOSC.
 
     Covariances are Lambda Lambda^T + sigma^2 I with Lambda = U sqrt(variances) over the first d directions
-    (5.24-5.25), in factored form. With scales S, Lambda has all stored directions of a cluster, its noise
-    is the mean variance of its other directions, and covariances are S (Lambda Lambda^T + noise I) S. One
-    sigma^2 for all clusters would hide where a task is precise. The noise includes one datapoint of variance
-    sigma^2, so that a cluster of few datapoints is not certain.
+    (5.24-5.25), in factored form. Self-transitions are excluded; a state without other transitions is final.
+    With scales, covariances are those of all stored directions with the noise of each cluster, shortcuts are
+    left out, and the skill has endpoints and final states, as defined at the head of this file.
 
-    Self-transitions are excluded; a state without other transitions is final.
     Durations are Gaussian, fitted to completed segments, or to right-censored segments where none is
     complete.
 
@@ -59,6 +76,8 @@ def to_skill(model: OnlineModel, note: str = "") -> Skill:
         model.period,
         model.frame_names,
         provenance,
+        regularisation=_regularisation(model),
+        endpoints=_endpoints(model),
     )
 
 
@@ -71,12 +90,32 @@ def _covariances(model: OnlineModel, p: int) -> LatentCovariances:
 
 def _scaled_covariances(model: OnlineModel, p: int, scales: Float[Array, " D"]) -> LatentCovariances:
     """Return covariances of all stored directions, with the noise of each cluster."""
-    state, ranks = model.state, model.state.ranks[:, p].astype(np.int64)
+    state, ranks, D = model.state, model.state.ranks[:, p].astype(np.int64), model.layout.width
     outside = state.distances[np.arange(model.clusters), p, ranks]  # mean squared distance to the directions
-    others = model.layout.width - ranks
-    residual = np.where(others > 0, outside / np.maximum(others, 1), 0.0)
-    noise = (state.points * residual + model.settings.noise) / (state.points + 1.0)
-    return LatentCovariances(_loadings(model, p, ranks) * scales[:, None], noise[:, None] * scales**2)
+    residual = np.where(ranks < D, outside / np.maximum(D - ranks, 1), 0.0)
+    missing = np.maximum(D + 1.0 - state.points, 0.0)  # datapoints that a covariance in D columns needs
+    noise = (state.points * residual + missing * model.settings.noise) / (state.points + missing)
+    added = noise[:, None] * scales**2 + _regularisation(model)
+    return LatentCovariances(_loadings(model, p, ranks) * scales[:, None], added)
+
+
+def _regularisation(model: OnlineModel) -> Float[Array, " D"] | None:
+    """Return the variance that a batch fit of columns with these scales adds; None without scales."""
+    if model.scales is None:
+        return None
+    sizes = [part.size for part in model.layout.parts]
+    part_scales = model.scales[0] * np.sqrt(np.repeat(sizes, sizes))  # of all columns of a part together
+    return default_regularisation(part_scales, model.layout)
+
+
+def _endpoints(model: OnlineModel) -> Endpoints | None:
+    """Return start and end as `fit_endpoints` does; None without scales, or without demonstrations."""
+    if not model.ends or (added := _regularisation(model)) is None:
+        return None
+    variances = [
+        np.diagonal(ends.scatter_matrices, axis1=1, axis2=2) / ends.counts[:, None] for ends in model.ends
+    ]
+    return Endpoints(np.stack([ends.means for ends in model.ends]), np.stack(variances) + added)
 
 
 def _loadings(model: OnlineModel, p: int, d: Int[Array, " K"]) -> Float[Array, "K D L"]:
@@ -103,8 +142,31 @@ def _dynamics(model: OnlineModel) -> Dynamics:
 
 def _transitions(model: OnlineModel) -> Float[Array, "K K"]:
     counts = model.transition_counts * (1.0 - np.eye(model.clusters))
-    departures = counts.sum(axis=1, keepdims=True)
-    return np.asarray(np.divide(counts, departures, out=np.zeros_like(counts), where=departures > 0.0))
+    if model.scales is None:
+        return _normalise_rows(counts)
+    counts[_final_states(model)] = 0.0
+    return _normalise_rows(np.where(_select_shortcuts(_normalise_rows(counts)), 0.0, counts))
+
+
+def _normalise_rows(counts: Float[Array, "K K"]) -> Float[Array, "K K"]:
+    totals = counts.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(counts, totals, out=np.zeros_like(counts), where=totals > 0.0))
+
+
+def _final_states(model: OnlineModel) -> Bool[Array, " K"]:
+    """Return the states of which more than half of the visits end a demonstration."""
+    ends = model.state.censored.copy()
+    if model.current_cluster >= 0:
+        ends[model.current_cluster] += 1.0
+    return np.asarray(ends > model.state.segments)
+
+
+def _select_shortcuts(transitions: Float[Array, "K K"]) -> Bool[Array, "K K"]:
+    """Return the transitions that are less probable than a detour over other states, in O(K^3)."""
+    best = transitions.copy()
+    for k in range(len(best)):  # paths over the states up to k (Floyd-Warshall)
+        best = np.maximum(best, best[:, [k]] * best[k])
+    return np.asarray(transitions < (1.0 - TIE) * best)
 
 
 def _durations(model: OnlineModel) -> Gaussian:
