@@ -87,7 +87,11 @@ def models_equal(one: online.OnlineModel, other: online.OnlineModel) -> bool:
         )
         for m in (one, other)
     ]
-    return arrays and plain[0] == plain[1]
+    ends = [
+        [moments.scatter_matrices.tobytes() + moments.means.tobytes() for moments in m.ends]
+        for m in (one, other)
+    ]
+    return arrays and plain[0] == plain[1] and ends[0] == ends[1]
 
 
 def is_refused_or_equal(data: bytes, model: online.OnlineModel) -> bool:

@@ -127,6 +127,16 @@ def maintenance(**values: Any) -> Callable[[Any, Any], None]:
     return lambda header, _: header["settings"]["maintenance"].update(values)
 
 
+def ends(**changed: np.ndarray) -> Arrays:
+    """Return the ends of one demonstration, with changes."""
+    scatter = np.zeros((2, 2, 3, 3))
+    return {
+        "end_counts": np.ones((2, 2)),
+        "end_means": np.zeros((2, 2, 3)),
+        "end_scatter_matrices": scatter,
+    } | changed
+
+
 # Fault, text of the message, and edit; of a SOSC model with default maintenance and three columns.
 REFUSED: dict[str, tuple[str, Callable[[Any, Any], None]]] = {
     "another format": ("expected 'pilotfish-stream'", lambda h, _: h.update(format="other")),
@@ -199,6 +209,19 @@ REFUSED: dict[str, tuple[str, Callable[[Any, Any], None]]] = {
     "a variance beyond its directions": ("variance", set_value("variances", (0, 0, -1), 1.0)),
     "a direction too many": ("bases", set_value("bases", (0, 0, 0, -1), 1e-9)),
     "a direction too long": ("bases", set_value("bases", (0, 0, 0, 0), 1e200)),
+    "ends of another shape": ("end_means has shape", lambda _, a: a.update(ends(end_means=np.zeros((2, 3))))),
+    "a missing array of the ends": (
+        "lacks 'end_counts'",
+        lambda _, a: a.update(end_means=np.zeros((2, 2, 3))),
+    ),
+    "half an end": ("end_counts", lambda _, a: a.update(ends(end_counts=np.full((2, 2), 1.5)))),
+    "an end of no demonstration": ("end_counts", lambda _, a: a.update(ends(end_counts=np.zeros((2, 2))))),
+    "an end beyond all": ("end_means", lambda _, a: a.update(ends(end_means=np.full((2, 2, 3), 1e200)))),
+    "an end that is NaN": ("end_means", lambda _, a: a.update(ends(end_means=np.full((2, 2, 3), np.nan)))),
+    "a negative variance of ends": (
+        "end_scatter_matrices",
+        lambda _, a: a.update(ends(end_scatter_matrices=np.tile(-np.eye(3), (2, 2, 1, 1)))),
+    ),
     "a direction too short": ("products of bases", lambda _, a: a["bases"].__imul__(0.9)),
 }
 

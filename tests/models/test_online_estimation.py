@@ -120,15 +120,18 @@ def test_scaled_stream_equals_stream_of_scaled_columns(rng):
 
 
 def test_scaled_skill_covariances_equal_those_of_datapoints(rng):
-    """With all directions stored, up to noise: a datapoint of sigma^2, and the least direction."""
+    """Up to the regularisation; sigma^2 counts for the datapoints that a cluster lacks for 7 columns."""
     x, _ = stop_and_go(rng)
     settings = estimate(x[:150], maintenance=Maintenance(extra_directions=7, merge_distance=0.0))
     model, assignments = stream(settings, x)
     skill, scales = online.to_skill(model), np.array(settings.scales)
     for k, cluster_id in enumerate(model.cluster_ids):
         rows = x[assignments.cluster_ids == cluster_id]
-        noise = np.diag(settings.noise / (len(rows) + 1) * scales**2)
-        covariance = np.cov(rows.T, bias=True) + noise
+        missing = max(8 - len(rows), 0)
+        filled = missing / (len(rows) + missing) * settings.noise * scales**2
+        relative = np.array([0.005, 0.005, 0.005, 0.2, 0.2, 0.2, 0.005])  # of the scale of the part
+        added = (relative * scales) ** 2 * np.array([3, 3, 3, 3, 3, 3, 1])
+        covariance = np.cov(rows.T, bias=True) + np.diag(filled + added)
         np.testing.assert_allclose(skill.covariances[0].dense[k], covariance, rtol=5e-3, atol=1e-6)
 
 

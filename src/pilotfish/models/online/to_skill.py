@@ -10,8 +10,8 @@ datapoints, D + 1 - n have the variance sigma^2. Every covariance then has the r
 Shortcuts. A datapoint belongs to one cluster. A demonstration that passes beside a cluster, or enters the
 next one early, therefore skips it, and the time of the cluster goes to a neighbour, whose durations then
 spread. The most probable sequence of a plan prefers such a shortcut, as every segment costs the density of
-its duration. A transition i -> j is therefore left out if a detour i -> k -> ... -> j is more probable. The most
-probable successor of a state always remains, and every state that could be reached.
+its duration. A transition i -> j is therefore left out if a detour i -> k -> ... -> j is more probable. The
+most probable successor of a state always remains, and every state that could be reached.
 
 Ends. A batch fit knows that demonstrations are whole. A state is final if more than half of its visits end a
 demonstration, and first and last datapoints are the endpoints of the skill.
