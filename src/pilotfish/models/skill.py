@@ -92,7 +92,8 @@ class Skill:
         regularisation: Variance that was added to each tangent column of every covariance; None if there was
             none, or if it is unknown.
         demonstrated: Scales and ranges of the demonstrations; None for a skill of a stream.
-        endpoints: Start and end of the demonstrations; None for a skill of a stream.
+        endpoints: Start and end of the demonstrations; None for a skill of a stream without scales or
+            demonstrations.
     """
 
     dynamics: Dynamics
