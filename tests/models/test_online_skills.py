@@ -125,19 +125,3 @@ def test_to_skill_endpoints_equal_those_of_datapoints(rng):
             np.testing.assert_allclose(skill.endpoints.means[:, n], x[:, rows].mean(axis=1), atol=1e-9)
             variances = x[:, rows].var(axis=1) + skill.regularisation
             np.testing.assert_allclose(skill.endpoints.variances[:, n], variances, rtol=1e-6)
-
-
-def test_to_skill_streamed_valve_ends_where_demonstrations_end(rng):
-    """The reproduction of a held-out situation ends as near as that of a batch fit, within a factor of 2."""
-    demos = synthetic_valve(rng)
-    train, held_out = demos[:-1], demos[-1]
-    batch = pf.learn(train, states=7, rng=rng).skill
-    first = pf.learn(train[:4], states=7, rng=rng).skill
-    model = online.from_batch_fit(first, train[:4], online.estimate_penalties(first, train[:4]))
-    for each in train[4:]:
-        model, _ = online.observe_demonstration(model, each)
-    errors = [
-        pf.planning.end_position_error(pf.planning.reproduce_demonstration(skill, held_out).motion, held_out)
-        for skill in (online.to_skill(model), batch)
-    ]
-    assert errors[0] <= 2.0 * errors[1] + 1e-3

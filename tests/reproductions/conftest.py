@@ -58,3 +58,8 @@ def online_dimensions() -> ModuleType:
 @pytest.fixture(scope="session")
 def online_valve() -> ModuleType:
     return script("online_valve")
+
+
+@pytest.fixture(scope="module")
+def online_tasks() -> ModuleType:
+    return script("online_tasks")

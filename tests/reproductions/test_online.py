@@ -168,6 +168,43 @@ def test_valve_converted_batch_fit_generalises_and_stream_does_not(data_folder, 
     assert errors[2] > 1.5 * errors[0]
 
 
+def test_cube_is_grasped_and_released_at_its_frames(online_tasks: ModuleType, rng):
+    """The gripper closes within a millimetre of the cube, and opens above the bin."""
+    for demonstration in online_tasks.simulate_cubes(rng):
+        x, (cube, bin_) = demonstration.x, (frame.b[:3] for frame in demonstration.frames)
+        closing, opening = np.flatnonzero(np.diff(x[:, 3]) < 0.0), np.flatnonzero(np.diff(x[:, 3]) > 0.0)
+        above = bin_ + online_tasks.RELEASE_HEIGHT * online_tasks.UP
+        for steps, place in ((closing, cube), (opening, above)):
+            assert np.linalg.norm(x[steps, :3] - place, axis=1).max() < 0.004
+
+
+@pytest.mark.slow  # learns 57 skills and streams: 26 CPU seconds
+def test_streams_from_a_batch_are_within_twice_the_error(data_folder, online_tasks: ModuleType):
+    """Figures of docs/online.md: least distances to cube and bin, and mean distance and end on the valve."""
+    valve = pf.datasets.valve()
+    splits = [([d for d in valve if d is not left_out], [left_out]) for left_out in valve]
+    drawn = [online_tasks.simulate_cubes(np.random.default_rng(seed)) for seed in range(3)]
+    cubes = [(each[:6], each[6:]) for each in drawn]
+    for name, cases, states, measure in (
+        ("valve", splits, (7, 10), online_tasks.measure_valve),
+        ("cube", cubes, (10,), online_tasks.measure_cube),
+    ):
+        rows = {(r["states"], r["way"]): r for r in online_tasks.compare(name, cases, states, measure)}
+        for count in states:
+            batch, streamed = (np.array(rows[count, way]["distances"]) for way in ("batch", "from four"))
+            assert (streamed <= 2.0 * batch + 0.1).all(), (name, count, batch, streamed)  # rounding of .1 mm
+
+
+@pytest.mark.slow  # runs the whole script for one draw: 20 CPU seconds
+def test_online_tasks_reaches_most_of_the_accuracy_from_nothing(data_folder, tmp_path):
+    """Segments of exercises in the recorded order, from nothing, beside those of a batch fit."""
+    run("online_tasks", "--json", tmp_path / "rows.json", "--seeds", 1, "--states", 7, "--orders", 1)
+    rows = json.loads((tmp_path / "rows.json").read_text())
+    exercises = [row for row in rows if "orders" in row]
+    assert len(exercises) == 2
+    assert all(row["stream"] >= 0.9 * row["batch"] for row in exercises)
+
+
 @pytest.mark.slow  # runs the reproductions: 2 to 11 CPU seconds each
 @pytest.mark.parametrize(
     ("name", "options", "count"),
