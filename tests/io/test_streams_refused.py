@@ -45,7 +45,20 @@ def stream_bytes(maintenance: online.Maintenance) -> bytes:
     return encode_stream(model)
 
 
-FILES = [stream_bytes(maintenance) for maintenance in MAINTENANCES]
+def scaled_stream_bytes() -> bytes:
+    """Return the file of a scaled model with the ends of two demonstrations."""
+    learner = online.SOSC(2.4, 0.08, 0.04, 8.0, 0.04, 0.08, scales=(0.5, 0.5, 3.0))
+    model = online.online_model(learner, LAYOUT, 0.02, ("world", "cup"))
+    frames = [
+        pf.demonstrations.frame("world", np.eye(3), np.zeros(3)),
+        pf.demonstrations.frame("cup", -np.eye(3), 0.5 * np.ones(3)),
+    ]
+    for part in np.array_split(walk(0, 60)[:, 0], 2):
+        model, _ = online.observe_demonstration(model, pf.demonstration(part, 0.02, LAYOUT, frames))
+    return encode_stream(model)
+
+
+FILES = [*(stream_bytes(maintenance) for maintenance in MAINTENANCES), scaled_stream_bytes()]
 
 
 JSON = st.recursive(
