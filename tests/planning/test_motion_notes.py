@@ -86,6 +86,7 @@ def require_note(notes: Sequence[str], *words: str) -> None:
     assert any(all(word in note for word in words) for note in notes), notes
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("sphere", [False, True])
 def test_motion_notes_in_situations_like_the_demonstrations_are_none(sphere: bool):
     skill, rng = learn_pick(sphere=sphere), np.random.default_rng(7)

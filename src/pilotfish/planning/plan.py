@@ -127,7 +127,8 @@ def plan_states(
     else:
         states = dynamics.plan_states(log_start, horizon, complete=complete)
     if not len(via_points):
-        if complete and not stepwise and dynamics.durations is not None:
+        reaches_end = complete and dynamics.final_states()[states[-1]]
+        if reaches_end and not stepwise and dynamics.durations is not None:
             states = share_time(states, dynamics.durations)
         return aligned, states
     log_observed = np.zeros((horizon, aligned.states))
