@@ -1,0 +1,56 @@
+"""Grip in a virtual fixture: two-valued columns switch at phases on which most demonstrations agree."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
+
+
+@shorten_repr
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseSwitch:
+    """Column that switches between two values as the phase advances.
+
+    Attributes:
+        column: Column of the pose.
+        phases: Phases at which the value changes, increasing.
+        values: Value before the first change and after each.
+    """
+
+    column: int
+    phases: Float[Array, " C"]
+    values: Float[Array, " C+1"]
+
+    def value_at(self, phase: float) -> float:
+        """Return the value at a phase.
+
+        Args:
+            phase: Phase, 0 to 1.
+        """
+        return float(self.values[np.searchsorted(self.phases, phase, side="right")])
+
+
+def learn_switch(
+    column: int, values: Sequence[Float[Array, " T"]], phases: Sequence[Float[Array, " T"]]
+) -> PhaseSwitch:
+    """Return the value of most demonstrations at every phase; the higher value if they are divided equally.
+
+    Args:
+        column: Column of the pose.
+        values: Values of the column in each demonstration.
+        phases: Phase of each step of each demonstration, which does not decrease.
+    """
+    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    is_high = [v > 0.5 * (low + high) for v in values]
+    changes = [np.flatnonzero(np.diff(above)) + 1 for above in is_high]
+    merged = np.unique(np.concatenate([s[rows] for s, rows in zip(phases, changes, strict=True)]))
+    votes = np.zeros(len(merged) + 1)
+    for above, s, rows in zip(is_high, phases, changes, strict=True):
+        passed = np.searchsorted(s[rows], np.append(-np.inf, merged), side="right")
+        votes += above[np.append(0, rows)][passed]
+    majority = votes >= 0.5 * len(values)
+    kept = np.flatnonzero(np.diff(majority))
+    return PhaseSwitch(column, merged[kept], np.where(majority[np.append(0, kept + 1)], high, low))
