@@ -52,7 +52,7 @@ from pilotfish.validation import shorten_repr
 
 PHASE_TOLERANCE = 1e-6  # of the phase, between the frames' means of one state
 MIN_QUATERNION_NORM = 0.1  # of a product of quaternions in R^4, as in models.adapt
-MAX_ITERATIONS, TOLERANCE = 50, 1e-12
+MAX_ITERATIONS, TOLERANCE = 50, 1e-11
 SMALL_ANGLE = 1e-4  # rad: below it the series is more exact than the quotient
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
@@ -163,20 +163,37 @@ def _local_regression(
     conditional: ConditionalGaussians, s: Float[Array, " N"], h: Float[Array, "N K"], dh: Float[Array, "N K"]
 ) -> Arrays:
     """Return mean and covariance in one frame, and their derivatives by the phase."""
-    starts = conditional.output_orientation_starts
     regression = regress_with_responsibilities(conditional, s[:, None], h)
-    dm = regression.jacobians[:, :, 0]
+    m, S, dm = regression.means, regression.covariances, regression.jacobians[:, :, 0]
     slopes = conditional.slopes[:, :, 0]
     u = slopes * (s[:, None] - conditional.input_means[:, 0])[:, :, None]
-    w = log_map(regression.means[:, None], exp_map(conditional.means[None], u, starts), starts)
+    if starts := conditional.output_orientation_starts:
+        w, dw, covariances, half = _terms_on_manifold(conditional, u, m, dm, starts)
+    else:
+        w, dw = conditional.means + u - m[:, None], slopes - dm[:, None]
+        covariances, half = conditional.covariances[None], np.zeros(1)
+    covariances = covariances + w[..., :, None] * w[..., None, :]
+    half = half + dw[..., :, None] * w[..., None, :]
+    half = np.einsum("nk,nkij->nij", h, half)
+    return m, S, dm, np.einsum("nk,nkij->nij", dh, covariances) + half + half.swapaxes(-1, -2)
+
+
+def _terms_on_manifold(
+    conditional: ConditionalGaussians,
+    u: Float[Array, "N K E"],
+    m: Float[Array, "N D"],
+    dm: Float[Array, "N E"],
+    starts: tuple[int, ...],
+) -> Arrays:
+    """Return w, dw, T C T' and dT C T'."""
+    slopes = conditional.slopes[:, :, 0]
+    w = log_map(m[:, None], exp_map(conditional.means[None], u, starts), starts)
     to_point, to_mean = exp_map_jacobian(u, starts), log_map_jacobian(w, starts)
-    dw = _apply(to_mean @ to_point, slopes) - _apply(to_mean.swapaxes(-1, -2), dm[:, None])
     T = to_mean @ to_point
+    dw = _apply(T, slopes) - _apply(to_mean.swapaxes(-1, -2), dm[:, None])
     dT = _jacobian_change(w, dw, starts) @ to_point + to_mean @ _ray_jacobian_change(u, slopes, starts)
-    half = dT @ conditional.covariances @ T.swapaxes(-1, -2) + dw[..., :, None] * w[..., None, :]
-    covariances = T @ conditional.covariances @ T.swapaxes(-1, -2) + w[..., :, None] * w[..., None, :]
-    dS = np.einsum("nk,nkij->nij", dh, covariances) + np.einsum("nk,nkij->nij", h, half + half.swapaxes(-1, -2))
-    return regression.means, regression.covariances, dm, dS
+    CT = conditional.covariances @ T.swapaxes(-1, -2)
+    return w, dw, T @ CT, dT @ CT
 
 
 def _to_world(frame: Frame, layout: Layout, arrays: Arrays) -> Arrays:
@@ -211,9 +228,11 @@ def _frame_product(
     W = precision_cholesky(S.reshape(-1, *S.shape[2:]), "the covariance in the world of row").reshape(S.shape)
     L = W.swapaxes(-1, -2) @ W
     x, v = _product_means(m, L, starts)
-    D = log_map_jacobian(v, starts)
     Lv = _apply(L, v)
-    curvature = D.swapaxes(-1, -2) @ L + _transposed_jacobian_change(v, Lv, starts)
+    D, curvature = np.eye(L.shape[-1]), L  # on R^n
+    if starts:
+        D = log_map_jacobian(v, starts)
+        curvature = D.swapaxes(-1, -2) @ L + _transposed_jacobian_change(v, Lv, starts)
     by_phase = -_apply(D.swapaxes(-1, -2) @ L @ dS, Lv) - _apply(curvature @ D.swapaxes(-1, -2), dm)
     jacobian = np.linalg.solve((curvature @ D).sum(axis=0), -by_phase.sum(axis=0)[..., None])[..., 0]
     V = precision_cholesky((D.swapaxes(-1, -2) @ L @ D).sum(axis=0), "the precision of row")
@@ -223,7 +242,10 @@ def _frame_product(
 def _product_means(
     m: Float[Array, "P N D"], L: Float[Array, "P N E E"], starts: tuple[int, ...]
 ) -> tuple[Float[Array, "N D"], Float[Array, "P N E"]]:
-    """Return the means by Gauss-Newton steps, and the tangent vectors to them; on R^n one step is exact."""
+    """Return the means and the tangent vectors to them; on S^3 by Gauss-Newton steps."""
+    if not starts:
+        x = np.linalg.solve(L.sum(axis=0), _apply(L, m).sum(axis=0)[..., None])[..., 0]
+        return x, x - m
     x = m[0]
     for _ in range(MAX_ITERATIONS):
         v = log_map(m, x, starts)
@@ -231,7 +253,7 @@ def _product_means(
         DL = D.swapaxes(-1, -2) @ L
         step = -np.linalg.solve((DL @ D).sum(axis=0), _apply(DL, v).sum(axis=0)[..., None])[..., 0]
         x = exp_map(x, step, starts)
-        if not starts or np.abs(step).max(initial=0.0) < TOLERANCE:
+        if np.abs(step).max(initial=0.0) < TOLERANCE:
             break
     return x, log_map(m, x, starts)
 
