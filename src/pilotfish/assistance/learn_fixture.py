@@ -23,7 +23,7 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import require_type
 
 PHASES = ("path", "logistic")
-MAX_STATES, ROWS_PER_STATE = 15, 10  # default states, and steps of the shortest demonstration for each
+MAX_STATES, ROWS_PER_STATE = 15, 5  # default states, and steps of the shortest demonstration for each
 
 
 def learn_virtual_fixture(
@@ -42,7 +42,7 @@ def learn_virtual_fixture(
         demonstrations: At least two recordings of one task, with fixed or moving frames.
         rng: Source of randomness of the fit.
         phase: "path", the share of the path length, or "logistic", a logistic function of the time.
-        states: Number of states; None takes 15, or one for every ten steps of a short demonstration.
+        states: Number of states; None takes 15, or one for every five steps of a short demonstration.
         structure: Covariance structure. Diagonal and spherical ones have no slope over the phase.
 
     Returns:
@@ -95,7 +95,7 @@ def _keep_coordinates(demo: Demonstration) -> Demonstration:
     return demonstration(demo.x[:, columns], demo.period, coordinate_layout(demo.layout), frames, demo.name)
 
 
-def _phases(demos: Sequence[Demonstration], kind: str) -> tuple[list[Float[Array, " T"]], list[int]]:
+def _phases(demos: Sequence[Demonstration], kind: str) -> tuple[list[Float[Array, " _"]], list[int]]:
     """Return the phase of every step of each demonstration, and the columns that switch."""
     x, layout = np.concatenate([demo.x for demo in demos]), sphere_layout(demos[0].layout)
     names = switching_columns(x, layout)

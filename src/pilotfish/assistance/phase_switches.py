@@ -17,12 +17,12 @@ class PhaseSwitch:
     Attributes:
         column: Column of the pose.
         phases: Phases at which the value changes, increasing.
-        values: Value before the first change and after each.
+        values: Value before the first change and after each: one more than there are changes.
     """
 
     column: int
     phases: Float[Array, " C"]
-    values: Float[Array, " C+1"]
+    values: Float[Array, " V"]
 
     def value_at(self, phase: float) -> float:
         """Return the value at a phase.
@@ -34,7 +34,7 @@ class PhaseSwitch:
 
 
 def learn_switch(
-    column: int, values: Sequence[Float[Array, " T"]], phases: Sequence[Float[Array, " T"]]
+    column: int, values: Sequence[Float[Array, " _"]], phases: Sequence[Float[Array, " _"]]
 ) -> PhaseSwitch:
     """Return the value of most demonstrations at every phase; the higher value if they are divided equally.
 

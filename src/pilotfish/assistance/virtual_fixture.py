@@ -10,8 +10,8 @@ as it does on R^n. eps keeps ds/dt finite where J vanishes.
 
 Reversals. At a turning point of the path J changes its sign. A cart that lags behind then sees the operator
 come back, and (6.12) drives it back to the start. The guard looks ahead: where the cart would go back, or J
-vanishes, it goes on towards the phase within look_ahead that is nearest to the operator, if one is nearer than
-the cart and moves with the operator. Otherwise the operator does go back, and so does the cart. Both kinds of
+vanishes, it goes on towards the phase within look_ahead that moves with the operator and is nearest to him, if
+that is not farther from him than the cart by more than 5 % of the path. Otherwise the operator does go back, and so does the cart. Both kinds of
 backward motion are counted.
 
 The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames seen,
@@ -295,7 +295,7 @@ def _phase_ahead(
     operator: tuple[Float[Array, " D"], Float[Array, " E"]],
     frames: Sequence[Frame | MovingFrame],
 ) -> float | None:
-    """Return the phase ahead that is nearest to the operator and moves with him; None if the cart is nearer."""
+    """Return the phase ahead that moves with the operator and is nearest to him; None if the cart is nearer."""
     ahead = s + fixture.look_ahead * np.arange(1, LOOK_AHEAD_POINTS + 1) / LOOK_AHEAD_POINTS
     ahead = ahead[ahead <= 1.0]
     if not len(ahead):
@@ -305,7 +305,7 @@ def _phase_ahead(
     e = log_map(guide.means, x, _quaternion_starts(fixture.layout))
     distances = np.where(guide.jacobians @ (fixture.damping * v) >= 0.0, e**2 @ fixture.damping, np.inf)
     best = int(distances.argmin())
-    return float(ahead[best]) if distances[best] < distance else None
+    return float(ahead[best]) if distances[best] <= distance + fixture.min_speed**2 else None
 
 
 def _next_state(
