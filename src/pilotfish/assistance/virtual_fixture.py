@@ -281,11 +281,14 @@ def _phase_rate(
     pull = fixture.stiffness * e + fixture.damping * (by_operator @ v - by_cart @ drift)
     squared_speed = float(J @ (fixture.damping * J))
     rate = float(J @ pull) / (squared_speed + fixture.min_speed**2)
+    distance = float(e**2 @ fixture.damping)
     if fixture.look_ahead > 0.0 and (rate < 0.0 or squared_speed < fixture.min_speed**2):
-        ahead = _phase_ahead(fixture, state.phase, float(e**2 @ fixture.damping), operator, frames)
-        if ahead is not None:
-            return (ahead - state.phase) / dt
-    return rate
+        ahead = _phase_ahead(fixture, state.phase, distance + fixture.min_speed**2, operator, frames)
+    elif fixture.look_ahead > 0.0 and distance > fixture.min_speed**2:
+        ahead = _phase_ahead(fixture, state.phase, distance, operator, frames)
+    else:
+        return rate
+    return rate if ahead is None else max(rate, (ahead - state.phase) / dt)
 
 
 def _phase_ahead(
@@ -305,7 +308,7 @@ def _phase_ahead(
     e = log_map(guide.means, x, _quaternion_starts(fixture.layout))
     distances = np.where(guide.jacobians @ (fixture.damping * v) >= 0.0, e**2 @ fixture.damping, np.inf)
     best = int(distances.argmin())
-    return float(ahead[best]) if distances[best] <= distance + fixture.min_speed**2 else None
+    return float(ahead[best]) if distances[best] < distance else None
 
 
 def _next_state(
