@@ -2,17 +2,18 @@
 
     python reproductions/virtual_fixture.py --json fixture.json
 
-Every recorded demonstration is the operator's input in every configuration: 6 demonstrations learn, and 2 give
-the test configurations. The target is compared with the human demonstration of the configuration, both at the
-same share of their time. The table gives the mean distance of the positions [cm], that of direct control, their
-ratio, the reversals per run, and the mean of the last phase. Rows:
+Every recorded demonstration is the operator's input in every configuration: 6 demonstrations learn, and 2
+give the test configurations. The target is compared with the human demonstration of the configuration, both
+at the same share of their time. The table gives the mean distance of the positions [cm], that of direct
+control, their ratio, the reversals per run, and the mean of the last phase. Rows:
 
     literal  (6.12) alone, with the frames of the configuration
     guarded  with the guard against reversals and vanishing Jacobians
     seen     also with the phase on the path adapted to the frames that the operator saw
 
-The demonstrations in physics are simulated. Printed by the thesis for the valve: direct 1.412 (train) and 1.261
-(test), virtual fixture 2.836 and 2.011, in a unit that is not cm: the distances here are those of the recording.
+The demonstrations in physics are simulated. Printed by the thesis for the valve: direct 1.412 (train) and
+1.261 (test), virtual fixture 2.836 and 2.011, in a unit that is not cm: the distances here are those of the
+recording.
 
 Source: Tanwani 2018, sections 6.4 and 6.5, table 6.1.
 """
@@ -63,13 +64,16 @@ def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument("--tasks", nargs="+", default=("recorded valve", *SIMULATED))
     parser.add_argument("--phases", nargs="+", default=("path", "logistic"), choices=("path", "logistic"))
+    parser.add_argument("--train", action="store_true", help="also the train configurations")
     arguments = parser.parse_args()
     rows: list[Row] = []
-    print("task             phase     variant  configurations    fixture   direct  ratio  reversals  last phase")
+    print(
+        "task             phase     variant  configurations    fixture   direct  ratio  reversals  last phase"
+    )
     for task in arguments.tasks:
         demonstrations = load(task)
         for phase in arguments.phases:
-            for row in evaluate(task, demonstrations, phase):
+            for row in evaluate(task, demonstrations, phase, train=arguments.train):
                 rows.append(row)
                 print_row(row)
     if arguments.json:
@@ -96,14 +100,24 @@ def load(task: str) -> Sequence[Demonstration]:
 
     return cached_recording(__file__, f"{task}, {NUMBER} demonstrations, seed {SEED}", make)
 
-def evaluate(task: str, demonstrations: Sequence[Demonstration], phase: str) -> list[Row]:
+
+def configurations(
+    demonstrations: Sequence[Demonstration], train: bool
+) -> dict[str, Sequence[Demonstration]]:
+    test = {"test": demonstrations[TRAIN:]}
+    return {"train": demonstrations[:TRAIN]} | test if train else test
+
+
+def evaluate(
+    task: str, demonstrations: Sequence[Demonstration], phase: str, *, train: bool = False
+) -> list[Row]:
     """Return the rows of one task and phase."""
     fixture = learn_virtual_fixture(demonstrations[:TRAIN], rng=np.random.default_rng(0), phase=phase)
     positions = fixture.layout.columns("position")
     rows = []
     for variant in VARIANTS:
         used = replace(fixture, look_ahead=0.0) if variant == "literal" else fixture
-        for name, chosen in (("train", demonstrations[:TRAIN]), ("test", demonstrations[TRAIN:])):
+        for name, chosen in configurations(demonstrations, train).items():
             results = []
             for human in chosen:
                 for operator in demonstrations:
@@ -112,9 +126,7 @@ def evaluate(task: str, demonstrations: Sequence[Demonstration], phase: str) -> 
                     distances = [distance_cm(p[:, positions], there) for p in (x, operator.x)]
                     results.append([*distances, reversals, last])
             distance, direct, reversals, last = np.mean(results, axis=0).tolist()
-            rows.append(
-                Row(task, phase, variant, name, distance, direct, distance / direct, reversals, last)
-            )
+            rows.append(Row(task, phase, variant, name, distance, direct, distance / direct, reversals, last))
     return rows
 
 

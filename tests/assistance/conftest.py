@@ -1,4 +1,4 @@
-"""Demonstrations of a simple task: from home to an object and back on the same way, so that the path turns."""
+"""Demonstrations of a simple task: from home to an object and back on the same way."""
 
 from collections.abc import Callable
 
@@ -33,7 +33,9 @@ def there_and_back(pose: Pose, rng: np.random.Generator, steps: int) -> np.ndarr
     share = minimum_jerk(1.0 - np.abs(np.linspace(-1.0, 1.0, steps)))[:, None]
     arc = 0.1 * np.sin(np.pi * share) * np.array([0.0, 1.0, 0.0])
     noise = 0.003 * rng.normal(size=3) * np.sin(np.pi * share)
-    q = quaternion_exp(share * quaternion_log(multiply(pose.quaternion, quaternion_exp(np.array([0.3, 0.2, 0.0])))))
+    q = quaternion_exp(
+        share * quaternion_log(multiply(pose.quaternion, quaternion_exp(np.array([0.3, 0.2, 0.0]))))
+    )
     return np.hstack([share * pose.position + arc + noise, q])
 
 

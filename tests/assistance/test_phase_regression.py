@@ -52,9 +52,7 @@ def difference(at, s):
 
 def numerical_jacobian(fixture: VirtualFixture, frames: list[Frame], s: np.ndarray) -> np.ndarray:
     means = regress_on_phase(fixture.mixture, frames, s).means
-    return difference(
-        lambda r: log_map(means, regress_on_phase(fixture.mixture, frames, r).means, STARTS), s
-    )
+    return difference(lambda r: log_map(means, regress_on_phase(fixture.mixture, frames, r).means, STARTS), s)
 
 
 def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
@@ -128,7 +126,9 @@ def test_regression_and_product_equal_importance_sampling(make):
     for conditional, frame in zip(mixture.frames, frames, strict=True):
         k = rng.choice(h.shape[1], size=400_000, p=h[0])
         at = conditional.means + conditional.slopes[..., 0] * (s - conditional.input_means)
-        noise = np.einsum("nij,nj->ni", np.linalg.cholesky(conditional.covariances)[k], rng.normal(size=(len(k), 7)))
+        noise = np.einsum(
+            "nij,nj->ni", np.linalg.cholesky(conditional.covariances)[k], rng.normal(size=(len(k), 7))
+        )
         x = (at[k] + noise) @ frame.A.T + frame.b
         moments.append((x[:, :3].mean(axis=0), np.cov(x.T), x.mean(axis=0)))
     precisions = [np.linalg.inv(S) for _, S, _ in moments]

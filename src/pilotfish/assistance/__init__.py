@@ -1,4 +1,4 @@
-"""Assistance in teleoperation: the virtual fixture, a learned path along which the operator pulls the robot."""
+"""Assistance in teleoperation: the virtual fixture, along which the operator pulls the robot."""
 
 from pilotfish.assistance.learn_fixture import learn_virtual_fixture
 from pilotfish.assistance.phase import add_phase

@@ -1,7 +1,6 @@
 """Learn a virtual fixture from demonstrations: a mixture over pose and phase, in every frame."""
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -30,7 +29,7 @@ def learn_virtual_fixture(
     demonstrations: Sequence[Demonstration],
     *,
     rng: np.random.Generator,
-    phase: Literal["path", "logistic"] = "path",
+    phase: str = "path",
     states: int | None = None,
     structure: CovarianceStructure = Full(),
 ) -> VirtualFixture:
@@ -61,13 +60,15 @@ def learn_virtual_fixture(
         require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
     if len(demonstrations) < 2:
         raise InvalidInput(
-            f"{len(demonstrations)} demonstrations are given, expected at least 2: the variation between them "
-            "decides which frame counts; record another"
+            f"{len(demonstrations)} demonstrations are given, expected at least 2: the variation between "
+            "them decides which frame counts; record another"
         )
     if phase not in PHASES:
         raise InvalidInput(f"phase is {phase!r}, expected one of {', '.join(map(repr, PHASES))}")
     if other := next((d for d in demonstrations if d.layout != demonstrations[0].layout), None):
-        raise InvalidInput(f"demonstration {other.name!r} has other columns than the first, expected the same")
+        raise InvalidInput(
+            f"demonstration {other.name!r} has other columns than the first, expected the same"
+        )
     poses = [_keep_coordinates(demo) for demo in demonstrations]
     phases, columns = _phases(poses, phase)
     shortest = min(len(demo.x) for demo in poses)

@@ -1,11 +1,12 @@
 """Phase of a demonstration, from 0 at its start to 1 at its end, and demonstrations with a phase column.
 
-    logistic  s(t) = (f(t) - f(0)) / (f(1) - f(0)), f(t) = 1 / (1 + exp(-a (2 t - 1))), t the share of the time
+    logistic  s(t) = (f(t) - f(0)) / (f(1) - f(0)), f(t) = 1 / (1 + exp(-a (2 t - 1))), t the
+              share of the time
     path      share of the path length, in which every part is divided by its scale
 
-With the share of the time itself the derivative of the pose by the phase vanishes at the start and at the end,
-where the hand is slow. The logistic function is slow there as well. With the path length this derivative has a
-constant length, and pauses have no extent.
+With the share of the time itself the derivative of the pose by the phase vanishes at the start and at the
+end, where the hand is slow. The logistic function is slow there as well. With the path length this
+derivative has a constant length, and pauses have no extent.
 """
 
 from dataclasses import replace
@@ -56,7 +57,7 @@ def path_phase(
     lengths = np.linalg.norm(log_map(x[:-1], x[1:], orientation_starts) / scales, axis=1)
     total = np.append(0.0, lengths.cumsum())
     if not total[-1] > 0.0:
-        raise InvalidInput('a demonstration does not move, expected a path of positive length; leave it out')
+        raise InvalidInput("a demonstration does not move, expected a path of positive length; leave it out")
     return np.asarray(total / total[-1])
 
 

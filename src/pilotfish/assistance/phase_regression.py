@@ -6,14 +6,14 @@ m_k(s) = Exp_{c_k}(g_k (s - s_k)) and conditional covariances C_k,
     m = the point at which sum_k h_k w_k = 0, where w_k = Log_m(m_k)
     S = sum_k h_k (T_k C_k T_k' + w_k w_k'),  T_k = D_log(w_k) D_exp(g_k (s - s_k)).
 
-On R^n, T_k = I and m = sum_k h_k m_k. The frame maps both to the world. The product over frames has the mean x
-that minimises sum_p v_p' L_p v_p, with v_p = Log_{m_p}(x) and precisions L_p = S_p^-1, hence
+On R^n, T_k = I and m = sum_k h_k m_k. The frame maps both to the world. The product over frames has the
+mean x that minimises sum_p v_p' L_p v_p, with v_p = Log_{m_p}(x) and precisions L_p = S_p^-1, hence
 
     F(x, s) = sum_p D_log(v_p)' L_p v_p = 0,           covariance (sum_p D_log(v_p)' L_p D_log(v_p))^-1.
 
-Jacobian. dx/ds = -(dF/dx)^-1 dF/ds, in which m_p and L_p both depend on s: dL = -L dS L, and dS contains the
-derivative of the responsibilities, h_k (z_k - sum_j h_j z_j) with the scores z_k = -(s - s_k) / variance_k. On
-R^n this is (sum_p L_p)^-1 sum_p (L_p dm_p + dL_p (m_p - x)).
+Jacobian. dx/ds = -(dF/dx)^-1 dF/ds, in which m_p and L_p both depend on s: dL = -L dS L, and dS contains
+the derivative of the responsibilities, h_k (z_k - sum_j h_j z_j) with the scores z_k = -(s - s_k) /
+variance_k. On R^n this is (sum_p L_p)^-1 sum_p (L_p dm_p + dL_p (m_p - x)).
 
 The phase is the same in all frames: its marginal enters the responsibilities once, not P times.
 
@@ -111,7 +111,7 @@ def condition_on_phase(skill: Skill) -> PhaseMixture:
     phases = skill.means[:, :, -1]
     if (spread := float(np.ptp(phases, axis=0).max())) > PHASE_TOLERANCE:
         raise InvalidInput(
-            f"the mean phase of a state differs by {spread:.3g} between frames, expected the same phase in all; "
+            f"the mean phase of a state differs by {spread:.3g} between frames, expected the same in all; "
             "frames must not transform the last column"
         )
     covariances = [c.dense for c in skill.covariances]
@@ -119,7 +119,10 @@ def condition_on_phase(skill: Skill) -> PhaseMixture:
     frames = []
     for name, means, dense in zip(skill.frame_names, skill.means, covariances, strict=True):
         conditional = conditional_gaussians(means, dense, column, skill.layout.orientation_starts)
-        cholesky(conditional.covariances, f"the covariance of the pose in frame {name!r}, given the phase, of state")
+        cholesky(
+            conditional.covariances,
+            f"the covariance of the pose in frame {name!r}, given the phase, of state",
+        )
         frames.append(replace(conditional, precision_cholesky=variance[:, None, None] ** -0.5))
     with np.errstate(divide="ignore"):
         return PhaseMixture(np.log(weights), tuple(frames), Layout(skill.layout.parts[:-1]))
@@ -334,5 +337,7 @@ def _transposed_jacobian_change(
     matrix = np.zeros((*v.shape, v.shape[-1]))
     for _, columns, is_orientation in tangent_slices(v.shape[-1] + len(starts), starts):
         if is_orientation:
-            matrix[..., columns, columns] = -inverse_right_jacobian_derivative(-v[..., columns], y[..., columns])
+            matrix[..., columns, columns] = -inverse_right_jacobian_derivative(
+                -v[..., columns], y[..., columns]
+            )
     return matrix

@@ -1,24 +1,25 @@
 """Virtual fixture: the operator pulls a cart along the learned path (6.12), and the robot follows the cart.
 
-The pose mu(s) and its Jacobian J(s) on the path come from `phase_regression`. The operator is at xi with the
-velocity v. With the deviation e = Log_mu(xi), a spring K and a damper B between operator and cart give
+The pose mu(s) and its Jacobian J(s) on the path come from `phase_regression`. The operator is at xi with
+the velocity v. With the deviation e = Log_mu(xi), a spring K and a damper B between operator and cart give
 
     ds/dt = (J' B J + eps)^-1 J' (K e + B (v - d)),        |ds/dt| <= max_rate,  0 <= s <= 1.
 
-J, v and the velocity d of the path itself (its frames move) are expressed as rates of e, so that on S^3 e decays
-as it does on R^n. eps keeps ds/dt finite where J vanishes.
+J, v and the velocity d of the path itself (its frames move) are expressed as rates of e, so that on S^3 e
+decays as it does on R^n. eps keeps ds/dt finite where J vanishes.
 
 Reversals. At a turning point of the path J changes its sign. A cart that lags behind then sees the operator
-come back, and (6.12) drives it back to the start. The guard looks ahead: where the cart would go back, or J
-vanishes, it goes on towards the phase within look_ahead that moves with the operator and is nearest to him, if
-that is not farther from him than the cart by more than 5 % of the path. Otherwise the operator does go back, and so does the cart. Both kinds of
-backward motion are counted.
+come back, and (6.12) drives it back to the start. Where the path bends away, J' e vanishes and holds the
+cart. The guard acts where the cart would go back, J vanishes, or the cart is off by 5 % of the path: it
+looks within look_ahead for the phase that moves with the operator and is nearest to him. The cart goes on
+towards it if it is nearer than the cart (where the cart would go back, at most 5 % farther). Otherwise the
+operator does go back, and so does the cart. Backward motion of either cause is counted.
 
-The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames seen,
-and the target is the pose at this phase on the path adapted to the actual frames.
+The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames
+seen, and the target is the pose at this phase on the path adapted to the actual frames.
 
-Invariants. The phase changes by at most max_rate dt in a step, and the target is smooth in the phase and in the
-frames: with constant frames it moves by at most max |J| max_rate dt.
+Invariants. The phase changes by at most max_rate dt in a step, and the target is smooth in the phase and in
+the frames: with constant frames it moves by at most max |J| max_rate dt.
 """
 
 from collections.abc import Sequence
@@ -52,7 +53,8 @@ STIFFNESS = 2.0  # 1/s, K relative to B: a cart that is off follows within half 
 MAX_RATE = 3.0  # of the mean phase rate of a demonstration
 LOOK_AHEAD, LOOK_AHEAD_POINTS = 0.2, 20  # of the phase; points at which the guard evaluates the path
 VANISHING = 0.05  # of the path length per phase: a shorter Jacobian counts as vanishing
-REVERSAL = 0.01  # of the phase: less than this is tremor
+REVERSAL = 0.01  # of the phase: by so much the cart goes back before it counts
+TREMOR = 0.02  # of the largest phase rate: the guard does not act on a cart that goes back more slowly
 GRIP_BACKLASH = 0.02  # of the phase: by so much the cart goes back before a switch is undone
 NORM_TOLERANCE = 1e-3  # of the operator's quaternions, as in demonstrations.demonstration
 MAX_DURATION = 1e6  # s
@@ -252,7 +254,9 @@ def step_fixture(
     """
     x, v = _validate_pose(fixture.layout, pose), finite_array(velocity, "velocity")
     if v.shape != fixture.damping.shape:
-        raise InvalidInput(f"velocity has shape {v.shape}, expected {fixture.damping.shape}; see Layout.tangent")
+        raise InvalidInput(
+            f"velocity has shape {v.shape}, expected {fixture.damping.shape}; see Layout.tangent"
+        )
     seconds = require_period(dt, "dt")
     seen = frames if frames_seen is None else frames_seen
     rate = _phase_rate(fixture, state, (x, v), seen, seconds)
@@ -277,28 +281,27 @@ def _phase_rate(
     e = log_map(guide.means[0], x, starts)
     by_operator, by_cart = log_map_jacobian(e, starts), log_map_jacobian(-e, starts)
     drift = log_map(state.mean, guide.means[0], starts) / dt
-    J = by_cart @ guide.jacobians[0]
-    pull = fixture.stiffness * e + fixture.damping * (by_operator @ v - by_cart @ drift)
-    squared_speed = float(J @ (fixture.damping * J))
-    rate = float(J @ pull) / (squared_speed + fixture.min_speed**2)
-    distance = float(e**2 @ fixture.damping)
-    if fixture.look_ahead > 0.0 and (rate < 0.0 or squared_speed < fixture.min_speed**2):
-        ahead = _phase_ahead(fixture, state.phase, distance + fixture.min_speed**2, operator, frames)
-    elif fixture.look_ahead > 0.0 and distance > fixture.min_speed**2:
-        ahead = _phase_ahead(fixture, state.phase, distance, operator, frames)
-    else:
+    J, relative = by_cart @ guide.jacobians[0], by_operator @ v - by_cart @ drift
+    pull = fixture.stiffness * e + fixture.damping * relative
+    squared_speed, distance = float(J @ (fixture.damping * J)), float(e**2 @ fixture.damping)
+    tolerance = fixture.min_speed**2
+    rate = float(J @ pull) / (squared_speed + tolerance)
+    goes_back = rate < -TREMOR * fixture.max_rate
+    if fixture.look_ahead == 0.0 or not (goes_back or squared_speed < tolerance or distance > tolerance):
         return rate
+    nearer_than = distance + tolerance if goes_back else distance
+    ahead = _phase_ahead(fixture, state.phase, nearer_than, (x, relative), frames)
     return rate if ahead is None else max(rate, (ahead - state.phase) / dt)
 
 
 def _phase_ahead(
     fixture: VirtualFixture,
     s: float,
-    distance: float,
+    nearer_than: float,
     operator: tuple[Float[Array, " D"], Float[Array, " E"]],
     frames: Sequence[Frame | MovingFrame],
 ) -> float | None:
-    """Return the phase ahead that moves with the operator and is nearest to him; None if the cart is nearer."""
+    """Return the nearest phase ahead that moves with the operator; None if it is too far from him."""
     ahead = s + fixture.look_ahead * np.arange(1, LOOK_AHEAD_POINTS + 1) / LOOK_AHEAD_POINTS
     ahead = ahead[ahead <= 1.0]
     if not len(ahead):
@@ -308,7 +311,7 @@ def _phase_ahead(
     e = log_map(guide.means, x, _quaternion_starts(fixture.layout))
     distances = np.where(guide.jacobians @ (fixture.damping * v) >= 0.0, e**2 @ fixture.damping, np.inf)
     best = int(distances.argmin())
-    return float(ahead[best]) if distances[best] < distance else None
+    return float(ahead[best]) if distances[best] < nearer_than else None
 
 
 def _next_state(
@@ -323,9 +326,7 @@ def _next_state(
     return FixtureState(s, (s - state.phase) / dt, mean, grip_phase, turning, forward, reversals)
 
 
-def _target(
-    fixture: VirtualFixture, state: FixtureState, s: float, guide: Guide, dt: float
-) -> FixtureTarget:
+def _target(fixture: VirtualFixture, state: FixtureState, s: float, guide: Guide, dt: float) -> FixtureTarget:
     """Return the target on the path, with the grip of its phase."""
     mean = guide.means[0].copy()
     grip_phase = min(max(state.grip_phase, s), s + GRIP_BACKLASH)
@@ -337,9 +338,7 @@ def _target(
     return FixtureTarget(mean, guide.covariances[0], guide.jacobians[0] * (s - state.phase) / dt)
 
 
-def _guide(
-    fixture: VirtualFixture, frames: Sequence[Frame | MovingFrame], s: Float[Array, " N"]
-) -> Guide:
+def _guide(fixture: VirtualFixture, frames: Sequence[Frame | MovingFrame], s: Float[Array, " N"]) -> Guide:
     return regress_on_phase(fixture.mixture, _match_frames(fixture, frames), s)
 
 
@@ -352,8 +351,8 @@ def _match_frames(fixture: VirtualFixture, frames: Sequence[Frame | MovingFrame]
     names = fixture.skill.frame_names
     if sorted(by_name) != sorted(names) or len(frames) != len(names):
         raise InvalidInput(
-            f"frames are {[frame.name for frame in frames]}, expected each of {list(names)} once; rename or add "
-            "frames"
+            f"frames are {[frame.name for frame in frames]}, expected each of {list(names)} once; rename "
+            "or add frames"
         )
     return [_pose_frame(fixture, by_name[name]) for name in names]
 
@@ -363,7 +362,8 @@ def _pose_frame(fixture: VirtualFixture, frame: Frame) -> Frame:
     width, recorded = fixture.layout.width, fixture.recorded_layout
     if frame.b.shape not in ((width,), (recorded.width,)) or frame.A.shape != 2 * frame.b.shape:
         raise InvalidInput(
-            f"frame {frame.name!r} has {len(frame.b)} columns, expected {width}: {short_list(fixture.layout.names)}"
+            f"frame {frame.name!r} has {len(frame.b)} columns, expected {width}: "
+            f"{short_list(fixture.layout.names)}"
         )
     if len(frame.b) != width:
         columns: Int[Array, " C"] = np.array(recorded.coordinates)
