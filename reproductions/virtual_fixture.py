@@ -9,7 +9,7 @@ control, their ratio, the reversals per run, and the mean of the last phase. Row
 
     literal  (6.12) alone, with the frames of the configuration
     guarded  with the guard against reversals and vanishing Jacobians
-    seen     also with the phase on the path adapted to the frames that the operator saw
+    observed     also with the phase on the path adapted to the frames that the operator saw
 
 The demonstrations in physics are simulated. Printed by the thesis for the valve: direct 1.412 (train) and
 1.261 (test), virtual fixture 2.836 and 2.011, in a unit that is not cm: the distances here are those of the
@@ -42,7 +42,7 @@ from pilotfish.types import Array, Float
 
 STEPS, TRAIN, NUMBER, SEED = 100, 6, 8, 1
 SIMULATED = ("stab", "valve", "carabiner", "screwdriver")
-VARIANTS = ("literal", "guarded", "seen")
+VARIANTS = ("literal", "guarded", "observed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ def evaluate(
             results = []
             for human in chosen:
                 for operator in demonstrations:
-                    x, reversals, last = run(used, operator, human, seen=variant == "seen")
+                    x, reversals, last = run(used, operator, human, observed=variant == "observed")
                     there = human.x[:, positions]
                     distances = [distance_cm(p[:, positions], there) for p in (x, operator.x)]
                     results.append([*distances, reversals, last])
@@ -131,19 +131,25 @@ def evaluate(
 
 
 def run(
-    fixture: VirtualFixture, operator: Demonstration, human: Demonstration, *, seen: bool
+    fixture: VirtualFixture, operator: Demonstration, human: Demonstration, *, observed: bool
 ) -> tuple[Float[Array, "T D"], int, float]:
     """Return the targets with one demonstration as input in the situation of another."""
     starts = tuple(columns.start for columns in fixture.layout.unit_quaternions)
     poses = operator.x[:, : fixture.layout.width]
     steps = log_map(poses[:-1], poses[1:], starts) / operator.period
     velocities = np.vstack([steps[:1], steps])
-    state = start_fixture(fixture, frames_at(operator if seen else human, 0.0))
+    state = start_fixture(fixture, frames_at(operator if observed else human, 0.0))
     targets = []
     for share, pose, velocity in zip(np.linspace(0.0, 1.0, len(poses)), poses, velocities, strict=True):
-        frames_seen = frames_at(operator, share) if seen else None
+        observed_frames = frames_at(operator, share) if observed else None
         state, target = step_fixture(
-            fixture, state, pose, velocity, frames_at(human, share), operator.period, frames_seen=frames_seen
+            fixture,
+            state,
+            pose,
+            velocity,
+            frames_at(human, share),
+            operator.period,
+            observed_frames=observed_frames,
         )
         targets.append(target.mean)
     return np.array(targets), state.reversals, state.phase

@@ -41,7 +41,7 @@ _NAMES_IN_PACKAGE = {"load": "read_demonstrations"}  # where the two differ
 _SUBPACKAGES = {
     **{
         package: package
-        for package in (*_PACKAGES, "environments", "gaussians", "geometry", "kernels", "plots")
+        for package in (*_PACKAGES, "assistance", "environments", "gaussians", "geometry", "kernels", "plots")
     },
     "durations": "models.durations",
     "simulation": "simulation",

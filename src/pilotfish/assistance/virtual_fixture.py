@@ -16,7 +16,7 @@ towards it if it is nearer than the cart (where the cart would go back, at most 
 operator does go back, and so does the cart. Backward motion of either cause is counted.
 
 The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames
-seen, and the target is the pose at this phase on the path adapted to the actual frames.
+observed, and the target is the pose at this phase on the path adapted to the actual frames.
 
 Invariants. The phase changes by at most max_rate dt in a step, and the target is smooth in the phase and in
 the frames: with constant frames it moves by at most max |J| max_rate dt.
@@ -104,7 +104,7 @@ class FixtureState:
     Attributes:
         phase: Phase s.
         rate: Phase rate over the last step [1/s].
-        mean: Pose at the phase on the path in the frames seen.
+        mean: Pose at the phase on the path in the observed frames.
         grip_phase: Phase at which switching columns are evaluated.
         turning_phase: Farthest phase in the present direction.
         forward: Whether the cart goes forward.
@@ -229,7 +229,7 @@ def step_fixture(
     frames: Sequence[Frame | MovingFrame],
     dt: float,
     *,
-    frames_seen: Sequence[Frame | MovingFrame] | None = None,
+    observed_frames: Sequence[Frame | MovingFrame] | None = None,
 ) -> tuple[FixtureState, FixtureTarget]:
     """Move the cart by one step and return the target of the robot.
 
@@ -240,7 +240,8 @@ def step_fixture(
         velocity: Its rate, with the angular velocity in body axes [rad/s] for every quaternion.
         frames: Actual frames.
         dt: Time since the last step [s].
-        frames_seen: Frames that the operator saw when he commanded the pose; None if he sees the actual ones.
+        observed_frames: Frames that the operator saw when he commanded the pose; None if he sees the
+            actual ones.
 
     Returns:
         The next state and the target.
@@ -250,7 +251,7 @@ def step_fixture(
 
     Source:
         Tanwani 2018, equation 6.12; Raiola et al. 2015. The frames' product, the velocity of the path, the
-        frames seen and the guard are ours.
+        observed frames and the guard are ours.
     """
     x, v = _validate_pose(fixture.layout, pose), finite_array(velocity, "velocity")
     if v.shape != fixture.damping.shape:
@@ -258,11 +259,11 @@ def step_fixture(
             f"velocity has shape {v.shape}, expected {fixture.damping.shape}; see Layout.tangent"
         )
     seconds = require_period(dt, "dt")
-    seen = frames if frames_seen is None else frames_seen
-    rate = _phase_rate(fixture, state, (x, v), seen, seconds)
+    observed = frames if observed_frames is None else observed_frames
+    rate = _phase_rate(fixture, state, (x, v), observed, seconds)
     s = min(1.0, max(0.0, state.phase + float(np.clip(rate, -fixture.max_rate, fixture.max_rate)) * seconds))
-    guide = _guide(fixture, seen, np.array([s]))
-    actual = guide if frames_seen is None else _guide(fixture, frames, np.array([s]))
+    guide = _guide(fixture, observed, np.array([s]))
+    actual = guide if observed_frames is None else _guide(fixture, frames, np.array([s]))
     return _next_state(fixture, state, s, guide.means[0], seconds), _target(
         fixture, state, s, actual, seconds
     )

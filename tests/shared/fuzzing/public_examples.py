@@ -32,6 +32,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
 
 # Packages whose functions have no arguments here, and why.
 EXCLUDED_PACKAGES: Mapping[str, str] = {
+    "assistance": "a fixture takes a second to learn; tests/assistance tries wrong input of each function",
     "cli": "the option types and files that it reads are targets of their own",
     "environments.baxter": "functions take models and states of MuJoCo",
     "environments.human": "functions take models and states of MuJoCo",
