@@ -12,7 +12,7 @@ Reversals. At a turning point of the path J changes its sign. A cart that lags b
 come back, and (6.12) drives it back to the start. Where the path bends away, J' e vanishes and holds the
 cart. The guard acts where the cart would go back, J vanishes, or the cart is off by 5 % of the path: it
 looks within look_ahead for the phase that moves with the operator and is nearest to him. The cart goes on
-towards it if it is nearer than the cart (where the cart would go back, at most 5 % farther). Otherwise the
+towards that phase unless the cart is nearer (by more than 5 % where it would go back). Otherwise the
 operator does go back, and so does the cart. Backward motion of either cause is counted.
 
 The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames
@@ -149,7 +149,7 @@ def virtual_fixture(
         skill: Skill of any dynamics and covariance structure, of a batch or of a stream.
         duration: Duration of a demonstration [s].
         recorded_layout: Columns of the frames, with derivatives; None if there are none.
-        switches: Columns that switch. Others are regressed as they are.
+        switches: Columns that switch; all others are regressed.
 
     Raises:
         InvalidInput: If the skill has no phase, has derivatives, or its frames transform the phase.
