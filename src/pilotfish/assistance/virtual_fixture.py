@@ -11,8 +11,8 @@ decays as it does on R^n. eps keeps ds/dt finite where J vanishes.
 Reversals. At a turning point of the path J changes its sign. A cart that lags behind then sees the operator
 come back, and (6.12) drives it back to the start. Where the path bends away, J' e vanishes and holds the
 cart. The guard acts where the cart would go back, J vanishes, or the cart is off by 5 % of the path: it
-looks within look_ahead for the phase that moves with the operator and is nearest to him. The cart goes on
-towards that phase unless the cart is nearer (by more than 5 % where it would go back). Otherwise the
+looks within look_ahead for the phase that moves with the operator and is nearest to him. The cart
+moves towards that phase unless the cart is nearer (by more than 5 % where it would go back). Otherwise the
 operator does go back, and so does the cart. Backward motion of either cause is counted.
 
 The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames
@@ -35,6 +35,7 @@ from pilotfish.assistance.phase_regression import (
     regress_on_phase,
 )
 from pilotfish.assistance.phase_switches import PhaseSwitch
+from pilotfish.assistance.pose_validation import validate_pose
 from pilotfish.demonstrations import Frame, Layout, MovingFrame, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import log_map, log_map_jacobian, normalise
@@ -56,7 +57,6 @@ VANISHING = 0.05  # of the path length per phase: a shorter Jacobian counts as v
 REVERSAL = 0.01  # of the phase: by so much the cart goes back before it counts
 TREMOR = 0.02  # of the largest phase rate: the guard does not act on a cart that goes back more slowly
 GRIP_BACKLASH = 0.02  # of the phase: by so much the cart goes back before a switch is undone
-NORM_TOLERANCE = 1e-3  # of the operator's quaternions, as in demonstrations.demonstration
 MAX_DURATION = 1e6  # s
 MAX_CONDITION = 1e12  # of the matrix of a frame, as in models.adapt
 
@@ -216,7 +216,7 @@ def nearest_phase(
         InvalidInput: If the pose or the frames do not fit.
     """
     s = np.linspace(0.0, 1.0, 10 * LOOK_AHEAD_POINTS + 1)
-    x = _validate_pose(fixture.layout, pose)
+    x = validate_pose(fixture.layout, pose)
     e = log_map(_guide(fixture, frames, s).means, x, _quaternion_starts(fixture.layout))
     return float(s[np.argmin(e**2 @ fixture.damping)])
 
@@ -253,7 +253,7 @@ def step_fixture(
         Tanwani 2018, equation 6.12; Raiola et al. 2015. The frames' product, the velocity of the path, the
         observed frames and the guard are ours.
     """
-    x, v = _validate_pose(fixture.layout, pose), finite_array(velocity, "velocity")
+    x, v = validate_pose(fixture.layout, pose), finite_array(velocity, "velocity")
     if v.shape != fixture.damping.shape:
         raise InvalidInput(
             f"velocity has shape {v.shape}, expected {fixture.damping.shape}; see Layout.tangent"
@@ -377,23 +377,6 @@ def _pose_frame(fixture: VirtualFixture, frame: Frame) -> Frame:
         )
     frame.require_left_multiplication(fixture.layout)
     return frame
-
-
-def _validate_pose(layout: Layout, pose: Float[Array, " D"]) -> Float[Array, " D"]:
-    """Return a copy of a pose with unit quaternions."""
-    x = np.array(finite_array(pose, "pose"))
-    if x.shape != (layout.width,):
-        raise InvalidInput(
-            f"pose has shape {x.shape}, expected ({layout.width},), the columns {short_list(layout.names)}"
-        )
-    for columns in layout.unit_quaternions:
-        if not abs((norm := float(np.linalg.norm(x[columns]))) - 1.0) <= NORM_TOLERANCE:
-            raise InvalidInput(
-                f"pose: the quaternion in columns {columns.start} to {columns.stop - 1} has norm {norm:.6g}, "
-                f"expected 1 within {NORM_TOLERANCE:g}; call geometry.normalise"
-            )
-        x[columns] /= norm
-    return x
 
 
 def _quaternion_starts(layout: Layout) -> tuple[int, ...]:
