@@ -174,6 +174,11 @@ def test_shorten_repr_describes_content(content: object, text: str):
     assert repr(Pair(content, 1)) == f"Pair(left={text}, right=1)"
 
 
+def test_shorten_repr_describes_a_masked_array():
+    masked = np.ma.masked_array(np.zeros(2), [True, False])
+    assert repr(Sample(masked)) == "Sample(means=array(2), number=0.333333)"
+
+
 def test_shorten_repr_marks_fields_left_out():
     long = tuple("x" * 10 for _ in range(4))
     kind = shorten_repr(NamedTuple("Long", [(f"field_{n}", Any) for n in range(10)]))

@@ -68,7 +68,8 @@ def _describe(value: object) -> str:
 
 
 def _describe_array(array: np.ndarray) -> str:
-    if array.ndim == 1 and array.size <= MAX_ENTRIES and array.dtype.kind in "biuf":
+    is_short = array.ndim == 1 and array.size <= MAX_ENTRIES and array.dtype.kind in "biuf"
+    if is_short and not np.ma.is_masked(array):  # a masked entry is None
         return f"[{', '.join(f'{entry:.4g}' for entry in array.tolist())}]"
     return f"array({' x '.join(map(str, array.shape))})"
 
