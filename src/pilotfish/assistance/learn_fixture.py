@@ -19,7 +19,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import CovarianceStructure, Full
 from pilotfish.models import learn, part_scales
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_type
+from pilotfish.validation import require_type, short_repr
 
 PHASES = ("path", "logistic")
 MAX_STATES, ROWS_PER_STATE = 15, 5  # default states, and steps of the shortest demonstration for each
@@ -55,20 +55,7 @@ def learn_virtual_fixture(
     Source:
         Tanwani 2018, section 6.4; Raiola et al. 2015 for the path length.
     """
-    require_type(demonstrations, "demonstrations", Sequence, "pass a list of demonstrations")
-    for demo in demonstrations:
-        require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
-    if len(demonstrations) < 2:
-        raise InvalidInput(
-            f"{len(demonstrations)} demonstrations are given, expected at least 2: the variation between "
-            "them decides which frame counts; record another"
-        )
-    if phase not in PHASES:
-        raise InvalidInput(f"phase is {phase!r}, expected one of {', '.join(map(repr, PHASES))}")
-    if other := next((d for d in demonstrations if d.layout != demonstrations[0].layout), None):
-        raise InvalidInput(
-            f"demonstration {other.name!r} has other columns than the first, expected the same"
-        )
+    _validate(demonstrations, phase)
     poses = [_keep_coordinates(demo) for demo in demonstrations]
     phases, columns = _phases(poses, phase)
     shortest = min(len(demo.x) for demo in poses)
@@ -87,6 +74,24 @@ def learn_virtual_fixture(
         recorded_layout=demonstrations[0].layout,
         switches=switches,
     )
+
+
+def _validate(demonstrations: Sequence[Demonstration], phase: str) -> None:
+    require_type(demonstrations, "demonstrations", Sequence, "pass a list of demonstrations")
+    for demo in demonstrations:
+        require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
+    if len(demonstrations) < 2:
+        raise InvalidInput(
+            f"{len(demonstrations)} demonstrations are given, expected at least 2: the variation between "
+            "them decides which frame counts; record another"
+        )
+    require_type(phase, "phase", str, f"choose one of {', '.join(map(repr, PHASES))}")
+    if phase not in PHASES:
+        raise InvalidInput(f"phase is {short_repr(phase)}, expected one of {', '.join(map(repr, PHASES))}")
+    if other := next((d for d in demonstrations if d.layout != demonstrations[0].layout), None):
+        raise InvalidInput(
+            f"demonstration {other.name!r} has other columns than the first, expected the same"
+        )
 
 
 def _keep_coordinates(demo: Demonstration) -> Demonstration:

@@ -25,6 +25,7 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import log_map
 from pilotfish.types import Array, Float, Int
+from pilotfish.validation import finite_array, require_type
 
 PHASE = "phase"
 STEEPNESS = 3.0  # a: the logistic phase starts and ends at 0.3 of its mean rate
@@ -95,10 +96,22 @@ def add_phase(demo: Demonstration, phase: Float[Array, " T"]) -> Demonstration:
     Args:
         demo: Demonstration without derivatives.
         phase: Phase of each step.
+
+    Raises:
+        InvalidInput: If the demonstration has derivatives or a phase, or the phase is not a finite number for
+            each of its steps.
     """
+    require_type(demo, "demo", Demonstration, "create one with pf.demonstration")
+    if derived := [part.name for part in demo.layout.parts if part.derivative]:
+        raise InvalidInput(
+            f"demo has a derivative of {derived[0]!r}, expected none; give it before add_derivatives"
+        )
+    if any(part.name == PHASE for part in demo.layout.parts):
+        raise InvalidInput(f"demo has a part {PHASE!r} already, expected none; rename it")
+    s = finite_array(phase, "phase", (len(demo.x),))
     frames = [_add_scalar(frame) for frame in demo.frames]
     layout = Layout((*demo.layout.parts, PHASE_PART))
-    return demonstration(np.column_stack([demo.x, phase]), demo.period, layout, frames, demo.name)
+    return demonstration(np.column_stack([demo.x, s]), demo.period, layout, frames, demo.name)
 
 
 def _add_scalar(frame: Frame | MovingFrame) -> Frame | MovingFrame:

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotfish.demonstrations import Layout
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import shorten_repr
+from pilotfish.validation import finite_array, require_count, require_type, shorten_repr
 
 
 @shorten_repr
@@ -54,3 +56,22 @@ def learn_switch(
     majority = votes >= 0.5 * len(values)
     kept = np.flatnonzero(np.diff(majority))
     return PhaseSwitch(column, merged[kept], np.where(majority[np.append(0, kept + 1)], high, low))
+
+
+def validate_switches(switches: Sequence[PhaseSwitch], layout: Layout) -> None:
+    """Raise InvalidInput unless each switch fits a column of its own, other than a quaternion's."""
+    require_type(switches, "switches", (list, tuple), "give a list of PhaseSwitch")
+    columns = []
+    for switch in switches:
+        require_type(switch, "a switch", PhaseSwitch, "create one with PhaseSwitch")
+        columns.append(require_count(switch.column, "column of a switch", layout.width - 1))
+        phases = finite_array(switch.phases, "phases of a switch")
+        if phases.ndim != 1 or phases.min(initial=0.0) < 0.0 or phases.max(initial=1.0) > 1.0:
+            raise InvalidInput("phases of a switch are not one row of numbers from 0 to 1; give such a row")
+        if (np.diff(phases) < 0.0).any():
+            raise InvalidInput("phases of a switch decrease, expected increasing ones; sort them")
+        finite_array(switch.values, "values of a switch", (len(phases) + 1,))
+    if len(set(columns)) < len(columns):
+        raise InvalidInput(f"switches have the columns {columns}, expected each once; merge them")
+    if oriented := [c for c in columns if any(q.start <= c < q.stop for q in layout.unit_quaternions)]:
+        raise InvalidInput(f"column {oriented[0]} belongs to a quaternion, expected another for a switch")

@@ -27,20 +27,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilotfish.assistance.phase import PHASE, select_columns, sphere_layout
+from pilotfish.assistance.phase import PHASE, coordinate_layout, sphere_layout
 from pilotfish.assistance.phase_regression import (
     Guide,
     PhaseMixture,
     condition_on_phase,
     regress_on_phase,
 )
-from pilotfish.assistance.phase_switches import PhaseSwitch
+from pilotfish.assistance.phase_switches import PhaseSwitch, validate_switches
+from pilotfish.assistance.pose_frames import match_frames
 from pilotfish.assistance.pose_validation import validate_pose
 from pilotfish.demonstrations import Frame, Layout, MovingFrame, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import log_map, log_map_jacobian, normalise
 from pilotfish.models import Skill, part_scales
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Float
 from pilotfish.validation import (
     finite_array,
     require_number,
@@ -58,7 +59,6 @@ REVERSAL = 0.01  # of the phase: by so much the cart goes back before it counts
 TREMOR = 0.02  # of the largest phase rate: the guard does not act on a cart that goes back more slowly
 GRIP_BACKLASH = 0.02  # of the phase: by so much the cart goes back before a switch is undone
 MAX_DURATION = 1e6  # s
-MAX_CONDITION = 1e12  # of the matrix of a frame, as in models.adapt
 
 
 @shorten_repr
@@ -166,6 +166,9 @@ def virtual_fixture(
     if derived := [part.name for part in skill.layout.parts if part.derivative]:
         raise InvalidInput(f"the skill has a derivative of {derived[0]!r}, expected none; learn without it")
     mixture = condition_on_phase(skill)
+    recorded = mixture.layout if recorded_layout is None else recorded_layout
+    _require_coordinates(recorded, mixture.layout)
+    validate_switches(switches, mixture.layout)
     means = skill.means[0][np.argsort(skill.means[0][:, -1]), :-1]
     for columns in mixture.layout.unit_quaternions:
         means[:, columns] = normalise(means[:, columns])
@@ -175,7 +178,7 @@ def virtual_fixture(
     return VirtualFixture(
         skill,
         mixture,
-        recorded_layout or mixture.layout,
+        recorded,
         damping,
         STIFFNESS * damping,
         MAX_RATE / seconds,
@@ -197,6 +200,7 @@ def start_fixture(
     Raises:
         InvalidInput: If frames or phase do not fit.
     """
+    _require_fixture(fixture)
     s = require_number(phase, "phase", 0.0, 1.0)
     mean = _guide(fixture, frames, np.array([s])).means[0]
     return FixtureState(s, 0.0, mean, s, s)
@@ -215,6 +219,7 @@ def nearest_phase(
     Raises:
         InvalidInput: If the pose or the frames do not fit.
     """
+    _require_fixture(fixture)
     s = np.linspace(0.0, 1.0, 10 * LOOK_AHEAD_POINTS + 1)
     x = validate_pose(fixture.layout, pose)
     e = log_map(_guide(fixture, frames, s).means, x, _quaternion_starts(fixture.layout))
@@ -253,6 +258,8 @@ def step_fixture(
         Tanwani 2018, equation 6.12; Raiola et al. 2015. The frames' product, the velocity of the path, the
         observed frames and the guard are ours.
     """
+    _require_fixture(fixture)
+    _require_state(state, fixture.layout)
     x, v = validate_pose(fixture.layout, pose), finite_array(velocity, "velocity")
     if v.shape != fixture.damping.shape:
         raise InvalidInput(
@@ -340,43 +347,31 @@ def _target(fixture: VirtualFixture, state: FixtureState, s: float, guide: Guide
 
 
 def _guide(fixture: VirtualFixture, frames: Sequence[Frame | MovingFrame], s: Float[Array, " N"]) -> Guide:
-    return regress_on_phase(fixture.mixture, _match_frames(fixture, frames), s)
-
-
-def _match_frames(fixture: VirtualFixture, frames: Sequence[Frame | MovingFrame]) -> list[Frame]:
-    """Return the frames in the order of the skill and the columns of the pose, after checking them."""
-    require_type(frames, "frames", Sequence, "give a list of frames")
-    for frame in frames:
-        require_type(frame, "a frame", Frame, "of a moving frame give frame.at(t) for one step t")
-    by_name = {frame.name: frame for frame in frames if isinstance(frame, Frame)}
     names = fixture.skill.frame_names
-    if sorted(by_name) != sorted(names) or len(frames) != len(names):
-        raise InvalidInput(
-            f"frames are {[frame.name for frame in frames]}, expected each of {list(names)} once; rename "
-            "or add frames"
-        )
-    return [_pose_frame(fixture, by_name[name]) for name in names]
+    matched = match_frames(frames, names, fixture.layout, fixture.recorded_layout)
+    return regress_on_phase(fixture.mixture, matched, s)
 
 
-def _pose_frame(fixture: VirtualFixture, frame: Frame) -> Frame:
-    """Return a frame in the columns of the pose, after checking it."""
-    width, recorded = fixture.layout.width, fixture.recorded_layout
-    if frame.b.shape not in ((width,), (recorded.width,)) or frame.A.shape != 2 * frame.b.shape:
+def _require_coordinates(recorded: Layout, layout: Layout) -> None:
+    require_type(recorded, "recorded_layout", Layout, "give the layout of a demonstration")
+    if coordinate_layout(recorded) != layout:
         raise InvalidInput(
-            f"frame {frame.name!r} has {len(frame.b)} columns, expected {width}: "
-            f"{short_list(fixture.layout.names)}"
+            f"recorded_layout has the columns {short_list(coordinate_layout(recorded).names)} without its "
+            f"derivatives, expected those of the skill: {short_list(layout.names)}"
         )
-    if len(frame.b) != width:
-        columns: Int[Array, " C"] = np.array(recorded.coordinates)
-        selected = select_columns(frame, columns)
-        frame = Frame(frame.name, selected.A, selected.b)
-    frame.require_magnitudes()
-    if not (condition := float(np.linalg.cond(frame.A))) < MAX_CONDITION:
+
+
+def _require_fixture(fixture: VirtualFixture) -> None:
+    require_type(fixture, "fixture", VirtualFixture, "create one with learn_virtual_fixture")
+
+
+def _require_state(state: FixtureState, layout: Layout) -> None:
+    require_type(state, "state", FixtureState, "begin with start_fixture")
+    if state.mean.shape != (layout.width,):
         raise InvalidInput(
-            f"frame {frame.name!r} is singular: A has condition number {condition:.3g}; check its rotation"
+            f"state has a pose of {len(state.mean)} columns, expected {layout.width}: it belongs to another "
+            "fixture; begin with start_fixture"
         )
-    frame.require_left_multiplication(fixture.layout)
-    return frame
 
 
 def _quaternion_starts(layout: Layout) -> tuple[int, ...]:
