@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from annotations import check_annotations
 
 from pilotfish.assistance import VirtualFixture, learn_virtual_fixture
 from pilotfish.assistance.phase_regression import (
@@ -42,7 +43,8 @@ STEP = 1e-5  # of the phase: differences of fourth order are exact to about 1e-9
 
 
 def learned(demos, **choices) -> VirtualFixture:
-    return learn_virtual_fixture(demos[:-1], rng=np.random.default_rng(0), **choices)
+    with check_annotations(False):  # those of learning are checked by its own tests
+        return learn_virtual_fixture(demos[:-1], rng=np.random.default_rng(0), **choices)
 
 
 def difference(at, s):

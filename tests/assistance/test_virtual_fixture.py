@@ -297,8 +297,11 @@ def test_singular_covariance_is_refused_before_the_loop(make):
         ({"velocity": np.ones(7)}, r"velocity has shape \(7,\), expected \(6,\)"),
         ({"velocity": np.full(6, np.inf)}, "velocity"),
         ({"dt": 0.0}, "dt"),
-        ({"frames": []}, "expected each of"),
-        ({"frames": [Frame("base", np.eye(7), np.zeros(7)), Frame("cup", np.eye(7), np.zeros(7))]}, "'cup'"),
+        ({"frames": []}, "frames are missing, expected each of base, object once"),
+        (
+            {"frames": [Frame("base", np.eye(7), np.zeros(7)), Frame("cup", np.eye(7), np.zeros(7))]},
+            "base, cup, expected",
+        ),
         ({"frames": [Frame(n, np.eye(3), np.zeros(3)) for n in ("base", "object")]}, "has 3 columns"),
         ({"frames": [Frame(n, np.zeros((7, 7)), np.zeros(7)) for n in ("base", "object")]}, "singular"),
     ],
@@ -309,6 +312,51 @@ def test_wrong_input_of_a_step_is_refused(make, change, message):
     arguments = {"pose": demos[-1].x[0], "velocity": np.zeros(6), "frames": frames, "dt": 0.05, **change}
     with pytest.raises(InvalidInput, match=message):
         step_fixture(fixture, start_fixture(fixture, frames), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("switches", "message"),
+    [
+        (3, "switches has type int"),
+        ([3], "a switch has type int"),
+        ([PhaseSwitch(8, np.array([0.5]), np.zeros(2))], "column of a switch is 8"),
+        ([PhaseSwitch(0, np.array([1.5]), np.zeros(2))], "numbers from 0 to 1"),
+        ([PhaseSwitch(0, np.array([0.5, 0.4]), np.zeros(3))], "decrease"),
+        (
+            [PhaseSwitch(0, np.array([0.5]), np.zeros(3))],
+            r"values of a switch has shape \(3,\), expected \(2,\)",
+        ),
+        ([PhaseSwitch(0, np.array([0.5]), np.array([0.0, np.nan]))], "values of a switch"),
+        ([PhaseSwitch(0, np.array([0.5]), np.zeros(2))] * 2, "expected each once"),
+        ([PhaseSwitch(4, np.array([0.5]), np.zeros(2))], "column 4 belongs to a quaternion"),
+    ],
+)
+def test_wrong_switch_is_refused(make, switches, message):
+    skill = learned(make(3)).skill
+    with pytest.raises(InvalidInput, match=message):
+        virtual_fixture(skill, 4.0, switches=switches)
+
+
+def test_wrong_layout_and_state_are_refused(make):
+    demos, other = make(3), make(3, grip=True)
+    fixture, with_grip = learned(demos), learned(other)
+    with pytest.raises(InvalidInput, match=r"recorded_layout has the columns .*grip.* expected those of the"):
+        virtual_fixture(fixture.skill, 4.0, recorded_layout=other[0].layout)
+    state, frames = start_fixture(with_grip, list(other[0].frames)), list(demos[0].frames)
+    with pytest.raises(InvalidInput, match="pose of 8 columns, expected 7: it belongs to another fixture"):
+        step_fixture(fixture, state, demos[0].x[0], np.zeros(6), frames, 0.05)
+    with pytest.raises(InvalidInput, match="fixture has type Skill"):
+        start_fixture(fixture.skill, frames)
+
+
+def test_phase_of_another_length_or_of_derivatives_is_refused(make):
+    demo = make(1)[0]
+    with pytest.raises(InvalidInput, match=r"phase has shape \(3,\), expected \(80,\)"):
+        add_phase(demo, np.zeros(3))
+    with pytest.raises(InvalidInput, match="demo has a derivative of 'position'"):
+        add_phase(pf.add_derivatives(demo), np.zeros(80))
+    with pytest.raises(InvalidInput, match="demo has a part 'phase' already"):
+        add_phase(add_phase(demo, np.zeros(80)), np.zeros(80))
 
 
 def test_phase_switch_holds_its_first_value_before_the_first_change():

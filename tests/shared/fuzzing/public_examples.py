@@ -12,11 +12,12 @@ from functools import cache
 from typing import Any
 
 import pilotfish
-from fuzzing import examples_of_models, examples_of_motions, examples_of_values
+from fuzzing import examples_of_fixtures, examples_of_models, examples_of_motions, examples_of_values
 from fuzzing.examples_of_values import Examples
 from pilotfish import io
 
 EXAMPLES: Mapping[str, Callable[[], Examples]] = {
+    "assistance": examples_of_fixtures.fixture_examples,
     "geometry": examples_of_values.geometry_examples,
     "demonstrations": examples_of_values.demonstrations_examples,
     "gaussians": examples_of_values.gaussians_examples,
@@ -32,7 +33,6 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
 
 # Packages whose functions have no arguments here, and why.
 EXCLUDED_PACKAGES: Mapping[str, str] = {
-    "assistance": "a fixture takes a second to learn; tests/assistance tries wrong input of each function",
     "cli": "the option types and files that it reads are targets of their own",
     "environments.baxter": "functions take models and states of MuJoCo",
     "environments.human": "functions take models and states of MuJoCo",

@@ -25,6 +25,8 @@ from pilotfish.types import Array
 # Functions for which only a SkillError is a refusal.
 STRICT = {
     "geometry.pose",
+    *(f"assistance.{n}" for n in ("learn_virtual_fixture", "add_phase", "virtual_fixture")),
+    *(f"assistance.{n}" for n in ("nearest_phase", "start_fixture", "step_fixture")),
     *(f"demonstrations.{n}" for n in ("unwrap_orientations", "demonstration", "frame", "moving_frame")),
     *(f"models.{n}" for n in ("learn", "adapt")),
     *(f"models.online.{n}" for n in ("observe", "observe_stream", "online_model")),
