@@ -17,7 +17,7 @@ Import it as `import pilotfish as pf`. The public names by step:
     errors       SkillError is the base class; InvalidInput: an argument cannot be used
 
 The packages hold the rest: `pf.models`, `pf.demonstrations`, `pf.planning`, `pf.control`, `pf.io`,
-`pf.plots`, `pf.simulation` and others.
+`pf.assistance`, `pf.plots`, `pf.simulation` and others.
 """
 
 from importlib import import_module
@@ -41,7 +41,7 @@ _NAMES_IN_PACKAGE = {"load": "read_demonstrations"}  # where the two differ
 _SUBPACKAGES = {
     **{
         package: package
-        for package in (*_PACKAGES, "environments", "gaussians", "geometry", "kernels", "plots")
+        for package in (*_PACKAGES, "assistance", "environments", "gaussians", "geometry", "kernels", "plots")
     },
     "durations": "models.durations",
     "simulation": "simulation",
