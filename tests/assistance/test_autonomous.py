@@ -3,6 +3,7 @@
 import assisted_task as task
 import numpy as np
 import pytest
+from annotations import check_annotations
 
 import pilotfish as pf
 from pilotfish.assistance.autonomous import occupied_state, plan_motion, remaining_states
@@ -10,6 +11,13 @@ from pilotfish.assistance.coordinates import coordinate_frames, coordinate_skill
 from pilotfish.geometry import angle
 from pilotfish.models import MarkovChain, SemiMarkovChain
 from pilotfish.models.durations import Gaussian
+
+
+@pytest.fixture(autouse=True)
+def unchecked():
+    """Learn and plan without checks of annotations, which are slow here."""
+    with check_annotations(False):
+        yield
 
 
 def left_right(K=5, mean=10.0, deviation=2.0) -> SemiMarkovChain:

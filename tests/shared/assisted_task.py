@@ -20,6 +20,7 @@ from pilotfish.geometry import Pose, from_rotation_vector, minimum_jerk, multipl
 
 ROWS, PERIOD = 61, 0.1
 HOME = Pose(np.array([0.4, 0.0, 0.4]), np.array([1.0, 0.0, 0.0, 0.0]))
+LIMITS = assistance.Limits(speed=2.0, acceleration=50.0, angular_speed=10.0, angular_acceleration=300.0)
 LAYOUT = Layout((*pose_layout().parts, Part("grip", Quantity.SCALAR, 1, "1")))
 
 
@@ -85,7 +86,8 @@ def assistant(
     kind: str = "flat", dynamics: str = "semi-markov", literal: bool = False
 ) -> assistance.Assistant:
     joint = learn("joint") if literal else None
-    return assistance.make_assistant([assistance.assisted_skill(learn(kind, dynamics), joint_skill=joint)])
+    skill = assistance.assisted_skill(learn(kind, dynamics), joint_skill=joint)
+    return assistance.make_assistant([skill], limits=LIMITS)
 
 
 def rigid_motion(rng: np.random.Generator) -> Pose:

@@ -105,7 +105,7 @@ def remaining_states(dynamics: Dynamics, state: int, age: int) -> Int[Array, " T
     """
     means, deviations = _duration_moments(dynamics)
     observed = max(1, min(age, round(means[state] + DEVIATIONS * deviations[state])))
-    remaining = max(1.0, means[state] - observed)
+    remaining = max(0.0, means[state] - observed)
     for k in _following_states(dynamics, state):
         remaining += means[k]
     horizon = min(observed + round(remaining), MAX_STEPS + observed)

@@ -22,18 +22,18 @@ class Identification:
     """Belief about the state, of the skill and of its joint skill, if there is one.
 
     Attributes:
-        beliefs: Probability of each age and state, of the skill, then of the joint skill.
+        beliefs: Probability of each age and state, (L, K), of the skill, then of the joint skill.
         before: Probability of each state one observation ago.
         now: Probability of each state at the last observation.
         elapsed: Time since the last observation [s]; infinite before the first.
     """
 
-    beliefs: tuple[Float[Array, "L K"], ...]
-    before: tuple[Float[Array, " K"], ...]
-    now: tuple[Float[Array, " K"], ...]
+    beliefs: tuple[Array, ...]
+    before: tuple[Array, ...]
+    now: tuple[Array, ...]
     elapsed: float
 
-    def probabilities(self, period: float, dt: float) -> tuple[Float[Array, " K"], ...]:
+    def probabilities(self, period: float, dt: float) -> tuple[Array, ...]:
         """Return the probability of each state, interpolated over a period.
 
         Args:
