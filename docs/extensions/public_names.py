@@ -11,7 +11,7 @@ from typing import Any
 
 PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
-    "geometry", "control", "planning", "plots", "io.datasets", "io", "environments.human",
+    "geometry", "control", "planning", "assistance", "plots", "io.datasets", "io", "environments.human",
     "environments.baxter", "environments", "simulation", "kernels", "errors",
     "validation",
 )  # fmt: skip

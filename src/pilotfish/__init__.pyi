@@ -1,3 +1,4 @@
+from pilotfish import assistance as assistance
 from pilotfish import control as control
 from pilotfish import demonstrations as demonstrations
 from pilotfish import environments as environments

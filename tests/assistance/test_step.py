@@ -205,7 +205,7 @@ def test_random_inputs_never_give_nan_and_never_step(rng):
         scale = 10.0 ** rng.uniform(-3, 8)
         frames = [pf.Frame(f.name, f.A * rng.normal(), f.b + scale * rng.normal(size=8)) for f in FRAMES]
         observed, actual = ([FRAMES, None, frames, FRAMES[:1]][rng.integers(4)] for _ in range(2))
-        command = Command(hand, str(rng.choice([*assistance.MODES, "?"])), rng.random() < 0.8, 0)
+        command = Command(hand, str(rng.choice(assistance.MODES)), bool(rng.random() < 0.8))
         state, target = step_assistance(assistant, state, command, observed, actual, dt)
         for array in (target.pose, target.velocity, target.covariance, target.probabilities):
             assert np.isfinite(array).all()
@@ -273,6 +273,7 @@ def test_filter_does_not_depend_on_the_rate_of_the_loop():
             ),
             "dt is 0",
         ),
+        (lambda: Command(ROWS[0], mode="automatic"), "mode is 'automatic'"),
     ],
 )
 def test_bad_arguments_are_refused_by_name(change, message):

@@ -2,7 +2,7 @@
 
 `step_assistance` is one step: state, command, frames observed by the operator and actual frames in, state and
 target out. The operator's command is recognised in the scene that the operator saw, and carried into the
-actual scene. There is no network, clock or simulation here.
+actual scene. The package has no network, clock or simulation.
 """
 
 from pilotfish.assistance.assistant import Assistant, AssistedSkill, assisted_skill, make_assistant

@@ -80,7 +80,7 @@ class Assistant:
 def assisted_skill(
     skill: Skill, *, gate: Gate | None = None, joint_skill: Skill | None = None
 ) -> AssistedSkill:
-    """Prepare a skill for assistance.
+    """Create a skill prepared for assistance.
 
     Args:
         skill: Learned skill of a pose with scalars, with or without derivatives, flat or on S^3.
@@ -128,7 +128,7 @@ def make_assistant(
     limits: Limits | None = None,
     control_cost: float = 0.01,
 ) -> Assistant:
-    """Check skills and settings and return the assistant.
+    """Create an assistant from prepared skills and settings.
 
     Args:
         skills: Prepared skills; a command names one by its index.
@@ -138,7 +138,7 @@ def make_assistant(
         control_cost: r of the LQR of the literal variant.
 
     Raises:
-        InvalidInput: If there is no skill, or two have different coordinates.
+        InvalidInput: If skills is empty, or two have different coordinates.
     """
     require_type(skills, "skills", Sequence, "pass a list: [assisted_skill(skill)]")
     if not skills:

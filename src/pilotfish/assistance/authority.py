@@ -1,8 +1,8 @@
 """Authority of the assistance: one inside what the demonstrations covered, zero outside, and never abrupt.
 
 Distance. The command x is compared with every state of the skill adapted to the frames observed, so that
-coverage is judged where the objects are. With the whitened deviations w_k = (Sigma_k + S)^(-1/2) log_mu_k(x) of n pose
-columns,
+coverage is judged where the objects are. With the whitened deviations w_k = (Sigma_k + S)^(-1/2) log_mu_k(x)
+of n pose columns,
 
     distance(x) = min over k of |w_k| / sqrt(n).
 

@@ -4,7 +4,7 @@ The belief b(d, k) is the probability of state k, entered d steps ago, given all
 duration distribution p_k and its survival function S_k, a segment of age d ends with the hazard
 p_k(d) / S_k(d):
 
-    b'(d + 1, k) = (1 - hazard_k(d)) b(d, k)                               the segment goes on
+    b'(d + 1, k) = (1 - hazard_k(d)) b(d, k)                               the segment continues
     b'(1, j)     = sum over k, d of hazard_k(d) b(d, k) a_kj               the next one begins
     b(d, k)      proportional to b'(d, k) N(log_mu_k(x); 0, Sigma_k + S)   the command x is observed
 

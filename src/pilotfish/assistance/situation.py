@@ -26,6 +26,7 @@ class Situation:
         carried: The skill in both.
         literal: The joint skill in the actual frames; None for the carried variant.
         is_current: Whether the last frames could be used.
+        given: Frames as they were given, to notice at little cost that nothing has changed.
     """
 
     observed: tuple[Frame, ...]
@@ -33,6 +34,7 @@ class Situation:
     carried: CarriedSituation
     literal: LiteralSituation | None
     is_current: bool
+    given: tuple[Frame, ...]
 
 
 def find_situation(
@@ -57,6 +59,7 @@ def find_situation(
         carried_situation(skill.skill, observed_frames, actual_frames, noise.deviations(skill.skill.layout)),
         literal_situation(skill.joint, actual_frames) if skill.joint else None,
         is_current=True,
+        given=(*observed, *actual),
     )
 
 
@@ -78,6 +81,8 @@ def update_situation(
     """
     if observed is None or actual is None:
         return replace(situation, is_current=False)
+    if situation.is_current and _is_same_object((*observed, *actual), situation.given):
+        return situation
     try:
         if _same_frames(situation.observed, _own_frames(skill, observed)) and _same_frames(
             situation.actual, _own_frames(skill, actual)
@@ -100,6 +105,10 @@ def _own_frames(skill: AssistedSkill, frames: Sequence[Frame]) -> tuple[Frame, .
             f"frame {missing[0]!r} is missing from {sorted(by_name)}, expected each of {list(names)}"
         )
     return coordinate_frames([by_name[name] for name in names], skill.layout)
+
+
+def _is_same_object(now: tuple[object, ...], before: tuple[object, ...]) -> bool:
+    return len(now) == len(before) and all(p is q for p, q in zip(now, before, strict=True))
 
 
 def _same_frames(before: tuple[Frame, ...], now: tuple[Frame, ...]) -> bool:

@@ -43,7 +43,7 @@ from pilotfish.assistance.mapping import (
 )
 from pilotfish.assistance.situation import find_situation, update_situation
 from pilotfish.assistance.transition import Transition, begin_transition
-from pilotfish.assistance.values import MODES, AssistanceState, Command, Target
+from pilotfish.assistance.values import AssistanceState, Command, Target
 from pilotfish.demonstrations import Frame
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.types import Array, Float
@@ -61,7 +61,7 @@ def initial_state(
     *,
     skill: int = 0,
 ) -> AssistanceState:
-    """Check the frames and return the state before the first step.
+    """Return the state before the first step, after checking the frames.
 
     Args:
         assistant: Skills and settings.
@@ -71,7 +71,7 @@ def initial_state(
         skill: Index of the skill in use.
 
     Raises:
-        InvalidInput: If the pose or a frame cannot be used, or there is no such skill.
+        InvalidInput: If the pose or a frame cannot be used, or the skill does not exist.
         NotPositiveDefinite: If a covariance is singular in these frames.
     """
     require_type(assistant, "assistant", Assistant, "make_assistant([assisted_skill(skill)]) makes one")
@@ -121,7 +121,8 @@ def step_assistance(
         dt: Time since the step before [s].
 
     Raises:
-        InvalidInput: If dt is not from 1 us to 10 s. Nothing else is refused.
+        InvalidInput: If dt is not from 1 us to 10 s, or an argument has another type. Bad hands and frames
+            are not refused.
 
     Example:
         >>> rng = np.random.default_rng(0)
@@ -139,6 +140,9 @@ def step_assistance(
     Source:
         Tanwani 2018, section 6.3, with the corrections of docs/assistance.md.
     """
+    require_type(assistant, "assistant", Assistant, "make_assistant([assisted_skill(skill)]) makes one")
+    require_type(state, "state", AssistanceState, "initial_state makes one")
+    require_type(command, "command", Command, "pass Command(hand, mode)")
     dt = require_number(dt, "dt", MIN_STEP, MAX_STEP)
     before = state
     state = _read_command(assistant, state, command, frames_observed, frames_actual)
@@ -215,7 +219,7 @@ def _change_skill(
 
 def _change_mode(assistant: Assistant, state: AssistanceState, mode: str) -> AssistanceState:
     """Return the state in the mode that the operator asks for, if it is possible."""
-    if mode == state.mode or mode not in MODES:
+    if mode == state.mode:
         return state
     skill, columns = assistant.skills[state.skill], scalar_columns(assistant.layout)
     held = hold_scalars(state.motion.pose[columns], state.command[columns])

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from pilotfish.assistance.autonomous import AutonomousPlan
 from pilotfish.assistance.grip import HeldScalars
 from pilotfish.assistance.identification import Identification
@@ -9,10 +11,12 @@ from pilotfish.assistance.limits import TargetMotion
 from pilotfish.assistance.mapping import Clutch
 from pilotfish.assistance.situation import Situation
 from pilotfish.assistance.transition import Transition
+from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import shorten_repr
+from pilotfish.validation import require_count, require_type, shorten_repr
 
 MODES = ("direct", "shared", "autonomous")
+MAX_SKILLS = 10**6
 
 
 @shorten_repr
@@ -25,12 +29,23 @@ class Command:
         mode: "direct", "shared" or "autonomous".
         clutch: Whether the robot follows the hand.
         skill: Index of the skill in use.
+
+    Raises:
+        InvalidInput: If the mode is unknown, or a field has another type; a bad hand is not refused.
     """
 
     hand: Float[Array, " D"]
     mode: str = "shared"
     clutch: bool = True
     skill: int = 0
+
+    def __post_init__(self) -> None:
+        require_type(self.hand, "hand", np.ndarray, "pass np.array(pose)")
+        require_type(self.mode, "mode", str, "pass one of " + ", ".join(MODES))
+        if self.mode not in MODES:
+            raise InvalidInput(f"mode is {self.mode!r}, expected one of {', '.join(MODES)}")
+        require_type(self.clutch, "clutch", bool, "pass True while the robot follows the hand")
+        require_count(self.skill, "skill", MAX_SKILLS)
 
 
 @shorten_repr
@@ -41,7 +56,7 @@ class Target:
     Attributes:
         pose: Pose and scalars.
         velocity: Velocity [m/s] and angular velocity in body axes [rad/s], then zeros for scalars.
-        covariance: Covariance of the desired pose; the operator's where there is no assistance.
+        covariance: Covariance of the desired pose; that of the operator without assistance.
         mode: Mode in effect.
         authority: Authority of the assistance, 0 to 1.
         probabilities: Probability of each state of the skill.
