@@ -105,6 +105,23 @@ def test_plan_follows_an_object_that_moves(rng):
     assert np.linalg.norm(steps, axis=1).max() <= task.LIMITS.speed * task.PERIOD + 1e-9
 
 
+@pytest.mark.parametrize("dt", [0.03, task.PERIOD])
+def test_plan_keeps_its_pace_and_path_while_the_scene_always_changes(rng, dt):
+    """Frames from a camera differ a little at every step; planning again must neither stop nor hurry it."""
+    assistant = task.assistant()
+    state, _ = run_rows(assistant, ROWS[:12], "shared")
+    paths = []
+    for noise in (0.0, 1e-4):
+        later, command, path = state, Command(ROWS[12], "autonomous"), []
+        for _ in range(round(5.0 / dt)):
+            frames = [replace(f, b=f.b + noise * rng.normal() * (np.arange(8) < 3)) for f in FRAMES]
+            later, target = step_assistance(assistant, later, command, FRAMES, frames, dt)
+            path.append(target.pose[:3])
+        paths.append(np.array(path))
+    assert np.linalg.norm(paths[0] - paths[1], axis=1).max() < 0.04
+    assert np.linalg.norm(paths[1][-1] - (SCENE[1].position + UP)) < 0.04
+
+
 def test_grip_holds_when_the_operator_returns_and_yields_to_a_change():
     assistant = task.assistant()
     state, _ = run_rows(assistant, ROWS[:15], "shared")

@@ -63,9 +63,9 @@ class AutonomousPlan:
         return min(int(self.elapsed / self.period + 1e-9), len(self.states) - 1)
 
     @property
-    def finished(self) -> bool:
-        """Whether the last row is reached."""
-        return self.elapsed >= (len(self.states) - 1) * self.period
+    def phase(self) -> float:
+        """Time since that row [s]."""
+        return max(0.0, self.elapsed - self.row * self.period)
 
     def pose(self, orientation_starts: tuple[int, ...]) -> Float[Array, " D"]:
         """Return the pose now, between two rows.

@@ -48,10 +48,11 @@ def _correct(
     """Return the authority, and the command moved by it towards the corrected one."""
     skill, starts = assistant.skills[state.skill], assistant.layout.orientation_starts
     x, situation = state.command, state.situation
-    whitened = situation.carried.deviations(x)
-    allowed = skill.gate.authority(coverage_distance(whitened, pose_width(assistant.layout)))
-    is_on = state.mode == "shared" and situation.is_current
-    authority = limit_authority(state.authority, allowed if is_on else 0.0, dt)
+    allowed = 0.0
+    if state.mode == "shared" and situation.is_current:
+        whitened = situation.carried.deviations(x)
+        allowed = skill.gate.authority(coverage_distance(whitened, pose_width(assistant.layout)))
+    authority = limit_authority(state.authority, allowed, dt)
     state = replace(state, authority=authority)
     S = np.diag(assistant.noise.deviations(assistant.layout) ** 2)
     if state.mode != "shared":
@@ -96,12 +97,13 @@ def _follow_plan(
     """Return the state and the pose of the plan, planned again if the frames have changed."""
     plan = state.plan
     assert plan is not None
-    plan = replace(plan, elapsed=plan.elapsed + dt)
-    if plan.frames is not state.situation.actual and state.situation.is_current:
+    changed = plan.frames is not state.situation.actual and state.situation.is_current
+    if changed and plan.row > 0:  # at most once per period, or a scene that always changes would stop it
         try:
-            plan = _plan_from_target(skill, state, plan.states[plan.row :])
+            plan = _plan_from_target(skill, state, plan.states[plan.row :], plan.phase)
         except SkillError:
             plan = replace(plan, frames=state.situation.actual)  # impossible frames: go on as planned
+    plan = replace(plan, elapsed=plan.elapsed + dt)
     desired = plan_scalars(skill, plan.pose(starts), int(plan.states[plan.row]))
     return replace(state, plan=plan), desired
 
@@ -131,7 +133,11 @@ def first_plan(skill: AssistedSkill, state: AssistanceState) -> AutonomousPlan |
 
 
 def _plan_from_target(
-    skill: AssistedSkill, state: AssistanceState, states: Int[Array, " T"]
+    skill: AssistedSkill, state: AssistanceState, states: Int[Array, " T"], elapsed: float = 0.0
 ) -> AutonomousPlan:
-    adapted = adapt(skill.skill, state.situation.actual)
-    return plan_motion(adapted, states, state.motion.pose, state.motion.velocity, state.situation.actual)
+    """Return the plan of a state sequence that passes the target now, some time after its first row."""
+    adapted, motion = adapt(skill.skill, state.situation.actual), state.motion
+    starts = skill.skill.layout.orientation_starts
+    start = exp_map(motion.pose, -elapsed * motion.velocity, starts)
+    plan = plan_motion(adapted, states, start, motion.velocity, state.situation.actual)
+    return replace(plan, elapsed=elapsed)

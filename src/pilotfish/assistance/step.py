@@ -163,7 +163,10 @@ def step_assistance(
         transition = begin_transition(desired, state.motion.pose, starts)
     motion = follow_desired(assistant.limits, state.motion, transition.blend(desired, starts), dt, starts)
     state = replace(state, transition=transition, motion=motion)
-    probabilities = state.identification.probabilities(skill.skill.period, dt)[0]
+    if state.mode == "autonomous" and state.plan is not None:
+        probabilities = np.eye(skill.skill.states)[state.plan.states[state.plan.row]]
+    else:
+        probabilities = state.identification.probabilities(skill.skill.period, dt)[0]
     return state, Target(motion.pose, motion.velocity, covariance, state.mode, state.authority, probabilities)
 
 
