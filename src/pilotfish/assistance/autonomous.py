@@ -11,7 +11,9 @@ count the time already spent. Its length is the mean time that remains: what is 
 of the states that most probably follow.
 
 The states of the plan stay when objects move. Targets and weights are taken from the skill adapted to the new
-frames, and tracking (LQT) starts again from the present target and its velocity.
+frames, and tracking (LQT) starts again from the row that the plan has reached, with the velocity planned
+there. It does not start from the target: that differs from the plan by what remains of a transition, which
+would be added twice. In a scene that does not change, the plan is therefore the same again.
 
 Tracking. A double integrator follows the means with the weights (Sigma + r I)^-1; velocities have no weight.
 The control cost is 0.01 (s / s'^2)^2 for a coordinate of scale s and speed s', as in `planning/costs.py`,
@@ -35,6 +37,7 @@ MAX_STEPS = 5000  # of a plan
 MAX_MEAN = 1000.0  # steps of a state that is never left
 RELATIVE_CONTROL_COST = 0.01
 DEVIATIONS = 2.0  # standard deviations after which a segment has nearly ended
+SHORT = 1e-4  # s, over which rates of the chart are differences
 MIN_SPEED = 1e-3  # of the scale of a part, per period
 
 
@@ -46,6 +49,7 @@ class AutonomousPlan:
     Attributes:
         states: State at each period, from now on.
         poses: Pose and scalars at each period.
+        velocities: Velocity at each period, of rotations in body axes.
         frames: Frames that it was planned for.
         period: Time between two rows [s].
         elapsed: Time since the first row [s].
@@ -53,6 +57,7 @@ class AutonomousPlan:
 
     states: Int[Array, " T"]
     poses: Float[Array, "T D"]
+    velocities: Float[Array, "T E"]
     frames: tuple[Frame, ...]
     period: float
     elapsed: float
@@ -144,9 +149,8 @@ def plan_motion(
     motion = track(double_integrator(E, period), reference, _control_cost(tangent)).rollout(
         _tangent_start(chart, start, velocity, adapted)
     )
-    x = motion.x[:, :E]
-    poses = chart.to_manifold(x) if chart else x
-    return AutonomousPlan(states, np.asarray(poses), frames, period, 0.0)
+    poses, velocities = _planned_motion(chart, motion.x[:, :E], motion.x[:, E:], adapted)
+    return AutonomousPlan(states, poses, velocities, frames, period, 0.0)
 
 
 def _reference(
@@ -182,10 +186,19 @@ def _tangent_start(
     """Return the start of the double integrator: coordinates and their rates."""
     if chart is None:
         return np.concatenate([start, velocity])
-    short = 1e-4  # s, over which the rate of the chart is a difference
-    later = exp_map(start, short * velocity, adapted.layout.orientation_starts)
+    later = exp_map(start, SHORT * velocity, adapted.layout.orientation_starts)
     y = chart.to_tangent(np.stack([start, later]))
-    return np.concatenate([y[0], (y[1] - y[0]) / short])
+    return np.concatenate([y[0], (y[1] - y[0]) / SHORT])
+
+
+def _planned_motion(
+    chart: TangentChart | None, y: Float[Array, "T E"], rates: Float[Array, "T E"], adapted: AdaptedSkill
+) -> tuple[Float[Array, "T D"], Float[Array, "T E"]]:
+    """Return poses and velocities of coordinates and their rates."""
+    if chart is None:
+        return y, rates
+    poses, later = np.asarray(chart.to_manifold(y)), np.asarray(chart.to_manifold(y + SHORT * rates))
+    return poses, log_map(poses, later, adapted.layout.orientation_starts) / SHORT
 
 
 def _duration_moments(dynamics: Dynamics) -> tuple[Float[Array, " K"], Float[Array, " K"]]:

@@ -14,7 +14,7 @@ from pilotfish.assistance.values import AssistanceState
 from pilotfish.errors import SkillError
 from pilotfish.geometry import exp_map, log_map
 from pilotfish.models import adapt
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Float
 
 
 def desired_pose(
@@ -100,7 +100,7 @@ def _follow_plan(
     changed = plan.frames is not state.situation.actual and state.situation.is_current
     if changed and plan.row > 0:  # at most once per period, or a scene that always changes would stop it
         try:
-            plan = _plan_from_target(skill, state, plan.states[plan.row :], plan.phase)
+            plan = _plan_again(skill, state, plan)
         except SkillError:
             plan = replace(plan, frames=state.situation.actual)  # impossible frames: go on as planned
     plan = replace(plan, elapsed=plan.elapsed + dt)
@@ -127,17 +127,16 @@ def first_plan(skill: AssistedSkill, state: AssistanceState) -> AutonomousPlan |
     k, age = occupied_state(state.identification.beliefs[0])
     try:
         states = remaining_states(skill.skill.dynamics, k, age)
-        return _plan_from_target(skill, state, states)
+        adapted, motion = adapt(skill.skill, state.situation.actual), state.motion
+        return plan_motion(adapted, states, motion.pose, motion.velocity, state.situation.actual)
     except SkillError:
         return None
 
 
-def _plan_from_target(
-    skill: AssistedSkill, state: AssistanceState, states: Int[Array, " T"], elapsed: float = 0.0
-) -> AutonomousPlan:
-    """Return the plan of a state sequence that passes the target now, some time after its first row."""
-    adapted, motion = adapt(skill.skill, state.situation.actual), state.motion
-    starts = skill.skill.layout.orientation_starts
-    start = exp_map(motion.pose, -elapsed * motion.velocity, starts)
-    plan = plan_motion(adapted, states, start, motion.velocity, state.situation.actual)
-    return replace(plan, elapsed=elapsed)
+def _plan_again(skill: AssistedSkill, state: AssistanceState, plan: AutonomousPlan) -> AutonomousPlan:
+    """Return the plan for the actual frames from the row that the plan has reached."""
+    adapted, row = adapt(skill.skill, state.situation.actual), plan.row
+    again = plan_motion(
+        adapted, plan.states[row:], plan.poses[row], plan.velocities[row], state.situation.actual
+    )
+    return replace(again, elapsed=plan.phase)
