@@ -17,7 +17,7 @@ Import it as `import pilotfish as pf`. The public names by step:
     errors       SkillError is the base class; InvalidInput: an argument cannot be used
 
 The packages hold the rest: `pf.models`, `pf.demonstrations`, `pf.planning`, `pf.control`, `pf.io`,
-`pf.plots`, `pf.simulation` and others.
+`pf.assistance`, `pf.plots`, `pf.simulation` and others.
 """
 
 from importlib import import_module

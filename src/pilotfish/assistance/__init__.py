@@ -1,8 +1,22 @@
-"""Assistance in teleoperation: the virtual fixture, along which the operator pulls the robot."""
+"""Assistance in teleoperation: direct, shared and autonomous control of a remote arm, and virtual fixtures.
 
+`step_assistance` is one step: state, command, frames observed by the operator and actual frames in, state and
+target out. The operator's command is recognised in the scene that the operator saw, and carried into the
+actual scene. `step_fixture` is one step along a virtual fixture. The package has no network, clock or
+simulation.
+"""
+
+from pilotfish.assistance.assistant import Assistant, AssistedSkill, assisted_skill, make_assistant
+from pilotfish.assistance.authority import Gate, calibrate_gate, coverage_distances
 from pilotfish.assistance.learn_fixture import learn_virtual_fixture
+from pilotfish.assistance.limits import Limits
+from pilotfish.assistance.literal import joint_demonstration
+from pilotfish.assistance.mapping import OperatorMapping
+from pilotfish.assistance.operator_noise import OperatorNoise
 from pilotfish.assistance.phase import add_phase
 from pilotfish.assistance.phase_switches import PhaseSwitch
+from pilotfish.assistance.step import initial_state, step_assistance
+from pilotfish.assistance.values import MODES, AssistanceState, Command, Target
 from pilotfish.assistance.virtual_fixture import (
     FixtureState,
     FixtureTarget,
@@ -14,14 +28,31 @@ from pilotfish.assistance.virtual_fixture import (
 )
 
 __all__ = [
+    "MODES",
+    "AssistanceState",
+    "Assistant",
+    "AssistedSkill",
+    "Command",
     "FixtureState",
     "FixtureTarget",
+    "Gate",
+    "Limits",
+    "OperatorMapping",
+    "OperatorNoise",
     "PhaseSwitch",
+    "Target",
     "VirtualFixture",
     "add_phase",
+    "assisted_skill",
+    "calibrate_gate",
+    "coverage_distances",
+    "initial_state",
+    "joint_demonstration",
     "learn_virtual_fixture",
+    "make_assistant",
     "nearest_phase",
     "start_fixture",
+    "step_assistance",
     "step_fixture",
     "virtual_fixture",
 ]

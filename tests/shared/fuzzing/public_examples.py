@@ -12,12 +12,21 @@ from functools import cache
 from typing import Any
 
 import pilotfish
-from fuzzing import examples_of_fixtures, examples_of_models, examples_of_motions, examples_of_values
+from fuzzing import (
+    examples_of_assistance,
+    examples_of_fixtures,
+    examples_of_models,
+    examples_of_motions,
+    examples_of_values,
+)
 from fuzzing.examples_of_values import Examples
 from pilotfish import io
 
 EXAMPLES: Mapping[str, Callable[[], Examples]] = {
-    "assistance": examples_of_fixtures.fixture_examples,
+    "assistance": lambda: {
+        **examples_of_assistance.assistance_examples(),
+        **examples_of_fixtures.fixture_examples(),
+    },
     "geometry": examples_of_values.geometry_examples,
     "demonstrations": examples_of_values.demonstrations_examples,
     "gaussians": examples_of_values.gaussians_examples,
@@ -46,6 +55,7 @@ EXCLUDED: Mapping[str, str] = {
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
     "models.relevance": "takes a skill and demonstrations only, and a second per call",
+    "assistance.calibrate_gate": "takes a function; `coverage_distances` is its loop",
     "models.fit_em": "takes functions; `learn` calls it",
     "models.maximise_likelihood": "takes functions; `learn` calls it",
     **{

@@ -1,0 +1,172 @@
+"""Shared control that carries the operator's deviation from the scene observed into the actual scene.
+
+The operator acts on a scene that is late or displaced. In the skill adapted to the frames that the operator
+saw, state k is N(mu_k, Sigma_k); in the skill adapted to the actual frames it is N(nu_k, T_k). The command x
+is a point of the movement, blurred by the operator's imprecision,
+
+    x = s exp(noise),    s ~ N(mu_k, Sigma_k),    noise ~ N(0, S),    S = sigma_op^2 I,
+
+so that the filter of `occupancy.py` takes N(log_mu_k(x); 0, Sigma_k + S) as the density of x in state k.
+
+Carry. The deviation e = log_mu_k(x) is rotated with the objects. Frame p turned from R_p to R'_p; the frames
+are weighted by the precision L_p of their positions in the actual scene, as in the product of Gaussians:
+
+    C_k = (sum_p L_p)^-1 sum_p L_p R'_p R_p',    L_p = R'_p (Sigma_kp)^-1 R'_p'.
+
+Deviations of orientations are in body axes, which no frame changes, and scalars do not rotate. With the same
+frames C_k = I. If all frames move together, the command moves with them.
+
+Fusion. The model N(nu_k, T_k) and the operator N(nu_k + C_k e, S) are multiplied:
+
+    mean = nu_k + T_k (T_k + S)^-1 C_k e,    covariance = T_k (T_k + S)^-1 S.
+
+Where the demonstrations agree (T_k small) the correction is strong; where they vary the operator decides. An
+LQR with the weight T_k^-1 would go to nu_k whatever T_k is: its set point, not its gain, holds the operator.
+The states are mixed by their probabilities, with the spread between them in the covariance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pilotfish.assistance.coordinates import SPATIAL_AXES
+from pilotfish.demonstrations import Frame
+from pilotfish.gaussians import precision_cholesky
+from pilotfish.geometry import exp_map, log_map
+from pilotfish.models import Skill, adapt
+from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
+
+
+@shorten_repr
+@dataclass(frozen=True, slots=True, eq=False)
+class CarriedSituation:
+    """A skill adapted to the frames observed and to the actual ones; E tangent columns.
+
+    Attributes:
+        observed_means: Means in the scene observed.
+        whitening: Lower triangular W with W' W = (Sigma + S)^-1 in the scene observed.
+        actual_means: Means in the actual scene.
+        gains: T (T + S)^-1 C, from deviations observed to corrected deviations.
+        fused_covariances: T (T + S)^-1 S.
+        orientation_starts: First column of each quaternion.
+    """
+
+    observed_means: Float[Array, "K D"]
+    whitening: Float[Array, "K E E"]
+    actual_means: Float[Array, "K D"]
+    gains: Float[Array, "K E E"]
+    fused_covariances: Float[Array, "K E E"]
+    orientation_starts: tuple[int, ...]
+
+    def deviations(self, x: Float[Array, " D"]) -> Float[Array, "K E"]:
+        """Return the deviation of a command from each state of the scene observed, whitened.
+
+        Args:
+            x: Command in the robot's coordinates.
+        """
+        e = log_map(self.observed_means, x, self.orientation_starts)
+        return np.asarray(np.einsum("kij,kj->ki", self.whitening, e))
+
+    def log_likelihoods(self, x: Float[Array, " D"]) -> Float[Array, " K"]:
+        """Return the log-density of a command in each state, up to a common constant.
+
+        Args:
+            x: Command in the robot's coordinates.
+        """
+        log_scales = np.log(np.diagonal(self.whitening, axis1=1, axis2=2)).sum(axis=1)
+        return np.asarray(log_scales - 0.5 * np.sum(self.deviations(x) ** 2, axis=1))
+
+    def correct(
+        self, x: Float[Array, " D"], probabilities: Float[Array, " K"]
+    ) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
+        """Return the mean and covariance of the carried and fused command.
+
+        Args:
+            x: Command in the robot's coordinates.
+            probabilities: Probability of each state.
+        """
+        e = log_map(self.observed_means, x, self.orientation_starts)
+        corrected = exp_map(
+            self.actual_means, np.einsum("kij,kj->ki", self.gains, e), self.orientation_starts
+        )
+        mean, between = mix_points(corrected, probabilities, self.orientation_starts)
+        return mean, np.einsum("k,kij->ij", probabilities, self.fused_covariances) + between
+
+
+def carried_situation(
+    skill: Skill,
+    frames_observed: Sequence[Frame],
+    frames_actual: Sequence[Frame],
+    operator_deviations: Float[Array, " E"],
+) -> CarriedSituation:
+    """Adapt a skill to the frames observed by the operator and to the actual frames.
+
+    Args:
+        skill: Skill of coordinates, from `coordinate_skill`.
+        frames_observed: Frames of the scene that the operator acts on.
+        frames_actual: Frames of the scene that the robot acts in.
+        operator_deviations: Standard deviation of the operator in each tangent column, positive.
+
+    Raises:
+        InvalidInput: If a frame is missing, unknown, singular or of another width.
+        NotPositiveDefinite: If a covariance is singular.
+    """
+    observed, actual = adapt(skill, frames_observed), adapt(skill, frames_actual)
+    S = np.diag(operator_deviations**2)
+    K = actual.covariances @ np.linalg.inv(actual.covariances + S)
+    return CarriedSituation(
+        observed.means,
+        precision_cholesky(observed.covariances + S, "the covariance observed of state"),
+        actual.means,
+        K @ carry_matrices(skill, frames_observed, frames_actual),
+        K @ S,
+        skill.layout.orientation_starts,
+    )
+
+
+def carry_matrices(
+    skill: Skill, frames_observed: Sequence[Frame], frames_actual: Sequence[Frame]
+) -> Float[Array, "K E E"]:
+    """Return the matrix C of each state, from deviations in the scene observed to the actual scene.
+
+    Args:
+        skill: Skill of coordinates, from `coordinate_skill`.
+        frames_observed: Frames of the scene that the operator acts on, in any order.
+        frames_actual: Frames of the scene that the robot acts in, in any order.
+    """
+    observed, actual = (
+        {frame.name: frame for frame in frames} for frames in (frames_observed, frames_actual)
+    )
+    columns = slice(0, SPATIAL_AXES)  # the position, among points and deviations
+    total, rotated = np.zeros((2, skill.states, SPATIAL_AXES, SPATIAL_AXES))
+    for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
+        R, R_actual = (frames[name].A[columns, columns] for frames in (observed, actual))
+        local = np.linalg.inv(covariances.dense[:, columns, columns])
+        inverse = np.linalg.inv(R_actual)
+        precision = inverse.T @ local @ inverse
+        total += precision
+        rotated += precision @ R_actual @ np.linalg.inv(R)
+    C = np.tile(np.eye(skill.layout.tangent.width), (skill.states, 1, 1))
+    C[:, columns, columns] = np.linalg.solve(total, rotated)
+    return C
+
+
+def mix_points(
+    points: Float[Array, "K D"], probabilities: Float[Array, " K"], orientation_starts: tuple[int, ...]
+) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
+    """Return the weighted mean of points and the covariance between them.
+
+    The mean is that of the tangent space at the most probable point, after one more step; it is exact on R^n.
+
+    Args:
+        points: Points.
+        probabilities: Weights, which sum to one.
+        orientation_starts: First column of each quaternion.
+    """
+    mean = points[probabilities.argmax()]
+    for _ in range(2 if orientation_starts else 1):
+        mean = exp_map(mean, probabilities @ log_map(mean, points, orientation_starts), orientation_starts)
+    v = log_map(mean, points, orientation_starts)
+    return mean, np.asarray((probabilities[:, None] * v).T @ v)

@@ -1,0 +1,96 @@
+"""Workspace, speed and acceleration of the target, and the blend after a change."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pilotfish.assistance.limits import Limits, TargetMotion, follow_desired
+from pilotfish.assistance.transition import begin_transition
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import angle, from_rotation_vector, log_map
+
+STARTS, DT = (3,), 0.01
+
+
+def random_pose(rng, spread=0.3) -> np.ndarray:
+    return np.concatenate([spread * rng.normal(size=3), from_rotation_vector(rng.normal(size=3)), [0.0]])
+
+
+def at_rest(pose: np.ndarray) -> TargetMotion:
+    return TargetMotion(pose, np.zeros(7), pose)
+
+
+def follow(limits, motion, desired, steps):
+    motions = [motion]
+    for t in range(steps):
+        pose = desired(t) if callable(desired) else desired
+        motions.append(follow_desired(limits, motions[-1], pose, DT, STARTS))
+    return motions
+
+
+def test_speed_and_acceleration_are_within_limits_for_jumps(rng):
+    limits = Limits()
+    jumps = [random_pose(rng, 0.3) for _ in range(10)]
+    motions = follow(limits, at_rest(random_pose(rng)), lambda t: jumps[t // 20], 200)
+    v = np.array([m.velocity for m in motions])
+    positions = np.array([m.pose[:3] for m in motions])
+    assert np.linalg.norm(v[:, :3], axis=1).max() <= limits.speed + 1e-9
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=1).max() <= limits.speed * DT + 1e-9
+    assert np.linalg.norm(np.diff(v[:, :3], axis=0), axis=1).max() <= limits.acceleration * DT + 1e-9
+    assert np.linalg.norm(v[:, 3:6], axis=1).max() <= limits.angular_speed + 1e-9
+    assert np.linalg.norm(np.diff(v[:, 3:6], axis=0), axis=1).max() <= limits.angular_acceleration * DT + 1e-9
+
+
+def test_jump_is_reached_without_overshoot(rng):
+    start, end = random_pose(rng), random_pose(rng)
+    motions = follow(Limits(), at_rest(start), end, 500)
+    assert np.allclose(log_map(end, motions[-1].pose, STARTS), 0.0, atol=1e-9)
+    along = np.array([m.pose[:3] - start[:3] for m in motions]) @ (end[:3] - start[:3])
+    assert along.max() <= np.sum((end[:3] - start[:3]) ** 2) * 1.01
+
+
+def test_smooth_motion_is_followed_without_lag():
+    def desired(t):
+        angle_of_step = 0.5 * t * DT
+        q = from_rotation_vector(np.array([0.0, 0.0, angle_of_step]))
+        return np.concatenate([[0.2 * np.sin(t * DT), 0.2 * np.cos(t * DT), 0.0], q, [0.0]])
+
+    motions = follow(Limits(), at_rest(desired(0)), desired, 150)
+    errors = [np.linalg.norm(m.pose[:3] - m.desired[:3]) for m in motions[100:]]
+    assert max(errors) < 1e-6
+    assert max(angle(m.pose[3:7], m.desired[3:7]) for m in motions[100:]) < 1e-6
+
+
+def test_target_stays_in_the_workspace_and_returns_to_it(rng):
+    limits = Limits(lower=-0.1 * np.ones(3), upper=0.1 * np.ones(3))
+    outside = random_pose(rng)
+    outside[:3] = [0.5, -0.5, 0.0]
+    inside = at_rest(np.concatenate([np.zeros(3), outside[3:]]))
+    assert all(np.abs(m.pose[:3]).max() <= 0.1 for m in follow(limits, inside, outside, 300))
+    back = follow(limits, at_rest(outside), outside, 300)
+    distance = np.array([np.abs(m.pose[:3]).max() for m in back])
+    assert (np.diff(distance) <= 1e-12).all()
+    assert distance[-1] <= 0.1 + 1e-9
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"speed": 0.0}, {"acceleration": np.nan}, {"lower": np.ones(3), "upper": np.zeros(3)}]
+)
+def test_limits_refuse_what_cannot_be_met(arguments):
+    with pytest.raises(InvalidInput, match=r"speed|acceleration|lower"):
+        Limits(**arguments)
+
+
+def test_blend_starts_at_the_target_ends_at_the_desired_pose_and_is_slow(rng):
+    desired, target = random_pose(rng), random_pose(rng)
+    transition = begin_transition(desired, target, STARTS)
+    times = np.linspace(0.0, transition.duration, 101)
+    poses = [
+        type(transition)(transition.offset, t, transition.duration).blend(desired, STARTS) for t in times
+    ]
+    assert np.allclose(log_map(target, poses[0], STARTS)[:6], 0.0, atol=1e-9)
+    assert np.allclose(poses[-1], desired)
+    steps = [log_map(p, q, STARTS) / times[1] for p, q in pairwise(poses)]
+    assert max(np.linalg.norm(v[:3]) for v in steps) <= 0.25 * 1.001
+    assert max(np.linalg.norm(v[3:6]) for v in steps) <= 1.0 * 1.001
