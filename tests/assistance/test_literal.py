@@ -12,6 +12,7 @@ from pilotfish.assistance.literal import literal_situation
 from pilotfish.demonstrations import Demonstration, Layout, demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Gaussian, log_density, product
+from pilotfish.models import EMSettings, TimeBins
 
 
 def positions(demo: Demonstration) -> Demonstration:
@@ -23,7 +24,8 @@ def positions(demo: Demonstration) -> Demonstration:
 
 def joint_of_positions() -> pf.Skill:
     demos = [assistance.joint_demonstration(positions(demo)) for demo in task.demonstrations()]
-    return pf.learn(demos, states=4, rng=np.random.default_rng(0)).skill
+    in_order = {"initialisation": TimeBins(complete=True), "settings": EMSettings(min_gain=0.5)}
+    return pf.learn(demos, states=4, rng=np.random.default_rng(0), **in_order).skill
 
 
 def sampled_regression(rng, skill, frame, p, h, x) -> Gaussian:
@@ -31,7 +33,7 @@ def sampled_regression(rng, skill, frame, p, h, x) -> Gaussian:
     A, b = frame.A[:3, :3], frame.b[:3]
     means, covariances = [], []
     for mean, covariance in zip(skill.means[p], skill.covariances[p].dense, strict=True):
-        samples = rng.multivariate_normal(mean, covariance, size=400_000)
+        samples = rng.multivariate_normal(mean, covariance, size=1_600_000)
         inputs, outputs = samples[:, :3], samples[:, 3:] @ A.T + b
         design = np.column_stack([np.ones(len(inputs)), inputs - x])
         fitted = np.linalg.lstsq(design, outputs)[0]

@@ -17,6 +17,7 @@ from pilotfish.demonstrations import (
     to_sphere,
 )
 from pilotfish.geometry import Pose, from_rotation_vector, minimum_jerk, multiply, rotation_matrix
+from pilotfish.models import EMSettings, TimeBins
 
 ROWS, PERIOD = 61, 0.1
 HOME = Pose(np.array([0.4, 0.0, 0.4]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -78,7 +79,15 @@ def learn(kind: str = "flat", dynamics: str = "semi-markov", states: int = 7) ->
         "joint": assistance.joint_demonstration,
     }[kind]
     demos = [convert(demo) for demo in demonstrations()]
-    return pf.learn(demos, states=states, rng=np.random.default_rng(0), dynamics=dynamics).skill
+    bins = TimeBins(complete=dynamics != "mixture")
+    return pf.learn(
+        demos,
+        states=states,
+        rng=np.random.default_rng(0),
+        dynamics=dynamics,
+        initialisation=bins,
+        settings=EMSettings(min_gain=0.5),
+    ).skill
 
 
 @cache

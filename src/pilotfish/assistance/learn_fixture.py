@@ -17,12 +17,13 @@ from pilotfish.assistance.virtual_fixture import VirtualFixture, virtual_fixture
 from pilotfish.demonstrations import Demonstration, demonstration, switching_columns
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import CovarianceStructure, Full
-from pilotfish.models import learn, part_scales
+from pilotfish.models import EMSettings, TimeBins, learn, part_scales
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_type, short_repr
 
 PHASES = ("path", "logistic")
 MAX_STATES, ROWS_PER_STATE = 15, 5  # default states, and steps of the shortest demonstration for each
+MIN_GAIN = 0.5  # nats per datapoint, below which EM stops
 
 
 def learn_virtual_fixture(
@@ -66,6 +67,8 @@ def learn_virtual_fixture(
         rng=rng,
         dynamics="mixture",
         structure=structure,
+        initialisation=TimeBins(),  # the phase orders the states
+        settings=EMSettings(min_gain=MIN_GAIN),
     )
     switches: list[PhaseSwitch] = [learn_switch(c, [demo.x[:, c] for demo in poses], phases) for c in columns]
     return virtual_fixture(
