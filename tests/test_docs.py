@@ -248,7 +248,7 @@ def test_index_program_reproduces_valve(data_folder, tmp_path, monkeypatch):
 
 def test_choosing_a_model_program_selects_structure_and_frames(data_folder, unchecked):
     names = run_program("choosing-a-model.md")
-    assert names["selection"].best.candidate == pf.models.Candidate()
+    assert names["selection"].best.candidate == pf.models.Candidate(frames="relevance")
     assert names["selection"].fits == 12
     assert names["frame_relevance"].distractors == ()
     assert names["frame_relevance"].values.shape == (2, 7)
