@@ -28,6 +28,7 @@ from segmentation import FEATURES, STATES
 
 import pilotfish as pf
 from pilotfish.demonstrations import Demonstration, Frame, Layout, Part, Quantity, frame
+from pilotfish.geometry import from_rotation_vector, minimum_jerk, rotation_matrix
 from pilotfish.models import matched_accuracy, viterbi
 from pilotfish.models.online import (
     estimate_penalties,
@@ -144,7 +145,7 @@ def simulate_cube(rng: np.random.Generator, name: str) -> Demonstration:
     """Return one demonstration: movements of least jerk, with a sway that is small near cube and bin."""
     cube = np.array([0.45, 0.25, 0.02]) + np.append(rng.uniform(-0.15, 0.15, 2), 0.0)
     bin_ = np.array([0.45, -0.25, 0.10]) + np.append(rng.uniform(-0.15, 0.15, 2), 0.0)
-    turns = [rotation_about_z(angle) for angle in rng.uniform(-0.6, 0.6, 2)]
+    turns = rotation_matrix(from_rotation_vector(rng.uniform(-0.6, 0.6, 2)[:, None] * UP))
     release, home = bin_ + RELEASE_HEIGHT * UP, np.array([0.3, 0.0, 0.4]) + 0.01 * rng.normal(size=3)
     before_cube, before_bin = (p + R @ APPROACH for p, R in zip((cube, bin_), turns, strict=True))
     lifted, left = cube + 0.12 * UP, bin_ + 0.2 * UP
@@ -152,7 +153,7 @@ def simulate_cube(rng: np.random.Generator, name: str) -> Demonstration:
     openings = np.array([1, 1, 1, 0, 0, 0, 0, 1, 1]) * OPENING
     points = np.hstack([np.array(places), openings[:, None]])
     steps = [max(3, round(s / PERIOD * rng.uniform(0.8, 1.2))) for s in DURATIONS]
-    phases = [minimum_jerk(a, b, n) for a, b, n in zip(points[:-1], points[1:], steps, strict=True)]
+    phases = [move(a, b, n) for a, b, n in zip(points[:-1], points[1:], steps, strict=True)]
     x = np.vstack([points[:1], *phases])
     t = np.linspace(0.0, np.pi, len(x))[:, None]
     sway = 0.01 * sum(rng.normal(size=3) * np.sin(k * t) / k for k in range(1, 6))
@@ -162,16 +163,9 @@ def simulate_cube(rng: np.random.Generator, name: str) -> Demonstration:
     return pf.add_derivatives(pf.demonstration(x, PERIOD, LAYOUT, frames, name))
 
 
-def minimum_jerk(a: np.ndarray, b: np.ndarray, steps: int) -> np.ndarray:
+def move(a: np.ndarray, b: np.ndarray, steps: int) -> np.ndarray:
     """Return the points of a movement of least jerk after each step."""
-    s = np.linspace(0.0, 1.0, steps + 1)[1:, None]
-    return np.asarray(a + (10 * s**3 - 15 * s**4 + 6 * s**5) * (b - a))
-
-
-def rotation_about_z(angle: float) -> np.ndarray:
-    return np.array(
-        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
-    )
+    return np.asarray(a + minimum_jerk(np.linspace(0.0, 1.0, steps + 1)[1:, None]) * (b - a))
 
 
 def frame_at(name: str, rotation: np.ndarray, position: np.ndarray) -> Frame:

@@ -30,6 +30,7 @@ def perform(alignment_skill: Path, alignment_task: Task[Any]) -> list[str]:
     return ["perform", str(alignment_skill / "skill"), "--task", alignment_task.name]
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_perform_json_equals_executions(
     perform: list[str], alignment_task: Task[Any], alignment_skill: Path, run_json: RunJson
 ):

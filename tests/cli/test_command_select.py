@@ -93,6 +93,7 @@ def test_select_without_learnable_candidate_is_rejected(run_failing, folder):
     assert "at least two" in run_failing("select", folder, "--only", "0", "--states", "2")
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_select_scores_every_fit_function(run_json, folder):
     durations = ",".join(CANDIDATE_NAMES)
     output = run_json(

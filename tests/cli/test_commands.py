@@ -75,7 +75,7 @@ def test_learn_command_equals_function(run_json: RunJson, folder: Path, tmp_path
         == content_hash(fit.skill)
         == content_hash(open_skill(tmp_path / "reach.skill"))
     )
-    assert output["log_likelihood"] == fit.log_likelihoods[-1]
+    assert output["log_likelihood"] == fit.skill.provenance.log_likelihood
     assert output["demonstrations"] == ["reach 0", "reach 1", "reach 2", "reach 4"]
     assert (output["converged"], output["reason"]) == (fit.convergence.converged, fit.convergence.reason)
     assert output["covariance_parameters"] == 2 * 3 * 14 * 15 // 2

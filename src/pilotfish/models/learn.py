@@ -77,9 +77,9 @@ def learn(
         durations: How durations of a semi-Markov skill are fitted together with the states, in O(T K (K + L))
             per iteration. By default they are counted along the Viterbi paths of the Markov skill.
         structure: Covariance structure of the states. None is diagonal where `states` is None, else full.
-        initialisation: Initial statistics. None fits from time bins and from k-means, and keeps the fit of
-            lower BIC. `FromModel` with a semi-Markov model continues its fit if
-            `durations` is given.
+        initialisation: Initial statistics. None fits from time bins, templates and k-means, and keeps the
+            fit of lowest BIC; they are compared on demonstrations of about 100 rows. `FromModel` with a
+            semi-Markov model continues its fit if `durations` is given.
         settings: Settings of expectation-maximisation.
 
     Returns:

@@ -24,8 +24,8 @@ better. `EMSettings(min_gain=0.001)` asks for them.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -36,8 +36,7 @@ from pilotfish.models.em import Convergence, MStep, expected_statistics, fit_em
 from pilotfish.models.initialisation import Initialisation, KMeans, Template, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
 from pilotfish.models.sequences import log_emissions, state_segments
-from pilotfish.models.skill import HiddenModel, Skill
-from pilotfish.models.statistics import Statistics
+from pilotfish.models.skill import HiddenModel
 
 EARLY_GAIN = 0.5  # nats per datapoint
 COMPARED_ROWS = 100  # mean number of rows of a demonstration with which initialisations are compared
@@ -45,7 +44,6 @@ ROWS_PER_STATE = 2  # at least, of the shortest
 MIN_FOR_TEMPLATES, MAX_TEMPLATES = 3, 5  # demonstrations
 MIN_SHARED = 0.95  # of the states of a template are visited by more than half of the demonstrations
 MIN_RETURNS = 1.5  # visits of a state in a demonstration, on average, of a movement that returns
-
 
 StepFit = tuple[HiddenModel, Convergence, bool]  # and whether demonstrations had to end in the last state
 
@@ -70,18 +68,12 @@ def fit_steps(
     if problem.settings.min_gain is None:
         problem = replace(problem, settings=replace(problem.settings, min_gain=EARLY_GAIN))
     model, convergence, complete = _best_fit(_resample(problem), m_step)
-    skill = _fit_all_rows(model, convergence, complete, problem, m_step)
-    return Fit(skill, skill, convergence), complete
-
-
-def _fit_all_rows(
-    model: HiddenModel, convergence: Convergence, complete: bool, problem: LearningProblem, m_step: MStep
-) -> Skill:
-    """Return the skill after one more iteration, with all rows and their log-likelihood."""
-    e_step = _make_e_step(problem, complete=complete)
+    e_step = partial(expected_statistics, threads=problem.settings.threads, complete=complete)
     one_iteration = replace(problem.settings, max_iterations=1, callback=None)
-    model, _, last = fit_em(e_step(model, problem.data, None), problem.data, m_step, one_iteration, e_step)
-    return problem.skill(model, replace(convergence, log_likelihoods=last.log_likelihoods))
+    model, _, last = fit_em(e_step(model, problem.data), problem.data, m_step, one_iteration, e_step)
+    convergence = replace(convergence, dropped=convergence.dropped + last.dropped)
+    skill = problem.skill(model, replace(convergence, log_likelihoods=last.log_likelihoods))
+    return Fit(skill, skill, convergence), complete
 
 
 def _resample(problem: LearningProblem) -> LearningProblem:
@@ -147,17 +139,6 @@ def _is_admissible(model: HiddenModel, data: Views, initialisation: Initialisati
     return shared >= MIN_SHARED
 
 
-def _make_e_step(
-    problem: LearningProblem, *, complete: bool
-) -> "Callable[[HiddenModel, Views, Statistics | None], Statistics]":
-    threads = problem.settings.threads
-
-    def e_step(model: HiddenModel, data: Views, previous: Statistics | None) -> Statistics:
-        return expected_statistics(model, data, previous, threads=threads, complete=complete)
-
-    return e_step
-
-
 def _fit_from(initialisation: Initialisation, problem: LearningProblem, m_step: MStep) -> StepFit:
     """Fit from every restart; a fit whose covariance collapses fails only if all do."""
     restarts = problem.settings.restarts
@@ -165,7 +146,7 @@ def _fit_from(initialisation: Initialisation, problem: LearningProblem, m_step: 
         initialisation.initial_statistics(problem.data, problem.states, problem.rng) for _ in range(restarts)
     ]
     complete = getattr(initialisation, "complete", False)
-    e_step = _make_e_step(problem, complete=complete)
+    e_step = partial(expected_statistics, threads=problem.settings.threads, complete=complete)
     results: list[tuple[HiddenModel, Convergence]] = []
     failures: list[NotPositiveDefinite] = []
     for initial_statistics in candidates:

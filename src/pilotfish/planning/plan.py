@@ -1,8 +1,9 @@
 """From an adapted skill to a step-wise reference: a target and a weight at every step.
 
 A plan has two parts. First the state sequence is chosen: the most probable one given the start and all
-via-points that ends with the movement, in a final state. Then the targets are the means of those states, and
-the weights are the inverses of their covariances:
+via-points that ends with the movement, in a final state. Without via-points its states have their most
+probable durations given the number of steps (`timing.py`). Then the targets are the means of those states,
+and the weights are the inverses of their covariances:
 
     target_t = mean of state_t,    Q_t = (Sigma of state_t + r I)^-1,    r the covariance regularisation.
 
