@@ -1,0 +1,320 @@
+"""Operate a remote robot in physics: a simulated person, a link with delay, and assistance at the robot.
+
+The operator works in a local scene. There the arm follows the hand after `ARM_LAG`, and the objects stand where
+the robot last reported them: late by the delay of the link, and displaced if its perception is off. Commands
+reach the robot late by the same delay, with the object poses that the operator saw. The assistance there knows
+the actual poses and computes the target of impedance control at 1 kHz.
+
+The operator follows the script of the task with the parameters of `HumanModel`. He sees neither contact nor
+the robot's motion, and so does not notice a miss.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import TypeVar
+
+import numpy as np
+
+from pilotfish.assistance import (
+    Assistant,
+    Command,
+    Target,
+    initial_state,
+    step_assistance,
+)
+from pilotfish.demonstrations import Frame, frame_from_pose
+from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_failure, stack_measurements
+from pilotfish.environments.baxter import VisualMesh
+from pilotfish.environments.human import (
+    DemonstrationPlan,
+    HumanModel,
+    HumanState,
+    Observation,
+    step_human,
+)
+from pilotfish.environments.human import initial_state as initial_human_state
+from pilotfish.errors import InvalidInput
+from pilotfish.geometry import Pose, from_rotation_vector, normalise
+from pilotfish.simulation.recording import (
+    ARM_LAG,
+    DEFAULT_HUMAN,
+    OBSERVATION_PERIOD,
+    STEPS_PER_OBSERVATION,
+    TIME_TOLERANCE,
+    task_layout,
+)
+from pilotfish.types import Array, Float
+from pilotfish.validation import require_number, shorten_repr
+
+S = TypeVar("S")
+SETTLING_TIME = 1.0  # s after the operator's last command has reached the robot
+MAX_DELAY = 60.0  # s
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+Poses = Mapping[str, Pose]
+StepCallback = Callable[[Workcell[S], Command, Target], None]
+"""Function that is called after every step with the workcell, the command and the target."""
+
+
+@shorten_repr
+@dataclass(frozen=True, slots=True, eq=False)
+class TeleoperationResult:
+    """Result of an operator in one situation; rows are 20 ms apart.
+
+    Attributes:
+        outcome: Whether the task was done.
+        hands: Commanded pose that reached the robot: position [m], quaternion.
+        targets: Target of the robot.
+        measured: Pose of the tool.
+        authority: Authority of the assistance.
+        forces: Contact force on the tool [N].
+        peak_forces: Largest contact forces [N].
+        duration: Simulated duration [s].
+        progress: Quantities that the task measures.
+        failure: First phase of the task that was not passed, and why; None on success.
+    """
+
+    outcome: Outcome
+    hands: Float[Array, "T 7"]
+    targets: Float[Array, "T 7"]
+    measured: Float[Array, "T 7"]
+    authority: Float[Array, " T"]
+    forces: Float[Array, " T"]
+    peak_forces: dict[str, float]
+    duration: float
+    progress: dict[str, Float[Array, " T"]]
+    failure: Failure | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Message:
+    """Command on its way to the robot, with what the operator saw."""
+
+    time: float
+    hand: Pose
+    grip: float
+    frames: Sequence[Frame]
+
+
+def displace_view(
+    poses: Poses, distance: float, angle: float, rng: np.random.Generator
+) -> Callable[[Poses], dict[str, Pose]]:
+    """Return a function that displaces all objects together, as a camera does that is off.
+
+    Args:
+        poses: Poses of the objects at the start; the turn is about the vertical through their middle.
+        distance: Length of the horizontal displacement [m]; its direction is random.
+        angle: Angle of the turn [rad]; its sense is random.
+        rng: Generator of direction and sense.
+    """
+    direction, sense = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0])
+    shift = distance * np.array([np.cos(direction), np.sin(direction), 0.0])
+    middle = np.mean([pose.position for pose in poses.values()], axis=0)
+    turn = from_rotation_vector(np.array([0.0, 0.0, sense * angle]))
+    displacement = Pose(middle + shift, turn) @ Pose(-middle, IDENTITY)
+    return lambda present: {name: displacement @ pose for name, pose in present.items()}
+
+
+def teleoperate(
+    assistant: Assistant,
+    task: Task[S],
+    situation: S,
+    rng: np.random.Generator,
+    *,
+    mode: str | Callable[[float], str] = "shared",
+    delay: float = 0.0,
+    view_distance: float = 0.0,
+    view_angle: float = 0.0,
+    human_model: HumanModel = DEFAULT_HUMAN,
+    on_step: StepCallback[S] | None = None,
+    visual_meshes: Sequence[VisualMesh] = (),
+) -> TeleoperationResult:
+    """Simulate an operator who does a task with a remote robot.
+
+    Args:
+        assistant: Assistance at the robot; its first skill was learned from recordings of the task.
+        task: Task from `TASKS`.
+        situation: Situation of the task.
+        rng: Generator of motor noise and of the direction in which the view is off.
+        mode: Mode of every command, or a function from the time [s] to the mode.
+        delay: Delay of the link in each direction [s].
+        view_distance: Distance by which the objects are displaced in the operator's scene [m].
+        view_angle: Angle by which they are turned there [rad].
+        human_model: Parameters of the operator.
+        on_step: Function that is called after every step.
+        visual_meshes: Meshes of the robot in images, from `baxter_meshes`.
+
+    Returns:
+        The outcome, and what was commanded, corrected and reached.
+
+    Raises:
+        InvalidInput: If the skill has other columns or frames than the task, or a number cannot be used.
+    """
+    _validate(assistant, task)
+    for name, value, most in (
+        ("delay", delay, MAX_DELAY),
+        ("view_distance", view_distance, 1.0),
+        ("view_angle", view_angle, np.pi),
+    ):
+        require_number(value, name, 0.0, most)
+    cell = Workcell(task, situation, visual_meshes=visual_meshes)
+    displace = displace_view(cell.frames(), view_distance, view_angle, rng)
+    operator = _Operator(task, situation, human_model, rng, cell.target)
+    robot = _Robot(assistant, cell, displace(cell.frames()), mode)
+    reports: list[tuple[float, dict[str, Pose]]] = []
+    messages: list[_Message] = []
+    rows = _Rows()
+    time_limit, end = 2.0 * (task.time_limit + 2.0 * delay), inf
+    while cell.time < min(end, time_limit):
+        reports.append((cell.time, cell.frames() if task.actuate_scene else robot.initial_poses))
+        seen = displace(_latest(reports, cell.time - delay, key=lambda report: report[0])[1])
+        messages.append(operator.act(cell.time, seen, robot.frames_of))
+        message = _latest(messages, cell.time - delay, key=lambda each: each.time)
+        command, target = robot.step(message, reports[-1][1])
+        rows.append(command, target, cell)
+        if on_step:
+            on_step(cell, command, target)
+        if end == inf and operator.done and not robot.is_moving:
+            end = cell.time + delay + SETTLING_TIME
+    return rows.result(cell)
+
+
+class _Operator:
+    """Person who follows the script of the task in a local scene."""
+
+    def __init__(
+        self, task: Task[S], situation: S, human_model: HumanModel, rng: np.random.Generator, tool: Pose
+    ) -> None:
+        self._plan = DemonstrationPlan(human_model, task.demonstration_script(situation), ARM_LAG)
+        self._state: HumanState = initial_human_state(tool, 0.0)
+        self._rng = rng
+        self._hands: list[tuple[float, Pose]] = [(0.0, tool)]
+        self._seen: tuple[dict[str, Pose], Sequence[Frame]] | None = None
+
+    @property
+    def done(self) -> bool:
+        return self._state.done
+
+    def act(
+        self, time: float, seen: dict[str, Pose], frames_of: Callable[[Poses], Sequence[Frame]]
+    ) -> _Message:
+        """Move the hand, and return the command with the frames seen."""
+        tool = _latest(self._hands, time - ARM_LAG, key=lambda each: each[0])[1]
+        self._state = step_human(self._plan, self._state, time, Observation(tool, seen), self._rng)
+        self._hands.append((time, self._state.hand))
+        return _Message(time, self._state.hand, self._state.grip, frames_of(seen))
+
+
+class _Robot:
+    """Robot with its assistance."""
+
+    def __init__(
+        self,
+        assistant: Assistant,
+        cell: Workcell[S],
+        seen: Poses,
+        mode: str | Callable[[float], str],
+    ) -> None:
+        self._assistant, self._cell, self._mode = assistant, cell, mode
+        self._frames: dict[tuple[float, ...], Sequence[Frame]] = {}
+        self.initial_poses = cell.frames()
+        start = self._hand(cell.target, cell.grip)
+        frames = self.frames_of(self.initial_poses)
+        self._state = initial_state(assistant, start, self.frames_of(seen), frames)
+
+    def frames_of(self, poses: Poses) -> Sequence[Frame]:
+        """Return the frames of object poses; the same object for the same poses."""
+        layout = self._assistant.skills[0].layout
+        key = tuple(np.concatenate([[*p.position, *p.quaternion] for p in poses.values()]).tolist())
+        if key not in self._frames:
+            self._frames[key] = [frame_from_pose(name, layout, pose) for name, pose in poses.items()]
+        return self._frames[key]
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether an autonomous motion has not come to its end."""
+        plan = self._state.plan
+        return plan is not None and plan.row < len(plan.states) - 1
+
+    def step(self, message: _Message, poses: Poses) -> tuple[Command, Target]:
+        """Assist for one step and follow the target in physics."""
+        mode = self._mode if isinstance(self._mode, str) else self._mode(self._cell.time)
+        command = Command(self._hand(message.hand, message.grip), mode)
+        self._state, target = step_assistance(
+            self._assistant,
+            self._state,
+            command,
+            message.frames,
+            self.frames_of(poses),
+            OBSERVATION_PERIOD,
+        )
+        grip = float(np.clip(target.pose[7], 0.0, 1.0)) if self._cell.task.has_gripper else 0.0
+        tool = Pose(target.pose[:3].copy(), normalise(target.pose[3:7]))
+        self._cell.step_impedance(tool, grip, STEPS_PER_OBSERVATION)
+        return command, target
+
+    def _hand(self, pose: Pose, grip: float) -> Float[Array, " D"]:
+        return np.concatenate([pose.position, pose.quaternion, [grip] * self._cell.task.has_gripper])
+
+
+class _Rows:
+    """What happened in each step."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[Float[Array, " 7"], Float[Array, " 7"], Float[Array, " 7"], float, float]] = []
+        self._progress: list[dict[str, float]] = []
+
+    def append(self, command: Command, target: Target, cell: Workcell[S]) -> None:
+        tool = cell.arm.tool
+        self._rows.append(
+            (
+                command.hand[:7],
+                target.pose[:7],
+                np.append(tool.position, tool.quaternion),
+                target.authority,
+                cell.forces["tool"],
+            )
+        )
+        self._progress.append(cell.measure_progress())
+
+    def result(self, cell: Workcell[S]) -> TeleoperationResult:
+        hands, targets, measured, authority, forces = map(np.array, zip(*self._rows, strict=True))
+        outcome, progress = cell.outcome(), stack_measurements(self._progress)
+        return TeleoperationResult(
+            outcome,
+            hands,
+            targets,
+            measured,
+            authority,
+            forces,
+            dict(cell.peak_forces),
+            cell.time,
+            progress,
+            explain_failure(cell.task.progress, progress, outcome),
+        )
+
+
+M = TypeVar("M")
+
+
+def _latest(items: list[M], time: float, *, key: Callable[[M], float]) -> M:
+    """Return the last item not later than a time, or the first; drop those before it."""
+    while len(items) > 1 and key(items[1]) <= time + TIME_TOLERANCE:
+        items.pop(0)
+    return items[0]
+
+
+def _validate(assistant: Assistant, task: Task[S]) -> None:
+    expected, found = task_layout(task).names, assistant.layout.names
+    if found != expected:
+        raise InvalidInput(
+            f"the skill has the columns {', '.join(found)}, task {task.name!r} needs {', '.join(expected)}; "
+            f"learn it from pilotfish record {task.name}"
+        )
+    names = assistant.skills[0].skill.frame_names
+    if sorted(names) != sorted(task.frames):
+        raise InvalidInput(
+            f"the skill has the frames {list(names)}, task {task.name!r} has {list(task.frames)}; learn it "
+            f"from pilotfish record {task.name}"
+        )
