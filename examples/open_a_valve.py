@@ -11,18 +11,18 @@ import pilotfish as pf
 demonstrations = pf.datasets.valve()
 training, test = demonstrations[:4], demonstrations[4]
 
-# Seven states with durations; the states of a frame share the basis of their covariances.
-fit = pf.learn(training, states=7, structure=pf.structures.SemiTied(), rng=np.random.default_rng(0))
+# The states have durations, and a distribution in every frame.
+fit = pf.learn(training, rng=np.random.default_rng(0))
 first, *_, last = fit.log_likelihoods
 print(f"log-likelihood {first:.0f} -> {last:.0f} nats in {fit.convergence.iterations} iterations")
 
 # The pose of the valve now determines the targets, and how closely each is followed.
 adapted = pf.adapt(fit.skill, test.frames)
-reference = pf.plan(adapted, test.x[0], horizon=200)
+reference = pf.plan(adapted, test.x[0], horizon=len(test.x))
 
 # A unit mass on every axis tracks the reference, stiff where the demonstrations agreed.
 system = pf.control.double_integrator(7, period=adapted.period)
-feedback = pf.track(system, reference, control_cost=9.0)
+feedback = pf.track(system, reference, pf.planning.default_control_cost(adapted))
 motion = feedback.rollout(test.x[0])
 
 error = np.linalg.norm(motion.x[:, :3] - test.x[:, :3], axis=1)  # [m]

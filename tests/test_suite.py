@@ -60,17 +60,10 @@ def run(tmp_path: Path) -> Run:
     return run_program
 
 
-def test_slow_after_cpu_time_of_test_children_and_fixtures_counts(run: Run):
-    outcomes = run("--slow-after", "0.4")
+def test_slow_after_counts_children_and_fixtures_and_seeds_repeat_tests_that_use_rng(run: Run):
+    outcomes = run("--seeds", "3", "--slow-after", "0.4")
     failed = {"test_busy", "test_busy_child", "test_busy_fixture"}
     assert {name for name, outcome in outcomes.items() if outcome == "FAILED"} == failed
-    passed = {"test_waiting", "test_random[seed0]", "test_marked"}
+    passed = {"test_waiting", "test_marked", *(f"test_random[seed{n}]" for n in range(3))}
     assert {name for name, outcome in outcomes.items() if outcome == "PASSED"} == passed
     assert next(iter(outcomes)) == "test_marked"  # slow tests start first
-
-
-def test_seeds_option_repeats_tests_that_use_rng(run: Run):
-    outcomes = run("--seeds", "3", "--slow-after", "0")
-    assert set(outcomes.values()) == {"PASSED"}
-    assert {name for name in outcomes if "seed" in name} == {f"test_random[seed{n}]" for n in range(3)}
-    assert len(outcomes) == 8

@@ -58,6 +58,7 @@ def test_parse_candidates_combines_up_to_limit():
         parse_candidates("2:500", "full,diagonal", "viterbi")
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_select_table_marks_selection_and_plots(run_command_line, folder, tmp_path):
     result = run_command_line(
         "select", folder, *BY_LIKELIHOOD, "--states", "2,3,30", "--structures", "diagonal",
@@ -76,6 +77,7 @@ def test_select_table_marks_selection_and_plots(run_command_line, folder, tmp_pa
     assert "--force" in again.stderr
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_select_json_scores_are_deterministic(run_json, folder):
     states = ("--states", "2:3", "--structures", "diagonal,spherical")
     output, same = (run_json("select", folder, *BY_LIKELIHOOD, *states) for _ in range(2))
@@ -118,6 +120,7 @@ def test_structure_text_is_read_again():
         assert parse_structure(structure_text(parse_structure(text))) == parse_structure(text)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_select_by_reproduction_prints_command_that_learns_the_choice(run_command_line, folder, tmp_path):
     result = run_command_line("select", folder, "--workers", "1", "--out", tmp_path / "scores.png")
     assert result.exit_code == 0
@@ -131,6 +134,7 @@ def test_select_by_reproduction_prints_command_that_learns_the_choice(run_comman
     assert (tmp_path / "my.skill").exists()
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_select_by_reproduction_is_the_same_for_one_and_two_processes(run_json, folder):
     options = ("--states", "2:3", "--structures", "diagonal,spherical", "--max-iterations", "20")
     one, two = (run_json("select", folder, *options, "--workers", count) for count in ("1", "2"))

@@ -57,6 +57,7 @@ def test_arm_chain_equals_logged_poses(logged):
     assert angle < np.radians(1e-3)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_arm_chain_right_side_and_joint_order_match_logs(logged):
     q, *tool = logged
     right, *_ = fit(arm_chain("right").tool_poses(q), *tool)

@@ -56,7 +56,13 @@ def displaced_goal(aside: float, lean: float, turn: float) -> Pose:
     )
 
 
-@pytest.mark.parametrize("level", [0, 7])
+@pytest.mark.parametrize(
+    "level",
+    [
+        pytest.param(0, marks=pytest.mark.slow(reason="a demonstration in physics takes five CPU seconds")),
+        7,
+    ],
+)
 def test_demonstration_script_simulated_person_carries_plate(level):
     rng, heights = np.random.default_rng(level), []
     cell = simulate_human_demonstration(

@@ -76,6 +76,7 @@ TEXTS: list[tuple[str, str]] = [
 ]
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(("option", "text"), TEXTS, ids=lambda text: text[:20])
 def test_option_invalid_text_raises_one_line_quickly(option: str, text: str) -> None:
     """Ranges were once expanded and compared in pairs before their bounds were checked."""

@@ -36,6 +36,11 @@ def test_multiply_equals_product_of_rotation_matrices(rng: np.random.Generator, 
     np.testing.assert_allclose(rotation_matrix(multiply(p, q)), expected, atol=EXACT)
 
 
+def test_multiply_two_quaternions_equals_batch_exactly(rng: np.random.Generator):
+    p, q = rng.normal(size=(2, 100, 4)) * 10.0 ** rng.integers(-60, 60, (2, 100, 1))
+    assert np.array_equal([multiply(*pair) for pair in zip(p, q, strict=True)], multiply(p, q))
+
+
 def test_multiply_units_follows_hamilton():
     """The products are i j = k, j k = i, k i = j, i i = -1."""
     one, i, j, k = np.eye(4)

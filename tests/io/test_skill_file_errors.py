@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from container_by_spec import documented_hash, split_container, with_hash
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_skills import Arrays, Header, equal, random_covariances, random_ranges, random_skill
 from safetensors.numpy import save
@@ -290,8 +290,9 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.usefixtures("unchecked")
 @given(st.data())
-@settings(max_examples=300)
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_decode_skill_any_json_in_header_raises_or_keeps_hash(data: st.DataObject):
     one = random_skill(np.random.default_rng(2), "semi-markov", "mixed")
     header, arrays = split_container(encode_skill(one))

@@ -10,6 +10,8 @@ from pilotfish.demonstrations import Layout, Quantity, demonstration, frame_from
 from pilotfish.geometry import Pose, angle, from_rotation_vector, normalise
 from pilotfish.models import EMSettings, TimeBins, adapt, learn, relevance, select_frames
 
+pytestmark = pytest.mark.usefixtures("unchecked")
+
 POSE = pose_layout()
 SPHERE = Layout((POSE.parts[0], replace(POSE.parts[1], quantity=Quantity.ORIENTATION)))
 NAMES = ("cup", "tray", "distractor")

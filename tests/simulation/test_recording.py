@@ -257,6 +257,7 @@ def test_record_demonstrations_attempts_differ(alignment_task: Task[Any]):
     assert not np.array_equal(rows[0], rows[1])
 
 
+@pytest.mark.slow(reason="two demonstrations in physics take seven CPU seconds")
 def test_record_demonstrations_delay_takes_longer():
     ((made, tries),), ((late, _),) = (record_demonstrations(VALVE, 1, 0, delay=delay) for delay in (0.0, 0.5))
     assert late.duration > made.duration + 2 * 0.5  # at least four subtasks, each with a wait

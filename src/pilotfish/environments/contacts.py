@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 
 from pilotfish.environments.baxter.body import ROBOT
-from pilotfish.types import Array, Float
 
 TOOL_FORCE = "tool"  # key of the total force on the robot, beside the names of the fragile geoms
 
@@ -23,22 +22,20 @@ def contact_forces(
         fragile_geoms: Names of the geoms to measure.
     """
     total, on_geom = np.zeros(3), dict.fromkeys(fragile_geoms, 0.0)
-    names = {int(model.geom(name).id): name for name in fragile_geoms}
-    for n, pair in enumerate(data.contact.geom.tolist()):
-        robot = [model.geom_contype[geom] == ROBOT for geom in pair]
+    names = {mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name): name for name in fragile_geoms}
+    if -1 in names:
+        model.geom(names[-1])  # raises a KeyError that lists the geoms
+    geoms, axes = data.contact.geom, data.contact.frame.reshape(-1, 3, 3)
+    robot = (model.geom_contype[geoms] == ROBOT).tolist()
+    wrench = np.zeros(6)
+    for n, pair in enumerate(geoms.tolist()):
         touched = [names[geom] for geom in pair if geom in names]
-        if not (any(robot) or touched):
+        if not (any(robot[n]) or touched):
             continue
-        force = _force_on_second_geom(model, data, n)
-        if any(robot):
-            total += force if robot[1] else -force
+        mujoco.mj_contactForce(model, data, n, wrench)
+        force = axes[n].T @ wrench[:3]  # on the second geom, in world axes
+        if any(robot[n]):
+            total += force if robot[n][1] else -force
         for name in touched:
             on_geom[name] += float(np.linalg.norm(force))
     return {TOOL_FORCE: float(np.linalg.norm(total)), **on_geom}
-
-
-def _force_on_second_geom(model: mujoco.MjModel, data: mujoco.MjData, n: int) -> Float[Array, " 3"]:
-    """Return the force of contact n in world axes [N]."""
-    wrench = np.zeros(6)
-    mujoco.mj_contactForce(model, data, n, wrench)
-    return np.asarray(data.contact[n].frame.reshape(3, 3).T @ wrench[:3])

@@ -15,7 +15,7 @@ the movement returns to its states; otherwise it may leave out parts.
 
 The models are compared on demonstrations that are resampled to about 100 rows, and the chosen one takes one
 iteration with all rows. The maximum that EM reaches depends on the number of rows, and so would the motion:
-the same recording at 10, 30 and 200 Hz would give motions that differ by up to 19 % of their extent. Learning
+the same recording at 10, 30 and 200 Hz would give motions that differ by up to 13 % of their extent. Learning
 from a fast recording is cheaper too.
 
 EM stops early, when an iteration gains less than half a nat per datapoint. Later iterations move states to
