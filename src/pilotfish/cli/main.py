@@ -8,6 +8,7 @@ import click
 
 from pilotfish.cli.commands.data import data
 from pilotfish.cli.commands.demo import demo
+from pilotfish.cli.commands.drive import drive
 from pilotfish.cli.commands.learn import learn
 from pilotfish.cli.commands.perform import perform
 from pilotfish.cli.commands.record import record, tasks
@@ -31,7 +32,7 @@ from pilotfish.cli.stream.signals import (
 )
 from pilotfish.errors import SkillError
 
-COMMANDS = (data, demo, learn, stream, select, show, reproduce_command, tasks, record, perform)
+COMMANDS = (data, demo, learn, stream, select, show, reproduce_command, tasks, record, perform, drive)
 RENAMED_COMMANDS = {"replay": "reproduce"}
 
 

@@ -8,6 +8,7 @@ from pilotfish.environments import human
 from pilotfish.environments.contacts import contact_forces
 from pilotfish.environments.guidance import linear_path
 from pilotfish.environments.manipulation import Manipulation
+from pilotfish.environments.scene_drawings import Ellipsoid, ToolCopy
 from pilotfish.environments.scene_renderer import CameraView, SceneRenderer
 from pilotfish.environments.tasks.progress import (
     Failure,
@@ -26,6 +27,7 @@ __all__ = [
     "RECORDED_VALVE",
     "TASKS",
     "CameraView",
+    "Ellipsoid",
     "Failure",
     "Manipulation",
     "Outcome",
@@ -35,6 +37,7 @@ __all__ = [
     "Scene",
     "SceneRenderer",
     "Task",
+    "ToolCopy",
     "Workcell",
     "contact_forces",
     "explain_failure",

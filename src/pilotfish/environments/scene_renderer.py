@@ -1,9 +1,8 @@
-"""Offscreen rendering of a simulated scene, with coordinate axes and a path drawn into the image."""
+"""Offscreen rendering of a simulated scene, with drawings in the image."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from types import TracebackType
 from warnings import catch_warnings
 from weakref import finalize
@@ -11,20 +10,22 @@ from weakref import finalize
 import mujoco
 import numpy as np
 
+from pilotfish.environments.scene_drawings import (
+    Ellipsoid,
+    ToolCopy,
+    draw_ellipsoids,
+    draw_frames,
+    draw_path,
+    draw_tool_copies,
+)
 from pilotfish.errors import InvalidInput, SkillError
-from pilotfish.geometry import Pose, rotation_matrix
+from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float, UInt8
 
 WIDTH, HEIGHT = 640, 480
 REMEDY = (
     "pip install 'pilotfish[sim]', apt-get install libosmesa6, and set MUJOCO_GL=osmesa before Python starts"
 )
-AXIS, AXIS_RADIUS, PATH_RADIUS = 0.06, 0.003, 0.003  # m
-MAX_PATH_SEGMENTS = 400  # more segments look the same
-AXES = np.array(
-    [[0.85, 0.1, 0.1, 1.0], [0.1, 0.65, 0.15, 1.0], [0.15, 0.3, 0.9, 1.0]]
-)  # x red, y green, z blue
-ORANGE = np.array([0.95, 0.5, 0.05, 1.0])
 NO_FRAMES: Mapping[str, Pose] = {}
 NO_PATH = np.zeros((0, 3))
 
@@ -79,7 +80,7 @@ class SceneRenderer:
                 f"the image size is {width} x {height}, expected 1 x 1 to {size.offwidth} x "
                 f"{size.offheight} pixels; choose a smaller one"
             )
-        self._camera = _free_camera(view)
+        self._model, self._camera = model, _free_camera(view)
         if reason := rendering_error():
             raise SkillError(f"MuJoCo cannot render on this machine ({reason}): {REMEDY}")
         self._renderer = mujoco.Renderer(model, height, width)
@@ -105,6 +106,8 @@ class SceneRenderer:
         *,
         frames: Mapping[str, Pose] = NO_FRAMES,
         path: Float[Array, "T 3"] = NO_PATH,
+        ellipsoids: Sequence[Ellipsoid] = (),
+        tool_copies: Sequence[ToolCopy] = (),
         view: CameraView | None = None,
     ) -> UInt8[Array, "H W 3"]:
         """Return an RGB image of the present state.
@@ -113,13 +116,18 @@ class SceneRenderer:
             data: State of the model.
             frames: Poses that are drawn as red, green and blue axes, in torso axes.
             path: Points of a path that is drawn in orange, in torso axes [m].
+            ellipsoids: Translucent ellipsoids.
+            tool_copies: Translucent copies of a tool at other poses.
             view: Position and direction of the camera from this image on; None leaves it.
         """
         if view:
             self._camera = _free_camera(view)
         self._renderer.update_scene(data, self._camera)
-        _draw_frames(self._renderer.scene, frames)
-        _draw_path(self._renderer.scene, path)
+        scene = self._renderer.scene
+        draw_tool_copies(self._model, data, scene, tool_copies)
+        draw_frames(scene, frames)
+        draw_path(scene, path)
+        draw_ellipsoids(scene, ellipsoids)
         return np.asarray(self._renderer.render())
 
 
@@ -139,37 +147,3 @@ def _free_camera(view: CameraView) -> mujoco.MjvCamera:
     camera.lookat[:] = view.look_at
     camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
     return camera
-
-
-def _draw_frames(scene: mujoco.MjvScene, frames: Mapping[str, Pose]) -> None:
-    for pose in frames.values():
-        ends = pose.position + AXIS * rotation_matrix(pose.quaternion).T
-        for end, colour in zip(ends, AXES, strict=True):
-            _add_capsule(scene, (pose.position, end), AXIS_RADIUS, colour)
-
-
-def _draw_path(scene: mujoco.MjvScene, path: Float[Array, "T 3"]) -> None:
-    for ends in pairwise(_subsample_path(path)):
-        _add_capsule(scene, ends, PATH_RADIUS, ORANGE)
-
-
-def _subsample_path(path: Float[Array, "T 3"]) -> Float[Array, "L 3"]:
-    """Return points of the path from first to last, for at most MAX_PATH_SEGMENTS segments."""
-    kept = np.linspace(0, len(path) - 1, min(len(path), MAX_PATH_SEGMENTS + 1)).round().astype(int)
-    return np.asarray(path[kept])
-
-
-def _add_capsule(
-    scene: mujoco.MjvScene,
-    ends: tuple[Float[Array, " 3"], Float[Array, " 3"]],
-    radius: float,
-    colour: Float[Array, " 4"],
-) -> None:
-    """Draw a capsule between two points, unless the scene is full."""
-    if scene.ngeom >= scene.maxgeom:
-        return
-    geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
-    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour.astype(np.float32))
-    mujoco.mjv_connector(geom, kind, radius, *ends)
-    geom.category, geom.emission = mujoco.mjtCatBit.mjCAT_DECOR, 0.4
-    scene.ngeom += 1

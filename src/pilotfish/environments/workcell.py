@@ -171,19 +171,57 @@ class Workcell(Generic[S]):
         Raises:
             InvalidInput: If the workcell has no guided arm, or an argument cannot be used.
         """
-        if self.leader_arm is None:
-            raise InvalidInput("the workcell has no guided arm; create it with guided=True")
-        hand = follow_relative_motion(self._follower_start, _validate_target(target), self._leader_start)
-        path = linear_path(self._hand, hand, _validate_n_steps(n_steps), self.timestep)
+        leader, path = self._guidance_path(target, n_steps)
         self._command_grip(grip)
         for hand_target in path:
-            self._apply_guidance(self.leader_arm, hand_target)
-            self.target = follow_relative_motion(
-                self._leader_start, self.leader_arm.tool, self._follower_start
-            )
-            tool_target = ToolTarget(self.target.position, self.target.quaternion, self.leader_arm.twist)
+            self._apply_guidance(leader, hand_target)
+            self.target = self.guided_tool
+            tool_target = ToolTarget(self.target.position, self.target.quaternion, leader.twist)
             self._step(self._impedance_torque(tool_target))
+
+    def step_teleoperation(self, hand: Pose, target: Pose, grip: float, n_steps: int) -> None:
+        """Simulate a hand that guides the left arm, while the right arm follows another target.
+
+        Args:
+            hand: Pose that the person intends for the right tool, in torso axes; see `guided_tool`.
+            target: Pose of the right tool at the end of the steps.
+            grip: 0 (open) to 1 (closed); values outside are clipped.
+            n_steps: Number of timesteps of 1 ms.
+
+        Raises:
+            InvalidInput: If the workcell has no guided arm, or an argument cannot be used.
+        """
+        n_steps = _validate_n_steps(n_steps)
+        target_path = linear_path(self.target, _validate_target(target), n_steps, self.timestep)
+        leader, path = self._guidance_path(hand, n_steps)
+        self._command_grip(grip)
+        for hand_target, tool_target in zip(path, target_path, strict=True):
+            self._apply_guidance(leader, hand_target)
+            self._step(self._impedance_torque(tool_target))
+        self.target = target
+
+    @property
+    def guided_tool(self) -> Pose:
+        """Pose of the right tool after the motion of the guided left arm so far.
+
+        Raises:
+            InvalidInput: If the workcell has no guided arm.
+        """
+        leader = self._require_leader()
+        return follow_relative_motion(self._leader_start, leader.tool, self._follower_start)
+
+    def _guidance_path(self, target: Pose, n_steps: int) -> tuple[SimulatedArm, list[ToolTarget]]:
+        """Return the guided arm and the path of the hand that guides it."""
+        leader = self._require_leader()
+        hand = follow_relative_motion(self._follower_start, _validate_target(target), self._leader_start)
+        path = linear_path(self._hand, hand, _validate_n_steps(n_steps), self.timestep)
         self._hand = hand
+        return leader, path
+
+    def _require_leader(self) -> SimulatedArm:
+        if self.leader_arm is None:
+            raise InvalidInput("the workcell has no guided arm; create it with guided=True")
+        return self.leader_arm
 
     def _apply_guidance(self, leader: SimulatedArm, hand: ToolTarget) -> None:
         J = leader.jacobian()

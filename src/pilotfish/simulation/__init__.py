@@ -1,4 +1,4 @@
-"""Record demonstrations and perform skills in physics, with films of both."""
+"""Record demonstrations, perform skills and operate the robot in physics, with films."""
 
 from pilotfish.simulation.captions import caption_images
 from pilotfish.simulation.execution import ExecutionResult, perform, plan_in_situation
@@ -13,14 +13,18 @@ from pilotfish.simulation.recording import (
     situation_from_seed,
 )
 from pilotfish.simulation.selection import select_by_success
+from pilotfish.simulation.teleoperation import Link, TeleoperationResult, displace_view, teleoperate
 
 __all__ = [
     "ExecutionResult",
     "FilmRecorder",
+    "Link",
     "RecordedDemonstration",
+    "TeleoperationResult",
     "baxter_meshes",
     "caption_images",
     "delay_observations",
+    "displace_view",
     "encode_film",
     "film_strip",
     "perform",
@@ -31,5 +35,6 @@ __all__ = [
     "select_by_success",
     "simulated_leader",
     "situation_from_seed",
+    "teleoperate",
     "write_film",
 ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pilotfish.environments import CameraView, SceneRenderer, Workcell
+from pilotfish.environments import CameraView, Ellipsoid, SceneRenderer, ToolCopy, Workcell
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import Pose
 from pilotfish.io import atomic_file
@@ -48,6 +48,7 @@ class FilmRecorder:
         period: float = PERIOD,
         frames: Mapping[str, Pose] | None = None,
         path: Float[Array, "T 3"] | None = None,
+        distance: float = CLOSER,
     ) -> None:
         """Create a recorder without images.
 
@@ -55,6 +56,7 @@ class FilmRecorder:
             period: Simulated time between images [s].
             frames: Poses that are drawn into each image as coordinate axes.
             path: Points of a path that is drawn into each image [m].
+            distance: Distance of the camera, relative to the task's view.
         """
         self.period = period
         self.images: list[Image] = []
@@ -62,21 +64,39 @@ class FilmRecorder:
         self.phases: list[str] = []
         self._frames = {} if frames is None else frames
         self._path = np.zeros((0, 3)) if path is None else path
+        self._distance = distance
         self._renderer: tuple[Any, SceneRenderer] | None = None
         self._look_at: Float[Array, " 3"] | None = None
 
-    def __call__(self, cell: Workcell[Any]) -> None:
+    def __call__(
+        self,
+        cell: Workcell[Any],
+        *,
+        ellipsoids: Sequence[Ellipsoid] = (),
+        tool_copies: Sequence[ToolCopy] = (),
+    ) -> None:
         """Record an image if a period has passed since the last one.
 
         Args:
             cell: Workcell to record.
+            ellipsoids: Translucent ellipsoids in this image.
+            tool_copies: Translucent copies of a tool in this image.
         """
         if self.times and cell.time < self.times[0] + len(self.times) * self.period - TIME_TOLERANCE:
             return
         renderer, progress = self._renderer_for(cell), cell.task.progress
         self._look_at = self._follow_tool(cell)
-        view = view_at(cell.task.view, self._look_at)
-        self.images.append(renderer.render(cell.data, frames=self._frames, path=self._path, view=view))
+        view = view_at(cell.task.view, self._look_at, self._distance)
+        self.images.append(
+            renderer.render(
+                cell.data,
+                frames=self._frames,
+                path=self._path,
+                ellipsoids=ellipsoids,
+                tool_copies=tool_copies,
+                view=view,
+            )
+        )
         self.times.append(cell.time)
         self.phases.append(progress.describe(cell.measure_progress()) if progress else "")
 
@@ -101,16 +121,17 @@ class FilmRecorder:
         return self._renderer[1]
 
 
-def view_at(view: CameraView, look_at: Float[Array, " 3"]) -> CameraView:
-    """Return a closer and steeper view of a point, from the side of a view.
+def view_at(view: CameraView, look_at: Float[Array, " 3"], distance: float = CLOSER) -> CameraView:
+    """Return a steeper view of a point from another distance, from the side of a view.
 
     Args:
         view: View of the whole task.
         look_at: Point in the middle of the image, in torso axes [m].
+        distance: Distance relative to that of the view.
     """
     x, y, z = look_at.tolist()
     return replace(
-        view, look_at=(x, y, z), distance=CLOSER * view.distance, elevation=view.elevation - STEEPER
+        view, look_at=(x, y, z), distance=distance * view.distance, elevation=view.elevation - STEEPER
     )
 
 

@@ -1,12 +1,13 @@
 """Operate a remote robot in physics: a simulated person, a link with delay, and assistance at the robot.
 
-The operator works in a local scene. There the arm follows the hand after `ARM_LAG`, and the objects stand where
-the robot last reported them: late by the delay of the link, and displaced if its perception is off. Commands
-reach the robot late by the same delay, with the object poses that the operator saw. The assistance there knows
-the actual poses and computes the target of impedance control at 1 kHz.
+The operator guides the left arm by hand, in a local scene. There the objects stand where the robot last
+reported them: late by the delay of the link, and displaced if its perception is off. The pose of the left
+tool reaches the robot as a command, late by the same delay, with the object poses that the operator saw. The
+assistance there knows the actual poses, at 10 Hz if objects move. The right arm follows its target under
+impedance control at 1 kHz.
 
-The operator follows the script of the task with the parameters of `HumanModel`. He sees neither contact nor
-the robot's motion, and so does not notice a miss.
+The operator follows the script of the task with the parameters of `HumanModel()`. In the local scene there is
+no contact, and the motion of the right arm is not shown, so that the operator does not notice a miss.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +29,6 @@ from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_fai
 from pilotfish.environments.baxter import VisualMesh
 from pilotfish.environments.human import (
     DemonstrationPlan,
-    HumanModel,
     HumanState,
     Observation,
     step_human,
@@ -40,6 +40,7 @@ from pilotfish.simulation.recording import (
     ARM_LAG,
     DEFAULT_HUMAN,
     OBSERVATION_PERIOD,
+    PERIOD,
     STEPS_PER_OBSERVATION,
     TIME_TOLERANCE,
     task_layout,
@@ -49,7 +50,7 @@ from pilotfish.validation import require_number, shorten_repr
 
 S = TypeVar("S")
 SETTLING_TIME = 1.0  # s after the operator's last command has reached the robot
-MAX_DELAY = 60.0  # s
+MAX_DELAY, MAX_DISTANCE = 60.0, 1.0  # s, m
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 Poses = Mapping[str, Pose]
@@ -87,31 +88,54 @@ class TeleoperationResult:
     failure: Failure | None
 
 
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Link between operator and robot, and how far the operator's view of the objects is off.
+
+    Attributes:
+        delay: Delay in each direction [s].
+        view_distance: Horizontal distance by which the objects are displaced together [m].
+        view_angle: Angle by which they are turned together about the vertical [rad].
+
+    Raises:
+        InvalidInput: If delay is not from 0 to 60 s, view_distance to 1 m or view_angle to pi.
+    """
+
+    delay: float = 0.0
+    view_distance: float = 0.0
+    view_angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_number(self.delay, "delay", 0.0, MAX_DELAY)
+        require_number(self.view_distance, "view_distance", 0.0, MAX_DISTANCE)
+        require_number(self.view_angle, "view_angle", 0.0, np.pi)
+
+
+DIRECT_LINK = Link()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Message:
     """Command on its way to the robot, with what the operator saw."""
 
     time: float
-    hand: Pose
+    tool: Pose
     grip: float
     frames: Sequence[Frame]
 
 
-def displace_view(
-    poses: Poses, distance: float, angle: float, rng: np.random.Generator
-) -> Callable[[Poses], dict[str, Pose]]:
+def displace_view(poses: Poses, link: Link, rng: np.random.Generator) -> Callable[[Poses], dict[str, Pose]]:
     """Return a function that displaces all objects together, as a camera does that is off.
 
     Args:
         poses: Poses of the objects at the start; the turn is about the vertical through their middle.
-        distance: Length of the horizontal displacement [m]; its direction is random.
-        angle: Angle of the turn [rad]; its sense is random.
+        link: Distance and angle; the direction of the one and the sense of the other are random.
         rng: Generator of direction and sense.
     """
     direction, sense = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0])
-    shift = distance * np.array([np.cos(direction), np.sin(direction), 0.0])
+    shift = link.view_distance * np.array([np.cos(direction), np.sin(direction), 0.0])
     middle = np.mean([pose.position for pose in poses.values()], axis=0)
-    turn = from_rotation_vector(np.array([0.0, 0.0, sense * angle]))
+    turn = from_rotation_vector(np.array([0.0, 0.0, sense * link.view_angle]))
     displacement = Pose(middle + shift, turn) @ Pose(-middle, IDENTITY)
     return lambda present: {name: displacement @ pose for name, pose in present.items()}
 
@@ -123,10 +147,7 @@ def teleoperate(
     rng: np.random.Generator,
     *,
     mode: str | Callable[[float], str] = "shared",
-    delay: float = 0.0,
-    view_distance: float = 0.0,
-    view_angle: float = 0.0,
-    human_model: HumanModel = DEFAULT_HUMAN,
+    link: Link = DIRECT_LINK,
     on_step: StepCallback[S] | None = None,
     visual_meshes: Sequence[VisualMesh] = (),
 ) -> TeleoperationResult:
@@ -138,10 +159,7 @@ def teleoperate(
         situation: Situation of the task.
         rng: Generator of motor noise and of the direction in which the view is off.
         mode: Mode of every command, or a function from the time [s] to the mode.
-        delay: Delay of the link in each direction [s].
-        view_distance: Distance by which the objects are displaced in the operator's scene [m].
-        view_angle: Angle by which they are turned there [rad].
-        human_model: Parameters of the operator.
+        link: Delay, and how far the operator's view is off.
         on_step: Function that is called after every step.
         visual_meshes: Meshes of the robot in images, from `baxter_meshes`.
 
@@ -152,58 +170,46 @@ def teleoperate(
         InvalidInput: If the skill has other columns or frames than the task, or a number cannot be used.
     """
     _validate(assistant, task)
-    for name, value, most in (
-        ("delay", delay, MAX_DELAY),
-        ("view_distance", view_distance, 1.0),
-        ("view_angle", view_angle, np.pi),
-    ):
-        require_number(value, name, 0.0, most)
-    cell = Workcell(task, situation, visual_meshes=visual_meshes)
-    displace = displace_view(cell.frames(), view_distance, view_angle, rng)
-    operator = _Operator(task, situation, human_model, rng, cell.target)
+    cell = Workcell(task, situation, guided=True, visual_meshes=visual_meshes)
+    displace = displace_view(cell.frames(), link, rng)
+    operator = _Operator(task, situation, rng, cell.target)
     robot = _Robot(assistant, cell, displace(cell.frames()), mode)
-    reports: list[tuple[float, dict[str, Pose]]] = []
+    reports = [(cell.time, cell.frames())]
     messages: list[_Message] = []
     rows = _Rows()
-    time_limit, end = 2.0 * (task.time_limit + 2.0 * delay), inf
+    time_limit, end = 2.0 * (task.time_limit + 2.0 * link.delay), inf
     while cell.time < min(end, time_limit):
-        reports.append((cell.time, cell.frames() if task.actuate_scene else robot.initial_poses))
-        seen = displace(_latest(reports, cell.time - delay, key=lambda report: report[0])[1])
-        messages.append(operator.act(cell.time, seen, robot.frames_of))
-        message = _latest(messages, cell.time - delay, key=lambda each: each.time)
-        command, target = robot.step(message, reports[-1][1])
+        if task.actuate_scene and cell.time > reports[-1][0] + PERIOD - TIME_TOLERANCE:
+            reports.append((cell.time, cell.frames()))
+        seen = displace(_latest(reports, cell.time - link.delay, key=lambda report: report[0])[1])
+        hand, grip = operator.act(cell.time, cell.guided_tool, seen)
+        messages.append(_Message(cell.time, cell.guided_tool, grip, robot.frames_of(seen)))
+        message = _latest(messages, cell.time - link.delay, key=lambda each: each.time)
+        command, target = robot.step(message, hand, reports[-1][1])
         rows.append(command, target, cell)
         if on_step:
             on_step(cell, command, target)
         if end == inf and operator.done and not robot.is_moving:
-            end = cell.time + delay + SETTLING_TIME
+            end = cell.time + link.delay + SETTLING_TIME
     return rows.result(cell)
 
 
 class _Operator:
     """Person who follows the script of the task in a local scene."""
 
-    def __init__(
-        self, task: Task[S], situation: S, human_model: HumanModel, rng: np.random.Generator, tool: Pose
-    ) -> None:
-        self._plan = DemonstrationPlan(human_model, task.demonstration_script(situation), ARM_LAG)
+    def __init__(self, task: Task[S], situation: S, rng: np.random.Generator, tool: Pose) -> None:
+        self._plan = DemonstrationPlan(DEFAULT_HUMAN, task.demonstration_script(situation), ARM_LAG)
         self._state: HumanState = initial_human_state(tool, 0.0)
         self._rng = rng
-        self._hands: list[tuple[float, Pose]] = [(0.0, tool)]
-        self._seen: tuple[dict[str, Pose], Sequence[Frame]] | None = None
 
     @property
     def done(self) -> bool:
         return self._state.done
 
-    def act(
-        self, time: float, seen: dict[str, Pose], frames_of: Callable[[Poses], Sequence[Frame]]
-    ) -> _Message:
-        """Move the hand, and return the command with the frames seen."""
-        tool = _latest(self._hands, time - ARM_LAG, key=lambda each: each[0])[1]
+    def act(self, time: float, tool: Pose, seen: Poses) -> tuple[Pose, float]:
+        """Return the pose of the hand that guides the left arm, and the grip."""
         self._state = step_human(self._plan, self._state, time, Observation(tool, seen), self._rng)
-        self._hands.append((time, self._state.hand))
-        return _Message(time, self._state.hand, self._state.grip, frames_of(seen))
+        return self._state.hand, self._state.grip
 
 
 class _Robot:
@@ -218,9 +224,8 @@ class _Robot:
     ) -> None:
         self._assistant, self._cell, self._mode = assistant, cell, mode
         self._frames: dict[tuple[float, ...], Sequence[Frame]] = {}
-        self.initial_poses = cell.frames()
-        start = self._hand(cell.target, cell.grip)
-        frames = self.frames_of(self.initial_poses)
+        start = self._row(cell.target, cell.grip)
+        frames = self.frames_of(cell.frames())
         self._state = initial_state(assistant, start, self.frames_of(seen), frames)
 
     def frames_of(self, poses: Poses) -> Sequence[Frame]:
@@ -237,10 +242,10 @@ class _Robot:
         plan = self._state.plan
         return plan is not None and plan.row < len(plan.states) - 1
 
-    def step(self, message: _Message, poses: Poses) -> tuple[Command, Target]:
-        """Assist for one step and follow the target in physics."""
+    def step(self, message: _Message, hand: Pose, poses: Poses) -> tuple[Command, Target]:
+        """Assist for one step; both arms follow, the left one the hand and the right one the target."""
         mode = self._mode if isinstance(self._mode, str) else self._mode(self._cell.time)
-        command = Command(self._hand(message.hand, message.grip), mode)
+        command = Command(self._row(message.tool, message.grip), mode)
         self._state, target = step_assistance(
             self._assistant,
             self._state,
@@ -251,10 +256,10 @@ class _Robot:
         )
         grip = float(np.clip(target.pose[7], 0.0, 1.0)) if self._cell.task.has_gripper else 0.0
         tool = Pose(target.pose[:3].copy(), normalise(target.pose[3:7]))
-        self._cell.step_impedance(tool, grip, STEPS_PER_OBSERVATION)
+        self._cell.step_teleoperation(hand, tool, grip, STEPS_PER_OBSERVATION)
         return command, target
 
-    def _hand(self, pose: Pose, grip: float) -> Float[Array, " D"]:
+    def _row(self, pose: Pose, grip: float) -> Float[Array, " D"]:
         return np.concatenate([pose.position, pose.quaternion, [grip] * self._cell.task.has_gripper])
 
 
@@ -263,7 +268,7 @@ class _Rows:
 
     def __init__(self) -> None:
         self._rows: list[tuple[Float[Array, " 7"], Float[Array, " 7"], Float[Array, " 7"], float, float]] = []
-        self._progress: list[dict[str, float]] = []
+        self._progress: list[Mapping[str, float]] = []
 
     def append(self, command: Command, target: Target, cell: Workcell[S]) -> None:
         tool = cell.arm.tool

@@ -97,7 +97,7 @@ def perform(
     """
     if options["meshes"] and not film:
         raise click.UsageError("--meshes needs a film to show them in; give --film FILE")
-    _require_one_situation(situation)
+    require_one_situation(situation, "situations", "seeds")
     require_mujoco()
     from pilotfish.simulation import require_pillow
 
@@ -122,12 +122,12 @@ def perform(
     return replace(result, data={**result.data, "notes": list(notes)})
 
 
-def _require_one_situation(situation: int | None) -> None:
-    """Raise click.UsageError if one situation and a number of them are both given."""
+def require_one_situation(situation: int | None, *numbers: str) -> None:
+    """Raise click.UsageError if one situation and options that give a number of them are both given."""
     if situation is None:
         return
     context = click.get_current_context()
-    for name in ("situations", "seeds"):
+    for name in numbers:
         if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
             raise click.UsageError(f"--situation executes one situation; omit --{name}")
 

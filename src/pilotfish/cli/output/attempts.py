@@ -13,7 +13,7 @@ from pilotfish.validation import shorten_repr
 
 if TYPE_CHECKING:
     from pilotfish.environments import Failure, Task
-    from pilotfish.simulation import ExecutionResult
+    from pilotfish.simulation import ExecutionResult, TeleoperationResult
 
 # What to try if most failures are in a phase, by the name of the phase. On the plate task from four
 # demonstrations (seed 0, control cost 0.1), nine states with diagonal covariances succeeded in 20 of 20
@@ -40,12 +40,12 @@ class Attempt:
     Attributes:
         seed: Seed of the situations.
         situation: Number of the situation.
-        execution: What happened.
+        execution: What happened, of a skill alone or with an operator.
     """
 
     seed: int
     situation: int
-    execution: "ExecutionResult"
+    execution: "ExecutionResult | TeleoperationResult"
 
 
 def name_situation(attempt: Attempt, seeds: int) -> str:

@@ -109,6 +109,25 @@ def progress_bar(length: int, label: str) -> Iterator[Callable[[str], None]]:
         yield lambda text: progress.update(task, advance=1, text=text)
 
 
+@contextmanager
+def live_line() -> Iterator[Callable[[str], None]]:
+    """Show one line on standard error that is replaced, if a person watches it.
+
+    Yields:
+        A function that replaces the line.
+    """
+    if not is_interactive():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    console = Console(file=tolerant_stderr(), force_terminal=True)
+    with Live(console=console, transient=True, redirect_stdout=False) as live:
+        yield lambda text: live.update(Text(text))
+
+
 def discard_unprinted_text() -> None:
     """Send text that could not be printed to the null device; Python would print it again at exit."""
     for stream in (sys.stdout, sys.stderr):
