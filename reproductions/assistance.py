@@ -93,15 +93,20 @@ def learn_skill(demonstrations: Sequence[Demonstration]) -> pf.Skill:
     return pf.learn(demonstrations, rng=np.random.default_rng(0)).skill
 
 
-def make_assistant(training: list[Demonstration], *, literal: bool) -> assistance.Assistant:
-    """Learn the skill, and the joint skill of the literal variant, and calibrate the gate."""
+def make_assistant(
+    training: list[Demonstration], *, literal: bool, limited: bool = False
+) -> assistance.Assistant:
+    """Learn the skill, and the joint skill of the literal variant, and calibrate the gate.
+
+    The limits are those of the defaults, or so wide that they do not matter.
+    """
     joint = None
     if literal:
         augmented = [assistance.joint_demonstration(demo) for demo in training]
         joint = pf.learn(augmented, states=LITERAL_STATES, rng=np.random.default_rng(0)).skill
     gate = assistance.calibrate_gate(training, learn_skill)
     skill = assistance.assisted_skill(learn_skill(training), gate=gate, joint_skill=joint)
-    return assistance.make_assistant([skill], limits=LIMITS)
+    return assistance.make_assistant([skill], limits=None if limited else LIMITS)
 
 
 def evaluate_task(
