@@ -170,7 +170,12 @@ def test_record_invalid_numbers_are_usage_errors(run_command_line: RunCommand, o
 
 @pytest.mark.parametrize(
     "line",
-    [["tasks"], ["record", "valve"], ["perform", "any.skill", "--task", "valve"]],
+    [
+        ["tasks"],
+        ["record", "valve"],
+        ["perform", "any.skill", "--task", "valve"],
+        ["drive", "any.skill", "--task", "valve"],
+    ],
     ids=lambda line: line[0],
 )
 def test_without_mujoco_extra_is_named(

@@ -8,9 +8,10 @@ from reference_images import TOLERANCE, compare_images, initial_workcell, load_r
 
 from pilotfish.environments import TASKS
 from pilotfish.environments.baxter.body import empty_world
+from pilotfish.environments.scene_drawings import Ellipsoid, ToolCopy
 from pilotfish.environments.scene_renderer import FRONT_RIGHT, CameraView, SceneRenderer
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import Pose, quaternion_exp
+from pilotfish.geometry import Pose, quaternion_exp, rotation_matrix
 
 pytestmark = needs_renderer
 NAMES = sorted(TASKS)
@@ -168,3 +169,41 @@ def test_close_twice_is_allowed():
 
 def test_task_views_are_distinct():
     assert len({TASKS[name].view for name in NAMES}) == len(NAMES)
+
+
+def test_render_ellipsoid_has_size_and_direction_of_covariance():
+    """The pixels that change have the spread of a filled ellipse: a quarter of its squared radii."""
+    model = empty_world(0.001).compile()
+    data, turn = at_rest(model), quaternion_exp(np.array([0.0, 0.0, 0.3]))
+    axes = rotation_matrix(turn)
+    covariance = axes @ np.diag([0.1, 0.03, 0.05]) ** 2 @ axes.T
+    centre = np.array(ABOVE.look_at)
+    with SceneRenderer(model, ABOVE) as renderer:
+        bare = renderer.render(data).astype(int)
+        image = renderer.render(data, ellipsoids=[Ellipsoid(centre, covariance, 2.0)]).astype(int)
+    rows, columns = np.nonzero(np.abs(image - bare).sum(axis=2) > 10)
+    spread = np.cov(np.stack([columns, -rows]))
+    values = np.sqrt(np.linalg.eigvalsh(spread))
+    assert values[1] / values[0] == pytest.approx(0.1 / 0.03, rel=0.1)
+    expected = covariance[:2, :2]  # x is to the right, y upwards
+    cosine = (expected.ravel() @ spread.ravel()) / np.linalg.norm(expected) / np.linalg.norm(spread)
+    assert cosine == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("task", ["carabiner", "stab"])
+def test_render_tool_copy_is_drawn_where_it_is_posed(task: str):
+    """From one copy to another, which is 10 cm higher, the image moves as that of axes does."""
+    cell = initial_workcell(task)
+    point, tool, places = cell.mounted_tool.point, cell.arm.tool, []
+    for offset in ((0.12, -0.15, 0.0), (0.12, -0.15, 0.1)):
+        pose = Pose(tool.position + np.array(offset), tool.quaternion)
+        with SceneRenderer(cell.model, cell.task.view) as renderer:
+            bare = renderer.render(cell.data).astype(int)
+            copied = renderer.render(cell.data, tool_copies=[ToolCopy(point, pose)]).astype(int)
+            marked = renderer.render(cell.data, frames={"copy": pose}).astype(int)
+        copy, axes = (np.abs(image - bare).sum(axis=2) > 20 for image in (copied, marked))
+        assert copy.sum() > 300
+        places.append((middle(copy), middle(axes)))
+    moved = np.diff(np.array(places), axis=0)[0]
+    assert np.linalg.norm(moved[1]) > 20.0
+    np.testing.assert_allclose(moved[0], moved[1], atol=0.2 * np.linalg.norm(moved[1]))

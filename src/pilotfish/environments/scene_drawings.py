@@ -55,7 +55,7 @@ def draw_ellipsoids(scene: mujoco.MjvScene, ellipsoids: Sequence[Ellipsoid]) -> 
         if np.linalg.det(axes) < 0.0:
             axes[:, 0] *= -1.0
         radii = np.maximum(ellipsoid.deviations * np.sqrt(np.maximum(variances, 0.0)), MIN_RADIUS)
-        _add_geom(scene, mujoco.mjtGeom.mjGEOM_ELLIPSOID, radii, ellipsoid.mean, axes, BLUE)
+        _add_geom(scene, int(mujoco.mjtGeom.mjGEOM_ELLIPSOID), radii, ellipsoid.mean, axes, BLUE)
 
 
 def draw_tool_copies(
@@ -73,7 +73,7 @@ def draw_tool_copies(
             if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM or model.geom_bodyid[geom.objid] not in bodies:
                 continue
             position = copy.pose.position + rotation @ (geom.pos - tool.position)
-            added = _add_geom(scene, geom.type, geom.size, position, rotation @ geom.mat, COPY_COLOUR)
+            added = _add_geom(scene, int(geom.type), geom.size, position, rotation @ geom.mat, COPY_COLOUR)
             if added is not None:
                 added.size[:], added.dataid = geom.size, geom.dataid
 
@@ -138,7 +138,7 @@ def _add_capsule(
     colour: Float[Array, " 4"],
 ) -> None:
     """Draw a capsule between two points, unless the scene is full."""
-    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+    kind = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
     geom = _add_geom(scene, kind, np.zeros(3), np.zeros(3), np.eye(3), colour)
     if geom is not None:
         mujoco.mjv_connector(geom, kind, radius, *ends)

@@ -6,8 +6,8 @@ tool reaches the robot as a command, late by the same delay, with the object pos
 assistance there knows the actual poses, at 10 Hz if objects move. The right arm follows its target under
 impedance control at 1 kHz.
 
-The operator follows the script of the task with the parameters of `HumanModel()`. In the local scene there is
-no contact, and the motion of the right arm is not shown, so that the operator does not notice a miss.
+The operator follows the script of the task with the parameters of `HumanModel()`. The local scene has no
+contact and does not show the motion of the right arm, so that the operator does not notice a miss.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -181,9 +181,9 @@ def teleoperate(
     while cell.time < min(end, time_limit):
         if task.actuate_scene and cell.time > reports[-1][0] + PERIOD - TIME_TOLERANCE:
             reports.append((cell.time, cell.frames()))
-        seen = displace(_latest(reports, cell.time - link.delay, key=lambda report: report[0])[1])
-        hand, grip = operator.act(cell.time, cell.guided_tool, seen)
-        messages.append(_Message(cell.time, cell.guided_tool, grip, robot.frames_of(seen)))
+        observed = displace(_latest(reports, cell.time - link.delay, key=lambda report: report[0])[1])
+        hand, grip = operator.act(cell.time, cell.guided_tool, observed)
+        messages.append(_Message(cell.time, cell.guided_tool, grip, robot.frames_of(observed)))
         message = _latest(messages, cell.time - link.delay, key=lambda each: each.time)
         command, target = robot.step(message, hand, reports[-1][1])
         rows.append(command, target, cell)
@@ -206,9 +206,9 @@ class _Operator:
     def done(self) -> bool:
         return self._state.done
 
-    def act(self, time: float, tool: Pose, seen: Poses) -> tuple[Pose, float]:
+    def act(self, time: float, tool: Pose, observed: Poses) -> tuple[Pose, float]:
         """Return the pose of the hand that guides the left arm, and the grip."""
-        self._state = step_human(self._plan, self._state, time, Observation(tool, seen), self._rng)
+        self._state = step_human(self._plan, self._state, time, Observation(tool, observed), self._rng)
         return self._state.hand, self._state.grip
 
 
@@ -219,14 +219,14 @@ class _Robot:
         self,
         assistant: Assistant,
         cell: Workcell[S],
-        seen: Poses,
+        observed: Poses,
         mode: str | Callable[[float], str],
     ) -> None:
         self._assistant, self._cell, self._mode = assistant, cell, mode
         self._frames: dict[tuple[float, ...], Sequence[Frame]] = {}
         start = self._row(cell.target, cell.grip)
         frames = self.frames_of(cell.frames())
-        self._state = initial_state(assistant, start, self.frames_of(seen), frames)
+        self._state = initial_state(assistant, start, self.frames_of(observed), frames)
 
     def frames_of(self, poses: Poses) -> Sequence[Frame]:
         """Return the frames of object poses; the same object for the same poses."""

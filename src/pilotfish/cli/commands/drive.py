@@ -15,6 +15,7 @@ from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
+    require_finite_option,
     require_writable_file,
 )
 from pilotfish.cli.output.tables import key_value_table
@@ -37,8 +38,8 @@ CM, MM = 100.0, 1000.0
 
 @click.command(
     epilog=example_epilog(
-        "pilotfish drive hooking.skill --task carabiner --delay 1 --view-off 3 --film driving.webp",
-        "pilotfish drive hooking.skill --task carabiner --mode direct --view-off 3",
+        "pilotfish drive hooking.skill --task carabiner --delay 1 --view-off 3 --situations 2 --film driving.webp",
+        "pilotfish drive hooking.skill --task carabiner --mode direct --view-off 3 --situations 2",
     )
 )
 @click.argument("skill", type=FILE)
@@ -53,6 +54,7 @@ CM, MM = 100.0, 1000.0
 @click.option(
     "--delay",
     type=click.FloatRange(0.0, 60.0),
+    callback=require_finite_option,
     default=0.0,
     show_default=True,
     help="Delay of the link in each direction [s].",
@@ -60,6 +62,7 @@ CM, MM = 100.0, 1000.0
 @click.option(
     "--view-off",
     type=click.FloatRange(0.0, 100.0),
+    callback=require_finite_option,
     default=0.0,
     show_default=True,
     help="Distance by which the objects are displaced in what the operator sees [cm].",
@@ -67,6 +70,7 @@ CM, MM = 100.0, 1000.0
 @click.option(
     "--view-turn",
     type=click.FloatRange(0.0, 180.0),
+    callback=require_finite_option,
     default=0.0,
     show_default=True,
     help="Angle by which they are turned about the vertical [degrees].",
@@ -74,6 +78,7 @@ CM, MM = 100.0, 1000.0
 @click.option(
     "--switch-after",
     type=click.FloatRange(0.0, 3600.0),
+    callback=require_finite_option,
     default=2.0,
     show_default=True,
     help="Time of shared control before autonomous control takes over [s].",
@@ -151,7 +156,7 @@ def _require_order_in_time(skill: Skill, mode: str) -> None:
     if mode == "autonomous" and not skill.dynamics.has_time_order:
         raise click.UsageError(
             "--mode autonomous needs a skill with an order in time, and this one has none; learn it without "
-            "--mixture, or choose --mode shared"
+            "--dynamics mixture, or choose --mode shared"
         )
 
 

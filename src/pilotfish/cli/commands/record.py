@@ -85,7 +85,7 @@ def record(
 @click.command(epilog=example_epilog("pilotfish tasks"))
 @print_result
 def tasks() -> CommandResult:
-    """List the simulated tasks of `record` and `perform`."""
+    """List the simulated tasks of `record`, `perform` and `drive`."""
     require_mujoco()
     from pilotfish.environments import TASKS
 
