@@ -38,7 +38,8 @@ CM, MM = 100.0, 1000.0
 
 @click.command(
     epilog=example_epilog(
-        "pilotfish drive hooking.skill --task carabiner --delay 1 --view-off 3 --situations 2 --film driving.webp",
+        "pilotfish drive hooking.skill --task carabiner --delay 1 --view-off 3 --situations 2 "
+        "--film driving.webp",
         "pilotfish drive hooking.skill --task carabiner --mode direct --view-off 3 --situations 2",
     )
 )
