@@ -120,7 +120,7 @@ def test_product_equals_product_of_gaussians(make, sphere):
 
 def test_regression_and_product_equal_importance_sampling(make):
     """The product density is that of samples from one frame, weighted by the density in the other."""
-    rng, demos = np.random.default_rng(3), make()
+    rng, demos = np.random.default_rng(3), make(central=True)
     mixture = learned(demos, states=6).mixture
     s, frames = np.array([0.33]), list(demos[-1].frames)
     guide, (h, _) = regress_on_phase(mixture, frames, s), _responsibilities(mixture, s)
