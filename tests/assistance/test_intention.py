@@ -43,8 +43,8 @@ def chain_skill(rng: np.random.Generator) -> pf.Skill:
     )
 
 
-def enumerated_log_density(skill: pf.Skill, x: np.ndarray) -> float:
-    """Return log p(x_1 .. x_T), summed over all sequences of states."""
+def enumerated_log_density(skill: pf.Skill, x: np.ndarray, tempering: float) -> float:
+    """Return log p(x_1 .. x_T), summed over all sequences of states, with tempered densities."""
     K = skill.states
     initial = (1.0 - RESET) * skill.dynamics.initial + RESET / K
     steps = (1.0 - RESET) * skill.dynamics.transitions + RESET / K
@@ -53,9 +53,8 @@ def enumerated_log_density(skill: pf.Skill, x: np.ndarray) -> float:
     for path in product(range(K), repeat=len(x)):
         weight = initial[path[0]] * np.prod([steps[i, j] for i, j in zip(path[:-1], path[1:], strict=True)])
         for k, row in zip(path, x, strict=True):
-            weight *= multivariate_normal.pdf(
-                row, skill.means[0, k], skill.covariances[0].dense[k] + S
-            ) * (2.0 * np.pi) ** 1.5  # the constant that all densities leave out
+            density = multivariate_normal.pdf(row, skill.means[0, k], skill.covariances[0].dense[k] + S)
+            weight *= (density * (2.0 * np.pi) ** 1.5) ** tempering  # the constant that is left out
         total += weight
     return float(np.log(total))
 
@@ -65,14 +64,14 @@ def test_probabilities_equal_enumeration_of_state_sequences(rng, tempering):
     skills, level = [chain_skill(rng) for _ in range(2)], 8.0
     x = 0.05 * rng.normal(size=(5, 3))
     intention = intention_filter(
-        [assistance.assisted_skill(s) for s in skills], IntentionCalibration(level, tempering)
+        [assistance.assisted_skill(s) for s in skills], IntentionCalibration(tempering * level, tempering)
     )
     state, expected, before = start_intention(intention, WORLD), np.full(3, 1.0 / 3.0), np.zeros(2)
     for t in range(1, len(x) + 1):
         state, result = step_intention(intention, state, x[t - 1], WORLD)
-        so_far = np.array([enumerated_log_density(skill, x[:t]) for skill in skills])
+        so_far = np.array([enumerated_log_density(skill, x[:t], tempering) for skill in skills])
         expected = (1.0 - SWITCH) * expected + SWITCH / 3.0
-        expected *= np.exp(tempering * np.append(so_far - before, level))
+        expected *= np.exp(np.append(so_far - before, tempering * level))
         expected, before = expected / expected.sum(), so_far
         np.testing.assert_allclose([*result.skills, result.none], expected, rtol=1e-9)
         assert result.unsure == pytest.approx(1.0 - expected[:2].max())

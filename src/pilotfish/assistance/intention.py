@@ -5,15 +5,16 @@ filter of `occupancy.py` gives the predictive density p_m(x_t | x_1 .. x_t-1). U
 likely, with the log-density `level`. Their probabilities w are filtered together:
 
     w'_m = (1 - SWITCH) w_m + SWITCH / (M + 1)          the operator may change the intention
-    w_m  proportional to w'_m p_m(x_t | x_1 .. x_t-1)^tempering
+    w_m  proportional to w'_m p_m(x_t | x_1 .. x_t-1)
 
 Tempering. In a state, the deviation from its mean persists: the steps of one passage are about one observation,
-not as many as there are steps. Without tempering the product is overconfident, and a deviation of a few steps
-decides. The exponent is the number of states per step of a demonstration, so that a whole demonstration counts
-as one observation for each state.
+not as many as there are steps, and the product over steps would be overconfident. The density of a command in a
+state is therefore raised to the power `tempering`, the number of states per step of a demonstration: a passage
+then counts once. Transitions between states are not dependent in this way and keep their probabilities: a skill
+whose states are visited in another order is refuted by each step back.
 
 Level. `calibrate_intention` leaves out each demonstration once, learns from the others, and takes the 2 %
-quantile of the log-densities of the steps left out, for the skill where it is lowest.
+quantile of the predictive log-densities of the steps left out, for the skill where it is lowest.
 
 Unsure is the probability that the most probable skill is not meant: none is, or another that fits as well.
 
@@ -49,8 +50,8 @@ class IntentionCalibration:
     """Settings of the hypothesis "none" and of the evidence, from `calibrate_intention`.
 
     Attributes:
-        level: Log-density of any command under "none", up to the constant that all skills leave out.
-        tempering: Exponent of the density of a step, above 0 to 1.
+        level: Tempered log-density of any command under "none", up to the constant that all skills leave out.
+        tempering: Exponent of the density of a command in a state, above 0 to 1.
 
     Raises:
         InvalidInput: If a number is outside its range.
@@ -187,15 +188,16 @@ def step_intention(
             f"state has {len(state.beliefs)} skills, expected {len(intention.skills)}; begin with start_intention"
         )
     x = validate_pose(intention.skills[0].skill.layout, pose)
-    situations, beliefs, evidence = [], [], [intention.calibration.level]
+    level, tempering = intention.calibration.level, intention.calibration.tempering
+    situations, beliefs, evidence = [], [], []
     for skill, belief, situation in zip(intention.skills, state.beliefs, state.situations, strict=True):
         situation = update_situation(situation, skill, frames, frames, intention.noise)
         predicted = belief if state.is_first else predict_belief(skill.tables, belief)
-        log_density, observed = _observe(predicted, situation, x)
+        log_density, observed = _observe(predicted, situation, x, tempering)
         situations.append(situation)
         beliefs.append(observed if situation.is_current else predicted)
-        evidence.insert(-1, log_density if situation.is_current else intention.calibration.level)
-    probs = _update(state.probabilities, intention.calibration.tempering * np.array(evidence))
+        evidence.append(log_density if situation.is_current else level)
+    probs = _update(state.probabilities, np.array([*evidence, level]))
     states = tuple(belief.sum(axis=0) for belief in beliefs)
     after = IntentionState(probs, tuple(beliefs), tuple(situations), is_first=False)
     return after, Intention(probs[:-1], float(probs[-1]), states)
@@ -223,31 +225,45 @@ def calibrate_intention(
     require_type(noise, "noise", OperatorNoise, "OperatorNoise() makes one")
     if not recordings:
         raise InvalidInput("recordings is empty, expected the demonstrations of at least one skill")
-    levels, shares = [], []
-    for n, demonstrations in enumerate(recordings):
-        require_type(demonstrations, f"recordings[{n}]", Sequence, "pass a list of demonstrations")
-        if len(demonstrations) < 3:
-            raise InvalidInput(
-                f"recordings[{n}] has {len(demonstrations)} demonstrations, expected at least 3, so that a "
-                "skill can be learned without each; record more"
-            )
-        densities = []
-        for m, left_out in enumerate(demonstrations):
-            skill = learn_skill([demo for i, demo in enumerate(demonstrations) if i != m])
-            densities.append(predictive_log_densities(skill, left_out, noise))
-            shares.append(min(1.0, skill.states / len(left_out.x)))
-        levels.append(float(np.quantile(np.concatenate(densities), QUANTILE)))
-    return IntentionCalibration(max(min(levels), -MAX_LEVEL), float(np.mean(shares)))
+    pairs = [_leave_out(demos, learn_skill, f"recordings[{n}]") for n, demos in enumerate(recordings)]
+    shares = [min(1.0, skill.states / len(demo.x)) for skill_pairs in pairs for skill, demo in skill_pairs]
+    tempering = float(np.mean(shares))
+    levels = [
+        np.quantile(
+            np.concatenate([predictive_log_densities(*pair, tempering, noise) for pair in skill_pairs]), QUANTILE
+        )
+        for skill_pairs in pairs
+    ]
+    return IntentionCalibration(max(float(min(levels)), -MAX_LEVEL), tempering)
+
+
+def _leave_out(
+    demonstrations: Sequence[Demonstration], learn_skill: Callable[[list[Demonstration]], Skill], name: str
+) -> list[tuple[Skill, Demonstration]]:
+    """Return each demonstration with the skill learned from the others."""
+    require_type(demonstrations, name, Sequence, "pass a list of demonstrations")
+    if len(demonstrations) < 3:
+        raise InvalidInput(
+            f"{name} has {len(demonstrations)} demonstrations, expected at least 3, so that a skill can be "
+            "learned without each; record more"
+        )
+    for demo in demonstrations:
+        require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
+    return [
+        (learn_skill([demo for i, demo in enumerate(demonstrations) if i != m]), left_out)
+        for m, left_out in enumerate(demonstrations)
+    ]
 
 
 def predictive_log_densities(
-    skill: Skill, demonstration: Demonstration, noise: OperatorNoise = DEFAULT_NOISE
+    skill: Skill, demonstration: Demonstration, tempering: float, noise: OperatorNoise = DEFAULT_NOISE
 ) -> Float[Array, " T"]:
-    """Return the log-density of each step of a demonstration, given those before, up to a constant.
+    """Return the tempered log-density of each step of a demonstration, given those before, up to a constant.
 
     Args:
         skill: Learned skill.
         demonstration: Recording of the same columns, in its own situation.
+        tempering: Exponent of the density of a command in a state, above 0 to 1.
         noise: Imprecision of the operator.
 
     Raises:
@@ -255,6 +271,7 @@ def predictive_log_densities(
     """
     require_type(demonstration, "demonstration", Demonstration, "pf.demonstration makes one")
     require_type(noise, "noise", OperatorNoise, "OperatorNoise() makes one")
+    exponent = require_number(tempering, "tempering", MIN_TEMPERING, 1.0)
     prepared = assisted_skill(skill)
     if demonstration.layout != skill.layout:
         raise InvalidInput("the demonstration has other columns than the skill, expected the same layout")
@@ -266,16 +283,17 @@ def predictive_log_densities(
             situation = find_situation(prepared, frames, frames, noise)
         assert situation is not None
         belief = predict_belief(prepared.tables, belief) if t else belief
-        densities[t], belief = _observe(belief, situation, validate_pose(prepared.skill.layout, row))
+        x = validate_pose(prepared.skill.layout, row)
+        densities[t], belief = _observe(belief, situation, x, exponent)
     return densities
 
 
 def _observe(
-    belief: Float[Array, "L K"], situation: Situation, x: Float[Array, " D"]
+    belief: Float[Array, "L K"], situation: Situation, x: Float[Array, " D"], tempering: float
 ) -> tuple[float, Float[Array, "L K"]]:
     """Return the predictive log-density of a command, and the belief given the command."""
     try:
-        log_likelihoods = situation.carried.log_likelihoods(x)
+        log_likelihoods = tempering * situation.carried.log_likelihoods(x)
     except SkillError:  # too far for a finite density
         return MIN_LOG_DENSITY, belief
     with np.errstate(divide="ignore"):

@@ -32,7 +32,7 @@ def assistance_examples() -> Examples:
         "intention_filter": {"skills": list(assistant.skills), "calibration": calibration},
         "joint_demonstration": {"demo": demos[0]},
         "make_assistant": {"skills": list(assistant.skills), "control_cost": 0.1},
-        "predictive_log_densities": {"skill": skill, "demonstration": demos[0]},
+        "predictive_log_densities": {"skill": skill, "demonstration": demos[0], "tempering": 0.2},
         "start_intention": {"intention": intention, "frames": frames},
         "step_intention": {
             "intention": intention,
