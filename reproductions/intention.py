@@ -11,7 +11,7 @@ Columns:
     delay      share of the demonstration after which it has more than half for good, mean
     last       probability of the right skill at the end, mean
     confidence, accuracy   mean probability of the more probable skill, and how often it is the right one
-    none       probability of none at the end for an unrelated motion: the input moved by 30 cm and turned back
+    none       probability of none at the end for an unrelated motion: axes exchanged, moved by 30 cm
 """
 
 from dataclasses import asdict, dataclass, replace

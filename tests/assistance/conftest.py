@@ -66,7 +66,7 @@ def make(rng: np.random.Generator) -> Make:
 
 
 def central_last(demos: list[Demonstration]) -> list[Demonstration]:
-    """Put the one whose situation is nearest to the mean last, so that the others cover it when it is left out."""
+    """Put the one whose situation is nearest to the mean last: the others cover it."""
     at = np.array([demo.x[len(demo.x) // 2] for demo in demos])
     at = (at - at.mean(axis=0)) / (at.std(axis=0) + 1e-12)
     last = int(np.linalg.norm(at, axis=1).argmin())

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
-from itertools import product
+from itertools import pairwise, product
 
 import assisted_task as task
 import numpy as np
@@ -51,7 +51,7 @@ def enumerated_log_density(skill: pf.Skill, x: np.ndarray, tempering: float) -> 
     S = NOISE.position**2 * np.eye(3)
     total = 0.0
     for path in product(range(K), repeat=len(x)):
-        weight = initial[path[0]] * np.prod([steps[i, j] for i, j in zip(path[:-1], path[1:], strict=True)])
+        weight = initial[path[0]] * np.prod([steps[i, j] for i, j in pairwise(path)])
         for k, row in zip(path, x, strict=True):
             density = multivariate_normal.pdf(row, skill.means[0, k], skill.covariances[0].dense[k] + S)
             weight *= (density * (2.0 * np.pi) ** 1.5) ** tempering  # the constant that is left out

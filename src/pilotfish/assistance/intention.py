@@ -1,17 +1,17 @@
 """Intention: which skill of a list the operator follows, in which state, or none.
 
 Hypotheses. Under skill m the commands follow its chain of states in the frames that the operator sees; the
-filter of `occupancy.py` gives the predictive density p_m(x_t | x_1 .. x_t-1). Under "none" any pose is equally
-likely, with the log-density `level`. Their probabilities w are filtered together:
+filter of `occupancy.py` gives the predictive density p_m(x_t | x_1 .. x_t-1). Under "none" any pose is
+equally likely, with the log-density `level`. Their probabilities w are filtered together:
 
     w'_m = (1 - SWITCH) w_m + SWITCH / (M + 1)          the operator may change the intention
     w_m  proportional to w'_m p_m(x_t | x_1 .. x_t-1)
 
-Tempering. In a state, the deviation from its mean persists: the steps of one passage are about one observation,
-not as many as there are steps, and the product over steps would be overconfident. The density of a command in a
-state is therefore raised to the power `tempering`, the number of states per step of a demonstration: a passage
-then counts once. Transitions between states are not dependent in this way and keep their probabilities: a skill
-whose states are visited in another order is refuted by each step back.
+Tempering. In a state, the deviation from its mean persists: the steps of one passage are about one
+observation, not as many as there are steps, and the product over steps would be overconfident. The density of
+a command in a state is therefore raised to the power `tempering`, the number of states per step of a
+demonstration: a passage then counts once. Transitions between states are not dependent in this way and keep
+their probabilities: a skill whose states are visited in another order is refuted by each step back.
 
 Level. `calibrate_intention` leaves out each demonstration once, learns from the others, and takes the 2 %
 quantile of the predictive log-densities of the steps left out, for the skill where it is lowest.
@@ -185,7 +185,8 @@ def step_intention(
     require_type(state, "state", IntentionState, "begin with start_intention")
     if len(state.beliefs) != len(intention.skills):
         raise InvalidInput(
-            f"state has {len(state.beliefs)} skills, expected {len(intention.skills)}; begin with start_intention"
+            f"state has {len(state.beliefs)} skills, expected {len(intention.skills)}; begin with "
+            "start_intention"
         )
     x = validate_pose(intention.skills[0].skill.layout, pose)
     level, tempering = intention.calibration.level, intention.calibration.tempering
@@ -230,7 +231,8 @@ def calibrate_intention(
     tempering = float(np.mean(shares))
     levels = [
         np.quantile(
-            np.concatenate([predictive_log_densities(*pair, tempering, noise) for pair in skill_pairs]), QUANTILE
+            np.concatenate([predictive_log_densities(*pair, tempering, noise) for pair in skill_pairs]),
+            QUANTILE,
         )
         for skill_pairs in pairs
     ]
