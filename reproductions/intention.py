@@ -1,4 +1,4 @@
-"""Intention: which of two skills the operator follows, on the recorded valve and on simulated tasks.
+"""Intention: which of two skills the operator follows, on the recorded valve or a simulated task.
 
     python reproductions/intention.py --json intention.json
 
@@ -44,7 +44,7 @@ class Row:
 
 def main() -> None:
     parser = argument_parser(__doc__)
-    parser.add_argument("--tasks", nargs="+", default=("recorded valve", "stab", "carabiner"))
+    parser.add_argument("--tasks", nargs="+", default=("recorded valve",))
     arguments = parser.parse_args()
     rows = [evaluate(task, list(load(task))) for task in arguments.tasks]
     print("task            right  delay   last  confidence  accuracy   none")
