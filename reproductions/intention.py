@@ -3,7 +3,7 @@
     python reproductions/intention.py --json intention.json
 
 The two skills of a task are its demonstrations and the same rows in reverse order: the same poses in the same
-frames, so that only the order tells them apart. Each of the eight demonstrations is left out once; skills and
+frames, so that they differ in the order only. Each of the eight demonstrations is left out once; skills and
 calibration are learned from the other seven, and the one left out is the operator's input in both directions.
 Columns:
 
