@@ -3,8 +3,9 @@
     python reproductions/intention.py --json intention.json
 
 The two skills of a task are its demonstrations and the same rows in reverse order: the same poses in the same
-frames, so that they differ in the order only. Each of the eight demonstrations is left out once; skills and
-calibration are learned from the other seven, and the one left out is the operator's input in both directions.
+frames, so that they differ in the order only. Each of the eight demonstrations is left out once. The skills
+are learned from the other seven, the calibration from four of these, and the one left out is the operator's
+input in both directions.
 Columns:
 
     right      share of steps at which the right skill has more than half of the probability
