@@ -44,7 +44,7 @@ def make(rng: np.random.Generator) -> Make:
     """Return a function that makes demonstrations with the frames of a robot base and of an object."""
 
     def demonstrations(
-        number=6, steps=STEPS, *, sphere=False, grip=False, moving=False
+        number=6, steps=STEPS, *, sphere=False, grip=False, moving=False, central=False
     ) -> list[Demonstration]:
         layout = Layout(pose_layout().parts + (GRIP,) * grip)
         demos = []
@@ -60,6 +60,14 @@ def make(rng: np.random.Generator) -> Make:
                 target = moving_frame_from_poses("object", layout, [pose] * length)
             demo = demonstration(x, PERIOD, layout, [base, target], f"reach {m}")
             demos.append(to_sphere(demo) if sphere else demo)
-        return demos
+        return central_last(demos) if central else demos
 
     return demonstrations
+
+
+def central_last(demos: list[Demonstration]) -> list[Demonstration]:
+    """Put the one whose situation is nearest to the mean last: the others cover it."""
+    at = np.array([demo.x[len(demo.x) // 2] for demo in demos])
+    at = (at - at.mean(axis=0)) / (at.std(axis=0) + 1e-12)
+    last = int(np.linalg.norm(at, axis=1).argmin())
+    return [*demos[:last], *demos[last + 1 :], demos[last]]

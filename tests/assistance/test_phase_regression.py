@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from annotations import check_annotations
 
-from pilotfish.assistance import VirtualFixture, learn_virtual_fixture
+from pilotfish.assistance import VirtualFixture, learn_virtual_fixture, phase_regression
+from pilotfish.assistance.phase import path_phase
 from pilotfish.assistance.phase_regression import (
     Guide,
     _local_regression,
@@ -120,7 +121,7 @@ def test_product_equals_product_of_gaussians(make, sphere):
 
 def test_regression_and_product_equal_importance_sampling(make):
     """The product density is that of samples from one frame, weighted by the density in the other."""
-    rng, demos = np.random.default_rng(3), make()
+    rng, demos = np.random.default_rng(3), make(central=True)
     mixture = learned(demos, states=6).mixture
     s, frames = np.array([0.33]), list(demos[-1].frames)
     guide, (h, _) = regress_on_phase(mixture, frames, s), _responsibilities(mixture, s)
@@ -139,6 +140,21 @@ def test_regression_and_product_equal_importance_sampling(make):
     deviations = np.sqrt(np.diag(covariance))
     assert np.abs(guide.means[0, :3] - mean[:3]).max() < 0.02 * deviations[:3].max()
     np.testing.assert_allclose(np.sqrt(np.diag(guide.covariances[0]))[:3], deviations[:3], rtol=0.02)
+
+
+def test_shrinkage_brings_the_path_of_a_new_scene_nearer(make, monkeypatch):
+    """Without it the frames disagree in directions that five demonstrations did not vary."""
+    demos = make()
+    demo, shares = demos[-1], np.linspace(0.0, 1.0, 20)
+    errors = []
+    for share in (phase_regression.SHRINKAGE, 0.0):
+        monkeypatch.setattr(phase_regression, "SHRINKAGE", share)
+        fixture = learned(demos)
+        s = path_phase(demo.x, fixture.damping**-0.5, STARTS)
+        rows = np.abs(s[:, None] - shares).argmin(axis=0)
+        means = regress_on_phase(fixture.mixture, list(demo.frames), s[rows]).means
+        errors.append(np.linalg.norm((means - demo.x[rows])[:, :3], axis=1).mean())
+    assert errors[0] < errors[1]
 
 
 def test_covariance_of_quaternion_is_that_of_its_rotation_vectors(make):

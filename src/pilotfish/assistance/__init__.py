@@ -8,6 +8,17 @@ simulation.
 
 from pilotfish.assistance.assistant import Assistant, AssistedSkill, assisted_skill, make_assistant
 from pilotfish.assistance.authority import Gate, calibrate_gate, coverage_distances
+from pilotfish.assistance.intention import (
+    Intention,
+    IntentionCalibration,
+    IntentionFilter,
+    IntentionState,
+    calibrate_intention,
+    intention_filter,
+    predictive_log_densities,
+    start_intention,
+    step_intention,
+)
 from pilotfish.assistance.learn_fixture import learn_virtual_fixture
 from pilotfish.assistance.limits import Limits
 from pilotfish.assistance.literal import joint_demonstration
@@ -36,6 +47,10 @@ __all__ = [
     "FixtureState",
     "FixtureTarget",
     "Gate",
+    "Intention",
+    "IntentionCalibration",
+    "IntentionFilter",
+    "IntentionState",
     "Limits",
     "OperatorMapping",
     "OperatorNoise",
@@ -45,14 +60,19 @@ __all__ = [
     "add_phase",
     "assisted_skill",
     "calibrate_gate",
+    "calibrate_intention",
     "coverage_distances",
     "initial_state",
+    "intention_filter",
     "joint_demonstration",
     "learn_virtual_fixture",
     "make_assistant",
     "nearest_phase",
+    "predictive_log_densities",
     "start_fixture",
+    "start_intention",
     "step_assistance",
     "step_fixture",
+    "step_intention",
     "virtual_fixture",
 ]

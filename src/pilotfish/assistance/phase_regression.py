@@ -15,6 +15,10 @@ Jacobian. dx/ds = -(dF/dx)^-1 dF/ds, in which m_p and L_p both depend on s: dL =
 the derivative of the responsibilities, h_k (z_k - sum_j h_j z_j) with the scores z_k = -(s - s_k) /
 variance_k. On R^n this is (sum_p L_p)^-1 sum_p (L_p dm_p + dL_p (m_p - x)).
 
+Shrinkage. Four to ten demonstrations in six or seven columns leave directions in which a state has no
+variance. In a new scene the frames disagree in them, each without doubt, and the product is far from all. A
+share of the mean variance of each part (position, orientation) is therefore added to every C_k.
+
 The phase is the same in all frames: its marginal enters the responsibilities once, not P times.
 
 Keep in step: `_local_regression` with its derivative, and `_frame_product` with its Jacobian.
@@ -52,6 +56,7 @@ from pilotfish.validation import shorten_repr
 
 PHASE_TOLERANCE = 1e-6  # of the phase, between the frames' means of one state
 MIN_QUATERNION_NORM = 0.1  # of a product of quaternions in R^4, as in models.adapt
+SHRINKAGE = 0.2  # of the mean variance of a part, added to its variances: see the head of this file
 MAX_ITERATIONS, TOLERANCE = 50, 1e-11
 SMALL_ANGLE = 1e-4  # rad: below it the series is more exact than the quotient
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -123,9 +128,24 @@ def condition_on_phase(skill: Skill) -> PhaseMixture:
             conditional.covariances,
             f"the covariance of the pose in frame {name!r}, given the phase, of state",
         )
-        frames.append(replace(conditional, precision_cholesky=variance[:, None, None] ** -0.5))
+        frames.append(
+            replace(
+                conditional,
+                precision_cholesky=variance[:, None, None] ** -0.5,
+                covariances=_shrink(conditional.covariances, skill.layout),
+            )
+        )
     with np.errstate(divide="ignore"):
         return PhaseMixture(np.log(weights), tuple(frames), Layout(skill.layout.parts[:-1]))
+
+
+def _shrink(covariances: Float[Array, "K E E"], layout: Layout) -> Float[Array, "K E E"]:
+    """Add a share of the mean variance of each part to the variances of its columns."""
+    added = np.zeros(covariances.shape[:2])
+    for columns in layout.tangent.slices[:-1]:
+        variances = np.diagonal(covariances[:, columns, columns], axis1=1, axis2=2)
+        added[:, columns] = SHRINKAGE * variances.mean(axis=1, keepdims=True)
+    return covariances + added[..., None] * np.eye(covariances.shape[1])
 
 
 def regress_on_phase(mixture: PhaseMixture, frames: Sequence[Frame], s: Float[Array, " N"]) -> Guide:

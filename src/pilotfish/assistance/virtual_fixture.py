@@ -9,11 +9,13 @@ J, v and the velocity d of the path itself (its frames move) are expressed as ra
 decays as it does on R^n. eps keeps ds/dt finite where J vanishes.
 
 Reversals. At a turning point of the path J changes its sign. A cart that lags behind then sees the operator
-come back, and (6.12) drives it back to the start. Where the path bends away, J' e vanishes and holds the
-cart. The guard acts where the cart would go back, J vanishes, or the cart is off by 5 % of the path: it
-looks within look_ahead for the phase that moves with the operator and is nearest to him. The cart
-moves towards that phase unless the cart is nearer (by more than 5 % where it would go back). Otherwise the
-operator does go back, and so does the cart. Backward motion of either cause is counted.
+come back, and one that is early sees him go on: (6.12) drives either back to the start. Where the path bends
+away, J' e vanishes and holds the cart. A cart that goes forward therefore stands while (6.12) would turn it
+back and the operator is within 2 % of the path length: this is tremor, or the error of the path. Beyond, or
+where J vanishes or the cart is off by 5 %, the guard looks within look_ahead for the phase that moves with
+the operator and is nearest to him. The cart moves towards that phase unless the cart is nearer (by more than
+5 % where it would go back). Otherwise the operator does go back, and so does the cart; from then on the guard
+looks ahead only where the cart would go back farther than before. Backward motion is counted.
 
 The operator acts in the scene that he sees. The phase is therefore that of the path adapted to the frames
 observed, and the target is the pose at this phase on the path adapted to the actual frames.
@@ -56,7 +58,7 @@ MAX_RATE = 3.0  # of the mean phase rate of a demonstration
 LOOK_AHEAD, LOOK_AHEAD_POINTS = 0.2, 20  # of the phase; points at which the guard evaluates the path
 VANISHING = 0.05  # of the path length per phase: a shorter Jacobian counts as vanishing
 REVERSAL = 0.01  # of the phase: by so much the cart goes back before it counts
-TREMOR = 0.02  # of the largest phase rate: the guard does not act on a cart that goes back more slowly
+TREMOR = 0.4  # of this length: the cart does not turn back while the operator is so near
 GRIP_BACKLASH = 0.02  # of the phase: by so much the cart goes back before a switch is undone
 MAX_DURATION = 1e6  # s
 
@@ -294,8 +296,12 @@ def _phase_rate(
     squared_speed, distance = float(J @ (fixture.damping * J)), float(e**2 @ fixture.damping)
     tolerance = fixture.min_speed**2
     rate = float(J @ pull) / (squared_speed + tolerance)
-    goes_back = rate < -TREMOR * fixture.max_rate
-    if fixture.look_ahead == 0.0 or not (goes_back or squared_speed < tolerance or distance > tolerance):
+    if fixture.look_ahead == 0.0:
+        return rate
+    if rate < 0.0 and state.forward and distance < TREMOR**2 * tolerance:
+        return 0.0
+    goes_back = rate < 0.0 and (state.forward or state.phase + rate * dt < state.turning_phase)
+    if not (goes_back or squared_speed < tolerance or distance > tolerance):
         return rate
     nearer_than = distance + tolerance if goes_back else distance
     ahead = _phase_ahead(fixture, state.phase, nearer_than, (x, relative), frames)

@@ -56,6 +56,7 @@ EXCLUDED: Mapping[str, str] = {
     "demonstrations.pose_layout": "takes no arguments",
     "models.relevance": "takes a skill and demonstrations only, and a second per call",
     "assistance.calibrate_gate": "takes a function; `coverage_distances` is its loop",
+    "assistance.calibrate_intention": "takes a function; `predictive_log_densities` is its loop",
     "models.fit_em": "takes functions; `learn` calls it",
     "models.maximise_likelihood": "takes functions; `learn` calls it",
     **{
