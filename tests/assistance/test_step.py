@@ -151,37 +151,6 @@ def test_grip_holds_when_the_operator_returns_and_yields_to_a_change():
     assert targets[-1].pose[7] == 0.0
 
 
-def fast_random_commands(rng, count, dt):
-    """Yield commands along the demonstration, with modes, clutch and skill that change at random."""
-    mode, clutch, skill = "direct", True, 0
-    for n in range(count):
-        if rng.random() < 0.1:
-            mode = str(rng.choice(assistance.MODES))
-        if rng.random() < 0.05:
-            clutch = bool(rng.random() < 0.7)
-        if rng.random() < 0.05:
-            skill = int(rng.integers(2))
-        row = ROWS[min(int(n * dt / task.PERIOD) % 120, 60)]
-        yield Command(row, mode, clutch, skill)
-
-
-def test_target_never_jumps_when_mode_clutch_or_skill_change(rng):
-    second = assistance.assisted_skill(task.learn("sphere"))
-    limits = assistance.Limits()
-    assistant = assistance.make_assistant([*task.assistant().skills, second], limits=limits)
-    dt = 0.02
-    actual = task.scene_frames(task.random_scene(rng))
-    state = initial_state(assistant, ROWS[0], FRAMES, actual)
-    before, modes = ROWS[0], set()
-    for command in fast_random_commands(rng, 120, dt):
-        state, target = step_assistance(assistant, state, command, FRAMES, actual, dt)
-        assert np.linalg.norm(target.pose[:3] - before[:3]) <= limits.speed * dt + 1e-9
-        assert angle(target.pose[3:7], before[3:7]) <= limits.angular_speed * dt + 1e-9
-        before = target.pose
-        modes.add(target.mode)
-    assert modes == set(assistance.MODES)
-
-
 @pytest.mark.parametrize("before", assistance.MODES)
 @pytest.mark.parametrize("after", assistance.MODES)
 def test_target_at_rest_leaves_at_most_1_mm_at_the_change_and_blends_slowly(before, after):
