@@ -50,7 +50,7 @@ def run_random_inputs(rng, count, share_of_frames):
     for _ in range(count):
         if rng.random() < share_of_frames:
             observed, actual = random_frames(rng), random_frames(rng)
-        if rng.random() < 0.1:
+        if rng.random() < 0.05:
             mode = str(rng.choice(assistance.MODES))
         dt = 10.0 ** rng.uniform(-5, 0)
         command = Command(random_hand(rng), mode, bool(rng.random() < 0.9), int(rng.random() < 0.005))

@@ -83,16 +83,17 @@ def random_instants(rng, limits, count):
     for _ in range(count):
         name, clutch = change_at_random(rng, before, clutch)
         mode, skill = MODES[name]
+        free = None  # the same state without a transition: its target is what the mode requests
         instant = Instant((before, name), state.motion.pose, state.motion.velocity, [], [])
         for _ in range(min(2 + rng.geometric(0.15), 30)):
             dt = DT if instant.targets else AT_CHANGE
             time += dt
             command = Command(interpolate(rows, time), mode, clutch, skill)
-            if instant.targets and limits is FREE:
+            if free is not None:
                 free, wanted = step_assistance(assistant, free, command, observed, actual, dt)
                 instant.requested.append(wanted.pose)
             state, target = step_assistance(assistant, state, command, observed, actual, dt)
-            if not instant.targets:
+            if not instant.targets and limits is FREE:
                 free = replace(state, transition=NO_TRANSITION)
             instant.targets.append(target)
         yield instant

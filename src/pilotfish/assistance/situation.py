@@ -26,8 +26,8 @@ class Situation:
         carried: The skill in both.
         literal: The joint skill in the actual frames; None for the carried variant.
         is_current: Whether the last frames could be used.
-        given: Frames as they were given, usable or not, to notice at little cost that nothing has changed; empty
-            if they were stale.
+        given: Frames as they were given, usable or not, to notice at little cost that nothing has changed;
+            empty if they were stale.
     """
 
     observed: tuple[Frame, ...]
