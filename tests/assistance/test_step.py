@@ -42,8 +42,9 @@ def test_direct_follows_the_hand_exactly():
 
 @pytest.mark.parametrize("kind", ["flat", "sphere", "derivatives"])
 def test_carried_brings_the_hand_to_the_actual_objects(rng, kind):
-    assistant = task.assistant(kind)
-    actual = task.random_scene(rng)
+    """Thirteen states: of seven, the mean of the one at the cube lies up to 4 cm beside it."""
+    assistant = task.assistant(kind, states=13)
+    actual = task.random_scene(rng.spawn(1)[0])  # SCENE is the scene of seed 5
     _, targets = run_rows(assistant, ROWS, "shared", actual=task.scene_frames(actual))
     poses = np.array([t.pose for t in targets])
     for n, point in enumerate((actual[0].position, actual[1].position)):

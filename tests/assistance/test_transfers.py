@@ -130,12 +130,12 @@ def require_limits(instant):
 
 
 def test_target_never_jumps_at_a_change_without_limits(rng):
-    for instant in random_instants(rng, FREE, 20):
+    for instant in random_instants(rng, FREE, 12):
         require_continuous(instant)
 
 
 def test_target_never_jumps_at_a_change_within_the_limits(rng):
-    for instant in random_instants(rng, LIMITS, 20):
+    for instant in random_instants(rng, LIMITS, 12):
         require_continuous(instant)
         require_limits(instant)
 
