@@ -68,14 +68,16 @@ def test_occupied_state_is_the_most_probable_with_its_mean_age():
 
 @pytest.mark.parametrize("kind", ["flat", "sphere"])
 def test_plan_from_rest_follows_the_demonstrations_in_a_new_scene(rng, kind):
-    skill = task.learn(kind)
+    """Thirteen states: seven are so long that their mean lies up to 4 cm beside the cube."""
+    skill = task.learn(kind, states=13)
     scene = task.random_scene(rng)
     demo, frames = task.demonstrate(rng, scene), coordinate_frames(task.scene_frames(scene), skill.layout)
     own = coordinate_skill(skill)
     states = remaining_states(own.dynamics, 0, 1)
     plan = plan_motion(pf.adapt(own, frames), states, demo.x[0], np.zeros(7), frames)
     assert np.allclose(plan.poses[0], demo.x[0], atol=1e-9)
-    assert np.linalg.norm(plan.poses[-1, :3] - demo.x[-1, :3]) < 0.05
+    end = scene[1].position + np.array([0.0, 0.0, 0.2])  # that of a demonstration varies by 2 cm per axis
+    assert np.linalg.norm(plan.poses[-1, :3] - end) < 0.05
     assert angle(plan.poses[-1, 3:7], demo.x[-1, 3:7]) < 0.1
     for point in (scene[0].position, scene[1].position):  # it passes the cube and the tray
         assert np.linalg.norm(plan.poses[:, :3] - point, axis=1).min() < 0.02

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import pilotfish as pf
-from pilotfish.assistance.carried import carried_situation, carry_matrices, mix_points
+from pilotfish.assistance.carried import carried_situation, carry_maps, mix_points
 from pilotfish.assistance.coordinates import coordinate_skill
 from pilotfish.assistance.operator_noise import OperatorNoise
 from pilotfish.gaussians import Gaussian, product
-from pilotfish.geometry import angle, exp_map, log_map
+from pilotfish.geometry import angle, exp_map, log_map, rotation_matrix
 
 SKILL = coordinate_skill(task.learn())
 STARTS = SKILL.layout.orientation_starts
@@ -31,7 +31,9 @@ def one_hot(k: int) -> np.ndarray:
 
 def test_carry_is_the_identity_in_the_same_frames(rng):
     frames = task.scene_frames(task.random_scene(rng))
-    assert np.allclose(carry_matrices(SKILL, frames, frames), np.eye(7), atol=1e-12)
+    C, c = carry_maps(SKILL, frames, frames)
+    assert np.allclose(C, np.eye(3), atol=1e-12)
+    assert np.allclose(c, 0.0, atol=1e-12)
 
 
 def test_command_moves_with_all_objects_together(rng):
@@ -45,37 +47,45 @@ def test_command_moves_with_all_objects_together(rng):
     assert angle(carried[3:7], expected[3:7]) < 1e-9
 
 
-def test_mean_of_a_state_is_carried_to_its_mean(rng):
+def test_mean_orientation_and_grip_of_a_state_are_carried_to_its_own(rng):
     scene, actual = task.random_scene(rng), task.random_scene(rng)
     observed, adapted = (pf.adapt(SKILL, task.scene_frames(s)) for s in (scene, actual))
-    carried = situation(scene, actual)
+    carried = carried_situation(
+        SKILL, task.scene_frames(scene), task.scene_frames(actual), np.full(7, 1e-5)
+    )  # of an operator who is precise
     for k in range(SKILL.states):
-        mean, _ = carried.correct(observed.means[k], one_hot(k))
-        assert np.allclose(log_map(adapted.means[k], mean, STARTS), 0.0, atol=1e-9)
+        x = observed.means[k].copy()
+        x[:3] = task.random_scene(rng)[0].position
+        mean, _ = carried.correct(x, one_hot(k))
+        assert np.allclose(log_map(adapted.means[k], mean, STARTS)[3:], 0.0, atol=1e-5)
 
 
-def test_carried_position_minimises_the_weighted_distance_to_that_of_each_frame(rng):
-    frames, actual = (task.scene_frames(task.random_scene(rng)) for _ in range(2))
-    e = rng.normal(size=3)
-    C = carry_matrices(SKILL, frames, actual)
+def test_carried_position_minimises_the_weighted_distance_to_that_of_each_object(rng):
+    scene, moved = (task.random_scene(rng) for _ in range(2))
+    frames, actual = task.scene_frames(scene), task.scene_frames(moved)
+    x = rng.normal(size=3)
+    C, c = carry_maps(SKILL, frames, actual)
     for k in range(SKILL.states):
         rows, values = [], []
-        for p, (before, after) in enumerate(zip(frames, actual, strict=True)):
+        for p, (before, after) in enumerate(zip(scene, moved, strict=True)):
+            rotation = rotation_matrix(after.quaternion)
             local = SKILL.covariances[p].dense[k][:3, :3]
-            root = np.linalg.inv(np.linalg.cholesky(after.A[:3, :3] @ local @ after.A[:3, :3].T))
+            root = np.linalg.inv(np.linalg.cholesky(rotation @ local @ rotation.T))
+            seen = rotation_matrix(before.quaternion).T @ (x - before.position)  # from the object
             rows.append(root)
-            values.append(root @ after.A[:3, :3] @ before.A[:3, :3].T @ e)
+            values.append(root @ (rotation @ seen + after.position))
         expected = np.linalg.lstsq(np.vstack(rows), np.concatenate(values))[0]
-        assert np.allclose(C[k, :3, :3] @ e, expected)
+        assert np.allclose(C[k] @ x + c[k], expected)
 
 
 def test_fusion_is_the_product_of_model_and_operator(rng):
     scene, actual, k = task.random_scene(rng), task.random_scene(rng), 3
     observed, adapted = (pf.adapt(SKILL, task.scene_frames(s)) for s in (scene, actual))
     x = exp_map(observed.means[k], 0.03 * rng.normal(size=7), STARTS)
-    C = carry_matrices(SKILL, task.scene_frames(scene), task.scene_frames(actual))[k]
-    e = C @ log_map(observed.means[k], x, STARTS)
-    fused = product([Gaussian(np.zeros(7), adapted.covariances[k]), Gaussian(e, np.diag(NOISE**2))])
+    C, c = carry_maps(SKILL, task.scene_frames(scene), task.scene_frames(actual))
+    d = log_map(observed.means[k], x, STARTS)
+    d[:3] = C[k] @ x[:3] + c[k] - adapted.means[k, :3]
+    fused = product([Gaussian(np.zeros(7), adapted.covariances[k]), Gaussian(d, np.diag(NOISE**2))])
     mean, covariance = situation(scene, actual).correct(x, one_hot(k))
     assert np.allclose(log_map(adapted.means[k], mean, STARTS), fused.mean, atol=1e-9)
     assert np.allclose(covariance, fused.covariance, atol=1e-12)

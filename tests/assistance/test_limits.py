@@ -42,6 +42,29 @@ def test_speed_and_acceleration_are_within_limits_for_jumps(rng):
     assert np.linalg.norm(np.diff(v[:, 3:6], axis=0), axis=1).max() <= limits.angular_acceleration * DT + 1e-9
 
 
+def test_box_speed_and_acceleration_hold_together_for_random_desired_poses(rng, unchecked):
+    """Desired poses jump in and out of a box of 40 cm, or move evenly; steps are from 1 ms to .1 s."""
+    limits = Limits(lower=np.full(3, -0.2), upper=np.full(3, 0.2))
+    motion, desired = at_rest(random_pose(rng, 0.05)), random_pose(rng)
+    drift, at_wall = np.zeros(3), 0
+    for _ in range(800):
+        if rng.random() < 0.05:
+            desired, drift = random_pose(rng, 0.4), rng.normal(size=3) * (rng.random() < 0.5)
+        dt = 10.0 ** rng.uniform(-3.0, -1.0)
+        desired[:3] += drift * dt
+        before, motion = motion, follow_desired(limits, motion, desired, dt, STARTS)
+        v, change = motion.velocity, motion.velocity - before.velocity
+        step = log_map(before.pose, motion.pose, STARTS)
+        assert np.allclose(step[:6], v[:6] * dt, atol=1e-12)
+        assert np.abs(motion.pose[:3]).max() <= 0.2
+        assert np.linalg.norm(v[:3]) <= limits.speed + 1e-9
+        assert np.linalg.norm(v[3:6]) <= limits.angular_speed + 1e-9
+        assert np.linalg.norm(change[:3]) <= limits.acceleration * dt + 1e-9
+        assert np.linalg.norm(change[3:6]) <= limits.angular_acceleration * dt + 1e-9
+        at_wall += np.abs(motion.pose[:3]).max() > 0.199
+    assert at_wall > 20
+
+
 def test_jump_is_reached_without_overshoot(rng):
     start, end = random_pose(rng), random_pose(rng)
     motions = follow(Limits(), at_rest(start), end, 500)

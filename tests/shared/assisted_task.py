@@ -92,10 +92,10 @@ def learn(kind: str = "flat", dynamics: str = "semi-markov", states: int = 7) ->
 
 @cache
 def assistant(
-    kind: str = "flat", dynamics: str = "semi-markov", literal: bool = False
+    kind: str = "flat", dynamics: str = "semi-markov", literal: bool = False, states: int = 7
 ) -> assistance.Assistant:
     joint = learn("joint") if literal else None
-    skill = assistance.assisted_skill(learn(kind, dynamics), joint_skill=joint)
+    skill = assistance.assisted_skill(learn(kind, dynamics, states), joint_skill=joint)
     return assistance.make_assistant([skill], limits=LIMITS)
 
 

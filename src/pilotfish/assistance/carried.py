@@ -8,17 +8,22 @@ is a point of the movement, blurred by the operator's imprecision,
 
 so that the filter of `occupancy.py` takes N(log_mu_k(x); 0, Sigma_k + S) as the density of x in state k.
 
-Carry. The deviation e = log_mu_k(x) is rotated with the objects. Frame p turned from R_p to R'_p; the frames
-are weighted by the precision L_p of their positions in the actual scene, as in the product of Gaussians:
+Carry. Each object takes the position of the command with it: frame p moved from (R_p, b_p) to (R'_p, b'_p),
+and x to R'_p R_p' (x - b_p) + b'_p. These positions are weighted by the precision L_p of frame p in the
+actual scene, as in the product of Gaussians:
 
-    C_k = (sum_p L_p)^-1 sum_p L_p R'_p R_p',    L_p = R'_p (Sigma_kp)^-1 R'_p'.
+    x' = C_k x + c_k,    C_k = (sum_p L_p)^-1 sum_p L_p R'_p R_p',    L_p = R'_p (Sigma_kp)^-1 R'_p',
+    c_k = (sum_p L_p)^-1 sum_p L_p (b'_p - R'_p R_p' b_p).
 
-Deviations of orientations are in body axes, which no frame changes, and scalars do not rotate. With the same
-frames C_k = I. If all frames move together, the command moves with them.
+Carrying C_k (x - mu_k), the deviation from the mean of the product, would lose where x is at each object: in
+a state that is long in the direction of its movement it ends beside the object that the operator touched.
+Deviations of orientations are in body axes, which no frame changes, and scalars do not move: they keep
+e = log_mu_k(x). With the same frames x' = x. If all frames move together, the command moves with them.
 
-Fusion. The model N(nu_k, T_k) and the operator N(nu_k + C_k e, S) are multiplied:
+Fusion. With d_k = x' - nu_k in the position and e elsewhere, the model N(nu_k, T_k) and the operator
+N(nu_k + d_k, S) are multiplied:
 
-    mean = nu_k + T_k (T_k + S)^-1 C_k e,    covariance = T_k (T_k + S)^-1 S.
+    mean = nu_k + T_k (T_k + S)^-1 d_k,    covariance = T_k (T_k + S)^-1 S.
 
 Where the demonstrations agree (T_k small) the correction is strong; where they vary the operator decides. An
 LQR with the weight T_k^-1 would go to nu_k whatever T_k is: its set point, not its gain, holds the operator.
@@ -48,7 +53,8 @@ class CarriedSituation:
         observed_means: Means in the scene observed.
         whitening: Lower triangular W with W' W = (Sigma + S)^-1 in the scene observed.
         actual_means: Means in the actual scene.
-        gains: T (T + S)^-1 C, from deviations observed to corrected deviations.
+        offsets: Corrected deviation of a command at the mean observed.
+        gains: T (T + S)^-1 C, from deviations observed to what they add to it.
         fused_covariances: T (T + S)^-1 S.
         orientation_starts: First column of each quaternion.
     """
@@ -56,6 +62,7 @@ class CarriedSituation:
     observed_means: Float[Array, "K D"]
     whitening: Float[Array, "K E E"]
     actual_means: Float[Array, "K D"]
+    offsets: Float[Array, "K E"]
     gains: Float[Array, "K E E"]
     fused_covariances: Float[Array, "K E E"]
     orientation_starts: tuple[int, ...]
@@ -88,9 +95,8 @@ class CarriedSituation:
             probabilities: Probability of each state.
         """
         e = log_map(self.observed_means, x, self.orientation_starts)
-        corrected = exp_map(
-            self.actual_means, np.einsum("kij,kj->ki", self.gains, e), self.orientation_starts
-        )
+        deviations = self.offsets + np.einsum("kij,kj->ki", self.gains, e)
+        corrected = exp_map(self.actual_means, deviations, self.orientation_starts)
         mean, between = mix_points(corrected, probabilities, self.orientation_starts)
         return mean, np.einsum("k,kij->ij", probabilities, self.fused_covariances) + between
 
@@ -116,20 +122,28 @@ def carried_situation(
     observed, actual = adapt(skill, frames_observed), adapt(skill, frames_actual)
     S = np.diag(operator_deviations**2)
     K = actual.covariances @ np.linalg.inv(actual.covariances + S)
+    C, c = carry_maps(skill, frames_observed, frames_actual)
+    offsets, position = np.zeros(K.shape[:2]), slice(0, SPATIAL_AXES)
+    offsets[:, position] = (
+        np.einsum("kij,kj->ki", C, observed.means[:, position]) + c - actual.means[:, position]
+    )
+    carry = np.tile(np.eye(K.shape[-1]), (skill.states, 1, 1))
+    carry[:, position, position] = C
     return CarriedSituation(
         observed.means,
         precision_cholesky(observed.covariances + S, "the covariance observed of state"),
         actual.means,
-        K @ carry_matrices(skill, frames_observed, frames_actual),
+        np.einsum("kij,kj->ki", K, offsets),
+        K @ carry,
         K @ S,
         skill.layout.orientation_starts,
     )
 
 
-def carry_matrices(
+def carry_maps(
     skill: Skill, frames_observed: Sequence[Frame], frames_actual: Sequence[Frame]
-) -> Float[Array, "K E E"]:
-    """Return the matrix C of each state, from deviations in the scene observed to the actual scene.
+) -> tuple[Float[Array, "K 3 3"], Float[Array, "K 3"]]:
+    """Return C and c of each state, with which a position observed x is carried to C x + c.
 
     Args:
         skill: Skill of coordinates, from `coordinate_skill`.
@@ -141,16 +155,17 @@ def carry_matrices(
     )
     columns = slice(0, SPATIAL_AXES)  # the position, among points and deviations
     total, rotated = np.zeros((2, skill.states, SPATIAL_AXES, SPATIAL_AXES))
+    shifted = np.zeros((skill.states, SPATIAL_AXES, 1))
     for name, covariances in zip(skill.frame_names, skill.covariances, strict=True):
-        R, R_actual = (frames[name].A[columns, columns] for frames in (observed, actual))
+        before, after = observed[name], actual[name]
+        inverse = np.linalg.inv(after.A[columns, columns])
+        turn = after.A[columns, columns] @ np.linalg.inv(before.A[columns, columns])
         local = np.linalg.inv(covariances.dense[:, columns, columns])
-        inverse = np.linalg.inv(R_actual)
         precision = inverse.T @ local @ inverse
         total += precision
-        rotated += precision @ R_actual @ np.linalg.inv(R)
-    C = np.tile(np.eye(skill.layout.tangent.width), (skill.states, 1, 1))
-    C[:, columns, columns] = np.linalg.solve(total, rotated)
-    return C
+        rotated += precision @ turn
+        shifted += precision @ (after.b[columns] - turn @ before.b[columns])[:, None]
+    return np.linalg.solve(total, rotated), np.linalg.solve(total, shifted)[..., 0]
 
 
 def mix_points(

@@ -26,7 +26,8 @@ class Situation:
         carried: The skill in both.
         literal: The joint skill in the actual frames; None for the carried variant.
         is_current: Whether the last frames could be used.
-        given: Frames as they were given, to notice at little cost that nothing has changed.
+        given: Frames as they were given, usable or not, to notice at little cost that nothing has changed;
+            empty if they were stale.
     """
 
     observed: tuple[Frame, ...]
@@ -80,17 +81,18 @@ def update_situation(
         noise: Imprecision of the operator.
     """
     if observed is None or actual is None:
-        return replace(situation, is_current=False)
-    if situation.is_current and _is_same_object((*observed, *actual), situation.given):
-        return situation
+        return replace(situation, is_current=False, given=())
+    given = (*observed, *actual)
+    if situation.given and _is_same_object(given, situation.given):
+        return situation  # also if they could not be used: adapting again would fail again
     try:
         if _same_frames(situation.observed, _own_frames(skill, observed)) and _same_frames(
             situation.actual, _own_frames(skill, actual)
         ):
-            return situation if situation.is_current else replace(situation, is_current=True)
+            return replace(situation, is_current=True, given=given)
         return find_situation(skill, observed, actual, noise)
     except SkillError:
-        return replace(situation, is_current=False)
+        return replace(situation, is_current=False, given=given)
 
 
 def _own_frames(skill: AssistedSkill, frames: Sequence[Frame]) -> tuple[Frame, ...]:

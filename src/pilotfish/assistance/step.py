@@ -205,10 +205,10 @@ def _change_skill(
     skill = assistant.skills[number]
     try:
         if frames_observed is None or frames_actual is None:
-            return replace(state, situation=replace(state.situation, is_current=False))
+            return replace(state, situation=replace(state.situation, is_current=False, given=()))
         situation = find_situation(skill, frames_observed, frames_actual, assistant.noise)
     except SkillError:
-        return replace(state, situation=replace(state.situation, is_current=False))
+        return replace(state, situation=replace(state.situation, is_current=False, given=()))
     return replace(
         state,
         skill=number,
