@@ -8,21 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pilotfish.cli.commands.perform import FILE, require_one_situation, validate_film_path
 from pilotfish.cli.commands.record import find_task
+from pilotfish.cli.options.execution import (
+    FILE,
+    TASK_OPTION,
+    execution_options,
+    require_one_situation,
+    require_simulation,
+)
 from pilotfish.cli.output.attempts import Attempt, format_attempt, name_situation, summarise_attempts
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
     require_finite_option,
-    require_writable_file,
 )
 from pilotfish.cli.output.tables import key_value_table
 from pilotfish.cli.output.terminal import is_interactive, live_line, print_note
 from pilotfish.io import open_skill
 from pilotfish.models import Skill
-from pilotfish.rendering import require_mujoco, require_renderer
 
 if TYPE_CHECKING:
     from pilotfish.assistance import Assistant, Command, Target
@@ -44,7 +48,7 @@ CM, MM = 100.0, 1000.0
     )
 )
 @click.argument("skill", type=FILE)
-@click.option("--task", required=True, help="Task that the skill was learned for; see `pilotfish tasks`.")
+@TASK_OPTION
 @click.option(
     "--mode",
     type=click.Choice(MODES),
@@ -84,33 +88,7 @@ CM, MM = 100.0, 1000.0
     show_default=True,
     help="Time of shared control before autonomous control takes over [s].",
 )
-@click.option(
-    "--situations",
-    type=click.IntRange(1, 10_000),
-    default=20,
-    show_default=True,
-    help="Number of random situations.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Seed of situations, of the operator's motor noise and of the direction in which the view is off.",
-)
-@click.option(
-    "--situation",
-    type=click.IntRange(0, 9_999),
-    help="Drive only in the situation with this number, as printed with its failure.",
-)
-@click.option(
-    "--film",
-    type=FILE,
-    callback=validate_film_path,
-    help="Film to write, as .webp or .gif, of the first situation or of that of --situation.",
-)
-@click.option("--meshes", is_flag=True, help="Show the visual meshes of pilotfish[meshes] in the film.")
-@click.option("--force", is_flag=True, help="Replace an existing film.")
+@execution_options
 @print_result
 def drive(
     skill: Path,
@@ -127,17 +105,10 @@ def drive(
     other end of the link, where the skill corrects what arrives. A failure is explained by the first phase of
     the task that was not passed. The exit code is 0 also if some situations fail.
     """
-    if options["meshes"] and not film:
-        raise click.UsageError("--meshes needs a film to show them in; give --film FILE")
     require_one_situation(situation, "situations")
-    require_mujoco()
+    require_simulation(skill, film, meshes=options["meshes"], force=options["force"])
     from pilotfish.assistance import assisted_skill, make_assistant
-    from pilotfish.simulation import require_pillow
 
-    require_writable_file(film, force=options["force"], inputs=(skill,))
-    if film:
-        require_pillow()
-        require_renderer()
     selected, learned = find_task(task), open_skill(skill)
     assistant = make_assistant([assisted_skill(learned)])
     _require_order_in_time(learned, options["mode"])

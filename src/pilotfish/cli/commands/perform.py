@@ -6,9 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from pilotfish.cli.commands.record import find_task
+from pilotfish.cli.options.execution import (
+    FILE,
+    TASK_OPTION,
+    execution_options,
+    require_one_situation,
+    require_simulation,
+)
 from pilotfish.cli.options.planning import planning_options
 from pilotfish.cli.output.attempts import Attempt, format_attempt, name_situation, summarise_attempts
 from pilotfish.cli.output.motion_notes import option_name
@@ -16,28 +22,15 @@ from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
-    require_writable_file,
 )
 from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.io import open_skill
 from pilotfish.models import Skill
 from pilotfish.planning import motion_notes
-from pilotfish.rendering import require_mujoco, require_renderer
 
 if TYPE_CHECKING:
     from pilotfish.environments import Task
     from pilotfish.simulation import ExecutionResult
-
-FILE = click.Path(path_type=Path)
-FILM_SUFFIXES = (".webp", ".gif")
-
-
-def validate_film_path(_: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:
-    """Return a path with the suffix of a film, or raise click.BadParameter."""
-    if path and path.suffix.lower() not in FILM_SUFFIXES:
-        expected = " or ".join(FILM_SUFFIXES)
-        raise click.BadParameter(f"{path} ends in {path.suffix!r}, expected {expected}", param=parameter)
-    return path
 
 
 @click.command(
@@ -46,17 +39,7 @@ def validate_film_path(_: click.Context, parameter: click.Parameter, path: Path 
     )
 )
 @click.argument("skill", type=FILE)
-@click.option("--task", required=True, help="Task that the skill was learned for; see `pilotfish tasks`.")
-@click.option(
-    "--situations",
-    type=click.IntRange(1, 10_000),
-    default=20,
-    show_default=True,
-    help="Number of random situations.",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the situations."
-)
+@TASK_OPTION
 @click.option(
     "--seeds",
     type=click.IntRange(1, 1000),
@@ -64,20 +47,8 @@ def validate_film_path(_: click.Context, parameter: click.Parameter, path: Path 
     show_default=True,
     help="Number of seeds, from --seed on; each gives other situations, and the spread is printed.",
 )
-@click.option(
-    "--situation",
-    type=click.IntRange(0, 9_999),
-    help="Execute only the situation with this number, as printed with its failure.",
-)
 @planning_options
-@click.option(
-    "--film",
-    type=FILE,
-    callback=validate_film_path,
-    help="Film to write, as .webp or .gif, of the first situation or of that of --situation.",
-)
-@click.option("--meshes", is_flag=True, help="Show the visual meshes of pilotfish[meshes] in the film.")
-@click.option("--force", is_flag=True, help="Replace an existing film.")
+@execution_options
 @print_result
 def perform(
     skill: Path,
@@ -95,16 +66,8 @@ def perform(
     motion. A failure is explained by the first phase of the task that was not passed. The exit code is 0 also
     if some situations fail.
     """
-    if options["meshes"] and not film:
-        raise click.UsageError("--meshes needs a film to show them in; give --film FILE")
     require_one_situation(situation, "situations", "seeds")
-    require_mujoco()
-    from pilotfish.simulation import require_pillow
-
-    require_writable_file(film, force=options["force"], inputs=(skill,))
-    if film:
-        require_pillow()
-        require_renderer()
+    require_simulation(skill, film, meshes=options["meshes"], force=options["force"])
     selected, learned = find_task(task), open_skill(skill)
     numbers = range(situations) if situation is None else (situation,)
     notes = _compare_motion(learned, selected, (seed, numbers[0]), options)
@@ -120,16 +83,6 @@ def perform(
             )
     result = summarise_attempts(attempts, selected, film)
     return replace(result, data={**result.data, "notes": list(notes)})
-
-
-def require_one_situation(situation: int | None, *numbers: str) -> None:
-    """Raise click.UsageError if one situation and options that give a number of them are both given."""
-    if situation is None:
-        return
-    context = click.get_current_context()
-    for name in numbers:
-        if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
-            raise click.UsageError(f"--situation executes one situation; omit --{name}")
 
 
 def _compare_motion(
