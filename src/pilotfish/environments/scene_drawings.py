@@ -9,6 +9,7 @@ import numpy as np
 
 from pilotfish.geometry import Pose, rotation_matrix
 from pilotfish.types import Array, Float
+from pilotfish.validation import shorten_repr
 
 AXIS, AXIS_RADIUS, PATH_RADIUS = 0.06, 0.003, 0.003  # m
 MAX_PATH_SEGMENTS = 400  # more segments look the same
@@ -20,6 +21,7 @@ COPY_COLOUR = np.array([0.95, 0.5, 0.05, 0.45])
 MIN_RADIUS = 1e-4  # m: a thinner ellipsoid is drawn with this radius
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipsoid:
     """Points at one Mahalanobis distance from the mean of a Gaussian.
