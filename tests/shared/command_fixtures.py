@@ -222,7 +222,8 @@ def valve_recordings() -> tuple[RecordedDemonstration, ...]:
 def valve_skill(valve_recordings: tuple[RecordedDemonstration, ...]) -> Skill:
     """Return a skill learned from them."""
     demonstrations = [add_derivatives(opening.demonstration) for opening in valve_recordings]
-    return learn(demonstrations, states=6, rng=np.random.default_rng(0)).skill
+    with check_annotations(False):
+        return learn(demonstrations, states=6, rng=np.random.default_rng(0)).skill
 
 
 def _check_alignment(scene: Scene, situation: ValveSituation) -> Outcome:
