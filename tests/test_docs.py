@@ -246,6 +246,7 @@ def test_index_program_reproduces_valve(data_folder, tmp_path, monkeypatch):
     assert (tmp_path / "valve.png").exists()
 
 
+@pytest.mark.slow  # selects among many models: 8 CPU seconds
 def test_choosing_a_model_program_selects_structure_and_frames(data_folder, unchecked):
     names = run_program("choosing-a-model.md")
     assert names["selection"].best.candidate == pf.models.Candidate(frames="relevance")
