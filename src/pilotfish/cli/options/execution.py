@@ -86,7 +86,7 @@ def require_simulation(skill: Path, film: Path | None, *, meshes: bool, force: b
         force: Whether an existing film may be replaced.
 
     Raises:
-        click.UsageError: If meshes are to be shown without a film, or the film would replace the skill.
+        click.UsageError: If meshes are given without a film, or the film would replace the skill.
         SkillError: If a package is missing, or the film cannot be written.
     """
     if meshes and not film:
