@@ -81,6 +81,7 @@ def test_drive_film_shows_command_beside_tool(drive: list[str], run_json: RunJso
         (("--meshes",), "--meshes needs a film"),
         (("--mode", "shard"), "'shard' is not one of"),
         (("--delay", "-1"), "-1"),
+        (("--switch-after", "1"), "--switch-after has no effect on --mode shared"),
         (("--view-off", "nan"), "--view-off"),
         (("--film", "film.txt"), "expected .webp or .gif"),
     ],

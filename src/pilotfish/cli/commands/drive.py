@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from pilotfish.cli.commands.record import find_task
 from pilotfish.cli.options.execution import (
@@ -40,6 +41,20 @@ FILM_DISTANCE = 1.15  # relative to the view of the task: both arms are in the i
 CM, MM = 100.0, 1000.0
 
 
+def _number_option(
+    name: str, maximum: float, text: str, *, default: float = 0.0
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return an option with a number from 0 to a maximum."""
+    return click.option(
+        name,
+        type=click.FloatRange(0.0, maximum),
+        callback=require_finite_option,
+        default=default,
+        show_default=True,
+        help=text,
+    )
+
+
 @click.command(
     epilog=example_epilog(
         "pilotfish drive hooking.skill --task carabiner --delay 1 --view-off 3 --situations 2 "
@@ -56,37 +71,16 @@ CM, MM = 100.0, 1000.0
     show_default=True,
     help="Direct control, shared control (corrects the operator) or autonomous control (takes over).",
 )
-@click.option(
-    "--delay",
-    type=click.FloatRange(0.0, 60.0),
-    callback=require_finite_option,
-    default=0.0,
-    show_default=True,
-    help="Delay of the link in each direction [s].",
+@_number_option("--delay", 60.0, "Delay of the link in each direction [s].")
+@_number_option(
+    "--view-off", 100.0, "Distance by which the objects are displaced in what the operator sees [cm]."
 )
-@click.option(
-    "--view-off",
-    type=click.FloatRange(0.0, 100.0),
-    callback=require_finite_option,
-    default=0.0,
-    show_default=True,
-    help="Distance by which the objects are displaced in what the operator sees [cm].",
-)
-@click.option(
-    "--view-turn",
-    type=click.FloatRange(0.0, 180.0),
-    callback=require_finite_option,
-    default=0.0,
-    show_default=True,
-    help="Angle by which they are turned about the vertical [degrees].",
-)
-@click.option(
+@_number_option("--view-turn", 180.0, "Angle by which they are turned about the vertical [degrees].")
+@_number_option(
     "--switch-after",
-    type=click.FloatRange(0.0, 3600.0),
-    callback=require_finite_option,
+    3600.0,
+    "With --mode autonomous, time of shared control before it takes over [s].",
     default=2.0,
-    show_default=True,
-    help="Time of shared control before autonomous control takes over [s].",
 )
 @execution_options
 @print_result
@@ -106,6 +100,7 @@ def drive(
     the task that was not passed. The exit code is 0 also if some situations fail.
     """
     require_one_situation(situation, "situations")
+    _require_autonomous(options["mode"])
     require_simulation(skill, film, meshes=options["meshes"], force=options["force"])
     from pilotfish.assistance import assisted_skill, make_assistant
 
@@ -122,6 +117,13 @@ def drive(
         if is_interactive():
             print_note(f"{name_situation(attempts[-1], 1)}: {format_attempt(attempts[-1], selected.unit)}")
     return _add_assistance(summarise_attempts(attempts, selected, film), driven, options)
+
+
+def _require_autonomous(mode: str) -> None:
+    """Raise click.UsageError if --switch-after is given for a mode that does not switch."""
+    source = click.get_current_context().get_parameter_source("switch_after")
+    if mode != "autonomous" and source is not ParameterSource.DEFAULT:
+        raise click.UsageError(f"--switch-after has no effect on --mode {mode}; give --mode autonomous")
 
 
 def _require_order_in_time(skill: Skill, mode: str) -> None:
