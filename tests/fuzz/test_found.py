@@ -10,6 +10,7 @@ import click
 import numpy as np
 import pytest
 from annotations import check_annotations
+from fuzzing.campaign import MAX_SECONDS
 from fuzzing.containers import container_writer, parse_container
 from fuzzing.public_examples import examples, function_named
 from fuzzing.seeds import streams
@@ -84,7 +85,7 @@ def test_option_invalid_text_raises_one_line_quickly(option: str, text: str) -> 
     start_time = process_time()
     with pytest.raises((SkillError, click.UsageError)) as refusal:
         read(text)
-    assert process_time() - start_time < 1.0
+    assert process_time() - start_time < MAX_SECONDS
     error = refusal.value
     require_sound_refusal(error, error.format_message() if isinstance(error, click.UsageError) else None)
 
