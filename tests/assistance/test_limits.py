@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from pilotfish.assistance.transition import begin_transition
 
 from pilotfish.assistance.limits import Limits, TargetMotion, follow_desired
-from pilotfish.assistance.transition import begin_transition
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle, from_rotation_vector, log_map
 

@@ -13,10 +13,10 @@ import assisted_task as task
 import numpy as np
 import pytest
 from annotations import check_annotations
+from pilotfish.assistance.transition import Transition
 
 from pilotfish import assistance
 from pilotfish.assistance import Command, initial_state, step_assistance
-from pilotfish.assistance.transition import Transition
 from pilotfish.geometry import Pose, log_map
 
 DT, AT_CHANGE = 0.02, 0.005  # s; the step at a change is that of a fast loop

@@ -23,6 +23,7 @@ ERRORS = (TypeError, ValueError, ArithmeticError, LookupError, AttributeError, R
 EPS = np.finfo(float).eps
 # Here a hostile number makes the problem ill-conditioned: one factorisation succeeds and the other does not.
 ILL_CONDITIONED = {
+    "assistance_step",
     "riccati",
     "semi_tied_sweeps",
     "precision_cholesky",

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
+from assistance_arguments import assistance_arguments
 
 from pilotfish.kernels import (
     ArmLimits,
@@ -88,15 +89,15 @@ def semi_markov_e_step(rng: Generator) -> Arguments:
     return [x, lengths, tables(rng, len(initial)), emissions, threads]
 
 
+def precision_cholesky(rng: Generator) -> Arguments:
+    """Return the argument of precision_cholesky."""
+    return [random_covariances(rng, int(rng.integers(1, 5)), int(rng.choice([1, 2, 7, 19])))]
+
+
 def random_covariances(rng: Generator, K: int, D: int) -> np.ndarray:
     """Return K covariances, sometimes one of them zero."""
     roots = rng.normal(size=(K, D, D))
     return (roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(D)) * (rng.random((K, 1, 1)) < 0.95)
-
-
-def precision_cholesky(rng: Generator) -> Arguments:
-    """Return the argument of precision_cholesky."""
-    return [random_covariances(rng, int(rng.integers(1, 5)), int(rng.choice([1, 2, 7, 19])))]
 
 
 def semi_tied(rng: Generator) -> Arguments:
@@ -154,6 +155,7 @@ def stream_of_one(rng: Generator) -> Arguments:
 
 
 DRAW_ARGUMENTS: dict[str, Callable[[Generator], Arguments]] = {
+    "assistance_step": assistance_arguments,
     "e_step": e_step,
     "forward_backward": chain,
     "impedance_torque": arm,
@@ -338,6 +340,7 @@ def argument_values(arguments: Arguments) -> list[tuple[tuple[int, str], Any]]:
 # what is no array, or a number that no kernel checks
 NOT_MUTATED = {
     *(
+        "filter",
         "orientation_starts",
         "frames",
         "width",

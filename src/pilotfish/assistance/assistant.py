@@ -10,10 +10,11 @@ from pilotfish.assistance.coordinates import coordinate_layout, coordinate_skill
 from pilotfish.assistance.limits import Limits
 from pilotfish.assistance.literal import require_joint
 from pilotfish.assistance.mapping import OperatorMapping
-from pilotfish.assistance.occupancy import OccupancyTables, occupancy_tables
+from pilotfish.assistance.occupancy import occupancy_tables
 from pilotfish.assistance.operator_noise import OperatorNoise
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
+from pilotfish.kernels import AssistanceSettings, OccupancyTables
 from pilotfish.models import Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_number, require_type, shorten_repr
@@ -63,6 +64,7 @@ class Assistant:
         noise: Imprecision of the operator.
         limits: Limits of the target.
         control_cost: r of the LQR of the literal variant.
+        settings: All these for the kernel, with each skill.
     """
 
     skills: tuple[AssistedSkill, ...]
@@ -70,11 +72,32 @@ class Assistant:
     noise: OperatorNoise = field(default_factory=OperatorNoise)
     limits: Limits = field(default_factory=Limits)
     control_cost: float = 0.01
+    settings: tuple[AssistanceSettings, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "settings", tuple(_settings(self, skill) for skill in self.skills))
 
     @property
     def layout(self) -> Layout:
         """Columns of commands and targets."""
         return self.skills[0].skill.layout
+
+
+def _settings(assistant: Assistant, skill: AssistedSkill) -> AssistanceSettings:
+    """Return the settings of a step with a skill."""
+    limits = assistant.limits
+    return AssistanceSettings(
+        assistant.noise.deviations(assistant.layout) ** 2,
+        limits.lower,
+        limits.upper,
+        skill.gate.full,
+        skill.gate.none,
+        limits.speed,
+        limits.acceleration,
+        limits.angular_speed,
+        limits.angular_acceleration,
+        skill.skill.period,
+    )
 
 
 def assisted_skill(

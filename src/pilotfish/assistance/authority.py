@@ -11,7 +11,7 @@ s^3). `calibrate_gate` leaves out each demonstration once, learns from the other
 of the distances of the one left out for `full`; at 1.15 times the 90 % quantile the authority is one half.
 Neither is less than 1 and 2: distances that any Gaussian exceeds often.
 
-Rate. Authority moves towards the gate by at most MAX_RATE per second. Missing frames have the gate 0.
+Rate. Authority moves towards the gate by at most two per second. Missing frames have the gate 0.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,11 +25,11 @@ from pilotfish.assistance.operator_noise import DEFAULT_NOISE, OperatorNoise
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import normalise
+from pilotfish.kernels import coverage_distance, gate_authority
 from pilotfish.models import Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_number, require_type
 
-MAX_RATE = 2.0  # per second
 MIN_FULL, MIN_HALF = 1.0, 2.0
 FULL_QUANTILE, HALF_QUANTILE, MARGIN = 0.75, 0.9, 1.15
 MAX_DISTANCE = 1e6
@@ -62,31 +62,7 @@ class Gate:
         Args:
             distance: Distance from `coverage_distance`; not a number counts as infinite.
         """
-        if not distance < self.none:
-            return 0.0
-        s = min((self.none - distance) / (self.none - self.full), 1.0)
-        return s * s * (3.0 - 2.0 * s)
-
-
-def coverage_distance(whitened: Float[Array, "K E"], width: int) -> float:
-    """Return the distance of a command from what the demonstrations covered.
-
-    Args:
-        whitened: Deviations from `CarriedSituation.deviations`; scalars come after the pose and do not count.
-        width: Number of columns of the pose, from `pose_width`.
-    """
-    return float(np.sqrt(np.min(np.sum(whitened[:, :width] ** 2, axis=1)) / width))
-
-
-def limit_authority(before: float, gate: float, dt: float) -> float:
-    """Return the authority after a step: towards the gate, by at most two per second.
-
-    Args:
-        before: Authority before the step.
-        gate: Authority of the gate.
-        dt: Time of the step [s].
-    """
-    return before + min(max(gate - before, -MAX_RATE * dt), MAX_RATE * dt)
+        return gate_authority(self.full, self.none, distance)
 
 
 def calibrate_gate(
@@ -146,10 +122,10 @@ def coverage_distances(
     for columns in layout.unit_quaternions:
         x[:, columns] = normalise(x[:, columns])
     moving = any(frame.is_moving for frame in demonstration.frames)
-    distances = np.empty(len(x))
+    distances, scalars = np.empty(len(x)), layout.tangent.width - pose_width(layout)
     for t, row in enumerate(x):
         if t == 0 or moving:
             frames = coordinate_frames([frame.at(t) for frame in demonstration.frames], skill.layout)
             situation = carried_situation(coordinates, frames, frames, deviations)
-        distances[t] = coverage_distance(situation.deviations(row), pose_width(layout))
+        distances[t] = coverage_distance(situation, row, scalars)
     return distances

@@ -31,74 +31,15 @@ The states are mixed by their probabilities, with the spread between them in the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from pilotfish.assistance.coordinates import SPATIAL_AXES
 from pilotfish.demonstrations import Frame
 from pilotfish.gaussians import precision_cholesky
-from pilotfish.geometry import exp_map, log_map
+from pilotfish.kernels import CarriedModel
 from pilotfish.models import Skill, adapt
 from pilotfish.types import Array, Float
-from pilotfish.validation import shorten_repr
-
-
-@shorten_repr
-@dataclass(frozen=True, slots=True, eq=False)
-class CarriedSituation:
-    """A skill adapted to the frames observed and to the actual ones; E tangent columns.
-
-    Attributes:
-        observed_means: Means in the scene observed.
-        whitening: Lower triangular W with W' W = (Sigma + S)^-1 in the scene observed.
-        actual_means: Means in the actual scene.
-        offsets: Corrected deviation of a command at the mean observed.
-        gains: T (T + S)^-1 C, from deviations observed to what they add to it.
-        fused_covariances: T (T + S)^-1 S.
-        orientation_starts: First column of each quaternion.
-    """
-
-    observed_means: Float[Array, "K D"]
-    whitening: Float[Array, "K E E"]
-    actual_means: Float[Array, "K D"]
-    offsets: Float[Array, "K E"]
-    gains: Float[Array, "K E E"]
-    fused_covariances: Float[Array, "K E E"]
-    orientation_starts: tuple[int, ...]
-
-    def deviations(self, x: Float[Array, " D"]) -> Float[Array, "K E"]:
-        """Return the deviation of a command from each state of the scene observed, whitened.
-
-        Args:
-            x: Command in the robot's coordinates.
-        """
-        e = log_map(self.observed_means, x, self.orientation_starts)
-        return np.asarray(np.einsum("kij,kj->ki", self.whitening, e))
-
-    def log_likelihoods(self, x: Float[Array, " D"]) -> Float[Array, " K"]:
-        """Return the log-density of a command in each state, up to a common constant.
-
-        Args:
-            x: Command in the robot's coordinates.
-        """
-        log_scales = np.log(np.diagonal(self.whitening, axis1=1, axis2=2)).sum(axis=1)
-        return np.asarray(log_scales - 0.5 * np.sum(self.deviations(x) ** 2, axis=1))
-
-    def correct(
-        self, x: Float[Array, " D"], probabilities: Float[Array, " K"]
-    ) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
-        """Return the mean and covariance of the carried and fused command.
-
-        Args:
-            x: Command in the robot's coordinates.
-            probabilities: Probability of each state.
-        """
-        e = log_map(self.observed_means, x, self.orientation_starts)
-        deviations = self.offsets + np.einsum("kij,kj->ki", self.gains, e)
-        corrected = exp_map(self.actual_means, deviations, self.orientation_starts)
-        mean, between = mix_points(corrected, probabilities, self.orientation_starts)
-        return mean, np.einsum("k,kij->ij", probabilities, self.fused_covariances) + between
 
 
 def carried_situation(
@@ -106,7 +47,7 @@ def carried_situation(
     frames_observed: Sequence[Frame],
     frames_actual: Sequence[Frame],
     operator_deviations: Float[Array, " E"],
-) -> CarriedSituation:
+) -> CarriedModel:
     """Adapt a skill to the frames observed by the operator and to the actual frames.
 
     Args:
@@ -129,14 +70,13 @@ def carried_situation(
     )
     carry = np.tile(np.eye(K.shape[-1]), (skill.states, 1, 1))
     carry[:, position, position] = C
-    return CarriedSituation(
+    return CarriedModel(
         observed.means,
         precision_cholesky(observed.covariances + S, "the covariance observed of state"),
         actual.means,
         np.einsum("kij,kj->ki", K, offsets),
         K @ carry,
         K @ S,
-        skill.layout.orientation_starts,
     )
 
 
@@ -166,22 +106,3 @@ def carry_maps(
         rotated += precision @ turn
         shifted += precision @ (after.b[columns] - turn @ before.b[columns])[:, None]
     return np.linalg.solve(total, rotated), np.linalg.solve(total, shifted)[..., 0]
-
-
-def mix_points(
-    points: Float[Array, "K D"], probabilities: Float[Array, " K"], orientation_starts: tuple[int, ...]
-) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
-    """Return the weighted mean of points and the covariance between them.
-
-    The mean is that of the tangent space at the most probable point, after one more step; it is exact on R^n.
-
-    Args:
-        points: Points.
-        probabilities: Weights, which sum to one.
-        orientation_starts: First column of each quaternion.
-    """
-    mean = points[probabilities.argmax()]
-    for _ in range(2 if orientation_starts else 1):
-        mean = exp_map(mean, probabilities @ log_map(mean, points, orientation_starts), orientation_starts)
-    v = log_map(mean, points, orientation_starts)
-    return mean, np.asarray((probabilities[:, None] * v).T @ v)

@@ -1,83 +1,53 @@
-"""The desired pose of each mode, before transition and limits."""
+"""The desired pose of autonomous control and of literal shared control, which are not in the kernel."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from pilotfish.assistance.assistant import Assistant, AssistedSkill
-from pilotfish.assistance.authority import coverage_distance, limit_authority
 from pilotfish.assistance.autonomous import AutonomousPlan, occupied_state, plan_motion, remaining_states
-from pilotfish.assistance.coordinates import pose_width, scalar_columns
-from pilotfish.assistance.grip import follow_scalars, plan_scalars
+from pilotfish.assistance.coordinates import pose_width
 from pilotfish.assistance.tracking import lqr_gains
 from pilotfish.assistance.values import AssistanceState
 from pilotfish.errors import SkillError
 from pilotfish.geometry import exp_map, log_map
+from pilotfish.kernels import advance_filter
 from pilotfish.models import adapt
 from pilotfish.types import Array, Float
 
+Corrected = tuple[Float[Array, " D"], Float[Array, "E E"]]
 
-def desired_pose(
-    assistant: Assistant, state: AssistanceState, dt: float
-) -> tuple[AssistanceState, Float[Array, " D"], Float[Array, "E E"]]:
-    """Return the state, the desired pose of the mode and its covariance.
+
+def track_literal(
+    assistant: Assistant, state: AssistanceState, x: Float[Array, " D"], is_followed: bool, dt: float
+) -> tuple[AssistanceState, Corrected | None]:
+    """Return the state of the literal variant and, in shared control, the pose of its LQR.
+
+    The LQR tracks the product of the regressions; if there is none, it stands at the command.
 
     Args:
         assistant: Skills and settings.
-        state: State with the command and situation of this step.
+        state: State with the situation and the mode of this step.
+        x: Command.
+        is_followed: Whether the command is a new one, which the filter observes.
         dt: Time of the step [s].
     """
-    skill, columns = assistant.skills[state.skill], scalar_columns(assistant.layout)
-    if state.mode == "autonomous":
-        state, desired = _follow_plan(skill, state, dt, assistant.layout.orientation_starts)
-        return (
-            replace(state, authority=limit_authority(state.authority, 0.0, dt)),
-            desired,
-            _covariance(state),
-        )
-    scalars, values = follow_scalars(state.scalars, state.command[columns])
-    state = replace(state, scalars=scalars)
-    state, desired, covariance = _correct(assistant, state, dt)
-    desired[columns] = values
-    return state, desired, covariance
-
-
-def _correct(
-    assistant: Assistant, state: AssistanceState, dt: float
-) -> tuple[AssistanceState, Float[Array, " D"], Float[Array, "E E"]]:
-    """Return the authority, and the command moved by it towards the corrected one."""
-    skill, starts = assistant.skills[state.skill], assistant.layout.orientation_starts
-    x, situation = state.command, state.situation
-    allowed = 0.0
-    if state.mode == "shared" and situation.is_current:
-        whitened = situation.carried.deviations(x)
-        allowed = skill.gate.authority(coverage_distance(whitened, pose_width(assistant.layout)))
-    authority = limit_authority(state.authority, allowed, dt)
-    state = replace(state, authority=authority)
-    S = np.diag(assistant.noise.deviations(assistant.layout) ** 2)
+    skill, literal, joint = assistant.skills[state.skill], state.situation.literal, state.joint
+    assert literal is not None
+    assert joint is not None
+    assert skill.joint_tables is not None
+    period, S = skill.skill.period, np.diag(assistant.noise.deviations(assistant.layout) ** 2)
+    if is_followed:
+        joint = advance_filter(skill.joint_tables, joint, literal.log_likelihoods(x), period, dt)
+        state = replace(state, joint=joint)
     if state.mode != "shared":
-        return replace(state, tracked=None), x.copy(), S
-    probabilities = state.identification.probabilities(skill.skill.period, dt)
+        return replace(state, tracked=None), None
     try:
-        if situation.literal is None:
-            corrected, covariance = situation.carried.correct(x, probabilities[0])
-        else:
-            state, corrected, covariance = _track_literal(assistant, state, probabilities[1], dt)
+        desired, spread = literal.correct(x, joint.probabilities(period, dt))
     except SkillError:
-        return state, x.copy(), S
-    step = log_map(x, corrected, starts)
-    desired = exp_map(x, authority * step, starts)
-    return state, desired, authority * covariance + (1.0 - authority) * S
-
-
-def _track_literal(
-    assistant: Assistant, state: AssistanceState, probabilities: Float[Array, " K"], dt: float
-) -> tuple[AssistanceState, Float[Array, " D"], Float[Array, "E E"]]:
-    """Return the pose of the LQR after a step towards the product of the regressions."""
-    assert state.situation.literal is not None
+        return state, (x, S)
     starts, width = assistant.layout.orientation_starts, pose_width(assistant.layout)
-    desired, spread = state.situation.literal.correct(state.command, probabilities)
-    pose, velocity = state.tracked or (state.motion.pose, state.motion.velocity)
+    pose, velocity = state.tracked or (state.memory.pose, state.memory.velocity)
     position_gain, velocity_gain = lqr_gains(np.linalg.inv(spread), assistant.control_cost, dt)
     error = log_map(desired, pose, starts)[:width]
     u = -position_gain @ error - velocity_gain @ velocity[:width]
@@ -86,15 +56,23 @@ def _track_literal(
     velocity = velocity.copy()
     velocity[:width] += dt * u
     pose = exp_map(pose, step, starts)
-    covariance = np.diag(assistant.noise.deviations(assistant.layout) ** 2)
-    covariance[:width, :width] = spread
-    return replace(state, tracked=(pose, velocity)), pose, covariance
+    S[:width, :width] = spread
+    return replace(state, tracked=(pose, velocity)), (pose, S)
 
 
-def _follow_plan(
+def follow_plan(
     skill: AssistedSkill, state: AssistanceState, dt: float, starts: tuple[int, ...]
-) -> tuple[AssistanceState, Float[Array, " D"]]:
-    """Return the state and the pose of the plan, planned again if the frames have changed."""
+) -> tuple[AssistanceState, Corrected]:
+    """Return the state, and the pose of the plan with the fused covariance of its state.
+
+    The plan is made again if the frames have changed.
+
+    Args:
+        skill: Prepared skill.
+        state: State with the situation of this step.
+        dt: Time of the step [s].
+        starts: First column of each quaternion.
+    """
     plan = state.plan
     assert plan is not None
     changed = plan.frames is not state.situation.actual and state.situation.is_current
@@ -104,15 +82,24 @@ def _follow_plan(
         except SkillError:
             plan = replace(plan, frames=state.situation.actual)  # impossible frames: go on as planned
     plan = replace(plan, elapsed=plan.elapsed + dt)
-    desired = plan_scalars(skill, plan.pose(starts), int(plan.states[plan.row]))
-    return replace(state, plan=plan), desired
+    k = int(plan.states[plan.row])
+    pose = plan_scalars(skill, plan.pose(starts), k)
+    return replace(state, plan=plan, tracked=None), (pose, state.situation.carried.fused_covariances[k])
 
 
-def _covariance(state: AssistanceState) -> Float[Array, "E E"]:
-    """Return the fused covariance of the state that the plan has reached."""
-    assert state.plan is not None
-    covariances = state.situation.carried.fused_covariances
-    return np.asarray(covariances[state.plan.states[state.plan.row]])
+def plan_scalars(skill: AssistedSkill, planned: Float[Array, " D"], state: int) -> Float[Array, " D"]:
+    """Return a planned pose with each switch at the value of its state.
+
+    Args:
+        skill: Prepared skill.
+        planned: Pose and scalars of the plan.
+        state: State of the plan.
+    """
+    pose = planned.copy()
+    for column, low, high in zip(skill.switches, *skill.levels, strict=True):
+        means = np.array([m[state, column] for m in skill.skill.means]).mean()
+        pose[column] = high if means > 0.5 * (low + high) else low
+    return pose
 
 
 def first_plan(skill: AssistedSkill, state: AssistanceState) -> AutonomousPlan | None:
@@ -124,11 +111,11 @@ def first_plan(skill: AssistedSkill, state: AssistanceState) -> AutonomousPlan |
     """
     if not skill.can_plan:
         return None
-    k, age = occupied_state(state.identification.beliefs[0])
+    k, age = occupied_state(state.memory.filter.belief)
     try:
         states = remaining_states(skill.skill.dynamics, k, age)
-        adapted, motion = adapt(skill.skill, state.situation.actual), state.motion
-        return plan_motion(adapted, states, motion.pose, motion.velocity, state.situation.actual)
+        adapted, memory = adapt(skill.skill, state.situation.actual), state.memory
+        return plan_motion(adapted, states, memory.pose, memory.velocity, state.situation.actual)
     except SkillError:
         return None
 

@@ -29,12 +29,13 @@ import numpy as np
 
 from pilotfish.assistance.assistant import AssistedSkill, assisted_skill, make_assistant
 from pilotfish.assistance.coordinates import coordinate_frames
-from pilotfish.assistance.occupancy import initial_belief, observe_command, predict_belief
+from pilotfish.assistance.occupancy import initial_belief
 from pilotfish.assistance.operator_noise import DEFAULT_NOISE, OperatorNoise
 from pilotfish.assistance.pose_validation import validate_pose
 from pilotfish.assistance.situation import Situation, find_situation, update_situation
 from pilotfish.demonstrations import Demonstration, Frame
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.kernels import command_log_likelihoods, observe_command, predict_belief
 from pilotfish.models import Skill
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_number, require_type, shorten_repr
@@ -295,7 +296,7 @@ def _observe(
 ) -> tuple[float, Float[Array, "L K"]]:
     """Return the predictive log-density of a command, and the belief given the command."""
     try:
-        log_likelihoods = tempering * situation.carried.log_likelihoods(x)
+        log_likelihoods = tempering * command_log_likelihoods(situation.carried, x)
     except SkillError:  # too far for a finite density
         return MIN_LOG_DENSITY, belief
     with np.errstate(divide="ignore"):

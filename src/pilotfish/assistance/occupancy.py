@@ -1,54 +1,23 @@
-"""Filter of the state that an operator is in, and of the time already spent there.
-
-The belief b(d, k) is the probability of state k, entered d steps ago, given all commands so far. With the
-duration distribution p_k and its survival function S_k, a segment of age d ends with the hazard
-p_k(d) / S_k(d):
-
-    b'(d + 1, k) = (1 - hazard_k(d)) b(d, k)                               the segment continues
-    b'(1, j)     = sum over k, d of hazard_k(d) b(d, k) a_kj               the next one begins
-    b(d, k)      proportional to b'(d, k) N(log_mu_k(x); 0, Sigma_k + S)   the command x is observed
-
-This is the forward variable of the semi-Markov chain with the time spent in the state written out. The
-initial probabilities are used at the first step only: a left-right skill does not return to its first state.
-A final state has hazard 0. A Markov chain has one age, and a mixture forgets its state at every step.
+"""Tables of the filter of states (`kernels/occupancy.py`) for the dynamics of a skill.
 
 Two deviations from the learned chain keep the filter right for a person who is slower, pauses, or goes back:
 the hazard is at most MAX_HAZARD, and at every step the state is drawn again with the probability RESET.
 
-Invariants. The belief sums to one. With MAX_HAZARD = 1 and RESET = 0, its sum over d equals
+Invariant. With MAX_HAZARD = 1 and RESET = 0, the sum of the belief over ages equals
 `SemiMarkovChain.filtered_state_probs`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pilotfish.kernels import OccupancyTables, StateFilter
 from pilotfish.models import Dynamics, SemiMarkovChain
 from pilotfish.types import Array, Float
-from pilotfish.validation import shorten_repr
 
 MAX_HAZARD = 0.5  # per step
 RESET = 1e-4  # per step
+RESUMED = 0.5  # share of the belief that stays where autonomous control ended
 TAIL_PROBABILITY = 1e-8  # of segments longer than the ages that are distinguished
 MAX_AGES = 2000  # steps
-
-
-@shorten_repr
-@dataclass(frozen=True, slots=True, eq=False)
-class OccupancyTables:
-    """Probabilities of one step of the filter.
-
-    Attributes:
-        initial: Probability of each state at the first step.
-        transitions: Probability that state j follows state i at the end of a segment.
-        hazards: Probability that a segment of age d = 1 .. L ends.
-        reset: Probability that the state is drawn again.
-    """
-
-    initial: Float[Array, " K"]
-    transitions: Float[Array, "K K"]
-    hazards: Float[Array, "L K"]
-    reset: float
 
 
 def occupancy_tables(
@@ -66,6 +35,7 @@ def occupancy_tables(
         log_survival = dynamics.durations.log_survival(limit)[0]
         hazards = np.exp(np.minimum(dynamics.durations.log_table(limit) - log_survival, 0.0))
         hazards = np.where(dynamics.final_states(), 0.0, np.minimum(hazards, max_hazard))
+        hazards = np.ascontiguousarray(hazards)  # as the kernel reads it
         return OccupancyTables(dynamics.initial, dynamics.transitions, hazards, reset)
     _, steps = dynamics.step_probabilities()
     return OccupancyTables(dynamics.initial, steps, np.ones((1, len(steps))), reset)
@@ -82,34 +52,31 @@ def initial_belief(tables: OccupancyTables) -> Float[Array, "L K"]:
     return belief
 
 
-def predict_belief(tables: OccupancyTables, belief: Float[Array, "L K"]) -> Float[Array, "L K"]:
-    """Return the belief one step later, before the next command.
+def start_filter(tables: OccupancyTables) -> StateFilter:
+    """Return the filter before the first command.
 
     Args:
         tables: Tables of the skill.
-        belief: Probability of each age and state.
     """
-    leaving = tables.hazards * belief
-    staying = belief - leaving
-    later = np.empty_like(belief)
-    later[0] = leaving.sum(axis=0) @ tables.transitions
-    later[1:] = staying[:-1]
-    later[-1] += staying[-1]  # the last age stands for all longer ones
-    later *= 1.0 - tables.reset
-    later[0] += tables.reset / belief.shape[1]
-    return later
+    return _unobserved(initial_belief(tables))
 
 
-def observe_command(belief: Float[Array, "L K"], log_likelihoods: Float[Array, " K"]) -> Float[Array, "L K"]:
-    """Return the belief given a command (Bayes' rule).
+def resume_filter(tables: OccupancyTables, state: int | None) -> StateFilter:
+    """Return the filter when the operator returns after autonomous control.
+
+    Half of the belief stays in the state where autonomous control ended; half allows any state.
 
     Args:
-        belief: Probability of each age and state before the command.
-        log_likelihoods: Log-density of the command in each state, finite.
+        tables: Tables of the skill.
+        state: State of the plan; None if it is not known.
     """
-    occupied = belief.sum(axis=0)
-    with np.errstate(divide="ignore"):
-        log_posterior = np.log(occupied) + log_likelihoods
-    probs = np.exp(log_posterior - np.logaddexp.reduce(log_posterior))
-    ages = np.divide(belief, occupied, out=np.zeros_like(belief), where=occupied > 0.0)
-    return np.asarray(ages * (probs / probs.sum()))
+    belief = np.zeros_like(tables.hazards)
+    belief[0] = (1.0 - RESUMED if state is not None else 1.0) / belief.shape[1]
+    if state is not None:
+        belief[0, state] += RESUMED
+    return _unobserved(belief)
+
+
+def _unobserved(belief: Float[Array, "L K"]) -> StateFilter:
+    probs = belief.sum(axis=0)
+    return StateFilter(belief, probs, probs, np.inf)

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pilotfish.assistance.assistant import AssistedSkill
-from pilotfish.assistance.carried import CarriedSituation, carried_situation
+from pilotfish.assistance.carried import carried_situation
 from pilotfish.assistance.coordinates import coordinate_frames
 from pilotfish.assistance.literal import LiteralSituation, literal_situation
 from pilotfish.assistance.operator_noise import OperatorNoise
 from pilotfish.demonstrations import Frame
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.kernels import CarriedModel
 from pilotfish.validation import require_type, shorten_repr
 
 
@@ -32,7 +33,7 @@ class Situation:
 
     observed: tuple[Frame, ...]
     actual: tuple[Frame, ...]
-    carried: CarriedSituation
+    carried: CarriedModel
     literal: LiteralSituation | None
     is_current: bool
     given: tuple[Frame, ...]

@@ -6,6 +6,9 @@
     autonomous   y = the plan from the filtered state
     y --transition--> --limits--> target
 
+`kernels.assistance_step` computes all of this but the plan. Here are the changes of mode, skill, clutch and
+frames, which come first: a plan begins in the state filtered one step ago.
+
 The filter advances once per period of the skill, however often it is called, and its probabilities are
 interpolated in between. It stands still while the clutch is open, a command is bad, or control is autonomous.
 
@@ -23,33 +26,24 @@ from dataclasses import replace
 
 import numpy as np
 
+from pilotfish import kernels
 from pilotfish.assistance.assistant import Assistant
 from pilotfish.assistance.coordinates import scalar_columns
-from pilotfish.assistance.desired import desired_pose, first_plan
-from pilotfish.assistance.grip import hold_scalars
-from pilotfish.assistance.identification import (
-    advance_identification,
-    begin_identification,
-    resume_identification,
-)
-from pilotfish.assistance.limits import TargetMotion, follow_desired
-from pilotfish.assistance.mapping import (
-    OPEN_CLUTCH,
-    Clutch,
-    OperatorMapping,
-    close_clutch,
-    is_valid_hand,
-    map_hand,
-)
+from pilotfish.assistance.desired import Corrected, first_plan, follow_plan, track_literal
+from pilotfish.assistance.mapping import OperatorMapping, close_clutch, open_map
+from pilotfish.assistance.occupancy import resume_filter, start_filter
 from pilotfish.assistance.situation import find_situation, update_situation
-from pilotfish.assistance.transition import Transition, begin_transition
-from pilotfish.assistance.values import AssistanceState, Command, Target
-from pilotfish.demonstrations import Frame
+from pilotfish.assistance.values import MODES, AssistanceState, Command, Target
+from pilotfish.demonstrations import Frame, Layout
 from pilotfish.errors import InvalidInput, SkillError
+from pilotfish.kernels import AssistanceInput, AssistanceMemory, is_valid_hand, map_hand
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_number, require_type, short_repr
 
 MIN_STEP, MAX_STEP = 1e-6, 10.0  # s
+MODE_NUMBERS = {
+    name: n for n, name in zip((kernels.DIRECT, kernels.SHARED, kernels.AUTONOMOUS), MODES, strict=True)
+}
 Frames = Sequence[Frame]
 
 
@@ -76,28 +70,31 @@ def initial_state(
     """
     require_type(assistant, "assistant", Assistant, "make_assistant([assisted_skill(skill)]) makes one")
     layout = assistant.layout
-    if not is_valid_hand(pose, layout):
+    is_oriented = bool(layout.orientation_starts)
+    if np.shape(pose) != (layout.width,) or not is_valid_hand(hand := _numbers(pose, layout), is_oriented):
         raise InvalidInput(
             f"pose is {short_repr(pose)}, expected {layout.width} finite numbers with a unit quaternion: "
             f"{', '.join(layout.names)}"
         )
     require_count(skill, "skill", len(assistant.skills) - 1)
     assisted = assistant.skills[skill]
-    x = map_hand(OperatorMapping(), OPEN_CLUTCH, pose, layout)
-    E, scalars = layout.tangent.width, x[scalar_columns(layout)]
+    x = map_hand(open_map(OperatorMapping()), hand, is_oriented)
+    E, scalars = layout.tangent.width, x[scalar_columns(layout)].copy()
+    memory = AssistanceMemory(
+        start_filter(assisted.tables),
+        *(x, np.zeros(E), x, np.zeros(E), x, scalars, scalars),
+        *(0.0, 0.0, 0.0),
+        is_following=False,
+    )
     return AssistanceState(
-        x,
-        Clutch(True, OPEN_CLUTCH.shift, OPEN_CLUTCH.turn),
-        False,
+        memory,
+        open_map(assistant.mapping),
+        True,
         "direct",
         skill,
         find_situation(assisted, frames_observed, frames_actual, assistant.noise),
-        begin_identification(assisted),
-        0.0,
-        Transition(np.zeros(E), 0.0, 0.0),
-        TargetMotion(x, np.zeros(E), x),
-        hold_scalars(scalars, scalars),
         None,
+        start_filter(assisted.joint_tables) if assisted.joint_tables else None,
         None,
     )
 
@@ -144,54 +141,67 @@ def step_assistance(
     require_type(state, "state", AssistanceState, "initial_state makes one")
     require_type(command, "command", Command, "pass Command(hand, mode)")
     dt = require_number(dt, "dt", MIN_STEP, MAX_STEP)
-    before = state
-    state = _read_command(assistant, state, command, frames_observed, frames_actual)
+    hand, before = _numbers(command.hand, assistant.layout), state
+    state = _update_scene(assistant, state, command.skill, frames_observed, frames_actual)
+    state = _update_clutch(assistant, state, command.clutch, hand)
+    state = _change_mode(assistant, state, command.mode, hand)
+    state, corrected = _corrected_elsewhere(assistant, state, hand, dt)
     skill = assistant.skills[state.skill]
-    if state.following and state.mode != "autonomous":
-        state = replace(
-            state,
-            identification=advance_identification(
-                state.identification, skill, state.situation, state.command, dt
-            ),
-        )
-    state = _change_mode(assistant, state, command.mode)
-    state, desired, covariance = desired_pose(assistant, state, dt)
-    changed = (before.mode, before.skill, before.following) != (state.mode, state.skill, state.following)
-    starts = assistant.layout.orientation_starts
-    transition = replace(state.transition, elapsed=state.transition.elapsed + dt)
-    if changed:
-        transition = begin_transition(desired, state.motion.pose, starts)
-    motion = follow_desired(assistant.limits, state.motion, transition.blend(desired, starts), dt, starts)
-    state = replace(state, transition=transition, motion=motion)
-    if state.mode == "autonomous" and state.plan is not None:
+    memory, covariance, probabilities = kernels.assistance_step(
+        state.hand_map,
+        state.situation.carried,
+        skill.tables,
+        assistant.settings[state.skill],
+        state.memory,
+        AssistanceInput(
+            hand,
+            corrected[0] if corrected else None,
+            corrected[1] if corrected else None,
+            dt,
+            MODE_NUMBERS[state.mode],
+            state.is_clutch_closed,
+            state.situation.is_current,
+            (before.mode, before.skill) != (state.mode, state.skill),
+        ),
+    )
+    if state.plan is not None:
         probabilities = np.eye(skill.skill.states)[state.plan.states[state.plan.row]]
-    else:
-        probabilities = state.identification.probabilities(skill.skill.period, dt)[0]
-    return state, Target(motion.pose, motion.velocity, covariance, state.mode, state.authority, probabilities)
+    after = AssistanceState(
+        memory,
+        state.hand_map,
+        state.is_clutch_closed,
+        state.mode,
+        state.skill,
+        state.situation,
+        state.plan,
+        state.joint,
+        state.tracked,
+    )
+    target = Target(memory.pose, memory.velocity, covariance, state.mode, memory.authority, probabilities)
+    return after, target
 
 
-def _read_command(
+def _numbers(hand: Array, layout: Layout) -> Float[Array, " D"]:
+    """Return a hand as the kernel reads it: NaN if it has another width or no numbers."""
+    hand = np.asarray(hand)
+    if hand.shape != (layout.width,) or hand.dtype.kind not in "fiu":
+        return np.full(layout.width, np.nan)
+    return hand if hand.dtype == np.float64 else hand.astype(np.float64)
+
+
+def _update_scene(
     assistant: Assistant,
     state: AssistanceState,
-    command: Command,
+    number: int,
     frames_observed: Frames | None,
     frames_actual: Frames | None,
 ) -> AssistanceState:
-    """Return the state with the command, the clutch, the skill and the situation of this step."""
-    layout, clutch, x = assistant.layout, state.clutch, state.command
-    following = command.clutch and is_valid_hand(command.hand, layout)
-    if following:
-        if not clutch.closed:
-            clutch = close_clutch(assistant.mapping, command.hand, x, layout)
-        x = map_hand(assistant.mapping, clutch, command.hand, layout)
-    elif not command.clutch:
-        clutch = replace(clutch, closed=False)
-    state = replace(state, clutch=clutch, command=x, following=following)
-    if command.skill != state.skill and command.skill in range(len(assistant.skills)):
-        return _change_skill(assistant, state, command.skill, frames_observed, frames_actual)
+    """Return the state with the skill and the frames of this step."""
+    if number != state.skill and number < len(assistant.skills):
+        return _change_skill(assistant, state, number, frames_observed, frames_actual)
     skill = assistant.skills[state.skill]
     situation = update_situation(state.situation, skill, frames_observed, frames_actual, assistant.noise)
-    return replace(state, situation=situation)
+    return state if situation is state.situation else replace(state, situation=situation)
 
 
 def _change_skill(
@@ -213,24 +223,66 @@ def _change_skill(
         state,
         skill=number,
         situation=situation,
-        identification=begin_identification(skill),
+        memory=replace(state.memory, filter=start_filter(skill.tables)),
+        joint=start_filter(skill.joint_tables) if skill.joint_tables else None,
         plan=None,
         mode="shared" if state.mode == "autonomous" else state.mode,
         tracked=None,
     )
 
 
-def _change_mode(assistant: Assistant, state: AssistanceState, mode: str) -> AssistanceState:
-    """Return the state in the mode that the operator asks for, if it is possible."""
+def _update_clutch(
+    assistant: Assistant, state: AssistanceState, clutch: bool, hand: Float[Array, " D"]
+) -> AssistanceState:
+    """Return the state with the clutch as the operator holds it; it closes on a valid hand only."""
+    if clutch == state.is_clutch_closed:
+        return state
+    if not clutch:
+        return replace(state, is_clutch_closed=False)
+    is_oriented = bool(assistant.layout.orientation_starts)
+    if not is_valid_hand(hand, is_oriented):
+        return state
+    hand_map = close_clutch(assistant.mapping, hand, state.memory.command, is_oriented)
+    return replace(state, hand_map=hand_map, is_clutch_closed=True)
+
+
+def _change_mode(
+    assistant: Assistant, state: AssistanceState, mode: str, hand: Float[Array, " D"]
+) -> AssistanceState:
+    """Return the state in the mode that the operator asks for, if it is possible; scalars hold."""
     if mode == state.mode:
         return state
-    skill, columns = assistant.skills[state.skill], scalar_columns(assistant.layout)
-    held = hold_scalars(state.motion.pose[columns], state.command[columns])
+    skill, columns, memory = assistant.skills[state.skill], scalar_columns(assistant.layout), state.memory
+    commands = _command(assistant, state, hand)[0][columns]
+    memory = replace(memory, held_values=memory.pose[columns].copy(), held_commands=commands.copy())
     if mode == "autonomous":
         plan = first_plan(skill, state)
-        return replace(state, mode=mode, plan=plan, scalars=held, tracked=None) if plan else state
-    identification = state.identification
+        return replace(state, mode=mode, plan=plan, memory=memory, tracked=None) if plan else state
+    joint = state.joint
     if state.plan is not None:
         reached = int(state.plan.states[state.plan.row])
-        identification = resume_identification(identification, skill, reached)
-    return replace(state, mode=mode, plan=None, scalars=held, identification=identification, tracked=None)
+        memory = replace(memory, filter=resume_filter(skill.tables, reached))
+        joint = resume_filter(skill.joint_tables, None) if skill.joint_tables else None
+    return replace(state, mode=mode, plan=None, memory=memory, joint=joint, tracked=None)
+
+
+def _corrected_elsewhere(
+    assistant: Assistant, state: AssistanceState, hand: Float[Array, " D"], dt: float
+) -> tuple[AssistanceState, Corrected | None]:
+    """Return the pose of the plan or of the literal variant, if one of them is in use."""
+    if state.plan is not None:
+        starts = assistant.layout.orientation_starts
+        return follow_plan(assistant.skills[state.skill], state, dt, starts)
+    if state.situation.literal is not None:
+        return track_literal(assistant, state, *_command(assistant, state, hand), dt)
+    return state, None
+
+
+def _command(
+    assistant: Assistant, state: AssistanceState, hand: Float[Array, " D"]
+) -> tuple[Float[Array, " D"], bool]:
+    """Return the command of a hand, and whether the hand is followed."""
+    is_oriented = bool(assistant.layout.orientation_starts)
+    if state.is_clutch_closed and is_valid_hand(hand, is_oriented):
+        return map_hand(state.hand_map, hand, is_oriented), True
+    return state.memory.command, False

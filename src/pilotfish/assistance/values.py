@@ -5,13 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.assistance.autonomous import AutonomousPlan
-from pilotfish.assistance.grip import HeldScalars
-from pilotfish.assistance.identification import Identification
-from pilotfish.assistance.limits import TargetMotion
-from pilotfish.assistance.mapping import Clutch
 from pilotfish.assistance.situation import Situation
-from pilotfish.assistance.transition import Transition
 from pilotfish.errors import InvalidInput
+from pilotfish.kernels import AssistanceMemory, HandMap, StateFilter
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_type, shorten_repr
 
@@ -76,31 +72,23 @@ class AssistanceState:
     """State of the assistance between two steps; `initial_state` makes the first one.
 
     Attributes:
-        command: Last valid command, mapped to the robot.
-        clutch: Clutch.
-        following: Whether the last step followed the hand.
+        memory: Command, filter, authority, transition and target.
+        hand_map: Map from the hand to the command, with the displacement of the clutch.
+        is_clutch_closed: Whether the robot follows the hand.
         mode: Mode in effect.
         skill: Index of the skill in use.
         situation: The skill in the frames observed and the actual ones.
-        identification: Filter of the states.
-        authority: Authority of the assistance.
-        transition: Blend to the desired pose.
-        motion: Target and its velocity.
-        scalars: Scalars that hold until the operator takes them over.
         plan: Plan of autonomous control, if it has begun.
-        tracked: Pose and velocity of the LQR of the literal variant.
+        joint: Filter of the joint skill of the literal variant.
+        tracked: Pose and velocity of its LQR.
     """
 
-    command: Float[Array, " D"]
-    clutch: Clutch
-    following: bool
+    memory: AssistanceMemory
+    hand_map: HandMap
+    is_clutch_closed: bool
     mode: str
     skill: int
     situation: Situation
-    identification: Identification
-    authority: float
-    transition: Transition
-    motion: TargetMotion
-    scalars: HeldScalars
     plan: AutonomousPlan | None
+    joint: StateFilter | None
     tracked: tuple[Float[Array, " D"], Float[Array, " E"]] | None

@@ -10,9 +10,16 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from pilotfish.kernels import stream_validation, validation
+from pilotfish.kernels import assistance_validation, stream_validation, validation
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.arm_types import ArmCommand, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
+from pilotfish.kernels.assistance_types import (
+    AssistanceInput,
+    AssistanceMemory,
+    AssistanceSettings,
+    AssistanceStep,
+    CarriedModel,
+)
 from pilotfish.kernels.errors import (
     control_cost_error,
     covariance_error,
@@ -20,6 +27,8 @@ from pilotfish.kernels.errors import (
     singular_transform_error,
     transform_row_error,
 )
+from pilotfish.kernels.hand_map import HandMap
+from pilotfish.kernels.occupancy import OccupancyTables, StateFilter
 from pilotfish.kernels.reference.markov import log_probability_array
 from pilotfish.kernels.results import (
     EStep,
@@ -165,6 +174,88 @@ def _impedance_torque(
         target.twist,
     )
     return ArmCommand(torque, wrench, torque_fraction)
+
+
+NO_POSE, NO_COVARIANCE = np.empty(0), np.empty((0, 0))
+
+
+def assistance_step(
+    hand_map: HandMap,
+    model: CarriedModel,
+    tables: OccupancyTables,
+    settings: AssistanceSettings,
+    memory: AssistanceMemory,
+    given: AssistanceInput,
+) -> AssistanceStep:
+    try:  # without the decorator: a control loop calls this every few milliseconds
+        return _assistance_step(hand_map, model, tables, settings, memory, given)
+    except (TypeError, ValueError):
+        packed = assistance_validation.pack_assistance(hand_map, model, tables, settings, memory, given)
+        return _assistance_step(*packed)
+
+
+def _assistance_step(
+    hand_map: HandMap,
+    model: CarriedModel,
+    tables: OccupancyTables,
+    settings: AssistanceSettings,
+    memory: AssistanceMemory,
+    given: AssistanceInput,
+) -> AssistanceStep:
+    before = memory.filter
+    (
+        is_observed,
+        belief,
+        probs_before,
+        probs_now,
+        elapsed,
+        command,
+        offset,
+        pose,
+        velocity,
+        desired,
+        held_values,
+        authority,
+        blend_time,
+        blend_duration,
+        is_following,
+        covariance,
+        probabilities,
+    ) = _native.assistance_step(
+        *(hand_map.matrix, hand_map.shift, hand_map.left, hand_map.right),
+        *(model.observed_means, model.whitening, model.actual_means),
+        *(model.offsets, model.gains, model.fused_covariances),
+        *(tables.transitions, tables.hazards, tables.reset),
+        *(settings.variances, settings.lower, settings.upper, settings.full, settings.none),
+        *(settings.speed, settings.acceleration),
+        *(settings.angular_speed, settings.angular_acceleration, settings.period),
+        *(before.belief, before.before, before.now, before.elapsed),
+        *(memory.command, memory.offset, memory.pose, memory.velocity, memory.desired),
+        *(memory.held_values, memory.held_commands),
+        *(memory.authority, memory.blend_time, memory.blend_duration, memory.is_following),
+        given.hand,
+        NO_POSE if given.given_pose is None else given.given_pose,
+        NO_COVARIANCE if given.given_covariance is None else given.given_covariance,
+        *(given.dt, given.mode, given.is_closed, given.is_current, given.has_changed),
+    )
+    return AssistanceStep(
+        AssistanceMemory(
+            StateFilter(belief if is_observed else before.belief, probs_before, probs_now, elapsed),
+            command,
+            offset,
+            pose,
+            velocity,
+            desired,
+            held_values,
+            memory.held_commands,
+            authority,
+            blend_time,
+            blend_duration,
+            is_following,
+        ),
+        covariance,
+        probabilities,
+    )
 
 
 @_validate_on_failure

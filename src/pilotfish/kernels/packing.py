@@ -1,12 +1,15 @@
 """Packing of array arguments for the compiled kernels, with checks of their shapes and domains."""
 
+from contextlib import suppress
+from dataclasses import replace
 from math import inf
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
-from pilotfish.validation import numeric_array
+from pilotfish.validation import numeric_array, short_repr
 
 MAX_NUMBER = 1e150  # sums of squares do not overflow
 MAX_EXACT_INTEGER = 2**53  # float64 represents every integer up to here
@@ -17,6 +20,8 @@ EMPTY_AXES = "N"  # axes that may have size 0
 # equal sizes, or a digit for a fixed size. Domains: "finite" (at most MAX_NUMBER in magnitude), "probability"
 # (at least 0, finite), "logarithm" (below +inf) and "any" (NaN and infinities have a meaning).
 ArgumentSpec = tuple[str, str, str]
+
+Dataclass = TypeVar("Dataclass")
 
 
 def pack_arguments(
@@ -86,3 +91,33 @@ def _domain_error(name: str, domain: str, array: Array) -> InvalidInput:
     }[domain]
     index = np.argwhere(~good)[0].tolist()
     return InvalidInput(f"{name}{index} is {array[tuple(index)]}, expected {expected}")
+
+
+def pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: dict[str, int]) -> Dataclass:
+    """Return the dataclass with some of its arrays packed.
+
+    Args:
+        value: Instance of a dataclass.
+        arguments: Specification of each of these arrays.
+        sizes: Known sizes of axes; those of the arrays are added.
+    """
+    names = [name for name, _, _ in arguments]
+    originals = [getattr(value, name) for name in names]
+    arrays = pack_arguments(arguments, tuple(originals), sizes)
+    if all(array is original for array, original in zip(arrays, originals, strict=True)):
+        return value
+    packed: dict[str, Any] = dict(zip(names, arrays, strict=True))
+    return replace(value, **packed)  # type: ignore[type-var]  # every value is a dataclass
+
+
+def require_real(value: object, name: str) -> float:
+    """Return a real number as a float.
+
+    Args:
+        value: Number.
+        name: Its name in errors.
+    """
+    if isinstance(value, int | float | np.integer | np.floating):
+        with suppress(OverflowError):
+            return float(value)
+    raise InvalidInput(f"{name} is {short_repr(value)}, expected a number within the range of float64")

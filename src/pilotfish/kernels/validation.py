@@ -10,27 +10,22 @@ raise the same message. `KERNELS`, at the end, lists the function of every kerne
 """
 
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import fields, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
 from pilotfish.kernels.arm_types import ArmLimits, ArmState, ImpedanceParameters, ToolTarget
-from pilotfish.kernels.packing import MAX_INT, ArgumentSpec, pack_arguments
+from pilotfish.kernels.assistance_validation import pack_assistance
+from pilotfish.kernels.packing import MAX_INT, pack_arguments, pack_fields, require_real
 from pilotfish.kernels.stream_validation import pack_stream
 from pilotfish.types import Array, Int
 from pilotfish.validation import require_count, short_repr
 
 MAX_JOINTS = 16
 MIN_DIAGONAL = float(np.finfo(np.float64).tiny)  # compiled kernels flush smaller numbers to 0
-
-Dataclass = TypeVar(
-    "Dataclass", SemiMarkovTables, Emissions, ArmLimits, ArmState, ImpedanceParameters, ToolTarget
-)
-
 
 MARKOV = (
     ("log_emissions", "TK", "logarithm"),
@@ -92,7 +87,7 @@ def pack_semi_markov(log_emissions: object, tables: SemiMarkovTables) -> tuple[A
     """Return the packed arguments of the semi-Markov kernels."""
     sizes: dict[str, int] = {}
     (packed,) = pack_arguments(MARKOV[:1], (log_emissions,), sizes)
-    return packed, _pack_fields(tables, SEMI_MARKOV, sizes)
+    return packed, pack_fields(tables, SEMI_MARKOV, sizes)
 
 
 def pack_emissions(x: object, emissions: Emissions, sizes: dict[str, int]) -> tuple[Array, Emissions]:
@@ -152,7 +147,7 @@ def pack_semi_markov_e_step(
     return (
         points,
         _validate_lengths(lengths, sizes["N"]),
-        _pack_fields(tables, SEMI_MARKOV, sizes),
+        pack_fields(tables, SEMI_MARKOV, sizes),
         packed,
         _validate_threads(threads),
     )
@@ -207,33 +202,17 @@ def pack_arm(
     (q,) = pack_arguments(ARM[2][:1], (state.q,), sizes)
     if len(q) > MAX_JOINTS:
         raise InvalidInput(f"q has {len(q)} entries, expected one for each joint: 1 to {MAX_JOINTS}")
-    scalars: dict[str, Any] = {name: _validate_real(getattr(parameters, name), name) for name in ARM_SCALARS}
+    scalars: dict[str, Any] = {name: require_real(getattr(parameters, name), name) for name in ARM_SCALARS}
     return (
-        replace(_pack_fields(parameters, ARM[0], sizes), **scalars),
-        _pack_fields(limits, ARM[1], sizes),
-        _pack_fields(state, ARM[2], sizes),
-        _pack_fields(target, ARM[3], sizes),
+        replace(pack_fields(parameters, ARM[0], sizes), **scalars),
+        pack_fields(limits, ARM[1], sizes),
+        pack_fields(state, ARM[2], sizes),
+        pack_fields(target, ARM[3], sizes),
     )
 
 
-def _validate_real(value: object, name: str) -> float:
-    if isinstance(value, int | float | np.integer | np.floating):
-        with suppress(OverflowError):
-            return float(value)
-    raise InvalidInput(f"{name} is {short_repr(value)}, expected a number within the range of float64")
-
-
-def _pack_fields(value: Dataclass, arguments: tuple[ArgumentSpec, ...], sizes: dict[str, int]) -> Dataclass:
-    names = [name for name, _, _ in arguments]
-    originals = [getattr(value, name) for name in names]
-    arrays = pack_arguments(arguments, tuple(originals), sizes)
-    if all(array is original for array, original in zip(arrays, originals, strict=True)):
-        return value
-    packed: dict[str, Any] = dict(zip(names, arrays, strict=True))
-    return replace(value, **packed)
-
-
 KERNELS: dict[str, Callable[..., Iterable[Any]]] = {
+    "assistance_step": pack_assistance,
     "e_step": pack_e_step,
     "forward_backward": pack_markov,
     "impedance_torque": pack_arm,

@@ -5,6 +5,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from pilotfish.kernels.reference import (
+    assistance,
     cholesky,
     e_steps,
     emission,
@@ -17,7 +18,10 @@ from pilotfish.kernels.reference import (
 )
 from pilotfish.kernels.validation import KERNELS
 
-MODULES = (cholesky, e_steps, emission, impedance, markov, riccati, semi_markov, semi_tied, streaming)
+MODULES = (
+    *(assistance, cholesky, e_steps, emission, impedance, markov, riccati, semi_markov, semi_tied),
+    streaming,
+)
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")

@@ -1,0 +1,230 @@
+#include "assistance.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "target_motion.hpp"
+
+namespace pilotfish {
+
+namespace {
+
+using Vector = Eigen::VectorXd;
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using MatrixView = Eigen::Map<const Matrix>;
+
+constexpr double MAX_COORDINATE = 1e4, MIN_NORM = 0.5, MAX_NORM = 2.0;  // of hands; beyond, a fault
+constexpr double MAX_RATE = 2.0;                                        // of authority, per second
+constexpr double SCALAR_TOLERANCE = 0.1;
+constexpr double ROUNDING = 1e-9;  // of a period
+constexpr double MAX_STEPS = 100.0;
+
+bool is_valid_hand(const Assistance& a) {
+  for (int i = 0; i < a.D; ++i)
+    if (!(std::abs(a.hand[i]) <= MAX_COORDINATE)) return false;
+  if (!a.is_oriented()) return true;
+  const double* q = a.hand + 3;
+  const double squared = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+  return MIN_NORM * MIN_NORM <= squared && squared <= MAX_NORM * MAX_NORM;
+}
+
+void map_hand(const Assistance& a, double* x) {
+  std::copy_n(a.hand, a.D, x);
+  for (int i = 0; i < 3; ++i) {
+    const double* row = a.matrix + 3 * i;
+    x[i] = row[0] * a.hand[0] + row[1] * a.hand[1] + row[2] * a.hand[2] + a.shift[i];
+  }
+  if (!a.is_oriented()) return;
+  double* q = x + 3;
+  const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  for (int i = 0; i < 4; ++i) q[i] /= length;
+  multiply(a.left, q, q);
+  multiply(q, a.right, q);
+}
+
+// The command compared with every state of the scene observed.
+struct Comparison {
+  Matrix deviations;         // (K, E)
+  Vector log_likelihoods;    // (K), up to a common constant
+  double coverage_distance;  // from what the demonstrations covered
+};
+
+Comparison compare(const Assistance& a, const double* x) {
+  const int width = a.E - a.scalars();
+  Comparison comparison{Matrix(a.K, a.E), Vector(a.K), 0.0};
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < a.K; ++k) {
+    double* e = comparison.deviations.row(k).data();
+    deviation(a, a.observed_means + k * a.D, x, e);
+    const double* W = a.whitening + k * a.E * a.E;
+    double of_pose = 0.0, of_scalars = 0.0, log_scale = 0.0;
+    for (int i = 0; i < a.E; ++i) {
+      double whitened = 0.0;
+      for (int j = 0; j <= i; ++j) whitened += W[i * a.E + j] * e[j];
+      (i < width ? of_pose : of_scalars) += whitened * whitened;
+      log_scale += std::log(W[i * a.E + i]);
+    }
+    nearest = std::min(nearest, of_pose);
+    comparison.log_likelihoods[k] = log_scale - 0.5 * (of_pose + of_scalars);
+  }
+  comparison.coverage_distance = std::sqrt(nearest / width);
+  return comparison;
+}
+
+// Replaces the belief (L, K) by that one step later, before the next command.
+void predict_belief(const Assistance& a, Matrix& belief) {
+  const MatrixView hazards(a.hazards, a.L, a.K), transitions(a.transitions, a.K, a.K);
+  const Matrix leaving = hazards.cwiseProduct(belief);
+  const Matrix staying = belief - leaving;
+  belief.row(0).noalias() = leaving.colwise().sum() * transitions;
+  belief.bottomRows(a.L - 1) = staying.topRows(a.L - 1);
+  belief.row(a.L - 1) += staying.row(a.L - 1);  // the last age stands for all longer ones
+  belief *= 1.0 - a.reset;
+  belief.row(0).array() += a.reset / a.K;
+}
+
+// Replaces the belief (L, K) by that given a command.
+void observe_command(const Vector& log_likelihoods, Matrix& belief) {
+  const Vector occupied = belief.colwise().sum();
+  const Vector log_posterior = occupied.array().log().matrix() + log_likelihoods;
+  Vector probs = (log_posterior.array() - log_posterior.maxCoeff()).exp();
+  probs /= probs.sum();
+  for (Eigen::Index k = 0; k < probs.size(); ++k)
+    belief.col(k) *= occupied[k] > 0.0 ? probs[k] / occupied[k] : 0.0;
+}
+
+void advance_filter(const Assistance& a, const Vector& log_likelihoods, AssistanceResult& result) {
+  const bool is_first = std::isinf(a.elapsed);
+  const double elapsed = a.elapsed + a.dt;
+  if (elapsed < (1.0 - ROUNDING) * a.period) {
+    result.elapsed = elapsed;
+    return;
+  }
+  const double steps = is_first ? 0.0 : std::floor(std::min(elapsed / a.period + ROUNDING, MAX_STEPS));
+  Matrix belief = MatrixView(a.belief, a.L, a.K);
+  for (int step = 0; step < int(steps); ++step) predict_belief(a, belief);
+  observe_command(log_likelihoods, belief);
+  const Eigen::RowVectorXd now = belief.colwise().sum();
+  std::copy_n(belief.data(), belief.size(), result.belief);
+  std::copy_n(is_first ? now.data() : a.now, a.K, result.before);
+  std::copy_n(now.data(), a.K, result.now);
+  result.elapsed = is_first ? 0.0 : std::max(0.0, elapsed - steps * a.period);
+  result.is_observed = true;
+}
+
+double gate_authority(const Assistance& a, double distance) {
+  if (!(distance < a.none)) return 0.0;
+  const double s = std::min((a.none - distance) / (a.none - a.full), 1.0);
+  return s * s * (3.0 - 2.0 * s);
+}
+
+// Writes the weighted mean of points (K, D), and their deviations from it.
+void mix_points(const Assistance& a, const Matrix& points, const Vector& probabilities, double* mean,
+                Matrix& deviations) {
+  Eigen::Index k;
+  probabilities.maxCoeff(&k);
+  std::copy_n(points.row(k).data(), a.D, mean);
+  const int steps = a.is_oriented() ? 2 : 1;
+  for (int step = 0; step <= steps; ++step) {
+    for (int n = 0; n < a.K; ++n) deviation(a, mean, points.row(n).data(), deviations.row(n).data());
+    if (step == steps) return;
+    const Vector change = deviations.transpose() * probabilities;
+    displace(a, mean, change.data(), mean);
+  }
+}
+
+// Writes the mean (D) and covariance (E, E) of the carried and fused command; `deviations` are overwritten.
+void correct_command(const Assistance& a, Matrix& deviations, const Vector& probabilities, double* corrected,
+                     Matrix& covariance) {
+  Matrix points(a.K, a.D);
+  covariance.setZero(a.E, a.E);
+  for (int k = 0; k < a.K; ++k) {
+    Vector step = Eigen::Map<const Vector>(a.offsets + k * a.E, a.E);
+    step.noalias() += MatrixView(a.gains + k * a.E * a.E, a.E, a.E) * deviations.row(k).transpose();
+    displace(a, a.actual_means + k * a.D, step.data(), points.row(k).data());
+    covariance += probabilities[k] * MatrixView(a.fused_covariances + k * a.E * a.E, a.E, a.E);
+  }
+  mix_points(a, points, probabilities, corrected, deviations);
+  covariance.noalias() += (deviations.array().colwise() * probabilities.array()).matrix().transpose() * deviations;
+}
+
+// Writes the desired pose (D) of direct or shared control, with the operator's scalars, and its covariance.
+void operated_pose(const Assistance& a, Comparison& comparison, const Vector& probabilities,
+                   AssistanceResult& result, double* desired) {
+  const double* x = result.command;
+  Eigen::Map<Matrix> covariance(result.covariance, a.E, a.E);
+  covariance = Eigen::Map<const Vector>(a.variances, a.E).asDiagonal();
+  std::copy_n(x, a.D, desired);
+  if (a.mode == SHARED) {
+    std::vector<double> corrected(a.D), step(a.E);
+    Matrix spread;
+    if (a.given_pose) {
+      std::copy_n(a.given_pose, a.D, corrected.data());
+      spread = MatrixView(a.given_covariance, a.E, a.E);
+    } else {
+      correct_command(a, comparison.deviations, probabilities, corrected.data(), spread);
+    }
+    deviation(a, x, corrected.data(), step.data());
+    for (double& value : step) value *= result.authority;
+    displace(a, x, step.data(), desired);
+    covariance = result.authority * spread + (1.0 - result.authority) * covariance;
+  }
+  for (int s = 0, column = a.scalar_start(); column < a.D; ++s, ++column) {
+    const bool is_released = std::abs(x[column] - a.held_values[s]) <= SCALAR_TOLERANCE ||
+                             std::abs(x[column] - a.held_commands[s]) > SCALAR_TOLERANCE;
+    const double held = is_released ? std::numeric_limits<double>::quiet_NaN() : a.held_values[s];
+    result.held_values[s] = held;
+    desired[column] = std::isnan(held) ? x[column] : held;
+  }
+}
+
+void set_transition(const Assistance& a, const double* desired, AssistanceResult& result) {
+  std::copy_n(a.offset, a.E, result.offset);
+  result.blend_time = a.blend_time + a.dt;
+  result.blend_duration = a.blend_duration;
+  if (!a.has_changed && result.is_following == a.is_following) return;
+  deviation(a, desired, a.pose, result.offset);
+  std::fill(result.offset + a.E - a.scalars(), result.offset + a.E, 0.0);
+  result.blend_time = 0.0;
+  result.blend_duration = blend_duration(a, result.offset);
+}
+
+}  // namespace
+
+void assistance_step(const Assistance& a, AssistanceResult& result) {
+  result.is_following = a.is_closed && is_valid_hand(a);
+  if (result.is_following)
+    map_hand(a, result.command);
+  else
+    std::copy_n(a.command, a.D, result.command);
+  std::copy_n(a.before, a.K, result.before);
+  std::copy_n(a.now, a.K, result.now);
+  result.elapsed = a.elapsed;
+  result.is_observed = false;
+  Comparison comparison = compare(a, result.command);
+  if (result.is_following && a.mode != AUTONOMOUS) advance_filter(a, comparison.log_likelihoods, result);
+  const double s = std::min(1.0, (result.elapsed + a.dt) / a.period);
+  const Vector probabilities = (1.0 - s) * Eigen::Map<const Vector>(result.before, a.K) +
+                               s * Eigen::Map<const Vector>(result.now, a.K);
+  std::copy_n(probabilities.data(), a.K, result.probabilities);
+  const double allowed =
+      a.mode == SHARED && a.is_current ? gate_authority(a, comparison.coverage_distance) : 0.0;
+  result.authority =
+      a.authority + std::min(std::max(allowed - a.authority, -MAX_RATE * a.dt), MAX_RATE * a.dt);
+  std::vector<double> desired(a.D), blended(a.D);
+  std::copy_n(a.held_values, a.scalars(), result.held_values);
+  if (a.mode == AUTONOMOUS) {
+    std::copy_n(a.given_pose, a.D, desired.data());
+    std::copy_n(a.given_covariance, a.E * a.E, result.covariance);
+  } else {
+    operated_pose(a, comparison, probabilities, result, desired.data());
+  }
+  set_transition(a, desired.data(), result);
+  blend(a, result, desired.data(), blended.data());
+  follow_desired(a, blended.data(), result);
+}
+
+}  // namespace pilotfish

@@ -1,0 +1,244 @@
+"""One step of direct, carried shared and autonomous control, from the operator's hand to the target."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pilotfish.kernels.assistance_types import (
+    AUTONOMOUS,
+    SHARED,
+    AssistanceInput,
+    AssistanceMemory,
+    AssistanceSettings,
+    AssistanceStep,
+    CarriedModel,
+)
+from pilotfish.kernels.hand_map import HandMap, is_valid_hand, map_hand
+from pilotfish.kernels.occupancy import OccupancyTables, advance_filter
+from pilotfish.kernels.reference.emission import deviations
+from pilotfish.kernels.reference.target_motion import (
+    blend,
+    blend_duration,
+    deviation,
+    displaced,
+    follow_desired,
+)
+from pilotfish.types import Array, Float
+
+MAX_RATE = 2.0  # of authority, per second
+SCALAR_TOLERANCE = 0.1  # unit of the scalar: a smaller difference is agreement, a larger change a command
+
+
+def assistance_step(
+    hand_map: HandMap,
+    model: CarriedModel,
+    tables: OccupancyTables,
+    settings: AssistanceSettings,
+    memory: AssistanceMemory,
+    given: AssistanceInput,
+) -> AssistanceStep:
+    """Return the next memory, the covariance of the desired pose and the probability of each state.
+
+    The desired pose y is
+
+        direct       the command x
+        shared       x moved towards the corrected command by the authority
+        autonomous   the pose of the plan
+
+    and the target follows it after a blend, within its limits (`target_motion`). A bad hand holds the command
+    and the filter. Scalars hold after a change of mode until the operator changes them or agrees.
+
+    Args:
+        hand_map: Map from the hand to the command.
+        model: The skill in the scene observed and in the actual one.
+        tables: Filter of its states.
+        settings: Authority, limits and period.
+        memory: Memory of the step before.
+        given: Hand, mode and time.
+
+    Source:
+        Tanwani 2018, section 6.3, with the corrections of docs/assistance.md.
+    """
+    is_oriented = memory.command.shape != memory.offset.shape
+    is_following = given.is_closed and is_valid_hand(given.hand, is_oriented)
+    x = map_hand(hand_map, given.hand, is_oriented) if is_following else memory.command
+    now = memory.filter
+    if is_following and given.mode != AUTONOMOUS:
+        now = advance_filter(tables, now, command_log_likelihoods(model, x), settings.period, given.dt)
+    probabilities = now.probabilities(settings.period, given.dt)
+    authority = _authority(model, settings, memory.authority, x, given)
+    held = memory.held_values
+    if given.mode == AUTONOMOUS:
+        assert given.given_pose is not None
+        assert given.given_covariance is not None
+        y, covariance = given.given_pose, given.given_covariance
+    else:
+        y, covariance = _desired(model, settings, x, probabilities, authority, given)
+        held, y[x.size - held.size :] = follow_scalars(held, memory.held_commands, x[x.size - held.size :])
+    offset, time, duration = memory.offset, memory.blend_time + given.dt, memory.blend_duration
+    if given.has_changed or is_following != memory.is_following:
+        offset = deviation(y, memory.pose, is_oriented)
+        offset[offset.size - held.size :] = 0.0
+        time, duration = 0.0, blend_duration(offset)
+    pose, velocity, desired = follow_desired(
+        settings,
+        (memory.pose, memory.velocity, memory.desired),
+        blend(y, offset, time, duration, is_oriented),
+        given.dt,
+    )
+    after = replace(
+        memory,
+        filter=now,
+        command=x,
+        offset=offset,
+        pose=pose,
+        velocity=velocity,
+        desired=desired,
+        held_values=held,
+        authority=authority,
+        blend_time=time,
+        blend_duration=duration,
+        is_following=is_following,
+    )
+    return AssistanceStep(after, covariance, probabilities)
+
+
+def whitened_deviations(model: CarriedModel, x: Float[Array, " D"]) -> Float[Array, "K E"]:
+    """Return the deviation of a command from each state of the scene observed, whitened.
+
+    Args:
+        model: The skill in the scene observed and in the actual one.
+        x: Command.
+    """
+    return np.asarray(np.einsum("kij,kj->ki", np.tril(model.whitening), _deviations_observed(model, x)))
+
+
+def command_log_likelihoods(model: CarriedModel, x: Float[Array, " D"]) -> Float[Array, " K"]:
+    """Return the log-density of a command in each state, up to a common constant.
+
+    Args:
+        model: The skill in the scene observed and in the actual one.
+        x: Command.
+    """
+    log_scales = np.log(np.diagonal(model.whitening, axis1=1, axis2=2)).sum(axis=1)
+    return np.asarray(log_scales - 0.5 * np.sum(whitened_deviations(model, x) ** 2, axis=1))
+
+
+def coverage_distance(model: CarriedModel, x: Float[Array, " D"], scalars: int) -> float:
+    """Return the distance of a command from what the demonstrations covered.
+
+    Args:
+        model: The skill in the scene observed and in the actual one.
+        x: Command.
+        scalars: Number of scalar columns, which do not count.
+    """
+    width = model.offsets.shape[1] - scalars
+    return float(np.sqrt(np.min(np.sum(whitened_deviations(model, x)[:, :width] ** 2, axis=1)) / width))
+
+
+def gate_authority(full: float, none: float, distance: float) -> float:
+    """Return the authority at a distance; it never increases with the distance.
+
+    Args:
+        full: Largest distance with full authority.
+        none: Smallest distance without authority.
+        distance: Distance from `coverage_distance`; not a number counts as infinite.
+    """
+    if not distance < none:
+        return 0.0
+    s = min((none - distance) / (none - full), 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def correct_command(
+    model: CarriedModel, x: Float[Array, " D"], probabilities: Float[Array, " K"]
+) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
+    """Return the mean and covariance of the carried and fused command.
+
+    Args:
+        model: The skill in the scene observed and in the actual one.
+        x: Command.
+        probabilities: Probability of each state.
+    """
+    is_oriented = x.size != model.offsets.shape[1]
+    steps = model.offsets + np.einsum("kij,kj->ki", model.gains, _deviations_observed(model, x))
+    corrected = np.array(
+        [displaced(mean, v, is_oriented) for mean, v in zip(model.actual_means, steps, strict=True)]
+    )
+    mean, between = mix_points(corrected, probabilities, is_oriented)
+    return mean, np.einsum("k,kij->ij", probabilities, model.fused_covariances) + between
+
+
+def mix_points(
+    points: Float[Array, "K D"], probabilities: Float[Array, " K"], is_oriented: bool
+) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
+    """Return the weighted mean of points and the covariance between them.
+
+    The mean is that of the tangent space at the most probable point, after one more step; it is exact on R^n.
+
+    Args:
+        points: Points.
+        probabilities: Weights, which sum to one.
+        is_oriented: Whether a quaternion follows the position.
+    """
+    mean, starts = points[probabilities.argmax()], (3,) if is_oriented else ()
+    for _ in range(2 if is_oriented else 1):
+        mean = displaced(mean, probabilities @ deviations(points, mean, starts), is_oriented)
+    v = deviations(points, mean, starts)
+    return mean, np.asarray((probabilities[:, None] * v).T @ v)
+
+
+def follow_scalars(
+    values: Float[Array, " S"], commands: Float[Array, " S"], now: Float[Array, " S"]
+) -> tuple[Float[Array, " S"], Float[Array, " S"]]:
+    """Return the scalars that still hold, and those of the target, while the operator is in control.
+
+    Args:
+        values: Value of each scalar that holds; NaN for one that follows the operator.
+        commands: Scalars commanded at the last change of mode.
+        now: Scalars that the operator commands.
+    """
+    released = (np.abs(now - values) <= SCALAR_TOLERANCE) | (np.abs(now - commands) > SCALAR_TOLERANCE)
+    held = np.where(released, np.nan, values)
+    return held, np.where(np.isnan(held), now, held)
+
+
+def _deviations_observed(model: CarriedModel, x: Float[Array, " D"]) -> Float[Array, "K E"]:
+    """Return log_mean(x) for the mean of each state in the scene observed: the negative of log_x(mean)."""
+    return -deviations(model.observed_means, x, () if x.size == model.offsets.shape[1] else (3,))
+
+
+def _authority(
+    model: CarriedModel,
+    settings: AssistanceSettings,
+    before: float,
+    x: Float[Array, " D"],
+    given: AssistanceInput,
+) -> float:
+    """Return the authority after the step: towards the gate, by at most two per second."""
+    allowed = 0.0
+    if given.mode == SHARED and given.is_current:
+        scalars = x.size - (7 if x.size != settings.variances.size else 3)
+        allowed = gate_authority(settings.full, settings.none, coverage_distance(model, x, scalars))
+    return before + min(max(allowed - before, -MAX_RATE * given.dt), MAX_RATE * given.dt)
+
+
+def _desired(
+    model: CarriedModel,
+    settings: AssistanceSettings,
+    x: Float[Array, " D"],
+    probabilities: Float[Array, " K"],
+    authority: float,
+    given: AssistanceInput,
+) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
+    """Return the desired pose of direct or shared control and its covariance."""
+    S = np.diag(settings.variances)
+    if given.mode != SHARED:
+        return x.copy(), S
+    if given.given_pose is None or given.given_covariance is None:
+        corrected, covariance = correct_command(model, x, probabilities)
+    else:
+        corrected, covariance = given.given_pose, given.given_covariance
+    is_oriented = x.size != settings.variances.size
+    step = deviation(x, corrected, is_oriented)
+    return displaced(x, authority * step, is_oriented), authority * covariance + (1.0 - authority) * S
