@@ -10,13 +10,14 @@ from annotations import check_annotations
 import pilotfish as pf
 from pilotfish import assistance
 from pilotfish.assistance import Command, Gate, initial_state, step_assistance
-from pilotfish.assistance.authority import coverage_distance, limit_authority
-from pilotfish.assistance.carried import CarriedSituation, carried_situation
+from pilotfish.assistance.carried import carried_situation
 from pilotfish.assistance.coordinates import coordinate_frames, coordinate_skill
 from pilotfish.assistance.operator_noise import DEFAULT_NOISE
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle, from_rotation_vector, multiply
+from pilotfish.kernels import CarriedModel, coverage_distance
+from pilotfish.kernels.reference.assistance import limit_authority
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +32,7 @@ def learn(demonstrations: list[Demonstration]) -> pf.Skill:
 
 
 @cache
-def situation_of(number: int) -> CarriedSituation:
+def situation_of(number: int) -> CarriedModel:
     demo, skill = task.demonstrations()[number], task.learn()
     frames = coordinate_frames(list(demo.frames), skill.layout)
     own = coordinate_skill(skill)
@@ -80,7 +81,7 @@ def test_authority_never_increases_along_rays_away_from_the_movement(rng):
         outermost = int(((demo.x[:, :3] - centre) @ direction).argmax())
         rows = np.tile(demo.x[outermost], (40, 1))
         rows[:, :3] += np.linspace(0.0, 0.8, 40)[:, None] * direction
-        values = [gate.authority(coverage_distance(situation_of(0).deviations(x), 6)) for x in rows]
+        values = [gate.authority(coverage_distance(situation_of(0), x, scalars=1)) for x in rows]
         assert values[-1] == 0.0
         assert (np.diff(values) <= 1e-9).all()
         checked += values[0] > 0.5

@@ -102,7 +102,7 @@ def run(state, steps, dt=0.02, *, hand=ROWS[25], observed=FRAMES, actual=FRAMES,
     assistant = assistant or task.assistant()
     authority = []
     for _ in range(steps):
-        before = state.motion.pose
+        before = state.memory.pose
         command = Command(hand, "shared", skill=skill)
         state, target = step_assistance(assistant, state, command, observed, actual, dt)
         for array in (target.pose, target.velocity, target.covariance, target.probabilities):
@@ -124,9 +124,9 @@ def assisted_state():
 def test_authority_fades_with_bad_frames_and_returns_with_good_ones(name, side):
     before = assisted_state()
     state, authority = run(before, 30, **{side: BAD_FRAMES[name]})
-    assert np.isclose(authority[0], before.authority - 2.0 * 0.02)  # it fades, and is not cut off
+    assert np.isclose(authority[0], before.memory.authority - 2.0 * 0.02)  # it fades, and is not cut off
     assert authority[-1] == 0.0
-    assert np.allclose(state.motion.pose[:3], ROWS[25, :3], atol=1e-3)  # direct control
+    assert np.allclose(state.memory.pose[:3], ROWS[25, :3], atol=1e-3)  # direct control
     _, authority = run(state, 40)
     assert authority[-1] > 0.9
 
@@ -135,9 +135,9 @@ def test_authority_fades_with_bad_frames_and_returns_with_good_ones(name, side):
 def test_target_holds_with_a_bad_hand_and_blends_when_it_returns(name):
     state = assisted_state()
     held, _ = run(state, 30, hand=BAD_HANDS[name])
-    assert np.allclose(held.motion.pose, state.motion.pose, atol=1e-3)
+    assert np.allclose(held.memory.pose, state.memory.pose, atol=1e-3)
     returned, _ = run(held, 60, hand=ROWS[25])
-    assert np.allclose(returned.motion.pose, state.motion.pose, atol=1e-3)
+    assert np.allclose(returned.memory.pose, state.memory.pose, atol=1e-3)
 
 
 @pytest.mark.parametrize("skill", [1, 7], ids=["without its frames", "unknown"])
@@ -148,4 +148,4 @@ def test_change_to_an_unusable_skill_keeps_the_old_one(skill):
     )
     state, _ = run(assisted_state(), 30, skill=skill, assistant=assistant)
     assert state.skill == 0
-    assert state.authority == 0.0 or skill == 7  # an unknown number changes nothing
+    assert state.memory.authority == 0.0 or skill == 7  # an unknown number changes nothing

@@ -1,14 +1,17 @@
 """Workspace, speed and acceleration of the target, and the blend after a change."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from pilotfish.assistance.transition import begin_transition
 
-from pilotfish.assistance.limits import Limits, TargetMotion, follow_desired
+from pilotfish.assistance.limits import Limits
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import angle, from_rotation_vector, log_map
+from pilotfish.kernels import AssistanceSettings
+from pilotfish.kernels.reference import target_motion
+from pilotfish.kernels.reference.target_motion import blend, blend_duration
 
 STARTS, DT = (3,), 0.01
 
@@ -17,15 +20,30 @@ def random_pose(rng, spread=0.3) -> np.ndarray:
     return np.concatenate([spread * rng.normal(size=3), from_rotation_vector(rng.normal(size=3)), [0.0]])
 
 
+class TargetMotion(NamedTuple):
+    """Target of the robot, its velocity and the desired pose."""
+
+    pose: np.ndarray
+    velocity: np.ndarray
+    desired: np.ndarray
+
+
 def at_rest(pose: np.ndarray) -> TargetMotion:
     return TargetMotion(pose, np.zeros(7), pose)
+
+
+def follow_desired(limits, motion, desired, dt) -> TargetMotion:
+    """Return the motion of the reference, which the compiled kernel equals."""
+    numbers = (limits.speed, limits.acceleration, limits.angular_speed, limits.angular_acceleration)
+    settings = AssistanceSettings(np.ones(7), limits.lower, limits.upper, 1.0, 3.0, *numbers, 0.1)
+    return TargetMotion(*target_motion.follow_desired(settings, tuple(motion), desired, dt))
 
 
 def follow(limits, motion, desired, steps):
     motions = [motion]
     for t in range(steps):
         pose = desired(t) if callable(desired) else desired
-        motions.append(follow_desired(limits, motions[-1], pose, DT, STARTS))
+        motions.append(follow_desired(limits, motions[-1], pose, DT))
     return motions
 
 
@@ -52,7 +70,7 @@ def test_box_speed_and_acceleration_hold_together_for_random_desired_poses(rng, 
             desired, drift = random_pose(rng, 0.4), rng.normal(size=3) * (rng.random() < 0.5)
         dt = 10.0 ** rng.uniform(-3.0, -1.0)
         desired[:3] += drift * dt
-        before, motion = motion, follow_desired(limits, motion, desired, dt, STARTS)
+        before, motion = motion, follow_desired(limits, motion, desired, dt)
         v, change = motion.velocity, motion.velocity - before.velocity
         step = log_map(before.pose, motion.pose, STARTS)
         assert np.allclose(step[:6], v[:6] * dt, atol=1e-12)
@@ -107,11 +125,11 @@ def test_limits_refuse_what_cannot_be_met(arguments):
 
 def test_blend_starts_at_the_target_ends_at_the_desired_pose_and_is_slow(rng):
     desired, target = random_pose(rng), random_pose(rng)
-    transition = begin_transition(desired, target, STARTS)
-    times = np.linspace(0.0, transition.duration, 101)
-    poses = [
-        type(transition)(transition.offset, t, transition.duration).blend(desired, STARTS) for t in times
-    ]
+    offset = log_map(desired, target, STARTS)
+    offset[6] = 0.0
+    duration = blend_duration(offset)
+    times = np.linspace(0.0, duration, 101)
+    poses = [blend(desired, offset, t, duration, is_oriented=True) for t in times]
     assert np.allclose(log_map(target, poses[0], STARTS)[:6], 0.0, atol=1e-9)
     assert np.allclose(poses[-1], desired)
     steps = [log_map(p, q, STARTS) / times[1] for p, q in pairwise(poses)]

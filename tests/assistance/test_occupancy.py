@@ -6,10 +6,9 @@ import pytest
 
 from pilotfish.assistance.occupancy import (
     initial_belief,
-    observe_command,
     occupancy_tables,
-    predict_belief,
 )
+from pilotfish.kernels import observe_command, predict_belief
 from pilotfish.models import Censoring, MarkovChain, MixtureWeights, SemiMarkovChain
 from pilotfish.models.durations import Gaussian, NegativeBinomial
 

@@ -83,7 +83,7 @@ def test_literal_variant_corrects_towards_the_actual_object():
 def test_autonomous_control_finishes_from_any_row(row):
     assistant = task.assistant()
     state, _ = run_rows(assistant, ROWS[:row], "shared")
-    before = state.motion.pose
+    before = state.memory.pose
     state, targets = run_rows(assistant, np.tile(ROWS[row], (70, 1)), "autonomous", state=state)
     assert targets[0].mode == "autonomous"
     assert np.linalg.norm(targets[0].pose[:3] - before[:3]) < 0.05  # it goes on, not back to the start
@@ -108,7 +108,7 @@ def test_plan_follows_an_object_that_moves(rng):
 
 def autonomous_path(assistant, state, noise, rng, dt, count):
     """Return the positions of autonomous control with normal noise [m] in the frames of each step."""
-    path, command = [], Command(state.command, "autonomous")
+    path, command = [], Command(state.memory.command, "autonomous")
     for _ in range(count):
         frames = [replace(f, b=f.b + noise * rng.normal() * (np.arange(8) < 3)) for f in FRAMES]
         state, target = step_assistance(assistant, state, command, FRAMES, frames if noise else FRAMES, dt)
@@ -173,7 +173,7 @@ def test_target_at_rest_leaves_at_most_1_mm_at_the_change_and_blends_slowly(befo
         state, target = step_assistance(assistant, state, command, FRAMES, actual, dt)
         step, turn = np.linalg.norm(target.pose[:3] - rest[:3]), angle(target.pose[3:7], rest[3:7])
         if n == 0:
-            at_change = max(1e-3, np.linalg.norm(state.motion.velocity[:3]) * dt)
+            at_change = max(1e-3, np.linalg.norm(state.memory.velocity[:3]) * dt)
             assert step <= (1e-3 if before != "autonomous" else at_change)
             assert turn <= np.radians(0.1) or before == "autonomous"
         assert step <= 0.25 * dt * 1.05 or "autonomous" in (before, after)
@@ -183,7 +183,7 @@ def test_target_at_rest_leaves_at_most_1_mm_at_the_change_and_blends_slowly(befo
 def test_hand_that_moved_while_the_clutch_was_open_does_not_move_the_target():
     assistant = task.assistant()
     state, _ = run_rows(assistant, np.tile(ROWS[5], (30, 1)), "direct")
-    rest, moved = state.motion.pose, ROWS[5].copy()
+    rest, moved = state.memory.pose, ROWS[5].copy()
     moved[:3] += [0.3, 0.2, -0.1]
     moved[3:7] = multiply(from_rotation_vector(np.array([0.0, 0.5, 0.0])), moved[3:7])
     for clutch in (False, True):
@@ -224,7 +224,7 @@ def test_filter_does_not_depend_on_the_rate_of_the_loop():
     for row in ROWS[:20]:
         for _ in range(5):
             fast, _ = step_assistance(assistant, fast, Command(row), FRAMES, FRAMES, task.PERIOD / 5)
-    p, q = slow.identification.now[0], fast.identification.now[0]
+    p, q = slow.memory.filter.now, fast.memory.filter.now
     assert p.argmax() == q.argmax()
 
 

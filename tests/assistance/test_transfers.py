@@ -13,7 +13,6 @@ import assisted_task as task
 import numpy as np
 import pytest
 from annotations import check_annotations
-from pilotfish.assistance.transition import Transition
 
 from pilotfish import assistance
 from pilotfish.assistance import Command, initial_state, step_assistance
@@ -31,7 +30,6 @@ MODES = {
 }
 CHANGES = int(os.environ.get("PILOTFISH_CHANGES", "100"))
 PAIRS = {(before, after) for before in MODES for after in MODES}
-NO_TRANSITION = Transition(np.zeros(7), 0.0, 0.0)
 
 
 @pytest.fixture(autouse=True)
@@ -86,7 +84,7 @@ def random_instants(rng, limits, count):
         name, clutch = change_at_random(rng, before, clutch)
         mode, skill = MODES[name]
         free = None  # the same state without a transition: its target is what the mode requests
-        instant = Instant((before, name), state.motion.pose, state.motion.velocity, [], [])
+        instant = Instant((before, name), state.memory.pose, state.memory.velocity, [], [])
         for _ in range(min(2 + rng.geometric(0.15), 30)):
             dt = DT if instant.targets else AT_CHANGE
             time += dt
@@ -96,7 +94,7 @@ def random_instants(rng, limits, count):
                 instant.requested.append(wanted.pose)
             state, target = step_assistance(assistant, state, command, observed, actual, dt)
             if not instant.targets and limits is FREE:
-                free = replace(state, transition=NO_TRANSITION)
+                free = replace(state, memory=replace(state.memory, blend_duration=0.0))
             instant.targets.append(target)
         yield instant
         before = name

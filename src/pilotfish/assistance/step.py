@@ -146,6 +146,7 @@ def step_assistance(
     state = _update_clutch(assistant, state, command.clutch, hand)
     state = _change_mode(assistant, state, command.mode, hand)
     state, corrected = _corrected_elsewhere(assistant, state, hand, dt)
+    has_changed = (before.mode, before.skill) != (state.mode, state.skill)
     skill = assistant.skills[state.skill]
     memory, covariance, probabilities = kernels.assistance_step(
         state.hand_map,
@@ -153,32 +154,31 @@ def step_assistance(
         skill.tables,
         assistant.settings[state.skill],
         state.memory,
-        AssistanceInput(
-            hand,
-            corrected[0] if corrected else None,
-            corrected[1] if corrected else None,
-            dt,
-            MODE_NUMBERS[state.mode],
-            state.is_clutch_closed,
-            state.situation.is_current,
-            (before.mode, before.skill) != (state.mode, state.skill),
-        ),
+        _kernel_input(state, hand, corrected, has_changed, dt),
     )
     if state.plan is not None:
         probabilities = np.eye(skill.skill.states)[state.plan.states[state.plan.row]]
-    after = AssistanceState(
-        memory,
-        state.hand_map,
-        state.is_clutch_closed,
-        state.mode,
-        state.skill,
-        state.situation,
-        state.plan,
-        state.joint,
-        state.tracked,
-    )
     target = Target(memory.pose, memory.velocity, covariance, state.mode, memory.authority, probabilities)
-    return after, target
+    return replace(state, memory=memory), target
+
+
+def _kernel_input(
+    state: AssistanceState,
+    hand: Float[Array, " D"],
+    corrected: Corrected | None,
+    has_changed: bool,
+    dt: float,
+) -> AssistanceInput:
+    return AssistanceInput(
+        hand,
+        corrected[0] if corrected else None,
+        corrected[1] if corrected else None,
+        dt,
+        MODE_NUMBERS[state.mode],
+        state.is_clutch_closed,
+        state.situation.is_current,
+        has_changed,
+    )
 
 
 def _numbers(hand: Array, layout: Layout) -> Float[Array, " D"]:

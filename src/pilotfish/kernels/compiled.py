@@ -188,40 +188,26 @@ def assistance_step(
     given: AssistanceInput,
 ) -> AssistanceStep:
     try:  # without the decorator: a control loop calls this every few milliseconds
-        return _assistance_step(hand_map, model, tables, settings, memory, given)
+        found = _native.assistance_step(
+            *_model_arrays(hand_map, model, tables, settings), *_step_values(memory, given)
+        )
     except (TypeError, ValueError):
-        packed = assistance_validation.pack_assistance(hand_map, model, tables, settings, memory, given)
-        return _assistance_step(*packed)
+        hand_map, model, tables, settings, memory, given = assistance_validation.pack_assistance(
+            hand_map, model, tables, settings, memory, given
+        )
+        found = _native.assistance_step(
+            *_model_arrays(hand_map, model, tables, settings), *_step_values(memory, given)
+        )
+    (is_observed, belief, *probabilities_and_time), arrays, numbers, covariance, probabilities = found
+    state_filter = StateFilter(belief if is_observed else memory.filter.belief, *probabilities_and_time)
+    after = AssistanceMemory(state_filter, *(*arrays, memory.held_commands, *numbers))
+    return AssistanceStep(after, covariance, probabilities)
 
 
-def _assistance_step(
-    hand_map: HandMap,
-    model: CarriedModel,
-    tables: OccupancyTables,
-    settings: AssistanceSettings,
-    memory: AssistanceMemory,
-    given: AssistanceInput,
-) -> AssistanceStep:
-    before = memory.filter
-    (
-        is_observed,
-        belief,
-        probs_before,
-        probs_now,
-        elapsed,
-        command,
-        offset,
-        pose,
-        velocity,
-        desired,
-        held_values,
-        authority,
-        blend_time,
-        blend_duration,
-        is_following,
-        covariance,
-        probabilities,
-    ) = _native.assistance_step(
+def _model_arrays(
+    hand_map: HandMap, model: CarriedModel, tables: OccupancyTables, settings: AssistanceSettings
+) -> tuple[Array | float, ...]:
+    return (
         *(hand_map.matrix, hand_map.shift, hand_map.left, hand_map.right),
         *(model.observed_means, model.whitening, model.actual_means),
         *(model.offsets, model.gains, model.fused_covariances),
@@ -229,6 +215,12 @@ def _assistance_step(
         *(settings.variances, settings.lower, settings.upper, settings.full, settings.none),
         *(settings.speed, settings.acceleration),
         *(settings.angular_speed, settings.angular_acceleration, settings.period),
+    )
+
+
+def _step_values(memory: AssistanceMemory, given: AssistanceInput) -> tuple[Array | float, ...]:
+    before = memory.filter
+    return (
         *(before.belief, before.before, before.now, before.elapsed),
         *(memory.command, memory.offset, memory.pose, memory.velocity, memory.desired),
         *(memory.held_values, memory.held_commands),
@@ -237,24 +229,6 @@ def _assistance_step(
         NO_POSE if given.given_pose is None else given.given_pose,
         NO_COVARIANCE if given.given_covariance is None else given.given_covariance,
         *(given.dt, given.mode, given.is_closed, given.is_current, given.has_changed),
-    )
-    return AssistanceStep(
-        AssistanceMemory(
-            StateFilter(belief if is_observed else before.belief, probs_before, probs_now, elapsed),
-            command,
-            offset,
-            pose,
-            velocity,
-            desired,
-            held_values,
-            memory.held_commands,
-            authority,
-            blend_time,
-            blend_duration,
-            is_following,
-        ),
-        covariance,
-        probabilities,
     )
 
 

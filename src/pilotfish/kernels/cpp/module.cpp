@@ -25,8 +25,7 @@ namespace nb = nanobind;
 
 namespace pilotfish::python {
 
-void bind_assistance(nb::module_& module);  // in module_assistance.cpp
-void bind_streams(nb::module_& module);     // in module_streams.cpp
+void bind_assistance(nb::module_& module), bind_streams(nb::module_& module);  // in module_*.cpp
 
 namespace {
 
@@ -394,8 +393,7 @@ NB_MODULE(PILOTFISH_MODULE, module) {
   module.def("semi_markov_forward", &python::semi_markov_forward);
   module.def("semi_markov_e_step", &python::semi_markov_e_step);
   module.def("riccati", &python::riccati);
-  python::bind_assistance(module);
-  python::bind_streams(module);
+  python::bind_assistance(module), python::bind_streams(module);
   module.def("semi_tied_sweeps", &python::semi_tied_sweeps);
   module.def("precision_cholesky", &python::precision_cholesky);
   module.def("supports_v3", &python::supports_v3);

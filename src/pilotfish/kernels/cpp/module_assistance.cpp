@@ -173,9 +173,10 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
     SubnormalsFlushed subnormals;
     pilotfish::assistance_step(a, r);
   }
-  return std::make_tuple(r.is_observed, new_belief, new_before, new_now, r.elapsed, new_command, new_offset,
-                         new_pose, new_velocity, new_desired, new_held, r.authority, r.blend_time,
-                         r.blend_duration, r.is_following, covariance, probabilities);
+  return std::make_tuple(std::make_tuple(r.is_observed, new_belief, new_before, new_now, r.elapsed),
+                         std::make_tuple(new_command, new_offset, new_pose, new_velocity, new_desired, new_held),
+                         std::make_tuple(r.authority, r.blend_time, r.blend_duration, r.is_following),
+                         covariance, probabilities);
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 """One step of direct, carried shared and autonomous control, from the operator's hand to the target."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from pilotfish.kernels.assistance_types import (
@@ -67,14 +65,7 @@ def assistance_step(
         now = advance_filter(tables, now, command_log_likelihoods(model, x), settings.period, given.dt)
     probabilities = now.probabilities(settings.period, given.dt)
     authority = _authority(model, settings, memory.authority, x, given)
-    held = memory.held_values
-    if given.mode == AUTONOMOUS:
-        assert given.given_pose is not None
-        assert given.given_covariance is not None
-        y, covariance = given.given_pose, given.given_covariance
-    else:
-        y, covariance = _desired(model, settings, x, probabilities, authority, given)
-        held, y[x.size - held.size :] = follow_scalars(held, memory.held_commands, x[x.size - held.size :])
+    y, covariance, held = _desired(model, settings, memory, (x, probabilities, authority), given)
     offset, time, duration = memory.offset, memory.blend_time + given.dt, memory.blend_duration
     if given.has_changed or is_following != memory.is_following:
         offset = deviation(y, memory.pose, is_oriented)
@@ -86,19 +77,9 @@ def assistance_step(
         blend(y, offset, time, duration, is_oriented),
         given.dt,
     )
-    after = replace(
-        memory,
-        filter=now,
-        command=x,
-        offset=offset,
-        pose=pose,
-        velocity=velocity,
-        desired=desired,
-        held_values=held,
-        authority=authority,
-        blend_time=time,
-        blend_duration=duration,
-        is_following=is_following,
+    after = AssistanceMemory(
+        *(now, x, offset, pose, velocity, desired, held, memory.held_commands),
+        *(authority, time, duration, is_following),
     )
     return AssistanceStep(after, covariance, probabilities)
 
@@ -148,6 +129,17 @@ def gate_authority(full: float, none: float, distance: float) -> float:
         return 0.0
     s = min((none - distance) / (none - full), 1.0)
     return s * s * (3.0 - 2.0 * s)
+
+
+def limit_authority(before: float, gate: float, dt: float) -> float:
+    """Return the authority after a step: towards the gate, by at most two per second.
+
+    Args:
+        before: Authority before the step.
+        gate: Authority of the gate.
+        dt: Time of the step [s].
+    """
+    return before + min(max(gate - before, -MAX_RATE * dt), MAX_RATE * dt)
 
 
 def correct_command(
@@ -215,30 +207,35 @@ def _authority(
     x: Float[Array, " D"],
     given: AssistanceInput,
 ) -> float:
-    """Return the authority after the step: towards the gate, by at most two per second."""
+    """Return the authority after the step."""
     allowed = 0.0
     if given.mode == SHARED and given.is_current:
         scalars = x.size - (7 if x.size != settings.variances.size else 3)
         allowed = gate_authority(settings.full, settings.none, coverage_distance(model, x, scalars))
-    return before + min(max(allowed - before, -MAX_RATE * given.dt), MAX_RATE * given.dt)
+    return limit_authority(before, allowed, given.dt)
 
 
 def _desired(
     model: CarriedModel,
     settings: AssistanceSettings,
-    x: Float[Array, " D"],
-    probabilities: Float[Array, " K"],
-    authority: float,
+    memory: AssistanceMemory,
+    recognised: tuple[Float[Array, " D"], Float[Array, " K"], float],
     given: AssistanceInput,
-) -> tuple[Float[Array, " D"], Float[Array, "E E"]]:
-    """Return the desired pose of direct or shared control and its covariance."""
-    S = np.diag(settings.variances)
-    if given.mode != SHARED:
-        return x.copy(), S
-    if given.given_pose is None or given.given_covariance is None:
-        corrected, covariance = correct_command(model, x, probabilities)
-    else:
-        corrected, covariance = given.given_pose, given.given_covariance
-    is_oriented = x.size != settings.variances.size
-    step = deviation(x, corrected, is_oriented)
-    return displaced(x, authority * step, is_oriented), authority * covariance + (1.0 - authority) * S
+) -> tuple[Float[Array, " D"], Float[Array, "E E"], Float[Array, " S"]]:
+    """Return the desired pose of the mode, its covariance and the scalars that still hold."""
+    (x, probabilities, authority), held = recognised, memory.held_values
+    elsewhere = None
+    if given.given_pose is not None and given.given_covariance is not None:
+        elsewhere = given.given_pose, given.given_covariance
+    if given.mode == AUTONOMOUS:
+        assert elsewhere is not None
+        return *elsewhere, held
+    y, covariance = x.copy(), np.diag(settings.variances)
+    if given.mode == SHARED:
+        corrected, spread = elsewhere or correct_command(model, x, probabilities)
+        is_oriented = x.size != settings.variances.size
+        y = displaced(x, authority * deviation(x, corrected, is_oriented), is_oriented)
+        covariance = authority * spread + (1.0 - authority) * covariance
+    columns = slice(x.size - held.size, None)
+    held, y[columns] = follow_scalars(held, memory.held_commands, x[columns])
+    return y, covariance, held
