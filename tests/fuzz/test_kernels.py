@@ -25,6 +25,7 @@ EPS = np.finfo(float).eps
 ILL_CONDITIONED = {
     "assistance_step",
     "riccati",
+    "riemannian_product",
     "semi_tied_sweeps",
     "precision_cholesky",
     "impedance_torque",
@@ -74,7 +75,8 @@ def rounding(arguments: list[Any]) -> float:
         warnings.simplefilter("ignore")
         for value in arguments:
             if isinstance(value, Emissions):
-                x = np.asarray(arguments[0], dtype=float)
+                points = value.means if arguments[0] is value else arguments[0]
+                x = np.asarray(points, dtype=float)
                 reach = np.abs(x).max() + np.abs(np.asarray(value.means, dtype=float)).max()
                 precision_cholesky = np.asarray(value.precision_cholesky, dtype=float)
                 largest += (

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pilotfish.kernels import Emissions, SemiMarkovTables, reference
-from pilotfish.kernels.reference.emission import deviations, rotation_vectors
+from pilotfish.kernels.reference.manifold import deviations, rotation_vectors
 
 
 def unit(q):

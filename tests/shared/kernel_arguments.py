@@ -115,6 +115,21 @@ def riccati(rng: Generator) -> Arguments:
     return [A, rng.normal(size=(S, n, m)), random_covariances(rng, T, n), rng.normal(size=(T, n)), np.eye(m)]
 
 
+def riemannian_product(rng: Generator) -> Arguments:
+    """Return arguments of riemannian_product."""
+    P, K = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+    starts = [(), (0,), (3,), (1, 5)][rng.integers(4)]
+    D = int(rng.integers(1, 4)) + (max(starts) + 4 if starts else 0)
+    E = D - len(starts)
+    means = rng.normal(size=D) + 0.1 * rng.normal(size=(P, K, D))
+    for start in starts:
+        means[..., start : start + 4] /= np.linalg.norm(means[..., start : start + 4], axis=-1, keepdims=True)
+    roots = 0.3 * rng.normal(size=(P, K, E, E))
+    covariances = roots @ roots.swapaxes(-1, -2) + 0.01 * np.eye(E)
+    W = np.linalg.inv(np.linalg.cholesky(covariances))
+    return [Emissions(means, W, starts), covariances]
+
+
 def arm(rng: Generator) -> Arguments:
     """Return arguments of impedance_torque."""
     n = int(rng.choice([1, 6, 7, 16]))
@@ -163,6 +178,7 @@ DRAW_ARGUMENTS: dict[str, Callable[[Generator], Arguments]] = {
     "observe": stream,
     "observe_one": stream_of_one,
     "riccati": riccati,
+    "riemannian_product": riemannian_product,
     "semi_markov_forward_backward": semi_markov,
     "semi_markov_e_step": semi_markov_e_step,
     "semi_markov_forward": semi_markov,

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilotfish import kernels
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians.gaussian import Gaussian, log_density, precision_cholesky, product
-from pilotfish.geometry import exp_map, exp_map_jacobian, log_map
+from pilotfish.gaussians.gaussian import Gaussian, log_density, precision_cholesky
+from pilotfish.geometry import exp_map_jacobian, log_map
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
-
-MAX_ITERATIONS, TOLERANCE = 100, 1e-10
-ROUNDING = 1e-9  # relative error of the cost
-STEP_SIZES = 0.5 ** np.arange(20)
 
 
 @shorten_repr
@@ -61,7 +58,9 @@ class RiemannianGaussian:
         Args:
             point: Point on the manifold.
         """
-        return _tangent_gaussians(log_map(self.mean[None], point, self.orientation_starts), [self])[0]
+        v = log_map(self.mean, point, self.orientation_starts)
+        J = exp_map_jacobian(v, self.orientation_starts)
+        return Gaussian(-v, J @ self.covariance @ J.T)  # since J v = v
 
     @classmethod
     def product(cls, gaussians: Sequence["RiemannianGaussian"]) -> "RiemannianGaussian":
@@ -85,37 +84,10 @@ class RiemannianGaussian:
             return gaussians[0]
         if not gaussians:
             raise InvalidInput("gaussians is empty, expected at least one Gaussian")
-        orientation_starts = gaussians[0].orientation_starts
-
-        W = precision_cholesky(np.stack([g.covariance for g in gaussians]), "the covariance of Gaussian")
-        means = np.stack([g.mean for g in gaussians])
-
-        def cost(v: Float[Array, "P E"]) -> float:
-            return float(np.sum(np.einsum("pij,pj->pi", W, v) ** 2))
-
-        x = min(means, key=lambda mean: cost(log_map(means, mean, orientation_starts)))
-        v = log_map(means, x, orientation_starts)
-        for _ in range(MAX_ITERATIONS):
-            step = product(_tangent_gaussians(v, gaussians))
-            candidates = (
-                (
-                    point := exp_map(x, size * step.mean, orientation_starts),
-                    log_map(means, point, orientation_starts),
-                )
-                for size in STEP_SIZES
-            )
-            lower = next((candidate for candidate in candidates if cost(candidate[1]) < cost(v)), None)
-            if lower is None or np.abs(step.mean).max() <= TOLERANCE:
-                break
-            x, v = lower
-        end = exp_map(x, step.mean, orientation_starts)  # more exact than x where only rounding is left
-        if cost(log_map(means, end, orientation_starts)) > (1.0 + ROUNDING) * cost(v):
-            end = x  # next to a half turn from a mean, where the density jumps
-        return cls(end, step.covariance, orientation_starts)
-
-
-def _tangent_gaussians(v: Float[Array, "P E"], gaussians: Sequence[RiemannianGaussian]) -> list[Gaussian]:
-    """Return the densities in the tangent space at one point; v leads to it from their means."""
-    J = exp_map_jacobian(v, gaussians[0].orientation_starts)
-    covariances = J @ np.stack([g.covariance for g in gaussians]) @ J.transpose(0, 2, 1)
-    return [Gaussian(-step, C) for step, C in zip(v, covariances, strict=True)]  # since J v = v
+        covariances = np.stack([g.covariance for g in gaussians])
+        W = precision_cholesky(covariances, "the covariance of Gaussian")
+        means, starts = np.stack([g.mean for g in gaussians]), gaussians[0].orientation_starts
+        found = kernels.riemannian_product(
+            kernels.Emissions(means[:, None], W[:, None], starts), covariances[:, None]
+        )
+        return cls(found.means[0], found.covariances[0], starts)

@@ -36,6 +36,7 @@ from pilotfish.kernels.backend import (
     observe_one,
     precision_cholesky,
     riccati,
+    riemannian_product,
     semi_markov_e_step,
     semi_markov_forward,
     semi_markov_forward_backward,
@@ -56,7 +57,7 @@ from pilotfish.kernels.reference.assistance import (
     coverage_distance,
     gate_authority,
 )
-from pilotfish.kernels.results import EStep
+from pilotfish.kernels.results import EStep, RiemannianProduct
 from pilotfish.kernels.stream_state import (
     MAX_VALUE,
     Assignments,
@@ -86,6 +87,7 @@ __all__ = [
     "HandMap",
     "ImpedanceParameters",
     "OccupancyTables",
+    "RiemannianProduct",
     "SemiMarkovTables",
     "SlowKernelsWarning",
     "StateFilter",
@@ -111,6 +113,7 @@ __all__ = [
     "precision_cholesky",
     "predict_belief",
     "riccati",
+    "riemannian_product",
     "semi_markov_e_step",
     "semi_markov_forward",
     "semi_markov_forward_backward",

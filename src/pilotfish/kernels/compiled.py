@@ -34,6 +34,7 @@ from pilotfish.kernels.results import (
     EStep,
     ForwardBackward,
     RiccatiSolution,
+    RiemannianProduct,
     SemiMarkovForward,
     SemiMarkovForwardBackward,
     ViterbiPath,
@@ -315,6 +316,14 @@ def riccati(
     if failed_index >= 0:
         raise control_cost_error(failed_index)
     return gains, feedforwards, P, d
+
+
+@_validate_on_failure
+def riemannian_product(emissions: Emissions, covariances: Float[Array, "P K E E"]) -> RiemannianProduct:
+    means, precision_cholesky, orientation_starts = _emission_arrays(emissions)
+    return RiemannianProduct(
+        *_native.riemannian_product(means, covariances, precision_cholesky, orientation_starts)
+    )
 
 
 def semi_tied_sweeps(

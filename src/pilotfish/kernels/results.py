@@ -89,3 +89,16 @@ class EStep(NamedTuple):
     long_segment_counts: Float[Array, "2 K"]
     deviation_sums: Float[Array, "P K E"]
     scatter_matrices: Float[Array, "P K E E"]
+
+
+@shorten_repr
+class RiemannianProduct(NamedTuple):
+    """Products of Gaussians on R^n x S^3 x ..., one for each state.
+
+    Attributes:
+        means: Modes of the products.
+        covariances: Covariances in their tangent spaces.
+    """
+
+    means: Float[Array, "K D"]
+    covariances: Float[Array, "K E E"]

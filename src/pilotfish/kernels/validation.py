@@ -168,6 +168,17 @@ def _validate_threads(threads: object) -> int:
     return require_count(threads, "threads", MAX_INT)
 
 
+def pack_product(emissions: Emissions, covariances: object) -> tuple[Emissions, Array]:
+    """Return the packed arguments of riemannian_product."""
+    sizes: dict[str, int] = {}
+    (means,) = pack_arguments(EMISSIONS[1:2], (emissions.means,), sizes)
+    starts = _validate_orientation_starts(emissions.orientation_starts, sizes["D"])
+    sizes["E"] = sizes["D"] - len(starts)
+    given = (("precision_cholesky", "PKEE", "finite"), ("covariances", "PKEE", "finite"))
+    precision_cholesky, packed = pack_arguments(given, (emissions.precision_cholesky, covariances), sizes)
+    return Emissions(means, precision_cholesky, starts), packed
+
+
 def pack_riccati(A: object, B: object, weights: object, targets: object, control_cost: object) -> list[Array]:
     """Return the packed arguments of riccati."""
     sizes: dict[str, int] = {}
@@ -221,6 +232,7 @@ KERNELS: dict[str, Callable[..., Iterable[Any]]] = {
     "observe_one": lambda x, state, parameters: (*pack_stream(x, "PD", state, parameters), parameters),
     "precision_cholesky": pack_covariances,
     "riccati": pack_riccati,
+    "riemannian_product": pack_product,
     "semi_markov_e_step": pack_semi_markov_e_step,
     "semi_markov_forward": pack_semi_markov,
     "semi_markov_forward_backward": pack_semi_markov,

@@ -5,15 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from pilotfish import kernels
 from pilotfish.demonstrations import Frame, Layout, MovingFrame
 from pilotfish.errors import InvalidInput
-from pilotfish.gaussians import Gaussian, RiemannianGaussian, affine_transform, product
+from pilotfish.gaussians import Gaussian, affine_transform, precision_cholesky, product
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import normalise
 from pilotfish.models.endpoints import endpoint_skill
 from pilotfish.models.signs import align_frame_signs, nearest_quaternion_signs
 from pilotfish.models.skill import AdaptedSkill, Skill
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Bool, Float
 from pilotfish.validation import numeric_array, require_type
 
 MIN_RELEVANCE = 1e-50  # covariances are divided by it
@@ -63,12 +64,11 @@ def adapt(
 
 def _adapt_states(skill: Skill, frames: Sequence[Frame], frame_weights: Float[Array, "P K"]) -> AdaptedSkill:
     """Return the product of the frame Gaussians of each state."""
-    frame_product = _riemannian_frame_product if skill.layout.orientation_starts else _frame_product
+    frame_products = _riemannian_frame_products if skill.layout.orientation_starts else _frame_products
     with np.errstate(over="ignore", invalid="ignore"):
-        states = [frame_product(skill, frames, frame_weights, k) for k in range(skill.states)]
-    _validate_finite(states, frames)
-    means = _normalise_quaternions(np.stack([g.mean for g in states]), skill.layout)
-    covariances = np.stack([g.covariance for g in states])
+        means, covariances = frame_products(skill, frames, frame_weights)
+    _validate_finite(means, covariances, frames)
+    means = _normalise_quaternions(means, skill.layout)
     return AdaptedSkill(skill.dynamics, means, covariances, skill.layout, skill.period, skill.demonstrated)
 
 
@@ -88,10 +88,12 @@ def _with_signs(model: AdaptedSkill, signs: Float[Array, "K D"]) -> AdaptedSkill
     )
 
 
-def _validate_finite(states: Sequence[Gaussian | RiemannianGaussian], frames: Sequence[Frame]) -> None:
+def _validate_finite(
+    means: Float[Array, "K D"], covariances: Float[Array, "K E E"], frames: Sequence[Frame]
+) -> None:
     """Raise InvalidInput unless all products are finite; name the frame with the largest numbers."""
-    for k, state in enumerate(states):
-        if not (np.isfinite(state.mean).all() and np.isfinite(state.covariance).all()):
+    for k, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
+        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
             largest = max(frames, key=lambda frame: max(np.abs(frame.A).max(), np.abs(frame.b).max()))
             raise InvalidInput(
                 f"state {k} is not finite in these frames, of which {largest.name!r} has the largest values; "
@@ -99,38 +101,56 @@ def _validate_finite(states: Sequence[Gaussian | RiemannianGaussian], frames: Se
             )
 
 
-def _frame_product(
-    skill: Skill, frames: Sequence[Frame], frame_weights: Float[Array, "P K"], k: int
-) -> Gaussian:
-    """Return the product of the frame Gaussians of state k in the world."""
-    return product(
-        [
-            affine_transform(
-                Gaussian(skill.means[p, k], skill.covariances[p].dense[k] / frame_weights[p, k]),
-                frame.A,
-                frame.b,
-            )
-            for p, frame in enumerate(frames)
-            if frame_weights[p, k] > 0.0
+def _frame_products(
+    skill: Skill, frames: Sequence[Frame], frame_weights: Float[Array, "P K"]
+) -> tuple[Float[Array, "K D"], Float[Array, "K D D"]]:
+    """Return the products of the frame Gaussians in the world."""
+    states = [
+        product(
+            [
+                affine_transform(
+                    Gaussian(skill.means[p, k], skill.covariances[p].dense[k] / frame_weights[p, k]),
+                    frame.A,
+                    frame.b,
+                )
+                for p, frame in enumerate(frames)
+                if frame_weights[p, k] > 0.0
+            ]
+        )
+        for k in range(skill.states)
+    ]
+    return np.stack([g.mean for g in states]), np.stack([g.covariance for g in states])
+
+
+def _riemannian_frame_products(
+    skill: Skill, frames: Sequence[Frame], frame_weights: Float[Array, "P K"]
+) -> tuple[Float[Array, "K D"], Float[Array, "K E E"]]:
+    """Return the products for a skill with orientations on S^3."""
+    shape = skill.states, skill.layout.width - len(skill.layout.orientation_starts)
+    means, covariances = np.empty((skill.states, skill.layout.width)), np.empty((*shape, shape[1]))
+    for used in np.unique(frame_weights > 0.0, axis=1).T:  # all states that the same frames determine
+        states = ((frame_weights > 0.0) == used[:, None]).all(axis=0)
+        given = [
+            _in_world(skill, frames[p], p, states, frame_weights[p, states]) for p in np.flatnonzero(used).tolist()
         ]
-    )
+        if len(given) == 1:
+            means[states], covariances[states], _ = given[0]
+            continue
+        world_means, world_covariances, W = (np.stack(each) for each in zip(*given, strict=True))
+        means[states], covariances[states] = kernels.riemannian_product(
+            kernels.Emissions(world_means, W, skill.layout.orientation_starts), world_covariances
+        )
+    return means, covariances
 
 
-def _riemannian_frame_product(
-    skill: Skill, frames: Sequence[Frame], frame_weights: Float[Array, "P K"], k: int
-) -> RiemannianGaussian:
-    """Return the product for a skill with orientations on S^3."""
-    orientation_starts, frame_gaussians = skill.layout.orientation_starts, []
-    for p, frame in enumerate(frames):
-        if frame_weights[p, k] > 0.0:
-            tangent_rotation = frame.tangent_map(skill.layout)
-            covariance = (
-                tangent_rotation @ (skill.covariances[p].dense[k] / frame_weights[p, k]) @ tangent_rotation.T
-            )
-            frame_gaussians.append(
-                RiemannianGaussian(frame.A @ skill.means[p, k] + frame.b, covariance, orientation_starts)
-            )
-    return RiemannianGaussian.product(frame_gaussians)
+def _in_world(
+    skill: Skill, frame: Frame, p: int, states: Bool[Array, " K"], weights: Float[Array, " N"]
+) -> tuple[Float[Array, "N D"], Float[Array, "N E E"], Float[Array, "N E E"]]:
+    """Return means and covariances of some states of a frame in the world, and their precision factors."""
+    tangent_map = frame.tangent_map(skill.layout)
+    covariances = tangent_map @ (skill.covariances[p].dense[states] / weights[:, None, None]) @ tangent_map.T
+    W = precision_cholesky(covariances, f"frame {frame.name!r}: the covariance of state")
+    return skill.means[p, states] @ frame.A.T + frame.b, covariances, W
 
 
 def _validate_relevance(relevance: Float[Array, "P K"] | None, skill: Skill) -> Float[Array, "P K"]:

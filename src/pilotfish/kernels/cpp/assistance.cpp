@@ -58,7 +58,7 @@ Comparison compare(const Assistance& a, const double* x) {
   double nearest = std::numeric_limits<double>::infinity();
   for (int k = 0; k < a.K; ++k) {
     double* e = comparison.deviations.row(k).data();
-    deviation(a, a.observed_means + k * a.D, x, e);
+    deviation(a.manifold, a.observed_means + k * a.D, x, e);
     const double* W = a.whitening + k * a.E * a.E;
     double of_pose = 0.0, of_scalars = 0.0, log_scale = 0.0;
     for (int i = 0; i < a.E; ++i) {
@@ -129,10 +129,10 @@ void mix_points(const Assistance& a, const Matrix& points, const Vector& probabi
   std::copy_n(points.row(k).data(), a.D, mean);
   const int steps = a.is_oriented() ? 2 : 1;
   for (int step = 0; step <= steps; ++step) {
-    for (int n = 0; n < a.K; ++n) deviation(a, mean, points.row(n).data(), deviations.row(n).data());
+    for (int n = 0; n < a.K; ++n) deviation(a.manifold, mean, points.row(n).data(), deviations.row(n).data());
     if (step == steps) return;
     const Vector change = deviations.transpose() * probabilities;
-    displace(a, mean, change.data(), mean);
+    displace(a.manifold, mean, change.data(), mean);
   }
 }
 
@@ -144,7 +144,7 @@ void correct_command(const Assistance& a, Matrix& deviations, const Vector& prob
   for (int k = 0; k < a.K; ++k) {
     Vector step = Eigen::Map<const Vector>(a.offsets + k * a.E, a.E);
     step.noalias() += MatrixView(a.gains + k * a.E * a.E, a.E, a.E) * deviations.row(k).transpose();
-    displace(a, a.actual_means + k * a.D, step.data(), points.row(k).data());
+    displace(a.manifold, a.actual_means + k * a.D, step.data(), points.row(k).data());
     covariance += probabilities[k] * MatrixView(a.fused_covariances + k * a.E * a.E, a.E, a.E);
   }
   mix_points(a, points, probabilities, corrected, deviations);
@@ -167,9 +167,9 @@ void operated_pose(const Assistance& a, Comparison& comparison, const Vector& pr
     } else {
       correct_command(a, comparison.deviations, probabilities, corrected.data(), spread);
     }
-    deviation(a, x, corrected.data(), step.data());
+    deviation(a.manifold, x, corrected.data(), step.data());
     for (double& value : step) value *= result.authority;
-    displace(a, x, step.data(), desired);
+    displace(a.manifold, x, step.data(), desired);
     covariance = result.authority * spread + (1.0 - result.authority) * covariance;
   }
   for (int s = 0, column = a.scalar_start(); column < a.D; ++s, ++column) {
@@ -186,7 +186,7 @@ void set_transition(const Assistance& a, const double* desired, AssistanceResult
   result.blend_time = a.blend_time + a.dt;
   result.blend_duration = a.blend_duration;
   if (!a.has_changed && result.is_following == a.is_following) return;
-  deviation(a, desired, a.pose, result.offset);
+  deviation(a.manifold, desired, a.pose, result.offset);
   std::fill(result.offset + a.E - a.scalars(), result.offset + a.E, 0.0);
   result.blend_time = 0.0;
   result.blend_duration = blend_duration(a, result.offset);

@@ -1,6 +1,8 @@
 // One step of direct, carried shared and autonomous control. Defined by kernels/reference/assistance.py.
 #pragma once
 
+#include "manifold.hpp"
+
 namespace pilotfish {
 
 enum Mode { DIRECT, SHARED, AUTONOMOUS };
@@ -8,6 +10,7 @@ enum Mode { DIRECT, SHARED, AUTONOMOUS };
 // Arguments as in kernels/assistance_types.py, for K states, D columns, E tangent columns and L ages.
 struct Assistance {
   int K, D, E, L;
+  Manifold manifold;
   const double *matrix, *shift, *left, *right;  // HandMap
   const double *observed_means, *whitening, *actual_means, *offsets, *gains, *fused_covariances;  // CarriedModel
   const double *transitions, *hazards;                                                            // OccupancyTables

@@ -1,4 +1,4 @@
-// Python bindings of the kernel of assistance.
+// Python bindings of the kernels of assistance and of products on S^3.
 #include <nanobind/stl/tuple.h>
 
 #include <cmath>
@@ -8,6 +8,7 @@
 
 #include "arrays.hpp"
 #include "assistance.hpp"
+#include "riemannian.hpp"
 
 namespace pilotfish::python {
 namespace {
@@ -146,6 +147,8 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
                      double dt, int mode, bool is_closed, bool is_current, bool has_changed) {
   Assistance a{};
   a.D = int(command.shape(0)), a.E = int(offset.shape(0));
+  a.manifold.D = a.D;
+  if (a.is_oriented()) a.manifold.orientation_starts = {3};
   read_memory(a, command, offset, pose, velocity, desired, held_values, held_commands);
   read_map(a, matrix, shift, left, right);
   read_model(a, observed_means, whitening, actual_means, offsets, gains, fused_covariances);
@@ -179,8 +182,39 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
                          covariance, probabilities);
 }
 
+auto riemannian_product(In<double, 3> means, In<double, 4> covariances, In<double, 4> precision_cholesky,
+                        In<int64_t, 1> orientation_starts) {
+  const size_t P = means.shape(0), K = means.shape(1), D = means.shape(2);
+  expect_some(P, "means");
+  expect_some(K, "the second axis of means");
+  expect_some(D, "the last axis of means");
+  Manifold manifold{int(D), {}};
+  int64_t free = 0;
+  for (size_t i = 0; i < orientation_starts.shape(0); free = orientation_starts(i++) + 4) {
+    if (orientation_starts(i) < free || orientation_starts(i) > int64_t(D) - 4)
+      throw nb::value_error("orientation_starts are not increasing columns with four columns each");
+    manifold.orientation_starts.push_back(int(orientation_starts(i)));
+  }
+  const size_t E = manifold.E();
+  expect(covariances, "covariances", {P, K, E, E});
+  expect(precision_cholesky, "precision_cholesky", {P, K, E, E});
+  expect_finite(means, "means");
+  expect_finite(covariances, "covariances");
+  expect_finite(precision_cholesky, "precision_cholesky");
+  Out product_means = empty<Out>({K, D}), product_covariances = empty<Out>({K, E, E});
+  {
+    ReleasedInterpreter run;
+    const FrameGaussians given{int(P), int(K), means.data(), covariances.data(), precision_cholesky.data()};
+    pilotfish::riemannian_product(manifold, given, product_means.data(), product_covariances.data());
+  }
+  return std::make_tuple(product_means, product_covariances);
+}
+
 }  // namespace
 
-void bind_assistance(nb::module_& module) { module.def("assistance_step", &assistance_step); }
+void bind_assistance(nb::module_& module) {
+  module.def("assistance_step", &assistance_step);
+  module.def("riemannian_product", &riemannian_product);
+}
 
 }  // namespace pilotfish::python

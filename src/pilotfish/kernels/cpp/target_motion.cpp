@@ -52,39 +52,6 @@ void follow_columns(const double* v, const double* change, const double* error, 
 
 }  // namespace
 
-void multiply(const double* p, const double* q, double* product) {
-  const double w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3];
-  const double x = p[0] * q[1] + q[0] * p[1] + p[2] * q[3] - p[3] * q[2];
-  const double y = p[0] * q[2] + q[0] * p[2] + p[3] * q[1] - p[1] * q[3];
-  const double z = p[0] * q[3] + q[0] * p[3] + p[1] * q[2] - p[2] * q[1];
-  product[0] = w, product[1] = x, product[2] = y, product[3] = z;
-}
-
-void deviation(const Assistance& a, const double* base, const double* x, double* v) {
-  for (int i = 0; i < 3; ++i) v[i] = x[i] - base[i];
-  if (a.is_oriented()) {
-    const double conjugate[] = {base[3], -base[4], -base[5], -base[6]};
-    double relative[4];
-    multiply(conjugate, x + 3, relative);
-    const double sign = relative[0] < 0.0 ? -1.0 : 1.0;
-    const double sine = norm(relative + 1);
-    const double scale = sine > 0.0 ? 2.0 * std::atan2(sine, sign * relative[0]) / sine : 2.0;
-    for (int i = 0; i < 3; ++i) v[3 + i] = sign * relative[1 + i] * scale;
-  }
-  for (int i = a.scalar_start(), shift = a.D - a.E; i < a.D; ++i) v[i - shift] = x[i] - base[i];
-}
-
-void displace(const Assistance& a, const double* base, const double* v, double* x) {
-  for (int i = 0; i < 3; ++i) x[i] = base[i] + v[i];
-  if (a.is_oriented()) {
-    const double half[] = {0.5 * v[3], 0.5 * v[4], 0.5 * v[5]};
-    const double angle = norm(half), scale = angle > 0.0 ? std::sin(angle) / angle : 1.0;
-    const double turn[] = {std::cos(angle), half[0] * scale, half[1] * scale, half[2] * scale};
-    multiply(base + 3, turn, x + 3);
-  }
-  for (int i = a.scalar_start(), shift = a.D - a.E; i < a.D; ++i) x[i] = base[i] + v[i - shift];
-}
-
 double blend_duration(const Assistance& a, const double* offset) {
   const double angle = a.is_oriented() ? norm(offset + 3) : 0.0;
   return std::max({MIN_BLEND, PEAK * norm(offset) / BLEND_SPEED, PEAK * angle / BLEND_ANGULAR_SPEED});
@@ -99,7 +66,7 @@ void blend(const Assistance& a, const AssistanceResult& result, const double* de
   const double remaining = 1.0 - s * s * s * (10.0 - s * (15.0 - 6.0 * s));
   std::vector<double> offset(result.offset, result.offset + a.E);
   for (double& value : offset) value *= remaining;
-  displace(a, desired, offset.data(), blended);
+  displace(a.manifold, desired, offset.data(), blended);
 }
 
 void follow_desired(const Assistance& a, const double* desired, AssistanceResult& result) {
@@ -107,8 +74,8 @@ void follow_desired(const Assistance& a, const double* desired, AssistanceResult
   for (int i = 0; i < 3; ++i) result.desired[i] = clip(desired[i], a.lower[i], a.upper[i]);
   std::vector<double> work(3 * a.E, 0.0);
   double *change = work.data(), *error = change + a.E, *step = error + a.E;
-  deviation(a, a.desired, result.desired, change);
-  deviation(a, a.pose, a.desired, error);
+  deviation(a.manifold, a.desired, result.desired, change);
+  deviation(a.manifold, a.pose, a.desired, error);
   const double b = a.acceleration / std::sqrt(3.0);
   double low[3], high[3];
   for (int i = 0; i < 3; ++i) {  // the speeds at which braking by b still stops at the walls
@@ -124,7 +91,7 @@ void follow_desired(const Assistance& a, const double* desired, AssistanceResult
                    all, result.velocity + 3);
   }
   for (int i = 0; i < a.E; ++i) step[i] = result.velocity[i] * a.dt;
-  displace(a, a.pose, step, result.pose);
+  displace(a.manifold, a.pose, step, result.pose);
   for (int i = 0; i < 3; ++i) {
     result.pose[i] = clip(result.pose[i], std::min(a.lower[i], a.pose[i]), std::max(a.upper[i], a.pose[i]));
     result.velocity[i] = (result.pose[i] - a.pose[i]) / a.dt;

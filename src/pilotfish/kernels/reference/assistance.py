@@ -13,7 +13,7 @@ from pilotfish.kernels.assistance_types import (
 )
 from pilotfish.kernels.hand_map import HandMap, is_valid_hand, map_hand
 from pilotfish.kernels.occupancy import OccupancyTables, advance_filter
-from pilotfish.kernels.reference.emission import deviations
+from pilotfish.kernels.reference.manifold import deviations
 from pilotfish.kernels.reference.target_motion import (
     blend,
     blend_duration,

@@ -3,7 +3,8 @@
 import numpy as np
 
 from pilotfish.kernels.arguments import Emissions, SemiMarkovTables
-from pilotfish.kernels.reference.emission import deviations, log_emissions
+from pilotfish.kernels.reference.emission import log_emissions
+from pilotfish.kernels.reference.manifold import deviations
 from pilotfish.kernels.reference.markov import forward_backward, log_probability_array
 from pilotfish.kernels.reference.semi_markov import semi_markov_forward_backward
 from pilotfish.kernels.results import EStep

@@ -29,45 +29,37 @@ Braking comes first, and the rest of the change takes what remains of the accele
 import numpy as np
 
 from pilotfish.kernels.assistance_types import AssistanceSettings
-from pilotfish.kernels.hand_map import quaternion_product
-from pilotfish.kernels.reference.emission import rotation_vectors
+from pilotfish.kernels.reference import manifold
 from pilotfish.types import Array, Float
 
 BLEND_SPEED, BLEND_ANGULAR_SPEED = 0.25, 1.0  # m/s, rad/s
 MIN_BLEND = 0.3  # s
 PEAK = 1.875  # of the velocity of a minimum-jerk movement, relative to its mean
 TINY = 1e-12
+ORIENTATION_STARTS: tuple[tuple[int, ...], ...] = ((), (3,))
 NO_WALLS = (-np.inf, np.inf)
 
 
 def deviation(base: Float[Array, " D"], x: Float[Array, " D"], is_oriented: bool) -> Float[Array, " E"]:
-    """Return the tangent vector at base whose geodesic reaches x (logarithmic map).
+    """Return the tangent vector at base whose geodesic reaches x.
 
     Args:
         base: Pose and scalars.
         x: Pose and scalars.
         is_oriented: Whether a quaternion follows the position.
     """
-    if not is_oriented:
-        return np.asarray(x - base)
-    turn = rotation_vectors(base[3:7], x[None, 3:7])[0]
-    return np.concatenate([x[:3] - base[:3], turn, x[7:] - base[7:]])
+    return np.asarray(manifold.deviations(x[None], base, ORIENTATION_STARTS[is_oriented])[0])
 
 
 def displaced(base: Float[Array, " D"], v: Float[Array, " E"], is_oriented: bool) -> Float[Array, " D"]:
-    """Return the pose that the geodesic from base along v reaches (exponential map).
+    """Return the pose that the geodesic from base along v reaches.
 
     Args:
         base: Pose and scalars.
         v: Tangent vector.
         is_oriented: Whether a quaternion follows the position.
     """
-    if not is_oriented:
-        return np.asarray(base + v)
-    half = 0.5 * v[3:6]
-    angle = np.sqrt(half @ half)
-    turn = np.concatenate([[np.cos(angle)], half * (np.sin(angle) / angle if angle > 0.0 else 1.0)])
-    return np.concatenate([base[:3] + v[:3], quaternion_product(base[3:7], turn), base[7:] + v[6:]])
+    return manifold.displaced(base, v, ORIENTATION_STARTS[is_oriented])
 
 
 def blend_duration(offset: Float[Array, " E"]) -> float:

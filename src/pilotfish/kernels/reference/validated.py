@@ -12,6 +12,7 @@ from pilotfish.kernels.reference import (
     impedance,
     markov,
     riccati,
+    riemannian,
     semi_markov,
     semi_tied,
     streaming,
@@ -19,8 +20,8 @@ from pilotfish.kernels.reference import (
 from pilotfish.kernels.validation import KERNELS
 
 MODULES = (
-    *(assistance, cholesky, e_steps, emission, impedance, markov, riccati, semi_markov, semi_tied),
-    streaming,
+    *(assistance, cholesky, e_steps, emission, impedance, markov, riccati, riemannian),
+    *(semi_markov, semi_tied, streaming),
 )
 
 Arguments = ParamSpec("Arguments")
