@@ -43,7 +43,7 @@ struct type_caster<pilotfish::python::In<Number, Axes>> {
     make_caster<pilotfish::python::Given<Number, Axes>> given;
     if (!given.from_python(source, flags & ~uint8_t(cast_flags::convert), cleanup)) return false;
     value = Array(given.value);
-    return reinterpret_cast<uintptr_t>(value.data()) % alignof(Number) == 0;
+    return value.size() == 0 || reinterpret_cast<uintptr_t>(value.data()) % alignof(Number) == 0;
   }
 };
 
