@@ -1,6 +1,6 @@
 """Transfers between modes, variants, skills and clutch states at random instants: the target never jumps.
 
-The four modes are direct, carried, literal (the second skill) and autonomous. The hand repeats a
+The modes are direct, carried, literal (the second skill), autonomous and fixture. The hand repeats a
 demonstration, the robot acts in another scene, and the modes disagree by centimetres.
 """
 
@@ -27,6 +27,7 @@ MODES = {
     "carried": ("shared", 0),
     "literal": ("shared", 1),
     "autonomous": ("autonomous", 0),
+    "fixture": ("fixture", 0),
 }
 CHANGES = int(os.environ.get("PILOTFISH_CHANGES", "100"))
 PAIRS = {(before, after) for before in MODES for after in MODES}

@@ -91,11 +91,20 @@ def learn(kind: str = "flat", dynamics: str = "semi-markov", states: int = 7) ->
 
 
 @cache
+def learn_fixture(kind: str = "flat") -> assistance.VirtualFixture:
+    """Return a virtual fixture of the recordings of a kind."""
+    demos = [to_sphere(demo) if kind == "sphere" else demo for demo in demonstrations()]
+    return assistance.learn_virtual_fixture(demos, rng=np.random.default_rng(0))
+
+
+@cache
 def assistant(
     kind: str = "flat", dynamics: str = "semi-markov", literal: bool = False, states: int = 7
 ) -> assistance.Assistant:
     joint = learn("joint") if literal else None
-    skill = assistance.assisted_skill(learn(kind, dynamics, states), joint_skill=joint)
+    skill = assistance.assisted_skill(
+        learn(kind, dynamics, states), joint_skill=joint, fixture=learn_fixture(kind)
+    )
     return assistance.make_assistant([skill], limits=LIMITS)
 
 

@@ -12,6 +12,7 @@ from pilotfish.assistance.literal import require_joint
 from pilotfish.assistance.mapping import OperatorMapping
 from pilotfish.assistance.occupancy import occupancy_tables
 from pilotfish.assistance.operator_noise import OperatorNoise
+from pilotfish.assistance.virtual_fixture import VirtualFixture
 from pilotfish.demonstrations import Layout
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels import AssistanceSettings, OccupancyTables
@@ -36,6 +37,7 @@ class AssistedSkill:
         levels: Lowest and highest value of each of them.
         joint: Joint skill of the literal variant; None selects the carried one.
         joint_tables: Filter of the states of the joint skill.
+        fixture: Virtual fixture of the mode "fixture"; None if there is none.
     """
 
     skill: Skill
@@ -46,6 +48,7 @@ class AssistedSkill:
     levels: Float[Array, "2 S"]
     joint: Skill | None
     joint_tables: OccupancyTables | None
+    fixture: VirtualFixture | None
 
     @property
     def can_plan(self) -> bool:
@@ -101,7 +104,11 @@ def _settings(assistant: Assistant, skill: AssistedSkill) -> AssistanceSettings:
 
 
 def assisted_skill(
-    skill: Skill, *, gate: Gate | None = None, joint_skill: Skill | None = None
+    skill: Skill,
+    *,
+    gate: Gate | None = None,
+    joint_skill: Skill | None = None,
+    fixture: VirtualFixture | None = None,
 ) -> AssistedSkill:
     """Create a skill prepared for assistance.
 
@@ -110,6 +117,8 @@ def assisted_skill(
         gate: Where assistance has authority, from `calibrate_gate`; None takes `Gate()`.
         joint_skill: Skill learned from `joint_demonstration` of the same demonstrations. Shared control then
             follows equations 6.4-6.9 (`literal`); None is `carried`.
+        fixture: Virtual fixture from `learn_virtual_fixture` of the same demonstrations, which makes the mode
+            "fixture" possible.
 
     Raises:
         InvalidInput: If the columns are not a pose with scalars, or a number is not finite.
@@ -130,6 +139,8 @@ def assisted_skill(
                 f"joint_skill has the frames {list(joint_skill.frame_names)}, expected those of the skill, "
                 f"{list(skill.frame_names)}"
             )
+    if fixture is not None:
+        _require_same_task(fixture, coordinates)
     switches, levels = _switching_scalars(skill, coordinates.layout)
     return AssistedSkill(
         coordinates,
@@ -140,6 +151,7 @@ def assisted_skill(
         levels,
         joint_skill,
         occupancy_tables(joint_skill.dynamics) if joint_skill else None,
+        fixture,
     )
 
 
@@ -187,6 +199,21 @@ def make_assistant(
         limits or Limits(),
         control_cost,
     )
+
+
+def _require_same_task(fixture: VirtualFixture, coordinates: Skill) -> None:
+    """Raise InvalidInput unless a virtual fixture has the columns and the frames of a skill."""
+    require_type(fixture, "fixture", VirtualFixture, "create one with learn_virtual_fixture")
+    if fixture.layout.names != coordinates.layout.names:
+        raise InvalidInput(
+            f"fixture has the columns {', '.join(fixture.layout.names)}, expected those of the skill, "
+            f"{', '.join(coordinates.layout.names)}"
+        )
+    if sorted(fixture.skill.frame_names) != sorted(coordinates.frame_names):
+        raise InvalidInput(
+            f"fixture has the frames {list(fixture.skill.frame_names)}, expected those of the skill, "
+            f"{list(coordinates.frame_names)}"
+        )
 
 
 def _switching_scalars(skill: Skill, layout: Layout) -> tuple[tuple[int, ...], Float[Array, "2 S"]]:

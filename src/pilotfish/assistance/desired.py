@@ -1,4 +1,7 @@
-"""The desired pose of autonomous control and of literal shared control, which are not in the kernel."""
+"""The desired pose of autonomous control, of virtual fixtures and of literal shared control.
+
+They are not in the kernel, which blends towards them and applies the limits.
+"""
 
 from dataclasses import replace
 
@@ -7,8 +10,10 @@ import numpy as np
 from pilotfish.assistance.assistant import Assistant, AssistedSkill
 from pilotfish.assistance.autonomous import AutonomousPlan, occupied_state, plan_motion, remaining_states
 from pilotfish.assistance.coordinates import pose_width
+from pilotfish.assistance.situation import Situation
 from pilotfish.assistance.tracking import lqr_gains
 from pilotfish.assistance.values import AssistanceState
+from pilotfish.assistance.virtual_fixture import FixtureState, nearest_phase, start_fixture, step_fixture
 from pilotfish.errors import SkillError
 from pilotfish.geometry import exp_map, log_map
 from pilotfish.kernels import advance_filter
@@ -85,6 +90,77 @@ def follow_plan(
     k = int(plan.states[plan.row])
     pose = plan_scalars(skill, plan.pose(starts), k)
     return replace(state, plan=plan, tracked=None), (pose, state.situation.carried.fused_covariances[k])
+
+
+def start_cart(skill: AssistedSkill, situation: Situation, x: Float[Array, " D"]) -> FixtureState | None:
+    """Return the cart at the phase that is nearest to a command; None if there can be none.
+
+    Args:
+        skill: Prepared skill.
+        situation: The skill in the present frames.
+        x: Command.
+    """
+    if skill.fixture is None:
+        return None
+    try:
+        phase = nearest_phase(skill.fixture, x, situation.observed)
+        return start_fixture(skill.fixture, situation.observed, phase)
+    except SkillError:
+        return None
+
+
+def follow_fixture(
+    assistant: Assistant, state: AssistanceState, x: Float[Array, " D"], is_followed: bool, dt: float
+) -> tuple[AssistanceState, Corrected]:
+    """Return the state, and the pose of the cart on the path in the actual scene with its covariance.
+
+    While no hand is followed the cart stands.
+
+    Args:
+        assistant: Skills and settings.
+        state: State with the situation of this step.
+        x: Command.
+        is_followed: Whether the command is a new one.
+        dt: Time of the step [s].
+    """
+    fixture, cart, situation = assistant.skills[state.skill].fixture, state.cart, state.situation
+    assert fixture is not None
+    assert cart is not None
+    layout, velocity = assistant.layout, np.zeros(assistant.layout.tangent.width)
+    if is_followed:
+        width = pose_width(layout)
+        velocity[:width] = log_map(state.memory.command, x, layout.orientation_starts)[:width] / dt
+    try:
+        cart, target = step_fixture(
+            fixture,
+            cart,
+            x if is_followed else cart.mean,
+            velocity,
+            situation.actual,
+            dt,
+            observed_frames=situation.observed,
+        )
+    except SkillError:
+        return state, (x, np.diag(assistant.noise.deviations(layout) ** 2))
+    return replace(state, cart=cart, tracked=None), (target.mean, target.covariance)
+
+
+def with_cart_scalars(
+    skill: AssistedSkill, cart: FixtureState | None, hand: Float[Array, " D"]
+) -> Float[Array, " D"]:
+    """Return a hand with the switches, such as the grip, at the phase of the cart.
+
+    Args:
+        skill: Prepared skill.
+        cart: Cart; None leaves the hand as it is.
+        hand: Pose and scalars of the hand.
+    """
+    if cart is None or skill.fixture is None or not skill.fixture.switches:
+        return hand
+    hand = hand.copy()
+    for switch in skill.fixture.switches:
+        hand[switch.column] = switch.value_at(cart.grip_phase)
+    return hand
 
 
 def plan_scalars(skill: AssistedSkill, planned: Float[Array, " D"], state: int) -> Float[Array, " D"]:

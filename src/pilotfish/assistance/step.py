@@ -4,6 +4,7 @@
     direct       y = x
     shared       y = x moved towards the corrected command by the authority
     autonomous   y = the plan from the filtered state
+    fixture      y = x moved by the authority towards the cart that the hand pulls along the path
     y --transition--> --limits--> target
 
 `kernels.assistance_step` computes all of this but the plan. Here are the changes of mode, skill, clutch and
@@ -15,10 +16,12 @@ interpolated in between. It stands still while the clutch is open, a command is 
 Faults do not stop the loop. A bad command (wrong width, not finite, no quaternion) holds the target, which
 blends to the commands when they return. Missing, stale (None) or impossible frames leave the last situation
 in place, and authority goes to zero at its rate. A mode that is not possible, such as autonomous control of
-a mixture, leaves the mode as it is; `Target.mode` states the mode in effect.
+a mixture or a fixture that the skill does not have, leaves the mode as it is. `Target.mode` states the mode
+in effect.
 
-Scalars such as a grip follow the operator in direct and shared control, and the state of the plan in
-autonomous control. When the operator returns, the grip holds until the operator changes it or agrees with it.
+Scalars such as a grip follow the operator in direct and shared control, the state of the plan in autonomous
+control, and the phase of the cart on a fixture if they switch. After a change of mode the grip holds until
+what it follows changes or agrees with it.
 """
 
 from collections.abc import Sequence
@@ -29,11 +32,19 @@ import numpy as np
 from pilotfish import kernels
 from pilotfish.assistance.assistant import Assistant
 from pilotfish.assistance.coordinates import scalar_columns
-from pilotfish.assistance.desired import Corrected, first_plan, follow_plan, track_literal
+from pilotfish.assistance.desired import (
+    Corrected,
+    first_plan,
+    follow_fixture,
+    follow_plan,
+    start_cart,
+    track_literal,
+    with_cart_scalars,
+)
 from pilotfish.assistance.mapping import OperatorMapping, close_clutch, open_map
 from pilotfish.assistance.occupancy import resume_filter, start_filter
 from pilotfish.assistance.situation import find_situation, update_situation
-from pilotfish.assistance.values import MODES, AssistanceState, Command, Target
+from pilotfish.assistance.values import AssistanceState, Command, Target
 from pilotfish.demonstrations import Frame, Layout
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.kernels import AssistanceInput, AssistanceMemory, is_valid_hand, map_hand
@@ -41,8 +52,11 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_number, require_type, short_repr
 
 MIN_STEP, MAX_STEP = 1e-6, 10.0  # s
-MODE_NUMBERS = {
-    name: n for n, name in zip((kernels.DIRECT, kernels.SHARED, kernels.AUTONOMOUS), MODES, strict=True)
+MODE_NUMBERS = {  # of the kernel, in which a fixture is another correction of shared control
+    "direct": kernels.DIRECT,
+    "shared": kernels.SHARED,
+    "autonomous": kernels.AUTONOMOUS,
+    "fixture": kernels.SHARED,
 }
 Frames = Sequence[Frame]
 
@@ -93,6 +107,7 @@ def initial_state(
         "direct",
         skill,
         find_situation(assisted, frames_observed, frames_actual, assistant.noise),
+        None,
         None,
         start_filter(assisted.joint_tables) if assisted.joint_tables else None,
         None,
@@ -148,6 +163,7 @@ def step_assistance(
     state, corrected = _corrected_elsewhere(assistant, state, hand, dt)
     has_changed = (before.mode, before.skill) != (state.mode, state.skill)
     skill = assistant.skills[state.skill]
+    hand = with_cart_scalars(skill, state.cart, hand)
     memory, covariance, probabilities = kernels.assistance_step(
         state.hand_map,
         state.situation.carried,
@@ -226,7 +242,8 @@ def _change_skill(
         memory=replace(state.memory, filter=start_filter(skill.tables)),
         joint=start_filter(skill.joint_tables) if skill.joint_tables else None,
         plan=None,
-        mode="shared" if state.mode == "autonomous" else state.mode,
+        cart=None,
+        mode="shared" if state.mode in ("autonomous", "fixture") else state.mode,
         tracked=None,
     )
 
@@ -252,30 +269,35 @@ def _change_mode(
     """Return the state in the mode that the operator asks for, if it is possible; scalars hold."""
     if mode == state.mode:
         return state
-    skill, columns, memory = assistant.skills[state.skill], scalar_columns(assistant.layout), state.memory
-    commands = _command(assistant, state, hand)[0][columns]
-    memory = replace(memory, held_values=memory.pose[columns].copy(), held_commands=commands.copy())
-    if mode == "autonomous":
-        plan = first_plan(skill, state)
-        return replace(state, mode=mode, plan=plan, memory=memory, tracked=None) if plan else state
-    joint = state.joint
+    skill, memory, joint = assistant.skills[state.skill], state.memory, state.joint
+    x, _ = _command(assistant, state, hand)
+    plan = first_plan(skill, state) if mode == "autonomous" else None
+    cart = start_cart(skill, state.situation, x) if mode == "fixture" else None
+    if (mode == "autonomous" and plan is None) or (mode == "fixture" and cart is None):
+        return state
     if state.plan is not None:
         reached = int(state.plan.states[state.plan.row])
         memory = replace(memory, filter=resume_filter(skill.tables, reached))
         joint = resume_filter(skill.joint_tables, None) if skill.joint_tables else None
-    return replace(state, mode=mode, plan=None, memory=memory, joint=joint, tracked=None)
+    columns = scalar_columns(assistant.layout)
+    commands = with_cart_scalars(skill, cart, x)[columns].copy()
+    memory = replace(memory, held_values=memory.pose[columns].copy(), held_commands=commands)
+    return replace(state, mode=mode, plan=plan, cart=cart, memory=memory, joint=joint, tracked=None)
 
 
 def _corrected_elsewhere(
     assistant: Assistant, state: AssistanceState, hand: Float[Array, " D"], dt: float
 ) -> tuple[AssistanceState, Corrected | None]:
-    """Return the pose of the plan or of the literal variant, if one of them is in use."""
+    """Return the pose of the plan, of the cart or of the literal variant, if one of them is in use."""
+    corrected: Corrected | None = None
+    if state.situation.literal is not None and state.plan is None:
+        state, corrected = track_literal(assistant, state, *_command(assistant, state, hand), dt)
     if state.plan is not None:
         starts = assistant.layout.orientation_starts
-        return follow_plan(assistant.skills[state.skill], state, dt, starts)
-    if state.situation.literal is not None:
-        return track_literal(assistant, state, *_command(assistant, state, hand), dt)
-    return state, None
+        state, corrected = follow_plan(assistant.skills[state.skill], state, dt, starts)
+    elif state.cart is not None:
+        state, corrected = follow_fixture(assistant, state, *_command(assistant, state, hand), dt)
+    return state, corrected
 
 
 def _command(

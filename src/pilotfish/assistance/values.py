@@ -6,12 +6,13 @@ import numpy as np
 
 from pilotfish.assistance.autonomous import AutonomousPlan
 from pilotfish.assistance.situation import Situation
+from pilotfish.assistance.virtual_fixture import FixtureState
 from pilotfish.errors import InvalidInput
 from pilotfish.kernels import AssistanceMemory, HandMap, StateFilter
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_count, require_type, shorten_repr
 
-MODES = ("direct", "shared", "autonomous")
+MODES = ("direct", "shared", "autonomous", "fixture")
 MAX_SKILLS = 10**6
 
 
@@ -22,7 +23,7 @@ class Command:
 
     Attributes:
         hand: Pose of the hand and scalars such as the grip, in the coordinates of the skill.
-        mode: "direct", "shared" or "autonomous".
+        mode: "direct", "shared", "autonomous" or "fixture".
         clutch: Whether the robot follows the hand.
         skill: Index of the skill in use.
 
@@ -79,6 +80,7 @@ class AssistanceState:
         skill: Index of the skill in use.
         situation: The skill in the frames observed and the actual ones.
         plan: Plan of autonomous control, if it has begun.
+        cart: Cart on the virtual fixture, in the mode "fixture".
         joint: Filter of the joint skill of the literal variant.
         tracked: Pose and velocity of its LQR.
     """
@@ -90,5 +92,6 @@ class AssistanceState:
     skill: int
     situation: Situation
     plan: AutonomousPlan | None
+    cart: FixtureState | None
     joint: StateFilter | None
     tracked: tuple[Float[Array, " D"], Float[Array, " E"]] | None

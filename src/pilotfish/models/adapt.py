@@ -131,7 +131,8 @@ def _riemannian_frame_products(
     for used in np.unique(frame_weights > 0.0, axis=1).T:  # all states that the same frames determine
         states = ((frame_weights > 0.0) == used[:, None]).all(axis=0)
         given = [
-            _in_world(skill, frames[p], p, states, frame_weights[p, states]) for p in np.flatnonzero(used).tolist()
+            _in_world(skill, frames[p], p, states, frame_weights[p, states])
+            for p in np.flatnonzero(used).tolist()
         ]
         if len(given) == 1:
             means[states], covariances[states], _ = given[0]

@@ -181,11 +181,13 @@ void operated_pose(const Assistance& a, Comparison& comparison, const Vector& pr
   }
 }
 
-void set_transition(const Assistance& a, const double* desired, AssistanceResult& result) {
+// Sets the transition to a desired pose. A new one begins at the target, however far it was behind.
+void set_transition(Assistance& a, const double* desired, AssistanceResult& result) {
   std::copy_n(a.offset, a.E, result.offset);
   result.blend_time = a.blend_time + a.dt;
   result.blend_duration = a.blend_duration;
   if (!a.has_changed && result.is_following == a.is_following) return;
+  a.desired = a.pose;
   deviation(a.manifold, desired, a.pose, result.offset);
   std::fill(result.offset + a.E - a.scalars(), result.offset + a.E, 0.0);
   result.blend_time = 0.0;
@@ -194,7 +196,7 @@ void set_transition(const Assistance& a, const double* desired, AssistanceResult
 
 }  // namespace
 
-void assistance_step(const Assistance& a, AssistanceResult& result) {
+void assistance_step(Assistance a, AssistanceResult& result) {
   result.is_following = a.is_closed && is_valid_hand(a);
   if (result.is_following)
     map_hand(a, result.command);

@@ -41,6 +41,6 @@ struct AssistanceResult {
   bool is_following, is_observed;
 };
 
-void assistance_step(const Assistance& a, AssistanceResult& result);
+void assistance_step(Assistance a, AssistanceResult& result);
 
 }  // namespace pilotfish

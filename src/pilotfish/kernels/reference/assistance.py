@@ -67,13 +67,15 @@ def assistance_step(
     authority = _authority(model, settings, memory.authority, x, given)
     y, covariance, held = _desired(model, settings, memory, (x, probabilities, authority), given)
     offset, time, duration = memory.offset, memory.blend_time + given.dt, memory.blend_duration
+    desired = memory.desired
     if given.has_changed or is_following != memory.is_following:
+        desired = memory.pose  # from which the blend begins, however far the target was behind
         offset = deviation(y, memory.pose, is_oriented)
         offset[offset.size - held.size :] = 0.0
         time, duration = 0.0, blend_duration(offset)
     pose, velocity, desired = follow_desired(
         settings,
-        (memory.pose, memory.velocity, memory.desired),
+        (memory.pose, memory.velocity, desired),
         blend(y, offset, time, duration, is_oriented),
         given.dt,
     )
