@@ -50,6 +50,21 @@ def test_drive_autonomous_switches_after_time(drive: list[str], run_json: RunJso
     assert output["succeeded"] == 1
 
 
+def test_drive_fixture_guides_along_the_demonstrations(
+    drive: list[str], alignment_skill: Path, run_json: RunJson
+):
+    folder = str(alignment_skill / "demonstrations")
+    output = run_json(*drive, "--mode", "fixture", "--demonstrations", folder, "--situation", "0")
+    assert output["mode"] == "fixture"
+    assert output["succeeded"] == 1
+
+
+def test_drive_fixture_without_its_folder_is_refused(drive: list[str], run_command_line: RunCommand):
+    result = run_command_line(*drive, "--mode", "fixture", "--demonstrations", "nowhere")
+    assert result.exit_code == 1
+    assert "nowhere" in result.stderr
+
+
 def test_drive_prints_correction(drive: list[str], run_command_line: RunCommand):
     result = run_command_line(*drive, "--situations", "1", "--view-off", "5")
     assert result.exit_code == 0
@@ -82,6 +97,8 @@ def test_drive_film_shows_command_beside_tool(drive: list[str], run_json: RunJso
         (("--mode", "shard"), "'shard' is not one of"),
         (("--delay", "-1"), "-1"),
         (("--switch-after", "1"), "--switch-after has no effect on --mode shared"),
+        (("--demonstrations", "a"), "--demonstrations has no effect on --mode shared; give --mode fixture"),
+        (("--mode", "fixture"), "--mode fixture needs the recordings of the task; give --demonstrations"),
         (("--view-off", "nan"), "--view-off"),
         (("--film", "film.txt"), "expected .webp or .gif"),
     ],

@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from pilotfish.cli.commands.record import find_task
+from pilotfish.cli.options.demonstrations import load_demonstrations
 from pilotfish.cli.options.execution import (
     FILE,
     TASK_OPTION,
@@ -30,11 +31,11 @@ from pilotfish.io import open_skill
 from pilotfish.models import Skill
 
 if TYPE_CHECKING:
-    from pilotfish.assistance import Assistant, Command, Target
+    from pilotfish.assistance import Assistant, Command, Target, VirtualFixture
     from pilotfish.environments import Task, Workcell
     from pilotfish.simulation import FilmRecorder, TeleoperationResult
 
-MODES = ("direct", "shared", "autonomous")
+MODES = ("direct", "shared", "autonomous", "fixture")
 ELLIPSOIDS = (1.0, 2.0)  # standard deviations
 LIVE_PERIOD = 0.1  # s of simulated time
 FILM_DISTANCE = 1.15  # relative to the view of the task: both arms are in the image
@@ -60,6 +61,8 @@ def _number_option(
         "pilotfish drive hooking.skill --task carabiner --delay 1 --view-off 3 --situations 2 "
         "--film driving.webp",
         "pilotfish drive hooking.skill --task carabiner --mode direct --view-off 3 --situations 2",
+        "pilotfish drive hooking.skill --task carabiner --mode fixture --demonstrations hooking "
+        "--situations 1",
     )
 )
 @click.argument("skill", type=FILE)
@@ -69,7 +72,13 @@ def _number_option(
     type=click.Choice(MODES),
     default="shared",
     show_default=True,
-    help="Direct control, shared control (corrects the operator) or autonomous control (takes over).",
+    help="Direct control, shared control (corrects the operator), autonomous control (takes over) or a "
+    "virtual fixture (guides the robot along the path).",
+)
+@click.option(
+    "--demonstrations",
+    metavar="FOLDER",
+    help="With --mode fixture, demonstrations of the task from which the path is learned, or dataset:NAME.",
 )
 @_number_option("--delay", 60.0, "Delay of the link in each direction [s].")
 @_number_option(
@@ -100,12 +109,13 @@ def drive(
     the task that was not passed. The exit code is 0 also if some situations fail.
     """
     require_one_situation(situation, "situations")
-    _require_autonomous(options["mode"])
+    _require_options_of_mode(options["mode"])
     require_simulation(skill, film, meshes=options["meshes"], force=options["force"])
     from pilotfish.assistance import assisted_skill, make_assistant
 
     selected, learned = find_task(task), open_skill(skill)
-    assistant = make_assistant([assisted_skill(learned)])
+    fixture = _learn_fixture(options["demonstrations"]) if options["mode"] == "fixture" else None
+    assistant = make_assistant([assisted_skill(learned, fixture=fixture)])
     _require_order_in_time(learned, options["mode"])
     numbers = range(situations) if situation is None else (situation,)
     attempts: list[Attempt] = []
@@ -119,11 +129,27 @@ def drive(
     return _add_assistance(summarise_attempts(attempts, selected, film), driven, options)
 
 
-def _require_autonomous(mode: str) -> None:
-    """Raise click.UsageError if --switch-after is given for a mode that does not switch."""
-    source = click.get_current_context().get_parameter_source("switch_after")
-    if mode != "autonomous" and source is not ParameterSource.DEFAULT:
-        raise click.UsageError(f"--switch-after has no effect on --mode {mode}; give --mode autonomous")
+def _require_options_of_mode(mode: str) -> None:
+    """Raise click.UsageError if an option has no effect on the mode, or if its recordings are missing."""
+    context = click.get_current_context()
+    for name, owner in (("switch_after", "autonomous"), ("demonstrations", "fixture")):
+        option = "--" + name.replace("_", "-")
+        if mode != owner and context.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"{option} has no effect on --mode {mode}; give --mode {owner}")
+    if mode == "fixture" and not context.params["demonstrations"]:
+        raise click.UsageError(
+            "--mode fixture needs the recordings of the task; give --demonstrations FOLDER, from which SKILL "
+            "was learned"
+        )
+
+
+def _learn_fixture(source: str) -> "VirtualFixture":
+    """Return the virtual fixture of the demonstrations in a folder."""
+    import numpy as np
+
+    from pilotfish.assistance import learn_virtual_fixture
+
+    return learn_virtual_fixture(load_demonstrations(source), rng=np.random.default_rng(0))
 
 
 def _require_order_in_time(skill: Skill, mode: str) -> None:
