@@ -10,6 +10,7 @@ horizontal direction, or turned about the vertical. There is no delay; a scene a
     direct      the robot follows the operator
     literal     equations 6.4-6.9
     carried     shared control, the default
+    fixture     guided along the path that was learned from the demonstrations
     autonomous  takes over from carried at a random instant of the motion, and finishes; the view is not off
     returned    the same, and the operator takes control back after a second
 
@@ -35,7 +36,7 @@ from pilotfish.environments import TASKS
 from pilotfish.simulation import Link, TeleoperationResult, situation_from_seed, teleoperate
 
 NAMES = ("stab", "carabiner", "valve")
-MODES = ("direct", "literal", "carried")
+MODES = ("direct", "literal", "carried", "fixture")
 TRAINING = 6
 VIEWS = {
     "0 cm": Link(),
@@ -77,7 +78,7 @@ def evaluate_view(
     name: str, mode: str, assistant: Assistant, view: str, arguments: argparse.Namespace
 ) -> Row:
     """Return the number of situations completed with one view."""
-    control = "direct" if mode == "direct" else "shared"
+    control = mode if mode in ("direct", "fixture") else "shared"
     results = [
         operate(name, number, assistant, arguments, mode=control, link=VIEWS[view])
         for number in tqdm(
@@ -151,7 +152,7 @@ def draw_completed(rows: list[Row], situations: int) -> Figure:
                 if (row["mode"], row["view"]) == (mode, view)
             ]
             if counts:
-                axes.bar(np.arange(len(counts)) + 0.25 * (n - 1), counts, 0.22, label=mode)
+                axes.bar(np.arange(len(counts)) + 0.2 * (n - 1.5), counts, 0.18, label=mode)
         axes.set(title=name, xticks=np.arange(len(views)), xticklabels=views, xlabel="view off by")
         axes.set(ylabel=f"completed of {situations}", ylim=(0, 1.05 * situations))
         axes.legend()
