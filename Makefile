@@ -9,7 +9,9 @@ PYTHON3 ?= python3
 PYTHON := .venv/bin/python
 STAMP := .venv/ready
 SEEDS ?= 1
-PYTEST = $(PYTHON) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal --durations 20 --seeds $(SEEDS)
+ANNOTATIONS ?= 0
+PYTEST = $(PYTHON) -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal --durations 20 --seeds $(SEEDS) \
+    $(if $(filter-out 0,$(ANNOTATIONS)),--check-annotations)
 PROSE := src docs README.md CONTRIBUTING.md CHANGELOG.md examples reproductions benchmarks
 KERNELS := $(wildcard CMakeLists.txt src/pilotfish/kernels/*.cpp src/pilotfish/kernels/*.hpp src/pilotfish/kernels/*/*.cpp src/pilotfish/kernels/*/*.hpp)
 
@@ -32,7 +34,7 @@ help: ## list the targets
 demo: $(STAMP) ## learn to open a valve, reproduce it in new situations, write a report: build/demo
 	.venv/bin/pilotfish demo --out build/demo
 
-test: $(STAMP) ## run the tests that are not slow; SEEDS=3 runs tests with random data for three seeds
+test: $(STAMP) ## run the tests that are not slow; SEEDS=3: random data of three seeds; ANNOTATIONS=1: annotations are checked
 	$(PYTEST) -m "not slow"
 
 slow: $(STAMP) ## run the slow tests: scripts, killed processes, full disks, installation, mutation tests
@@ -51,7 +53,8 @@ docs: $(STAMP) ## build the documentation site with warnings as errors: build/do
 	@echo "$$(find build/docs -name '*.html' | wc -l) pages: build/docs/index.html"
 
 check: SEEDS = 3
-check: lint slow test ## lint, then run all tests with three seeds
+check: ANNOTATIONS = 1
+check: lint slow test ## lint, then run all tests with three seeds and annotation checks
 
 fuzz: $(STAMP) ## fuzz every decoder and public function with a million inputs; PILOTFISH_FUZZ=N sets the number
 	$(PYTHON) tests/fuzz/run.py

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 from annotations import check_annotations
 from hypothesis import settings
-from jaxtyping import install_import_hook
+from jaxtyping import config, install_import_hook
 
 if find_library("OSMesa"):  # renders without a display; MuJoCo reads the variable once, on import
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 
-# From here on every annotation in pilotfish is checked at every call. The hook needs the source on the path,
-# hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works.
+# From here on every function of pilotfish can check its annotations at every call. The hook needs the source on the
+# path, hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks take half of
+# the time of the suite: they are off, also in fixtures of modules and sessions, unless `set_annotation_checks` or
+# `checked` turns them on.
 install_import_hook("pilotfish", "beartype.beartype")
+config.update("jaxtyping_disable", True)
 
 settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
@@ -33,6 +36,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of this suite."""
     parser.addoption(
         "--seeds", type=int, default=1, help="number of seeds that each test using rng runs with"
+    )
+    parser.addoption(
+        "--check-annotations",
+        action="store_true",
+        help="check annotations at every call of pilotfish; of a test that uses rng, for its first seed only",
     )
     parser.addoption(
         "--slow-after",
@@ -97,16 +105,25 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     return np.random.default_rng(request.param)
 
 
+@pytest.fixture(autouse=True)
+def set_annotation_checks(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Check annotations if `--check-annotations` asks for it; further seeds test numbers, not types."""
+    callspec = getattr(request.node, "callspec", None)
+    first_seed = callspec is None or callspec.indices.get("rng", 0) == 0
+    with check_annotations(first_seed and request.config.getoption("check_annotations")):
+        yield
+
+
 @pytest.fixture
 def unchecked() -> Iterator[None]:
-    """Run a test without annotation checks: in physics they cost five to eight times the physics."""
+    """Never check annotations in a test: in physics they cost five to eight times the physics."""
     with check_annotations(False):
         yield
 
 
 @pytest.fixture
 def checked() -> Iterator[None]:
-    """Check annotations in a test whose module is unchecked."""
+    """Always check annotations in a test, also if its module is unchecked."""
     with check_annotations(True):
         yield
 

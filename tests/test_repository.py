@@ -103,7 +103,7 @@ def test_constraints_pin_every_dependency():
     assert names <= pinned, f"constraints.txt lacks {sorted(names - pinned)}"
 
 
-def test_annotation_violated_raises():
+def test_annotation_violated_raises(checked: None):
     with pytest.raises(Exception, match=r"(?i)type-check"):
         pf.control.double_integrator("three", period=0.1)  # type: ignore[arg-type]
 
