@@ -14,10 +14,9 @@ from jaxtyping import config, install_import_hook
 if find_library("OSMesa"):  # renders without a display; MuJoCo reads the variable once, on import
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 
-# From here on every function of pilotfish can check its annotations at every call. The hook needs the source on the
-# path, hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks take half of
-# the time of the suite: they are off, also in fixtures of modules and sessions, unless `set_annotation_checks` or
-# `checked` turns them on.
+# The hook makes every function of pilotfish check its annotations at each call. It needs the source on the path,
+# hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks take half of the
+# time of the tests: they are off, in fixtures of modules and sessions too, where no fixture below turns them on.
 install_import_hook("pilotfish", "beartype.beartype")
 config.update("jaxtyping_disable", True)
 
@@ -116,14 +115,14 @@ def set_annotation_checks(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture
 def unchecked() -> Iterator[None]:
-    """Never check annotations in a test: in physics they cost five to eight times the physics."""
+    """Run a test without annotation checks: in physics they cost five to eight times the physics."""
     with check_annotations(False):
         yield
 
 
 @pytest.fixture
 def checked() -> Iterator[None]:
-    """Always check annotations in a test, also if its module is unchecked."""
+    """Check annotations in a test whatever the options, and also if its module is unchecked."""
     with check_annotations(True):
         yield
 
