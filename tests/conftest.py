@@ -14,9 +14,10 @@ from jaxtyping import config, install_import_hook
 if find_library("OSMesa"):  # renders without a display; MuJoCo reads the variable once, on import
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 
-# The hook makes every function of pilotfish check its annotations at each call. It needs the source on the path,
-# hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks take half of the
-# time of the tests: they are off, in fixtures of modules and sessions too, where no fixture below turns them on.
+# The hook makes every function of pilotfish check its annotations at each call. It needs the source on the
+# path, hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks take
+# half of the time of the tests, so they are off, also while fixtures of modules and sessions are set up.
+# `set_annotation_checks` and `checked` turn them on.
 install_import_hook("pilotfish", "beartype.beartype")
 config.update("jaxtyping_disable", True)
 
