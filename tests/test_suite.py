@@ -80,7 +80,8 @@ def run(tmp_path: Path) -> Run:
 
     def run_program(program: str, *options: str) -> dict[str, str]:
         (tmp_path / "test_program.py").write_text(program)
-        command = [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "-p", "no:xdist", *options]
+        left_out = [f"-pno:{name}" for name in ("cacheprovider", "xdist", "command_fixtures")]
+        command = [sys.executable, "-m", "pytest", "-v", *left_out, *options]
         ran = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True, timeout=120)
         lines = [line.split() for line in ran.stdout.splitlines() if line.startswith("test_program.py::")]
         return {words[0].partition("::")[2]: words[1] for words in lines}
