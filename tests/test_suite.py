@@ -89,7 +89,7 @@ def run(tmp_path: Path) -> Run:
     return run_program
 
 
-@pytest.mark.slow  # runs pytest in another process: 8 CPU seconds
+@pytest.mark.slow  # runs pytest in another process and measures CPU time
 def test_slow_after_counts_children_and_fixtures_and_seeds_repeat_tests_that_use_rng(run: Run):
     outcomes = run(LIMITED, "--seeds", "3", "--slow-after", "0.4")
     failed = {"test_busy", "test_busy_child", "test_busy_fixture"}
