@@ -15,8 +15,8 @@ if find_library("OSMesa"):  # renders without a display; MuJoCo reads the variab
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 
 # The hook makes every function of pilotfish check its annotations at each call. It needs the source on the
-# path, hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks take
-# half of the time of the tests, so they are off, also while fixtures of modules and sessions are set up.
+# path, hence `pythonpath = ["src"]` in pyproject.toml; test_repository.py tests that it works. Checks make
+# many tests slower, so they are off, also while fixtures of modules and sessions are set up.
 # `set_annotation_checks` and `checked` turn them on.
 install_import_hook("pilotfish", "beartype.beartype")
 config.update("jaxtyping_disable", True)
