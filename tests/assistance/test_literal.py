@@ -36,9 +36,10 @@ def sampled_regression(rng, skill, frame, p, h, x) -> Gaussian:
         samples = rng.multivariate_normal(mean, covariance, size=1_600_000)
         inputs, outputs = samples[:, :3], samples[:, 3:] @ A.T + b
         design = np.column_stack([np.ones(len(inputs)), inputs - x])
-        fitted = np.linalg.lstsq(design, outputs)[0]
+        fitted = np.linalg.solve(design.T @ design, design.T @ outputs)  # least squares
         means.append(fitted[0])
-        covariances.append(np.cov((outputs - design @ fitted).T))
+        residuals = outputs - design @ fitted
+        covariances.append(residuals.T @ residuals / len(residuals))
     mean = h @ np.array(means)
     spread = np.array(means) - mean
     total = np.einsum("k,kij->ij", h, np.array(covariances)) + (h[:, None] * spread).T @ spread

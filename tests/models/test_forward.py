@@ -151,9 +151,9 @@ def test_observations_change_predicted_states():
     assert chain.most_probable_states(np.empty((0, 3)), 10)[0] == 0
 
 
-@pytest.mark.usefixtures("unchecked")  # of 4000 calls
+@pytest.mark.usefixtures("unchecked")  # of 2000 calls
 def test_sampled_state_frequencies_equal_filtered_state_probs(rng):
-    chain, horizon, N = random_chain(rng, 3), 12, 4000
+    chain, horizon, N = random_chain(rng, 3), 12, 2000
     counts = np.zeros((horizon, 3))
     for _ in range(N):
         counts[np.arange(horizon), chain.sample(horizon, rng)] += 1

@@ -127,6 +127,7 @@ class AssistanceInput:
     has_changed: bool
 
 
+@shorten_repr
 class AssistanceStep(NamedTuple):
     """Result of a step.
 
