@@ -5,6 +5,7 @@ Positions are drawn in a plane of the world or of a frame. Every panel has the s
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from joint_models import POSE, Trial, augment
@@ -12,6 +13,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 import pilotfish as pf
 from pilotfish import plots
@@ -102,13 +104,13 @@ def draw_paths(axes: Axes, paths: Paths, plane: Plane, title: str) -> None:
     for pose in paths.actual.values():
         draw_object(axes, pose, plane, ACTUAL, fill=ACTUAL)
     columns = list(plane)
-    axes.plot(*paths.operator[:, columns].T, color=OPERATOR, linewidth=1.6, zorder=5)
+    axes.plot(*paths.operator[:, columns].T, color=OPERATOR, linewidth=3.2, alpha=0.75, zorder=5)
     axes.plot(*paths.robot[: paths.switch + 1, columns].T, color=ROBOT, linewidth=1.6, zorder=6)
     axes.plot(*paths.robot[0, columns], "o", color=ROBOT, markersize=5, zorder=7)
     if paths.switch < len(paths.robot):
         axes.plot(*paths.robot[paths.switch :, columns].T, color=AUTONOMOUS, linewidth=1.8, zorder=6)
-        cross = {"color": "black", "markersize": 9, "markeredgewidth": 2.2}
-        axes.plot(*paths.robot[paths.switch, columns], "x", **cross, zorder=8)
+        (mark,) = axes.plot(*paths.robot[paths.switch, columns], "x", color="black", zorder=8)
+        mark.set(markersize=9.0, markeredgewidth=2.2)
     finish(axes, plane, title)
 
 
@@ -152,6 +154,8 @@ def finish(axes: Axes, plane: Plane, title: str) -> None:
     axes.set_title(title, fontsize="medium", loc="left")
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.yaxis.set_major_locator(MaxNLocator(7))
     axes.grid(True, color="0.92", linewidth=0.6)
 
 
@@ -159,18 +163,27 @@ def model_handles() -> list[Artist]:
     return [
         Line2D([], [], color="0.7", label="demonstrations"),
         Line2D([], [], color="0.4", marker="o", markersize=4, linestyle="", label="starts"),
-        Line2D([], [], color=ACTUAL, marker="s", linestyle="", label="object (frame)"),
     ]
+
+
+def object_handle() -> Artist:
+    return Line2D([], [], color=ACTUAL, marker="s", linestyle="", label="object (frame)")
 
 
 def path_handles(*, autonomous: bool = True, springs: bool = False) -> list[Artist]:
     """Return the entries of the legend of `draw_paths`."""
     handles = [
-        Line2D([], [], color=OPERATOR, label="operator"),
+        Line2D([], [], color=OPERATOR, linewidth=3.2, alpha=0.75, label="operator"),
         Line2D([], [], color=ROBOT, label="robot"),
         Line2D([], [], color=ACTUAL, marker="s", linestyle="", label="actual object"),
         Line2D(
-            [], [], color=OBSERVED, marker="s", markerfacecolor="white", linestyle="", label="object as observed"
+            [],
+            [],
+            color=OBSERVED,
+            marker="s",
+            markerfacecolor="white",
+            linestyle="",
+            label="object as observed",
         ),
     ]
     if autonomous:
@@ -184,7 +197,7 @@ def path_handles(*, autonomous: bool = True, springs: bool = False) -> list[Arti
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist]) -> None:
-    columns = min(len(handles), LEGEND_ROW)
+    columns = ceil(len(handles) / ceil(len(handles) / LEGEND_ROW))
     figure.legend(handles=list(handles), loc="outside lower center", ncols=columns, frameon=False)
 
 

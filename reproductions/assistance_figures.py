@@ -16,7 +16,8 @@ valve of another recording. Positions are drawn in a plane, in metres.
     6.8   valve: input and output parts, left-right model, and the four modes at another angle of the valve
 
 Shared control carries the command from the observed into the actual scene, the default. Autonomous control
-takes over from direct control at a random instant.
+takes over from direct control after a third of the operator's motion; on the valve, after a tenth of the rows
+of shared control. assistance_models.py has random instants.
 
 Source: Tanwani 2018, sections 5.7.2, 6.1, 6.4 and 6.5.
 """
@@ -36,13 +37,13 @@ from joint_models import (  # noqa: E402
     Trial,
     augment,
     learn_batch,
-    learn_stream_skill,
+    learn_stream,
     load_demonstrations,
     make_assistant,
     operate,
-    switch_time,
     task_at_rest,
 )
+from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from protocol import argument_parser, write_figures, write_numbers  # noqa: E402
 from virtual_fixture import frames_at  # noqa: E402
@@ -52,13 +53,15 @@ from pilotfish import assistance, plots  # noqa: E402
 from pilotfish.demonstrations import Demonstration, Frame  # noqa: E402
 from pilotfish.environments import SceneRenderer, Workcell  # noqa: E402
 from pilotfish.geometry import Pose, log_map  # noqa: E402
+from pilotfish.models.online import to_skill  # noqa: E402
 from pilotfish.simulation import Link, situation_from_seed  # noqa: E402
 
 TASKS_OF_CHAPTER_5 = ("screwdriver", "carabiner")
 SEED, CASE = 0, (0, 0)  # of the demonstrations; seed and number of the situation
 LINK = Link(view_distance=0.05)  # m
+SWITCH_SHARE = 1.0 / 3.0  # of the operator's motion, after which autonomous control begins
+PLANE = (0, 2)  # of trials, and of the output part: the rod lies along x of its frame
 WORLD = {"screwdriver": (0, 2), "carabiner": (1, 2), "stab": (0, 2)}  # plane of the input part
-IN_FRAME = (0, 2)  # plane of the output part; the rod lies along x
 VALVE_PLANE, VALVE_STATES, TRAIN = (0, 2), 7, 6
 OPERATOR, SCENE = 0, 6  # recordings of the valve: the one observed, 180 degrees, and the actual, 67.5
 MODES = ("direct", "carried", "autonomous", "fixture")
@@ -88,26 +91,26 @@ def main() -> None:
 
 @cache
 def trial(name: str, mode: str, learner: str) -> Trial:
-    """Return the operator's trial in a mode; autonomous control begins at a random instant."""
-    learn = partial(learn_stream_skill, states=STATES[name]) if learner == "stream" else batch(name)
+    """Return the operator's trial in a mode."""
+    learn = partial(learn_joint, name, learner)
     assistant = make_assistant(load_demonstrations(name, SEED), learn, literal=False)
     if mode != "autonomous":
         return operate(name, assistant, CASE, mode=mode, link=LINK)
-    instant = switch_time(CASE, trial(name, "direct", learner).result.duration)
+    instant = SWITCH_SHARE * trial(name, "direct", learner).result.duration
     return operate(name, assistant, CASE, mode="direct", link=LINK, switch=instant)
 
 
-def batch(name: str) -> Callable[[Sequence[Demonstration]], pf.Skill]:
-    return partial(learn_batch, states=STATES[name], structure=pf.structures.Full())
+def learn_joint(name: str, learner: str, demonstrations: Sequence[Demonstration]) -> pf.Skill:
+    """Return the joint model of augmented demonstrations of a task."""
+    if learner == "stream":
+        return to_skill(learn_stream(demonstrations, STATES[name]))
+    return learn_batch(demonstrations, STATES[name], pf.structures.Full())
 
 
 @cache
 def joint_model(name: str, learner: str) -> pf.Skill:
     """Return the joint model of a task."""
-    demonstrations = [augment(d) for d in load_demonstrations(name, SEED)]
-    if learner == "stream":
-        return learn_stream_skill(demonstrations, STATES[name])
-    return batch(name)(demonstrations)
+    return learn_joint(name, learner, [augment(d) for d in load_demonstrations(name, SEED)])
 
 
 def cases() -> list[dict[str, object]]:
@@ -123,13 +126,13 @@ def cases() -> list[dict[str, object]]:
 drawn_trials: set[tuple[str, str, str]] = set()
 
 
-def draw_trial(axes, name: str, mode: str, learner: str) -> None:  # type: ignore[no-untyped-def]
+def draw_trial(axes: Axes, name: str, mode: str, learner: str) -> None:
     """Draw a trial in a plane of the world."""
     drawn_trials.add((name, mode, learner))
     paths = draw.paths_of(trial(name, mode, learner))
-    draw.draw_paths(axes, paths, WORLD[name], f"{name}, {mode}")
+    draw.draw_paths(axes, paths, PLANE, f"{name}, {mode}")
     if name == "carabiner":
-        draw.draw_rods(axes, paths, WORLD[name])
+        draw.draw_rods(axes, paths, PLANE)
 
 
 def figure_5_9() -> Figures:
@@ -150,9 +153,10 @@ def figure_5_10() -> Figures:
     for row, name in zip(figure.subplots(2, 2), TASKS_OF_CHAPTER_5, strict=True):
         joint, demonstrations = joint_model(name, "stream"), load_demonstrations(name, SEED)
         draw.draw_input(row[0], joint, demonstrations, WORLD[name])
-        draw.draw_output(row[1], joint, demonstrations, IN_FRAME)
-        row[0].set_title(f"{name}: input, in the world", fontsize="medium", loc="left")
-    draw.add_legend(figure, draw.model_handles())
+        draw.draw_output(row[1], joint, demonstrations, PLANE)
+        for axes in row:
+            axes.set_title(f"{name}: {axes.get_title(loc='left')}", fontsize="medium", loc="left")
+    draw.add_legend(figure, [*draw.model_handles(), draw.object_handle()])
     return {"figure_5_10_joint_models": figure}
 
 
@@ -190,8 +194,8 @@ def figure_6_6() -> Figures:
     paths, phases = follow_fixture(demonstrations[:-1], demonstrations[0], demonstrations[-1])
     figure = draw.new_figure(9.6, 4.8)
     left, right = figure.subplots(1, 2)
-    draw.draw_paths(left, paths, WORLD["stab"], "stab, virtual fixture")
-    draw.draw_springs(left, paths, WORLD["stab"], SPRINGS)
+    draw.draw_paths(left, paths, PLANE, "stab, virtual fixture")
+    draw.draw_springs(left, paths, PLANE, SPRINGS)
     right.plot(demonstrations[0].period * np.arange(len(phases)), phases, color=draw.ROBOT)
     right.set(xlabel="time [s]", ylabel="phase s [1]", ylim=(-0.02, 1.02))
     right.set_title("phase of the robot on the path", fontsize="medium", loc="left")
@@ -205,7 +209,7 @@ def figure_6_7() -> Figures:
     (left, right), below = figure.subplots(2, 2)
     joint, demonstrations = joint_model("stab", "batch"), load_demonstrations("stab", SEED)
     draw.draw_input(left, joint, demonstrations, WORLD["stab"])
-    draw.draw_output(right, joint, demonstrations, IN_FRAME)
+    draw.draw_output(right, joint, demonstrations, PLANE)
     for axes, mode in zip(below, ("shared", "autonomous"), strict=True):
         draw_trial(axes, "stab", mode, "batch")
     draw.add_legend(figure, [*draw.model_handles(), *draw.path_handles()])
@@ -222,7 +226,7 @@ def figure_6_8() -> Figures:
     draw.draw_input(panels[0], joint, training, VALVE_PLANE)
     for p, axes in enumerate(panels[1:]):
         draw.draw_output(axes, joint, training, VALVE_PLANE, p)
-    draw.add_legend(models, draw.model_handles())
+    draw.add_legend(models, [*draw.model_handles(), draw.object_handle()])
     modes = draw.new_figure(9.6, 8.8)
     assistant = protocol_6_1.make_assistant(training, literal=False)
     given, scene = demonstrations[OPERATOR], demonstrations[SCENE]

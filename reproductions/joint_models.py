@@ -30,10 +30,11 @@ from pilotfish.geometry import Pose, left_multiplication_matrix
 from pilotfish.models import Endpoints
 from pilotfish.models.online import (
     OnlineModel,
+    estimate_penalties,
     estimate_settings,
+    from_batch_fit,
     observe_demonstration,
     online_model,
-    to_skill,
 )
 from pilotfish.simulation import (
     Link,
@@ -47,7 +48,8 @@ from pilotfish.types import Array, Float
 
 POSE, JOINT = 7, 14  # columns of a pose, and of a pose of the operator with the same in the frame
 DEMONSTRATIONS = {"screwdriver": 6, "carabiner": 11, "stab": 6}
-STATES = {"screwdriver": 3, "carabiner": 4, "stab": 2}  # of the thesis; those of a stream are found
+STATES = {"screwdriver": 3, "carabiner": 4, "stab": 2}  # of the thesis
+FIRST = 4  # demonstrations of the batch fit with which a stream begins
 EARLIEST, LATEST = 0.05, 0.75  # instants of a switch, of the duration of the operator's own motion
 Learn = Callable[[Sequence[Demonstration]], pf.Skill]
 
@@ -115,22 +117,32 @@ def learn_batch(
 
 
 def learn_stream(demonstrations: Sequence[Demonstration], states: int) -> OnlineModel:
-    """Stream augmented demonstrations into an empty SOSC model, whose penalties they give.
+    """Begin SOSC with a batch fit of the first four augmented demonstrations, and stream the others.
 
-    The number of clusters is found; states is the approximate one that the penalties are estimated with.
+    This is how `pilotfish stream` begins, but without scales: covariances are subspaces and sigma^2, as
+    printed. The stream may add clusters and merge them.
+    """
+    first = demonstrations[:FIRST]
+    skill = learn_batch(first, states, pf.structures.Full())
+    model = from_batch_fit(skill, first, estimate_penalties(skill, first, scales=False))
+    return observe_all(model, demonstrations[FIRST:])
+
+
+def learn_stream_from_nothing(demonstrations: Sequence[Demonstration], states: int) -> OnlineModel:
+    """Stream augmented demonstrations into an empty SOSC model, and let it find the number of clusters.
+
+    states is the approximate number that penalties are estimated with.
     """
     first = demonstrations[0]
     rng, names = np.random.default_rng(0), tuple(frame.name for frame in first.frames)
-    settings = estimate_settings(demonstrations, states=states, rng=rng, scales=False)
-    model = online_model(settings, first.layout, first.period, names)
+    settings = estimate_settings(demonstrations[:FIRST], states=states, rng=rng, scales=False)
+    return observe_all(online_model(settings, first.layout, first.period, names), demonstrations)
+
+
+def observe_all(model: OnlineModel, demonstrations: Sequence[Demonstration]) -> OnlineModel:
     for demonstration in demonstrations:
         model, _ = observe_demonstration(model, demonstration)
     return model
-
-
-def learn_stream_skill(demonstrations: Sequence[Demonstration], states: int) -> pf.Skill:
-    """Return the joint model of a stream as a skill."""
-    return to_skill(learn_stream(demonstrations, states))
 
 
 def output_skill(joint: pf.Skill) -> pf.Skill:
