@@ -63,3 +63,18 @@ def online_valve() -> ModuleType:
 @pytest.fixture(scope="module")
 def online_tasks() -> ModuleType:
     return script("online_tasks")
+
+
+@pytest.fixture(scope="session")
+def joint_models() -> ModuleType:
+    return script("joint_models")
+
+
+@pytest.fixture(scope="session")
+def assistance_models() -> ModuleType:
+    return script("assistance_models")
+
+
+@pytest.fixture(scope="session")
+def assistance_figures() -> ModuleType:
+    return script("assistance_figures")
