@@ -27,12 +27,14 @@ Source: Tanwani 2018, section 5.7.2 and table 5.1; displacement and number of si
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
+from assistance_drawings import STEP
 from joint_models import (
     JOINT,
     STATES,
+    Trial,
     augment,
     learn_batch,
     learn_stream,
@@ -85,13 +87,23 @@ PRINTED = {  # table 5.1: parameters, then mean and deviation of the errors in d
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How one trial ended."""
+    """How one trial ended.
+
+    Attributes:
+        task: Name of the task.
+        model: Name of the joint model; empty for direct control.
+        mode: Mode of control.
+        error: Distance of the tool from the target at the end [m].
+        success: Whether the task was done.
+        height: Height of the tool above the object when autonomous control took over [m]; None if it did not.
+    """
 
     task: str
     model: str
     mode: str
     error: float
     success: bool
+    height: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +124,17 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3, help="number of seeds")
     arguments = parser.parse_args()
     rows: list[Row] = []
+    all_endings: list[Ending] = []
     for name in arguments.tasks:
         endings, sizes = evaluate_task(name, arguments)
+        all_endings += endings
         print_rows(found := [summarise(name, model, endings, sizes) for model in arguments.models])
         rows += found
     if arguments.out:
         write_figures(arguments.out, {"table_5_1": draw_errors(rows)})
     if arguments.json:
-        write_numbers(arguments.json, {"rows": rows, "printed": PRINTED})
+        trials = [asdict(ending) for ending in all_endings]
+        write_numbers(arguments.json, {"rows": rows, "printed": PRINTED, "trials": trials})
 
 
 def evaluate_task(name: str, arguments: argparse.Namespace) -> tuple[list[Ending], list[Size]]:
@@ -173,14 +188,23 @@ def try_models(
             if case not in durations:
                 trial = operate(name, carried, case, mode="direct", link=LINK)
                 durations[case] = trial.result.duration
-                yield Ending(name, "", "direct", trial.result.outcome.error, trial.result.outcome.success)
+                yield ending_of(trial, name, "", "direct")
             for mode in MODES:
                 assistant = literal if mode == "regression" else carried
                 before = "direct" if mode == "autonomous" else "shared"
                 switch = switch_time(case, durations[case]) if mode == "autonomous" else np.inf
                 trial = operate(name, assistant, case, mode=before, link=LINK, switch=switch)
-                outcome = trial.result.outcome
-                yield Ending(name, model, mode, outcome.error, outcome.success)
+                yield ending_of(trial, name, model, mode)
+
+
+def ending_of(trial: Trial, name: str, model: str, mode: str) -> Ending:
+    """Return how a trial ended."""
+    outcome, height = trial.result.outcome, None
+    if np.isfinite(trial.switch):
+        (target,) = trial.actual.values()
+        row = min(round(trial.switch / STEP), len(trial.result.measured) - 1)
+        height = float(trial.result.measured[row, 2] - target.position[2])
+    return Ending(name, model, mode, outcome.error, outcome.success, height)
 
 
 def summarise(name: str, model: str, endings: Sequence[Ending], sizes: Sequence[Size]) -> Row:
