@@ -68,6 +68,7 @@ STREAMS: dict[str, Callable[[Sequence[Demonstration], int], OnlineModel]] = {
     "SOSC, from nothing": learn_stream_from_nothing,
 }
 MODELS = (*STRUCTURES, *STREAMS)
+MARKERS = ("ks", "o", "D", "^")  # of direct and the other modes
 LINK = Link(view_distance=0.05)  # m
 PRINTED = {  # table 5.1: parameters, then mean and deviation of the errors in direct, shared, autonomous [m]
     "screwdriver": {
@@ -246,7 +247,7 @@ def print_rows(rows: Sequence[Row]) -> None:
 
 
 def draw_errors(rows: Sequence[Row]) -> Figure:
-    """Return bars of the mean error of each model and mode, on a logarithmic axis."""
+    """Return the mean error of each model and mode, on a logarithmic axis."""
     names = list(dict.fromkeys(row["task"] for row in rows))
     figure = Figure(figsize=(10.0, 3.8), layout="constrained")
     modes = ("direct", *MODES)
@@ -254,8 +255,9 @@ def draw_errors(rows: Sequence[Row]) -> Figure:
         chosen = [row for row in rows if row["task"] == name]
         for n, mode in enumerate(modes):
             means = [row[mode]["mean"] for row in chosen]
-            axes.bar(np.arange(len(chosen)) + 0.2 * (n - 1.5), means, 0.18, label=mode)
+            axes.plot(np.arange(len(chosen)) + 0.12 * (n - 1.5), means, MARKERS[n], label=mode)
         axes.set(title=name, yscale="log", ylabel="error at the end [m]", xlabel="joint model")
+        axes.grid(True, axis="y", color="0.92", linewidth=0.6)
         labels = [row["model"].replace(", ", ",\n") for row in chosen]
         axes.set_xticks(np.arange(len(chosen)), labels)
     handles, labels = figure.axes[0].get_legend_handles_labels()
