@@ -175,7 +175,23 @@ def step_assistance(
     if state.plan is not None:
         probabilities = np.eye(skill.skill.states)[state.plan.states[state.plan.row]]
     target = Target(memory.pose, memory.velocity, covariance, state.mode, memory.authority, probabilities)
-    return replace(state, memory=memory), target
+    return _with_memory(state, memory), target
+
+
+def _with_memory(state: AssistanceState, memory: AssistanceMemory) -> AssistanceState:
+    """Return the state with another memory, in half the time of `replace`."""
+    return AssistanceState(
+        memory,
+        state.hand_map,
+        state.is_clutch_closed,
+        state.mode,
+        state.skill,
+        state.situation,
+        state.plan,
+        state.cart,
+        state.joint,
+        state.tracked,
+    )
 
 
 def _kernel_input(

@@ -199,10 +199,35 @@ def assistance_step(
         found = _native.assistance_step(
             *_model_arrays(hand_map, model, tables, settings), *_step_values(memory, given)
         )
-    (is_observed, belief, *probabilities_and_time), arrays, numbers, covariance, probabilities = found
-    state_filter = StateFilter(belief if is_observed else memory.filter.belief, *probabilities_and_time)
-    after = AssistanceMemory(state_filter, *(*arrays, memory.held_commands, *numbers))
-    return AssistanceStep(after, covariance, probabilities)
+    return _assistance_result(model, memory, found)
+
+
+def _assistance_result(
+    model: CarriedModel, memory: AssistanceMemory, found: tuple[Any, ...]
+) -> AssistanceStep:
+    """Return the result of the native step, whose arrays are slices of one."""
+    belief, numbers, elapsed, authority, blend_time, blend_duration, is_following = found
+    K, D, E = *model.observed_means.shape, len(memory.offset)
+    command, offset, pose, velocity = 2 * K, 2 * K + D, 2 * K + D + E, 2 * K + 2 * D + E
+    desired, held = velocity + E, velocity + E + D
+    probabilities, covariance = len(numbers) - E * E - K, len(numbers) - E * E
+    if belief is None:
+        belief = memory.filter.belief
+    after = AssistanceMemory(
+        StateFilter(belief, numbers[:K], numbers[K:command], elapsed),
+        numbers[command:offset],
+        numbers[offset:pose],
+        numbers[pose:velocity],
+        numbers[velocity:desired],
+        numbers[desired:held],
+        numbers[held:probabilities],
+        memory.held_commands,
+        authority,
+        blend_time,
+        blend_duration,
+        is_following,
+    )
+    return AssistanceStep(after, numbers[covariance:].reshape(E, E), numbers[probabilities:covariance])
 
 
 def _model_arrays(

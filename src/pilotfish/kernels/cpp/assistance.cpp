@@ -99,7 +99,7 @@ void observe_command(const Vector& log_likelihoods, Matrix& belief) {
 void advance_filter(const Assistance& a, const Vector& log_likelihoods, AssistanceResult& result) {
   const bool is_first = std::isinf(a.elapsed);
   const double elapsed = a.elapsed + a.dt;
-  if (elapsed < (1.0 - ROUNDING) * a.period) {
+  if (!is_observation_due(a)) {
     result.elapsed = elapsed;
     return;
   }
@@ -112,7 +112,6 @@ void advance_filter(const Assistance& a, const Vector& log_likelihoods, Assistan
   std::copy_n(is_first ? now.data() : a.now, a.K, result.before);
   std::copy_n(now.data(), a.K, result.now);
   result.elapsed = is_first ? 0.0 : std::max(0.0, elapsed - steps * a.period);
-  result.is_observed = true;
 }
 
 double gate_authority(const Assistance& a, double distance) {
@@ -196,16 +195,20 @@ void set_transition(Assistance& a, const double* desired, AssistanceResult& resu
 
 }  // namespace
 
+bool is_observation_due(const Assistance& a) {
+  return a.mode != AUTONOMOUS && !(a.elapsed + a.dt < (1.0 - ROUNDING) * a.period);
+}
+
 void assistance_step(Assistance a, AssistanceResult& result) {
   result.is_following = a.is_closed && is_valid_hand(a);
   if (result.is_following)
     map_hand(a, result.command);
   else
     std::copy_n(a.command, a.D, result.command);
+  if (is_observation_due(a)) std::copy_n(a.belief, a.L * a.K, result.belief);
   std::copy_n(a.before, a.K, result.before);
   std::copy_n(a.now, a.K, result.now);
   result.elapsed = a.elapsed;
-  result.is_observed = false;
   Comparison comparison = compare(a, result.command);
   if (result.is_following && a.mode != AUTONOMOUS) advance_filter(a, comparison.log_likelihoods, result);
   const double s = std::min(1.0, (result.elapsed + a.dt) / a.period);

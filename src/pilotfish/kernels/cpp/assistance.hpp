@@ -32,14 +32,17 @@ struct Assistance {
   int scalars() const { return D - scalar_start(); }
 };
 
-// What a step writes: AssistanceMemory, covariance and probabilities. The belief (L, K) is written only if
-// the command has been observed.
+// What a step writes: AssistanceMemory, covariance and probabilities. The belief (L, K) is written only if the
+// step observes the command.
 struct AssistanceResult {
   double *belief, *before, *now, *command, *offset, *pose, *velocity, *desired, *held_values, *covariance,
       *probabilities;
   double elapsed, authority, blend_time, blend_duration;
-  bool is_following, is_observed;
+  bool is_following;
 };
+
+// Returns whether the filter observes the command of this step, which is valid or not.
+bool is_observation_due(const Assistance& a);
 
 void assistance_step(Assistance a, AssistanceResult& result);
 

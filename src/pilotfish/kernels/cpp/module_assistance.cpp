@@ -164,22 +164,23 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
   a.is_following = is_following, a.is_closed = is_closed, a.is_current = is_current,
   a.has_changed = has_changed;
 
+  // One array for all numbers: to make an array takes as long as a third of the step.
   const size_t K = a.K, D = a.D, E = a.E, S = a.scalars();
-  Out new_belief = empty<Out>({size_t(a.L), K}), new_before = empty<Out>({K}), new_now = empty<Out>({K});
-  Out new_command = empty<Out>({D}), new_offset = empty<Out>({E}), new_pose = empty<Out>({D});
-  Out new_velocity = empty<Out>({E}), new_desired = empty<Out>({D}), new_held = empty<Out>({S});
-  Out covariance = empty<Out>({E, E}), probabilities = empty<Out>({K});
-  AssistanceResult r{new_belief.data(),  new_before.data(),  new_now.data(), new_command.data(),
-                     new_offset.data(),  new_pose.data(),    new_velocity.data(), new_desired.data(),
-                     new_held.data(),    covariance.data(),  probabilities.data()};
+  Out numbers = empty<Out>({3 * K + 3 * D + 2 * E + S + E * E});
+  Out new_belief = is_observation_due(a) ? empty<Out>({size_t(a.L), K}) : Out();
+  double* next = numbers.data();
+  const auto take = [&next](size_t size) { return (next += size) - size; };
+  AssistanceResult r{};
+  r.belief = new_belief.data();
+  r.before = take(K), r.now = take(K), r.command = take(D), r.offset = take(E), r.pose = take(D);
+  r.velocity = take(E), r.desired = take(D), r.held_values = take(S), r.probabilities = take(K);
+  r.covariance = take(E * E);
   {
     SubnormalsFlushed subnormals;
     pilotfish::assistance_step(a, r);
   }
-  return std::make_tuple(std::make_tuple(r.is_observed, new_belief, new_before, new_now, r.elapsed),
-                         std::make_tuple(new_command, new_offset, new_pose, new_velocity, new_desired, new_held),
-                         std::make_tuple(r.authority, r.blend_time, r.blend_duration, r.is_following),
-                         covariance, probabilities);
+  nb::object observed = is_observation_due(a) ? nb::cast(new_belief) : nb::none();
+  return std::make_tuple(observed, numbers, r.elapsed, r.authority, r.blend_time, r.blend_duration, r.is_following);
 }
 
 auto riemannian_product(In<double, 3> means, In<double, 4> covariances, In<double, 4> precision_cholesky,
