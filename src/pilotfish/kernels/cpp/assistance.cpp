@@ -74,26 +74,47 @@ Comparison compare(const Assistance& a, const double* x) {
   return comparison;
 }
 
-// Replaces the belief (L, K) by that one step later, before the next command.
-void predict_belief(const Assistance& a, Matrix& belief) {
-  const MatrixView hazards(a.hazards, a.L, a.K), transitions(a.transitions, a.K, a.K);
-  const Matrix leaving = hazards.cwiseProduct(belief);
-  const Matrix staying = belief - leaving;
-  belief.row(0).noalias() = leaving.colwise().sum() * transitions;
-  belief.bottomRows(a.L - 1) = staying.topRows(a.L - 1);
-  belief.row(a.L - 1) += staying.row(a.L - 1);  // the last age stands for all longer ones
-  belief *= 1.0 - a.reset;
-  belief.row(0).array() += a.reset / a.K;
+// Writes the sum of a belief (L, K) over ages.
+Vector sum_over_ages(const Assistance& a, const double* belief) {
+  Vector sum = Vector::Zero(a.K);
+  for (int d = 0; d < a.L; ++d, belief += a.K)
+    for (int k = 0; k < a.K; ++k) sum[k] += belief[k];
+  return sum;
+}
+
+// Replaces the belief (L, K) by that one step later, before the next command. Rows move from last to first.
+void predict_belief(const Assistance& a, double* belief) {
+  Vector leaving = Vector::Zero(a.K);
+  const double kept = 1.0 - a.reset;
+  for (int d = a.L - 1; d >= 0; --d) {
+    const double* hazard = a.hazards + d * a.K;
+    double* now = belief + d * a.K;
+    double* later = now + a.K;
+    for (int k = 0; k < a.K; ++k) {
+      const double ends = hazard[k] * now[k], stays = kept * (now[k] - ends);
+      leaving[k] += ends;
+      if (d == a.L - 1)
+        now[k] = stays;  // the last age stands for all longer ones
+      else if (d == a.L - 2)
+        later[k] += stays;
+      else
+        later[k] = stays;
+    }
+  }
+  const Vector begins = MatrixView(a.transitions, a.K, a.K).transpose() * leaving;
+  for (int k = 0; k < a.K; ++k)
+    belief[k] = kept * begins[k] + a.reset / a.K + (a.L == 1 ? belief[k] : 0.0);
 }
 
 // Replaces the belief (L, K) by that given a command.
-void observe_command(const Vector& log_likelihoods, Matrix& belief) {
-  const Vector occupied = belief.colwise().sum();
+void observe_command(const Assistance& a, const Vector& log_likelihoods, double* belief) {
+  const Vector occupied = sum_over_ages(a, belief);
   const Vector log_posterior = occupied.array().log().matrix() + log_likelihoods;
-  Vector probs = (log_posterior.array() - log_posterior.maxCoeff()).exp();
-  probs /= probs.sum();
-  for (Eigen::Index k = 0; k < probs.size(); ++k)
-    belief.col(k) *= occupied[k] > 0.0 ? probs[k] / occupied[k] : 0.0;
+  Vector scale = (log_posterior.array() - log_posterior.maxCoeff()).exp();
+  scale /= scale.sum();
+  for (int k = 0; k < a.K; ++k) scale[k] = occupied[k] > 0.0 ? scale[k] / occupied[k] : 0.0;
+  for (int d = 0; d < a.L; ++d, belief += a.K)
+    for (int k = 0; k < a.K; ++k) belief[k] *= scale[k];
 }
 
 void advance_filter(const Assistance& a, const Vector& log_likelihoods, AssistanceResult& result) {
@@ -104,11 +125,9 @@ void advance_filter(const Assistance& a, const Vector& log_likelihoods, Assistan
     return;
   }
   const double steps = is_first ? 0.0 : std::floor(std::min(elapsed / a.period + ROUNDING, MAX_STEPS));
-  Matrix belief = MatrixView(a.belief, a.L, a.K);
-  for (int step = 0; step < int(steps); ++step) predict_belief(a, belief);
-  observe_command(log_likelihoods, belief);
-  const Eigen::RowVectorXd now = belief.colwise().sum();
-  std::copy_n(belief.data(), belief.size(), result.belief);
+  for (int step = 0; step < int(steps); ++step) predict_belief(a, result.belief);
+  observe_command(a, log_likelihoods, result.belief);
+  const Vector now = sum_over_ages(a, result.belief);
   std::copy_n(is_first ? now.data() : a.now, a.K, result.before);
   std::copy_n(now.data(), a.K, result.now);
   result.elapsed = is_first ? 0.0 : std::max(0.0, elapsed - steps * a.period);
