@@ -8,6 +8,9 @@ compared with what the person demonstrated in that scene: over the path, row by 
 recording of another length is resampled to the rows of the input. Autonomous control takes over after a tenth
 of the rows.
 
+The carabiner may be hooked anywhere along the rod, and where is drawn anew for every demonstration. Another
+operator's place says nothing about it. Its table therefore also has the distance of the ends across the rod.
+
 The table gives the mean distance [cm] and its square [cm^2] on training and test scenes, and their ratios to
 direct control. The thesis prints mean squared errors "in cm" of the end for the target and of the
 path for the valve. Its valve recording is known; the simulated tasks have no counterpart in it.
@@ -139,7 +142,7 @@ def all_by_all(
     """Return the distances [m] of path and end for each input (row) in each scene (column)."""
     M = len(demonstrations)
     distances = {measure: np.zeros((M, M)) for measure in MEASURES}
-    squares = np.zeros((M, M))
+    squares, off_rod = np.zeros((2, M, M))
     pairs = [(m, n) for m in range(M) for n in range(M)]
     for m, n in tqdm(pairs, mode, disable=not sys.stderr.isatty()):
         given = demonstrations[m]
@@ -150,7 +153,20 @@ def all_by_all(
         d = np.linalg.norm(poses[:, :3] - scene.x[:, :3], axis=1)
         distances["path"][m, n], distances["end"][m, n] = d.mean(), d[-1]
         squares[m, n] = np.mean(d**2)
-    return {**distances, "path squared": squares, "end squared": distances["end"] ** 2}
+        off_rod[m, n] = distance_off_rod(poses[-1] - scene.x[-1, : poses.shape[1]], scene)
+    found = {**distances, "path squared": squares, "end squared": distances["end"] ** 2}
+    return {**found, "end off the rod": off_rod} if has_rod(demonstrations[0]) else found
+
+
+def has_rod(demonstration: Demonstration) -> bool:
+    """Return whether the object is a rod, along which the place to hook is the person's choice."""
+    return [frame.name for frame in demonstration.frames] == ["rod"]
+
+
+def distance_off_rod(deviation: Float[Array, " D"], scene: Demonstration) -> float:
+    """Return the length of a deviation of position across the rod, the x axis of its frame [m]."""
+    local = scene.frames[0].at(0).A[:3, :3].T @ deviation[:3]
+    return float(np.linalg.norm(local[1:]))
 
 
 def run_mode(
@@ -200,7 +216,9 @@ def print_rows(rows: Sequence[Row]) -> None:
     )
     for row in rows:
         cells = []
-        for measure in ("path", "path squared", "end", "end squared"):
+        for measure in ("path", "path squared", "end", "end squared", "end off the rod"):
+            if f"{measure} train" not in row:
+                continue
             train, test = row[f"{measure} train"], row[f"{measure} test"]
             cells.append(f"{measure} {train:7.2f} / {test:7.2f} ({row[f'{measure} test ratio']:.2f})")
         print(f"  {row['mode']:10}  " + "   ".join(cells), flush=True)
