@@ -8,7 +8,7 @@ compared with what the person demonstrated in that scene: over the path, row by 
 recording of another length is resampled to the rows of the input. Autonomous control takes over after a tenth
 of the rows.
 
-The carabiner may be hooked anywhere along the rod, and where is drawn anew for every demonstration. Another
+The carabiner may be hooked anywhere along the rod, and the place is random in every demonstration. Another
 operator's place says nothing about it. Its table therefore also has the distance of the ends across the rod.
 
 The table gives the mean distance [cm] and its square [cm^2] on training and test scenes, and their ratios to
