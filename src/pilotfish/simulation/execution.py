@@ -10,7 +10,6 @@ import numpy as np
 from pilotfish.demonstrations import Frame, Layout, Quantity, frame_from_pose
 from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_failure, stack_measurements
 from pilotfish.environments.baxter import VisualMesh
-from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, normalise
 from pilotfish.models import Skill, adapt
 from pilotfish.planning import (
@@ -22,7 +21,7 @@ from pilotfish.planning import (
     reproduce_step,
     tangent_chart,
 )
-from pilotfish.simulation.recording import task_layout
+from pilotfish.simulation.recording import require_columns_and_frames, task_layout
 from pilotfish.types import Array, Float, Int
 from pilotfish.validation import shorten_repr
 
@@ -177,17 +176,9 @@ def _reproduce_in_cell(
 
 
 def _validate_skill(skill: Skill, task: Task[S]) -> None:
-    expected = task_layout(task).differentiate()
-    if skill.layout.names not in (expected.names, _layout_on_sphere(task_layout(task)).differentiate().names):
-        raise InvalidInput(
-            f"the skill has the columns {', '.join(skill.layout.names)}, task {task.name!r} needs "
-            f"{', '.join(expected.names)}; learn it from pilotfish record {task.name}"
-        )
-    if sorted(skill.frame_names) != sorted(task.frames):
-        raise InvalidInput(
-            f"the skill has the frames {list(skill.frame_names)}, task {task.name!r} has "
-            f"{list(task.frames)}; learn it from pilotfish record {task.name}"
-        )
+    layout = task_layout(task)
+    expected = [each.differentiate().names for each in (layout, _layout_on_sphere(layout))]
+    require_columns_and_frames(skill.layout.names, skill.frame_names, task, expected)
 
 
 def _layout_on_sphere(layout: Layout) -> Layout:

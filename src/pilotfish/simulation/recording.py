@@ -6,7 +6,7 @@ contact the command goes further than the tool, and so does a reproduction.
 All randomness comes from (seed, split, number, attempt): a recording does not depend on those before it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
@@ -34,7 +34,7 @@ from pilotfish.environments.human import (
     initial_state,
     step_human,
 )
-from pilotfish.errors import SkillError
+from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
@@ -76,6 +76,32 @@ def task_layout(task: Task[S]) -> Layout:
     """Return the columns of a recording: tool pose, then the grip, 0 (open) to 1, if the tool has one."""
     grip = (Part("grip", Quantity.SCALAR, 1, "1"),) if task.has_gripper else ()
     return Layout(pose_layout().parts + grip)
+
+
+def require_columns_and_frames(
+    names: tuple[str, ...],
+    frame_names: tuple[str, ...],
+    task: Task[S],
+    expected: Sequence[tuple[str, ...]],
+) -> None:
+    """Raise InvalidInput unless a skill has columns and frames of a task.
+
+    Args:
+        names: Names of the columns of the skill.
+        frame_names: Names of its frames.
+        task: Task from `TASKS`.
+        expected: Names of columns that the task can have, the usual ones first.
+    """
+    if names not in expected:
+        raise InvalidInput(
+            f"the skill has the columns {', '.join(names)}, task {task.name!r} needs "
+            f"{', '.join(expected[0])}; learn it from pilotfish record {task.name}"
+        )
+    if sorted(frame_names) != sorted(task.frames):
+        raise InvalidInput(
+            f"the skill has the frames {list(frame_names)}, task {task.name!r} has {list(task.frames)}; "
+            f"learn it from pilotfish record {task.name}"
+        )
 
 
 def situation_from_seed(

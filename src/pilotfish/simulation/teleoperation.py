@@ -34,7 +34,6 @@ from pilotfish.environments.human import (
     step_human,
 )
 from pilotfish.environments.human import initial_state as initial_human_state
-from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose, from_rotation_vector, normalise
 from pilotfish.simulation.recording import (
     ARM_LAG,
@@ -43,6 +42,8 @@ from pilotfish.simulation.recording import (
     PERIOD,
     STEPS_PER_OBSERVATION,
     TIME_TOLERANCE,
+    pose_row,
+    require_columns_and_frames,
     task_layout,
 )
 from pilotfish.types import Array, Float
@@ -169,7 +170,8 @@ def teleoperate(
     Raises:
         InvalidInput: If the skill has other columns or frames than the task, or a number cannot be used.
     """
-    _validate(assistant, task)
+    names, frame_names = assistant.layout.names, assistant.skills[0].skill.frame_names
+    require_columns_and_frames(names, frame_names, task, [task_layout(task).names])
     cell = Workcell(task, situation, guided=True, visual_meshes=visual_meshes)
     displace = displace_view(cell.frames(), link, rng)
     operator = _Operator(task, situation, rng, cell.target)
@@ -224,7 +226,7 @@ class _Robot:
     ) -> None:
         self._assistant, self._cell, self._mode = assistant, cell, mode
         self._frames: dict[tuple[float, ...], Sequence[Frame]] = {}
-        start = self._row(cell.target, cell.grip)
+        start = pose_row(cell.task, cell.target, cell.grip)
         frames = self.frames_of(cell.frames())
         self._state = initial_state(assistant, start, self.frames_of(observed), frames)
 
@@ -245,7 +247,7 @@ class _Robot:
     def step(self, message: _Message, hand: Pose, poses: Poses) -> tuple[Command, Target]:
         """Assist for one step; both arms follow, the left one the hand and the right one the target."""
         mode = self._mode if isinstance(self._mode, str) else self._mode(self._cell.time)
-        command = Command(self._row(message.tool, message.grip), mode)
+        command = Command(pose_row(self._cell.task, message.tool, message.grip), mode)
         self._state, target = step_assistance(
             self._assistant,
             self._state,
@@ -258,9 +260,6 @@ class _Robot:
         tool = Pose(target.pose[:3].copy(), normalise(target.pose[3:7]))
         self._cell.step_teleoperation(hand, tool, grip, STEPS_PER_OBSERVATION)
         return command, target
-
-    def _row(self, pose: Pose, grip: float) -> Float[Array, " D"]:
-        return np.concatenate([pose.position, pose.quaternion, [grip] * self._cell.task.has_gripper])
 
 
 class _Rows:
@@ -308,18 +307,3 @@ def _latest(items: list[M], time: float, *, key: Callable[[M], float]) -> M:
     while len(items) > 1 and key(items[1]) <= time + TIME_TOLERANCE:
         items.pop(0)
     return items[0]
-
-
-def _validate(assistant: Assistant, task: Task[S]) -> None:
-    expected, found = task_layout(task).names, assistant.layout.names
-    if found != expected:
-        raise InvalidInput(
-            f"the skill has the columns {', '.join(found)}, task {task.name!r} needs {', '.join(expected)}; "
-            f"learn it from pilotfish record {task.name}"
-        )
-    names = assistant.skills[0].skill.frame_names
-    if sorted(names) != sorted(task.frames):
-        raise InvalidInput(
-            f"the skill has the frames {list(names)}, task {task.name!r} has {list(task.frames)}; learn it "
-            f"from pilotfish record {task.name}"
-        )
