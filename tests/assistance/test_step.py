@@ -198,6 +198,83 @@ def test_fixture_without_one_and_of_another_task_is_refused():
         assistance.assisted_skill(replace(skill, frame_names=("a", "b")), fixture=task.learn_fixture())
 
 
+def test_plan_rests_at_its_end_and_follows_the_object_from_there(rng):
+    """Planned again with one row left, it once overshot by centimetres at a change of a nanometre."""
+    assistant = task.assistant()
+    state, _ = run_rows(assistant, ROWS[:15], "shared")
+    command, path = Command(ROWS[15], "autonomous"), []
+    for _ in range(140):
+        frames = [replace(f, b=f.b + 1e-9 * rng.normal() * (np.arange(8) < 3)) for f in FRAMES]
+        state, target = step_assistance(assistant, state, command, FRAMES, frames, task.PERIOD)
+        path.append(target.pose[:3])
+    assert np.ptp(path[-40:], axis=0).max() < 1e-4
+    assert not state.plan.is_moving
+    moved = (SCENE[0], pf.geometry.Pose(SCENE[1].position + np.array([0.0, 0.05, 0.0]), SCENE[1].quaternion))
+    state, targets = run_rows(
+        assistant, np.tile(ROWS[15], (40, 1)), "autonomous", state=state, actual=task.scene_frames(moved)
+    )
+    assert np.allclose(targets[-1].pose[:3] - path[-1], [0.0, 0.05, 0.0], atol=0.01)
+
+
+def test_grip_holds_when_the_skill_or_the_plan_takes_over():
+    """The operator's hand is open, and the plan begins where the grip is open."""
+    first = task.assistant()
+    plain = assistance.assisted_skill(task.learn())
+    assistant = assistance.make_assistant([first.skills[0], plain], limits=task.LIMITS)
+    hands = ROWS.copy()
+    hands[:, 7] = 0.0
+    state, targets = run_rows(assistant, hands[:25], "fixture")
+    assert targets[-1].pose[7] == 1.0
+    for mode in ("shared", "fixture", "direct"):
+        command = Command(hands[25], mode, skill=1)
+        changed, target = step_assistance(assistant, state, command, FRAMES, FRAMES, task.PERIOD)
+        assert changed.skill == 1
+        assert target.pose[7] == 1.0
+    closed = ROWS[3].copy()
+    closed[7] = 1.0
+    state, _ = run_rows(assistant, np.tile(closed, (5, 1)), "direct")
+    _, targets = run_rows(assistant, closed[None], "autonomous", state=state)
+    assert targets[-1].mode == "autonomous"
+    assert targets[-1].pose[7] == 1.0
+
+
+def test_bad_grip_holds_the_target_on_a_fixture():
+    assistant = task.assistant()
+    state, targets = run_rows(assistant, ROWS[:15], "fixture")
+    hand = ROWS[15].copy()
+    hand[:3] += 0.3
+    hand[7] = np.nan
+    _, held = run_rows(assistant, np.tile(hand, (10, 1)), "fixture", state=state)
+    assert np.abs(held[-1].pose[:3] - targets[-1].pose[:3]).max() < 0.02
+
+
+def test_frames_with_reused_arrays_and_changed_targets_change_nothing_else():
+    """A caller may fill the same arrays at every step, and change a target that it received."""
+    assistant = task.assistant()
+    arrays = [(f.name, f.A.copy(), f.b.copy()) for f in FRAMES]
+    state = start(assistant)
+    moved = np.array([0.0, 0.1, 0.0])
+    for n in range(60):
+        if n == 30:
+            for _, _, b in arrays:
+                b[:3] += moved
+        frames = [pf.Frame(*each) for each in arrays]
+        state, target = step_assistance(assistant, state, Command(ROWS[20]), FRAMES, frames, task.PERIOD)
+        if n == 29:
+            before = target.pose[:3].copy()
+        target.pose[:] = 0.0
+    assert np.allclose(state.memory.pose[:3] - before, moved, atol=0.01)
+
+
+def test_frames_of_other_types_are_refused():
+    state, command = start(task.assistant()), Command(ROWS[0])
+    with pytest.raises(InvalidInput, match="frames are no lists of frames"):
+        step_assistance(task.assistant(), state, command, 5, FRAMES, 0.1)
+    lists = [pf.Frame(f.name, f.A.tolist(), f.b) for f in FRAMES]
+    with pytest.raises(InvalidInput, match="an array of frame 'cube' has type list"):
+        initial_state(task.assistant(), ROWS[0], lists, FRAMES)
+
+
 @pytest.mark.parametrize("before", assistance.MODES)
 @pytest.mark.parametrize("after", assistance.MODES)
 def test_target_at_rest_leaves_at_most_1_mm_at_the_change_and_blends_slowly(before, after):

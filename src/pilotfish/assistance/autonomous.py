@@ -39,6 +39,7 @@ RELATIVE_CONTROL_COST = 0.01
 DEVIATIONS = 2.0  # standard deviations after which a segment has nearly ended
 SHORT = 1e-4  # s, over which rates of the chart are differences
 MIN_SPEED = 1e-3  # of the scale of a part, per period
+REST = 1.0  # s that a plan made again has at least, so that it comes to rest at its end
 
 
 @shorten_repr
@@ -53,6 +54,7 @@ class AutonomousPlan:
         frames: Frames that it was planned for.
         period: Time between two rows [s].
         elapsed: Time since the first row [s].
+        rest: Number of rows after the end of the movement, at which the plan stays.
     """
 
     states: Int[Array, " T"]
@@ -61,6 +63,12 @@ class AutonomousPlan:
     frames: tuple[Frame, ...]
     period: float
     elapsed: float
+    rest: int = 0
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the movement has not come to its end."""
+        return self.row < len(self.states) - 1 - self.rest
 
     @property
     def row(self) -> int:
@@ -127,6 +135,7 @@ def plan_motion(
     start: Float[Array, " D"],
     velocity: Float[Array, " E"],
     frames: tuple[Frame, ...],
+    rest: int = 0,
 ) -> AutonomousPlan:
     """Plan the motion through a state sequence, from a pose and velocity.
 
@@ -136,12 +145,16 @@ def plan_motion(
         start: Pose and scalars now.
         velocity: Velocity and angular velocity in body axes.
         frames: The actual frames, to notice a change.
+        rest: Number of rows to stay at the end.
     """
     chart = tangent_chart(adapted) if adapted.layout.orientations else None
     tangent = chart.skill if chart else adapted
     E, period = tangent.means.shape[1], adapted.period
     states = states if len(states) > 1 else np.repeat(states, 2)
     targets, weights = _reference(tangent, states)
+    states = np.concatenate([states, np.repeat(states[-1:], rest)])
+    targets = np.concatenate([targets, np.repeat(targets[-1:], rest, axis=0)])
+    weights = np.concatenate([weights, np.repeat(weights[-1:], rest, axis=0)])
     zeros = np.zeros_like(targets)
     full_weights = np.zeros((len(states), 2 * E, 2 * E))
     full_weights[:, :E, :E] = weights
@@ -150,7 +163,24 @@ def plan_motion(
         _tangent_start(chart, start, velocity, adapted)
     )
     poses, velocities = _planned_motion(chart, motion.x[:, :E], motion.x[:, E:], adapted)
-    return AutonomousPlan(states, poses, velocities, frames, period, 0.0)
+    return AutonomousPlan(states, poses, velocities, frames, period, 0.0, rest)
+
+
+def plan_again(adapted: AdaptedSkill, plan: AutonomousPlan, frames: tuple[Frame, ...]) -> AutonomousPlan:
+    """Return the plan for other frames from the row that it has reached.
+
+    It has a second at least: from a pose that still moves, a plan of one or two rows would overshoot.
+
+    Args:
+        adapted: Skill of coordinates adapted to the actual frames.
+        plan: Plan so far.
+        frames: The actual frames.
+    """
+    row, end = plan.row, len(plan.states) - plan.rest
+    states = plan.states[min(row, end - 1) : end]
+    rest = max(0, int(np.ceil(min(REST / plan.period, MAX_STEPS))) - len(states))
+    again = plan_motion(adapted, states, plan.poses[row], plan.velocities[row], frames, rest)
+    return replace(again, elapsed=plan.phase)
 
 
 def _reference(

@@ -122,10 +122,12 @@ def coordinate_frames(frames: Sequence[Frame | MovingFrame], layout: Layout) -> 
     restricted = []
     for frame in frames:
         require_type(frame, "a frame", Frame, "of a moving frame give frame.at(t), its value at one step")
+        for values in (frame.A, frame.b):
+            require_type(values, f"an array of frame {frame.name!r}", np.ndarray, "pass np.array(values)")
         if frame.b.shape == (layout.width,) and frame.A.shape == (layout.width, layout.width):
             A, b = frame.A[np.ix_(coordinates, coordinates)], frame.b[coordinates]
         elif frame.b.shape == coordinates.shape and frame.A.shape == coordinates.shape * 2:
-            A, b = frame.A, frame.b
+            A, b = frame.A.copy(), frame.b.copy()  # the caller may use the arrays again
         else:
             raise InvalidInput(
                 f"frame {frame.name!r} has A of shape {frame.A.shape} and b {frame.b.shape}, expected "

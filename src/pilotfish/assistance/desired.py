@@ -8,7 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from pilotfish.assistance.assistant import Assistant, AssistedSkill
-from pilotfish.assistance.autonomous import AutonomousPlan, occupied_state, plan_motion, remaining_states
+from pilotfish.assistance.autonomous import (
+    AutonomousPlan,
+    occupied_state,
+    plan_again,
+    plan_motion,
+    remaining_states,
+)
 from pilotfish.assistance.coordinates import pose_width
 from pilotfish.assistance.situation import Situation
 from pilotfish.assistance.tracking import lqr_gains
@@ -83,7 +89,8 @@ def follow_plan(
     changed = plan.frames is not state.situation.actual and state.situation.is_current
     if changed and plan.row > 0:  # at most once per period, or a scene that always changes would stop it
         try:
-            plan = _plan_again(skill, state, plan)
+            adapted = adapt(skill.skill, state.situation.actual)
+            plan = plan_again(adapted, plan, state.situation.actual)
         except SkillError:
             plan = replace(plan, frames=state.situation.actual)  # impossible frames: go on as planned
     plan = replace(plan, elapsed=plan.elapsed + dt)
@@ -153,9 +160,9 @@ def with_cart_scalars(
     Args:
         skill: Prepared skill.
         cart: Cart; None leaves the hand as it is.
-        hand: Pose and scalars of the hand.
+        hand: Pose and scalars of the hand; a bad one stays bad.
     """
-    if cart is None or skill.fixture is None or not skill.fixture.switches:
+    if cart is None or skill.fixture is None or not skill.fixture.switches or not np.isfinite(hand).all():
         return hand
     hand = hand.copy()
     for switch in skill.fixture.switches:
@@ -194,12 +201,3 @@ def first_plan(skill: AssistedSkill, state: AssistanceState) -> AutonomousPlan |
         return plan_motion(adapted, states, memory.pose, memory.velocity, state.situation.actual)
     except SkillError:
         return None
-
-
-def _plan_again(skill: AssistedSkill, state: AssistanceState, plan: AutonomousPlan) -> AutonomousPlan:
-    """Return the plan for the actual frames from the row that the plan has reached."""
-    adapted, row = adapt(skill.skill, state.situation.actual), plan.row
-    again = plan_motion(
-        adapted, plan.states[row:], plan.poses[row], plan.velocities[row], state.situation.actual
-    )
-    return replace(again, elapsed=plan.phase)

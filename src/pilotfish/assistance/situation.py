@@ -80,10 +80,16 @@ def update_situation(
         observed: Frames that the operator sees; None if they are stale.
         actual: Frames of the actual objects; None if they are stale.
         noise: Imprecision of the operator.
+
+    Raises:
+        InvalidInput: If they are no sequences.
     """
     if observed is None or actual is None:
         return replace(situation, is_current=False, given=())
-    given = (*observed, *actual)
+    try:
+        given = (*observed, *actual)
+    except TypeError:
+        raise InvalidInput("frames are no lists of frames, say a demonstration's .frames, or None") from None
     if situation.given and _is_same_object(given, situation.given):
         return situation  # also if they could not be used: adapting again would fail again
     try:

@@ -37,6 +37,7 @@ from pilotfish.assistance.desired import (
     first_plan,
     follow_fixture,
     follow_plan,
+    plan_scalars,
     start_cart,
     track_literal,
     with_cart_scalars,
@@ -83,9 +84,10 @@ def initial_state(
         NotPositiveDefinite: If a covariance is singular in these frames.
     """
     require_type(assistant, "assistant", Assistant, "make_assistant([assisted_skill(skill)]) makes one")
+    require_type(pose, "pose", np.ndarray, "pass np.array(pose)")
     layout = assistant.layout
     is_oriented = bool(layout.orientation_starts)
-    if np.shape(pose) != (layout.width,) or not is_valid_hand(hand := _numbers(pose, layout), is_oriented):
+    if not is_valid_hand(hand := _numbers(pose, layout), is_oriented):
         raise InvalidInput(
             f"pose is {short_repr(pose)}, expected {layout.width} finite numbers with a unit quaternion: "
             f"{', '.join(layout.names)}"
@@ -157,8 +159,10 @@ def step_assistance(
     require_type(command, "command", Command, "pass Command(hand, mode)")
     dt = require_number(dt, "dt", MIN_STEP, MAX_STEP)
     hand, before = _numbers(command.hand, assistant.layout), state
-    state = _update_scene(assistant, state, command.skill, frames_observed, frames_actual)
     state = _update_clutch(assistant, state, command.clutch, hand)
+    state = _update_scene(assistant, state, command.skill, frames_observed, frames_actual)
+    if state.skill != before.skill:
+        state = _hold_scalars(assistant, state, _command(assistant, state, hand)[0])
     state = _change_mode(assistant, state, command.mode, hand)
     state, corrected = _corrected_elsewhere(assistant, state, hand, dt)
     has_changed = (before.mode, before.skill) != (state.mode, state.skill)
@@ -174,7 +178,8 @@ def step_assistance(
     )
     if state.plan is not None:
         probabilities = np.eye(skill.skill.states)[state.plan.states[state.plan.row]]
-    target = Target(memory.pose, memory.velocity, covariance, state.mode, memory.authority, probabilities)
+    pose, velocity = memory.pose.copy(), memory.velocity.copy()  # the caller may change a target
+    target = Target(pose, velocity, covariance, state.mode, memory.authority, probabilities)
     return _with_memory(state, memory), target
 
 
@@ -215,7 +220,6 @@ def _kernel_input(
 
 def _numbers(hand: Array, layout: Layout) -> Float[Array, " D"]:
     """Return a hand as the kernel reads it: NaN if it has another width or no numbers."""
-    hand = np.asarray(hand)
     if hand.shape != (layout.width,) or hand.dtype.kind not in "fiu":
         return np.full(layout.width, np.nan)
     return hand if hand.dtype == np.float64 else hand.astype(np.float64)
@@ -295,10 +299,19 @@ def _change_mode(
         reached = int(state.plan.states[state.plan.row])
         memory = replace(memory, filter=resume_filter(skill.tables, reached))
         joint = resume_filter(skill.joint_tables, None) if skill.joint_tables else None
-    columns = scalar_columns(assistant.layout)
-    commands = with_cart_scalars(skill, cart, x)[columns].copy()
-    memory = replace(memory, held_values=memory.pose[columns].copy(), held_commands=commands)
-    return replace(state, mode=mode, plan=plan, cart=cart, memory=memory, joint=joint, tracked=None)
+    state = replace(state, mode=mode, plan=plan, cart=cart, memory=memory, joint=joint, tracked=None)
+    if plan is not None:
+        x = plan_scalars(skill, plan.poses[0], int(plan.states[0]))
+    return _hold_scalars(assistant, state, with_cart_scalars(skill, cart, x))
+
+
+def _hold_scalars(
+    assistant: Assistant, state: AssistanceState, commanded: Float[Array, " D"]
+) -> AssistanceState:
+    """Return the state with scalars that hold at the target, until these commands change."""
+    columns, memory = scalar_columns(assistant.layout), state.memory
+    held, commands = memory.pose[columns].copy(), commanded[columns].copy()
+    return replace(state, memory=replace(memory, held_values=held, held_commands=commands))
 
 
 def _corrected_elsewhere(

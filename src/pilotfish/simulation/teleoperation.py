@@ -242,7 +242,7 @@ class _Robot:
     def is_moving(self) -> bool:
         """Whether an autonomous motion has not come to its end."""
         plan = self._state.plan
-        return plan is not None and plan.row < len(plan.states) - 1
+        return plan is not None and plan.is_moving
 
     def step(self, message: _Message, hand: Pose, poses: Poses) -> tuple[Command, Target]:
         """Assist for one step; both arms follow, the left one the hand and the right one the target."""

@@ -169,7 +169,7 @@ void correct_command(const Assistance& a, Matrix& deviations, const Vector& prob
   covariance.noalias() += (deviations.array().colwise() * probabilities.array()).matrix().transpose() * deviations;
 }
 
-// Writes the desired pose (D) of direct or shared control, with the operator's scalars, and its covariance.
+// Writes the desired pose (D) of direct or shared control and its covariance.
 void operated_pose(const Assistance& a, Comparison& comparison, const Vector& probabilities,
                    AssistanceResult& result, double* desired) {
   const double* x = result.command;
@@ -190,12 +190,16 @@ void operated_pose(const Assistance& a, Comparison& comparison, const Vector& pr
     displace(a.manifold, x, step.data(), desired);
     covariance = result.authority * spread + (1.0 - result.authority) * covariance;
   }
+}
+
+// Holds the scalars of a desired pose (D) until what they follow changes or agrees.
+void hold_scalars(const Assistance& a, const double* source, AssistanceResult& result, double* desired) {
   for (int s = 0, column = a.scalar_start(); column < a.D; ++s, ++column) {
-    const bool is_released = std::abs(x[column] - a.held_values[s]) <= SCALAR_TOLERANCE ||
-                             std::abs(x[column] - a.held_commands[s]) > SCALAR_TOLERANCE;
+    const bool is_released = std::abs(source[column] - a.held_values[s]) <= SCALAR_TOLERANCE ||
+                             std::abs(source[column] - a.held_commands[s]) > SCALAR_TOLERANCE;
     const double held = is_released ? std::numeric_limits<double>::quiet_NaN() : a.held_values[s];
     result.held_values[s] = held;
-    desired[column] = std::isnan(held) ? x[column] : held;
+    desired[column] = std::isnan(held) ? source[column] : held;
   }
 }
 
@@ -239,13 +243,13 @@ void assistance_step(Assistance a, AssistanceResult& result) {
   result.authority =
       a.authority + std::min(std::max(allowed - a.authority, -MAX_RATE * a.dt), MAX_RATE * a.dt);
   std::vector<double> desired(a.D), blended(a.D);
-  std::copy_n(a.held_values, a.scalars(), result.held_values);
   if (a.mode == AUTONOMOUS) {
     std::copy_n(a.given_pose, a.D, desired.data());
     std::copy_n(a.given_covariance, a.E * a.E, result.covariance);
   } else {
     operated_pose(a, comparison, probabilities, result, desired.data());
   }
+  hold_scalars(a, a.mode == AUTONOMOUS ? a.given_pose : result.command, result, desired.data());
   set_transition(a, desired.data(), result);
   blend(a, result, desired.data(), blended.data());
   follow_desired(a, blended.data(), result);

@@ -44,7 +44,7 @@ def assistance_step(
         autonomous   the pose of the plan
 
     and the target follows it after a blend, within its limits (`target_motion`). A bad hand holds the command
-    and the filter. Scalars hold after a change of mode until the operator changes them or agrees.
+    and the filter. Scalars hold after a change until what they follow, hand or plan, changes or agrees.
 
     Args:
         hand_map: Map from the hand to the command.
@@ -229,15 +229,16 @@ def _desired(
     elsewhere = None
     if given.given_pose is not None and given.given_covariance is not None:
         elsewhere = given.given_pose, given.given_covariance
+    source, y, covariance = x, x.copy(), np.diag(settings.variances)
     if given.mode == AUTONOMOUS:
         assert elsewhere is not None
-        return *elsewhere, held
-    y, covariance = x.copy(), np.diag(settings.variances)
-    if given.mode == SHARED:
+        source, covariance = elsewhere
+        y = source.copy()
+    elif given.mode == SHARED:
         corrected, spread = elsewhere or correct_command(model, x, probabilities)
         is_oriented = x.size != settings.variances.size
         y = displaced(x, authority * deviation(x, corrected, is_oriented), is_oriented)
         covariance = authority * spread + (1.0 - authority) * covariance
     columns = slice(x.size - held.size, None)
-    held, y[columns] = follow_scalars(held, memory.held_commands, x[columns])
+    held, y[columns] = follow_scalars(held, memory.held_commands, source[columns])
     return y, covariance, held
