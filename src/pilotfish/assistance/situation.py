@@ -82,14 +82,16 @@ def update_situation(
         noise: Imprecision of the operator.
 
     Raises:
-        InvalidInput: If they are no sequences.
+        InvalidInput: If they are something else.
     """
     if observed is None or actual is None:
         return replace(situation, is_current=False, given=())
     try:
         given = (*observed, *actual)
     except TypeError:
-        raise InvalidInput("frames are no lists of frames, say a demonstration's .frames, or None") from None
+        raise InvalidInput(
+            "frames have no items, expected a list of frames, say a demonstration's .frames"
+        ) from None
     if situation.given and _is_same_object(given, situation.given):
         return situation  # also if they could not be used: adapting again would fail again
     try:
