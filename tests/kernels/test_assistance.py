@@ -82,6 +82,18 @@ def test_direct_control_far_from_limits_is_the_mapped_hand(kernels, rng):
     np.testing.assert_allclose(deviation(x, memory.pose, x.size != memory.offset.size), 0.0, atol=1e-9)
 
 
+def test_change_does_not_move_a_target_that_is_far_behind_the_desired_pose(kernels, rng):
+    """The blend begins at the target, and not where the desired pose was."""
+    for _ in range(20):
+        *model, settings, memory, given = assistance_arguments(rng)
+        far = memory.pose.copy()
+        far[:3] += 0.3
+        memory = replace(memory, velocity=np.zeros_like(memory.velocity), desired=far)
+        settings = replace(settings, lower=np.full(3, -9.0), upper=np.full(3, 9.0))
+        after = kernels.assistance_step(*model, settings, memory, replace(given, has_changed=True)).memory
+        np.testing.assert_allclose(after.pose[:3], memory.pose[:3], atol=1e-9)
+
+
 def bad_arguments(name: str) -> tuple[int, dict]:
     """Return the index of the argument to change, and the change."""
     return {

@@ -6,7 +6,8 @@ is a point of the movement, blurred by the operator's imprecision,
 
     x = s exp(noise),    s ~ N(mu_k, Sigma_k),    noise ~ N(0, S),    S = sigma_op^2 I,
 
-so that the filter of `occupancy.py` takes N(log_mu_k(x); 0, Sigma_k + S) as the density of x in state k.
+so that the filter of `kernels/occupancy.py` takes N(log_mu_k(x); 0, Sigma_k + S) as the density of x in
+state k.
 
 Carry. Each object takes the position of the command with it: frame p moved from (R_p, b_p) to (R'_p, b'_p),
 and x to R'_p R_p' (x - b_p) + b'_p. These positions are weighted by the precision L_p of frame p in the

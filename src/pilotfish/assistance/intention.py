@@ -1,8 +1,8 @@
 """Intention: which skill of a list the operator follows, in which state, or none.
 
 Hypotheses. Under skill m the commands follow its chain of states in the frames that the operator sees; the
-filter of `occupancy.py` gives the predictive density p_m(x_t | x_1 .. x_t-1). Under "none" any pose is
-equally likely, with the log-density `level`. Their probabilities w are filtered together:
+filter of `kernels/occupancy.py` gives the predictive density p_m(x_t | x_1 .. x_t-1). Under "none" any pose
+is equally likely, with the log-density `level`. Their probabilities w are filtered together:
 
     w'_m = (1 - SWITCH) w_m + SWITCH / (M + 1)          the operator may change the intention
     w_m  proportional to w'_m p_m(x_t | x_1 .. x_t-1)

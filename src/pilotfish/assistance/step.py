@@ -7,8 +7,8 @@
     fixture      y = x moved by the authority towards the cart that the hand pulls along the path
     y --transition--> --limits--> target
 
-`kernels.assistance_step` computes all of this but the plan. Here are the changes of mode, skill, clutch and
-frames, which come first: a plan begins in the state filtered one step ago.
+`kernels.assistance_step` computes all of this but plan and cart. Here are the changes of mode, skill, clutch
+and frames, which come first: a plan begins in the state filtered one step ago.
 
 The filter advances once per period of the skill, however often it is called, and its probabilities are
 interpolated in between. It stands still while the clutch is open, a command is bad, or control is autonomous.
@@ -20,8 +20,8 @@ a mixture or a fixture that the skill does not have, leaves the mode as it is. `
 in effect.
 
 Scalars such as a grip follow the operator in direct and shared control, the state of the plan in autonomous
-control, and the phase of the cart on a fixture if they switch. After a change of mode the grip holds until
-what it follows changes or agrees with it.
+control, and the phase of the cart on a fixture if they switch. After a change of mode or skill the grip
+holds until what it follows changes or agrees with it.
 """
 
 from collections.abc import Sequence

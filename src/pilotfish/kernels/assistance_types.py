@@ -78,8 +78,8 @@ class AssistanceMemory:
         pose: Target: pose and scalars.
         velocity: Its velocity [m/s] and angular velocity in body axes [rad/s], then zeros for scalars.
         desired: Desired pose of the last step, within the workspace.
-        held_values: Value of each scalar that holds; NaN for one that follows the operator.
-        held_commands: Scalars commanded at the last change of mode.
+        held_values: Value of each scalar that holds; NaN for one that follows the hand or the plan.
+        held_commands: Scalars of the hand or the plan at the last change.
         authority: Authority of the assistance, 0 to 1.
         blend_time: Time since the last change [s].
         blend_duration: Time after which the offset is zero [s].

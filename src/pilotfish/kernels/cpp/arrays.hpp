@@ -9,6 +9,7 @@
 #include <initializer_list>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "subnormals.hpp"
 
@@ -110,6 +111,18 @@ void expect_logarithms(const Array& array, const char* name) {
 
 inline void expect_some(size_t size, const char* name) {
   if (size == 0) throw nb::value_error((std::string(name) + " is empty, expected at least one").c_str());
+}
+
+// Returns the first columns of the quaternions among D columns.
+inline std::vector<int> read_orientation_starts(const In<int64_t, 1>& orientation_starts, size_t D) {
+  std::vector<int> starts;
+  int64_t free = 0;
+  for (size_t i = 0; i < orientation_starts.shape(0); free = orientation_starts(i++) + 4) {
+    if (orientation_starts(i) < free || orientation_starts(i) > int64_t(D) - 4)
+      throw nb::value_error("orientation_starts are not increasing columns with four columns each");
+    starts.push_back(int(orientation_starts(i)));
+  }
+  return starts;
 }
 
 inline void expect_threads(int threads) {

@@ -35,13 +35,7 @@ Sizes read_sizes(const In<double, 3>& x, const In<double, 3>& means, const In<do
   expect_some(D, "the last axis of x");
   expect_some(K, "means");
   expect(means, "means", {P, K, D});
-  Sizes sizes{int(P), long(x.shape(1)), int(K), int(D), {}};
-  int64_t free = 0;
-  for (size_t i = 0; i < orientation_starts.shape(0); free = orientation_starts(i++) + 4) {
-    if (orientation_starts(i) < free || orientation_starts(i) > int64_t(D) - 4)
-      throw nb::value_error("orientation_starts are not increasing columns with four columns each");
-    sizes.orientation_starts.push_back(int(orientation_starts(i)));
-  }
+  const Sizes sizes{int(P), long(x.shape(1)), int(K), int(D), read_orientation_starts(orientation_starts, D)};
   const size_t E = sizes.E();
   expect(precision_cholesky, "precision_cholesky", {P, K, E, E});
   expect_finite(x, "x");

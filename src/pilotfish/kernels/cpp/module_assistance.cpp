@@ -189,13 +189,7 @@ auto riemannian_product(In<double, 3> means, In<double, 4> covariances, In<doubl
   expect_some(P, "means");
   expect_some(K, "the second axis of means");
   expect_some(D, "the last axis of means");
-  Manifold manifold{int(D), {}};
-  int64_t free = 0;
-  for (size_t i = 0; i < orientation_starts.shape(0); free = orientation_starts(i++) + 4) {
-    if (orientation_starts(i) < free || orientation_starts(i) > int64_t(D) - 4)
-      throw nb::value_error("orientation_starts are not increasing columns with four columns each");
-    manifold.orientation_starts.push_back(int(orientation_starts(i)));
-  }
+  const Manifold manifold{int(D), read_orientation_starts(orientation_starts, D)};
   const size_t E = manifold.E();
   expect(covariances, "covariances", {P, K, E, E});
   expect(precision_cholesky, "precision_cholesky", {P, K, E, E});

@@ -185,12 +185,12 @@ def mix_points(
 def follow_scalars(
     values: Float[Array, " S"], commands: Float[Array, " S"], now: Float[Array, " S"]
 ) -> tuple[Float[Array, " S"], Float[Array, " S"]]:
-    """Return the scalars that still hold, and those of the target, while the operator is in control.
+    """Return the scalars that still hold, and those of the target.
 
     Args:
-        values: Value of each scalar that holds; NaN for one that follows the operator.
-        commands: Scalars commanded at the last change of mode.
-        now: Scalars that the operator commands.
+        values: Value of each scalar that holds; NaN for one that follows.
+        commands: Scalars of the hand or the plan at the last change.
+        now: Scalars of the hand or the plan.
     """
     released = (np.abs(now - values) <= SCALAR_TOLERANCE) | (np.abs(now - commands) > SCALAR_TOLERANCE)
     held = np.where(released, np.nan, values)
