@@ -46,6 +46,7 @@ _SUBPACKAGES = {
     "durations": "models.durations",
     "simulation": "simulation",
     "structures": "gaussians.structures",
+    "teleop": "teleop",
 }
 
 

@@ -11,6 +11,7 @@ from pilotfish import models as models
 from pilotfish import planning as planning
 from pilotfish import plots as plots
 from pilotfish import simulation as simulation
+from pilotfish import teleop as teleop
 from pilotfish.control import track
 from pilotfish.demonstrations import Demonstration, Frame, add_derivatives, demonstration
 from pilotfish.errors import InvalidInput, SkillError

@@ -1,0 +1,7 @@
+"""Operator and robot at two sites: messages, session, and one step of each site as a pure function.
+
+The package has no sockets, clocks or files. `messages` are values; `codec` and `seal` turn them into
+datagrams. `step_robot` and `step_operator` are the two sites.
+"""
+
+__all__: list[str] = []
