@@ -26,6 +26,7 @@ from pilotfish.assistance.mapping import OperatorMapping
 from pilotfish.assistance.operator_noise import OperatorNoise
 from pilotfish.assistance.phase import add_phase
 from pilotfish.assistance.phase_switches import PhaseSwitch
+from pilotfish.assistance.rest import direct_skill, misalignment, rest_target
 from pilotfish.assistance.step import initial_state, step_assistance
 from pilotfish.assistance.values import MODES, AssistanceState, Command, Target
 from pilotfish.assistance.virtual_fixture import (
@@ -62,13 +63,16 @@ __all__ = [
     "calibrate_gate",
     "calibrate_intention",
     "coverage_distances",
+    "direct_skill",
     "initial_state",
     "intention_filter",
     "joint_demonstration",
     "learn_virtual_fixture",
     "make_assistant",
+    "misalignment",
     "nearest_phase",
     "predictive_log_densities",
+    "rest_target",
     "start_fixture",
     "start_intention",
     "step_assistance",

@@ -1,6 +1,7 @@
 """Files of skills, online models, demonstrations, motions and situations; published data sets."""
 
 from pilotfish.io import datasets
+from pilotfish.io.assisted_skill_file import decode_assisted_skill, encode_assisted_skill
 from pilotfish.io.atomic_writes import atomic_file
 from pilotfish.io.demonstration_folder import (
     read_demonstrations,
@@ -19,6 +20,8 @@ __all__ = [
     "atomic_file",
     "content_hash",
     "datasets",
+    "decode_assisted_skill",
+    "encode_assisted_skill",
     "is_folder",
     "load_any",
     "make_folder",

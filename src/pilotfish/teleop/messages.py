@@ -38,6 +38,8 @@ class Refusal(IntEnum):
         SKILL_UNUSABLE: The skill has a wrong hash, another version, or other columns or frames.
         DEAD_MAN_OPEN: The dead-man switch is not pressed.
         ENVELOPE: The envelope is empty, or beyond what the robot allows.
+        FRAMES_STALE: The robot does not perceive the objects that the skill needs.
+        NOT_POSSIBLE: The skill has no such mode, such as a plan or a fixture.
     """
 
     NONE = 0
@@ -51,6 +53,8 @@ class Refusal(IntEnum):
     SKILL_UNUSABLE = 8
     DEAD_MAN_OPEN = 9
     ENVELOPE = 10
+    FRAMES_STALE = 11
+    NOT_POSSIBLE = 12
 
 
 class SkillState(IntEnum):
@@ -326,10 +330,13 @@ class Heard:
     Attributes:
         sender: Number of the peer.
         message: Message.
+        connection: Number of the connection, which increases when the peer starts again. Numbers of requests,
+            stops, missions and commands begin at 1 in every connection.
     """
 
     sender: int
     message: Message
+    connection: int = 0
 
 
 @dataclass(frozen=True, slots=True)

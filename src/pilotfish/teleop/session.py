@@ -50,6 +50,7 @@ class Event(IntEnum):
         ENVELOPE_VOLUME_LEFT: The target would leave the volume of the envelope.
         ENVELOPE_LIKELIHOOD_LOW: The target is too far from the demonstrations.
         PLAN_ENDED: The motion without operator came to its end.
+        ACQUIRED: An operator took control, or agreed on other times.
         LEASE_RELEASED: The holder gave up control.
         PERCEPTION_LOST: The robot's own state is missing or not finite.
         STOP: An authenticated peer asked for a stop.
@@ -68,27 +69,27 @@ class Event(IntEnum):
     ENVELOPE_VOLUME_LEFT = 9
     ENVELOPE_LIKELIHOOD_LOW = 10
     PLAN_ENDED = 11
-    LEASE_RELEASED = 12
-    PERCEPTION_LOST = 13
-    STOP = 14
-    RESET = 15
+    ACQUIRED = 12
+    LEASE_RELEASED = 13
+    PERCEPTION_LOST = 14
+    STOP = 15
+    RESET = 16
 
 
 class Reason(IntEnum):
     """Why the robot holds or is stopped; NONE otherwise."""
 
     NONE = 0
-    DISARMED = 1
-    DEAD_MAN_RELEASED = 2
-    LINK_LOST = 3
-    ROUND_TRIP_EXCEEDED = 4
-    ENVELOPE_TIME_OVER = 5
-    ENVELOPE_VOLUME_LEFT = 6
-    ENVELOPE_LIKELIHOOD_LOW = 7
-    PLAN_ENDED = 8
-    LEASE_RELEASED = 9
-    PERCEPTION_LOST = 10
-    STOPPED = 11
+    DEAD_MAN_RELEASED = 1
+    LINK_LOST = 2
+    ROUND_TRIP_EXCEEDED = 3
+    ENVELOPE_TIME_OVER = 4
+    ENVELOPE_VOLUME_LEFT = 5
+    ENVELOPE_LIKELIHOOD_LOW = 6
+    PLAN_ENDED = 7
+    LEASE_RELEASED = 8
+    PERCEPTION_LOST = 9
+    STOPPED = 10
 
 
 class Action(IntEnum):
@@ -130,6 +131,7 @@ TRANSITIONS: dict[Event, tuple[SessionState, ...]] = {
     Event.ENVELOPE_VOLUME_LEFT: (_D, _AL, _AC, _H, _H, _S),
     Event.ENVELOPE_LIKELIHOOD_LOW: (_D, _AL, _AC, _H, _H, _S),
     Event.PLAN_ENDED: (_D, _AL, _AC, _H, _H, _S),
+    Event.ACQUIRED: (_D, _D, _H, _H, _D, _S),
     Event.LEASE_RELEASED: (_D, _H, _H, _H, _H, _S),
     Event.PERCEPTION_LOST: (_D, _H, _H, _H, _H, _S),
     Event.STOP: (_S, _S, _S, _S, _S, _S),
@@ -146,6 +148,7 @@ REASONS = {  # that an event latches when it leads to HOLD or STOPPED
     Event.ENVELOPE_VOLUME_LEFT: Reason.ENVELOPE_VOLUME_LEFT,
     Event.ENVELOPE_LIKELIHOOD_LOW: Reason.ENVELOPE_LIKELIHOOD_LOW,
     Event.PLAN_ENDED: Reason.PLAN_ENDED,
+    Event.ACQUIRED: Reason.LEASE_RELEASED,
     Event.LEASE_RELEASED: Reason.LEASE_RELEASED,
     Event.PERCEPTION_LOST: Reason.PERCEPTION_LOST,
     Event.STOP: Reason.STOPPED,
@@ -168,7 +171,8 @@ CLEARING_ACTIONS = {  # the one action that clears a reason; ARM leads to ALIGNI
 def next_state(state: SessionState, reason: Reason, event: Event) -> tuple[SessionState, Reason]:
     """Return state and reason after an event.
 
-    The first reason stays latched until the state changes: a later event in HOLD does not replace it.
+    The first reason stays latched until the state changes: a later event in HOLD does not replace it. ARM
+    leaves HOLD only if it clears the reason.
 
     Args:
         state: State before the event.
@@ -176,6 +180,8 @@ def next_state(state: SessionState, reason: Reason, event: Event) -> tuple[Sessi
         event: Event.
     """
     after = TRANSITIONS[event][state]
+    if state is SessionState.HOLD and event is Event.ARM and CLEARING_ACTIONS.get(reason) is not Action.ARM:
+        return state, reason
     if after not in (SessionState.HOLD, SessionState.STOPPED):
         return after, Reason.NONE
     return (after, reason) if after is state else (after, REASONS.get(event, reason))

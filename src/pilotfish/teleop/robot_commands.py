@@ -1,0 +1,106 @@
+"""Commands of the holder: the newest fresh one is applied, and none is queued.
+
+A command counts if it comes from the holder under the present lease, is newer than the last one, and is
+fresh. Fresh: it names a report that the robot sent at most B + J ago, and its own deadline has not passed.
+Both are times on the robot's clock. After a pause of the process only the newest command counts.
+"""
+
+from dataclasses import replace
+
+from pilotfish.teleop.delay_contract import LATE_COMMANDS, nanoseconds
+from pilotfish.teleop.messages import CommandMessage, Heard
+from pilotfish.teleop.robot_requests import apply_event
+from pilotfish.teleop.robot_site import NOBODY, RobotSite, SentReport
+from pilotfish.teleop.session import Event, SessionState
+
+LISTENING = (SessionState.ALIGNING, SessionState.ACTIVE)
+
+
+def find_report(site: RobotSite, number: int) -> SentReport | None:
+    """Return the report of a number; None if it was never sent, or so long ago that it is forgotten.
+
+    Args:
+        site: State of the robot site.
+        number: Number of the report.
+    """
+    if not site.reports:
+        return None
+    index = number - site.reports[0].number
+    return site.reports[index] if 0 <= index < len(site.reports) else None
+
+
+def hear_commands(site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
+    """Return the state with the newest fresh command of a step.
+
+    Args:
+        site: State before.
+        heard: Messages of authenticated peers.
+    """
+    control, commands = site.control, site.commands
+    candidates = [
+        each.message
+        for each in heard
+        if isinstance(each.message, CommandMessage)
+        and each.sender == control.holder
+        and each.message.lease == control.lease
+        and each.message.number > commands.number
+    ]
+    ages = {command.number: _age(site, command) for command in candidates}
+    fresh = [command for command in candidates if ages[command.number] is not None]
+    stale = commands.stale + len(candidates) - len(fresh)
+    if not fresh:
+        return replace(site, commands=replace(commands, stale=stale, is_new=False))
+    newest = max(fresh, key=lambda command: command.number)
+    age = ages[newest.number]
+    assert age is not None
+    late = commands.late + 1 if age > control.contract.budget else 0
+    commands = replace(
+        commands,
+        last=newest,
+        number=newest.number,
+        arrived=site.time,
+        age=age,
+        late=late,
+        stale=stale,
+        is_new=True,
+    )
+    return replace(site, commands=commands)
+
+
+def _age(site: RobotSite, command: CommandMessage) -> int | None:
+    """Return the age of a command [ns]; None if it is stale."""
+    report = find_report(site, command.report)
+    if report is None:
+        return None
+    age = site.time - report.time
+    is_fresh = age <= site.control.contract.max_age and age <= nanoseconds(command.valid)
+    return age if is_fresh else None
+
+
+def is_link_lost(site: RobotSite) -> bool:
+    """Return whether no command was accepted for too long.
+
+    Args:
+        site: State of the robot site.
+    """
+    return site.time - site.commands.arrived > site.control.contract.loss_after
+
+
+def watch_commands(site: RobotSite, may_continue: bool) -> RobotSite:
+    """Return the state after what the commands say, or their absence.
+
+    Args:
+        site: State with the commands of this step.
+        may_continue: Whether the envelope permits to go on alone.
+    """
+    control, commands = site.control, site.commands
+    if control.holder == NOBODY:
+        return site
+    if commands.is_new and commands.last and not commands.last.is_dead_man_pressed:
+        return apply_event(site, Event.DEAD_MAN_RELEASED)
+    if control.state in LISTENING and is_link_lost(site):
+        return apply_event(site, Event.LINK_LOST_AUTHORISED if may_continue else Event.LINK_LOST)
+    if control.state in LISTENING and commands.late >= LATE_COMMANDS:
+        exceeded = Event.ROUND_TRIP_EXCEEDED_AUTHORISED if may_continue else Event.ROUND_TRIP_EXCEEDED
+        return apply_event(site, exceeded)
+    return site

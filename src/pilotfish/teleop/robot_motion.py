@@ -1,0 +1,206 @@
+"""Motion of the target in each state of the session.
+
+    ACTIVE       the assistance, with the last command of the operator
+    CONTINUING   autonomous control inside the envelope
+    elsewhere    a controlled stop, then rest
+
+In ALIGNING the assistance computes where the hand would move the robot, and the robot stays. The motion that
+follows begins with a blend from there. Limits of the target are those of the assistance, except that a
+controlled stop brakes along the present path.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pilotfish import kernels
+from pilotfish.assistance import (
+    AssistanceState,
+    Command,
+    Target,
+    misalignment,
+    rest_target,
+    step_assistance,
+)
+from pilotfish.geometry import log_map
+from pilotfish.teleop.controlled_stop import TargetMotion, brake, stopping_point
+from pilotfish.teleop.delay_contract import SECOND, allows_mode, nanoseconds
+from pilotfish.teleop.messages import CommandMessage, Refusal
+from pilotfish.teleop.robot_commands import find_report, is_link_lost
+from pilotfish.teleop.robot_requests import apply_event, skill_refusal
+from pilotfish.teleop.robot_site import Motion, RobotSite
+from pilotfish.teleop.robot_values import RobotSettings
+from pilotfish.teleop.session import Event, SessionState
+
+MIN_STEP = 1e-6  # s
+
+
+def move_target(settings: RobotSettings, site: RobotSite, elapsed: int) -> RobotSite:
+    """Return the state with the target of this step.
+
+    Args:
+        settings: Settings.
+        site: State after the events of this step.
+        elapsed: Time since the last step [ns].
+    """
+    dt = min(max(elapsed / SECOND, MIN_STEP), settings.max_step)
+    state = site.control.state
+    if state is SessionState.ACTIVE:
+        return _follow_operator(settings, site, dt)
+    if state is SessionState.CONTINUING:
+        return _continue_alone(settings, site, dt)
+    if state is SessionState.ALIGNING:
+        return _align(settings, site, dt)
+    return _rest(settings, site, dt)
+
+
+def may_continue(site: RobotSite) -> bool:
+    """Return whether the robot may go on alone if the link drops now.
+
+    Args:
+        site: State of the robot site.
+    """
+    control, assistance = site.control, site.motion.assistance
+    skill = site.skills.assistant.skills[assistance.skill]
+    if control.state is SessionState.CONTINUING:
+        return True
+    return (
+        control.state is SessionState.ACTIVE
+        and control.envelope.duration > 0.0
+        and assistance.mode in control.envelope.modes
+        and assistance.skill > 0
+        and skill.can_plan
+        and (assistance.plan is None or assistance.plan.is_moving)
+    )
+
+
+def _follow_operator(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
+    command = site.commands.last
+    assert command is not None
+    assistance, target, refusal = _step_command(settings, site, site.motion.assistance, command, dt)
+    motion = TargetMotion(target.pose, target.velocity)
+    return replace(site, motion=Motion(assistance, motion, target, (0.0, 0.0), refusal))
+
+
+def _step_command(
+    settings: RobotSettings, site: RobotSite, before: AssistanceState, command: CommandMessage, dt: float
+) -> tuple[AssistanceState, Target, Refusal]:
+    """Return state and target of the assistance, and why mode or skill are not those of the command."""
+    assistant, index = site.skills.assistant, site.skills.index(command.skill)
+    mode, refusal = command.mode, Refusal.NONE
+    if not allows_mode(settings.contract, site.control.contract, mode):
+        mode, refusal = before.mode, Refusal.MODE_NOT_ALLOWED
+    elif mode != "direct" and index is None:
+        mode, refusal = before.mode, skill_refusal(site, command.skill)
+    wanted = before.skill if index is None or refusal is not Refusal.NONE else index
+    report, hand = find_report(site, command.report), np.array(command.pose)
+    if assistant.layout.width > len(hand):
+        hand = np.append(hand, command.grip)
+    after, target = step_assistance(
+        assistant,
+        before,
+        Command(hand, mode, command.is_clutch_closed, wanted),
+        report.frames if report else None,
+        site.scene.actual,
+        dt,
+    )
+    if refusal is Refusal.NONE and after.skill != wanted:
+        refusal = Refusal.FRAMES_STALE
+    elif refusal is Refusal.NONE and after.mode != mode:
+        refusal = Refusal.NOT_POSSIBLE
+    return after, target, refusal
+
+
+def _align(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
+    """Return the state at rest, or active if the operator's hand is at the robot."""
+    motion, command = brake(site.motion.target, settings.braking, dt), site.commands.last
+    assistant = site.skills.assistant
+    if command is None or motion.velocity.any():
+        return replace(site, motion=replace(site.motion, target=motion))
+    held = rest_target(assistant, site.motion.assistance, motion.pose)
+    assistance, target, refusal = _step_command(settings, site, held, command, dt)
+    distance, angle = misalignment(assistant, assistance)
+    site = replace(
+        site,
+        motion=Motion(
+            rest_target(assistant, assistance, motion.pose), motion, target, (distance, angle), refusal
+        ),
+    )
+    is_aligned = _is_aligned(settings, command, distance, angle)
+    if refusal is Refusal.NONE and is_aligned and not is_link_lost(site):
+        return apply_event(site, Event.ALIGNED)
+    return site
+
+
+def _is_aligned(settings: RobotSettings, command: CommandMessage, distance: float, angle: float) -> bool:
+    limits, speed = settings.alignment, float(np.linalg.norm(command.twist[:3]))
+    is_near = distance <= limits.distance and angle <= limits.angle
+    return command.is_clutch_closed and is_near and speed <= limits.hand_speed
+
+
+def _continue_alone(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
+    """Return the state after a step without operator, or braking at the edge of the envelope."""
+    site = _resume(settings, site, dt)
+    if site.control.state is SessionState.ACTIVE:
+        return _follow_operator(settings, site, dt)
+    assistance, control = site.motion.assistance, site.control
+    if site.time - control.alone_since > nanoseconds(control.envelope.duration):
+        return _rest(settings, apply_event(site, Event.ENVELOPE_TIME_OVER), dt)
+    if site.time - site.scene.perceived > nanoseconds(settings.max_frame_age):
+        return _rest(settings, apply_event(site, Event.PERCEPTION_LOST), dt)
+    command = Command(assistance.memory.command, "autonomous", False, assistance.skill)
+    actual = site.scene.actual
+    after, target = step_assistance(site.skills.assistant, assistance, command, actual, actual, dt)
+    event = _leaves_envelope(settings, site, after, target)
+    if event is not None:
+        return _rest(settings, apply_event(site, event), dt)
+    motion = TargetMotion(target.pose, target.velocity)
+    return replace(site, motion=replace(site.motion, assistance=after, target=motion, last=target))
+
+
+def _leaves_envelope(
+    settings: RobotSettings, site: RobotSite, after: AssistanceState, target: Target
+) -> Event | None:
+    """Return the event of a target that ends the motion without operator; None if it may go on."""
+    envelope, plan = site.control.envelope, after.plan
+    if target.mode != "autonomous" or plan is None:
+        return Event.PLAN_ENDED
+    end = stopping_point(TargetMotion(target.pose, target.velocity), settings.braking)
+    points = np.stack([target.pose[:3], end])
+    if (points < envelope.lower).any() or (points > envelope.upper).any():
+        return Event.ENVELOPE_VOLUME_LEFT
+    scalars = target.pose.size - 7
+    # The step was given the actual frames for both scenes, so that this is the distance in the actual one.
+    if kernels.coverage_distance(after.situation.carried, target.pose, scalars) > envelope.max_distance:
+        return Event.ENVELOPE_LIKELIHOOD_LOW
+    is_at_rest = not target.velocity[:3].any() or float(np.linalg.norm(target.velocity)) < 1e-3
+    return None if plan.is_moving or not is_at_rest else Event.PLAN_ENDED
+
+
+def _resume(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
+    """Return the state with the operator in control again, if armed again and aligned."""
+    command = site.commands.last
+    if not site.control.is_rearmed or command is None or is_link_lost(site):
+        return site
+    assistant, assistance = site.skills.assistant, site.motion.assistance
+    if command.mode == "autonomous":
+        return apply_event(site, Event.ALIGNED)
+    held = rest_target(assistant, assistance, site.motion.target.pose)
+    trial, _, refusal = _step_command(settings, site, held, command, dt)
+    distance, angle = misalignment(assistant, trial)
+    site = replace(site, motion=replace(site.motion, misalignment=(distance, angle), refusal=refusal))
+    is_aligned = refusal is Refusal.NONE and _is_aligned(settings, command, distance, angle)
+    return apply_event(site, Event.ALIGNED) if is_aligned else site
+
+
+def _rest(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
+    """Return the state after a step of the controlled stop; a disarmed robot may be moved by others."""
+    target, robot = brake(site.motion.target, settings.braking, dt), site.scene.state
+    if site.control.state is SessionState.DISARMED and robot.is_usable:
+        measured = np.append(robot.pose, target.pose[7:])
+        starts = site.skills.assistant.layout.orientation_starts
+        offset = log_map(target.pose, measured, starts)
+        limits = settings.alignment
+        if np.linalg.norm(offset[:3]) > limits.distance or np.linalg.norm(offset[3:6]) > limits.angle:
+            target = TargetMotion(measured, np.zeros_like(target.velocity))
+    return replace(site, motion=replace(site.motion, target=target))

@@ -1,0 +1,76 @@
+"""One step of the robot site, a pure function of state, time, messages and what the robot senses.
+
+    messages -> stops, requests, skills, commands -> session -> motion -> reports
+
+The order matters: a stop takes effect in the step in which it arrives, before any command. Time is that of
+the robot's monotonic clock; no other clock enters. Nothing that arrives can raise an exception.
+"""
+
+from dataclasses import dataclass, replace
+
+from pilotfish.teleop.messages import Heard, Said
+from pilotfish.teleop.robot_commands import hear_commands, watch_commands
+from pilotfish.teleop.robot_motion import may_continue, move_target
+from pilotfish.teleop.robot_reports import report_state
+from pilotfish.teleop.robot_requests import apply_event, hear_connections, hear_requests, hear_stops
+from pilotfish.teleop.robot_site import RobotSite
+from pilotfish.teleop.robot_skills import hear_skills, prepare_skills, update_scene
+from pilotfish.teleop.robot_values import RobotSettings, RobotState, RobotTarget
+from pilotfish.teleop.session import Event
+from pilotfish.validation import shorten_repr
+
+
+@shorten_repr
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotStep:
+    """Result of a step.
+
+    Attributes:
+        site: State for the next step.
+        said: Messages to be sent.
+        target: What the arm controller shall do until the next step.
+    """
+
+    site: RobotSite
+    said: tuple[Said, ...]
+    target: RobotTarget
+
+
+def step_robot(
+    settings: RobotSettings, site: RobotSite, time_ns: int, heard: tuple[Heard, ...], robot: RobotState
+) -> RobotStep:
+    """Return the next state, the messages to be sent and the target of the arm.
+
+    Args:
+        settings: Settings.
+        site: State of the step before.
+        time_ns: Time on the robot's monotonic clock [ns]; a time before the last one counts as the last one.
+        heard: Messages of authenticated peers, in the order of their arrival.
+        robot: What the robot senses now.
+
+    Source:
+        Specification of the runtime: delay contract, state machine and faults of docs/teleoperation.md.
+    """
+    time_ns = max(time_ns, site.time)
+    elapsed, site = time_ns - site.time, replace(site, time=time_ns)
+    before = site.control.state
+    heard = tuple(each for each in heard if each.sender in settings.peers)
+    site, heard = hear_connections(site, heard)
+    site = hear_stops(site, heard)
+    scene = update_scene(site.skills.assistant, site.scene, robot, time_ns)
+    site = replace(site, scene=scene)
+    if not robot.is_usable:
+        site = apply_event(site, Event.PERCEPTION_LOST)
+    site = hear_commands(site, heard)
+    site = hear_skills(settings, site, heard)
+    site = prepare_skills(site)
+    site = hear_requests(settings, site, heard)
+    site = watch_commands(site, may_continue(site))
+    site = move_target(settings, site, elapsed)
+    if site.control.state is not before:
+        site = replace(site, next_report=time_ns)
+    site, said = report_state(settings, site)
+    target, grip = site.motion.target, robot.grip
+    if target.pose.size > 7:
+        grip = float(min(max(target.pose[7], 0.0), 1.0))
+    return RobotStep(site, said, RobotTarget(target.pose[:7], target.velocity[:6], grip))
