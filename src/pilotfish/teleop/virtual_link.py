@@ -18,7 +18,7 @@ arrives no earlier than the one before it. Only late datagrams, chosen with the 
 overtaken. A copy follows its datagram after another jitter, and may arrive behind later datagrams.
 
 Outages. A datagram is lost if it is sent during an outage, or if an outage has a moment in common with its
-way, from the begin of its transmission to its arrival. Hence datagrams in flight at the begin of an outage
+way, from the start of its transmission to its arrival. Hence datagrams in flight at the start of an outage
 are lost, and a queue empties into the outage. For an outage of both directions, give it to both links.
 
 Invariants. Times are whole nanoseconds. Each datagram takes the same number of random numbers from the link's
@@ -67,7 +67,7 @@ class LinkSettings:
         queue: Largest number of bytes that wait for transmission, headers included; a larger datagram is
             always dropped. Without a limit of the rate nothing waits.
         header: Bytes of the headers of each datagram; the default is that of IPv4 and UDP.
-        outages: Begin and duration of each outage [s], in their order.
+        outages: Start and duration of each outage [s], in their order.
     """
 
     delay: float = 0.0
@@ -114,7 +114,7 @@ class LinkSettings:
             duration = require_number(outage[1], f"the duration of outages[{n}]", 0.0, 1e9)
             if start < last_end:
                 raise InvalidInput(
-                    f"outages[{n}] begins at {start:g} s, expected at least {last_end:g} s, the end of the "
+                    f"outages[{n}] starts at {start:g} s, expected at least {last_end:g} s, the end of the "
                     "one before; sort and merge them"
                 )
             last_end = start + duration
