@@ -1,4 +1,4 @@
-"""Files of skills, online models, demonstrations, motions and situations; published data sets."""
+"""Files of skills, online models, demonstrations, motions, situations and sessions; published data sets."""
 
 from pilotfish.io import datasets
 from pilotfish.io.assisted_skill_file import decode_assisted_skill, encode_assisted_skill
@@ -11,12 +11,17 @@ from pilotfish.io.demonstration_folder import (
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
 from pilotfish.io.renames import make_folder
+from pilotfish.io.session_file import SessionFile, SessionWriter, read_session
+from pilotfish.io.session_records import SessionRecord
 from pilotfish.io.situations import read_frames, read_start
 from pilotfish.io.skill_file import content_hash, open_skill, save_skill
 from pilotfish.io.stream_file import load_any, open_stream, save_stream
 from pilotfish.io.synthetic import synthetic_valve
 
 __all__ = [
+    "SessionFile",
+    "SessionRecord",
+    "SessionWriter",
     "atomic_file",
     "content_hash",
     "datasets",
@@ -32,6 +37,7 @@ __all__ = [
     "read_demonstrations",
     "read_file",
     "read_frames",
+    "read_session",
     "read_start",
     "require_replaceable",
     "resolve_path",

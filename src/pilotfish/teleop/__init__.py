@@ -4,4 +4,13 @@ The package has no sockets, clocks or files. `messages` are values; `codec` and 
 datagrams. `step_robot` and `step_operator` are the two sites.
 """
 
-__all__: list[str] = []
+from pilotfish.teleop.virtual_clock import VirtualClock
+from pilotfish.teleop.virtual_link import LinkCounters, LinkSettings, VirtualLink, two_way_link
+
+__all__ = [
+    "LinkCounters",
+    "LinkSettings",
+    "VirtualClock",
+    "VirtualLink",
+    "two_way_link",
+]
