@@ -1,9 +1,9 @@
 """Simulated operator at the far end of a link: what the person looks at, does with the hand, and asks for.
 
-What is displayed decides how a person works. In direct and literal control it is the robot as it was last
-reported, in which the effect of a movement appears after the round trip: the person moves and waits. In shared
-control and on a fixture it is the predicted robot, which answers at once, and the person works as if there
-were no delay. In autonomous control the person only watches.
+What is displayed decides how a person works. In direct control it is the robot as it was last reported, in
+which the effect of a movement appears after the round trip: the person moves and waits. In shared control and
+on a fixture it is the predicted robot, which answers at once, and the person works as if there were no delay.
+In autonomous control the person only watches.
 
 The person also operates the session: takes control, arms, moves the hand to the robot where they are apart,
 and clears the reason of a hold after a reaction time. Simplification: the hand is where the person means it

@@ -30,7 +30,7 @@ from pilotfish.teleop.virtual_clock import VirtualClock
 from pilotfish.teleop.virtual_link import LinkSettings, VirtualLink
 
 KIND_BYTE = 1  # of a datagram
-TRUE_CLOCK = VirtualClock()
+TRUE_CLOCK, PERFECT_LINK = VirtualClock(), LinkSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +45,8 @@ class OperatorConnection:
     """
 
     settings: OperatorSettings
-    forward: LinkSettings = LinkSettings()
-    backward: LinkSettings = LinkSettings()
+    forward: LinkSettings = PERFECT_LINK
+    backward: LinkSettings = PERFECT_LINK
     clock: VirtualClock = TRUE_CLOCK
 
 
