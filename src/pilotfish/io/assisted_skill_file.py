@@ -23,7 +23,7 @@ from pilotfish.io.container_format import canonical_json
 from pilotfish.io.skill_fields import decode_layout, encode_layout
 from pilotfish.io.skill_file import decode_skill, encode_skill
 from pilotfish.models import Skill
-from pilotfish.validation import require_type
+from pilotfish.validation import require_type, short_repr
 
 FORMAT, VERSION = "pilotfish-assisted-skill", 1
 MAX_HEADER = 2**16  # bytes
@@ -124,10 +124,24 @@ def _decode_fixture(fields: dict[str, Any] | None, data: bytes) -> VirtualFixtur
     fixture = virtual_fixture(
         decode_skill(data), UNIT_RATE, recorded_layout=decode_layout(fields["layout"]), switches=switches
     )
-    arrays = {name: np.array(fields[name], dtype=float) for name in ("damping", "stiffness")}
-    numbers = {name: float(fields[name]) for name in ("max_rate", "min_speed", "look_ahead")}
-    for name, values in {**arrays, **numbers}.items():
-        expected = np.shape(getattr(fixture, name))
-        if np.shape(values) != expected or not np.isfinite(values).all() or np.min(values) < 0.0:
-            raise InvalidInput(f"{name} of the fixture is {values}, expected numbers of at least 0")
-    return replace(fixture, **arrays, **numbers)
+    damping, stiffness = (np.array(fields[name], dtype=float) for name in ("damping", "stiffness"))
+    numbers = np.array([fields[name] for name in ("max_rate", "min_speed", "look_ahead")], dtype=float)
+    for name, values, expected in (
+        ("damping", damping, fixture.damping.shape),
+        ("stiffness", stiffness, fixture.stiffness.shape),
+        ("a rate or length", numbers, (3,)),
+    ):
+        if values.shape != expected or not np.isfinite(values).all() or (values < 0.0).any():
+            raise InvalidInput(
+                f"{name} of the fixture is {short_repr(values.tolist())}, expected {expected[0]} numbers of "
+                "at least 0"
+            )
+    max_rate, min_speed, look_ahead = map(float, numbers)
+    return replace(
+        fixture,
+        damping=damping,
+        stiffness=stiffness,
+        max_rate=max_rate,
+        min_speed=min_speed,
+        look_ahead=look_ahead,
+    )

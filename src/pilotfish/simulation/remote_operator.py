@@ -153,16 +153,16 @@ def step_remote_operator(
         return state, IDLE
     if state.human is None:
         state = replace(state, human=initial_state(_pose(report.target), time, report.grip))
-    assert state.human is not None
+    human = state.human
+    assert human is not None
     state, actions = _operate_session(operator, state, time, view, report)
     is_active = report.state is SessionState.ACTIVE
     if is_active:
         state = _work(operator, state, time, view, rng)
     elif report.state in (SessionState.ALIGNING, SessionState.CONTINUING):
-        state = replace(state, human=_align_hand(state.human, report))
+        state = replace(state, human=_align_hand(human, report))
     state = _watch_end(operator, replace(state, was_active=is_active), time, view, report)
-    human = state.human
-    assert human is not None
+    human = state.human or human
     return state, OperatorInput(
         np.append(human.hand.position, human.hand.quaternion),
         human.grip,

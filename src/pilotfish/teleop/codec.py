@@ -14,6 +14,7 @@ from typing import Any
 from pilotfish.teleop import wire_fields as wire
 from pilotfish.teleop.errors import MalformedMessage
 from pilotfish.teleop.messages import (
+    MAX_MISSION,
     MAX_PIECES,
     PIECE_SIZE,
     CommandMessage,
@@ -133,12 +134,13 @@ LAYOUTS: dict[Kind, Layout] = {
         "is_authorised",
         "is_plan_moving",
         "is_clutch_closed",
+        "is_limited",
         number=wire.U32,
         state=wire.enumeration(SessionState),
         reason=wire.enumeration(Reason),
         mode=wire.MODE,
         refusal=wire.enumeration(Refusal),
-        skill=wire.SKILL_INDEX,
+        skill=wire.number("B", 0, MAX_MISSION),
         holder=wire.U16,
         lease=wire.U32,
         request=wire.U32,

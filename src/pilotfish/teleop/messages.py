@@ -255,11 +255,12 @@ class Report:
         reason: Reason that is latched.
         mode: Mode in effect.
         refusal: Why the mode or the skill of the last command is not in effect.
-        skill: Index of the skill in effect.
+        skill: Index of the skill in effect; `MAX_MISSION` for direct control without a skill.
         is_link_lost: Whether commands do not arrive.
         is_authorised: Whether the robot may go on alone if the link drops now.
         is_plan_moving: Whether an autonomous motion has not come to its end.
         is_clutch_closed: Whether the robot follows the hand.
+        is_limited: Whether limits keep the target from the pose that was asked for.
         holder: Number of the peer that has control; 0 for none.
         lease: Lease, which increases with every change of the holder.
         request: Last request of the receiver that was handled.
@@ -295,6 +296,7 @@ class Report:
     is_authorised: bool
     is_plan_moving: bool
     is_clutch_closed: bool
+    is_limited: bool
     holder: int
     lease: int
     request: int

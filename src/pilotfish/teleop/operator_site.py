@@ -26,13 +26,12 @@ from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose, rotation_vector_in_world
 from pilotfish.teleop.delay_contract import SECOND
 from pilotfish.teleop.messages import (
-    ROBOT,
     CommandMessage,
     Heard,
+    Message,
     Mission,
     Report,
     Request,
-    Said,
     SkillPiece,
     SkillState,
     SkillStatus,
@@ -143,7 +142,7 @@ def step_operator(
     time_ns: int,
     heard: tuple[Heard, ...],
     given: OperatorInput,
-) -> tuple[OperatorSite, tuple[Said, ...], OperatorView]:
+) -> tuple[OperatorSite, tuple[Message, ...], OperatorView]:
     """Return the next state, the messages to be sent and what is displayed.
 
     Args:
@@ -161,7 +160,7 @@ def step_operator(
     site = replace(site, steps=site.steps + 1)
     site, said = _say_requests(settings, site, given)
     site, command = _command(settings, site, given)
-    said += [Said(ROBOT, command), *_say_skills(settings, site)]
+    said += [command, *_say_skills(settings, site)]
     sent = (*site.sent[-MAX_SENT + 1 :], (command.number, time_ns))
     site = replace(site, prediction=_predict(settings, site, given), hand=given.hand, sent=sent)
     return site, tuple(said), _view(site, time_ns)
@@ -192,7 +191,7 @@ def _hear_report(site: OperatorSite, report: Report, time_ns: int) -> OperatorSi
 
 def _say_requests(
     settings: OperatorSettings, site: OperatorSite, given: OperatorInput
-) -> tuple[OperatorSite, list[Said]]:
+) -> tuple[OperatorSite, list[Message]]:
     """Return the state with new requests, and what is to be sent: a stop at every step, requests in turn."""
     requests, number = list(site.requests), site.request_number
     for action in given.actions:
@@ -204,11 +203,11 @@ def _say_requests(
         request_number=number,
         stop_number=site.stop_number + given.is_stopping,
     )
-    said = []
+    said: list[Message] = []
     if site.stop_number and (site.report is None or site.report.stop < site.stop_number):
-        said.append(Said(ROBOT, Stop(site.stop_number)))
+        said.append(Stop(site.stop_number))
     if requests and (given.actions or site.steps - site.request_step >= settings.repeat_steps):
-        said += [Said(ROBOT, request) for request in requests]
+        said += requests
         site = replace(site, request_step=site.steps)
     return site, said
 
@@ -236,13 +235,13 @@ def _command(
     return site, command
 
 
-def _say_skills(settings: OperatorSettings, site: OperatorSite) -> list[Said]:
+def _say_skills(settings: OperatorSettings, site: OperatorSite) -> list[Message]:
     """Return the mission until the robot has it, then one missing piece at a time."""
     report, mission = site.report, site.mission
     if report is None or report.holder != settings.number or not mission.skills:
         return []
     if report.mission != mission.number:
-        return [Said(ROBOT, mission)] if site.steps % MISSION_STEPS == 0 else []
+        return [mission] if site.steps % MISSION_STEPS == 0 else []
     if site.steps % settings.piece_steps:
         return []
     turn = site.steps // settings.piece_steps
@@ -251,7 +250,7 @@ def _say_skills(settings: OperatorSettings, site: OperatorSite) -> list[Said]:
         if status is None or status.state in (SkillState.MISSING, SkillState.PARTIAL, SkillState.WRONG_HASH):
             missing = missing_pieces(status, len(pieces)) if status else tuple(range(len(pieces)))
             if missing:
-                return [Said(ROBOT, pieces[missing[turn % len(missing)]])]
+                return [pieces[missing[turn % len(missing)]]]
     return []
 
 

@@ -33,6 +33,7 @@ from pilotfish.teleop.robot_values import RobotSettings
 from pilotfish.teleop.session import Event, SessionState
 
 MIN_STEP = 1e-6  # s
+BEHIND = 0.01  # m: a target that is farther from the desired pose is limited
 
 
 def move_target(settings: RobotSettings, site: RobotSite, elapsed: int) -> RobotSite:
@@ -79,7 +80,16 @@ def _follow_operator(settings: RobotSettings, site: RobotSite, dt: float) -> Rob
     assert command is not None
     assistance, target, refusal = _step_command(settings, site, site.motion.assistance, command, dt)
     motion = TargetMotion(target.pose, target.velocity)
-    return replace(site, motion=Motion(assistance, motion, target, (0.0, 0.0), refusal))
+    is_limited = _is_limited(settings, assistance)
+    return replace(site, motion=Motion(assistance, motion, target, (0.0, 0.0), refusal, is_limited))
+
+
+def _is_limited(settings: RobotSettings, assistance: AssistanceState) -> bool:
+    """Return whether speed or workspace keep the target from the desired pose."""
+    memory, limits = assistance.memory, settings.limits
+    at_wall = (memory.desired[:3] <= limits.lower) | (memory.desired[:3] >= limits.upper)
+    behind = memory.desired[:3] - memory.pose[:3]
+    return bool(at_wall.any()) or float(np.sqrt(behind @ behind)) > BEHIND
 
 
 def _step_command(

@@ -5,10 +5,11 @@ from zlib import crc32
 
 import numpy as np
 
-from pilotfish.geometry import Pose
+from pilotfish.geometry import Pose, normalise
 from pilotfish.teleop.delay_contract import SECOND, nanoseconds
 from pilotfish.teleop.messages import (
     MAX_FRAMES,
+    MAX_MISSION,
     Numbers,
     Refusal,
     Report,
@@ -78,6 +79,7 @@ def _report(site: RobotSite, number: int) -> Report:
         is_authorised=may_continue(site),
         is_plan_moving=plan is not None and plan.is_moving,
         is_clutch_closed=motion.assistance.is_clutch_closed,
+        is_limited=motion.is_limited,
         holder=control.holder,
         lease=control.lease,
         request=0,
@@ -110,12 +112,12 @@ def _for_peer(site: RobotSite, report: Report, peer: int) -> Report:
 
 
 def _mission_index(site: RobotSite) -> int:
-    """Return the index in the mission of the skill in effect; 255 for direct control without a skill."""
+    """Return the index in the mission of the skill in effect; MAX_MISSION without a skill."""
     in_effect = site.motion.assistance.skill
     for number, name in enumerate(site.skills.mission.skills):
         if in_effect and site.skills.prepared.get(name) == in_effect:
             return number
-    return 255
+    return MAX_MISSION
 
 
 def _reported_frames(site: RobotSite) -> tuple[ReportedFrame, ...]:
@@ -138,7 +140,7 @@ def frame_number(name: str) -> int:
 
 
 def _pose_numbers(pose: Pose) -> Numbers:
-    return (*pose.position.tolist(), *pose.quaternion.tolist())
+    return (*pose.position.tolist(), *normalise(pose.quaternion).tolist())
 
 
 def _numbers(values: np.ndarray) -> Numbers:

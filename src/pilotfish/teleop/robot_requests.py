@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from pilotfish.teleop.delay_contract import agree, allows_mode, nanoseconds
-from pilotfish.teleop.messages import NO_ENVELOPE, Envelope, Heard, Refusal, Request, Stop
+from pilotfish.teleop.messages import NO_ENVELOPE, Envelope, Heard, Refusal, Request, SkillState, Stop
 from pilotfish.teleop.robot_site import NOBODY, AcceptedCommands, RobotSite
 from pilotfish.teleop.robot_values import RobotSettings
 from pilotfish.teleop.session import (
@@ -21,6 +21,11 @@ from pilotfish.teleop.session import (
     next_state,
 )
 
+SKILL_REFUSALS = {  # of skills that are not prepared; READY ones lack their frames
+    SkillState.MISSING: Refusal.SKILL_MISSING,
+    SkillState.PARTIAL: Refusal.SKILL_MISSING,
+    SkillState.READY: Refusal.FRAMES_STALE,
+}
 Handler = Callable[[RobotSettings, RobotSite, int, Request], RobotSite | Refusal]
 
 
@@ -176,11 +181,10 @@ def skill_refusal(site: RobotSite, number: int) -> Refusal:
     if site.skills.index(number) is not None:
         return Refusal.NONE
     mission = site.skills.mission.skills
-    if number < len(mission) and site.skills.store.is_refused(mission[number]):
-        return Refusal.SKILL_UNUSABLE
-    if number < len(mission) and site.skills.store.skill(mission[number]) is not None:
-        return Refusal.FRAMES_STALE
-    return Refusal.SKILL_MISSING
+    if number >= len(mission):
+        return Refusal.SKILL_MISSING
+    state = site.skills.store.status(mission[number]).state
+    return SKILL_REFUSALS.get(state, Refusal.SKILL_UNUSABLE)
 
 
 def _disarm(settings: RobotSettings, site: RobotSite, sender: int, request: Request) -> RobotSite:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from pilotfish.validation import require_count, require_type, shorten_repr
 
 MAX_TIME_NS = 2**62
 NOBODY = 0
-EMPTY: Mapping[int, tuple[int, Refusal]] = MappingProxyType({})
 NO_MISSION = Mission(0, ())
 
 
@@ -55,7 +53,7 @@ class Control:
     lease: int
     contract: DelayContract
     envelope: Envelope = NO_ENVELOPE
-    requests: Mapping[int, tuple[int, Refusal]] = EMPTY
+    requests: Mapping[int, tuple[int, Refusal]] = field(default_factory=dict)
     stops: Mapping[int, int] = field(default_factory=dict)
     connections: Mapping[int, int] = field(default_factory=dict)
     is_rearmed: bool = False
@@ -155,6 +153,7 @@ class Motion:
         last: What the assistance computed last; None before.
         misalignment: Distance [m] and angle [rad] from the robot to where the hand would move it.
         refusal: Why the mode or the skill of the last command is not in effect.
+        is_limited: Whether limits keep the target from the pose that was asked for.
     """
 
     assistance: AssistanceState
@@ -162,6 +161,7 @@ class Motion:
     last: Target | None = None
     misalignment: tuple[float, float] = (0.0, 0.0)
     refusal: Refusal = Refusal.NONE
+    is_limited: bool = False
 
 
 @shorten_repr

@@ -13,11 +13,12 @@ from pilotfish.assistance import (
 from pilotfish.demonstrations import Frame, frame_from_pose, world_frame
 from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose
+from pilotfish.teleop.errors import UnsuitableSkill
 from pilotfish.teleop.messages import Heard, Mission, SkillPiece
 from pilotfish.teleop.robot_site import RobotSite, Scene
 from pilotfish.teleop.robot_values import RobotSettings, RobotState
 from pilotfish.teleop.session import MOVING
-from pilotfish.teleop.skill_transfer import UnsuitableSkill, add_piece, expect_skills
+from pilotfish.teleop.skill_transfer import add_piece, expect_skills
 
 Poses = Mapping[str, Pose]
 

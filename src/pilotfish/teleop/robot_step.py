@@ -57,10 +57,11 @@ def step_robot(
     heard = tuple(each for each in heard if each.sender in settings.peers)
     site, heard = hear_connections(site, heard)
     site = hear_stops(site, heard)
-    scene = update_scene(site.skills.assistant, site.scene, robot, time_ns)
-    site = replace(site, scene=scene)
     if not robot.is_usable:
         site = apply_event(site, Event.PERCEPTION_LOST)
+        robot = replace(site.scene.state, frames=robot.frames, reported=robot.reported)
+    scene = update_scene(site.skills.assistant, site.scene, robot, time_ns)
+    site = replace(site, scene=scene)
     site = hear_commands(site, heard)
     site = hear_skills(settings, site, heard)
     site = prepare_skills(site)

@@ -18,6 +18,7 @@ from pilotfish.validation import require_number, require_type, shorten_repr
 DEFAULT_SPEED = 0.25  # m/s
 MAX_PEER, MAX_PEERS = 65535, 16
 MIN_PERIOD, MAX_PERIOD = 1e-3, 1.0  # s
+MAX_NUMBER, UNIT_TOLERANCE = 1e6, 1e-3  # m, m/s, rad/s; of the norm of a quaternion
 
 
 def _limits() -> Limits:
@@ -132,8 +133,11 @@ class RobotState:
 
     @property
     def is_usable(self) -> bool:
-        """Whether the numbers of the robot itself are finite."""
-        return bool(np.isfinite(self.pose).all() and np.isfinite(self.twist).all() and np.isfinite(self.grip))
+        """Whether the robot's own numbers are finite, not absurd, and hold a unit quaternion."""
+        numbers = np.array([*self.pose, *self.twist, self.grip])
+        if not (np.isfinite(numbers).all() and (np.abs(numbers) < MAX_NUMBER).all()):
+            return False
+        return abs(float(np.sqrt(self.pose[3:] @ self.pose[3:])) - 1.0) < UNIT_TOLERANCE
 
 
 @shorten_repr

@@ -10,11 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilotfish.errors import InvalidInput
+from pilotfish.teleop.channels import Peer, operator_endpoint, robot_endpoint
 from pilotfish.teleop.codec import Kind, priority
 from pilotfish.teleop.endpoints import (
-    OperatorEndpoint,
-    Peer,
-    RobotEndpoint,
     receive_at_operator,
     receive_at_robot,
     send_from_operator,
@@ -77,7 +75,7 @@ class VirtualOperator:
     def restart(self) -> None:
         """Start again without memory, as a new process does."""
         self.site: OperatorSite = start_operator(self.settings)
-        self.endpoint = OperatorEndpoint(self.settings.number, self._key, self._rng.bytes(32))
+        self.endpoint = operator_endpoint(self.settings.number, self._key, self._rng.bytes(32))
 
     def step(self, time_ns: int, given: OperatorInput) -> OperatorView:
         """Hear, act and send; return what is displayed.
@@ -156,7 +154,8 @@ class VirtualSession:
         """
         self.time = self._clock.read(time_ns)
         self.site: RobotSite = start_robot(self.settings, self.time, robot)
-        self.endpoint = RobotEndpoint(int(self._rng.integers(2**64, dtype=np.uint64)), self._peers)
+        boot, limits = int(self._rng.integers(1, 2**64, dtype=np.uint64)), self.settings.contract
+        self.endpoint = robot_endpoint(self._peers, boot, limits.max_budget, limits.max_jitter)
 
     def step_robot(self, time_ns: int, robot: RobotState, injected: Sequence[bytes] = ()) -> RobotStep:
         """Hear, move and report.
