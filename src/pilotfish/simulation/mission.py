@@ -46,7 +46,7 @@ from pilotfish.teleop import (
     start_view,
 )
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_number, require_type, shorten_repr
+from pilotfish.validation import require_count, require_number, require_type, shorten_repr
 
 S = TypeVar("S")
 NUMBER = 1  # of the operator
@@ -76,6 +76,7 @@ class MissionSettings:
         contract: What the robot agrees to.
         envelope: What is authorised when control begins.
         aside: Displacement of everything that the person aims at [m]; None for none.
+        piece_steps: Steps of 20 ms between two pieces of the skill.
     """
 
     mode: str = "shared"
@@ -88,10 +89,12 @@ class MissionSettings:
     contract: ContractLimits = ContractLimits()  # noqa: RUF009 - frozen
     envelope: Envelope = NO_ENVELOPE
     aside: Float[Array, " 3"] | None = None
+    piece_steps: int = 5
 
     def __post_init__(self) -> None:
         require_type(self.forward, "forward", LinkSettings, "LinkSettings(delay=...) makes one")
         require_type(self.backward, "backward", LinkSettings, "LinkSettings(delay=...) makes one")
+        require_count(self.piece_steps, "piece_steps", 1000, minimum=1)
         if self.budget is not None:
             require_number(self.budget, "budget", 0.0, MAX_BUDGET)
 
@@ -225,6 +228,8 @@ def _start_session(
         budget=settings.agreed_budget,
         jitter=settings.jitter,
         layout=layout,
+        piece_steps=settings.piece_steps,
+        is_predicting=settings.mode == "shared",
     )
     connection = OperatorConnection(operator, settings.forward, settings.backward)
     site = RobotSettings(decode_assisted_skill, layout, contract=settings.contract)

@@ -1,9 +1,10 @@
 """Simulated operator at the far end of a link: what the person looks at, does with the hand, and asks for.
 
 What is displayed decides how a person works. In direct control it is the robot as it was last reported, in
-which the effect of a movement appears after the round trip: the person moves and waits. In shared control and
-on a fixture it is the predicted robot, which answers at once, and the person works as if there were no delay.
-In autonomous control the person only watches.
+which the effect of a movement appears after the round trip: the person moves and waits. In shared control it
+is the predicted robot, and on a fixture the hand itself among the local objects. Both answer at once, and the
+person works as if there were no delay. In autonomous control the person only watches. In every mode the
+person waits at the end until the robot is reported at rest.
 
 The person also operates the session: takes control, arms, moves the hand to the robot where they are apart,
 and clears the reason of a hold after a reaction time. Simplification: the hand is where the person means it
@@ -44,7 +45,7 @@ from pilotfish.types import Array, Float
 from pilotfish.validation import shorten_repr
 
 S = TypeVar("S")
-PREDICTED = ("shared", "fixture")  # modes in which the person works with the predicted robot
+LOCAL = ("shared", "fixture")  # modes in which the person works in the local scene, without delay
 CLICK_TIME = 0.5  # s from what is displayed to the action that it calls for
 ALIGNING_SPEED = 0.08  # m/s, at which the hand returns to the robot
 ALIGNING_RATE = 0.4  # rad/s
@@ -63,7 +64,7 @@ class RemoteOperator:
         number: Number of the operator in the session.
         mode: Mode of the commands once the session is active.
         envelope: What is authorised when control begins; of duration 0 for nothing.
-        is_predicted: Whether the person works with the predicted robot.
+        is_local: Whether the person works in the local scene.
         aside: Displacement of everything that the person aims at [m].
     """
 
@@ -71,7 +72,7 @@ class RemoteOperator:
     number: int
     mode: str
     envelope: Envelope
-    is_predicted: bool
+    is_local: bool
     aside: Float[Array, " 3"]
 
 
@@ -124,11 +125,11 @@ def make_remote_operator(
         envelope: What is authorised when control begins.
         aside: Displacement of everything that the person aims at [m]; None for none.
     """
-    is_predicted = mode in PREDICTED
-    delay = ARM_LAG if is_predicted else ARM_LAG + round_trip
+    is_local = mode in LOCAL
+    delay = ARM_LAG if is_local else ARM_LAG + round_trip
     plan = DemonstrationPlan(human_model, task.demonstration_script(situation), delay)
     return RemoteOperator(
-        plan, number, mode, envelope, is_predicted, np.zeros(3) if aside is None else np.asarray(aside)
+        plan, number, mode, envelope, is_local, np.zeros(3) if aside is None else np.asarray(aside)
     )
 
 
@@ -220,12 +221,18 @@ def _work(
         )
         state = replace(state, began=min(state.began, time), alignments=state.alignments + again)
     if operator.mode != "autonomous" and view.frames and not human.done:
-        tool = _pose(view.predicted) if operator.is_predicted else _pose(report.pose)
+        tool = _displayed_tool(operator, human, view, report)
         frames = {
             name: Pose(pose.position + operator.aside, pose.quaternion) for name, pose in view.frames.items()
         }
         human = step_human(operator.plan, human, time, Observation(tool, frames), rng)
     return replace(state, human=human)
+
+
+def _displayed_tool(operator: RemoteOperator, human: HumanState, view: OperatorView, report: Report) -> Pose:
+    if not operator.is_local:
+        return _pose(report.pose)
+    return human.hand if operator.mode == "fixture" else _pose(view.predicted)
 
 
 def _align_hand(human: HumanState, report: Report) -> HumanState:

@@ -263,7 +263,7 @@ def _predict(settings: OperatorSettings, site: OperatorSite, given: OperatorInpu
     assistant, frames = prediction.assistant, prediction.frames
     scalars = [report.grip] * (assistant.layout.width - 7)
     index = min(given.skill + 1, len(assistant.skills) - 1)
-    if report.state not in MOVING or frames is None:
+    if report.state not in MOVING or frames is None or not settings.is_predicting:
         pose = np.array([*report.target, *scalars])
         return replace(prediction, state=None, pose=pose, authority=0.0)
     try:

@@ -47,6 +47,7 @@ class OperatorSettings:
         command_period: Time between two commands [s]; one step sends one.
         repeat_steps: Steps after which a request is repeated.
         piece_steps: Steps between two pieces of a skill.
+        is_predicting: Whether the robot is predicted; otherwise it stands at the reported target.
 
     Raises:
         InvalidInput: If a number is out of range, or a skill is too long.
@@ -62,6 +63,7 @@ class OperatorSettings:
     command_period: float = 0.02
     repeat_steps: int = 10
     piece_steps: int = 5
+    is_predicting: bool = True
 
     def __post_init__(self) -> None:
         require_count(self.number, "number", MAX_PEER, minimum=1)
