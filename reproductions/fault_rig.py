@@ -28,7 +28,9 @@ from pilotfish.teleop import SessionState
 from pilotfish.types import Array, Float
 
 PERIOD, PERIOD_NS, SECOND = 0.02, 20_000_000, 1_000_000_000
-ANY_MODE = teleop.ContractLimits(max_budget=60.0, max_jitter=5.0, mode_budgets=dict.fromkeys(teleop.MODES, 60.0))
+ANY_MODE = teleop.ContractLimits(
+    max_budget=60.0, max_jitter=5.0, mode_budgets=dict.fromkeys(teleop.MODES, 60.0)
+)
 MOVING = (SessionState.ACTIVE, SessionState.CONTINUING)
 LATCHED = (SessionState.HOLD, SessionState.STOPPED)
 ALIGNING_STEP = 0.08 * PERIOD  # m
@@ -182,7 +184,6 @@ class Rig:
         backward: teleop.LinkSettings | None = None,
         budget: float = 0.5,
         jitter: float = 0.25,
-        contract: teleop.ContractLimits = ANY_MODE,
         skills: tuple[bytes, ...] | None = None,
         clocks: tuple[teleop.VirtualClock, teleop.VirtualClock] | None = None,
         **robot_settings: object,
@@ -197,8 +198,7 @@ class Rig:
         robot_clock, operator_clock = clocks or (teleop.VirtualClock(), teleop.VirtualClock())
         self.settings = teleop.RobotSettings(
             decode_assisted_skill,
-            contract=contract,
-            **{"operators": tuple(self.pilots), **robot_settings},  # type: ignore[arg-type]
+            **{"contract": ANY_MODE, "operators": tuple(self.pilots), **robot_settings},  # type: ignore[arg-type]
         )
         connections = [
             teleop.OperatorConnection(
@@ -217,9 +217,7 @@ class Rig:
             for number in self.pilots
         ]
         self.pose, self.twist = path(6)[0].copy(), np.zeros(6)
-        self.session = teleop.VirtualSession(
-            self.settings, connections, self.sense(), rng, clock=robot_clock
-        )
+        self.session = teleop.VirtualSession(self.settings, connections, self.sense(), rng, clock=robot_clock)
 
     def sense(self) -> teleop.RobotState:
         """Return what the robot senses: the arm is where its target was."""
@@ -318,7 +316,9 @@ class Rig:
         increases = after.commands.number > before.commands.number or not same_lease
         self.require(not is_applied or increases, "an old command was applied")
         self.require(same_lease or after.control.lease > before.control.lease, "the lease went back")
-        self.require(not same_lease or after.control.holder == before.control.holder, "two holders of a lease")
+        self.require(
+            not same_lease or after.control.holder == before.control.holder, "two holders of a lease"
+        )
         stopped = any(isinstance(each.message, teleop.Stop) for each in self.session.heard)
         new_stop = after.control.stops != before.control.stops
         self.require(

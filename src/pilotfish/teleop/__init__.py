@@ -5,7 +5,13 @@ have no sockets, clocks or files. `encode` and `decode` give the bytes of messag
 `VirtualSession` connects both sites by virtual links on a virtual clock.
 """
 
-from pilotfish.teleop.channels import OperatorEndpoint, Peer, RobotEndpoint
+from pilotfish.teleop.channels import (
+    OperatorEndpoint,
+    Peer,
+    RobotEndpoint,
+    operator_endpoint,
+    robot_endpoint,
+)
 from pilotfish.teleop.codec import Kind, decode, encode, priority
 from pilotfish.teleop.controlled_stop import Braking
 from pilotfish.teleop.delay_contract import ContractLimits
@@ -45,6 +51,7 @@ from pilotfish.teleop.operator_values import (
 from pilotfish.teleop.robot_site import RobotSite, start_robot
 from pilotfish.teleop.robot_step import RobotStep, step_robot
 from pilotfish.teleop.robot_values import Alignment, RobotSettings, RobotState, RobotTarget
+from pilotfish.teleop.seal import Header, seal_datagram
 from pilotfish.teleop.session import (
     CLEARING_ACTIONS,
     TRANSITIONS,
@@ -57,6 +64,7 @@ from pilotfish.teleop.session import (
 from pilotfish.teleop.virtual_clock import VirtualClock
 from pilotfish.teleop.virtual_link import LinkCounters, LinkSettings, VirtualLink, two_way_link
 from pilotfish.teleop.virtual_session import OperatorConnection, VirtualSession
+from pilotfish.teleop.watchdog import WatchedTarget, start_watchdog, watch_target
 
 __all__ = [
     "CLEARING_ACTIONS",
@@ -71,6 +79,7 @@ __all__ = [
     "ContractLimits",
     "Envelope",
     "Event",
+    "Header",
     "Heard",
     "Kind",
     "LinkCounters",
@@ -103,20 +112,26 @@ __all__ = [
     "VirtualClock",
     "VirtualLink",
     "VirtualSession",
+    "WatchedTarget",
     "decode",
     "describe_link_drop",
     "encode",
     "next_action",
     "next_state",
+    "operator_endpoint",
     "priority",
     "receive_at_operator",
     "receive_at_robot",
+    "robot_endpoint",
+    "seal_datagram",
     "send_from_operator",
     "send_from_robot",
     "start_operator",
     "start_robot",
     "start_view",
+    "start_watchdog",
     "step_operator",
     "step_robot",
     "two_way_link",
+    "watch_target",
 ]

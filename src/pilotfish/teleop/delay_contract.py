@@ -5,7 +5,7 @@ knows when it sent that report. With budget B, jitter J and the command period P
 
     a command older than B + J is refused,
     the link is lost when no command was accepted for J + 2 P, checked at every step of the robot,
-    the round trip is too long when LATE_COMMANDS commands in a row are older than B.
+    the round trip is too long when commands in a row that are older than B name LATE_REPORTS reports.
 
 A constant delay, however long, refuses nothing: B covers it. Which modes are allowed depends on B: a person
 cannot control a robot directly through a long delay without moving and waiting.
@@ -19,7 +19,7 @@ from pilotfish.teleop.messages import MODES
 from pilotfish.validation import require_number, require_type
 
 SECOND = 1_000_000_000  # ns
-LATE_COMMANDS = 5
+LATE_REPORTS = 5
 MIN_TIME, MAX_TIME = 1e-3, 600.0  # s
 
 

@@ -3,11 +3,14 @@
 A command counts if it comes from the holder under the present lease, is newer than the last one, and is
 fresh. Fresh: it names a report that the robot sent at most B + J ago, and its own deadline has not passed.
 Both are times on the robot's clock. After a pause of the process only the newest command counts.
+
+Late commands that name a new report each time say that the round trip has grown. Late commands that name the
+same report say that reports do not arrive at the operator: they soon become stale, and the link is lost.
 """
 
 from dataclasses import replace
 
-from pilotfish.teleop.delay_contract import LATE_COMMANDS, nanoseconds
+from pilotfish.teleop.delay_contract import LATE_REPORTS, nanoseconds
 from pilotfish.teleop.messages import CommandMessage, Heard
 from pilotfish.teleop.robot_requests import apply_event
 from pilotfish.teleop.robot_site import NOBODY, RobotSite, SentReport
@@ -53,7 +56,8 @@ def hear_commands(site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
     newest = max(fresh, key=lambda command: command.number)
     age = ages[newest.number]
     assert age is not None
-    late = commands.late + 1 if age > control.contract.budget else 0
+    is_other = commands.last is None or newest.report != commands.last.report
+    late = commands.late + is_other if age > control.contract.budget else 0
     commands = replace(
         commands,
         last=newest,
@@ -100,7 +104,7 @@ def watch_commands(site: RobotSite, may_continue: bool) -> RobotSite:
         return apply_event(site, Event.DEAD_MAN_RELEASED)
     if control.state in LISTENING and is_link_lost(site):
         return apply_event(site, Event.LINK_LOST_AUTHORISED if may_continue else Event.LINK_LOST)
-    if control.state in LISTENING and commands.late >= LATE_COMMANDS:
+    if control.state in LISTENING and commands.late >= LATE_REPORTS:
         exceeded = Event.ROUND_TRIP_EXCEEDED_AUTHORISED if may_continue else Event.ROUND_TRIP_EXCEEDED
         return apply_event(site, exceeded)
     return site

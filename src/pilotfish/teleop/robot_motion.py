@@ -4,8 +4,9 @@
     CONTINUING   autonomous control inside the envelope
     elsewhere    a controlled stop, then rest
 
-In ALIGNING the assistance computes where the hand would move the robot, and the robot stays. The motion that
-follows begins with a blend from there. Limits of the target are those of the assistance, except that a
+In ALIGNING the assistance computes where the hand would move the robot, and the robot stays. It is aligned
+when that place is near, the hand is at rest, and the authority of the assistance has settled. The motion that
+follows begins with a blend. Limits of the target are those of the assistance, except that a
 controlled stop brakes along the present path.
 """
 
@@ -32,7 +33,7 @@ from pilotfish.teleop.robot_site import Motion, RobotSite
 from pilotfish.teleop.robot_values import RobotSettings
 from pilotfish.teleop.session import Event, SessionState
 
-MIN_STEP = 1e-6  # s
+MIN_STEP, SETTLED = 1e-6, 1e-3  # s; change of the authority in one step
 BEHIND = 0.01  # m: a target that is farther from the desired pose is limited
 
 
@@ -136,7 +137,9 @@ def _align(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
             rest_target(assistant, assistance, motion.pose), motion, target, (distance, angle), refusal
         ),
     )
-    is_aligned = _is_aligned(settings, command, distance, angle)
+    # While authority changes, the hand may be far away and look near, because the skill corrects it.
+    is_settled = abs(assistance.memory.authority - held.memory.authority) < SETTLED
+    is_aligned = is_settled and _is_aligned(settings, command, distance, angle)
     if refusal is Refusal.NONE and is_aligned and not is_link_lost(site):
         return apply_event(site, Event.ALIGNED)
     return site

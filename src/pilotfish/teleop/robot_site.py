@@ -70,7 +70,7 @@ class AcceptedCommands:
         number: Largest number that was accepted in the connection of the holder.
         arrived: When it arrived, or when the lease began [ns].
         age: Its measured age [ns].
-        late: Number of the last commands in a row that were older than the budget.
+        late: Number of reports that the last commands named, all of them older than the budget.
         stale: Number of commands that were refused as too old.
         is_new: Whether the last step accepted one.
     """

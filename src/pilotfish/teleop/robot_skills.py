@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from pilotfish.assistance import (
     Assistant,
     AssistedSkill,
@@ -16,9 +18,10 @@ from pilotfish.geometry import Pose
 from pilotfish.teleop.errors import UnsuitableSkill
 from pilotfish.teleop.messages import Heard, Mission, SkillPiece
 from pilotfish.teleop.robot_site import RobotSite, Scene
-from pilotfish.teleop.robot_values import RobotSettings, RobotState
+from pilotfish.teleop.robot_values import UNIT_TOLERANCE, RobotSettings, RobotState
 from pilotfish.teleop.session import MOVING
 from pilotfish.teleop.skill_transfer import add_piece, expect_skills
+from pilotfish.types import Array, Float
 
 Poses = Mapping[str, Pose]
 
@@ -122,7 +125,7 @@ def make_frames(assistant: Assistant, poses: Poses | None) -> tuple[Frame, ...] 
         assistant: Assistant, whose columns the frames have.
         poses: Pose of each object.
     """
-    if poses is None:
+    if poses is None or not all(_is_unit(pose.quaternion) for pose in poses.values()):
         return None
     layout = assistant.layout
     try:
@@ -130,6 +133,10 @@ def make_frames(assistant: Assistant, poses: Poses | None) -> tuple[Frame, ...] 
     except SkillError:
         return None
     return (*frames, world_frame(layout.width))
+
+
+def _is_unit(quaternion: Float[Array, " 4"]) -> bool:
+    return abs(float(np.sqrt(quaternion @ quaternion)) - 1.0) < UNIT_TOLERANCE
 
 
 def _same_poses(before: Poses | None, now: Poses | None) -> bool:

@@ -56,6 +56,7 @@ class VirtualOperator:
         endpoint: State of the channel.
         forward: Link to the robot.
         backward: Link from the robot.
+        datagrams: Datagrams that were sent in the last step.
     """
 
     def __init__(self, connection: OperatorConnection, key: bytes, rng: np.random.Generator) -> None:
@@ -75,6 +76,7 @@ class VirtualOperator:
     def restart(self) -> None:
         """Start again without memory, as a new process does."""
         self.site: OperatorSite = start_operator(self.settings)
+        self.datagrams: tuple[bytes, ...] = ()
         self.endpoint = operator_endpoint(self.settings.number, self._key, self._rng.bytes(32))
 
     def step(self, time_ns: int, given: OperatorInput) -> OperatorView:
@@ -89,8 +91,8 @@ class VirtualOperator:
         self.site, said, view = step_operator(
             self.settings, self.site, self._clock.read(time_ns), heard, given
         )
-        self.endpoint, datagrams = send_from_operator(self.endpoint, said)
-        for datagram in datagrams:
+        self.endpoint, self.datagrams = send_from_operator(self.endpoint, said)
+        for datagram in self.datagrams:
             self.forward.send(time_ns, datagram, priority(Kind(datagram[KIND_BYTE])))
         return view
 
