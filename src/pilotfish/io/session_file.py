@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any
 
 from pilotfish.errors import InvalidInput, OutputExists, UnreadableFile
 from pilotfish.io.paths import open_regular_file, path_exists, resolve_path
@@ -145,7 +145,7 @@ class SessionWriter:
         self._chunk_start: int | None = None
         self._is_described = False
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "SessionWriter":
         from mcap.writer import CompressionType, IndexType, Writer
 
         try:
