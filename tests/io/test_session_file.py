@@ -1,16 +1,20 @@
 """Sessions are read as they were written, and a recording that is refused or fails keeps what it has."""
 
+import json
+import re
 import resource
 import sys
+import zlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.records import Chunk, Message
+from mcap.records import Channel, Chunk, Header, Message, Metadata
 from mcap.stream_reader import StreamReader
-from recorded_session import SKILL, TEXTS, sample_records, write_session
+from recorded_session import PERIOD, SKILL, TEXTS, sample_records, write_session
 
 from pilotfish.errors import InvalidInput, OutputExists
 from pilotfish.io import SessionRecord, SessionWriter, read_session
@@ -213,3 +217,33 @@ def test_too_many_channels_are_refused_by_writer(tmp_path):
         with pytest.raises(InvalidInput, match="'another' is one channel too many"):
             writer.write("another", 1000, b"")
     assert len(read_session(tmp_path / "a.mcap").channels) == 1000
+
+
+def test_documentation_program_reads_the_same_records_twice(tmp_path, monkeypatch):
+    text = (Path(__file__).parents[2] / "docs" / "session-file.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    monkeypatch.chdir(tmp_path)
+    exec("\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)), names)  # noqa: S102
+    assert names["records"] == names["messages"]
+    assert len(names["records"]) == 200
+    assert names["session"].is_complete
+
+
+def test_file_has_the_layout_and_the_size_of_its_documentation(tmp_path):
+    """A minute of 50 records per second; 31 bytes for each record, 0.4 MB with 100 bytes of data."""
+    path = write_session(
+        tmp_path / "a.mcap", [SessionRecord("robot", n * PERIOD, bytes(100)) for n in range(3000)]
+    )
+    assert 3000 * 131 < path.stat().st_size < 3000 * 131 + 25_000
+    with path.open("rb") as file:
+        found = list(StreamReader(file, validate_crcs=True).records)
+    header = next(record for record in found if isinstance(record, Header))
+    messages = [record for record in found if isinstance(record, Message)]
+    channel = next(record for record in found if isinstance(record, Channel))
+    (metadata,) = (record for record in found if isinstance(record, Metadata))
+    assert (header.profile, header.library) == ("pilotfish-session", "1")
+    assert [message.sequence for message in messages] == list(range(3000))
+    assert all(message.log_time == message.publish_time for message in messages)
+    assert (channel.id, channel.schema_id, channel.message_encoding) == (1, 0, "application/octet-stream")
+    texts = json.dumps(TEXTS, sort_keys=True, separators=(",", ":")).encode()
+    assert metadata.metadata == {**TEXTS, "crc32": f"{zlib.crc32(texts):08x}"}
