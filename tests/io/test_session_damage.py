@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap._chunk_builder import ChunkBuilder
 from recorded_session import PERIOD, SKILL, TEXTS, sample_records, write_session
 
 from pilotfish.errors import InvalidInput, UnreadableFile
@@ -101,22 +102,14 @@ def test_exception_in_the_block_keeps_the_part_with_every_record(tmp_path, recor
 
 
 def test_interrupt_within_a_write_leaves_a_readable_part(tmp_path, records, monkeypatch):
-    """The library has written the chunk, and is interrupted before it forgets it."""
+    """The library has written a chunk, and is interrupted before it forgets its records."""
 
-    def record_session() -> None:
-        with SessionWriter(tmp_path / "a.mcap") as writer:
-            flush = writer._writer.flush
+    def interrupted(builder: ChunkBuilder) -> None:
+        raise KeyboardInterrupt
 
-            def interrupted() -> None:
-                flush()
-                raise KeyboardInterrupt
-
-            monkeypatch.setattr(writer._writer, "flush", interrupted)
-            for record in records:
-                writer.write(*record)
-
+    monkeypatch.setattr(ChunkBuilder, "reset", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        record_session()
+        write_session(tmp_path / "a.mcap", records)
     found = list(read_session(tmp_path / "a.mcap.part").records())
     assert 0 < len(found) < len(records)
     assert found == records[: len(found)]

@@ -105,6 +105,14 @@ def test_existing_part_is_kept_whatever_overwrite(tmp_path):
     assert (tmp_path / "a.mcap.part").read_bytes() == b"rest"
 
 
+def test_part_that_appears_before_the_session_begins_is_kept(tmp_path):
+    writer = SessionWriter(tmp_path / "a.mcap")
+    (tmp_path / "a.mcap.part").write_bytes(b"other")
+    with pytest.raises(InvalidInput, match=r"a\.mcap\.part exists"):
+        writer.__enter__()
+    assert (tmp_path / "a.mcap.part").read_bytes() == b"other"
+
+
 def test_file_that_appears_during_the_session_is_kept(tmp_path, records):
     writer = SessionWriter(tmp_path / "a.mcap").__enter__()
     writer.write(*records[0])
@@ -139,6 +147,19 @@ def test_full_disk_is_reported_and_keeps_a_readable_part(tmp_path, rng, flush_ev
     found = list(read.records())
     assert found == records[: len(found)]
     assert not read.is_complete
+
+
+@pytest.mark.usefixtures("small_disk")
+def test_disk_full_at_the_end_of_the_session_is_reported(tmp_path):
+    """The attachment fits, and the summary does not."""
+    with (
+        pytest.raises(InvalidInput, match="cannot be written: File too large"),
+        SessionWriter(tmp_path / "a.mcap") as writer,
+    ):
+        writer.attach("large", bytes(19_800))
+    assert not (tmp_path / "a.mcap").exists()
+    read = read_session(tmp_path / "a.mcap.part")
+    assert (len(read.attachments["large"]), read.is_complete) == (19_800, False)
 
 
 @pytest.mark.usefixtures("small_disk")

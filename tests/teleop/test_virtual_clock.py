@@ -33,6 +33,12 @@ def test_slow_clock_loses_one_nanosecond_in_ten_thousand():
     assert [clock.read(t) for t in (0, 1, 10_000, 10_001)] == [0, 0, 9_999, 9_999]
 
 
+def test_drift_is_rounded_to_the_nearest_part_per_billion():
+    """1.001 ppm times 1000 is a little less than 1001 in floating point."""
+    assert int(1.001 * 1000) == 1000
+    assert VirtualClock(drift_ppm=1.001).read(SECOND) == SECOND + 1001
+
+
 def test_steps_take_effect_at_their_times_and_add_up():
     clock = VirtualClock(steps=((1.0, 5.0), (2.0, -7.5), (2.0, 0.5)))
     readings = [clock.read(t) - t for t in (0, SECOND - 1, SECOND, 2 * SECOND - 1, 2 * SECOND, DAY)]

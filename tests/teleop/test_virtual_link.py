@@ -248,6 +248,16 @@ def test_queue_empties_into_an_outage(rng):
     assert drain(link) == [(0, 1 * SECOND), (4, 5 * SECOND), (5, 6 * SECOND)]
 
 
+def test_datagram_sent_in_an_outage_is_lost_even_if_it_would_wait_until_the_end(rng):
+    """The first one is transmitted until 4 s and lost too; the second one would follow at 4 s."""
+    link = VirtualLink(LinkSettings(rate=8000.0, header=0, outages=((3.0, 0.5),)), rng)
+    link.send(2 * SECOND, name(0, 2000))
+    link.send(3100 * MS, name(1, 100))
+    link.send(3500 * MS, name(2, 100))
+    assert drain(link) == [(2, 4100 * MS)]
+    assert link.counters.lost == 2
+
+
 @pytest.mark.parametrize("silent", [0, 1])
 def test_outage_of_one_direction_leaves_the_other(rng, silent: int):
     settings = [LinkSettings(delay=0.1), LinkSettings(delay=0.1)]
