@@ -1,8 +1,10 @@
 """Sessions that were cut or damaged: read up to the cut, and refused if a bit is wrong."""
 
 import os
+import struct
 import subprocess
 import sys
+import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -155,6 +157,34 @@ def chunk_frames(session: bytes) -> list[tuple[int, int]]:
     """Return the start and the end of each chunk."""
     starts = scan_session(BytesIO(session)).chunks
     return [(at, at + 9 + int.from_bytes(session[at + 1 : at + 9], "little")) for at in starts]
+
+
+def test_every_bit_of_chunk_header_and_data_end_is_checked(session):
+    """Of a cut session the times, sizes and checksum of a chunk; of a whole one the checksum of all data."""
+    (start, end), *_ = chunk_frames(session)
+    data_end = chunk_frames(session)[-1][1]
+    assert session[data_end] == 15
+    places = [(at, session[:end]) for at in range(start + 9, start + 49)]
+    places += [(at, session) for at in range(data_end, data_end + 13)]
+    for at, data in places:
+        for bit in range(8):
+            damaged = bytearray(data)
+            damaged[at] ^= 1 << bit
+            with pytest.raises(UnreadableFile):
+                decode(bytes(damaged))
+
+
+def test_summary_elsewhere_is_refused_even_with_a_right_checksum(session):
+    """The footer says where the summary starts."""
+    data_end = chunk_frames(session)[-1][1] + 13
+    for summary, start in (
+        (session[data_end:-37], data_end + 1),
+        (b"x" + session[data_end:-37], data_end + 1),
+    ):
+        footer = struct.pack("<BQQQ", 2, 20, start, 0)
+        crc = zlib.crc32(footer, zlib.crc32(summary))
+        with pytest.raises(UnreadableFile, match="the footer is damaged"):
+            decode(session[:data_end] + summary + footer + struct.pack("<I", crc) + session[-8:])
 
 
 @pytest.mark.parametrize("edit", ["missing", "repeated", "exchanged"])
