@@ -11,8 +11,8 @@ from typing import Any
 
 PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
-    "geometry", "control", "planning", "assistance", "plots", "io.datasets", "io", "environments.human",
-    "environments.baxter", "environments", "simulation", "kernels", "errors",
+    "geometry", "control", "planning", "assistance", "teleop", "plots", "io.datasets", "io",
+    "environments.human", "environments.baxter", "environments", "simulation", "kernels", "errors",
     "validation",
 )  # fmt: skip
 

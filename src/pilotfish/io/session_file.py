@@ -75,9 +75,10 @@ class SessionFile:
 
 
 def read_session(path: str | Path) -> SessionFile:
-    """Check a recording and return its content; the records are read from the file when they are used.
+    """Return the content of a recording after a check of the whole file.
 
-    A recording that was cut short is read up to its last whole chunk.
+    The records themselves are read from the file when they are used. A recording that was cut short is read
+    up to its last whole chunk.
 
     Args:
         path: File that `SessionWriter` wrote, or the `.part` of a recording that was killed.

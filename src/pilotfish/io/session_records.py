@@ -79,7 +79,7 @@ class SessionContent:
 class _Frames:
     """Frames of the data section: an operation code, a length, and as many bytes."""
 
-    def __init__(self, file: IO[bytes], position: int = 0) -> None:
+    def __init__(self, file: IO[bytes] | BytesIO, position: int = 0) -> None:
         self.file, self.crc, self.previous_crc = file, 0, 0
         size = file.seek(0, SEEK_END)
         file.seek(max(0, size - len(MAGIC)))
@@ -108,7 +108,7 @@ class _Frames:
         return None
 
 
-def scan_session(file: IO[bytes]) -> SessionContent:
+def scan_session(file: IO[bytes] | BytesIO) -> SessionContent:
     """Check all of a file and return its content without the records.
 
     Args:
@@ -148,7 +148,7 @@ def scan_session(file: IO[bytes]) -> SessionContent:
     return content
 
 
-def read_records(file: IO[bytes], chunks: Sequence[int]) -> Iterator[SessionRecord]:
+def read_records(file: IO[bytes] | BytesIO, chunks: Sequence[int]) -> Iterator[SessionRecord]:
     """Yield the records of chunks that `scan_session` found.
 
     Args:

@@ -15,6 +15,7 @@ import pilotfish
 from fuzzing import (
     examples_of_assistance,
     examples_of_fixtures,
+    examples_of_links,
     examples_of_models,
     examples_of_motions,
     examples_of_values,
@@ -37,6 +38,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "planning": examples_of_motions.planning_examples,
     "environments": examples_of_motions.environments_examples,
     "plots": examples_of_motions.plots_examples,
+    "teleop": lambda: {**examples_of_links.link_examples()},
     "validation": examples_of_values.validation_examples,
 }
 

@@ -2,7 +2,13 @@
 
 from collections.abc import Callable, Sequence
 
-from fuzzing import public_functions, targets_cli, targets_demonstrations, targets_kernels
+from fuzzing import (
+    public_functions,
+    targets_cli,
+    targets_demonstrations,
+    targets_kernels,
+    targets_sessions,
+)
 from fuzzing.containers import container_writer, edit_container, parse_container
 from fuzzing.seeds import skills, streams
 from fuzzing.soundness import use_skill, use_stream
@@ -27,6 +33,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     "skill": (_skill_target, 5.0),
     "stream": (_stream_target, 4.0),
     **targets_demonstrations.TARGETS,
+    **targets_sessions.TARGETS,
     **targets_cli.TARGETS,
     **public_functions.TARGETS,
     **targets_kernels.TARGETS,
@@ -35,7 +42,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
 # Patterns of targets that are run together in the suite.
 GROUPS = {
     "skills and streams": ("skill", "stream", "stream lines"),
-    "recordings": ("manifest.*", "csv", "npz", "folder", "*.mat", "*.np[yz]"),
+    "recordings": ("manifest.*", "csv", "npz", "folder", "session", "*.mat", "*.np[yz]"),
     "command line": ("frames.*", "start.*", "via*", "only", "structure", "states", "mesh cache"),
     "functions": ("*()", "kernels"),
 }
