@@ -17,6 +17,7 @@ from fuzzing import (
     examples_of_fixtures,
     examples_of_models,
     examples_of_motions,
+    examples_of_teleop,
     examples_of_values,
 )
 from fuzzing.examples_of_values import Examples
@@ -37,6 +38,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "planning": examples_of_motions.planning_examples,
     "environments": examples_of_motions.environments_examples,
     "plots": examples_of_motions.plots_examples,
+    "teleop": examples_of_teleop.teleop_examples,
     "validation": examples_of_values.validation_examples,
 }
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from fuzzing import public_functions, targets_cli, targets_demonstrations, targets_kernels
+from fuzzing import public_functions, targets_cli, targets_demonstrations, targets_kernels, targets_teleop
 from fuzzing.containers import container_writer, edit_container, parse_container
 from fuzzing.seeds import skills, streams
 from fuzzing.soundness import use_skill, use_stream
@@ -30,6 +30,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     **targets_cli.TARGETS,
     **public_functions.TARGETS,
     **targets_kernels.TARGETS,
+    **targets_teleop.TARGETS,
 }
 
 # Patterns of targets that are run together in the suite.
@@ -37,6 +38,7 @@ GROUPS = {
     "skills and streams": ("skill", "stream", "stream lines"),
     "recordings": ("manifest.*", "csv", "npz", "folder", "*.mat", "*.np[yz]"),
     "command line": ("frames.*", "start.*", "via*", "only", "structure", "states", "mesh cache"),
+    "teleoperation": ("messages", "datagrams"),
     "functions": ("*()", "kernels"),
 }
 
