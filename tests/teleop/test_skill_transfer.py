@@ -117,6 +117,12 @@ def test_skill_that_cannot_be_used_has_its_state(error: type[SkillError], state:
     assert add_piece(store, split_skill(DATA)[0], read) is store
 
 
+@pytest.mark.parametrize("n", [0, -1, 1025, 2**31])
+def test_missing_pieces_impossible_number_raises(n: int) -> None:
+    with pytest.raises(InvalidInput, match=f"n is {n}, expected 1 to 1024 pieces"):
+        missing_pieces(store_after([]).status(NAME), n)
+
+
 def test_decoder_is_called_once_with_verified_content_only() -> None:
     calls: list[bytes] = []
     pieces = split_skill(DATA)

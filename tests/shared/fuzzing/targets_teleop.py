@@ -11,7 +11,7 @@ from fuzzing.soundness import InvariantViolation, require_sound
 from fuzzing.target import Target
 from pilotfish.teleop import Kind, MalformedMessage, decode, encode, receive_at_operator, receive_at_robot
 from pilotfish.teleop.endpoints import TO_ROBOT
-from pilotfish.teleop.messages import ROBOT, SkillStatus
+from pilotfish.teleop.messages import ROBOT, SkillStatus, Welcome
 from pilotfish.teleop.seal import Header, seal_datagram
 
 Base = tuple[Kind, bytes, bool]  # bytes of a message, or of its datagram if they are sealed
@@ -27,7 +27,7 @@ def _edit(value: Base, rng: Random) -> tuple[Base, str]:
 
 def _use_message(value: Any, thorough: bool) -> None:
     kind, message = value
-    if not isinstance(message, SkillStatus):  # its bits are a whole number of 1024 bits
+    if not isinstance(message, SkillStatus | Welcome):  # they have whole numbers of 1024 and 64 bits
         require_sound(message)
     if decode(kind, encode(message)) != message:
         raise InvariantViolation("the message that is read differs from the one that was written")
