@@ -21,6 +21,7 @@ from fault_rig import (
 )
 
 from pilotfish import teleop
+from pilotfish.assistance import AssistedSkill
 from pilotfish.geometry import Pose
 from pilotfish.teleop import Action, LinkSettings, Reason, SessionState
 
@@ -229,7 +230,7 @@ def stranger(seed: int) -> list[str]:
     return compare_with_intruder(seed, make)
 
 
-def _refuse(data: bytes) -> teleop.RobotSite:  # type: ignore[misc]
+def _refuse(data: bytes) -> AssistedSkill:
     raise AssertionError(f"{len(data)} bytes of a skill that was not sent")
 
 

@@ -69,7 +69,7 @@ def path(number: int) -> Float[Array, "T 7"]:
     share = (rows - low)[:, None]
     between = (1.0 - share) * x[low] + share * x[low + 1]
     between[:, 3:] = normalise(between[:, 3:])
-    return between
+    return np.asarray(between)
 
 
 @dataclass(slots=True)
@@ -304,7 +304,7 @@ class Rig:
         after, limits = step.site, self.settings.limits
         speed = float(np.linalg.norm(step.target.velocity[:3]))
         speed_before = float(np.linalg.norm(before.motion.target.velocity[:3]))
-        self.require(np.isfinite(step.target.pose).all(), "the target is not finite")
+        self.require(bool(np.isfinite(step.target.pose).all()), "the target is not finite")
         self.require(speed <= limits.speed + ROUNDING, f"the target moves at {speed:.3f} m/s")
         if after.control.state not in MOVING:
             dt = min((after.time - before.time) / SECOND, self.settings.max_step)

@@ -11,6 +11,7 @@ from fault_rig import (
     SECOND,
     Pilot,
     Rig,
+    Row,
     decisions,
     path,
     replay,
@@ -77,7 +78,7 @@ def _is_new(rig: Rig, n: int) -> bool:
     return n > 0 and rig.rows[n].command > rig.rows[n - 1].command
 
 
-def _stands(rows: list) -> bool:
+def _stands(rows: list[Row]) -> bool:
     return all((row.pose == rows[0].pose).all() for row in rows)
 
 

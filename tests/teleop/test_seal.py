@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from teleop_messages import EXAMPLES
 
+from pilotfish.errors import InvalidInput
 from pilotfish.teleop import seal
 from pilotfish.teleop.codec import Kind, encode
 from pilotfish.teleop.errors import MalformedMessage, Unauthentic
@@ -100,6 +101,12 @@ def test_read_header_other_version_or_kind_raises(position: int, match: str) -> 
 def test_read_header_unknown_kind_raises() -> None:
     with pytest.raises(MalformedMessage, match="kind is 200, expected 1 to 9"):
         read_header(bytes([1, 200]) + DATAGRAM[2:])
+
+
+@pytest.mark.parametrize("change", [{"sequence": 2**32}, {"sender": -1}, {"boot": 2**64}])
+def test_seal_datagram_number_that_does_not_fit_raises(change: dict[str, int]) -> None:
+    with pytest.raises(InvalidInput, match="expected whole numbers that fit"):
+        seal_datagram(KEY, replace(HEADER, **change), PAYLOAD)
 
 
 def test_cached_keys_are_bounded() -> None:

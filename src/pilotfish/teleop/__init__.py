@@ -5,15 +5,10 @@ have no sockets, clocks or files. `encode` and `decode` give the bytes of messag
 `VirtualSession` connects both sites by virtual links on a virtual clock.
 """
 
-from pilotfish.teleop.channels import (
-    OperatorEndpoint,
-    Peer,
-    RobotEndpoint,
-    operator_endpoint,
-    robot_endpoint,
-)
+from pilotfish.teleop.channels import OperatorEndpoint, Peer, RobotEndpoint, operator_endpoint, robot_endpoint
 from pilotfish.teleop.codec import Kind, decode, encode, priority
 from pilotfish.teleop.controlled_stop import Braking
+from pilotfish.teleop.datagram_checks import Audit, Cause
 from pilotfish.teleop.delay_contract import ContractLimits
 from pilotfish.teleop.endpoints import (
     receive_at_operator,
@@ -21,7 +16,7 @@ from pilotfish.teleop.endpoints import (
     send_from_operator,
     send_from_robot,
 )
-from pilotfish.teleop.errors import MalformedMessage
+from pilotfish.teleop.errors import MalformedMessage, SequenceExhausted, Unauthentic, UnsuitableSkill
 from pilotfish.teleop.messages import (
     MODES,
     NO_ENVELOPE,
@@ -29,15 +24,18 @@ from pilotfish.teleop.messages import (
     CommandMessage,
     Envelope,
     Heard,
+    Hello,
     Mission,
     Refusal,
     Report,
+    ReportedFrame,
     Request,
     Said,
     SkillPiece,
     SkillState,
     SkillStatus,
     Stop,
+    Welcome,
 )
 from pilotfish.teleop.operator_site import OperatorSite, start_operator, step_operator
 from pilotfish.teleop.operator_values import (
@@ -61,6 +59,14 @@ from pilotfish.teleop.session import (
     SessionState,
     next_state,
 )
+from pilotfish.teleop.skill_transfer import (
+    SkillStore,
+    add_piece,
+    expect_skills,
+    missing_pieces,
+    skill_hash,
+    split_skill,
+)
 from pilotfish.teleop.virtual_clock import VirtualClock
 from pilotfish.teleop.virtual_link import LinkCounters, LinkSettings, VirtualLink, two_way_link
 from pilotfish.teleop.virtual_session import OperatorConnection, VirtualSession
@@ -74,13 +80,16 @@ __all__ = [
     "TRANSITIONS",
     "Action",
     "Alignment",
+    "Audit",
     "Braking",
+    "Cause",
     "CommandMessage",
     "ContractLimits",
     "Envelope",
     "Event",
     "Header",
     "Heard",
+    "Hello",
     "Kind",
     "LinkCounters",
     "LinkSettings",
@@ -96,6 +105,7 @@ __all__ = [
     "Reason",
     "Refusal",
     "Report",
+    "ReportedFrame",
     "Request",
     "RobotEndpoint",
     "RobotSettings",
@@ -104,18 +114,26 @@ __all__ = [
     "RobotStep",
     "RobotTarget",
     "Said",
+    "SequenceExhausted",
     "SessionState",
     "SkillPiece",
     "SkillState",
     "SkillStatus",
+    "SkillStore",
     "Stop",
+    "Unauthentic",
+    "UnsuitableSkill",
     "VirtualClock",
     "VirtualLink",
     "VirtualSession",
     "WatchedTarget",
+    "Welcome",
+    "add_piece",
     "decode",
     "describe_link_drop",
     "encode",
+    "expect_skills",
+    "missing_pieces",
     "next_action",
     "next_state",
     "operator_endpoint",
@@ -126,6 +144,8 @@ __all__ = [
     "seal_datagram",
     "send_from_operator",
     "send_from_robot",
+    "skill_hash",
+    "split_skill",
     "start_operator",
     "start_robot",
     "start_view",

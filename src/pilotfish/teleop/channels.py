@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pilotfish.errors import InvalidInput
 from pilotfish.teleop.codec import encode
-from pilotfish.teleop.datagram_checks import Audit, ReceiveWindow
+from pilotfish.teleop.datagram_checks import EMPTY_AUDIT, EMPTY_WINDOW, Audit, ReceiveWindow
 from pilotfish.teleop.messages import Welcome
 from pilotfish.teleop.seal import KEY_SIZE, require_cryptography
 
@@ -42,7 +42,7 @@ class Channel:
     peer: Peer
     connection: int = 0
     assigned: int = 0
-    window: ReceiveWindow = ReceiveWindow()
+    window: ReceiveWindow = EMPTY_WINDOW
     sequence: int = 0
 
 
@@ -64,7 +64,7 @@ class RobotEndpoint:
     max_jitter: float
     channels: Mapping[int, Channel]
     last_connection: int = 0
-    audit: Audit = Audit()
+    audit: Audit = EMPTY_AUDIT
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +99,9 @@ class OperatorEndpoint:
     hellos: int = 0
     send_calls: int = 0
     silent_calls: int = 0
-    window: ReceiveWindow = ReceiveWindow()
+    window: ReceiveWindow = EMPTY_WINDOW
     sequence: int = 0
-    audit: Audit = Audit()
+    audit: Audit = EMPTY_AUDIT
 
 
 def robot_endpoint(

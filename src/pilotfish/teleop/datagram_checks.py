@@ -45,6 +45,9 @@ class ReceiveWindow:
         return ReceiveWindow(sequence, (self.received << -age | 1) & ((1 << WINDOW) - 1))
 
 
+EMPTY_WINDOW = ReceiveWindow()
+
+
 class Cause(IntEnum):
     """Why a datagram was refused.
 
@@ -98,3 +101,6 @@ class Audit:
             cause: Cause.
         """
         return self.counts[cause]
+
+
+EMPTY_AUDIT = Audit()

@@ -15,7 +15,7 @@ The robot never gives a number of a connection twice, and draws another boot at 
 import hmac
 from dataclasses import dataclass
 from functools import lru_cache
-from struct import Struct
+from struct import Struct, error
 from typing import Any
 
 from pilotfish.errors import InvalidInput
@@ -90,10 +90,16 @@ def seal_datagram(key: bytes, header: Header, payload: bytes, challenge: int = 0
         challenge: Challenge that a welcome answers; 0 in other messages.
 
     Raises:
-        InvalidInput: If `cryptography` is not installed.
+        InvalidInput: If a number of the header does not fit, or `cryptography` is not installed.
     """
-    head = _HEADER.pack(VERSION, header.kind, header.sender, header.boot, header.connection, header.sequence)
-    sealed: bytes = _cipher(key, *_purpose(header), challenge).encrypt(_nonce(header), payload, head)
+    try:
+        head = _HEADER.pack(
+            VERSION, header.kind, header.sender, header.boot, header.connection, header.sequence
+        )
+        cipher = _cipher(key, *_purpose(header), challenge)
+    except error as problem:
+        raise InvalidInput(f"header is {header}, expected whole numbers that fit: {problem}") from problem
+    sealed: bytes = cipher.encrypt(_nonce(header), payload, head)
     return head + sealed
 
 

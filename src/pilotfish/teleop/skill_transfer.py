@@ -109,7 +109,12 @@ def missing_pieces(status: SkillStatus, n: int) -> tuple[int, ...]:
     Args:
         status: Status of the skill at the robot.
         n: Number of pieces of the skill.
+
+    Raises:
+        InvalidInput: If a skill cannot have this number of pieces.
     """
+    if not 1 <= n <= MAX_PIECES:
+        raise InvalidInput(f"n is {n}, expected 1 to {MAX_PIECES} pieces")
     if status.state in _COMPLETE:
         return ()
     return tuple(index for index in range(n) if not status.received >> index & 1)

@@ -1,13 +1,13 @@
 """Fields of messages: for each type of attribute, its values in bytes and the checks of values that arrive.
 
-Unit quaternions. Rounding to single precision changes the norm by up to 1e-7. Decoding removes that change: it
-keeps three of the rounded components, and computes one from them in float64 so that the norm is 1. That one
-is the first component of at least 0.4; a unit quaternion has one of at least 0.5. Dividing by the norm instead
-changes all components, and its result may round to other bytes than those that arrived.
+Unit quaternions. Rounding to single precision changes the norm by up to 1e-7. Decoding removes that change:
+it keeps three of the rounded components, and computes one from them in float64 so that the norm is 1. That
+one is the first component of at least 0.4; a unit quaternion has one of at least 0.5. Dividing by the norm
+instead changes all components, and its result may round to other bytes than those that arrived.
 
 `settle` repeats this until the component that was computed rounds to itself. Only that component changes. If
-it falls below 0.4, a later one is chosen, so at most four are computed. Encoding a decoded quaternion therefore
-gives the same bytes.
+it falls below 0.4, a later one is chosen, so at most four are computed. Encoding a decoded quaternion
+therefore gives the same bytes.
 """
 
 from collections.abc import Callable, Sequence

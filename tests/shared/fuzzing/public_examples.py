@@ -18,6 +18,7 @@ from fuzzing import (
     examples_of_links,
     examples_of_models,
     examples_of_motions,
+    examples_of_teleop,
     examples_of_values,
 )
 from fuzzing.examples_of_values import Examples
@@ -38,7 +39,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "planning": examples_of_motions.planning_examples,
     "environments": examples_of_motions.environments_examples,
     "plots": examples_of_motions.plots_examples,
-    "teleop": lambda: {**examples_of_links.link_examples()},
+    "teleop": lambda: {**examples_of_links.link_examples(), **examples_of_teleop.teleop_examples()},
     "validation": examples_of_values.validation_examples,
 }
 

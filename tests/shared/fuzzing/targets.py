@@ -8,6 +8,7 @@ from fuzzing import (
     targets_demonstrations,
     targets_kernels,
     targets_sessions,
+    targets_teleop,
 )
 from fuzzing.containers import container_writer, edit_container, parse_container
 from fuzzing.seeds import skills, streams
@@ -37,6 +38,7 @@ TARGETS: dict[str, tuple[Callable[[], Target], float]] = {
     **targets_cli.TARGETS,
     **public_functions.TARGETS,
     **targets_kernels.TARGETS,
+    **targets_teleop.TARGETS,
 }
 
 # Patterns of targets that are run together in the suite.
@@ -44,6 +46,7 @@ GROUPS = {
     "skills and streams": ("skill", "stream", "stream lines"),
     "recordings": ("manifest.*", "csv", "npz", "folder", "session", "*.mat", "*.np[yz]"),
     "command line": ("frames.*", "start.*", "via*", "only", "structure", "states", "mesh cache"),
+    "teleoperation": ("messages", "datagrams"),
     "functions": ("*()", "kernels"),
 }
 

@@ -1,0 +1,40 @@
+"""Valid arguments of the public functions of teleop."""
+
+from teleop_endpoints import KEYS, PEERS, connect, new_operator, new_robot
+from teleop_messages import EXAMPLES
+
+from fuzzing.examples_of_values import Examples
+from pilotfish.teleop import (
+    Kind,
+    Said,
+    SkillStore,
+    expect_skills,
+    send_from_operator,
+    send_from_robot,
+    split_skill,
+)
+from pilotfish.teleop.codec import encode
+
+
+def teleop_examples() -> Examples:
+    robot, operator = connect(new_robot(), new_operator())
+    _, to_robot = send_from_operator(operator, [EXAMPLES[Kind.COMMAND]])
+    _, ((_, to_operator),) = send_from_robot(robot, [Said(1, EXAMPLES[Kind.REPORT])])
+    (piece,) = split_skill(b"skill")
+    store = expect_skills(SkillStore(), [piece.hash])
+    return {
+        "encode": {"message": EXAMPLES[Kind.COMMAND]},
+        "decode": {"kind": 3, "payload": encode(EXAMPLES[Kind.COMMAND])},
+        "priority": {"kind": 3},
+        "robot_endpoint": {"peers": PEERS, "boot": 7, "max_budget": 3.0, "max_jitter": 0.5},
+        "operator_endpoint": {"number": 1, "key": KEYS[1], "seed": bytes(32)},
+        "receive_at_robot": {"endpoint": robot, "datagrams": to_robot},
+        "receive_at_operator": {"endpoint": operator, "datagrams": (to_operator,)},
+        "send_from_robot": {"endpoint": robot, "said": (Said(1, EXAMPLES[Kind.REPORT]),)},
+        "send_from_operator": {"endpoint": operator, "messages": (EXAMPLES[Kind.COMMAND],)},
+        "skill_hash": {"data": b"skill"},
+        "split_skill": {"data": b"skill"},
+        "missing_pieces": {"status": store.status(piece.hash), "n": 1},
+        "expect_skills": {"store": store, "hashes": [piece.hash]},
+        "add_piece": {"store": store, "piece": piece, "decode_skill": bytes.decode},
+    }
