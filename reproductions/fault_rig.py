@@ -192,7 +192,7 @@ class Rig:
         self.views = {number: teleop.start_view() for number in self.pilots}
         self.rows: list[Row] = []
         self.broken: list[str] = []
-        self.inputs: list[tuple[int, tuple[teleop.Heard, ...], teleop.RobotState]] = []
+        self.inputs: list[tuple[int, tuple[teleop.ReceivedMessage, ...], teleop.RobotState]] = []
         self.frames: Mapping[str, Pose] | None = object_poses(6)
         self.time_ns = 0
         robot_clock, operator_clock = clocks or (teleop.VirtualClock(), teleop.VirtualClock())
@@ -249,7 +249,7 @@ class Rig:
         sensed = robot or self.sense()
         before = self.session.site
         step = self.session.step_robot(self.time_ns, sensed, injected)
-        self.inputs.append((self.session.time, self.session.heard, sensed))
+        self.inputs.append((self.session.time, self.session.received, sensed))
         pose = step.target.pose
         self.twist = np.append((pose[:3] - self.pose[:3]) / PERIOD, np.zeros(3))
         self.pose = pose.copy()
@@ -308,7 +308,7 @@ class Rig:
         self.require(speed <= limits.speed + ROUNDING, f"the target moves at {speed:.3f} m/s")
         if after.control.state not in MOVING:
             dt = min((after.time - before.time) / SECOND, self.settings.max_step)
-            change = np.linalg.norm(step.target.velocity[:3] - before.motion.target.velocity[:3])
+            change = float(np.linalg.norm(step.target.velocity[:3] - before.motion.target.velocity[:3]))
             self.require(speed <= speed_before + ROUNDING, f"the robot moves in {after.control.state.name}")
             self.require(change <= 2.0 * dt + ROUNDING, "the controlled stop is too hard")
         same_lease = after.control.lease == before.control.lease
@@ -319,7 +319,7 @@ class Rig:
         self.require(
             not same_lease or after.control.holder == before.control.holder, "two holders of a lease"
         )
-        stopped = any(isinstance(each.message, teleop.Stop) for each in self.session.heard)
+        stopped = any(isinstance(each.message, teleop.Stop) for each in self.session.received)
         new_stop = after.control.stops != before.control.stops
         self.require(
             not (stopped and new_stop) or after.control.state is SessionState.STOPPED, "a stop had no effect"
@@ -327,13 +327,13 @@ class Rig:
 
 
 def replay(
-    rig: Rig, inputs: Sequence[tuple[int, tuple[teleop.Heard, ...], teleop.RobotState]]
+    rig: Rig, inputs: Sequence[tuple[int, tuple[teleop.ReceivedMessage, ...], teleop.RobotState]]
 ) -> list[bytes]:
     """Return the bytes of the targets of a robot's site that is given these inputs from its start."""
     first_time, _, first = inputs[0]
     site, targets = teleop.start_robot(rig.settings, first_time, first), []
-    for time, heard, robot in inputs:
-        step = teleop.step_robot(rig.settings, site, time, heard, robot)
+    for time, received, robot in inputs:
+        step = teleop.step_robot(rig.settings, site, time, received, robot)
         site = step.site
         targets.append(target_bytes(step.target, site))
     return targets

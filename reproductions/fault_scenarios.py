@@ -172,9 +172,9 @@ def reordering_and_copies(seed: int) -> list[str]:
     rig.run_until_active()
     rig.run(8.0)
     newest, cleaned = 0, []
-    for time, heard, robot in rig.inputs:
+    for time, received, robot in rig.inputs:
         kept = []
-        for each in heard:
+        for each in received:
             if isinstance(each.message, teleop.CommandMessage):
                 if each.message.number <= newest:
                     continue
@@ -205,9 +205,9 @@ def clocks(seed: int) -> list[str]:
         )
         rig.run_until_active()
         rig.run(8.0)
-        results.append((decisions(rig), [heard for _, heard, _ in rig.inputs], rig.broken))
-    (plain, heard, broken), (skewed_decisions, skewed_heard, others) = results
-    same = plain == skewed_decisions and heard == skewed_heard
+        results.append((decisions(rig), [received for _, received, _ in rig.inputs], rig.broken))
+    (plain, received, broken), (skewed_decisions, skewed_heard, others) = results
+    same = plain == skewed_decisions and received == skewed_heard
     return [*broken, *others, *([] if same else ["decisions differ"])]
 
 

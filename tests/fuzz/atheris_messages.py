@@ -38,9 +38,9 @@ def test_one_input(data: bytes) -> None:
     except MalformedMessage:
         pass
     datagram = rest if what < 2 else seal_datagram(KEYS[1], Header(kind, 1, 11, 1, 9), rest)
-    after, heard, replies = receive_at_robot(ROBOT_ENDPOINT, [datagram])
+    after, received, replies = receive_at_robot(ROBOT_ENDPOINT, [datagram])
     is_refused = after.audit != ROBOT_ENDPOINT.audit
-    if is_refused and (heard or replies or without_audit(after) != without_audit(ROBOT_ENDPOINT)):
+    if is_refused and (received or replies or without_audit(after) != without_audit(ROBOT_ENDPOINT)):
         raise AssertionError("a refused datagram changed the state")
 
 

@@ -26,13 +26,13 @@ def new_operator(number: int = 1, seed: bytes = b"s" * 32) -> OperatorEndpoint:
 def connect(robot: RobotEndpoint, operator: OperatorEndpoint) -> tuple[RobotEndpoint, OperatorEndpoint]:
     """Exchange hello, welcome and confirmation without faults."""
     operator, (hello,) = send_from_operator(operator, ())
-    robot, heard, ((number, welcome),) = receive_at_robot(robot, [hello])
-    assert (heard, number) == ((), operator.number)
-    operator, heard = receive_at_operator(operator, [welcome])
-    assert isinstance(heard[0].message, Welcome)
+    robot, received, ((number, welcome),) = receive_at_robot(robot, [hello])
+    assert (received, number) == ((), operator.number)
+    operator, received = receive_at_operator(operator, [welcome])
+    assert isinstance(received[0].message, Welcome)
     operator, (confirmation,) = send_from_operator(operator, ())
-    robot, heard, replies = receive_at_robot(robot, [confirmation])
-    assert (heard, replies) == ((), ())
+    robot, received, replies = receive_at_robot(robot, [confirmation])
+    assert (received, replies) == ((), ())
     return robot, operator
 
 
@@ -42,8 +42,8 @@ def without_audit(endpoint: RobotEndpoint | OperatorEndpoint) -> RobotEndpoint |
 
 def refused(robot: RobotEndpoint, datagram: bytes, cause: Cause) -> RobotEndpoint:
     """Require that a datagram changes nothing but one counter, and return the state."""
-    after, heard, replies = receive_at_robot(robot, [datagram])
-    assert (heard, replies) == ((), ())
+    after, received, replies = receive_at_robot(robot, [datagram])
+    assert (received, replies) == ((), ())
     assert without_audit(after) == without_audit(robot)
     assert after.audit.count(cause) == robot.audit.count(cause) + 1
     assert sum(after.audit.counts) == sum(robot.audit.counts) + 1
@@ -52,8 +52,8 @@ def refused(robot: RobotEndpoint, datagram: bytes, cause: Cause) -> RobotEndpoin
 
 
 def refused_at_operator(operator: OperatorEndpoint, datagram: bytes, cause: Cause) -> OperatorEndpoint:
-    after, heard = receive_at_operator(operator, [datagram])
-    assert heard == ()
+    after, received = receive_at_operator(operator, [datagram])
+    assert received == ()
     assert replace(without_audit(after), silent_calls=0) == replace(without_audit(operator), silent_calls=0)
     assert after.audit.count(cause) == operator.audit.count(cause) + 1
     return after

@@ -23,7 +23,7 @@ from pilotfish.teleop.endpoints import (
     send_from_robot,
 )
 from pilotfish.teleop.errors import MalformedMessage, SequenceExhausted
-from pilotfish.teleop.messages import Hello, Said, Stop
+from pilotfish.teleop.messages import Hello, OutgoingMessage, Stop
 
 COMMAND, REPORT = EXAMPLES[Kind.COMMAND], EXAMPLES[Kind.REPORT]
 
@@ -38,16 +38,16 @@ def test_hundred_connections_leave_state_of_fixed_size() -> None:
     for operator in operators:
         _, (stop,) = send_from_operator(operator, [Stop(1)])
         if operator.connection > 97:
-            robot, heard, _ = receive_at_robot(robot, [stop])
-            assert len(heard) == 1
+            robot, received, _ = receive_at_robot(robot, [stop])
+            assert len(received) == 1
         else:
             robot = refused(robot, stop, Cause.OTHER_CONNECTION)
     assert len(robot.audit.last) == LAST_CAUSES
 
 
 def test_refused_flood_leaves_audit_of_fixed_size() -> None:
-    robot, heard, replies = receive_at_robot(new_robot(), [b"x" * 40] * 5000)
-    assert (heard, replies) == ((), ())
+    robot, received, replies = receive_at_robot(new_robot(), [b"x" * 40] * 5000)
+    assert (received, replies) == ((), ())
     assert robot.audit.count(Cause.MALFORMED) == 5000
     assert len(robot.audit.last) == LAST_CAUSES
 
@@ -61,7 +61,7 @@ def test_last_sequence_is_not_sent() -> None:
     channel = replace(robot.channels[1], sequence=2**32 - 1)
     robot = replace(robot, channels={**robot.channels, 1: channel})
     with pytest.raises(SequenceExhausted, match="sequence is 4294967295"):
-        send_from_robot(robot, [Said(1, REPORT)])
+        send_from_robot(robot, [OutgoingMessage(1, REPORT)])
     with pytest.raises(SequenceExhausted, match="sequence is 4294967295"):
         send_from_operator(replace(new_operator(), hellos=2**32 - 1), ())
 
@@ -88,8 +88,8 @@ def test_invalid_peers_and_messages_raise() -> None:
         (lambda: robot_endpoint([Peer(1, b"short", True)], 1), "key has 5 bytes"),
         (lambda: robot_endpoint(PEERS, 2**64), "boot is"),
         (lambda: operator_endpoint(1, KEYS[1], b"short"), "seed has 5 bytes"),
-        (lambda: send_from_robot(robot, [Said(9, REPORT)]), "receiver is 9"),
-        (lambda: send_from_robot(robot, [Said(1, Hello())]), "message is a HELLO"),
+        (lambda: send_from_robot(robot, [OutgoingMessage(9, REPORT)]), "receiver is 9"),
+        (lambda: send_from_robot(robot, [OutgoingMessage(1, Hello())]), "message is a HELLO"),
         (lambda: send_from_operator(operator, [REPORT]), "message is a REPORT"),
     ]
     for call, match in calls:

@@ -29,7 +29,7 @@ from pilotfish.teleop.endpoints import (
     send_from_operator,
     send_from_robot,
 )
-from pilotfish.teleop.messages import ROBOT, Heard, Said, Stop, Welcome
+from pilotfish.teleop.messages import ROBOT, OutgoingMessage, ReceivedMessage, Stop, Welcome
 from pilotfish.teleop.seal import Header, read_header, seal_datagram
 
 COMMAND, REPORT, STATUS = EXAMPLES[Kind.COMMAND], EXAMPLES[Kind.REPORT], EXAMPLES[Kind.SKILL_STATUS]
@@ -38,23 +38,25 @@ COMMAND, REPORT, STATUS = EXAMPLES[Kind.COMMAND], EXAMPLES[Kind.REPORT], EXAMPLE
 def test_connected_sites_hear_each_other() -> None:
     robot, operator = connect(new_robot(), new_operator())
     operator, datagrams = send_from_operator(operator, [COMMAND, Stop(3)])
-    robot, heard, replies = receive_at_robot(robot, datagrams)
-    assert [each.sender for each in heard] == [1, 1]
-    assert encode(heard[0].message) == encode(COMMAND)
-    assert (heard[1].message, replies) == (Stop(3), ())
-    robot, sent = send_from_robot(robot, [Said(1, REPORT), Said(1, STATUS), Said(2, REPORT)])
+    robot, received, replies = receive_at_robot(robot, datagrams)
+    assert [each.sender for each in received] == [1, 1]
+    assert encode(received[0].message) == encode(COMMAND)
+    assert (received[1].message, replies) == (Stop(3), ())
+    robot, sent = send_from_robot(
+        robot, [OutgoingMessage(1, REPORT), OutgoingMessage(1, STATUS), OutgoingMessage(2, REPORT)]
+    )
     assert [number for number, _ in sent] == [1, 1]  # peer 2 has no connection
-    operator, heard = receive_at_operator(operator, [datagram for _, datagram in sent])
-    assert [encode(each.message) for each in heard] == [encode(REPORT), encode(STATUS)]
-    assert {each.sender for each in heard} == {ROBOT}
+    operator, received = receive_at_operator(operator, [datagram for _, datagram in sent])
+    assert [encode(each.message) for each in received] == [encode(REPORT), encode(STATUS)]
+    assert {each.sender for each in received} == {ROBOT}
 
 
 def test_welcome_tells_boot_connection_and_limits() -> None:
     robot = robot_endpoint(PEERS, 2**64 - 1, max_budget=2.0, max_jitter=0.25)
     operator, (hello,) = send_from_operator(new_operator(), ())
     robot, _, ((_, welcome),) = receive_at_robot(robot, [hello])
-    _, heard = receive_at_operator(operator, [welcome])
-    assert heard == (Heard(ROBOT, Welcome(2**64 - 1, 1, 2.0, 0.25)),)
+    _, received = receive_at_operator(operator, [welcome])
+    assert received == (ReceivedMessage(ROBOT, Welcome(2**64 - 1, 1, 2.0, 0.25)),)
 
 
 def test_hello_challenge_is_hash_of_seed_and_counter() -> None:
@@ -86,7 +88,7 @@ def test_operator_confirms_connection_until_robot_uses_it() -> None:
         counts.append(len(datagrams))
     assert counts == [1, *[0] * (HELLO_STEPS - 1), 1]
     robot, _, _ = receive_at_robot(robot, datagrams)
-    robot, ((_, report),) = send_from_robot(robot, [Said(3, REPORT)])
+    robot, ((_, report),) = send_from_robot(robot, [OutgoingMessage(3, REPORT)])
     operator, _ = receive_at_operator(operator, [report])
     assert operator.is_confirmed
     for _ in range(2 * HELLO_STEPS):
@@ -99,8 +101,8 @@ def test_repeated_hello_costs_one_welcome_and_changes_nothing_else() -> None:
     robot, operator = connect(new_robot(), new_operator())
     before = robot
     for n in range(100):
-        robot, heard, replies = receive_at_robot(robot, [hello])
-        assert heard == ()
+        robot, received, replies = receive_at_robot(robot, [hello])
+        assert received == ()
         assert len(replies) == 1
         refused_at_operator(operator, replies[0][1], Cause.OTHER_CONNECTION)
         assert robot.last_connection == before.last_connection + n + 1
@@ -136,12 +138,12 @@ def test_welcome_of_another_challenge_or_repeated_is_refused() -> None:
 def test_every_datagram_repeated_is_refused() -> None:
     robot, operator = connect(new_robot(), new_operator())
     operator, datagrams = send_from_operator(operator, [COMMAND, Stop(1), COMMAND])
-    robot, heard, _ = receive_at_robot(robot, [*datagrams, *datagrams])
-    assert len(heard) == 3
+    robot, received, _ = receive_at_robot(robot, [*datagrams, *datagrams])
+    assert len(received) == 3
     assert robot.audit.count(Cause.REPEATED) == 3
-    robot, sent = send_from_robot(robot, [Said(1, REPORT)] * 2)
-    operator, heard = receive_at_operator(operator, [datagram for _, datagram in sent * 3])
-    assert len(heard) == 2
+    robot, sent = send_from_robot(robot, [OutgoingMessage(1, REPORT)] * 2)
+    operator, received = receive_at_operator(operator, [datagram for _, datagram in sent * 3])
+    assert len(received) == 2
     assert operator.audit.count(Cause.REPEATED) == 4
 
 
@@ -149,8 +151,8 @@ def test_stop_overtaken_by_whole_window_is_accepted_once() -> None:
     robot, operator = connect(new_robot(), new_operator())
     operator, (too_old, stop) = send_from_operator(operator, [Stop(1), Stop(2)])
     operator, commands = send_from_operator(operator, [COMMAND] * (WINDOW - 1))
-    robot, heard, _ = receive_at_robot(robot, [*commands, stop])
-    assert heard[-1].message == Stop(2)
+    robot, received, _ = receive_at_robot(robot, [*commands, stop])
+    assert received[-1].message == Stop(2)
     robot = refused(robot, stop, Cause.REPEATED)
     refused(robot, too_old, Cause.REPEATED)
 
@@ -177,8 +179,8 @@ def test_reordered_and_repeated_datagrams_are_heard_once(rng: Random) -> None:
     operator, datagrams = send_from_operator(operator, [Stop(n) for n in range(60)])
     arrivals = [each for each in datagrams for _ in range(rng.choice((0, 1, 2)))]
     rng.shuffle(arrivals)
-    robot, heard, _ = receive_at_robot(robot, arrivals)
-    assert sorted(each.message.number for each in heard) == [
+    robot, received, _ = receive_at_robot(robot, arrivals)
+    assert sorted(each.message.number for each in received) == [
         n for n, each in enumerate(datagrams) if each in arrivals
     ]
 
@@ -189,8 +191,8 @@ def test_datagram_with_any_bit_changed_changes_nothing() -> None:
     for position in range(8 * len(datagram)):
         changed = bytearray(datagram)
         changed[position // 8] ^= 1 << position % 8
-        after, heard, replies = receive_at_robot(robot, [bytes(changed)])
-        assert (heard, replies) == ((), ())
+        after, received, replies = receive_at_robot(robot, [bytes(changed)])
+        assert (received, replies) == ((), ())
         assert without_audit(after) == without_audit(robot)
         assert sum(after.audit.counts) == 1
 
@@ -201,7 +203,7 @@ def test_operator_restarted_gets_connection_and_old_one_is_refused() -> None:
     robot, operator = connect(robot, new_operator(seed=b"t" * 32))
     assert operator.connection == 2
     refused(robot, late, Cause.OTHER_CONNECTION)
-    robot, ((_, report),) = send_from_robot(robot, [Said(1, REPORT)])
+    robot, ((_, report),) = send_from_robot(robot, [OutgoingMessage(1, REPORT)])
     refused_at_operator(old, report, Cause.OTHER_CONNECTION)
 
 
@@ -210,13 +212,13 @@ def test_old_connection_works_until_new_one_is_used() -> None:
     operator, (hello,) = send_from_operator(new_operator(seed=b"t" * 32), ())
     robot, _, ((_, welcome),) = receive_at_robot(robot, [hello])
     old, (command,) = send_from_operator(old, [COMMAND])
-    robot, heard, _ = receive_at_robot(robot, [command])
-    assert len(heard) == 1
+    robot, received, _ = receive_at_robot(robot, [command])
+    assert len(received) == 1
     operator, _ = receive_at_operator(operator, [welcome])
     operator, (first,) = send_from_operator(operator, [COMMAND])
     old, (late,) = send_from_operator(old, [COMMAND])
-    robot, heard, _ = receive_at_robot(robot, [first])
-    assert len(heard) == 1
+    robot, received, _ = receive_at_robot(robot, [first])
+    assert len(received) == 1
     assert robot.channels[1].window == ReceiveWindow(0, 1)
     robot = refused(robot, late, Cause.OTHER_CONNECTION)
     refused(robot, first, Cause.REPEATED)
@@ -225,7 +227,7 @@ def test_old_connection_works_until_new_one_is_used() -> None:
 def test_robot_restarted_refuses_everything_of_before() -> None:
     robot, operator = connect(new_robot(), new_operator())
     operator, (command,) = send_from_operator(operator, [COMMAND])
-    robot, ((_, report),) = send_from_robot(robot, [Said(1, REPORT)])
+    robot, ((_, report),) = send_from_robot(robot, [OutgoingMessage(1, REPORT)])
     restarted, second = connect(new_robot(boot=12), new_operator(seed=b"t" * 32))
     assert second.connection == operator.connection  # the same number at another start
     refused(restarted, command, Cause.OTHER_BOOT)
@@ -239,7 +241,7 @@ def test_other_robot_with_same_boot_and_connection_is_refused() -> None:
     other, stranger = connect(other, operator_endpoint(1, b"z" * 32, b"s" * 32))
     _, (command,) = send_from_operator(stranger, [COMMAND])
     refused(robot, command, Cause.UNAUTHENTIC)
-    _, ((_, report),) = send_from_robot(other, [Said(1, REPORT)])
+    _, ((_, report),) = send_from_robot(other, [OutgoingMessage(1, REPORT)])
     refused_at_operator(operator, report, Cause.UNAUTHENTIC)
 
 
@@ -247,7 +249,7 @@ def test_datagram_returned_to_its_sender_is_refused() -> None:
     robot, operator = connect(new_robot(), new_operator())
     operator, (command,) = send_from_operator(operator, [COMMAND])
     refused_at_operator(operator, command, Cause.UNKNOWN_SENDER)
-    robot, ((_, report),) = send_from_robot(robot, [Said(1, REPORT)])
+    robot, ((_, report),) = send_from_robot(robot, [OutgoingMessage(1, REPORT)])
     refused(robot, report, Cause.UNKNOWN_SENDER)
 
 
@@ -293,7 +295,7 @@ def test_welcome_that_contradicts_its_header_is_refused() -> None:
 
 def test_silent_robot_is_greeted_again_while_connection_is_kept() -> None:
     robot, operator = connect(new_robot(), new_operator())
-    robot, ((_, report),) = send_from_robot(robot, [Said(1, REPORT)])
+    robot, ((_, report),) = send_from_robot(robot, [OutgoingMessage(1, REPORT)])
     operator, _ = receive_at_operator(operator, [report])
     for _ in range(SILENT_STEPS - 1):
         operator, _ = receive_at_operator(operator, [b"invalid"])
@@ -301,9 +303,9 @@ def test_silent_robot_is_greeted_again_while_connection_is_kept() -> None:
     operator, _ = receive_at_operator(operator, ())
     operator, (hello, command) = send_from_operator(operator, [COMMAND])
     assert read_header(hello).boot != read_header(send_from_operator(new_operator(), ())[1][0]).boot
-    robot, heard, ((_, welcome),) = receive_at_robot(robot, [hello, command])
-    assert len(heard) == 1
-    operator, heard = receive_at_operator(operator, [welcome])
+    robot, received, ((_, welcome),) = receive_at_robot(robot, [hello, command])
+    assert len(received) == 1
+    operator, received = receive_at_operator(operator, [welcome])
     assert operator.connection == 2
     assert not operator.is_greeting
 
@@ -315,8 +317,8 @@ def test_welcome_later_than_silence_is_accepted() -> None:
     for _ in range(4 * SILENT_STEPS):
         operator, _ = receive_at_operator(operator, ())
         operator, _ = send_from_operator(operator, ())
-    operator, heard = receive_at_operator(operator, [welcome])
-    assert len(heard) == 1
+    operator, received = receive_at_operator(operator, [welcome])
+    assert len(received) == 1
     assert operator.connection == 1
 
 
@@ -325,6 +327,9 @@ def test_same_calls_give_same_bytes() -> None:
     for _ in range(2):
         robot, operator = connect(new_robot(), new_operator())
         runs.append(
-            (send_from_operator(operator, [COMMAND])[1], send_from_robot(robot, [Said(1, REPORT)])[1])
+            (
+                send_from_operator(operator, [COMMAND])[1],
+                send_from_robot(robot, [OutgoingMessage(1, REPORT)])[1],
+            )
         )
     assert runs[0] == runs[1]

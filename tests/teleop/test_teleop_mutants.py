@@ -46,16 +46,16 @@ def receive(
     robot: RobotEndpoint, operator: OperatorEndpoint, datagram: bytes
 ) -> tuple[RobotEndpoint, OperatorEndpoint, int]:
     """Give both sites a datagram; one that was refused changes the audit only."""
-    after, heard, replies = receive_at_robot(robot, [datagram])
+    after, received, replies = receive_at_robot(robot, [datagram])
     if after.audit != robot.audit:
-        assert (heard, replies) == ((), ())
+        assert (received, replies) == ((), ())
         assert without_audit(after) == without_audit(robot)
     operator_after, heard_by_operator = receive_at_operator(operator, [datagram])
     operator_after = replace(operator_after, silent_calls=0)
     if operator_after.audit != operator.audit:
         assert heard_by_operator == ()
         assert without_audit(operator_after) == without_audit(operator)
-    return after, operator_after, len(heard) + len(replies) + len(heard_by_operator)
+    return after, operator_after, len(received) + len(replies) + len(heard_by_operator)
 
 
 @pytest.mark.slow  # PILOTFISH_FUZZ=1000000 takes minutes
@@ -65,15 +65,15 @@ def test_mutants_of_every_kind_are_sound_or_refused() -> None:
     rng = Random(0)
     robot, operator = connect(new_robot(), new_operator())
     operator = replace(operator, is_confirmed=True, silent_calls=0)
-    accepted = heard = 0
+    accepted = received = 0
     for number in range(MUTANTS):
         kind = rng.choice(list(Kind))
         payload, datagram = sealed_mutant(kind, rng, number + 1)
         accepted += require_canonical_or_malformed(kind, payload)
         robot, operator, count = receive(robot, operator, datagram)
-        heard += count
+        received += count
     assert 0.1 * MUTANTS < accepted < 0.9 * MUTANTS
-    assert 0.05 * MUTANTS < heard < 0.5 * MUTANTS
+    assert 0.05 * MUTANTS < received < 0.5 * MUTANTS
     assert sum(robot.audit.counts) + sum(operator.audit.counts) > MUTANTS
     assert (len(robot.channels), len(robot.audit.last)) == (3, 16)
     assert set(TO_ROBOT) | set(TO_OPERATOR) == set(Kind)

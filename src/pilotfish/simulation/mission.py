@@ -1,8 +1,8 @@
 """A mission on a virtual clock: physics, the robot's site, a bad network, the operator's site and a person.
 
 Both sites are the steps of `teleop`, over real sealed datagrams that a seeded link delays, loses and
-shuffles. Every 20 ms of simulated time the robot hears, steps and moves the arm, and the operator hears, acts
-and sends. One arm is simulated, under impedance control at 1 kHz.
+shuffles. Every 20 ms of simulated time the robot receives, steps and moves the arm. Then the operator
+receives, acts and sends. One arm is simulated, under impedance control at 1 kHz.
 """
 
 from collections.abc import Callable, Mapping

@@ -43,7 +43,7 @@ class TargetMotion:
 def brake(motion: TargetMotion, braking: Braking, dt: float) -> TargetMotion:
     """Return the motion after a step of braking; scalars hold.
 
-    The target goes on along its path. Its velocity falls by at most deceleration times dt, and to exactly
+    The target continues along its path. Its velocity falls by at most deceleration times dt, and to exactly
     zero in the last step.
 
     Args:

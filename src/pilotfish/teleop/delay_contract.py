@@ -1,7 +1,7 @@
 """Delay contract: the budget of the round trip and its jitter, agreed when an operator takes control.
 
-The age of a command is measured on the robot's clock: the operator names the last report seen, and the robot
-knows when it sent that report. With budget B, jitter J and the command period P,
+The age of a command is measured on the robot's clock: the operator names the last report that was displayed,
+and the robot knows when it sent that report. With budget B, jitter J and the command period P,
 
     a command older than B + J is refused,
     the link is lost when no command was accepted for J + 2 P, checked at every step of the robot,

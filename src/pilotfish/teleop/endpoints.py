@@ -23,7 +23,7 @@ from pilotfish.teleop.channels import Channel, OperatorEndpoint, RobotEndpoint
 from pilotfish.teleop.codec import Kind, decode, encode, kind_of
 from pilotfish.teleop.datagram_checks import Cause
 from pilotfish.teleop.errors import MalformedMessage, SequenceExhausted, Unauthentic
-from pilotfish.teleop.messages import ROBOT, Heard, Hello, Message, Said, Welcome
+from pilotfish.teleop.messages import ROBOT, Hello, Message, OutgoingMessage, ReceivedMessage, Welcome
 from pilotfish.teleop.seal import MAX_SEQUENCE, Header, open_datagram, read_header, seal_datagram
 
 HELLO_STEPS = 25  # calls of send between hellos
@@ -41,7 +41,7 @@ class _Refused(Exception):
 
 def receive_at_robot(
     endpoint: RobotEndpoint, datagrams: Sequence[bytes]
-) -> tuple[RobotEndpoint, tuple[Heard, ...], tuple[tuple[int, bytes], ...]]:
+) -> tuple[RobotEndpoint, tuple[ReceivedMessage, ...], tuple[tuple[int, bytes], ...]]:
     """Open datagrams that arrived at the robot.
 
     Args:
@@ -51,7 +51,7 @@ def receive_at_robot(
     Returns:
         State, accepted messages, and replies to be sent: number of the peer, and datagram.
     """
-    heard: list[Heard] = []
+    received: list[ReceivedMessage] = []
     replies: list[tuple[int, bytes]] = []
     for datagram in datagrams:
         try:
@@ -68,18 +68,18 @@ def receive_at_robot(
             channel = Channel(channel.peer, header.connection, channel.assigned)
         endpoint = _with_channel(endpoint, replace(channel, window=channel.window.add(header.sequence)))
         if not isinstance(message, Hello):
-            heard.append(Heard(header.sender, message, header.connection))
-    return endpoint, tuple(heard), tuple(replies)
+            received.append(ReceivedMessage(header.sender, message, header.connection))
+    return endpoint, tuple(received), tuple(replies)
 
 
 def send_from_robot(
-    endpoint: RobotEndpoint, said: Sequence[Said]
+    endpoint: RobotEndpoint, outgoing: Sequence[OutgoingMessage]
 ) -> tuple[RobotEndpoint, tuple[tuple[int, bytes], ...]]:
     """Seal messages of the robot; a peer without a connection gets nothing.
 
     Args:
         endpoint: State of the channels.
-        said: Messages and their receivers.
+        outgoing: Messages and their receivers.
 
     Returns:
         State, and for each datagram the number of the peer.
@@ -90,7 +90,7 @@ def send_from_robot(
         SequenceExhausted: If a connection has no sequence left.
     """
     sent: list[tuple[int, bytes]] = []
-    for each in said:
+    for each in outgoing:
         channel = endpoint.channels.get(each.receiver)
         if channel is None:
             raise InvalidInput(f"receiver is {each.receiver}, expected one of {sorted(endpoint.channels)}")
@@ -106,7 +106,7 @@ def send_from_robot(
 
 def receive_at_operator(
     endpoint: OperatorEndpoint, datagrams: Sequence[bytes]
-) -> tuple[OperatorEndpoint, tuple[Heard, ...]]:
+) -> tuple[OperatorEndpoint, tuple[ReceivedMessage, ...]]:
     """Open datagrams that arrived at an operator; a silent robot is greeted again.
 
     Args:
@@ -116,7 +116,7 @@ def receive_at_operator(
     Returns:
         State, and accepted messages; the welcome of each connection is one of them.
     """
-    heard: list[Heard] = []
+    received: list[ReceivedMessage] = []
     for datagram in datagrams:
         try:
             header, message = _open_at_operator(endpoint, datagram)
@@ -138,13 +138,13 @@ def receive_at_operator(
         else:
             window = endpoint.window.add(header.sequence)
             endpoint = replace(endpoint, window=window, is_confirmed=True)
-        heard.append(Heard(ROBOT, message))
-    silent_calls = 0 if heard else min(endpoint.silent_calls + 1, SILENT_STEPS)
+        received.append(ReceivedMessage(ROBOT, message))
+    silent_calls = 0 if received else min(endpoint.silent_calls + 1, SILENT_STEPS)
     endpoint = replace(endpoint, silent_calls=silent_calls)
     if silent_calls == SILENT_STEPS and not endpoint.is_greeting:
         challenges = endpoint.challenges + 1
         endpoint = replace(endpoint, challenges=challenges, is_greeting=True, send_calls=0, silent_calls=0)
-    return endpoint, tuple(heard)
+    return endpoint, tuple(received)
 
 
 def send_from_operator(

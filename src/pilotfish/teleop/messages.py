@@ -3,9 +3,9 @@
 Positions are in metres, velocities in m/s and rad/s, quaternions w x y z, times in seconds. Poses are those
 of the tool in the robot's world. Numbers are sent in single precision.
 
-An operator's command names the last report that the operator had seen. The robot measures the age of a
-command on its own clock, from the moment when it sent that report. No message carries a time of the sender's
-clock.
+An operator's command names the last report that was displayed to the operator. The robot measures the age of
+a command on its own clock, from the moment when it sent that report. No message carries a time of the
+sender's clock.
 """
 
 from dataclasses import dataclass
@@ -106,7 +106,7 @@ class CommandMessage:
 
     Attributes:
         number: Increases by one with every command; a gap is a loss.
-        report: Number of the last report that the operator had seen.
+        report: Number of the last report that was displayed to the operator.
         lease: Lease under which the operator commands.
         valid: Time after that report, on the robot's clock, within which the command may be applied [s]; sent
             in milliseconds, up to 65.535 s.
@@ -141,7 +141,7 @@ class Envelope:
         lower: Lower corner of the volume [m], three numbers.
         upper: Upper corner of the volume [m].
         max_distance: Largest distance from the demonstrations, as in `assistance.Gate`: the likelihood floor.
-        modes: Modes from which the robot may go on.
+        modes: Modes from which the robot may continue.
     """
 
     duration: float = 0.0
@@ -257,7 +257,7 @@ class Report:
         refusal: Why the mode or the skill of the last command is not in effect.
         skill: Index of the skill in effect; `MAX_MISSION` for direct control without a skill.
         is_link_lost: Whether commands do not arrive.
-        is_authorised: Whether the robot may go on alone if the link drops now.
+        is_authorised: Whether the robot may continue alone if the link drops now.
         is_plan_moving: Whether an autonomous motion has not come to its end.
         is_clutch_closed: Whether the robot follows the hand.
         is_limited: Whether limits keep the target from the pose that was asked for.
@@ -326,7 +326,7 @@ Message = Hello | Welcome | CommandMessage | Request | Stop | Mission | SkillPie
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class ReceivedMessage:
     """Message that arrived, from an authenticated peer.
 
     Attributes:
@@ -342,7 +342,7 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class OutgoingMessage:
     """Message to be sent.
 
     Attributes:

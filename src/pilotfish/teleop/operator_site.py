@@ -27,9 +27,9 @@ from pilotfish.geometry import Pose, rotation_vector_in_world
 from pilotfish.teleop.delay_contract import SECOND
 from pilotfish.teleop.messages import (
     CommandMessage,
-    Heard,
     Message,
     Mission,
+    ReceivedMessage,
     Report,
     Request,
     SkillPiece,
@@ -140,7 +140,7 @@ def step_operator(
     settings: OperatorSettings,
     site: OperatorSite,
     time_ns: int,
-    heard: tuple[Heard, ...],
+    received: tuple[ReceivedMessage, ...],
     given: OperatorInput,
 ) -> tuple[OperatorSite, tuple[Message, ...], OperatorView]:
     """Return the next state, the messages to be sent and what is displayed.
@@ -149,24 +149,24 @@ def step_operator(
         settings: Settings.
         site: State of the step before.
         time_ns: Time on the operator's clock [ns]; it is used for display only.
-        heard: Messages of the robot, in the order of their arrival.
+        received: Messages of the robot, in the order of their arrival.
         given: What the operator does.
     """
-    for each in heard:
+    for each in received:
         if isinstance(each.message, Report):
-            site = _hear_report(site, each.message, time_ns)
+            site = _receive_report(site, each.message, time_ns)
         elif isinstance(each.message, SkillStatus):
             site = replace(site, statuses={**site.statuses, each.message.hash: each.message})
     site = replace(site, steps=site.steps + 1)
-    site, said = _say_requests(settings, site, given)
+    site, outgoing = _send_requests(settings, site, given)
     site, command = _command(settings, site, given)
-    said += [command, *_say_skills(settings, site)]
+    outgoing += [command, *_skill_messages(settings, site)]
     sent = (*site.sent[-MAX_SENT + 1 :], (command.number, time_ns))
     site = replace(site, prediction=_predict(settings, site, given), hand=given.hand, sent=sent)
-    return site, tuple(said), _view(site, time_ns)
+    return site, tuple(outgoing), _view(site, time_ns)
 
 
-def _hear_report(site: OperatorSite, report: Report, time_ns: int) -> OperatorSite:
+def _receive_report(site: OperatorSite, report: Report, time_ns: int) -> OperatorSite:
     """Return the state with a report, unless a newer one arrived before."""
     before = site.report
     if before is not None and report.number <= before.number:
@@ -189,7 +189,7 @@ def _hear_report(site: OperatorSite, report: Report, time_ns: int) -> OperatorSi
     )
 
 
-def _say_requests(
+def _send_requests(
     settings: OperatorSettings, site: OperatorSite, given: OperatorInput
 ) -> tuple[OperatorSite, list[Message]]:
     """Return the state with new requests, and what is to be sent: a stop at every step, requests in turn."""
@@ -203,13 +203,13 @@ def _say_requests(
         request_number=number,
         stop_number=site.stop_number + given.is_stopping,
     )
-    said: list[Message] = []
+    outgoing: list[Message] = []
     if site.stop_number and (site.report is None or site.report.stop < site.stop_number):
-        said.append(Stop(site.stop_number))
+        outgoing.append(Stop(site.stop_number))
     if requests and (given.actions or site.steps - site.request_step >= settings.repeat_steps):
-        said += requests
+        outgoing += requests
         site = replace(site, request_step=site.steps)
-    return site, said
+    return site, outgoing
 
 
 def _command(
@@ -235,7 +235,7 @@ def _command(
     return site, command
 
 
-def _say_skills(settings: OperatorSettings, site: OperatorSite) -> list[Message]:
+def _skill_messages(settings: OperatorSettings, site: OperatorSite) -> list[Message]:
     """Return the mission until the robot has it, then one missing piece at a time."""
     report, mission = site.report, site.mission
     if report is None or report.holder != settings.number or not mission.skills:

@@ -129,7 +129,7 @@ class OperatorInput:
 @shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
 class OperatorView:
-    """What the operator is shown.
+    """What is displayed to the operator.
 
     Attributes:
         report: Last report of the robot; None before the first.
@@ -157,7 +157,7 @@ class OperatorView:
 
 
 def start_view() -> OperatorView:
-    """Return the view before anything was heard."""
+    """Return the view before anything was received."""
     return OperatorView(None, 0.0, (), 0, {}, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), 0.0, (), 0, 0)
 
 
@@ -165,7 +165,7 @@ def next_action(view: OperatorView, number: int) -> Action | None:
     """Return the one action that brings the operator nearer to control; None if there is nothing to do.
 
     Args:
-        view: What the operator is shown.
+        view: What is displayed to the operator.
         number: Number of the operator.
     """
     report = view.report
@@ -191,4 +191,4 @@ def describe_link_drop(report: Report) -> str:
     if not report.is_authorised:
         return "the robot stops and holds"
     left = f" for {report.envelope_left:.0f} s at most" if report.envelope_left else ""
-    return f"the robot goes on alone{left}, inside the envelope, then stops and holds"
+    return f"the robot continues alone{left}, inside the envelope, then stops and holds"

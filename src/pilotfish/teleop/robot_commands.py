@@ -11,7 +11,7 @@ same report say that reports do not arrive at the operator: they soon become sta
 from dataclasses import replace
 
 from pilotfish.teleop.delay_contract import LATE_REPORTS, nanoseconds
-from pilotfish.teleop.messages import CommandMessage, Heard
+from pilotfish.teleop.messages import CommandMessage, ReceivedMessage
 from pilotfish.teleop.robot_requests import apply_event
 from pilotfish.teleop.robot_site import NOBODY, RobotSite, SentReport
 from pilotfish.teleop.session import Event, SessionState
@@ -32,17 +32,17 @@ def find_report(site: RobotSite, number: int) -> SentReport | None:
     return site.reports[index] if 0 <= index < len(site.reports) else None
 
 
-def hear_commands(site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
+def accept_commands(site: RobotSite, received: tuple[ReceivedMessage, ...]) -> RobotSite:
     """Return the state with the newest fresh command of a step.
 
     Args:
         site: State before.
-        heard: Messages of authenticated peers.
+        received: Messages of authenticated peers.
     """
     control, commands = site.control, site.commands
     candidates = [
         each.message
-        for each in heard
+        for each in received
         if isinstance(each.message, CommandMessage)
         and each.sender == control.holder
         and each.message.lease == control.lease
@@ -95,7 +95,7 @@ def watch_commands(site: RobotSite, may_continue: bool) -> RobotSite:
 
     Args:
         site: State with the commands of this step.
-        may_continue: Whether the envelope permits to go on alone.
+        may_continue: Whether the envelope permits to continue alone.
     """
     control, commands = site.control, site.commands
     if control.holder == NOBODY:

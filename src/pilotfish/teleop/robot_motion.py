@@ -57,7 +57,7 @@ def move_target(settings: RobotSettings, site: RobotSite, elapsed: int) -> Robot
 
 
 def may_continue(site: RobotSite) -> bool:
-    """Return whether the robot may go on alone if the link drops now.
+    """Return whether the robot may continue alone if the link drops now.
 
     Args:
         site: State of the robot site.
@@ -174,7 +174,7 @@ def _continue_alone(settings: RobotSettings, site: RobotSite, dt: float) -> Robo
 def _leaves_envelope(
     settings: RobotSettings, site: RobotSite, after: AssistanceState, target: Target
 ) -> Event | None:
-    """Return the event of a target that ends the motion without operator; None if it may go on."""
+    """Return the event of a target that ends the motion without operator; None if it may continue."""
     envelope, plan = site.control.envelope, after.plan
     if target.mode != "autonomous" or plan is None:
         return Event.PLAN_ENDED

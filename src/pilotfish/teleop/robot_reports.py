@@ -11,10 +11,10 @@ from pilotfish.teleop.messages import (
     MAX_FRAMES,
     MAX_MISSION,
     Numbers,
+    OutgoingMessage,
     Refusal,
     Report,
     ReportedFrame,
-    Said,
 )
 from pilotfish.teleop.robot_commands import is_link_lost
 from pilotfish.teleop.robot_motion import may_continue
@@ -27,18 +27,18 @@ FORGET_AFTER = 1.0  # s after a command that names a report would be stale
 UPPER_TRIANGLE = np.triu_indices(6)
 
 
-def report_state(settings: RobotSettings, site: RobotSite) -> tuple[RobotSite, tuple[Said, ...]]:
+def report_state(settings: RobotSettings, site: RobotSite) -> tuple[RobotSite, tuple[OutgoingMessage, ...]]:
     """Return the state and the reports of this step: at their period, and at once when the state changes.
 
     Args:
         settings: Settings.
         site: State after the motion of this step.
     """
-    said: list[Said] = []
+    outgoing: list[OutgoingMessage] = []
     if site.time >= site.next_report:
         number = site.reports[-1].number + 1 if site.reports else 1
         common = _report(site, number)
-        said += [Said(peer, _for_peer(site, common, peer)) for peer in settings.peers]
+        outgoing += [OutgoingMessage(peer, _for_peer(site, common, peer)) for peer in settings.peers]
         sent = SentReport(number, site.time, site.scene.reported)
         due = max(site.next_report + nanoseconds(settings.report_period), site.time)
         site = replace(site, reports=_remember(site, sent), next_report=due)
@@ -46,9 +46,9 @@ def report_state(settings: RobotSettings, site: RobotSite) -> tuple[RobotSite, t
         skills = site.skills
         if site.control.holder != NOBODY:
             states = [skills.store.status(name) for name in skills.mission.skills]
-            said += [Said(site.control.holder, status) for status in states]
+            outgoing += [OutgoingMessage(site.control.holder, status) for status in states]
         site = replace(site, next_status=site.time + nanoseconds(STATUS_PERIOD))
-    return site, tuple(said)
+    return site, tuple(outgoing)
 
 
 def _remember(site: RobotSite, sent: SentReport) -> tuple[SentReport, ...]:
@@ -64,10 +64,8 @@ def _report(site: RobotSite, number: int) -> Report:
     """Return the report without what differs between the peers."""
     control, commands, motion, robot = site.control, site.commands, site.motion, site.scene.state
     target, last = motion.target, motion.last
-    is_alone = control.state is SessionState.CONTINUING
-    left = control.envelope.duration - (site.time - control.alone_since) / SECOND if is_alone else 0.0
     best = int(last.probabilities.argmax()) if last else 0
-    plan = motion.assistance.plan
+    plan, age = motion.assistance.plan, site.time - commands.arrived
     return Report(
         number=number,
         state=control.state,
@@ -87,7 +85,7 @@ def _report(site: RobotSite, number: int) -> Report:
         stop=0,
         mission=site.skills.mission.number,
         command=commands.number,
-        command_age=(site.time - commands.arrived) / SECOND,
+        command_age=age / SECOND,
         loop_age=commands.age / SECOND,
         budget=control.contract.budget / SECOND,
         jitter=control.contract.jitter / SECOND,
@@ -99,11 +97,19 @@ def _report(site: RobotSite, number: int) -> Report:
         covariance=_numbers(last.covariance[:6, :6][UPPER_TRIANGLE]) if last else (0.0,) * 21,
         authority=last.authority if last else 0.0,
         misalignment=motion.misalignment,
-        envelope_left=max(0.0, left),
+        envelope_left=_time_left(site),
         skill_state=best,
         probability=float(last.probabilities[best]) if last else 0.0,
         frames=_reported_frames(site),
     )
+
+
+def _time_left(site: RobotSite) -> float:
+    """Return the time left of an envelope in use [s]."""
+    control = site.control
+    if control.state is not SessionState.CONTINUING:
+        return 0.0
+    return max(0.0, control.envelope.duration - (site.time - control.alone_since) / SECOND)
 
 
 def _for_peer(site: RobotSite, report: Report, peer: int) -> Report:

@@ -9,7 +9,15 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from pilotfish.teleop.delay_contract import agree, allows_mode, nanoseconds
-from pilotfish.teleop.messages import NO_ENVELOPE, Envelope, Heard, Refusal, Request, SkillState, Stop
+from pilotfish.teleop.messages import (
+    NO_ENVELOPE,
+    Envelope,
+    ReceivedMessage,
+    Refusal,
+    Request,
+    SkillState,
+    Stop,
+)
 from pilotfish.teleop.robot_site import NOBODY, AcceptedCommands, RobotSite
 from pilotfish.teleop.robot_values import RobotSettings
 from pilotfish.teleop.session import (
@@ -52,16 +60,18 @@ def apply_event(site: RobotSite, event: Event) -> RobotSite:
     return replace(site, control=control)
 
 
-def hear_connections(site: RobotSite, heard: tuple[Heard, ...]) -> tuple[RobotSite, tuple[Heard, ...]]:
+def update_connections(
+    site: RobotSite, received: tuple[ReceivedMessage, ...]
+) -> tuple[RobotSite, tuple[ReceivedMessage, ...]]:
     """Return the state with the connection of each peer, and the messages that belong to them.
 
     A peer that starts again counts from 1 again; what arrives late from its former connection is left out.
 
     Args:
         site: State before.
-        heard: Messages of authenticated peers.
+        received: Messages of authenticated peers.
     """
-    for each in heard:
+    for each in received:
         control = site.control
         if each.connection <= control.connections.get(each.sender, -1):
             continue
@@ -77,17 +87,17 @@ def hear_connections(site: RobotSite, heard: tuple[Heard, ...]) -> tuple[RobotSi
             skills = replace(site.skills, mission=mission)
             site = replace(site, skills=skills, commands=replace(site.commands, number=0))
     current = site.control.connections
-    return site, tuple(each for each in heard if each.connection == current[each.sender])
+    return site, tuple(each for each in received if each.connection == current[each.sender])
 
 
-def hear_stops(site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
+def apply_stops(site: RobotSite, received: tuple[ReceivedMessage, ...]) -> RobotSite:
     """Return the state after the stops of a step, of whatever peer.
 
     Args:
         site: State before.
-        heard: Messages of authenticated peers.
+        received: Messages of authenticated peers.
     """
-    for each in heard:
+    for each in received:
         if isinstance(each.message, Stop):
             control, number = site.control, each.message.number
             if number > control.stops.get(each.sender, 0):
@@ -96,15 +106,17 @@ def hear_stops(site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
     return site
 
 
-def hear_requests(settings: RobotSettings, site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
+def apply_requests(
+    settings: RobotSettings, site: RobotSite, received: tuple[ReceivedMessage, ...]
+) -> RobotSite:
     """Return the state after the requests of a step, in the order of their numbers.
 
     Args:
         settings: Settings.
         site: State before.
-        heard: Messages of authenticated peers.
+        received: Messages of authenticated peers.
     """
-    requests = [(each.sender, each.message) for each in heard if isinstance(each.message, Request)]
+    requests = [(each.sender, each.message) for each in received if isinstance(each.message, Request)]
     for sender, request in sorted(requests, key=lambda pair: pair[1].number):
         last, _ = site.control.requests.get(sender, (0, Refusal.NONE))
         if request.number > last:

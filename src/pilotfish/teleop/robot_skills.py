@@ -16,7 +16,7 @@ from pilotfish.demonstrations import Frame, frame_from_pose, world_frame
 from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose
 from pilotfish.teleop.errors import UnsuitableSkill
-from pilotfish.teleop.messages import Heard, Mission, SkillPiece
+from pilotfish.teleop.messages import Mission, ReceivedMessage, SkillPiece
 from pilotfish.teleop.robot_site import RobotSite, Scene
 from pilotfish.teleop.robot_values import UNIT_TOLERANCE, RobotSettings, RobotState
 from pilotfish.teleop.session import MOVING
@@ -26,7 +26,9 @@ from pilotfish.types import Array, Float
 Poses = Mapping[str, Pose]
 
 
-def hear_skills(settings: RobotSettings, site: RobotSite, heard: tuple[Heard, ...]) -> RobotSite:
+def receive_skills(
+    settings: RobotSettings, site: RobotSite, received: tuple[ReceivedMessage, ...]
+) -> RobotSite:
     """Return the state after missions and pieces of the holder.
 
     A new mission is accepted while the robot does not move.
@@ -34,9 +36,9 @@ def hear_skills(settings: RobotSettings, site: RobotSite, heard: tuple[Heard, ..
     Args:
         settings: Settings.
         site: State before.
-        heard: Messages of authenticated peers.
+        received: Messages of authenticated peers.
     """
-    for each in heard:
+    for each in received:
         if each.sender != site.control.holder:
             continue
         skills = site.skills

@@ -8,13 +8,13 @@ the robot's monotonic clock; no other clock enters. Nothing that arrives can rai
 
 from dataclasses import dataclass, replace
 
-from pilotfish.teleop.messages import Heard, Said
-from pilotfish.teleop.robot_commands import hear_commands, watch_commands
+from pilotfish.teleop.messages import OutgoingMessage, ReceivedMessage
+from pilotfish.teleop.robot_commands import accept_commands, watch_commands
 from pilotfish.teleop.robot_motion import may_continue, move_target
 from pilotfish.teleop.robot_reports import report_state
-from pilotfish.teleop.robot_requests import apply_event, hear_connections, hear_requests, hear_stops
+from pilotfish.teleop.robot_requests import apply_event, apply_requests, apply_stops, update_connections
 from pilotfish.teleop.robot_site import RobotSite
-from pilotfish.teleop.robot_skills import hear_skills, prepare_skills, update_scene
+from pilotfish.teleop.robot_skills import prepare_skills, receive_skills, update_scene
 from pilotfish.teleop.robot_values import RobotSettings, RobotState, RobotTarget
 from pilotfish.teleop.session import Event
 from pilotfish.validation import shorten_repr
@@ -27,17 +27,21 @@ class RobotStep:
 
     Attributes:
         site: State for the next step.
-        said: Messages to be sent.
+        outgoing: Messages to be sent.
         target: What the arm controller shall do until the next step.
     """
 
     site: RobotSite
-    said: tuple[Said, ...]
+    outgoing: tuple[OutgoingMessage, ...]
     target: RobotTarget
 
 
 def step_robot(
-    settings: RobotSettings, site: RobotSite, time_ns: int, heard: tuple[Heard, ...], robot: RobotState
+    settings: RobotSettings,
+    site: RobotSite,
+    time_ns: int,
+    received: tuple[ReceivedMessage, ...],
+    robot: RobotState,
 ) -> RobotStep:
     """Return the next state, the messages to be sent and the target of the arm.
 
@@ -45,7 +49,7 @@ def step_robot(
         settings: Settings.
         site: State of the step before.
         time_ns: Time on the robot's monotonic clock [ns]; a time before the last one counts as the last one.
-        heard: Messages of authenticated peers, in the order of their arrival.
+        received: Messages of authenticated peers, in the order of their arrival.
         robot: What the robot senses now.
 
     Source:
@@ -54,24 +58,24 @@ def step_robot(
     time_ns = max(time_ns, site.time)
     elapsed, site = time_ns - site.time, replace(site, time=time_ns)
     before = site.control.state
-    heard = tuple(each for each in heard if each.sender in settings.peers)
-    site, heard = hear_connections(site, heard)
-    site = hear_stops(site, heard)
+    received = tuple(each for each in received if each.sender in settings.peers)
+    site, received = update_connections(site, received)
+    site = apply_stops(site, received)
     if not robot.is_usable:
         site = apply_event(site, Event.PERCEPTION_LOST)
         robot = replace(site.scene.state, frames=robot.frames, reported=robot.reported)
     scene = update_scene(site.skills.assistant, site.scene, robot, time_ns)
     site = replace(site, scene=scene)
-    site = hear_commands(site, heard)
-    site = hear_skills(settings, site, heard)
+    site = accept_commands(site, received)
+    site = receive_skills(settings, site, received)
     site = prepare_skills(site)
-    site = hear_requests(settings, site, heard)
+    site = apply_requests(settings, site, received)
     site = watch_commands(site, may_continue(site))
     site = move_target(settings, site, elapsed)
     if site.control.state is not before:
         site = replace(site, next_report=time_ns)
-    site, said = report_state(settings, site)
+    site, outgoing = report_state(settings, site)
     target, grip = site.motion.target, robot.grip
     if target.pose.size > 7:
         grip = float(min(max(target.pose[7], 0.0), 1.0))
-    return RobotStep(site, said, RobotTarget(target.pose[:7], target.velocity[:6], grip))
+    return RobotStep(site, outgoing, RobotTarget(target.pose[:7], target.velocity[:6], grip))

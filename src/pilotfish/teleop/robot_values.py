@@ -62,13 +62,13 @@ class RobotSettings:
         report_period: Time between two reports [s].
         max_envelope: Longest time without an operator that can be authorised [s].
         max_step: Longest time that the target moves in one step [s]; after a longer pause of the process it
-            goes on from where it was.
-        max_frame_age: Time without frames after which the robot does not go on alone [s].
+            continues from where it was.
+        max_frame_age: Time without frames after which the robot does not continue alone [s].
         lease_timeout: Silence of a holder after which another operator may take control of a robot at rest
             [s].
 
     Raises:
-        InvalidInput: If a number is out of range, a peer has two roles, or layout is no pose.
+        InvalidInput: If a number is out of range, a peer has two roles, or layout is not a pose.
     """
 
     decode_skill: Callable[[bytes], AssistedSkill]

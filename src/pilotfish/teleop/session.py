@@ -6,8 +6,8 @@ Invariants. STOP leads to STOPPED from every state, and only RESET leaves STOPPE
 ALIGNING, and from CONTINUING, where an operator has armed and aligned again as well. The robot moves in
 ACTIVE and CONTINUING; elsewhere it comes to rest and holds.
 
-ACTIVE follows the operator. In CONTINUING the link is lost, or its round trip too long, and the robot goes on
-alone inside the envelope that the operator authorised before. HOLD and STOPPED latch a reason, which one
+ACTIVE follows the operator. In CONTINUING the link is lost, or its round trip too long, and the robot
+continues alone inside the envelope that the operator authorised before. HOLD and STOPPED latch a reason, which one
 action of the operator clears (`CLEARING_ACTIONS`).
 """
 
@@ -21,7 +21,7 @@ class SessionState(IntEnum):
         DISARMED: At rest, no operator is about to move the robot.
         ALIGNING: Armed; motion begins when the operator's hand is at the robot.
         ACTIVE: Follows the operator in one of the modes.
-        CONTINUING: Goes on alone inside the envelope.
+        CONTINUING: Continues alone inside the envelope.
         HOLD: Came to rest for a reason, and waits to be armed again.
         STOPPED: Came to rest after a stop, and waits for a reset.
     """
@@ -43,9 +43,9 @@ class Event(IntEnum):
         ALIGNED: The holder armed, and the hand is at rest at the robot.
         DEAD_MAN_RELEASED: The holder released the dead-man switch.
         LINK_LOST: No fresh command arrived for too long.
-        LINK_LOST_AUTHORISED: The same, and the envelope permits to go on alone.
+        LINK_LOST_AUTHORISED: The same, and the envelope permits to continue alone.
         ROUND_TRIP_EXCEEDED: Commands are older than the budget of the round trip.
-        ROUND_TRIP_EXCEEDED_AUTHORISED: The same, and the envelope permits to go on alone.
+        ROUND_TRIP_EXCEEDED_AUTHORISED: The same, and the envelope permits to continue alone.
         ENVELOPE_TIME_OVER: The time of the envelope is over.
         ENVELOPE_VOLUME_LEFT: The target would leave the volume of the envelope.
         ENVELOPE_LIKELIHOOD_LOW: The target is too far from the demonstrations.
@@ -101,7 +101,7 @@ class Action(IntEnum):
         ARM: Begin to align.
         DISARM: Come to rest.
         RESET: Clear a stop.
-        AUTHORISE: Permit to go on alone inside an envelope.
+        AUTHORISE: Permit to continue alone inside an envelope.
         REVOKE: Withdraw that permission.
     """
 

@@ -1,7 +1,7 @@
 """One robot and its operators, connected by virtual links, on a virtual clock.
 
-At every step the robot hears what has arrived, moves and reports; then each operator hears, acts and sends.
-Datagrams are sealed as on a real network.
+At every step the robot receives what has arrived, moves and reports. Then each operator receives, acts and
+sends. Datagrams are sealed as on a real network.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from pilotfish.teleop.endpoints import (
     send_from_operator,
     send_from_robot,
 )
-from pilotfish.teleop.messages import Heard
+from pilotfish.teleop.messages import ReceivedMessage
 from pilotfish.teleop.operator_site import OperatorSite, start_operator, step_operator
 from pilotfish.teleop.operator_values import OperatorInput, OperatorSettings, OperatorView
 from pilotfish.teleop.robot_site import RobotSite, start_robot
@@ -80,18 +80,18 @@ class VirtualOperator:
         self.endpoint = operator_endpoint(self.settings.number, self._key, self._rng.bytes(32))
 
     def step(self, time_ns: int, given: OperatorInput) -> OperatorView:
-        """Hear, act and send; return what is displayed.
+        """Return what is displayed after a step: receive, act and send.
 
         Args:
             time_ns: True time [ns].
             given: What the operator does.
         """
         arrived = self.backward.receive(time_ns)
-        self.endpoint, heard = receive_at_operator(self.endpoint, arrived)
-        self.site, said, view = step_operator(
-            self.settings, self.site, self._clock.read(time_ns), heard, given
+        self.endpoint, received = receive_at_operator(self.endpoint, arrived)
+        self.site, outgoing, view = step_operator(
+            self.settings, self.site, self._clock.read(time_ns), received, given
         )
-        self.endpoint, self.datagrams = send_from_operator(self.endpoint, said)
+        self.endpoint, self.datagrams = send_from_operator(self.endpoint, outgoing)
         for datagram in self.datagrams:
             self.forward.send(time_ns, datagram, priority(Kind(datagram[KIND_BYTE])))
         return view
@@ -105,7 +105,7 @@ class VirtualSession:
         site: State of the robot's site.
         endpoint: State of its channels.
         operators: Operators by number.
-        heard: Messages of the last step, as the robot's site was given them.
+        received: Messages of the last step, as the robot's site was given them.
         time: Time of the robot's clock at the last step [ns].
     """
 
@@ -134,7 +134,9 @@ class VirtualSession:
         """
         numbers = [connection.settings.number for connection in connections]
         if unknown := [number for number in numbers if number not in settings.peers]:
-            raise InvalidInput(f"operator {unknown[0]} is no peer, expected one of {settings.peers}")
+            raise InvalidInput(
+                f"operator {unknown[0]} is not among the peers, expected one of {settings.peers}"
+            )
         self.settings, self._clock, self._rng = settings, clock, rng
         self._peers = tuple(
             Peer(number, rng.bytes(32), number in settings.operators) for number in settings.peers
@@ -144,7 +146,7 @@ class VirtualSession:
             connection.settings.number: VirtualOperator(connection, keys[connection.settings.number], rng)
             for connection in connections
         }
-        self.heard: tuple[Heard, ...] = ()
+        self.received: tuple[ReceivedMessage, ...] = ()
         self.restart_robot(time_ns, robot)
 
     def restart_robot(self, time_ns: int, robot: RobotState) -> None:
@@ -160,7 +162,7 @@ class VirtualSession:
         self.endpoint = robot_endpoint(self._peers, boot, limits.max_budget, limits.max_jitter)
 
     def step_robot(self, time_ns: int, robot: RobotState, injected: Sequence[bytes] = ()) -> RobotStep:
-        """Hear, move and report.
+        """Return the step of the robot: receive, move and report.
 
         Args:
             time_ns: True time [ns].
@@ -170,11 +172,11 @@ class VirtualSession:
         arrived = [
             datagram for operator in self.operators.values() for datagram in operator.forward.receive(time_ns)
         ]
-        self.endpoint, self.heard, replies = receive_at_robot(self.endpoint, [*arrived, *injected])
+        self.endpoint, self.received, replies = receive_at_robot(self.endpoint, [*arrived, *injected])
         self.time = self._clock.read(time_ns)
-        step = step_robot(self.settings, self.site, self.time, self.heard, robot)
+        step = step_robot(self.settings, self.site, self.time, self.received, robot)
         self.site = step.site
-        self.endpoint, datagrams = send_from_robot(self.endpoint, step.said)
+        self.endpoint, datagrams = send_from_robot(self.endpoint, step.outgoing)
         for peer, datagram in (*replies, *datagrams):
             if peer in self.operators:
                 link = self.operators[peer].backward

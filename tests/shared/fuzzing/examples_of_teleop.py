@@ -6,7 +6,7 @@ from teleop_messages import EXAMPLES
 from fuzzing.examples_of_values import Examples
 from pilotfish.teleop import (
     Kind,
-    Said,
+    OutgoingMessage,
     SkillStore,
     expect_skills,
     send_from_operator,
@@ -19,7 +19,7 @@ from pilotfish.teleop.codec import encode
 def teleop_examples() -> Examples:
     robot, operator = connect(new_robot(), new_operator())
     _, to_robot = send_from_operator(operator, [EXAMPLES[Kind.COMMAND]])
-    _, ((_, to_operator),) = send_from_robot(robot, [Said(1, EXAMPLES[Kind.REPORT])])
+    _, ((_, to_operator),) = send_from_robot(robot, [OutgoingMessage(1, EXAMPLES[Kind.REPORT])])
     (piece,) = split_skill(b"skill")
     store = expect_skills(SkillStore(), [piece.hash])
     return {
@@ -30,7 +30,7 @@ def teleop_examples() -> Examples:
         "operator_endpoint": {"number": 1, "key": KEYS[1], "seed": bytes(32)},
         "receive_at_robot": {"endpoint": robot, "datagrams": to_robot},
         "receive_at_operator": {"endpoint": operator, "datagrams": (to_operator,)},
-        "send_from_robot": {"endpoint": robot, "said": (Said(1, EXAMPLES[Kind.REPORT]),)},
+        "send_from_robot": {"endpoint": robot, "outgoing": (OutgoingMessage(1, EXAMPLES[Kind.REPORT]),)},
         "send_from_operator": {"endpoint": operator, "messages": (EXAMPLES[Kind.COMMAND],)},
         "skill_hash": {"data": b"skill"},
         "split_skill": {"data": b"skill"},

@@ -53,11 +53,11 @@ def _edit(frames: Frames, rng: Random) -> tuple[Frames, str]:
     if rng.random() < 0.05:
         operation = rng.randrange(18)
     if operation == CHUNK and rng.random() < 0.8:
-        inner, said = edit_bytes(body[CHUNK_HEADER:], rng)
+        inner, outgoing = edit_bytes(body[CHUNK_HEADER:], rng)
         body = body[:CHUNK_HEADER] + inner
     else:
-        body, said = edit_bytes(body, rng)
-    return (*frames[:n], (operation, body), *frames[n + 1 :]), f"frame {n}: {said}"
+        body, outgoing = edit_bytes(body, rng)
+    return (*frames[:n], (operation, body), *frames[n + 1 :]), f"frame {n}: {outgoing}"
 
 
 def _write(value: CorruptedBytes) -> bytes:

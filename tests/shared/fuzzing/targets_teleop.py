@@ -47,12 +47,12 @@ def _datagrams() -> Target:
         return seal_datagram(KEYS[1], header, payload)
 
     def read(datagram: bytes) -> None:
-        after, heard, replies = receive_at_robot(robot, [datagram])
-        if not heard and not replies and after.audit != robot.audit:
+        after, received, replies = receive_at_robot(robot, [datagram])
+        if not received and not replies and after.audit != robot.audit:
             if without_audit(after) != without_audit(robot):
                 raise InvariantViolation("a refused datagram changed the robot's endpoint")
-            _, heard = receive_at_operator(operator, [datagram])
-        if not heard and not replies:
+            _, received = receive_at_operator(operator, [datagram])
+        if not received and not replies:
             raise MalformedMessage("both sites refused the datagram")
 
     bases = [(kind, encode(message), False) for kind, message in EXAMPLES.items()]
