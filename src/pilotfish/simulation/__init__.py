@@ -4,6 +4,7 @@ from pilotfish.simulation.captions import caption_images
 from pilotfish.simulation.execution import ExecutionResult, perform, plan_in_situation
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
 from pilotfish.simulation.meshes import baxter_meshes
+from pilotfish.simulation.mission import MissionResult, MissionSettings, run_mission
 from pilotfish.simulation.recording import (
     RecordedDemonstration,
     delay_observations,
@@ -19,6 +20,8 @@ __all__ = [
     "ExecutionResult",
     "FilmRecorder",
     "Link",
+    "MissionResult",
+    "MissionSettings",
     "RecordedDemonstration",
     "TeleoperationResult",
     "baxter_meshes",
@@ -32,6 +35,7 @@ __all__ = [
     "record",
     "record_demonstrations",
     "require_pillow",
+    "run_mission",
     "select_by_success",
     "simulated_leader",
     "situation_from_seed",

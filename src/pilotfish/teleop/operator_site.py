@@ -247,7 +247,7 @@ def _skill_messages(settings: OperatorSettings, site: OperatorSite) -> list[Mess
     turn = site.steps // settings.piece_steps
     for name, pieces in zip(mission.skills, site.pieces, strict=True):
         status = site.statuses.get(name)
-        if status is None or status.state in (SkillState.MISSING, SkillState.PARTIAL, SkillState.WRONG_HASH):
+        if status is None or status.state in (SkillState.MISSING, SkillState.PARTIAL):
             missing = missing_pieces(status, len(pieces)) if status else tuple(range(len(pieces)))
             if missing:
                 return [pieces[missing[turn % len(missing)]]]

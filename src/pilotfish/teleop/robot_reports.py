@@ -65,7 +65,6 @@ def _report(site: RobotSite, number: int) -> Report:
     control, commands, motion, robot = site.control, site.commands, site.motion, site.scene.state
     target, last = motion.target, motion.last
     best = int(last.probabilities.argmax()) if last else 0
-    plan, age = motion.assistance.plan, site.time - commands.arrived
     return Report(
         number=number,
         state=control.state,
@@ -75,7 +74,7 @@ def _report(site: RobotSite, number: int) -> Report:
         skill=_mission_index(site),
         is_link_lost=control.holder != NOBODY and is_link_lost(site),
         is_authorised=may_continue(site),
-        is_plan_moving=plan is not None and plan.is_moving,
+        is_plan_moving=_is_plan_moving(site),
         is_clutch_closed=motion.assistance.is_clutch_closed,
         is_limited=motion.is_limited,
         holder=control.holder,
@@ -85,7 +84,7 @@ def _report(site: RobotSite, number: int) -> Report:
         stop=0,
         mission=site.skills.mission.number,
         command=commands.number,
-        command_age=age / SECOND,
+        command_age=(site.time - commands.arrived) / SECOND,
         loop_age=commands.age / SECOND,
         budget=control.contract.budget / SECOND,
         jitter=control.contract.jitter / SECOND,
@@ -102,6 +101,11 @@ def _report(site: RobotSite, number: int) -> Report:
         probability=float(last.probabilities[best]) if last else 0.0,
         frames=_reported_frames(site),
     )
+
+
+def _is_plan_moving(site: RobotSite) -> bool:
+    plan = site.motion.assistance.plan
+    return plan is not None and plan.is_moving
 
 
 def _time_left(site: RobotSite) -> float:

@@ -16,8 +16,8 @@ from pilotfish.demonstrations import Frame, frame_from_pose, world_frame
 from pilotfish.errors import SkillError
 from pilotfish.geometry import Pose
 from pilotfish.teleop.errors import UnsuitableSkill
-from pilotfish.teleop.messages import Mission, ReceivedMessage, SkillPiece
-from pilotfish.teleop.robot_site import RobotSite, Scene
+from pilotfish.teleop.messages import Mission, ReceivedMessage, SkillPiece, SkillState
+from pilotfish.teleop.robot_site import RobotSite, Scene, Skills
 from pilotfish.teleop.robot_values import UNIT_TOLERANCE, RobotSettings, RobotState
 from pilotfish.teleop.session import MOVING
 from pilotfish.teleop.skill_transfer import add_piece, expect_skills
@@ -47,10 +47,15 @@ def receive_skills(
                 store = expect_skills(skills.store, each.message.skills)
                 site = _with_direct_control(site, settings, each.message)
                 site = replace(site, skills=replace(site.skills, store=store))
-        elif isinstance(each.message, SkillPiece):
+        elif isinstance(each.message, SkillPiece) and not _has_wrong_hash(skills, each.message):
             store = add_piece(skills.store, each.message, lambda data: _prepare_skill(settings, data))
             site = replace(site, skills=replace(skills, store=store))
     return site
+
+
+def _has_wrong_hash(skills: Skills, piece: SkillPiece) -> bool:
+    """Return whether the skill of a piece arrived with another content; a new mission asks for it again."""
+    return skills.store.status(piece.hash).state is SkillState.WRONG_HASH
 
 
 def _with_direct_control(site: RobotSite, settings: RobotSettings, mission: Mission) -> RobotSite:

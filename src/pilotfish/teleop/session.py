@@ -7,8 +7,8 @@ ALIGNING, and from CONTINUING, where an operator has armed and aligned again as 
 ACTIVE and CONTINUING; elsewhere it comes to rest and holds.
 
 ACTIVE follows the operator. In CONTINUING the link is lost, or its round trip too long, and the robot
-continues alone inside the envelope that the operator authorised before. HOLD and STOPPED latch a reason, which one
-action of the operator clears (`CLEARING_ACTIONS`).
+continues alone inside the envelope that the operator authorised before. HOLD and STOPPED latch a reason,
+which one action of the operator clears (`CLEARING_ACTIONS`).
 """
 
 from enum import IntEnum

@@ -123,6 +123,8 @@ def missing_pieces(status: SkillStatus, n: int) -> tuple[int, ...]:
 def expect_skills(store: SkillStore, hashes: Sequence[bytes]) -> SkillStore:
     """Return the store for a mission: skills in both missions are kept, others dropped.
 
+    A skill that arrived with a wrong hash is expected again.
+
     Args:
         store: Store.
         hashes: Hash of each skill of the mission; one may occur more than once.
@@ -135,7 +137,8 @@ def expect_skills(store: SkillStore, hashes: Sequence[bytes]) -> SkillStore:
     for each in hashes:
         if len(each) != HASH_SIZE:
             raise InvalidInput(f"hash has {len(each)} bytes, expected {HASH_SIZE}; skill_hash returns one")
-    known = {stored.status.hash: stored for stored in store.skills}
+    wrong = SkillState.WRONG_HASH
+    known = {stored.status.hash: stored for stored in store.skills if stored.status.state is not wrong}
     return SkillStore(tuple(known.get(name) or _missing(name) for name in dict.fromkeys(hashes)))
 
 
