@@ -41,7 +41,7 @@ def compare_with_intruder(seed: int, intruder: Callable[[np.random.Generator], I
         pilot = Pilot(str(rng.choice([*MODES_OF_HAND, "autonomous"])))
         rig = Rig(rng, [pilot], forward=link, backward=link, budget=0.8)
         inject = intruder(np.random.default_rng([seed, 1])) if is_attacked else None
-        rig.run(10.0, inject)
+        rig.run(7.0, inject)
         results.append((decisions(rig), rig.broken, rig.session.endpoint.audit, rig.control))
     (plain, broken, _, state), (attacked, others, audit, _) = results
     statements = [*broken, *others]

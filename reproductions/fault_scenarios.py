@@ -44,7 +44,7 @@ def outage_backward(seed: int) -> list[str]:
 
 def _outage(seed: int, *, forward: bool, backward: bool) -> list[str]:
     rng = np.random.default_rng(seed)
-    delay, jitter = rng.uniform(0.0, 1.0), rng.uniform(0.1, 0.5)
+    delay, jitter = rng.uniform(0.0, 0.5), rng.uniform(0.1, 0.5)
     start = START_TIME + 8.0 * delay + rng.uniform(1.0, 4.0)
     clear = LinkSettings(delay=delay)
     lossy = with_outage(clear, start, 10.0)
@@ -170,7 +170,7 @@ def reordering_and_copies(seed: int) -> list[str]:
     )
     rig = Rig(rng, [Pilot(str(rng.choice(FOLLOWING)))], forward=link, backward=link, budget=1.5)
     rig.run_until_active()
-    rig.run(8.0)
+    rig.run(4.0)
     newest, cleaned = 0, []
     for time, received, robot in rig.inputs:
         kept = []
@@ -192,7 +192,7 @@ def clocks(seed: int) -> list[str]:
     for skewed in (False, True):
         rng = np.random.default_rng(seed)
         link = LinkSettings(delay=0.3, jitter=0.05, loss=0.05)
-        steps = ((5.0, 1800.0), (8.0, -3600.0), (11.0, 0.5))
+        steps = ((2.0, 1800.0), (5.0, -3600.0), (7.0, 0.5))
         clock = teleop.VirtualClock(3600.0, 100.0, steps) if skewed else teleop.VirtualClock()
         robot_clock = teleop.VirtualClock(3600.0) if skewed else teleop.VirtualClock()
         rig = Rig(
@@ -204,7 +204,7 @@ def clocks(seed: int) -> list[str]:
             clocks=(robot_clock, clock),
         )
         rig.run_until_active()
-        rig.run(8.0)
+        rig.run(5.0)
         results.append((decisions(rig), [received for _, received, _ in rig.inputs], rig.broken))
     (plain, received, broken), (skewed_decisions, skewed_heard, others) = results
     same = plain == skewed_decisions and received == skewed_heard

@@ -238,13 +238,13 @@ def flood(seed: int) -> list[str]:
 
 
 def soak(seed: int) -> list[str]:
-    """R25: a minute with loss and jitter: memory and unexplained transitions; see also `--soak`."""
+    """R25: 20 s with loss and jitter: memory and unexplained transitions; see also `--soak`."""
     rng = np.random.default_rng(seed)
     link = LinkSettings(delay=0.25, jitter=0.05, loss=0.02)
     rig = Rig(rng, [Pilot("shared")], forward=link, backward=link, budget=0.8)
     rig.run_until_active()
     before = len(rig.rows)
-    rig.run(60.0)
+    rig.run(20.0)
     others = [row for row in rig.rows[before:] if row.state is not SessionState.ACTIVE]
     rig.require(not others, f"{len(others)} steps outside ACTIVE")
     return rig.broken

@@ -221,7 +221,7 @@ CHANGES: list[tuple[Kind, int, bytes, str]] = [
     (Kind.REPORT, 435, bytes([32]), "flags is 0x20"),
     (Kind.REPORT, 4, bytes([6]), "state is 6, expected 0 to 5"),
     (Kind.REPORT, 5, bytes([11]), "reason is 11, expected 0 to 10"),
-    (Kind.REPORT, 7, bytes([13]), "refusal is 13, expected 0 to 12"),
+    (Kind.REPORT, 7, bytes([14]), "refusal is 14, expected 0 to 13"),
     (Kind.REPORT, 431, bytes([1]), "frames has padding that is not zero"),
     (Kind.REPORT, 434, bytes([0x80]), "frames has padding that is not zero"),
     (Kind.REPORT, 242, bytes([7]), "frames has 7 items, expected at most 6"),

@@ -40,6 +40,7 @@ class Refusal(IntEnum):
         ENVELOPE: The envelope is empty, or beyond what the robot allows.
         FRAMES_STALE: The robot does not perceive the objects that the skill needs.
         NOT_POSSIBLE: The skill has no such mode, such as a plan or a fixture.
+        STATE_UNKNOWN: The operator cannot know the present state yet: no command names a report of it.
     """
 
     NONE = 0
@@ -55,6 +56,7 @@ class Refusal(IntEnum):
     ENVELOPE = 10
     FRAMES_STALE = 11
     NOT_POSSIBLE = 12
+    STATE_UNKNOWN = 13
 
 
 class SkillState(IntEnum):

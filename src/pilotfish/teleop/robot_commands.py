@@ -13,23 +13,10 @@ from dataclasses import replace
 from pilotfish.teleop.delay_contract import LATE_REPORTS, nanoseconds
 from pilotfish.teleop.messages import CommandMessage, ReceivedMessage
 from pilotfish.teleop.robot_requests import apply_event
-from pilotfish.teleop.robot_site import NOBODY, RobotSite, SentReport
+from pilotfish.teleop.robot_site import NOBODY, RobotSite, find_report
 from pilotfish.teleop.session import Event, SessionState
 
 LISTENING = (SessionState.ALIGNING, SessionState.ACTIVE)
-
-
-def find_report(site: RobotSite, number: int) -> SentReport | None:
-    """Return the report of a number; None if it was never sent, or so long ago that it is forgotten.
-
-    Args:
-        site: State of the robot site.
-        number: Number of the report.
-    """
-    if not site.reports:
-        return None
-    index = number - site.reports[0].number
-    return site.reports[index] if 0 <= index < len(site.reports) else None
 
 
 def accept_commands(site: RobotSite, received: tuple[ReceivedMessage, ...]) -> RobotSite:

@@ -27,9 +27,9 @@ from pilotfish.geometry import log_map
 from pilotfish.teleop.controlled_stop import TargetMotion, brake, stopping_point
 from pilotfish.teleop.delay_contract import SECOND, allows_mode, nanoseconds
 from pilotfish.teleop.messages import CommandMessage, Refusal
-from pilotfish.teleop.robot_commands import find_report, is_link_lost
+from pilotfish.teleop.robot_commands import is_link_lost
 from pilotfish.teleop.robot_requests import apply_event, skill_refusal
-from pilotfish.teleop.robot_site import Motion, RobotSite
+from pilotfish.teleop.robot_site import Motion, RobotSite, find_report
 from pilotfish.teleop.robot_values import RobotSettings
 from pilotfish.teleop.session import Event, SessionState
 
@@ -157,7 +157,7 @@ def _continue_alone(settings: RobotSettings, site: RobotSite, dt: float) -> Robo
     if site.control.state is SessionState.ACTIVE:
         return _follow_operator(settings, site, dt)
     assistance, control = site.motion.assistance, site.control
-    if site.time - control.alone_since > nanoseconds(control.envelope.duration):
+    if site.time - control.since > nanoseconds(control.envelope.duration):
         return _rest(settings, apply_event(site, Event.ENVELOPE_TIME_OVER), dt)
     if site.time - site.scene.perceived > nanoseconds(settings.max_frame_age):
         return _rest(settings, apply_event(site, Event.PERCEPTION_LOST), dt)

@@ -113,7 +113,7 @@ def _time_left(site: RobotSite) -> float:
     control = site.control
     if control.state is not SessionState.CONTINUING:
         return 0.0
-    return max(0.0, control.envelope.duration - (site.time - control.alone_since) / SECOND)
+    return max(0.0, control.envelope.duration - (site.time - control.since) / SECOND)
 
 
 def _for_peer(site: RobotSite, report: Report, peer: int) -> Report:

@@ -48,16 +48,16 @@ def apply_event(site: RobotSite, event: Event) -> RobotSite:
     state, reason = next_state(control.state, control.reason, event)
     if state is control.state and reason is control.reason:
         return site
-    is_alone = state is SessionState.CONTINUING
-    alone_since = site.time if is_alone and control.state is not state else control.alone_since
     control = replace(
-        control,
-        state=state,
-        reason=reason,
-        alone_since=alone_since,
-        is_rearmed=control.is_rearmed and is_alone,
+        control, state=state, reason=reason, is_rearmed=control.is_rearmed and state is control.state
     )
+    if state is not site.control.state:
+        control = replace(control, since=site.time, first_report=_next_report(site))
     return replace(site, control=control)
+
+
+def _next_report(site: RobotSite) -> int:
+    return site.reports[-1].number + 1 if site.reports else 1
 
 
 def update_connections(
@@ -65,7 +65,8 @@ def update_connections(
 ) -> tuple[RobotSite, tuple[ReceivedMessage, ...]]:
     """Return the state with the connection of each peer, and the messages that belong to them.
 
-    A peer that starts again counts from 1 again; what arrives late from its former connection is left out.
+    A peer that starts again counts from 1 again. What arrives late from its former connection is left out,
+    unless it is a stop.
 
     Args:
         site: State before.
@@ -87,11 +88,13 @@ def update_connections(
             skills = replace(site.skills, mission=mission)
             site = replace(site, skills=skills, commands=replace(site.commands, number=0))
     current = site.control.connections
-    return site, tuple(each for each in received if each.connection == current[each.sender])
+    return site, tuple(
+        each for each in received if each.connection == current[each.sender] or isinstance(each.message, Stop)
+    )
 
 
 def apply_stops(site: RobotSite, received: tuple[ReceivedMessage, ...]) -> RobotSite:
-    """Return the state after the stops of a step, of whatever peer.
+    """Return the state after the stops of a step, of whatever peer; a reset must know of the last of them.
 
     Args:
         site: State before.
@@ -103,6 +106,8 @@ def apply_stops(site: RobotSite, received: tuple[ReceivedMessage, ...]) -> Robot
             if number > control.stops.get(each.sender, 0):
                 control = replace(control, stops={**control.stops, each.sender: number})
                 site = apply_event(replace(site, control=control), Event.STOP)
+                control = replace(site.control, first_report=_next_report(site))
+                site = replace(site, control=control)
     return site
 
 
@@ -174,6 +179,8 @@ def _arm(settings: RobotSettings, site: RobotSite, sender: int, request: Request
         return Refusal.DEAD_MAN_OPEN
     if not last.is_dead_man_pressed:
         return Refusal.DEAD_MAN_OPEN
+    if not _knows_state(site):
+        return Refusal.STATE_UNKNOWN
     if not allows_mode(settings.contract, control.contract, last.mode):
         return Refusal.MODE_NOT_ALLOWED
     if last.mode != "direct" and (refusal := skill_refusal(site, last.skill)) is not Refusal.NONE:
@@ -181,6 +188,18 @@ def _arm(settings: RobotSettings, site: RobotSite, sender: int, request: Request
     if control.state is SessionState.CONTINUING:
         return replace(site, control=replace(control, is_rearmed=True))
     return apply_event(site, Event.ARM)
+
+
+def _knows_state(site: RobotSite) -> bool:
+    """Return whether the holder's last command names a report of the present state.
+
+    A request that was sent before a stop or a hold, and arrives after it, must not clear it. Without a
+    holder, a report must have been sent.
+    """
+    last, first = site.commands.last, site.control.first_report
+    if site.control.holder == NOBODY:
+        return bool(site.reports) and site.reports[-1].number >= first
+    return last is not None and first <= last.report <= site.reports[-1].number
 
 
 def skill_refusal(site: RobotSite, number: int) -> Refusal:
@@ -208,6 +227,8 @@ def _reset(settings: RobotSettings, site: RobotSite, sender: int, request: Reque
     del settings, sender, request
     if site.control.state is not SessionState.STOPPED:
         return Refusal.WRONG_STATE
+    if not _knows_state(site):
+        return Refusal.STATE_UNKNOWN
     return apply_event(site, Event.RESET)
 
 

@@ -44,7 +44,8 @@ class Control:
         stops: Last stop of each peer.
         connections: Connection of each peer, in which these numbers count.
         is_rearmed: In CONTINUING, whether the holder armed again.
-        alone_since: When CONTINUING began [ns].
+        since: When the state began [ns].
+        first_report: Number of the first report of the state.
     """
 
     state: SessionState
@@ -57,7 +58,8 @@ class Control:
     stops: Mapping[int, int] = field(default_factory=dict)
     connections: Mapping[int, int] = field(default_factory=dict)
     is_rearmed: bool = False
-    alone_since: int = 0
+    since: int = 0
+    first_report: int = 0
 
 
 @shorten_repr
@@ -226,3 +228,16 @@ def start_robot(settings: RobotSettings, time_ns: int, robot: RobotState) -> Rob
         next_report=time_ns,
         next_status=time_ns,
     )
+
+
+def find_report(site: RobotSite, number: int) -> SentReport | None:
+    """Return the report of a number; None if it was never sent, or so long ago that it is forgotten.
+
+    Args:
+        site: State of the robot site.
+        number: Number of the report.
+    """
+    if not site.reports:
+        return None
+    index = number - site.reports[0].number
+    return site.reports[index] if 0 <= index < len(site.reports) else None
