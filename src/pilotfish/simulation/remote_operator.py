@@ -1,10 +1,12 @@
 """Simulated operator at the far end of a link: what the person looks at, does with the hand, and asks for.
 
 What is displayed decides how a person works. In direct control it is the robot as it was last reported, in
-which the effect of a movement appears after the round trip: the person moves and waits. In shared control it
-is the predicted robot, and on a fixture the hand itself among the local objects. Both answer at once, and the
-person works as if there were no delay. In autonomous control the person only watches. In every mode the
-person waits at the end until the robot is reported at rest.
+which the effect of a movement appears after the round trip: the person moves and waits. In shared control and
+on a fixture the person brings the hand to the goal in the local scene, where there is no delay, and looks at
+the predicted robot as well. As long as this is within 2 cm and 10 degrees of the hand, the person trusts the
+assistance with the rest. Beyond that the person works with the predicted robot, and so corrects an assistance
+that leads elsewhere. On a fixture the hand is always trusted. In autonomous control the person only watches.
+In every mode the person waits at the end until the robot is reported at rest.
 
 The person also operates the session: takes control, arms, moves the hand to the robot where they are apart,
 and clears the reason of a hold after a reaction time. Simplification: the hand is where the person means it
@@ -51,6 +53,7 @@ ALIGNING_SPEED = 0.08  # m/s, at which the hand returns to the robot
 ALIGNING_RATE = 0.4  # rad/s
 NEAR, NEAR_ANGLE = 0.03, 0.2  # m and rad: so near the person leaves the hand where it is
 AT_REST = 0.01  # m/s
+TRUSTED_DISTANCE, TRUSTED_ANGLE = 0.02, 0.175  # m, rad
 IDLE = OperatorInput(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), is_dead_man_pressed=False)
 
 
@@ -232,7 +235,11 @@ def _work(
 def _displayed_tool(operator: RemoteOperator, human: HumanState, view: OperatorView, report: Report) -> Pose:
     if not operator.is_local:
         return _pose(report.pose)
-    return human.hand if operator.mode == "fixture" else _pose(view.predicted)
+    predicted, hand = _pose(view.predicted), human.hand
+    distance = float(np.linalg.norm(predicted.position - hand.position))
+    turn = float(np.linalg.norm(rotation_vector_in_world(hand.quaternion, predicted.quaternion)))
+    is_trusted = distance <= TRUSTED_DISTANCE and turn <= TRUSTED_ANGLE
+    return hand if operator.mode == "fixture" or is_trusted else predicted
 
 
 def _align_hand(human: HumanState, report: Report) -> HumanState:

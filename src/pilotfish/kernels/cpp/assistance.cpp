@@ -133,9 +133,11 @@ void advance_filter(const Assistance& a, const Vector& log_likelihoods, Assistan
   result.elapsed = is_first ? 0.0 : std::max(0.0, elapsed - steps * a.period);
 }
 
+// Returns the authority that the gate allows; once at zero, it stays there until half or more is allowed.
 double gate_authority(const Assistance& a, double distance) {
   if (!(distance < a.none)) return 0.0;
   const double s = std::min((a.none - distance) / (a.none - a.full), 1.0);
+  if (a.authority <= 0.0 && s < 0.5) return 0.0;
   return s * s * (3.0 - 2.0 * s);
 }
 

@@ -23,7 +23,7 @@ from pilotfish.kernels.reference.target_motion import (
 )
 from pilotfish.types import Array, Float
 
-MAX_RATE = 2.0  # of authority, per second
+MAX_RATE, RETURN_AUTHORITY = 2.0, 0.5  # of authority, per second; to which it may return from zero
 SCALAR_TOLERANCE = 0.1  # unit of the scalar: a smaller difference is agreement, a larger change a command
 
 
@@ -209,11 +209,14 @@ def _authority(
     x: Float[Array, " D"],
     given: AssistanceInput,
 ) -> float:
-    """Return the authority after the step."""
+    """Return the authority after the step; once at zero, it stays there until half or more is allowed."""
     allowed = 0.0
     if given.mode == SHARED and given.is_current:
         scalars = x.size - (7 if x.size != settings.variances.size else 3)
-        allowed = gate_authority(settings.full, settings.none, coverage_distance(model, x, scalars))
+        distance = coverage_distance(model, x, scalars)
+        allowed = gate_authority(settings.full, settings.none, distance)
+        if before <= 0.0 and allowed < RETURN_AUTHORITY:
+            allowed = 0.0
     return limit_authority(before, allowed, given.dt)
 
 
