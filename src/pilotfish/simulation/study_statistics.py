@@ -113,7 +113,7 @@ def preferred_mode(modes: Sequence[ModeSummary]) -> str:
         modes: Modes to compare, at least one.
 
     Raises:
-        InvalidInput: If there are no modes.
+        InvalidInput: If modes is empty.
     """
     if not modes:
         raise InvalidInput("modes is empty, expected at least one ModeSummary")

@@ -35,7 +35,7 @@ INTRODUCTION = (
     type=click.Path(path_type=Path),
     default=Path("study"),
     show_default=True,
-    help="Folder of runs, skills, tables and figures; with runs in it, the study goes on.",
+    help="Folder of runs, skills, tables and figures; with runs in it, the study continues.",
 )
 @seed_option
 @workers_option
@@ -43,7 +43,7 @@ INTRODUCTION = (
 def study(quick: bool, out: Path, seed: int, workers: int | None) -> CommandResult:
     """Compare four modes of teleoperation with simulated operators, over delay, loss and displaced views.
 
-    Every finished run is kept in the folder of --out. A study that was stopped goes on with the same command.
+    Every finished run is kept in the folder of --out. The same command continues a study that was stopped.
     Three operators do each task in five situations each. Times are relative to direct control in the same
     situations, with bootstrap intervals.
     """
@@ -81,7 +81,7 @@ def study(quick: bool, out: Path, seed: int, workers: int | None) -> CommandResu
 
 
 def _command_line(out: Path, seed: int, *, quick: bool) -> str:
-    """Return the command line that goes on with the study."""
+    """Return the command line that continues the study."""
     options = ["--quick"] * quick + ["--out", str(out)] + ["--seed", str(seed)] * (seed != 0)
     return shlex.join(["pilotfish", "study", *options])
 

@@ -55,7 +55,7 @@ def perform_runs(
         runs: Runs of the study.
         seed: Seed of the study.
         workers: Number of processes; None for one for each core.
-        command: Command line that goes on with the study.
+        command: Command line that continues the study.
     """
     finished = read_runs(folder)
     missing = [run for run in runs if run.key not in finished]
@@ -65,7 +65,7 @@ def perform_runs(
         _perform(missing, skills, seed, workers, log)
     except StopRequested:
         done = len(runs) - len(missing) + len(read_runs(folder)) - len(finished)
-        print_note(f"{done} of {len(runs)} runs are finished and kept; go on with: {command}")
+        print_note(f"{done} of {len(runs)} runs are finished and kept; continue with: {command}")
         raise
     finally:
         log.close()

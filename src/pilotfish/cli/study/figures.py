@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 COLOURS = dict(zip(MODES, ("#4d4d4d", "#0072b2", "#d55e00", "#009e73"), strict=True))
 TIME_CAPTION = (
-    "Mean time of successful runs and success in each mode, against the round trip. Dashed, with open markers: "
-    "the operator's view is displaced by 3 cm and turned by 5 degrees."
+    "Mean time of successful runs and success in each mode, against the round trip. Dashed, with open "
+    "markers: the operator's view is displaced by 3 cm and turned by 5 degrees."
 )
 RATIO_CAPTION = (
-    "Time relative to direct control in pairs that both succeeded, with 95 % intervals. An open circle means no gain: "
-    "the interval contains 1. Black marks: ratios of table 6.2."
+    "Time relative to direct control in pairs that both succeeded, with 95 % intervals. An open circle means "
+    "no gain: the interval contains 1. Black marks: ratios of table 6.2."
 )
 ARM_CAPTION = (
-    "Success, and time relative to direct control, with the skill of a neighbouring object and with an operator "
-    "who aims 10 cm aside. Dotted: the largest ratio that is accepted."
+    "Success, and time relative to direct control, with the skill of a neighbouring object and with an "
+    "operator who aims 10 cm aside. Dotted: the largest ratio that is accepted."
 )
 MARKERS = dict(zip(MODES, "osD^", strict=True))
 

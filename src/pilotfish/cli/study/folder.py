@@ -5,7 +5,7 @@
     runs.jsonl         finished runs, in the order in which they finished
 
 A line is written and flushed when its run has finished. If the program is killed while it writes, the last
-line has no line break. Such a line is removed when the study goes on. One process at a time works in the
+line has no line break. Such a line is removed when the study continues. One process at a time works in the
 folder.
 """
 
@@ -68,7 +68,7 @@ def _require_equal_settings(folder: Path, found: Mapping[str, Any], given: Mappi
             was = f"with {option}" if found.get(key) is True else f"without {option}"
             was = f"with {option} {found.get(key)}" if key == "seed" else was
             raise InvalidInput(
-                f"{folder} has a study {was}; give the same options to go on, or another folder for --out"
+                f"{folder} has a study {was}; give the same options to continue, or another folder for --out"
             )
 
 
@@ -143,7 +143,7 @@ class RunLog:
         except OSError as error:
             raise InvalidInput(
                 f"{self._file.name} cannot be written: {error.strerror}; free some space, and give the same "
-                "command to go on"
+                "command to continue"
             ) from error
 
     def close(self) -> None:

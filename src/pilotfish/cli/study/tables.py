@@ -221,7 +221,7 @@ def _measure_cell(results: Results, condition: Condition, measure: str) -> str:
 
 
 def _error_cell(results: Results, condition: Condition) -> str:
-    """Return the mean end error of all runs, also of those that failed."""
+    """Return the mean end error of all runs, including failed ones."""
     value = results.mean(condition, "error", only_successes=False)
     if TASKS[condition.task].unit == "rad" and condition.arm != "aside":
         return f"{degrees(value):.1f} deg"
