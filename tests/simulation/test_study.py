@@ -29,7 +29,8 @@ from pilotfish.simulation import (
     study_measures,
     study_runs,
 )
-from pilotfish.simulation.study import COMMAND_PERIOD, MEAN_BURST, allowed_jitter, mission_settings
+from pilotfish.simulation.mission import PROCESSING_TIME
+from pilotfish.simulation.study import COMMAND_PERIOD, MEAN_BURST, allowed_silence, mission_settings
 from pilotfish.simulation.study_measures import path_length, reach_goal
 from pilotfish.simulation.study_skills import displace_frames
 from pilotfish.teleop.delay_contract import agree, allows_mode, nanoseconds
@@ -78,20 +79,22 @@ def test_study_runs_first_fifth_has_every_condition():
 
 
 @pytest.mark.parametrize("loss", [0.05, 0.3])
-def test_allowed_jitter_has_less_than_one_false_alarm_a_minute(loss: float, rng: np.random.Generator):
+@pytest.mark.parametrize("period", [0.02, 0.05])
+def test_allowed_silence_is_exceeded_less_than_once_a_minute(
+    loss: float, period: float, rng: np.random.Generator
+):
     """Lengths of bursts and of the gaps between them are geometric, with means 5 and 5 (1 - p) / p."""
     n = 200_000
     bursts = rng.geometric(1.0 / MEAN_BURST, n)
     gaps = rng.geometric(loss / (1.0 - loss) / MEAN_BURST, n)
-    minutes = (bursts.sum() + gaps.sum()) * COMMAND_PERIOD / 60.0
+    minutes = (bursts.sum() + gaps.sum()) * period / 60.0
 
-    def alarms(jitter: float) -> float:
-        silence = (bursts + 1) * COMMAND_PERIOD
-        return float(np.sum(silence > jitter + 2.0 * COMMAND_PERIOD)) / minutes
+    def alarms(silence: float) -> float:
+        return float(np.sum((bursts + 1) * period > silence + 2.0 * period + 1e-9)) / minutes
 
-    jitter = allowed_jitter(loss)
-    assert alarms(jitter) < 1.0 < alarms(jitter - 0.25)
-    assert allowed_jitter(0.0) == 0.25
+    silence = allowed_silence(loss, period)
+    assert alarms(silence) < 1.0 < alarms(silence - 0.25)
+    assert allowed_silence(0.0, period) == 0.25
 
 
 @pytest.mark.parametrize("condition", study_conditions(), ids=lambda c: f"{c.name}, {c.mode}")
@@ -102,6 +105,8 @@ def test_mission_settings_contract_allows_mode(condition: Condition):
     assert contract is not None
     assert allows_mode(settings.contract, contract, condition.mode)
     assert settings.round_trip == condition.round_trip
+    margin = settings.agreed_budget - condition.round_trip - PROCESSING_TIME
+    assert margin == pytest.approx({0.0: 0.0, 0.05: 0.75, 0.3: 1.0}[condition.loss])
     assert (settings.aside is not None) == (condition.arm == "aside")
 
 

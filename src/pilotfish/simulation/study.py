@@ -11,7 +11,7 @@ aims at another place. Success then means that the tool was where the operator w
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, radians
+from math import floor, radians
 
 import numpy as np
 
@@ -29,8 +29,8 @@ MEAN_BURST = 5.0  # datagrams
 SITUATIONS = 5  # of each operator
 DISPLACED_VIEW = Link(view_distance=0.03, view_angle=radians(5.0))
 ASIDE_DISPLACEMENT = 0.1  # m, horizontally across the direction in which the robot faces
-COMMAND_PERIOD = 0.02  # s
-MAX_FALSE_LOSSES = 1.0  # per minute
+COMMAND_PERIOD, REPORT_PERIOD = 0.02, 0.05  # s
+MAX_FALSE_ALARMS = 1.0  # per minute
 CONTRACT = ContractLimits(mode_budgets=dict.fromkeys(MODES, 60.0))
 
 NOISE_FREE = "noise-free"
@@ -181,28 +181,32 @@ def study_runs(*, quick: bool = False) -> tuple[StudyRun, ...]:
     return tuple(runs)
 
 
-def allowed_jitter(loss: float, mean_burst: float = MEAN_BURST) -> float:
-    """Return the jitter J for a loss: the smallest multiple of 0.25 s with few false alarms [s].
+def allowed_silence(loss: float, period: float, mean_burst: float = MEAN_BURST) -> float:
+    """Return how long messages may be missing because of a loss: the smallest multiple of 0.25 s [s].
 
-    The link is declared lost after J and two command periods without a command. In a chain of losses that
-    happens less than once a minute on average.
+    It is chosen so that less than once a minute, on average, they are missing for two periods more. The
+    losses are those of a chain of two states. For commands, two periods more is when the link is declared
+    lost. For reports, it is when five commands in a row have been older than the budget.
 
     Args:
         loss: Share of the datagrams that are lost.
+        period: Time between two messages [s].
         mean_burst: Mean number of consecutive losses.
     """
-    jitter = 0.25
+    silence = 0.25
+    bursts = 60.0 / period * loss / mean_burst  # per minute
     while loss > 0.0:
-        silent = ceil(jitter / COMMAND_PERIOD) + 1  # commands that must be lost in a row
-        bursts = 60.0 / COMMAND_PERIOD * loss / mean_burst  # per minute
-        if bursts * (1.0 - 1.0 / mean_burst) ** (silent - 1) < MAX_FALSE_LOSSES:
+        lost = floor(silence / period) + 2  # messages in a row
+        if bursts * (1.0 - 1.0 / mean_burst) ** (lost - 1) < MAX_FALSE_ALARMS:
             break
-        jitter += 0.25
-    return jitter
+        silence += 0.25
+    return silence
 
 
 def mission_settings(run: StudyRun) -> MissionSettings:
     """Return the settings of the mission of a run.
+
+    With losses, the budget has time for lost reports, and the jitter for lost commands.
 
     Args:
         run: Run of the study.
@@ -211,17 +215,21 @@ def mission_settings(run: StudyRun) -> MissionSettings:
     link = LinkSettings(delay=condition.round_trip / 2)
     if condition.loss:
         link = replace(link, loss=condition.loss, mean_burst=MEAN_BURST)
-    return MissionSettings(
+    settings = MissionSettings(
         mode=condition.mode,
         forward=link,
         backward=link,
         view=DISPLACED_VIEW if condition.view_off else Link(),
         human_model=PERFECT_OPERATOR if run.operator == NOISE_FREE else OPERATORS[run.operator],
-        jitter=allowed_jitter(condition.loss),
+        jitter=allowed_silence(condition.loss, COMMAND_PERIOD),
         contract=CONTRACT,
         aside=np.array([0.0, ASIDE_DISPLACEMENT, 0.0]) if condition.arm == ASIDE else None,
         piece_steps=1,
     )
+    if condition.loss:
+        margin = allowed_silence(condition.loss, REPORT_PERIOD)
+        settings = replace(settings, budget=settings.agreed_budget + margin)
+    return settings
 
 
 def skill_name(condition: Condition) -> str:
