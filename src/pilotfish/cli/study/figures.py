@@ -136,7 +136,9 @@ def draw_measures(results: Results) -> "Figure":
             values = [results.mean(replace(case, mode=mode), measure) for case in rows]
             places = np.arange(len(rows)) + 0.2 * (n - 1.5)
             axes.bar(places, values, 0.18, color=COLOURS[mode], label=mode)
-        axes.set_xticks(range(len(rows)), [case.name.replace(", 1 s", "") for case in rows], rotation=20)
+        labels = [case.name.replace(", 1 s", "") for case in rows]
+        style = {"rotation": 25, "ha": "right", "rotation_mode": "anchor"}
+        axes.set_xticks(range(len(rows)), labels, **style)
         axes.set(ylabel=label)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(MODES))
     return figure
