@@ -2,8 +2,10 @@
 
 import fcntl
 import json
+import threading
 import zlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -164,6 +166,35 @@ def test_study_stopped_keeps_runs_and_prints_how_to_continue(
     line = "7 of 60 runs are finished and kept; continue with: pilotfish study --quick --out out --seed 3\n"
     assert result.stderr == line
     assert list(read_runs(tmp_path / "out")) == performed
+
+
+def test_results_stopped_include_runs_under_way(
+    invented: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Two workers have begun two runs when the request to stop arrives."""
+    release, begun = threading.Event(), threading.Semaphore(0)
+
+    def wait(run: StudyRun, skill: bytes, seed: int) -> dict[str, Any]:
+        begun.release()
+        release.wait(10.0)
+        return invented_run(run, skill, seed)
+
+    def stop(futures: Any) -> Any:
+        for _ in range(2):
+            begun.acquire(timeout=10.0)
+        threading.Timer(0.1, release.set).start()
+        raise StopRequested(2)
+
+    monkeypatch.setattr(execution, "perform_study_run", wait)
+    monkeypatch.setattr(execution, "as_completed", stop)
+    monkeypatch.setattr(execution, "print_note", print)
+    runs = study_runs(quick=True)[:5]  # of the valve
+    found: list[str] = []
+    with ThreadPoolExecutor(2) as pool, pytest.raises(StopRequested):  # noqa: PT012 - results before it count
+        for result in execution._results(pool, runs, invented_skills("valve"), 0):
+            found.append(result["run"])
+    assert found == [run.key for run in runs[:2]]
+    assert "finishing the runs under way" in capsys.readouterr().out
 
 
 def test_run_log_removes_torn_line_before_it_appends(tmp_path: Path):

@@ -84,7 +84,7 @@ def _perform(
 
 
 def _results(pool: Executor | None, runs: Sequence[StudyRun], skills: Mapping[str, bytes], seed: int) -> Any:
-    """Yield results as runs finish."""
+    """Yield results as runs finish; after a request to stop, those of the runs under way, then raise it."""
     if pool is None:
         for run in runs:
             yield perform_study_run(run, skills[skill_name(run.condition)], seed)
@@ -92,8 +92,16 @@ def _results(pool: Executor | None, runs: Sequence[StudyRun], skills: Mapping[st
     futures: list[Future[Run]] = [
         pool.submit(perform_study_run, run, skills[skill_name(run.condition)], seed) for run in runs
     ]
-    for future in as_completed(futures):
-        yield future.result()
+    given: set[Future[Run]] = set()
+    try:
+        for future in as_completed(futures):
+            given.add(future)
+            yield future.result()
+    except StopRequested:
+        print_note("finishing the runs under way; stop again to drop them")
+        under_way = [future for future in futures if not future.cancel() and future not in given]
+        yield from (future.result() for future in under_way)
+        raise
 
 
 def _remaining(elapsed: float, done: int, total: int) -> str:
