@@ -58,12 +58,14 @@ def test_docs_command_lines_run(
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 23
+    assert len(lines) == 25
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
         if arguments[0] == "demo":
             assert arguments == ["demo", "--out", "build/demo"]
+        elif arguments[0] == "study":  # minutes: tests/cli/test_study.py runs it
+            assert arguments[-2] == "--out"
         else:
             result = run_command_line(*arguments)
             assert (result.exit_code, result.stderr) == (0, ""), line

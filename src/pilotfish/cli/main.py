@@ -16,6 +16,7 @@ from pilotfish.cli.commands.reproduce import reproduce_command
 from pilotfish.cli.commands.select import select
 from pilotfish.cli.commands.show import show
 from pilotfish.cli.commands.stream import stream
+from pilotfish.cli.commands.study import study
 from pilotfish.cli.output.results import example_epilog
 from pilotfish.cli.output.terminal import (
     discard_unprinted_text,
@@ -32,7 +33,7 @@ from pilotfish.cli.stream.signals import (
 )
 from pilotfish.errors import SkillError
 
-COMMANDS = (data, demo, learn, stream, select, show, reproduce_command, tasks, record, perform, drive)
+COMMANDS = (data, demo, learn, stream, select, show, reproduce_command, tasks, record, perform, drive, study)
 RENAMED_COMMANDS = {"replay": "reproduce"}
 
 

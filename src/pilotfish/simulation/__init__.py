@@ -14,15 +14,33 @@ from pilotfish.simulation.recording import (
     situation_from_seed,
 )
 from pilotfish.simulation.selection import select_by_success
+from pilotfish.simulation.study import (
+    NOISE_FREE,
+    OPERATORS,
+    Condition,
+    StudyRun,
+    skill_name,
+    study_conditions,
+    study_runs,
+)
+from pilotfish.simulation.study_measures import perform_study_run
+from pilotfish.simulation.study_skills import learn_study_skills
+from pilotfish.simulation.study_statistics import ModeSummary, Ratio, paired_ratio, preferred_mode
 from pilotfish.simulation.teleoperation import Link, TeleoperationResult, displace_view, teleoperate
 
 __all__ = [
+    "NOISE_FREE",
+    "OPERATORS",
+    "Condition",
     "ExecutionResult",
     "FilmRecorder",
     "Link",
     "MissionResult",
     "MissionSettings",
+    "ModeSummary",
+    "Ratio",
     "RecordedDemonstration",
+    "StudyRun",
     "TeleoperationResult",
     "baxter_meshes",
     "caption_images",
@@ -30,8 +48,12 @@ __all__ = [
     "displace_view",
     "encode_film",
     "film_strip",
+    "learn_study_skills",
+    "paired_ratio",
     "perform",
+    "perform_study_run",
     "plan_in_situation",
+    "preferred_mode",
     "record",
     "record_demonstrations",
     "require_pillow",
@@ -39,6 +61,9 @@ __all__ = [
     "select_by_success",
     "simulated_leader",
     "situation_from_seed",
+    "skill_name",
+    "study_conditions",
+    "study_runs",
     "teleoperate",
     "write_film",
 ]
