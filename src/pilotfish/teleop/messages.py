@@ -281,7 +281,7 @@ class Report:
         target: Pose that is commanded to the arm.
         covariance: Upper triangle of the covariance of the desired pose, 21 numbers.
         authority: Authority of the assistance, 0 to 1.
-        misalignment: Distance [m] and angle [rad] from the robot to where the hand would move it.
+        misalignment: Distance [m] and angle [rad] from the robot to the hand, or to where it would move it.
         envelope_left: Time left of an envelope in use [s].
         skill_state: Most probable state of the skill.
         probability: Its probability.

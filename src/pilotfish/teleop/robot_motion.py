@@ -5,8 +5,8 @@
     elsewhere    a controlled stop, then rest
 
 In ALIGNING the assistance computes where the hand would move the robot, and the robot stays. It is aligned
-when that place is near, the hand is at rest, and the authority of the assistance has settled. The motion that
-follows begins with a blend. Limits of the target are those of the assistance, except that a
+when the hand is at the robot, by itself or as corrected, and at rest. The motion that follows begins with a
+blend. Limits of the target are those of the assistance, except that a
 controlled stop brakes along the present path.
 """
 
@@ -130,25 +130,38 @@ def _align(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
         return replace(site, motion=replace(site.motion, target=motion))
     held = rest_target(assistant, site.motion.assistance, motion.pose)
     assistance, target, refusal = _step_command(settings, site, held, command, dt)
-    distance, angle = misalignment(assistant, assistance)
-    site = replace(
-        site,
-        motion=Motion(
-            rest_target(assistant, assistance, motion.pose), motion, target, (distance, angle), refusal
-        ),
-    )
-    # While authority changes, the hand may be far away and look near, because the skill corrects it.
-    is_settled = abs(assistance.memory.authority - held.memory.authority) < SETTLED
-    is_aligned = is_settled and _is_aligned(settings, command, distance, angle)
+    is_aligned, offset = _compare_hand(settings, site, held, assistance, command)
+    after = rest_target(assistant, assistance, motion.pose)
+    site = replace(site, motion=Motion(after, motion, target, offset, refusal))
     if refusal is Refusal.NONE and is_aligned and not is_link_lost(site):
         return apply_event(site, Event.ALIGNED)
     return site
 
 
-def _is_aligned(settings: RobotSettings, command: CommandMessage, distance: float, angle: float) -> bool:
-    limits, speed = settings.alignment, float(np.linalg.norm(command.twist[:3]))
-    is_near = distance <= limits.distance and angle <= limits.angle
-    return command.is_clutch_closed and is_near and speed <= limits.hand_speed
+def _compare_hand(
+    settings: RobotSettings,
+    site: RobotSite,
+    before: AssistanceState,
+    after: AssistanceState,
+    command: CommandMessage,
+) -> tuple[bool, tuple[float, float]]:
+    """Return whether the hand is at the robot and at rest, and the distance [m] and angle [rad] between them.
+
+    The hand is at the robot if its command is, or the command that the skill corrected: an operator who sees
+    displaced objects holds the hand elsewhere. The latter counts when the authority has settled. Before, the
+    hand may be far away and look near.
+    """
+    memory, assistant = after.memory, site.skills.assistant
+    v = log_map(memory.command, before.memory.pose, assistant.layout.orientation_starts)
+    limits, hand = settings.alignment, (float(np.linalg.norm(v[:3])), float(np.linalg.norm(v[3:6])))
+    corrected = misalignment(assistant, after)
+    is_settled = abs(memory.authority - before.memory.authority) < SETTLED
+    near = [
+        distance <= limits.distance and angle <= limits.angle
+        for distance, angle in (hand, corrected)[: 1 + is_settled]
+    ]
+    is_at_rest = float(np.linalg.norm(command.twist[:3])) <= limits.hand_speed
+    return any(near) and is_at_rest and command.is_clutch_closed, min(hand, corrected)
 
 
 def _continue_alone(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
@@ -200,10 +213,9 @@ def _resume(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:
         return apply_event(site, Event.ALIGNED)
     held = rest_target(assistant, assistance, site.motion.target.pose)
     trial, _, refusal = _step_command(settings, site, held, command, dt)
-    distance, angle = misalignment(assistant, trial)
-    site = replace(site, motion=replace(site.motion, misalignment=(distance, angle), refusal=refusal))
-    is_aligned = refusal is Refusal.NONE and _is_aligned(settings, command, distance, angle)
-    return apply_event(site, Event.ALIGNED) if is_aligned else site
+    is_aligned, offset = _compare_hand(settings, site, held, trial, command)
+    site = replace(site, motion=replace(site.motion, misalignment=offset, refusal=refusal))
+    return apply_event(site, Event.ALIGNED) if is_aligned and refusal is Refusal.NONE else site
 
 
 def _rest(settings: RobotSettings, site: RobotSite, dt: float) -> RobotSite:

@@ -153,7 +153,7 @@ class Motion:
         assistance: State of the assistance.
         target: Pose and velocity of the target.
         last: What the assistance computed last; None before.
-        misalignment: Distance [m] and angle [rad] from the robot to where the hand would move it.
+        misalignment: Distance [m] and angle [rad] from the robot to the hand, or to where it would move it.
         refusal: Why the mode or the skill of the last command is not in effect.
         is_limited: Whether limits keep the target from the pose that was asked for.
     """
