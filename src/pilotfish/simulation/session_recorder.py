@@ -135,7 +135,7 @@ def replay_session(path: str | Path) -> tuple[Replay, SessionFile]:
         What was compared, up to the first difference, and the file.
 
     Raises:
-        UnreadableFile: If the file is damaged, is no recording of a robot's site, or another version recorded it.
+        UnreadableFile: If the file is damaged, is no recording of a robot's site, or is of another version.
         SkillError: If a record is damaged, or the file cannot be read.
     """
     session = read_session(path)
