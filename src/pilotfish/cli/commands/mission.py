@@ -241,11 +241,15 @@ def _write_film(
             film.times,
             film.phases,
             title=f"{task.name}, {options['mode']}, round trip {options['rtt']:g} s, situation {number}",
-            outcome=f"failed: {result.failure.summary}" if result.failure else "succeeded",
+            outcome="succeeded" if result.outcome.success else f"failed: {_summary(result)}",
             success=result.outcome.success,
         )
         write_film(images, options["film"], film.period, overwrite=options["force"])
     film.close()
+
+
+def _summary(result: "MissionResult") -> str:
+    return result.failure.summary if result.failure else result.outcome.reason
 
 
 def _describe_link(settings: "MissionSettings", options: dict[str, Any]) -> str:
@@ -271,6 +275,12 @@ def _notes(
         notes.append(
             f"note: the outage at {late[0]:g} s had no effect, since the session ended at {last:.1f} s"
         )
+    for mission in missions:
+        if mission.log.began is None:
+            state = mission.log.changes[-1].state
+            notes.append(
+                f"note: the robot did not move in situation {mission.situation}: the session is {state}"
+            )
     if settings.agreed_budget < settings.round_trip:
         notes.append(
             f"note: the budget of {settings.agreed_budget:g} s is below the round trip of "

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import inf, isfinite, radians
+from math import ceil, inf, isfinite, radians
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 MODES = ("direct", "shared", "autonomous", "fixture")
 DIRECTIONS = ("forward", "backward")
-CM, PERCENT, KBIT = 100.0, 100.0, 1000.0
+CM, PERCENT, KBIT, TENTHS = 100.0, 100.0, 1000.0, 10.0
 MAX_BUDGET, MAX_ENVELOPE = 60.0, 120.0  # s
 Outage = tuple[float, float, tuple[str, ...]]
 
@@ -262,4 +262,4 @@ def _require_possible(settings: "MissionSettings", options: dict[str, Any]) -> N
 
 
 def _round_up(seconds: float) -> str:
-    return f"{int(PERCENT * seconds + 1.0) / PERCENT:g}"
+    return f"{ceil(TENTHS * seconds) / TENTHS:g}"

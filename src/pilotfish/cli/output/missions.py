@@ -17,6 +17,7 @@ FORWARD_RATE, BACKWARD_RATE = 256.0, 768.0  # kbit/s: the links for which the pr
 LIVE_PERIOD = 0.1  # s of simulated time
 BITS, KBIT = 8, 1000.0
 OPERATOR = 1
+HELD, MOVING = ("hold", "stopped"), ("active", "continuing")  # states of a session
 
 
 @dataclass(slots=True)
@@ -71,12 +72,13 @@ class MissionLog:
 
     @property
     def holds(self) -> list[tuple[Change, float | None]]:
-        """Each hold, and when the robot moved again [s]; None if it did not."""
-        found = []
-        for n, change in enumerate(self.changes):
-            if change.state in ("hold", "stopped"):
-                after = (each.time for each in self.changes[n:] if each.state in ("active", "continuing"))
-                found.append((change, next(after, None)))
+        """Each hold, and when the robot moved again [s]; None if it did not before the next one."""
+        found: list[tuple[Change, float | None]] = []
+        for change in self.changes:
+            if change.state in HELD:
+                found.append((change, None))
+            elif change.state in MOVING and found and found[-1][1] is None:
+                found[-1] = (found[-1][0], change.time)
         return found
 
 
@@ -167,9 +169,9 @@ def summarise_missions(
             _missions_table(missions, task),
         ]
     failures = [
-        f"situation {mission.situation}: {_explain(mission.result)}"
+        f"situation {mission.situation}: {explain(mission.result)}"
         for mission in missions
-        if mission.result.failure
+        if not mission.result.outcome.success
     ]
     if len(missions) > 1 and failures:
         blocks.append("\n".join(failures))
@@ -184,7 +186,7 @@ def summarise_missions(
 
 def _mission_rows(mission: Mission, task: "Task[Any]") -> list[tuple[str, str]]:
     result, log = mission.result, mission.log
-    outcome = "success" if result.failure is None else f"failure, {_explain(result)}"
+    outcome = "success" if result.outcome.success else f"failure, {explain(result)}"
     rows = [
         ("result", outcome),
         ("error", f"{result.outcome.error:.2g} {task.unit}, peak force {result.peak_forces['tool']:.0f} N"),
@@ -211,7 +213,7 @@ def _missions_table(missions: Sequence[Mission], task: "Task[Any]") -> Table:
     rows = [
         (
             str(mission.situation),
-            "success" if mission.result.failure is None else "failure",
+            "success" if mission.result.outcome.success else "failure",
             f"{mission.result.outcome.error:.2g} {task.unit}",
             f"{mission.result.duration:.1f} s",
             str(mission.result.submovements),
@@ -243,10 +245,15 @@ def _describe_holds(log: MissionLog) -> str:
     return "; ".join(parts)
 
 
-def _explain(result: "MissionResult") -> str:
+def explain(result: "MissionResult") -> str:
+    """Return why a mission failed: the first phase that was not passed, or the state of the task.
+
+    Args:
+        result: Result of a mission that did not succeed.
+    """
     failure = result.failure
     if failure is None:
-        return "success"
+        return result.outcome.reason
     return failure.detail if failure.phase == "other" else f"{failure.summary}: {failure.detail}"
 
 
