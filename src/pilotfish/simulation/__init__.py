@@ -5,6 +5,7 @@ from pilotfish.simulation.execution import ExecutionResult, perform, plan_in_sit
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
 from pilotfish.simulation.meshes import baxter_meshes
 from pilotfish.simulation.mission import MissionResult, MissionSettings, run_mission
+from pilotfish.simulation.mission_skill import MissionSkill, envelope_around_skill, mission_skill
 from pilotfish.simulation.recording import (
     RecordedDemonstration,
     delay_observations,
@@ -26,6 +27,7 @@ from pilotfish.simulation.study import (
 from pilotfish.simulation.study_measures import perform_study_run
 from pilotfish.simulation.study_skills import learn_study_skills
 from pilotfish.simulation.study_statistics import ModeSummary, Ratio, paired_ratio, preferred_mode
+from pilotfish.simulation.session_recorder import SessionRecorder, changed_versions, replay_session
 from pilotfish.simulation.teleoperation import Link, TeleoperationResult, displace_view, teleoperate
 
 __all__ = [
@@ -41,21 +43,28 @@ __all__ = [
     "Ratio",
     "RecordedDemonstration",
     "StudyRun",
+    "MissionSkill",
+    "RecordedDemonstration",
+    "SessionRecorder",
     "TeleoperationResult",
     "baxter_meshes",
     "caption_images",
+    "changed_versions",
     "delay_observations",
     "displace_view",
     "encode_film",
+    "envelope_around_skill",
     "film_strip",
     "learn_study_skills",
     "paired_ratio",
+    "mission_skill",
     "perform",
     "perform_study_run",
     "plan_in_situation",
     "preferred_mode",
     "record",
     "record_demonstrations",
+    "replay_session",
     "require_pillow",
     "run_mission",
     "select_by_success",

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pilotfish import __version__
 from pilotfish.assistance import calibrate_gate, learn_virtual_fixture
 from pilotfish.demonstrations import Demonstration, frame_from_pose
 from pilotfish.environments import Task
@@ -22,14 +23,13 @@ from pilotfish.io import (
     read_file,
 )
 from pilotfish.models import Skill, adapt, learn
-from pilotfish.models.learning_problem import library_version
 from pilotfish.simulation.meshes import cache_folder
 from pilotfish.simulation.recording import record_demonstrations
 from pilotfish.teleop import Envelope
-from pilotfish.teleop.operator_values import MAX_SKILL_BYTES
 from pilotfish.validation import shorten_repr
 
 DEMONSTRATIONS, SEED = 6, 0
+MAX_CACHE_BYTES = 2**24
 MARGIN = 0.05  # m, of an envelope
 DEVIATIONS = 2.0  # standard deviations of each state inside an envelope
 
@@ -43,19 +43,23 @@ class MissionSkill:
         data: Bytes from `io.encode_assisted_skill`.
         file: File of the cache; None if it could not be written.
         is_new: Whether it was learned now.
+        demonstrations: Number of demonstrations.
     """
 
     data: bytes
     file: Path | None
     is_new: bool
+    demonstrations: int = DEMONSTRATIONS
 
 
-def mission_skill(task: Task[Any], on_recording: Callable[[int], None] = lambda _: None) -> MissionSkill:
+def mission_skill(
+    task: Task[Any], on_recording: Callable[[int, int], None] = lambda done, count: None
+) -> MissionSkill:
     """Return the skill of a task at defaults: from the cache, or recorded and learned now.
 
     Args:
         task: Task.
-        on_recording: Function that is called with the number of demonstrations after each of them.
+        on_recording: Function that is called after each demonstration with their number and that of all.
 
     Raises:
         SkillError: If a demonstration fails repeatedly.
@@ -74,12 +78,12 @@ def mission_skill(task: Task[Any], on_recording: Callable[[int], None] = lambda 
     return MissionSkill(data, file, is_new=True)
 
 
-def learn_assisted_skill(task: Task[Any], on_recording: Callable[[int], None]) -> bytes:
+def learn_assisted_skill(task: Task[Any], on_recording: Callable[[int, int], None]) -> bytes:
     """Record six demonstrations, and learn a skill with its gate and its virtual fixture.
 
     Args:
         task: Task.
-        on_recording: Function that is called with the number of demonstrations after each of them.
+        on_recording: Function that is called after each demonstration with their number and that of all.
 
     Raises:
         SkillError: If a demonstration fails repeatedly.
@@ -87,7 +91,7 @@ def learn_assisted_skill(task: Task[Any], on_recording: Callable[[int], None]) -
     recorded: list[Demonstration] = []
     for recording, _ in record_demonstrations(task, DEMONSTRATIONS, SEED):
         recorded.append(recording.demonstration)
-        on_recording(len(recorded))
+        on_recording(len(recorded), DEMONSTRATIONS)
     gate = calibrate_gate(recorded, _learn)
     fixture = learn_virtual_fixture(recorded, rng=np.random.default_rng(SEED))
     return encode_assisted_skill(_learn(recorded), gate=gate, fixture=fixture)
@@ -129,7 +133,7 @@ def _learn(demonstrations: list[Demonstration]) -> Skill:
 
 
 def _cache_file(task: Task[Any]) -> Path | None:
-    version = sha256(library_version().encode()).hexdigest()[:8]
+    version = sha256(__version__.encode()).hexdigest()[:8]
     try:
         return cache_folder() / f"{task.name.replace(' ', '-')}-{version}.assisted"
     except SkillError:  # no home folder
@@ -141,7 +145,7 @@ def _read_cache(file: Path) -> bytes | None:
     if not path_exists(file):
         return None
     try:
-        content = read_file(file, "a skill", MAX_SKILL_BYTES + 32)
+        content = read_file(file, "a skill", MAX_CACHE_BYTES)
         if sha256(content[32:]).digest() != content[:32]:
             return None
         decode_assisted_skill(content[32:])

@@ -10,11 +10,11 @@ from types import TracebackType
 
 import numpy as np
 
-from pilotfish import kernels
+from pilotfish import __version__, kernels
 from pilotfish.errors import InvalidInput, SkillError, UnreadableFile
 from pilotfish.io import SessionFile, SessionWriter, decode_assisted_skill, read_session
-from pilotfish.models.learning_problem import library_version
 from pilotfish.teleop import (
+    RECORD_VERSIONS,
     ReceivedMessage,
     Replay,
     RobotSettings,
@@ -22,14 +22,11 @@ from pilotfish.teleop import (
     RobotStep,
     decode_robot_settings,
     encode_robot_settings,
-    encode_sensed,
+    encode_start,
     encode_step,
     replay_records,
 )
-from pilotfish.teleop.messages import VERSION
-from pilotfish.teleop.session_record import START
 
-RECORD_VERSION = "1"
 REFUSED = ("recording", "messages", "pilotfish")  # versions that must be the same for a replay
 SETTINGS = "robot"  # name of the settings among the metadata
 
@@ -37,9 +34,8 @@ SETTINGS = "robot"  # name of the settings among the metadata
 def session_versions() -> dict[str, str]:
     """Return the versions on which a session depends, by name."""
     return {
-        "recording": RECORD_VERSION,
-        "messages": str(VERSION),
-        "pilotfish": library_version(),
+        **RECORD_VERSIONS,
+        "pilotfish": __version__,
         "kernels": kernels.BACKEND,
         "numpy": np.__version__,
         "machine": platform.machine(),
@@ -93,7 +89,8 @@ class SessionRecorder:
                 texts = {SETTINGS: encode_robot_settings(settings), **session_versions()}
                 self._writer.describe({**self._texts, **texts})
                 self._is_described = True
-            self._writer.write(START, time_ns, encode_sensed(robot))
+            channel, data = encode_start(robot)
+            self._writer.write(channel, time_ns, data)
         except SkillError as error:
             self.failure = str(error)
 

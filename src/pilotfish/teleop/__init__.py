@@ -61,7 +61,7 @@ from pilotfish.teleop.session import (
     SessionState,
     next_state,
 )
-from pilotfish.teleop.session_record import RobotRecorder, encode_sensed, encode_step
+from pilotfish.teleop.session_record import RECORD_VERSIONS, RobotRecorder, encode_start, encode_step
 from pilotfish.teleop.skill_transfer import (
     SkillStore,
     add_piece,
@@ -79,6 +79,7 @@ __all__ = [
     "CLEARING_ACTIONS",
     "MODES",
     "NO_ENVELOPE",
+    "RECORD_VERSIONS",
     "ROBOT",
     "TRANSITIONS",
     "Action",
@@ -140,7 +141,7 @@ __all__ = [
     "describe_link_drop",
     "encode",
     "encode_robot_settings",
-    "encode_sensed",
+    "encode_start",
     "encode_step",
     "expect_skills",
     "missing_pieces",

@@ -16,14 +16,14 @@ decoding the payload of a received message gives the same message.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from struct import Struct, error
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from pilotfish.geometry import Pose
 from pilotfish.teleop.codec import decode, encode, kind_of
 from pilotfish.teleop.errors import MalformedMessage
-from pilotfish.teleop.messages import OutgoingMessage, ReceivedMessage
+from pilotfish.teleop.messages import VERSION, OutgoingMessage, ReceivedMessage
 from pilotfish.teleop.robot_step import RobotStep
 from pilotfish.teleop.robot_values import RobotSettings, RobotState
 from pilotfish.types import Array, Float
@@ -34,6 +34,8 @@ START, RECEIVED, SENSED, SENT, TARGET = (
 )
 CHANNELS = (START, RECEIVED, SENSED, SENT, TARGET)
 Records = list[tuple[str, bytes]]
+RECORD_VERSIONS = {"recording": "1", "messages": str(VERSION)}
+"""Versions of the records and of the messages, by name."""
 
 _RECEIVED, _SENT, _TARGET = Struct("<HIB"), Struct("<HB"), Struct("<QBB")
 _SENSED, _NAME, _POSE, _COUNT = Struct("<14dB"), Struct("<H"), Struct("<7d"), Struct("<H")
@@ -41,6 +43,7 @@ _HAS_FRAMES, _HAS_REPORTED = 1, 2
 TARGET_NUMBERS = 14  # pose, velocity, grip
 
 
+@runtime_checkable
 class RobotRecorder(Protocol):
     """What records the robot's site of a session; it must not raise an exception."""
 
@@ -81,6 +84,15 @@ class RecordedStep:
     robot: RobotState
     sent: tuple[bytes, ...]
     target: bytes
+
+
+def encode_start(robot: RobotState) -> tuple[str, bytes]:
+    """Return the record of a start of the robot's site: channel and bytes.
+
+    Args:
+        robot: What the robot senses.
+    """
+    return START, encode_sensed(robot)
 
 
 def encode_step(received: Sequence[ReceivedMessage], robot: RobotState, step: RobotStep) -> Records:

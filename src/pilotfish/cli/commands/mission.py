@@ -32,9 +32,7 @@ from pilotfish.io import open_skill
 
 if TYPE_CHECKING:
     from pilotfish.environments import Task, Workcell
-    from pilotfish.simulation import FilmRecorder
-    from pilotfish.simulation.mission import MissionResult, MissionSettings
-    from pilotfish.simulation.session_recorder import SessionRecorder
+    from pilotfish.simulation import FilmRecorder, MissionResult, MissionSettings, SessionRecorder
     from pilotfish.teleop import OperatorInput, OperatorView, RobotStep
 
 ELLIPSOIDS = (1.0, 2.0)  # standard deviations
@@ -100,7 +98,7 @@ def _require_outputs(options: dict[str, Any]) -> None:
     require_simulation(skill or Path(), film, meshes=options["meshes"], force=options["force"])
     require_writable_file(out, film, force=options["force"], inputs=(skill,))
     if out:
-        from pilotfish.simulation.session_recorder import SessionRecorder
+        from pilotfish.simulation import SessionRecorder
 
         SessionRecorder(out, overwrite=options["force"])
 
@@ -108,7 +106,7 @@ def _require_outputs(options: dict[str, Any]) -> None:
 def _choose_skill(task: "Task[Any]", options: dict[str, Any]) -> ChosenSkill:
     """Return the skill of a file, or that of the task at defaults."""
     from pilotfish.io import decode_assisted_skill, encode_assisted_skill
-    from pilotfish.simulation.mission_skill import DEMONSTRATIONS, mission_skill
+    from pilotfish.simulation import mission_skill
 
     if file := options["skill"]:
         if options["mode"] == "fixture":
@@ -120,9 +118,9 @@ def _choose_skill(task: "Task[Any]", options: dict[str, Any]) -> ChosenSkill:
         begin = perf_counter()
         with live_line() as print_line:
             found = mission_skill(
-                task, lambda n: print_line(f"recording demonstration {n} of {DEMONSTRATIONS} of {task.name}")
+                task, lambda n, count: print_line(f"recorded demonstration {n} of {count} of {task.name}")
             )
-        source = f"learned from {DEMONSTRATIONS} simulated demonstrations"
+        source = f"learned from {found.demonstrations} simulated demonstrations"
         if found.is_new:
             source += f" in {perf_counter() - begin:.0f} s"
         source += f", kept in {found.file}" if found.file else ", not kept: no cache folder"
@@ -149,8 +147,7 @@ def _run_once(
     """Run a mission in one situation; return why its recording ended early as well."""
     import numpy as np
 
-    from pilotfish.simulation import FilmRecorder, situation_from_seed
-    from pilotfish.simulation.mission import run_mission
+    from pilotfish.simulation import FilmRecorder, run_mission, situation_from_seed
 
     seed = options["seed"]
     situation, log = situation_from_seed(task, "test", seed, number), MissionLog()
@@ -172,7 +169,7 @@ def _run_once(
 
 
 def _recorder(task: "Task[Any]", number: int, options: dict[str, Any]) -> "SessionRecorder":
-    from pilotfish.simulation.session_recorder import SessionRecorder
+    from pilotfish.simulation import SessionRecorder
 
     texts = {name: options[name] for name in PARAMETERS}
     facts = {**texts, "task": task.name, "situation": number, "outages": options["outages"]}
@@ -184,7 +181,7 @@ def _with_envelope(
 ) -> "MissionSettings":
     """Return the settings with the envelope around the skill in a situation, if it is asked for."""
     from pilotfish.environments import Workcell
-    from pilotfish.simulation.mission_skill import envelope_around_skill
+    from pilotfish.simulation import envelope_around_skill
 
     if not (duration := options["allow_after_outage"]):
         return settings

@@ -25,7 +25,7 @@ def replay_session_command(session: Path) -> CommandResult:
     it sends is compared. The exit code is 1 if one differs. A recording that was cut short is compared up to
     its end; it may be the .part that a killed mission leaves.
     """
-    from pilotfish.simulation.session_recorder import replay_session
+    from pilotfish.simulation import replay_session
 
     replay, file = replay_session(session)
     counts = f"{replay.steps} steps, {replay.messages} messages"
@@ -59,7 +59,7 @@ def replay_session_command(session: Path) -> CommandResult:
 
 def _notes(replay: "Replay", file: "SessionFile") -> list[str]:
     """Return what is missing in the file, and what else may explain a difference."""
-    from pilotfish.simulation.session_recorder import changed_versions
+    from pilotfish.simulation import changed_versions
 
     notes = []
     if not file.is_complete:

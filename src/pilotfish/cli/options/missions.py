@@ -12,7 +12,7 @@ from pilotfish.cli.options.execution import FILE, validate_film_path
 from pilotfish.cli.output.results import require_finite_option
 
 if TYPE_CHECKING:
-    from pilotfish.simulation.mission import MissionSettings
+    from pilotfish.simulation import MissionSettings
     from pilotfish.teleop import LinkSettings
 
 Command = Callable[..., Any]
@@ -196,8 +196,7 @@ def mission_settings(options: dict[str, Any]) -> "MissionSettings":
         click.UsageError: If options contradict each other, or the robot would refuse the mode.
     """
     from pilotfish.errors import InvalidInput
-    from pilotfish.simulation import Link
-    from pilotfish.simulation.mission import MissionSettings
+    from pilotfish.simulation import Link, MissionSettings
     from pilotfish.teleop import ContractLimits
 
     limits = ContractLimits(max_budget=MAX_BUDGET)

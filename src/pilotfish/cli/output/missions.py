@@ -10,7 +10,7 @@ from pilotfish.validation import shorten_repr
 
 if TYPE_CHECKING:
     from pilotfish.environments import Task, Workcell
-    from pilotfish.simulation.mission import MissionResult
+    from pilotfish.simulation import MissionResult
     from pilotfish.teleop import OperatorInput, OperatorView, RobotStep
 
 FORWARD_RATE, BACKWARD_RATE = 256.0, 768.0  # kbit/s: the links for which the protocol is made
