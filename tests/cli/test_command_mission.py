@@ -54,7 +54,7 @@ def test_mission_recording_is_replayed_identically(
 
 
 def test_mission_summary_states_holds_bytes_and_late_outage(mission: list[str], run_command_line: RunCommand):
-    result = run_command_line(*mission, "--outage", "3:1", "--outage", "500:1")
+    result = run_command_line(*mission, "--outage", "3.6:1", "--outage", "500:1")
     assert result.exit_code == 0
     for text in ("link lost at 3.", "% of 256 kbit/s", "% of 768 kbit/s", "agreed budget 0.25 s"):
         assert text in result.stdout
@@ -62,7 +62,7 @@ def test_mission_summary_states_holds_bytes_and_late_outage(mission: list[str], 
 
 
 def test_mission_envelope_continues_through_the_outage(mission: list[str], run_json: RunJson):
-    options = ("--outage", "3:2", "--allow-after-outage", "10")
+    options = ("--outage", "3.6:2", "--allow-after-outage", "10")
     (situation,) = run_json(*mission, *options)["situations"]
     assert [hold["reason"] for hold in situation["holds"]] in ([], ["plan ended"])
 

@@ -47,6 +47,7 @@ from pilotfish.teleop.session_record import (
 pytestmark = pytest.mark.usefixtures("unchecked")
 
 BAD_LINK = LinkSettings(delay=0.1, loss=0.05, jitter=0.02)
+OUTAGE = 2.5  # s, while the robot moves
 Record = Callable[..., MissionResult]
 
 
@@ -120,7 +121,7 @@ def test_replay_of_autonomous_mission_through_an_outage_is_identical(
 
     poses = Workcell(alignment_task, situation_from_seed(alignment_task, "test", 0, 0)).frames()
     envelope = envelope_around_skill(skill, poses, 5.0, ("autonomous",))
-    link = replace(BAD_LINK, outages=((2.2, 1.0),))
+    link = replace(BAD_LINK, outages=((OUTAGE, 1.0),))
     record(tmp_path / "a.mcap", mode="autonomous", envelope=envelope, forward=link, backward=link)
     replay, _ = replay_session(tmp_path / "a.mcap")
     assert (replay.difference, replay.left_over) == (None, 0)

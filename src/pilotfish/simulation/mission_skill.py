@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish import __version__
+import pilotfish
 from pilotfish.assistance import calibrate_gate, learn_virtual_fixture
 from pilotfish.demonstrations import Demonstration, frame_from_pose
 from pilotfish.environments import Task
@@ -133,7 +133,7 @@ def _learn(demonstrations: list[Demonstration]) -> Skill:
 
 
 def _cache_file(task: Task[Any]) -> Path | None:
-    version = sha256(__version__.encode()).hexdigest()[:8]
+    version = sha256(pilotfish.__version__.encode()).hexdigest()[:8]
     try:
         return cache_folder() / f"{task.name.replace(' ', '-')}-{version}.assisted"
     except SkillError:  # no home folder

@@ -10,7 +10,8 @@ from types import TracebackType
 
 import numpy as np
 
-from pilotfish import __version__, kernels
+import pilotfish
+from pilotfish import kernels
 from pilotfish.errors import InvalidInput, SkillError, UnreadableFile
 from pilotfish.io import SessionFile, SessionWriter, decode_assisted_skill, read_session
 from pilotfish.teleop import (
@@ -35,9 +36,9 @@ def session_versions() -> dict[str, str]:
     """Return the versions on which a session depends, by name."""
     return {
         **RECORD_VERSIONS,
-        "pilotfish": __version__,
+        "pilotfish": pilotfish.__version__,
         "kernels": kernels.BACKEND,
-        "numpy": np.__version__,
+        "numpy": np.pilotfish.__version__,
         "machine": platform.machine(),
     }
 
@@ -132,7 +133,7 @@ def replay_session(path: str | Path) -> tuple[Replay, SessionFile]:
         What was compared, up to the first difference, and the file.
 
     Raises:
-        UnreadableFile: If the file is damaged, is no recording of a robot's site, or is of another version.
+        UnreadableFile: If the file is damaged, of another version, or not a recording of a robot's site.
         SkillError: If a record is damaged, or the file cannot be read.
     """
     session = read_session(path)

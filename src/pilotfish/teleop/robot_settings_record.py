@@ -75,7 +75,7 @@ def _require_names(kind: type, values: Any, place: str, omitted: set[str]) -> No
     """Refuse settings that another version has, by their names."""
     expected = {each.name for each in fields(kind)} - omitted
     if not isinstance(values, dict):
-        raise UnreadableFile(f"{place} of the recorded robot are no JSON object, expected names and values")
+        raise UnreadableFile(f"{place} of the recorded robot: expected a JSON object with names and values")
     if other := sorted(expected ^ set(values)):
         verb = "has" if other[0] in values else "lacks"
         raise UnreadableFile(
