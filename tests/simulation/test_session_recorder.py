@@ -31,7 +31,6 @@ from pilotfish.teleop import (
     SessionState,
     decode_robot_settings,
     encode_robot_settings,
-    encode_sensed,
     replay_records,
 )
 from pilotfish.teleop.session_record import (
@@ -42,6 +41,7 @@ from pilotfish.teleop.session_record import (
     decode_received,
     decode_sensed,
     decode_target,
+    encode_sensed,
 )
 
 pytestmark = pytest.mark.usefixtures("unchecked")

@@ -38,7 +38,7 @@ def session_versions() -> dict[str, str]:
         **RECORD_VERSIONS,
         "pilotfish": pilotfish.__version__,
         "kernels": kernels.BACKEND,
-        "numpy": np.pilotfish.__version__,
+        "numpy": np.__version__,
         "machine": platform.machine(),
     }
 
