@@ -15,6 +15,7 @@ from pilotfish.simulation.recording import (
     situation_from_seed,
 )
 from pilotfish.simulation.selection import select_by_success
+from pilotfish.simulation.session_recorder import SessionRecorder, changed_versions, replay_session
 from pilotfish.simulation.study import (
     NOISE_FREE,
     OPERATORS,
@@ -27,7 +28,6 @@ from pilotfish.simulation.study import (
 from pilotfish.simulation.study_measures import perform_study_run
 from pilotfish.simulation.study_skills import learn_study_skills
 from pilotfish.simulation.study_statistics import ModeSummary, Ratio, paired_ratio, preferred_mode
-from pilotfish.simulation.session_recorder import SessionRecorder, changed_versions, replay_session
 from pilotfish.simulation.teleoperation import Link, TeleoperationResult, displace_view, teleoperate
 
 __all__ = [
@@ -39,13 +39,12 @@ __all__ = [
     "Link",
     "MissionResult",
     "MissionSettings",
+    "MissionSkill",
     "ModeSummary",
     "Ratio",
     "RecordedDemonstration",
-    "StudyRun",
-    "MissionSkill",
-    "RecordedDemonstration",
     "SessionRecorder",
+    "StudyRun",
     "TeleoperationResult",
     "baxter_meshes",
     "caption_images",
@@ -56,8 +55,8 @@ __all__ = [
     "envelope_around_skill",
     "film_strip",
     "learn_study_skills",
-    "paired_ratio",
     "mission_skill",
+    "paired_ratio",
     "perform",
     "perform_study_run",
     "plan_in_situation",
