@@ -120,7 +120,7 @@ def test_glossary_terms_are_used_in_source_or_pages():
 def test_glossary_commands_are_those_of_the_command_line():
     from pilotfish.cli.main import cli
 
-    assert set(re.findall(r"^\| `pilotfish (\w+)` \|", read("glossary.md"), re.MULTILINE)) == set(
+    assert set(re.findall(r"^\| `pilotfish ([\w-]+)` \|", read("glossary.md"), re.MULTILINE)) == set(
         cli.commands
     )
 

@@ -58,7 +58,7 @@ def test_docs_command_lines_run(
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 25
+    assert len(lines) == 29
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"
@@ -84,5 +84,6 @@ def test_docs_command_lines_run(
         "hooking",
         "hooking.skill",
         "hooking.webp",
+        "session.mcap",
     }
     assert written <= {path.name for path in tmp_path.iterdir()}

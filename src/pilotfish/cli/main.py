@@ -10,8 +10,10 @@ from pilotfish.cli.commands.data import data
 from pilotfish.cli.commands.demo import demo
 from pilotfish.cli.commands.drive import drive
 from pilotfish.cli.commands.learn import learn
+from pilotfish.cli.commands.mission import mission
 from pilotfish.cli.commands.perform import perform
 from pilotfish.cli.commands.record import record, tasks
+from pilotfish.cli.commands.replay_session import replay_session_command
 from pilotfish.cli.commands.reproduce import reproduce_command
 from pilotfish.cli.commands.select import select
 from pilotfish.cli.commands.show import show
@@ -33,7 +35,22 @@ from pilotfish.cli.stream.signals import (
 )
 from pilotfish.errors import SkillError
 
-COMMANDS = (data, demo, learn, stream, select, show, reproduce_command, tasks, record, perform, drive, study)
+COMMANDS = (
+    data,
+    demo,
+    learn,
+    stream,
+    select,
+    show,
+    reproduce_command,
+    tasks,
+    record,
+    perform,
+    drive,
+    mission,
+    replay_session_command,
+    study,
+)
 RENAMED_COMMANDS = {"replay": "reproduce"}
 
 

@@ -5,6 +5,7 @@ from pilotfish.simulation.execution import ExecutionResult, perform, plan_in_sit
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
 from pilotfish.simulation.meshes import baxter_meshes
 from pilotfish.simulation.mission import MissionResult, MissionSettings, run_mission
+from pilotfish.simulation.mission_skill import MissionSkill, envelope_around_skill, mission_skill
 from pilotfish.simulation.recording import (
     RecordedDemonstration,
     delay_observations,
@@ -14,6 +15,7 @@ from pilotfish.simulation.recording import (
     situation_from_seed,
 )
 from pilotfish.simulation.selection import select_by_success
+from pilotfish.simulation.session_recorder import SessionRecorder, changed_versions, replay_session
 from pilotfish.simulation.study import (
     NOISE_FREE,
     OPERATORS,
@@ -37,18 +39,23 @@ __all__ = [
     "Link",
     "MissionResult",
     "MissionSettings",
+    "MissionSkill",
     "ModeSummary",
     "Ratio",
     "RecordedDemonstration",
+    "SessionRecorder",
     "StudyRun",
     "TeleoperationResult",
     "baxter_meshes",
     "caption_images",
+    "changed_versions",
     "delay_observations",
     "displace_view",
     "encode_film",
+    "envelope_around_skill",
     "film_strip",
     "learn_study_skills",
+    "mission_skill",
     "paired_ratio",
     "perform",
     "perform_study_run",
@@ -56,6 +63,7 @@ __all__ = [
     "preferred_mode",
     "record",
     "record_demonstrations",
+    "replay_session",
     "require_pillow",
     "run_mission",
     "select_by_success",

@@ -39,6 +39,7 @@ from pilotfish.teleop import (
     OperatorInput,
     OperatorSettings,
     OperatorView,
+    RobotRecorder,
     RobotSettings,
     RobotState,
     RobotStep,
@@ -165,6 +166,7 @@ def run_mission(
     settings: MissionSettings,
     *,
     on_step: StepCallback[S] | None = None,
+    recorder: RobotRecorder | None = None,
 ) -> MissionResult:
     """Simulate a mission: an operator does a task with a remote robot over a bad network.
 
@@ -175,6 +177,7 @@ def run_mission(
         rng: Generator of motor noise, of the direction in which the view is off, of links and keys.
         settings: Link, operator and agreement.
         on_step: Function that is called after every step.
+        recorder: Recorder of the robot's site, such as `SessionRecorder`; None for none.
 
     Returns:
         The outcome, and what was commanded and reached.
@@ -186,7 +189,7 @@ def run_mission(
     cell = Workcell(task, situation)
     displace = displace_view(cell.frames(), settings.view, view_rng)
     sense = _Senses(cell, displace)
-    session = _start_session(skill, task, sense.read(), settings, session_rng)
+    session = _start_session(skill, task, sense.read(), settings, session_rng, recorder)
     operator = make_remote_operator(
         task,
         situation,
@@ -218,6 +221,7 @@ def _start_session(
     robot: RobotState,
     settings: MissionSettings,
     rng: np.random.Generator,
+    recorder: RobotRecorder | None,
 ) -> VirtualSession:
     """Return the session of one operator with one skill."""
     layout = task_layout(task)
@@ -233,7 +237,7 @@ def _start_session(
     )
     connection = OperatorConnection(operator, settings.forward, settings.backward)
     site = RobotSettings(decode_assisted_skill, layout, contract=settings.contract)
-    return VirtualSession(site, [connection], robot, rng)
+    return VirtualSession(site, [connection], robot, rng, recorder=recorder)
 
 
 def _tool(step: RobotStep) -> Pose:

@@ -54,6 +54,7 @@ ALIGNING_RATE = 0.4  # rad/s
 NEAR, NEAR_ANGLE = 0.03, 0.2  # m and rad: so near the person leaves the hand where it is
 AT_REST = 0.01  # m/s
 TRUSTED_DISTANCE, TRUSTED_ANGLE = 0.02, 0.175  # m, rad
+STALE = 0.5  # s: the person stops when what is displayed is older
 IDLE = OperatorInput(np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), is_dead_man_pressed=False)
 
 
@@ -160,7 +161,7 @@ def step_remote_operator(
     human = state.human
     assert human is not None
     state, actions = _operate_session(operator, state, time, view, report)
-    is_active = report.state is SessionState.ACTIVE
+    is_active = report.state is SessionState.ACTIVE and view.report_age < STALE
     if is_active:
         state = _work(operator, state, time, view, rng)
     elif report.state in (SessionState.ALIGNING, SessionState.CONTINUING):

@@ -46,6 +46,8 @@ from pilotfish.teleop.operator_values import (
     next_action,
     start_view,
 )
+from pilotfish.teleop.replay import Difference, Replay, replay_records
+from pilotfish.teleop.robot_settings_record import decode_robot_settings, encode_robot_settings
 from pilotfish.teleop.robot_site import RobotSite, start_robot
 from pilotfish.teleop.robot_step import RobotStep, step_robot
 from pilotfish.teleop.robot_values import Alignment, RobotSettings, RobotState, RobotTarget
@@ -59,6 +61,7 @@ from pilotfish.teleop.session import (
     SessionState,
     next_state,
 )
+from pilotfish.teleop.session_record import RECORD_VERSIONS, RobotRecorder, encode_start, encode_step
 from pilotfish.teleop.skill_transfer import (
     SkillStore,
     add_piece,
@@ -76,6 +79,7 @@ __all__ = [
     "CLEARING_ACTIONS",
     "MODES",
     "NO_ENVELOPE",
+    "RECORD_VERSIONS",
     "ROBOT",
     "TRANSITIONS",
     "Action",
@@ -85,6 +89,7 @@ __all__ = [
     "Cause",
     "CommandMessage",
     "ContractLimits",
+    "Difference",
     "Envelope",
     "Event",
     "Header",
@@ -105,10 +110,12 @@ __all__ = [
     "Reason",
     "ReceivedMessage",
     "Refusal",
+    "Replay",
     "Report",
     "ReportedFrame",
     "Request",
     "RobotEndpoint",
+    "RobotRecorder",
     "RobotSettings",
     "RobotSite",
     "RobotState",
@@ -130,8 +137,12 @@ __all__ = [
     "Welcome",
     "add_piece",
     "decode",
+    "decode_robot_settings",
     "describe_link_drop",
     "encode",
+    "encode_robot_settings",
+    "encode_start",
+    "encode_step",
     "expect_skills",
     "missing_pieces",
     "next_action",
@@ -140,6 +151,7 @@ __all__ = [
     "priority",
     "receive_at_operator",
     "receive_at_robot",
+    "replay_records",
     "robot_endpoint",
     "seal_datagram",
     "send_from_operator",

@@ -24,6 +24,7 @@ from pilotfish.teleop.operator_values import OperatorInput, OperatorSettings, Op
 from pilotfish.teleop.robot_site import RobotSite, start_robot
 from pilotfish.teleop.robot_step import RobotStep, step_robot
 from pilotfish.teleop.robot_values import RobotSettings, RobotState
+from pilotfish.teleop.session_record import RobotRecorder
 from pilotfish.teleop.virtual_clock import VirtualClock
 from pilotfish.teleop.virtual_link import LinkSettings, VirtualLink
 
@@ -118,6 +119,7 @@ class VirtualSession:
         *,
         time_ns: int = 0,
         clock: VirtualClock = TRUE_CLOCK,
+        recorder: RobotRecorder | None = None,
     ) -> None:
         """Start both sites.
 
@@ -128,6 +130,7 @@ class VirtualSession:
             rng: Generator of links, keys and challenges.
             time_ns: True time [ns].
             clock: The robot's clock.
+            recorder: Recorder of the robot's site; None for none.
 
         Raises:
             InvalidInput: If an operator is not among the peers of the robot.
@@ -137,7 +140,7 @@ class VirtualSession:
             raise InvalidInput(
                 f"operator {unknown[0]} is not among the peers, expected one of {settings.peers}"
             )
-        self.settings, self._clock, self._rng = settings, clock, rng
+        self.settings, self._clock, self._rng, self._recorder = settings, clock, rng, recorder
         self._peers = tuple(
             Peer(number, rng.bytes(32), number in settings.operators) for number in settings.peers
         )
@@ -158,6 +161,8 @@ class VirtualSession:
         """
         self.time = self._clock.read(time_ns)
         self.site: RobotSite = start_robot(self.settings, self.time, robot)
+        if self._recorder:
+            self._recorder.start(self.settings, self.time, robot)
         boot, limits = int(self._rng.integers(1, 2**64, dtype=np.uint64)), self.settings.contract
         self.endpoint = robot_endpoint(self._peers, boot, limits.max_budget, limits.max_jitter)
 
@@ -176,6 +181,8 @@ class VirtualSession:
         self.time = self._clock.read(time_ns)
         step = step_robot(self.settings, self.site, self.time, self.received, robot)
         self.site = step.site
+        if self._recorder:
+            self._recorder.record(self.received, robot, step)
         self.endpoint, datagrams = send_from_robot(self.endpoint, step.outgoing)
         for peer, datagram in (*replies, *datagrams):
             if peer in self.operators:

@@ -1,5 +1,6 @@
 """Valid arguments of the public functions of teleop."""
 
+import numpy as np
 from teleop_endpoints import KEYS, PEERS, connect, new_operator, new_robot
 from teleop_messages import EXAMPLES
 
@@ -7,11 +8,17 @@ from fuzzing.examples_of_values import Examples
 from pilotfish.teleop import (
     Kind,
     OutgoingMessage,
+    RobotSettings,
+    RobotState,
     SkillStore,
+    encode_robot_settings,
+    encode_start,
     expect_skills,
     send_from_operator,
     send_from_robot,
     split_skill,
+    start_robot,
+    step_robot,
 )
 from pilotfish.teleop.codec import encode
 
@@ -22,7 +29,15 @@ def teleop_examples() -> Examples:
     _, ((_, to_operator),) = send_from_robot(robot, [OutgoingMessage(1, EXAMPLES[Kind.REPORT])])
     (piece,) = split_skill(b"skill")
     store = expect_skills(SkillStore(), [piece.hash])
+    settings = RobotSettings(bytes.decode)  # type: ignore[arg-type]
+    state = RobotState(np.array([0.6, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]), np.zeros(6), 0.0, {})
+    step = step_robot(settings, start_robot(settings, 0, state), 0, (), state)
     return {
+        "encode_robot_settings": {"settings": settings},
+        "decode_robot_settings": {"text": encode_robot_settings(settings), "decode_skill": bytes.decode},
+        "encode_start": {"robot": state},
+        "encode_step": {"received": (), "robot": state, "step": step},
+        "replay_records": {"settings": settings, "records": [("robot/start", 0, encode_start(state)[1])]},
         "encode": {"message": EXAMPLES[Kind.COMMAND]},
         "decode": {"kind": 3, "payload": encode(EXAMPLES[Kind.COMMAND])},
         "priority": {"kind": 3},

@@ -15,7 +15,7 @@ FILE = click.Path(path_type=Path)
 FILM_SUFFIXES = (".webp", ".gif")
 
 
-def _validate_film_path(_: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:
+def validate_film_path(_: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:
     """Return a path with the suffix of a film, or raise click.BadParameter."""
     if path and path.suffix.lower() not in FILM_SUFFIXES:
         expected = " or ".join(FILM_SUFFIXES)
@@ -51,7 +51,7 @@ FILM_OPTIONS = (
     click.option(
         "--film",
         type=FILE,
-        callback=_validate_film_path,
+        callback=validate_film_path,
         help="Film to write, as .webp or .gif, of the first situation or of that of --situation.",
     ),
     click.option("--meshes", is_flag=True, help="Show the visual meshes of pilotfish[meshes] in the film."),
