@@ -2,7 +2,7 @@
 
 What is displayed decides how a person works. In direct control it is the robot as it was last reported, in
 which the effect of a movement appears after the round trip: the person moves and waits. In shared control and
-on a fixture the person brings the hand to the goal in the local scene, where there is no delay, and looks at
+on a fixture the person brings the hand to the goal in the local scene, which has no delay, and looks at
 the predicted robot as well. As long as this is within 2 cm and 10 degrees of the hand, the person trusts the
 assistance with the rest. Beyond that the person works with the predicted robot, and so corrects an assistance
 that leads elsewhere. On a fixture the hand is always trusted. In autonomous control the person only watches.

@@ -137,7 +137,7 @@ def receive_at_operator(
             )
         else:
             window = endpoint.window.add(header.sequence)
-            endpoint = replace(endpoint, window=window, is_confirmed=True)
+            endpoint = replace(endpoint, window=window, is_confirmed=True, is_greeting=False)
         received.append(ReceivedMessage(ROBOT, message))
     silent_calls = 0 if received else min(endpoint.silent_calls + 1, SILENT_STEPS)
     endpoint = replace(endpoint, silent_calls=silent_calls)
