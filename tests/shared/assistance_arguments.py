@@ -60,8 +60,15 @@ def assistance_arguments(rng: np.random.Generator) -> list[Any]:
     held = np.where(rng.random(S) < 0.5, np.nan, rng.random(S))
     memory = AssistanceMemory(
         *(filter_, near(pose), 0.05 * rng.normal(size=E), pose, 0.1 * rng.normal(size=E), near(pose)),
-        *(held, rng.random(S), float(rng.random()), float(rng.random()), float(rng.random()) + 0.3),
+        *(
+            held,
+            rng.random(S),
+            float(rng.choice([0.0, 0.01, rng.random()])),
+            float(rng.random()),
+            float(rng.random()) + 0.3,
+        ),
         is_following=bool(rng.random() < 0.8),
+        has_left=bool(rng.random() < 0.3),
     )
     numbers = (0.5, 5.0, 2.0, 20.0, 0.1)
     corner = np.full(3, float(rng.choice([0.2, 10.0])))

@@ -11,8 +11,8 @@ s^3). `calibrate_gate` leaves out each demonstration once, learns from the other
 of the distances of the one left out for `full`; at 1.15 times the 90 % quantile the authority is one half.
 Neither is less than 1 and 2: distances that any Gaussian exceeds often.
 
-Hysteresis. Once the authority has come to zero, it stays there until the gate is at least one half. An
-operator who left what the skill knows, because it leads elsewhere, is not drawn back half-way.
+Hysteresis. An operator who had assistance and leaves what the skill covers, so that the authority comes to
+zero, is not drawn back half-way: it stays there until the distance is at most `full`, or mode or skill change.
 
 Rate. Authority moves towards the gate by at most two per second. Missing frames have the gate 0.
 """

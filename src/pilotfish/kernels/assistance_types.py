@@ -84,6 +84,7 @@ class AssistanceMemory:
         blend_time: Time since the last change [s].
         blend_duration: Time after which the offset is zero [s].
         is_following: Whether the last step followed the hand.
+        has_left: Whether authority came to zero because the operator left what the skill covers.
     """
 
     filter: StateFilter
@@ -98,6 +99,7 @@ class AssistanceMemory:
     blend_time: float
     blend_duration: float
     is_following: bool
+    has_left: bool = False
 
 
 @shorten_repr

@@ -81,6 +81,7 @@ def pack_assistance(
             ),
             filter=_pack_filter(memory.filter, sizes),
             is_following=_require_bool(memory.is_following, "is_following"),
+            has_left=_require_bool(memory.has_left, "has_left"),
         ),
         _pack_input(given, sizes),
     )

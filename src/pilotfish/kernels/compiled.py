@@ -206,7 +206,7 @@ def _assistance_result(
     model: CarriedModel, memory: AssistanceMemory, found: tuple[Any, ...]
 ) -> AssistanceStep:
     """Return the result of the native step, whose arrays are slices of one."""
-    belief, numbers, elapsed, authority, blend_time, blend_duration, is_following = found
+    belief, numbers, elapsed, authority, blend_time, blend_duration, is_following, has_left = found
     K, D, E = *model.observed_means.shape, len(memory.offset)
     command, offset, pose, velocity = 2 * K, 2 * K + D, 2 * K + D + E, 2 * K + 2 * D + E
     desired, held = velocity + E, velocity + E + D
@@ -226,6 +226,7 @@ def _assistance_result(
         blend_time,
         blend_duration,
         is_following,
+        has_left,
     )
     return AssistanceStep(after, numbers[covariance:].reshape(E, E), numbers[probabilities:covariance])
 
@@ -250,7 +251,8 @@ def _step_values(memory: AssistanceMemory, given: AssistanceInput) -> tuple[Arra
         *(before.belief, before.before, before.now, before.elapsed),
         *(memory.command, memory.offset, memory.pose, memory.velocity, memory.desired),
         *(memory.held_values, memory.held_commands),
-        *(memory.authority, memory.blend_time, memory.blend_duration, memory.is_following),
+        *(memory.authority, memory.blend_time, memory.blend_duration),
+        *(memory.is_following, memory.has_left),
         given.hand,
         NO_POSE if given.given_pose is None else given.given_pose,
         NO_COVARIANCE if given.given_covariance is None else given.given_covariance,

@@ -133,12 +133,21 @@ void advance_filter(const Assistance& a, const Vector& log_likelihoods, Assistan
   result.elapsed = is_first ? 0.0 : std::max(0.0, elapsed - steps * a.period);
 }
 
-// Returns the authority that the gate allows; once at zero, it stays there until half or more is allowed.
 double gate_authority(const Assistance& a, double distance) {
   if (!(distance < a.none)) return 0.0;
   const double s = std::min((a.none - distance) / (a.none - a.full), 1.0);
-  if (a.authority <= 0.0 && s < 0.5) return 0.0;
   return s * s * (3.0 - 2.0 * s);
+}
+
+// Sets the authority after the step, and whether the operator has left what the skill covers: then it stays at
+// zero down to the distance `full`, or until mode or skill change.
+void advance_authority(const Assistance& a, double distance, AssistanceResult& result) {
+  const bool is_gated = a.mode == SHARED && a.is_current;
+  result.has_left = a.has_left && !a.has_changed && !(is_gated && distance <= a.full);
+  const double allowed = is_gated && !result.has_left ? gate_authority(a, distance) : 0.0;
+  result.authority =
+      a.authority + std::min(std::max(allowed - a.authority, -MAX_RATE * a.dt), MAX_RATE * a.dt);
+  if (is_gated && !a.has_changed && a.authority > 0.0 && result.authority <= 0.0) result.has_left = true;
 }
 
 // Writes the weighted mean of points (K, D), and their deviations from it.
@@ -240,10 +249,7 @@ void assistance_step(Assistance a, AssistanceResult& result) {
   const Vector probabilities = (1.0 - s) * Eigen::Map<const Vector>(result.before, a.K) +
                                s * Eigen::Map<const Vector>(result.now, a.K);
   std::copy_n(probabilities.data(), a.K, result.probabilities);
-  const double allowed =
-      a.mode == SHARED && a.is_current ? gate_authority(a, comparison.coverage_distance) : 0.0;
-  result.authority =
-      a.authority + std::min(std::max(allowed - a.authority, -MAX_RATE * a.dt), MAX_RATE * a.dt);
+  advance_authority(a, comparison.coverage_distance, result);
   std::vector<double> desired(a.D), blended(a.D);
   if (a.mode == AUTONOMOUS) {
     std::copy_n(a.given_pose, a.D, desired.data());

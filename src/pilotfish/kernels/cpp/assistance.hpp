@@ -21,7 +21,7 @@ struct Assistance {
   double elapsed;
   const double *command, *offset, *pose, *velocity, *desired, *held_values, *held_commands;  // AssistanceMemory
   double authority, blend_time, blend_duration;
-  bool is_following;
+  bool is_following, has_left;
   const double *hand, *given_pose, *given_covariance;  // AssistanceInput; the last two may be null
   double dt;
   int mode;
@@ -38,7 +38,7 @@ struct AssistanceResult {
   double *belief, *before, *now, *command, *offset, *pose, *velocity, *desired, *held_values, *covariance,
       *probabilities;
   double elapsed, authority, blend_time, blend_duration;
-  bool is_following;
+  bool is_following, has_left;
 };
 
 // Returns whether the filter observes the command of this step, which is valid or not.

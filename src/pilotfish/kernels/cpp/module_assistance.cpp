@@ -143,7 +143,7 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
                      double angular_speed, double angular_acceleration, double period, In2 belief,
                      In1 before, In1 now, double elapsed, In1 command, In1 offset, In1 pose, In1 velocity,
                      In1 desired, In1 held_values, In1 held_commands, double authority, double blend_time,
-                     double blend_duration, bool is_following, In1 hand, In1 given_pose, In2 given_covariance,
+                     double blend_duration, bool is_following, bool has_left, In1 hand, In1 given_pose, In2 given_covariance,
                      double dt, int mode, bool is_closed, bool is_current, bool has_changed) {
   Assistance a{};
   a.D = int(command.shape(0)), a.E = int(offset.shape(0));
@@ -161,7 +161,7 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
   expect_number(blend_time, "blend_time");
   expect_number(blend_duration, "blend_duration");
   a.authority = authority, a.blend_time = blend_time, a.blend_duration = blend_duration;
-  a.is_following = is_following, a.is_closed = is_closed, a.is_current = is_current,
+  a.is_following = is_following, a.has_left = has_left, a.is_closed = is_closed, a.is_current = is_current,
   a.has_changed = has_changed;
 
   // One array for all numbers: to make an array takes as long as a third of the step.
@@ -180,7 +180,8 @@ auto assistance_step(In2 matrix, In1 shift, In1 left, In1 right, In2 observed_me
     pilotfish::assistance_step(a, r);
   }
   nb::object observed = is_observation_due(a) ? nb::cast(new_belief) : nb::none();
-  return std::make_tuple(observed, numbers, r.elapsed, r.authority, r.blend_time, r.blend_duration, r.is_following);
+  return std::make_tuple(observed, numbers, r.elapsed, r.authority, r.blend_time, r.blend_duration, r.is_following,
+                         r.has_left);
 }
 
 auto riemannian_product(In<double, 3> means, In<double, 4> covariances, In<double, 4> precision_cholesky,

@@ -23,7 +23,7 @@ from pilotfish.kernels.reference.target_motion import (
 )
 from pilotfish.types import Array, Float
 
-MAX_RATE, RETURN_AUTHORITY = 2.0, 0.5  # of authority, per second; to which it may return from zero
+MAX_RATE = 2.0  # of authority, per second
 SCALAR_TOLERANCE = 0.1  # unit of the scalar: a smaller difference is agreement, a larger change a command
 
 
@@ -64,7 +64,7 @@ def assistance_step(
     if is_following and given.mode != AUTONOMOUS:
         now = advance_filter(tables, now, command_log_likelihoods(model, x), settings.period, given.dt)
     probabilities = now.probabilities(settings.period, given.dt)
-    authority = _authority(model, settings, memory.authority, x, given)
+    authority, has_left = _advance_authority(model, settings, memory, x, given)
     y, covariance, held = _desired(model, settings, memory, (x, probabilities, authority), given)
     offset, time, duration = memory.offset, memory.blend_time + given.dt, memory.blend_duration
     desired = memory.desired
@@ -81,7 +81,7 @@ def assistance_step(
     )
     after = AssistanceMemory(
         *(now, x, offset, pose, velocity, desired, held, memory.held_commands),
-        *(authority, time, duration, is_following),
+        *(authority, time, duration, is_following, has_left),
     )
     return AssistanceStep(after, covariance, probabilities)
 
@@ -202,22 +202,27 @@ def _deviations_observed(model: CarriedModel, x: Float[Array, " D"]) -> Float[Ar
     return -deviations(model.observed_means, x, () if x.size == model.offsets.shape[1] else (3,))
 
 
-def _authority(
+def _advance_authority(
     model: CarriedModel,
     settings: AssistanceSettings,
-    before: float,
+    memory: AssistanceMemory,
     x: Float[Array, " D"],
     given: AssistanceInput,
-) -> float:
-    """Return the authority after the step; once at zero, it stays there until half or more is allowed."""
+) -> tuple[float, bool]:
+    """Return the authority after the step, and whether the operator has left what the skill covers.
+
+    Then it stays at zero down to the distance `full`, or until mode or skill change.
+    """
+    is_gated, before = given.mode == SHARED and given.is_current, memory.authority
+    scalars = x.size - (7 if x.size != settings.variances.size else 3)
+    distance = coverage_distance(model, x, scalars)
+    has_left = memory.has_left and not given.has_changed and not (is_gated and distance <= settings.full)
     allowed = 0.0
-    if given.mode == SHARED and given.is_current:
-        scalars = x.size - (7 if x.size != settings.variances.size else 3)
-        distance = coverage_distance(model, x, scalars)
+    if is_gated and not has_left:
         allowed = gate_authority(settings.full, settings.none, distance)
-        if before <= 0.0 and allowed < RETURN_AUTHORITY:
-            allowed = 0.0
-    return limit_authority(before, allowed, given.dt)
+    authority = limit_authority(before, allowed, given.dt)
+    leaves = is_gated and not given.has_changed and before > 0.0 and authority <= 0.0
+    return authority, has_left or leaves
 
 
 def _desired(
