@@ -69,7 +69,12 @@ def misalignment(assistant: Assistant, state: AssistanceState) -> tuple[float, f
     Args:
         assistant: Skills and settings.
         state: State after the step.
+
+    Raises:
+        InvalidInput: If an argument has another type.
     """
+    require_type(assistant, "assistant", Assistant, "make_assistant([assisted_skill(skill)]) makes one")
+    require_type(state, "state", AssistanceState, "initial_state makes one")
     offset = state.memory.offset
     return float(np.linalg.norm(offset[:3])), float(np.linalg.norm(offset[3 : pose_width(assistant.layout)]))
 

@@ -8,11 +8,12 @@ a command on its own clock, from the moment when it sent that report. No message
 sender's clock.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
 from pilotfish.teleop.session import Action, Reason, SessionState
-from pilotfish.validation import shorten_repr
+from pilotfish.validation import require_type, shorten_repr
 
 VERSION = 1
 ROBOT = 0  # number of the robot as a sender; peers have 1 to 65535
@@ -341,6 +342,17 @@ class ReceivedMessage:
     sender: int
     message: Message
     connection: int = 0
+
+
+def require_received(received: Sequence[ReceivedMessage]) -> None:
+    """Raise InvalidInput unless this is a sequence of messages that arrived.
+
+    Args:
+        received: Messages of authenticated peers.
+    """
+    require_type(received, "received", Sequence, "receive_at_robot and receive_at_operator return it")
+    for each in received:
+        require_type(each, "a message", ReceivedMessage, "ReceivedMessage(sender, message) makes one")
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,14 +36,16 @@ from pilotfish.teleop.messages import (
     SkillState,
     SkillStatus,
     Stop,
+    require_received,
 )
 from pilotfish.teleop.operator_values import OperatorInput, OperatorSettings, OperatorView
 from pilotfish.teleop.robot_reports import frame_number
+from pilotfish.teleop.robot_site import MAX_TIME_NS
 from pilotfish.teleop.robot_skills import make_frames
 from pilotfish.teleop.session import MOVING
 from pilotfish.teleop.skill_transfer import missing_pieces, skill_hash, split_skill
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_type, shorten_repr
+from pilotfish.validation import require_count, require_type, shorten_repr
 
 MAX_ROUND_TRIPS = 100
 MAX_SENT = 4096  # commands whose time of sending is remembered
@@ -151,7 +153,15 @@ def step_operator(
         time_ns: Time on the operator's clock [ns]; it is used for display only.
         received: Messages of the robot, in the order of their arrival.
         given: What the operator does.
+
+    Raises:
+        InvalidInput: If an argument has another type.
     """
+    require_type(settings, "settings", OperatorSettings, "OperatorSettings(decode_skill, skills) makes one")
+    require_type(site, "site", OperatorSite, "start_operator makes one")
+    require_type(given, "given", OperatorInput, "OperatorInput(hand) makes one")
+    require_count(time_ns, "time_ns", MAX_TIME_NS, minimum=-MAX_TIME_NS)
+    require_received(received)
     for each in received:
         if isinstance(each.message, Report):
             site = _receive_report(site, each.message, time_ns)

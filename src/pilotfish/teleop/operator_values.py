@@ -167,7 +167,12 @@ def next_action(view: OperatorView, number: int) -> Action | None:
     Args:
         view: What is displayed to the operator.
         number: Number of the operator.
+
+    Raises:
+        InvalidInput: If an argument has another type.
     """
+    require_type(view, "view", OperatorView, "step_operator returns it")
+    require_count(number, "number", MAX_PEER, minimum=1)
     report = view.report
     if report is None or view.waiting or report.state in (SessionState.ACTIVE, SessionState.ALIGNING):
         return None
@@ -185,7 +190,11 @@ def describe_link_drop(report: Report) -> str:
 
     Args:
         report: Last report of the robot.
+
+    Raises:
+        InvalidInput: If it is something else.
     """
+    require_type(report, "report", Report, "an OperatorView holds one")
     if report.state not in (SessionState.ACTIVE, SessionState.CONTINUING):
         return "the robot stays at rest"
     if not report.is_authorised:

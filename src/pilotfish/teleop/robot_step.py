@@ -8,16 +8,16 @@ the robot's monotonic clock; no other clock enters. Nothing that arrives can rai
 
 from dataclasses import dataclass, replace
 
-from pilotfish.teleop.messages import OutgoingMessage, ReceivedMessage
+from pilotfish.teleop.messages import OutgoingMessage, ReceivedMessage, require_received
 from pilotfish.teleop.robot_commands import accept_commands, watch_commands
 from pilotfish.teleop.robot_motion import may_continue, move_target
 from pilotfish.teleop.robot_reports import report_state
 from pilotfish.teleop.robot_requests import apply_event, apply_requests, apply_stops, update_connections
-from pilotfish.teleop.robot_site import RobotSite
+from pilotfish.teleop.robot_site import MAX_TIME_NS, RobotSite
 from pilotfish.teleop.robot_skills import prepare_skills, receive_skills, update_scene
 from pilotfish.teleop.robot_values import RobotSettings, RobotState, RobotTarget
 from pilotfish.teleop.session import Event
-from pilotfish.validation import shorten_repr
+from pilotfish.validation import require_count, require_type, shorten_repr
 
 
 @shorten_repr
@@ -52,10 +52,17 @@ def step_robot(
         received: Messages of authenticated peers, in the order of their arrival.
         robot: What the robot senses now.
 
+    Raises:
+        InvalidInput: If an argument has another type. Messages and what the robot senses are not refused.
+
     Source:
         Specification of the runtime: delay contract, state machine and faults of docs/teleoperation.md.
     """
-    time_ns = max(time_ns, site.time)
+    require_type(settings, "settings", RobotSettings, "RobotSettings(decode_skill) makes one")
+    require_type(site, "site", RobotSite, "start_robot makes one")
+    require_type(robot, "robot", RobotState, "RobotState(pose, twist, grip, frames) makes one")
+    require_received(received)
+    time_ns = max(require_count(time_ns, "time_ns", MAX_TIME_NS, minimum=-MAX_TIME_NS), site.time)
     elapsed, site = time_ns - site.time, replace(site, time=time_ns)
     before = site.control.state
     received = tuple(each for each in received if each.sender in settings.peers)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import NoneType
 
 import numpy as np
 
@@ -130,6 +131,16 @@ class RobotState:
     grip: float
     frames: Mapping[str, Pose] | None
     reported: Mapping[str, Pose] | None = None
+
+    def __post_init__(self) -> None:
+        for name, size in (("pose", 7), ("twist", 6)):
+            value = getattr(self, name)
+            require_type(value, name, np.ndarray, f"pass an array of {size} numbers")
+            if value.shape != (size,) or value.dtype.kind not in "fiu":
+                raise InvalidInput(f"{name} has shape {value.shape}, expected {size} numbers")
+        require_type(self.grip, "grip", (float, int), "pass a number from 0 to 1")
+        for name in ("frames", "reported"):
+            require_type(getattr(self, name), name, (Mapping, NoneType), "pass {name: pose}, or None")
 
     @property
     def is_usable(self) -> bool:

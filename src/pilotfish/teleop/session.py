@@ -13,6 +13,8 @@ which one action of the operator clears (`CLEARING_ACTIONS`).
 
 from enum import IntEnum
 
+from pilotfish.validation import require_type
+
 
 class SessionState(IntEnum):
     """State of a session.
@@ -178,7 +180,13 @@ def next_state(state: SessionState, reason: Reason, event: Event) -> tuple[Sessi
         state: State before the event.
         reason: Reason that is latched; NONE outside HOLD and STOPPED.
         event: Event.
+
+    Raises:
+        InvalidInput: If an argument has another type.
     """
+    require_type(state, "state", SessionState, "choose one of SessionState")
+    require_type(reason, "reason", Reason, "choose one of Reason")
+    require_type(event, "event", Event, "choose one of Event")
     after = TRANSITIONS[event][state]
     if state is SessionState.HOLD and event is Event.ARM and CLEARING_ACTIONS.get(reason) is not Action.ARM:
         return state, reason

@@ -5,14 +5,16 @@ is a reason to stop, whatever happened to the process that should have sent the 
 """
 
 from dataclasses import dataclass
+from types import NoneType
 
 import numpy as np
 
 from pilotfish.teleop.controlled_stop import Braking, TargetMotion, brake
 from pilotfish.teleop.delay_contract import SECOND
+from pilotfish.teleop.robot_site import MAX_TIME_NS
 from pilotfish.teleop.robot_values import RobotTarget
 from pilotfish.types import Array, Float
-from pilotfish.validation import shorten_repr
+from pilotfish.validation import require_count, require_type, shorten_repr
 
 MAX_SILENCE = 60_000_000  # ns: three periods of 20 ms
 
@@ -43,7 +45,12 @@ def start_watchdog(target: RobotTarget, time_ns: int) -> WatchedTarget:
     Args:
         target: Pose at which the arm stands.
         time_ns: Time on the driver's monotonic clock [ns].
+
+    Raises:
+        InvalidInput: If an argument has another type.
     """
+    require_type(target, "target", RobotTarget, "step_robot returns one")
+    require_count(time_ns, "time_ns", MAX_TIME_NS)
     rest = TargetMotion(target.pose, np.zeros(target.velocity.size))
     return WatchedTarget(rest, target.grip, time_ns, time_ns)
 
@@ -67,7 +74,15 @@ def watch_target(
         target: Target that arrived since the step before; None if none did.
         braking: Decelerations of a controlled stop.
         max_silence: Time without a target after which the arm stops [ns].
+
+    Raises:
+        InvalidInput: If an argument has another type.
     """
+    require_type(before, "before", WatchedTarget, "start_watchdog makes one")
+    require_count(time_ns, "time_ns", MAX_TIME_NS)
+    require_type(target, "target", (RobotTarget, NoneType), "step_robot returns one")
+    require_type(braking, "braking", Braking, "Braking() makes one")
+    require_count(max_silence, "max_silence", MAX_TIME_NS)
     dt = max(time_ns - before.time, 0) / SECOND
     if target is not None and not (before.is_silent and _is_far(before.motion.pose, target.pose)):
         motion = TargetMotion(target.pose, target.velocity)

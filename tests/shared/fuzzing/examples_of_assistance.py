@@ -27,6 +27,9 @@ def assistance_examples() -> Examples:
     frames = list(demos[0].frames)
     return {
         "assisted_skill": {"skill": skill, "gate": assistance.Gate(1.0, 3.0)},
+        "direct_skill": {"layout": assistant.layout},
+        "misalignment": {"assistant": assistant, "state": state},
+        "rest_target": {"assistant": assistant, "state": state, "pose": hand},
         "coverage_distances": {"skill": skill, "demonstration": demos[0]},
         "initial_state": {"assistant": assistant, "pose": hand, **scene, "skill": 0},
         "intention_filter": {"skills": list(assistant.skills), "calibration": calibration},

@@ -6,18 +6,30 @@ from teleop_messages import EXAMPLES
 
 from fuzzing.examples_of_values import Examples
 from pilotfish.teleop import (
+    Braking,
+    Event,
     Kind,
+    OperatorInput,
+    OperatorSettings,
     OutgoingMessage,
+    Reason,
+    ReceivedMessage,
     RobotSettings,
     RobotState,
+    RobotTarget,
+    SessionState,
     SkillStore,
+    Stop,
     encode_robot_settings,
     encode_start,
     expect_skills,
     send_from_operator,
     send_from_robot,
     split_skill,
+    start_operator,
     start_robot,
+    start_view,
+    start_watchdog,
     step_robot,
 )
 from pilotfish.teleop.codec import encode
@@ -32,7 +44,37 @@ def teleop_examples() -> Examples:
     settings = RobotSettings(bytes.decode)  # type: ignore[arg-type]
     state = RobotState(np.array([0.6, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]), np.zeros(6), 0.0, {})
     step = step_robot(settings, start_robot(settings, 0, state), 0, (), state)
+    sensed = RobotState(np.array([0.6, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0]), np.zeros(6), 0.0, {})
+    rest = RobotTarget(sensed.pose, np.zeros(6), 0.0)
+    own, received = OperatorSettings(bytes.decode), (ReceivedMessage(1, Stop(1)),)  # type: ignore[arg-type]
     return {
+        "start_robot": {"settings": settings, "time_ns": 0, "robot": sensed},
+        "step_robot": {
+            "settings": settings,
+            "site": start_robot(settings, 0, sensed),
+            "time_ns": 20_000_000,
+            "received": received,
+            "robot": sensed,
+        },
+        "start_operator": {"settings": own},
+        "step_operator": {
+            "settings": own,
+            "site": start_operator(own),
+            "time_ns": 20_000_000,
+            "received": (ReceivedMessage(0, EXAMPLES[Kind.REPORT]),),
+            "given": OperatorInput(sensed.pose),
+        },
+        "next_action": {"view": start_view(), "number": 1},
+        "describe_link_drop": {"report": EXAMPLES[Kind.REPORT]},
+        "next_state": {"state": SessionState.HOLD, "reason": Reason.LINK_LOST, "event": Event.ARM},
+        "start_watchdog": {"target": rest, "time_ns": 0},
+        "watch_target": {
+            "before": start_watchdog(rest, 0),
+            "time_ns": 20_000_000,
+            "target": rest,
+            "braking": Braking(),
+            "max_silence": 60_000_000,
+        },
         "encode_robot_settings": {"settings": settings},
         "decode_robot_settings": {"text": encode_robot_settings(settings), "decode_skill": bytes.decode},
         "encode_start": {"robot": state},

@@ -57,6 +57,8 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
 EXCLUDED: Mapping[str, str] = {
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
+    "teleop.start_view": "takes no arguments",
+    "teleop.seal_datagram": "`send_from_operator` calls it; it trusts its arguments",
     "models.relevance": "takes a skill and demonstrations only, and a second per call",
     "assistance.calibrate_gate": "takes a function; `coverage_distances` is its loop",
     "assistance.calibrate_intention": "takes a function; `predictive_log_densities` is its loop",
