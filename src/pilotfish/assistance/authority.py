@@ -12,7 +12,8 @@ of the distances of the one left out for `full`; at 1.15 times the 90 % quantile
 Neither is less than 1 and 2: distances that any Gaussian exceeds often.
 
 Hysteresis. An operator who had assistance and leaves what the skill covers, so that the authority comes to
-zero, is not drawn back half-way: it stays there until the distance is at most `full`, or mode or skill change.
+zero, is not drawn back half-way. It stays at zero until the distance is at most `full`, or mode or skill
+change.
 
 Rate. Authority moves towards the gate by at most two per second. Missing frames have the gate 0.
 """
