@@ -168,7 +168,7 @@ def _spoil(rig: Rig, kind: str, rng: np.random.Generator) -> None:
 
 
 def replayed_session(seed: int) -> list[str]:
-    """R22: a session with losses, jitter and an outage is given again to a robot's site that starts anew."""
+    """R22: a session with losses, jitter and an outage is given again to a robot's site that starts again."""
     rng = np.random.default_rng(seed)
     link = LinkSettings(
         delay=float(rng.uniform(0.0, 0.5)), jitter=0.1, loss=0.1, mean_burst=3.0, outages=((9.0, 2.0),)

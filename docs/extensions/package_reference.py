@@ -54,7 +54,7 @@ def constant_text(value: Any) -> str:
     types = getattr(value, "__args__", ())
     text = " | ".join(t.__name__ for t in types) if types else repr(value)
     if isinstance(value, dict):
-        text = ", ".join(value)
+        text = ", ".join(getattr(key, "name", str(key)) for key in value)
     return text if len(text) < 120 else type(value).__name__
 
 

@@ -21,7 +21,7 @@ from typing import IO, Any, NamedTuple
 
 from pilotfish.errors import InvalidInput, UnreadableFile
 from pilotfish.io.container_format import canonical_json
-from pilotfish.validation import require_name, short_repr
+from pilotfish.validation import require_name, short_repr, shorten_repr
 
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE, VERSION = "pilotfish-session", "1"
@@ -39,6 +39,7 @@ _HEADER, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT, _METADATA, _DATA_END = 1, 4, 5
 _FRAME, _MESSAGE_HEADER, _FOOTER = struct.Struct("<BQ"), struct.Struct("<HIQQ"), struct.Struct("<BQQQI")
 
 
+@shorten_repr
 class SessionRecord(NamedTuple):
     """One record of a session.
 

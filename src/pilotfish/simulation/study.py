@@ -19,6 +19,7 @@ from pilotfish.environments.human import HumanModel
 from pilotfish.simulation.mission import MissionSettings
 from pilotfish.simulation.teleoperation import Link
 from pilotfish.teleop import MODES, ContractLimits, LinkSettings
+from pilotfish.validation import shorten_repr
 
 STANDARD, WRONG_SKILL, ASIDE = "standard", "wrong skill", "aside"
 MAIN_TASKS, OTHER_TASKS = ("valve", "stab"), ("screwdriver", "carabiner")
@@ -73,6 +74,7 @@ PERFECT_OPERATOR = HumanModel(
 """Operator without motor noise, as fast as an ordinary person: no such person needs less time."""
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Condition:
     """What is the same in all runs that are compared with each other.
@@ -102,6 +104,7 @@ class Condition:
         return ", ".join(parts + [self.arm] * (self.arm != STANDARD))
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class StudyRun:
     """One mission of the study.

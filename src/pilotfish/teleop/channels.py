@@ -8,6 +8,7 @@ from pilotfish.teleop.codec import encode
 from pilotfish.teleop.datagram_checks import EMPTY_AUDIT, EMPTY_WINDOW, Audit, ReceiveWindow
 from pilotfish.teleop.messages import Welcome
 from pilotfish.teleop.seal import KEY_SIZE, require_cryptography
+from pilotfish.validation import shorten_repr
 
 MIN_SEED = 16  # bytes
 
@@ -46,6 +47,7 @@ class Channel:
     sequence: int = 0
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class RobotEndpoint:
     """Channels of the robot; `robot_endpoint` creates it.
@@ -67,6 +69,7 @@ class RobotEndpoint:
     audit: Audit = EMPTY_AUDIT
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class OperatorEndpoint:
     """Channel of an operator; `operator_endpoint` creates it.

@@ -135,6 +135,7 @@ class CommandMessage:
     skill: int
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Envelope:
     """What the robot may do without the operator.
@@ -157,6 +158,7 @@ class Envelope:
 NO_ENVELOPE = Envelope()
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Request:
     """What a peer asks for; it is repeated until a report names its number.
@@ -187,6 +189,7 @@ class Stop:
     number: int
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Mission:
     """Skills of a mission, in their order.

@@ -26,7 +26,7 @@ from pilotfish.teleop.session_record import (
     encode_sent,
     encode_target,
 )
-from pilotfish.validation import short_repr
+from pilotfish.validation import short_repr, shorten_repr
 
 NUMBERS = (
     *(f"pose {name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz")),
@@ -53,6 +53,7 @@ class Difference:
     replayed: str
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class Replay:
     """Result of a replay.

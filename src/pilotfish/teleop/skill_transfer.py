@@ -21,6 +21,7 @@ from pilotfish.teleop.messages import (
     SkillState,
     SkillStatus,
 )
+from pilotfish.validation import shorten_repr
 
 _COMPLETE = (SkillState.READY, SkillState.UNREADABLE, SkillState.UNSUITABLE)
 
@@ -42,6 +43,7 @@ class StoredSkill:
     decoded: Any = field(default=None, repr=False, compare=False)
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class SkillStore:
     """Skills of the mission at the robot.

@@ -12,13 +12,14 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 
 from pilotfish.errors import InvalidInput
-from pilotfish.validation import require_count, require_number, require_type, short_repr
+from pilotfish.validation import require_count, require_number, require_type, short_repr, shorten_repr
 
 _SECOND = 10**9  # ns
 _MAX_TIME = 2**63 - 1  # ns
 _MAX_SECONDS, _MAX_DRIFT, _MAX_STEPS = 1e9, 1e5, 100_000
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class VirtualClock:
     """Clock that is wrong in a known way.

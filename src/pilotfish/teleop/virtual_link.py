@@ -40,7 +40,7 @@ from math import inf
 import numpy as np
 
 from pilotfish.errors import InvalidInput
-from pilotfish.validation import require_count, require_number, require_type, short_repr
+from pilotfish.validation import require_count, require_number, require_type, short_repr, shorten_repr
 
 MAX_DATAGRAM = 65_507  # bytes: UDP over IPv4
 PRIORITIES = 8
@@ -50,6 +50,7 @@ _MAX_DELAY, _MAX_QUEUE, _MAX_OUTAGES = 1e4, 2**30, 100_000
 _DRAWS, _BLOCK = 5, 512  # random numbers per datagram, and datagrams per call of the generator
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class LinkSettings:
     """Properties of one direction of a link; the default is a link without faults.

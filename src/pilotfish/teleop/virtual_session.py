@@ -27,11 +27,13 @@ from pilotfish.teleop.robot_values import RobotSettings, RobotState
 from pilotfish.teleop.session_record import RobotRecorder
 from pilotfish.teleop.virtual_clock import VirtualClock
 from pilotfish.teleop.virtual_link import LinkSettings, VirtualLink
+from pilotfish.validation import shorten_repr
 
 KIND_BYTE = 1  # of a datagram
 TRUE_CLOCK, PERFECT_LINK = VirtualClock(), LinkSettings()
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class OperatorConnection:
     """How one operator is connected to the robot.
