@@ -107,7 +107,7 @@ def frozen_robot(seed: int) -> list[str]:
 
 
 def frozen_operator(seed: int) -> list[str]:
-    """R11: the operator's process is frozen for 3 s, then goes on with old reports."""
+    """R11: the operator's process is frozen for 3 s, then continues with old reports."""
     rng = np.random.default_rng(seed)
     delay = rng.uniform(0.0, 0.5)
     link = LinkSettings(delay=delay)
