@@ -245,7 +245,7 @@ def _model_arrays(
     )
 
 
-def _step_values(memory: AssistanceMemory, given: AssistanceInput) -> tuple[Array | float, ...]:
+def _step_values(memory: AssistanceMemory, given: AssistanceInput) -> tuple[Any, ...]:
     before = memory.filter
     return (
         *(before.belief, before.before, before.now, before.elapsed),

@@ -124,7 +124,7 @@ def encode_sent(outgoing: OutgoingMessage) -> bytes:
         MalformedMessage: If it cannot be sent.
     """
     message = outgoing.message
-    return _SENT.pack(outgoing.receiver, kind_of(message)) + encode(message)
+    return _pack(_SENT, outgoing.receiver, kind_of(message)) + encode(message)
 
 
 def decode_sent(data: bytes) -> OutgoingMessage:
@@ -145,10 +145,13 @@ def encode_target(step: RobotStep) -> bytes:
 
     Args:
         step: Result of the step.
+
+    Raises:
+        MalformedMessage: If a value is out of range.
     """
     site, target = step.site, step.target
     numbers = np.array([*target.pose, *target.velocity, target.grip], dtype="<f8")
-    return _TARGET.pack(site.time, site.control.state, site.control.reason) + numbers.tobytes()
+    return _pack(_TARGET, site.time, site.control.state, site.control.reason) + numbers.tobytes()
 
 
 def decode_target(data: bytes) -> tuple[int, int, int, Float[Array, " 14"]]:
@@ -186,14 +189,14 @@ def encode_sensed(robot: RobotState) -> bytes:
         robot: What the robot senses.
     """
     flags = _HAS_FRAMES * (robot.frames is not None) + _HAS_REPORTED * (robot.reported is not None)
-    parts = [_SENSED.pack(*robot.pose, *robot.twist, robot.grip, flags)]
+    parts = [_pack(_SENSED, *robot.pose, *robot.twist, robot.grip, flags)]
     for poses in (robot.frames, robot.reported):
         if poses is None:
             continue
-        parts.append(_COUNT.pack(len(poses)))
+        parts.append(_pack(_COUNT, len(poses)))
         for name, pose in poses.items():
             text = name.encode()
-            parts += [_NAME.pack(len(text)), text, _POSE.pack(*pose.position, *pose.quaternion)]
+            parts += [_pack(_NAME, len(text)), text, _pack(_POSE, *pose.position, *pose.quaternion)]
     return b"".join(parts)
 
 
@@ -236,7 +239,15 @@ def _decode_poses(data: bytes, position: int) -> tuple[dict[str, Pose], int]:
 
 def _encode_received(received: ReceivedMessage) -> bytes:
     message = received.message
-    return _RECEIVED.pack(received.sender, received.connection, kind_of(message)) + encode(message)
+    return _pack(_RECEIVED, received.sender, received.connection, kind_of(message)) + encode(message)
+
+
+def _pack(layout: Struct, *values: object) -> bytes:
+    """Return the bytes of some values, or raise MalformedMessage if they cannot be recorded."""
+    try:
+        return layout.pack(*values)
+    except error as fault:
+        raise MalformedMessage(f"a value cannot be recorded: {fault}") from fault
 
 
 def _unpack(layout: Struct, data: bytes, channel: str, position: int = 0) -> tuple[int, ...]:
