@@ -17,6 +17,8 @@ from pilotfish.teleop.codec import LAYOUTS, PRIORITIES, Kind, decode, encode, pa
 from pilotfish.teleop.errors import MalformedMessage
 from pilotfish.teleop.messages import MAX_PIECES, MODES, Envelope, Hello, Message
 
+pytestmark = pytest.mark.usefixtures("unchecked")  # annotation checks draw from `random`
+
 COMMAND, REPORT = EXAMPLES[Kind.COMMAND], EXAMPLES[Kind.REPORT]
 NUMBER_AT = {  # position of a float in the bytes, by kind and name
     (Kind.COMMAND, "pose"): 14,

@@ -145,6 +145,7 @@ def test_describe_link_drop_says_what_the_robot_would_do(fields, match):
         {"skill": 8},
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_operator_input_that_cannot_be_sent_is_refused(fields):
     with pytest.raises(InvalidInput):
         teleop.OperatorInput(**{"hand": path()[0], **fields})
