@@ -59,17 +59,17 @@ class Bench:
         )
         return replace(command, **fields)
 
-    def activate(self, mode="direct", steps=60) -> None:
-        assert self.request(Action.ACQUIRE) is Refusal.NONE
+    def activate(self, mode="direct", steps=60, budget=0.5) -> None:
+        assert self.request(Action.ACQUIRE, budget=budget) is Refusal.NONE
         if mode != "direct":
             self.send_skill()
         for _ in range(4):
             self.send(self.command(mode=mode))
         assert self.request(Action.ARM) is Refusal.NONE
         for _ in range(steps):
-            self.send(self.command(mode=mode))
             if self.state is SessionState.ACTIVE:
                 return
+            self.send(self.command(mode=mode))
         raise AssertionError(self.state)
 
     def send_skill(self) -> None:
@@ -143,6 +143,21 @@ def test_robot_direct_mode_beyond_its_budget_is_refused():
         bench.send(bench.command())
     assert bench.request(Action.ARM) is Refusal.MODE_NOT_ALLOWED
     assert bench.request(Action.ACQUIRE, budget=100.0) is Refusal.BUDGET
+
+
+def test_robot_direct_mode_beyond_its_budget_right_after_alignment_does_not_move():
+    bench = Bench()
+    bench.activate("shared", budget=1.0)
+    stood, hand = bench.pose.copy(), bench.pose.copy()
+    hand[0] += 0.1
+    for _ in range(50):
+        bench.send(bench.command(hand, mode="direct"))
+    assert bench.site.motion.refusal is Refusal.MODE_NOT_ALLOWED
+    np.testing.assert_array_equal(bench.pose, stood)
+    for _ in range(50):
+        bench.send(bench.command(hand, mode="shared"))
+    assert bench.site.motion.assistance.mode == "shared"
+    assert np.linalg.norm(bench.pose[:3] - stood[:3]) > 0.001
 
 
 def test_robot_dead_man_released_holds_and_arms_again():

@@ -80,9 +80,23 @@ def _follow_operator(settings: RobotSettings, site: RobotSite, dt: float) -> Rob
     command = site.commands.last
     assert command is not None
     assistance, target, refusal = _step_command(settings, site, site.motion.assistance, command, dt)
+    if not allows_mode(settings.contract, site.control.contract, assistance.mode):
+        return _wait_for_mode(settings, site, refusal, dt)
     motion = TargetMotion(target.pose, target.velocity)
     is_limited = _is_limited(settings, assistance)
     return replace(site, motion=Motion(assistance, motion, target, (0.0, 0.0), refusal, is_limited))
+
+
+def _wait_for_mode(settings: RobotSettings, site: RobotSite, refusal: Refusal, dt: float) -> RobotSite:
+    """Return the state at rest: the mode that was refused would leave one that is not allowed either.
+
+    Rest is direct control for the assistance. An operator who asks for direct control right after aligning in
+    another mode must not get it beyond its budget.
+    """
+    target = brake(site.motion.target, settings.braking, dt)
+    assistance = rest_target(site.skills.assistant, site.motion.assistance, target.pose)
+    motion = replace(site.motion, assistance=assistance, target=target, refusal=refusal)
+    return replace(site, motion=motion)
 
 
 def _is_limited(settings: RobotSettings, assistance: AssistanceState) -> bool:
