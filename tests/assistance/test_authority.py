@@ -15,7 +15,7 @@ from pilotfish.assistance.coordinates import coordinate_frames, coordinate_skill
 from pilotfish.assistance.operator_noise import DEFAULT_NOISE
 from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import angle, from_rotation_vector, multiply
+from pilotfish.geometry import angle, conjugate, from_rotation_vector, multiply, to_rotation_vector
 from pilotfish.kernels import CarriedModel, coverage_distance
 from pilotfish.kernels.reference.assistance import limit_authority
 
@@ -69,6 +69,20 @@ def test_no_authority_far_from_all_demonstrations_and_the_target_is_direct(rng, 
         assert target.authority <= 0.02
         assert np.linalg.norm(target.pose[:3] - x[:3]) < 1e-3
         assert angle(target.pose[3:7], x[3:7]) < np.radians(0.1)
+
+
+def test_coverage_judges_position_and_orientation_apart(rng):
+    """A tool that is turned as demonstrated is far if its position is far; brute force over the states."""
+    situation = situation_of(0)
+    for row in task.demonstrations()[0].x[::6]:
+        x = row + np.r_[rng.normal(scale=0.03, size=3), np.zeros(row.size - 3)]
+        expected = []
+        for mean, L_inverse in zip(situation.observed_means, situation.whitening, strict=True):
+            relative = multiply(conjugate(mean[3:7]), x[3:7])
+            turn = to_rotation_vector(relative if relative[0] >= 0.0 else -relative)
+            w = np.tril(L_inverse)[:6, :6] @ np.r_[x[:3] - mean[:3], turn]
+            expected.append(max(w[:3] @ w[:3], w[3:] @ w[3:]) / 3.0)
+        assert coverage_distance(situation, x, scalars=1) == pytest.approx(np.sqrt(min(expected)))
 
 
 def test_authority_never_increases_along_rays_away_from_the_movement(rng):

@@ -29,11 +29,11 @@ BAD_FRAMES = {
     "of another width": [pf.Frame("cube", np.eye(5), np.zeros(5)), TRAY],
 }
 BAD_HANDS = {
-    "zero quaternion": np.concatenate([ROWS[25, :3], np.zeros(4), ROWS[25, 7:]]),
+    "zero quaternion": np.concatenate([ROWS[23, :3], np.zeros(4), ROWS[23, 7:]]),
     "not finite": np.full(8, np.nan),
     "infinite": np.full(8, np.inf),
-    "far away": np.concatenate([[1e9, 0.0, 0.0], ROWS[25, 3:]]),
-    "of another width": ROWS[25, :7],
+    "far away": np.concatenate([[1e9, 0.0, 0.0], ROWS[23, 3:]]),
+    "of another width": ROWS[23, :7],
     "empty": np.zeros(0),
     "text": np.array(["x"] * 8),
 }
@@ -97,7 +97,7 @@ def test_skill_of_other_columns_is_refused():
         pf.assistance.coordinates.coordinate_layout(layout)
 
 
-def run(state, steps, dt=0.02, *, hand=ROWS[25], observed=FRAMES, actual=FRAMES, skill=0, assistant=None):
+def run(state, steps, dt=0.02, *, hand=ROWS[23], observed=FRAMES, actual=FRAMES, skill=0, assistant=None):
     """Return the state after some steps of shared control, whose targets never jump and are finite."""
     assistant = assistant or task.assistant()
     authority = []
@@ -114,7 +114,7 @@ def run(state, steps, dt=0.02, *, hand=ROWS[25], observed=FRAMES, actual=FRAMES,
 
 
 def assisted_state():
-    state, authority = run(initial_state(task.assistant(), ROWS[25], FRAMES, FRAMES), 60)
+    state, authority = run(initial_state(task.assistant(), ROWS[23], FRAMES, FRAMES), 60)
     assert authority[-1] > 0.9
     return state
 
@@ -126,7 +126,7 @@ def test_authority_fades_with_bad_frames_and_returns_with_good_ones(name, side):
     state, authority = run(before, 30, **{side: BAD_FRAMES[name]})
     assert np.isclose(authority[0], before.memory.authority - 2.0 * 0.02)  # it fades, and is not cut off
     assert authority[-1] == 0.0
-    assert np.allclose(state.memory.pose[:3], ROWS[25, :3], atol=1e-3)  # direct control
+    assert np.allclose(state.memory.pose[:3], ROWS[23, :3], atol=1e-3)  # direct control
     _, authority = run(state, 40)
     assert authority[-1] > 0.9
 
@@ -136,7 +136,7 @@ def test_target_holds_with_a_bad_hand_and_blends_when_it_returns(name):
     state = assisted_state()
     held, _ = run(state, 30, hand=BAD_HANDS[name])
     assert np.allclose(held.memory.pose, state.memory.pose, atol=1e-3)
-    returned, _ = run(held, 60, hand=ROWS[25])
+    returned, _ = run(held, 60, hand=ROWS[23])
     assert np.allclose(returned.memory.pose, state.memory.pose, atol=1e-3)
 
 

@@ -268,15 +268,15 @@ def test_hand_that_moved_while_the_clutch_was_open_does_not_move_the_target():
 @pytest.mark.parametrize("lost", ["observed", "actual"])
 def test_assistance_fades_when_frames_are_stale_and_returns(lost):
     assistant = task.assistant()
-    state, targets = run_rows(assistant, ROWS[:25], "shared")
+    state, targets = run_rows(assistant, ROWS[:24], "shared")
     assert targets[-1].authority > 0.9
     stale = {"observed": FRAMES, "actual": FRAMES, lost: None}
-    state, targets = run_rows(assistant, np.tile(ROWS[25], (8, 1)), "shared", state, **stale)
+    state, targets = run_rows(assistant, np.tile(ROWS[23], (8, 1)), "shared", state, **stale)
     authority = [t.authority for t in targets]
     assert authority[-1] == 0.0
     assert np.abs(np.diff(authority)).max() <= 2.0 * task.PERIOD + 1e-9
-    assert np.allclose(targets[-1].pose[:3], ROWS[25, :3], atol=1e-3)
-    _, targets = run_rows(assistant, np.tile(ROWS[25], (8, 1)), "shared", state)
+    assert np.allclose(targets[-1].pose[:3], ROWS[23, :3], atol=1e-3)
+    _, targets = run_rows(assistant, np.tile(ROWS[23], (8, 1)), "shared", state)
     assert targets[-1].authority > 0.9
 
 

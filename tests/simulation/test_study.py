@@ -105,8 +105,8 @@ def test_mission_settings_contract_allows_mode(condition: Condition):
     assert contract is not None
     assert allows_mode(settings.contract, contract, condition.mode)
     assert settings.round_trip == condition.round_trip
-    margin = settings.agreed_budget - condition.round_trip - PROCESSING_TIME
-    assert margin == pytest.approx({0.0: 0.0, 0.05: 0.75, 0.3: 1.0}[condition.loss])
+    assert settings.agreed_budget == pytest.approx(condition.round_trip + PROCESSING_TIME)
+    assert settings.jitter == {0.0: 0.25, 0.05: 0.5, 0.3: 0.5}[condition.loss]
     assert (settings.aside is not None) == (condition.arm == "aside")
 
 

@@ -1,10 +1,13 @@
 """Authority of the assistance: one inside what the demonstrations covered, zero outside, and never abrupt.
 
 Distance. The command x is compared with every state of the skill adapted to the frames observed, so that
-coverage is judged where the objects are. With the whitened deviations w_k = (Sigma_k + S)^(-1/2) log_mu_k(x)
-of n pose columns,
+coverage is judged where the objects are. With the whitened deviations w_k = L_k^(-1) log_mu_k(x), where
+L_k L_k^T = Sigma_k + S, in the n columns of the position (p) and the three of the orientation (o),
 
-    distance(x) = min over k of |w_k| / sqrt(n).
+    distance(x) = min over k of max(|w_k,p| / sqrt(n), |w_k,o| / sqrt(3)).
+
+Position and orientation are judged apart: the tool of a neighbouring object is turned as this one's, and an
+average over all columns would hide that it is elsewhere. The orientation is judged given the position.
 
 Gate. The authority is 1 up to the distance `full`, 0 from `none` on, and falls smoothly between (3 s^2 - 2
 s^3). `calibrate_gate` leaves out each demonstration once, learns from the others, and takes the 75 % quantile

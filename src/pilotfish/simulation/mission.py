@@ -43,6 +43,7 @@ from pilotfish.teleop import (
     RobotSettings,
     RobotState,
     RobotStep,
+    SessionState,
     VirtualSession,
     start_view,
 )
@@ -128,7 +129,7 @@ class MissionResult:
         frames: Poses of the objects at the end.
         submovements: Movements of the hand that were begun without feedback.
         effort: Length of the path of the hand [m].
-        alignments: How often the operator had to align again after a hold.
+        alignments: How often control became active again after the robot had held.
         stale: Number of commands that the robot refused as stale.
         bytes_forward: Bytes to the robot, headers included.
         bytes_backward: Bytes from the robot.
@@ -268,12 +269,16 @@ class _Rows:
     def __init__(self) -> None:
         self._rows: list[tuple[Float[Array, " 7"], Float[Array, " 7"], Float[Array, " 7"], float]] = []
         self._progress: list[Mapping[str, float]] = []
+        self._was_active, self._alignments = True, 0
 
     def append(self, step: RobotStep, given: OperatorInput, cell: Workcell[S]) -> None:
         tool, last = cell.arm.tool, step.site.motion.last
         measured = np.append(tool.position, tool.quaternion)
         self._rows.append((step.target.pose, measured, given.hand, last.authority if last else 0.0))
         self._progress.append(cell.measure_progress())
+        is_active = step.site.control.state is SessionState.ACTIVE
+        self._alignments += is_active and not self._was_active
+        self._was_active = is_active
 
     def result(self, cell: Workcell[S], state: RemoteOperatorState, session: VirtualSession) -> MissionResult:
         columns = zip(*self._rows, strict=True) if self._rows else ([np.empty(7)[:0]],) * 4
@@ -293,7 +298,7 @@ class _Rows:
             frames=cell.frames(),
             submovements=state.human.n_submovements if state.human else 0,
             effort=state.human.path_length if state.human else 0.0,
-            alignments=state.alignments,
+            alignments=self._alignments,
             stale=session.site.commands.stale,
             bytes_forward=link.forward.counters.bytes_sent,
             bytes_backward=link.backward.counters.bytes_sent,

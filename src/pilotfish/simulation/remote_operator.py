@@ -91,7 +91,6 @@ class RemoteOperatorState:
         is_authorised: Whether the envelope was sent.
         began: When the session was active first [s]; infinite before.
         ended: When the person knew that the motion had ended [s]; infinite before.
-        alignments: How often the person had to align again after a hold.
         was_active: Whether the session was active in the last report.
         last_command: Number of the command that ends the motion; 0 before.
     """
@@ -101,7 +100,6 @@ class RemoteOperatorState:
     is_authorised: bool = False
     began: float = inf
     ended: float = inf
-    alignments: int = 0
     was_active: bool = False
     last_command: int = 0
 
@@ -210,7 +208,6 @@ def _work(
     assert human is not None
     assert report is not None
     if not state.was_active:
-        again = state.began < inf
         human = replace(
             human,
             time=time,
@@ -223,7 +220,7 @@ def _work(
             near_since=inf,
             samples=(),
         )
-        state = replace(state, began=min(state.began, time), alignments=state.alignments + again)
+        state = replace(state, began=min(state.began, time))
     if operator.mode != "autonomous" and view.frames and not human.done:
         tool = _displayed_tool(operator, human, view, report)
         frames = {

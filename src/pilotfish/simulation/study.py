@@ -30,7 +30,7 @@ MEAN_BURST = 5.0  # datagrams
 SITUATIONS = 5  # of each operator
 DISPLACED_VIEW = Link(view_distance=0.03, view_angle=radians(5.0))
 ASIDE_DISPLACEMENT = 0.1  # m, horizontally across the direction in which the robot faces
-COMMAND_PERIOD, REPORT_PERIOD = 0.02, 0.05  # s
+COMMAND_PERIOD = 0.02  # s
 MAX_FALSE_ALARMS = 1.0  # per minute
 CONTRACT = ContractLimits(mode_budgets=dict.fromkeys(MODES, 60.0))
 
@@ -187,9 +187,8 @@ def study_runs(*, quick: bool = False) -> tuple[StudyRun, ...]:
 def allowed_silence(loss: float, period: float, mean_burst: float = MEAN_BURST) -> float:
     """Return how long messages may be missing because of a loss: the smallest multiple of 0.25 s [s].
 
-    It is chosen so that less than once a minute, on average, they are missing for two periods more. The
-    losses are those of a chain of two states. For commands, two periods more is when the link is declared
-    lost. For reports, it is when five commands in a row have been older than the budget.
+    It is chosen so that less than once a minute, on average, they are missing for two periods more, when the
+    link is declared lost. The losses are those of a chain of two states.
 
     Args:
         loss: Share of the datagrams that are lost.
@@ -209,7 +208,8 @@ def allowed_silence(loss: float, period: float, mean_burst: float = MEAN_BURST) 
 def mission_settings(run: StudyRun) -> MissionSettings:
     """Return the settings of the mission of a run.
 
-    With losses, the budget has time for lost reports, and the jitter for lost commands.
+    With losses, the jitter has time for lost commands. The budget needs none for lost reports, which do not
+    count as a longer round trip.
 
     Args:
         run: Run of the study.
@@ -218,7 +218,7 @@ def mission_settings(run: StudyRun) -> MissionSettings:
     link = LinkSettings(delay=condition.round_trip / 2)
     if condition.loss:
         link = replace(link, loss=condition.loss, mean_burst=MEAN_BURST)
-    settings = MissionSettings(
+    return MissionSettings(
         mode=condition.mode,
         forward=link,
         backward=link,
@@ -229,10 +229,6 @@ def mission_settings(run: StudyRun) -> MissionSettings:
         aside=np.array([0.0, ASIDE_DISPLACEMENT, 0.0]) if condition.arm == ASIDE else None,
         piece_steps=1,
     )
-    if condition.loss:
-        margin = allowed_silence(condition.loss, REPORT_PERIOD)
-        settings = replace(settings, budget=settings.agreed_budget + margin)
-    return settings
 
 
 def skill_name(condition: Condition) -> str:

@@ -53,24 +53,24 @@ struct Comparison {
 };
 
 Comparison compare(const Assistance& a, const double* x) {
-  const int width = a.E - a.scalars();
+  const int width = a.E - a.scalars(), position = a.is_oriented() ? width - 3 : width;
   Comparison comparison{Matrix(a.K, a.E), Vector(a.K), 0.0};
   double nearest = std::numeric_limits<double>::infinity();
   for (int k = 0; k < a.K; ++k) {
     double* e = comparison.deviations.row(k).data();
     deviation(a.manifold, a.observed_means + k * a.D, x, e);
     const double* W = a.whitening + k * a.E * a.E;
-    double of_pose = 0.0, of_scalars = 0.0, log_scale = 0.0;
+    double of_position = 0.0, of_orientation = 0.0, of_scalars = 0.0, log_scale = 0.0;
     for (int i = 0; i < a.E; ++i) {
       double whitened = 0.0;
       for (int j = 0; j <= i; ++j) whitened += W[i * a.E + j] * e[j];
-      (i < width ? of_pose : of_scalars) += whitened * whitened;
+      (i < position ? of_position : i < width ? of_orientation : of_scalars) += whitened * whitened;
       log_scale += std::log(W[i * a.E + i]);
     }
-    nearest = std::min(nearest, of_pose);
-    comparison.log_likelihoods[k] = log_scale - 0.5 * (of_pose + of_scalars);
+    nearest = std::min(nearest, std::max(of_position / position, of_orientation / 3.0));
+    comparison.log_likelihoods[k] = log_scale - 0.5 * (of_position + of_orientation + of_scalars);
   }
-  comparison.coverage_distance = std::sqrt(nearest / width);
+  comparison.coverage_distance = std::sqrt(nearest);
   return comparison;
 }
 

@@ -108,15 +108,17 @@ def command_log_likelihoods(model: CarriedModel, x: Float[Array, " D"]) -> Float
 
 
 def coverage_distance(model: CarriedModel, x: Float[Array, " D"], scalars: int) -> float:
-    """Return the distance of a command from what the demonstrations covered.
+    """Return the distance of a command from what the demonstrations covered: position or orientation.
 
     Args:
         model: The skill in the scene observed and in the actual one.
         x: Command.
         scalars: Number of scalar columns, which do not count.
     """
-    width = model.offsets.shape[1] - scalars
-    return float(np.sqrt(np.min(np.sum(whitened_deviations(model, x)[:, :width] ** 2, axis=1)) / width))
+    is_oriented, width = x.size != model.offsets.shape[1], model.offsets.shape[1] - scalars
+    squares = whitened_deviations(model, x)[:, :width] ** 2
+    parts = np.split(squares, [width - 3], axis=1) if is_oriented else [squares]
+    return float(np.sqrt(np.max([part.mean(axis=1) for part in parts], axis=0).min()))
 
 
 def gate_authority(full: float, none: float, distance: float) -> float:
