@@ -213,12 +213,17 @@ def clocks(seed: int) -> list[str]:
 
 def constant_delay(seed: int) -> list[str]:
     """R7: 2 s of constant delay refuse nothing; then delays beyond B + J refuse everything."""
+    return keep_delay(seed, 18.0)
+
+
+def keep_delay(seed: int, seconds: float) -> list[str]:
+    """Run R7 with its constant delay for some virtual seconds."""
     rng = np.random.default_rng(seed)
     jitter = float(rng.uniform(0.1, 0.5))
     link = LinkSettings(delay=1.0)
     rig = Rig(rng, [Pilot("shared")], forward=link, backward=link, budget=2.1, jitter=jitter)
     rig.run_until_active()
-    rig.run(18.0)
+    rig.run(seconds)
     rig.require(rig.session.site.commands.stale == 0, "commands were refused at a constant delay")
     rig.require(rig.control is SessionState.ACTIVE, "the session did not stay active")
     forward = rig.session.operators[1].forward
