@@ -1,12 +1,15 @@
 """Figures of the study."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from math import degrees
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pilotfish.cli.study.results import DIRECT, Results
 from pilotfish.cli.study.tables import ASSISTED, LIMITS, MODES, PRINTED, cases
+from pilotfish.environments import TASKS
 from pilotfish.simulation import Condition
 
 if TYPE_CHECKING:
@@ -20,7 +23,7 @@ TIME_CAPTION = (
 )
 RATIO_CAPTION = (
     "Time relative to direct control in pairs that both succeeded, with 95 % intervals. An open circle means "
-    "no gain: the interval contains 1. Black marks: ratios of table 6.2."
+    "no gain: the interval contains 1. No pairs: direct control never succeeded. Black marks: table 6.2."
 )
 ARM_CAPTION = (
     "Success, and time relative to direct control, with the skill of a neighbouring object and with an "
@@ -40,7 +43,7 @@ def study_figures(results: Results) -> dict[str, tuple["Figure", str]]:
         "ratios": (draw_ratios(results), RATIO_CAPTION),
         "measures": (
             draw_measures(results),
-            "Other measures at a round trip of 1 s, means of successful runs.",
+            "Other measures at a round trip of 1 s: means of successful runs; of all runs for the end error.",
         ),
     }
     if list(cases(results, arms=True)):
@@ -111,6 +114,10 @@ def draw_ratios(results: Results) -> "Figure":
 
 def _draw_interval(axes: "Axes", y: float, results: Results, condition: Condition) -> None:
     ratio = results.ratio(condition)
+    if not ratio.pairs:
+        place = axes.get_yaxis_transform()
+        axes.text(0.5, y, "no pairs", transform=place, ha="center", va="center", color="gray", fontsize=8)
+        return
     colour = COLOURS[condition.mode]
     is_no_gain = ratio.verdict == "no gain"
     axes.plot([ratio.low, ratio.high], [y, y], color=colour, linewidth=2.0)
@@ -120,20 +127,24 @@ def _draw_interval(axes: "Axes", y: float, results: Results, condition: Conditio
 
 
 def draw_measures(results: Results) -> "Figure":
-    """Draw path ratio, open-loop moves, effort and disagreement at a round trip of 1 s."""
+    """Draw the other measures at a round trip of 1 s."""
     from matplotlib.figure import Figure
 
-    measures = {
-        "path_ratio": "path / straight path",
-        "submovements": "open-loop moves",
-        "effort": "path of the hand [m]",
-        "disagreement": "hand to target [m]",
+    measures: dict[str, Callable[[Condition], float]] = {
+        "path / straight path": lambda each: results.mean(each, "path_ratio"),
+        "end error [mm; valve: deg]": lambda each: _end_error(results, each),
+        "open-loop moves": lambda each: results.mean(each, "submovements"),
+        "path of the hand [m]": lambda each: results.mean(each, "effort"),
+        "hand to target [m]": lambda each: results.mean(each, "disagreement"),
+        "data, both ways [kB]": lambda each: (
+            1e-3 * (results.mean(each, "bytes_forward") + results.mean(each, "bytes_backward"))
+        ),
     }
     rows = [case for case in cases(results) if case.round_trip == 1.0 and not case.loss]
-    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
-    for axes, (measure, label) in zip(figure.subplots(2, 2, sharex=True).flat, measures.items(), strict=True):
+    figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+    for axes, (label, measure) in zip(figure.subplots(3, 2, sharex=True).flat, measures.items(), strict=True):
         for n, mode in enumerate(MODES):
-            values = [results.mean(replace(case, mode=mode), measure) for case in rows]
+            values = [measure(replace(case, mode=mode)) for case in rows]
             places = np.arange(len(rows)) + 0.2 * (n - 1.5)
             axes.bar(places, values, 0.18, color=COLOURS[mode], label=mode)
         labels = [case.name.replace(", 1 s", "") for case in rows]
@@ -142,6 +153,12 @@ def draw_measures(results: Results) -> "Figure":
         axes.set(ylabel=label)
     figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(MODES))
     return figure
+
+
+def _end_error(results: Results, condition: Condition) -> float:
+    """Return the mean error at the end in all runs [degrees or mm]."""
+    value = results.mean(condition, "error", only_successes=False)
+    return degrees(value) if TASKS[condition.task].unit == "rad" else 1000.0 * value
 
 
 def draw_arms(results: Results) -> "Figure":
