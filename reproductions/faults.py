@@ -12,10 +12,12 @@ What is simulated: processes are killed and frozen by leaving out their steps, t
 random byte, and the rate of R24 is 30,000 datagrams per virtual second, without timing.
 """
 
+import gc
+import resource
 import sys
-import tracemalloc
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import fault_intruders
@@ -104,21 +106,31 @@ def keep_delay_for_an_hour() -> dict[str, Any]:
 
 
 def soak(hours: float) -> dict[str, float]:
-    """Run one session for many virtual hours, and return the growth of its memory [bytes]."""
+    """Run one session for many virtual hours, and return the growth of the process's memory [bytes].
+
+    Args:
+        hours: Virtual hours, after ten minutes in which buffers reach their sizes.
+    """
     link = teleop.LinkSettings(delay=0.25, jitter=0.05, loss=0.02)
     rig = Rig(np.random.default_rng(0), [Pilot("shared")], forward=link, backward=link, budget=0.8)
     rig.run_until_active()
     rig.run(WARM_UP)
     forget(rig)
-    tracemalloc.start()
-    before, others = tracemalloc.get_traced_memory()[0], 0
+    before, others = resident_memory(), 0
     for _ in tqdm(range(round(hours * 60)), "virtual minutes", disable=not sys.stderr.isatty()):
         rig.run(60.0)
         others += sum(row.state is not SessionState.ACTIVE for row in rig.rows)
         forget(rig)
-    growth = tracemalloc.get_traced_memory()[0] - before
+    growth = resident_memory() - before
     print(f"{hours:g} virtual hours: memory grew by {growth} bytes, {others} steps outside ACTIVE")
     return {"hours": hours, "growth": growth, "steps outside ACTIVE": others, "broken": len(rig.broken)}
+
+
+def resident_memory() -> int:
+    """Return the memory of this process that is not swapped out, without garbage [bytes]."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize()
 
 
 def forget(rig: Rig) -> None:
