@@ -75,7 +75,7 @@ def main() -> None:
                 print(f"    {rows[-1].example}")
     numbers: dict[str, Any] = {"rows": [asdict(row) for row in rows]}
     if arguments.soak:
-        numbers |= {"hour of R7": keep_delay_for_an_hour(), "soak": soak(arguments.soak)}
+        numbers |= {"soak": soak(arguments.soak), "hour of R7": keep_delay_for_an_hour()}
     if arguments.json:
         write_numbers(arguments.json, numbers)
 
