@@ -1,9 +1,12 @@
 """Demonstrations: recordings of a task, the layout of their columns and the frames of its objects.
 
-`demonstration` checks a user's array. `add_derivatives`, `resample`, `to_sphere` and `unwrap_orientations`
-convert recordings, `diagnose` finds anomalies, and `views` gives the local data that skills are learned from.
+`demonstration` checks a user's array, and `build_demonstration` converts a recording of a laboratory's file.
+`add_derivatives`, `resample`, `to_sphere` and `unwrap_orientations` convert demonstrations, `diagnose` finds
+anomalies, and `views` gives the local data that skills are learned from.
 """
 
+from pilotfish.demonstrations.build_settings import BuildSettings, Conversion, FrameSource, PartSource
+from pilotfish.demonstrations.building import build_demonstration
 from pilotfish.demonstrations.derivatives import add_derivatives
 from pilotfish.demonstrations.diagnostics import Diagnostic, diagnose
 from pilotfish.demonstrations.frames import (
@@ -17,33 +20,46 @@ from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout
 from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.resampling import resample
+from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
 from pilotfish.demonstrations.switches import common_switches, switching_columns
+from pilotfish.demonstrations.timestamps import time_unit
+from pilotfish.demonstrations.units import is_unit, parse_unit
 from pilotfish.demonstrations.views import Views, views
 
 __all__ = [
+    "BuildSettings",
+    "Conversion",
     "Demonstration",
     "Diagnostic",
     "Frame",
+    "FrameSource",
     "Layout",
     "MovingFrame",
     "Part",
+    "PartSource",
     "Quantity",
+    "Recording",
+    "Signal",
     "Views",
     "add_derivatives",
+    "build_demonstration",
     "common_switches",
     "demonstration",
     "diagnose",
     "frame",
     "frame_from_pose",
     "has_opposite_sign",
+    "is_unit",
     "moving_frame",
     "moving_frame_from_poses",
+    "parse_unit",
     "pose_layout",
     "position_layout",
     "resample",
     "switching_columns",
+    "time_unit",
     "to_sphere",
     "unwrap_orientations",
     "views",
