@@ -23,6 +23,7 @@ from pilotfish.demonstrations.resampling import resample
 from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
+from pilotfish.demonstrations.suggestions import suggest_settings
 from pilotfish.demonstrations.switches import common_switches, switching_columns
 from pilotfish.demonstrations.timestamps import time_unit
 from pilotfish.demonstrations.units import is_unit, parse_unit
@@ -58,6 +59,7 @@ __all__ = [
     "pose_layout",
     "position_layout",
     "resample",
+    "suggest_settings",
     "switching_columns",
     "time_unit",
     "to_sphere",

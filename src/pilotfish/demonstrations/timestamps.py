@@ -131,7 +131,7 @@ class Between:
     @property
     def nearest(self) -> Int[Array, " S"]:
         """Row nearest in time; the later one in the middle."""
-        return np.where(self.fraction >= 0.5, self.after, self.before)
+        return np.asarray(np.where(self.fraction >= 0.5, self.after, self.before))
 
     def interpolate(self, values: Float[Array, "T d"]) -> Float[Array, "S d"]:
         """Return values at the times, interpolated linearly; exact at rows.
@@ -141,7 +141,7 @@ class Between:
         """
         fraction = self.fraction[:, None]
         before, after = values[self.before], values[self.after]
-        return np.where(fraction == 0, before, (1 - fraction) * before + fraction * after)
+        return np.asarray(np.where(fraction == 0, before, (1 - fraction) * before + fraction * after))
 
     def interpolate_rotations(self, q: Float[Array, "T 4"]) -> Float[Array, "S 4"]:
         """Return unit quaternions at the times by slerp; exact at rows.
@@ -150,7 +150,7 @@ class Between:
             q: Unit quaternions w x y z whose signs do not change from row to row.
         """
         before, after = q[self.before], q[self.after]
-        return np.where(self.fraction[:, None] == 0, before, slerp(before, after, self.fraction))
+        return np.asarray(np.where(self.fraction[:, None] == 0, before, slerp(before, after, self.fraction)))
 
 
 def rows_between(times: Float[Array, " T"], at: Float[Array, " S"]) -> Between:

@@ -1,0 +1,275 @@
+"""Settings that the names, units and values of recordings suggest, and what the user must decide."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pilotfish.demonstrations.build_settings import BuildSettings, FrameSource, PartSource
+from pilotfish.demonstrations.column_groups import ColumnGroup, find_groups
+from pilotfish.demonstrations.column_selection import select_columns
+from pilotfish.demonstrations.layouts import Quantity
+from pilotfish.demonstrations.rotation_conversion import Representation
+from pilotfish.demonstrations.signal_alignment import signal_times
+from pilotfish.demonstrations.signals import Recording
+from pilotfish.demonstrations.timestamps import held_run, source_period
+from pilotfish.errors import InvalidInput
+from pilotfish.types import Array, Float
+from pilotfish.validation import require_type, short_list
+
+LARGE_POSITION = 20.0  # m; above, positions without a unit are probably in mm
+LARGE_ANGLE = 2 * np.pi * 1.05  # rad; above, angles without a unit are probably in degrees
+NORM_TOLERANCE = 0.01
+UPRIGHT = 0.02  # sine of half the tilt of an object that stands on a table
+TURNED = 0.05  # change of a component of an object that turns
+
+ORIENTATION_KINDS = ("wxyz", "quaternion", "rpy", "matrix", "rotation")
+
+
+@dataclass
+class _Draft:
+    """Settings and questions while they are collected."""
+
+    recordings: Sequence[Recording]
+    parts: list[PartSource] = field(default_factory=list)
+    frames: list[FrameSource] = field(default_factory=list)
+    questions: list[str] = field(default_factory=list)
+
+    def values(self, group: ColumnGroup) -> Float[Array, "T d"]:
+        """Return the finite rows of a group in all recordings."""
+        tables = [
+            recording.signals[group.signal].values[:, list(group.columns)]
+            for recording in self.recordings
+            if len(recording.signals) > group.signal
+            and recording.signals[group.signal].values.shape[1] > max(group.columns)
+        ]
+        rows = np.concatenate(tables).astype(np.float64)
+        return np.asarray(rows[np.isfinite(rows).all(axis=1)])
+
+    def names(self, group: ColumnGroup) -> tuple[str, ...]:
+        """Return the names that select the columns of a group."""
+        first = self.recordings[0]
+        signal = first.signals[group.signal]
+        every = [column for other in first.signals for column in other.columns]
+        names = [signal.columns[column] for column in group.columns]
+        if any(every.count(name) > 1 for name in names):
+            return tuple(f"{signal.name}:{name}" for name in names)
+        return tuple(names)
+
+    def has_unit(self, group: ColumnGroup) -> bool:
+        """Return whether the file states the unit of a group."""
+        units = self.recordings[0].signals[group.signal].units
+        return any(units[column].strip() for column in group.columns)
+
+
+def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tuple[str, ...]]:
+    """Propose how columns of recordings become parts and frames, from their names, units and values.
+
+    The tool's pose becomes the parts "position" and "orientation", and other poses become frames. Grippers
+    and forces are parts; joints are parts where the file has no pose. Derivatives and commands are left out.
+
+    The order of a quaternion with named components is known. The norm is 1 in any order, and a rotation that
+    is continuous in one order is so in the other. With numbered components, the order is therefore asked for,
+    except where an object that turns on a table reveals it: it turns about the vertical axis z only.
+
+    Args:
+        recordings: At least one; all have the columns of the first.
+
+    Returns:
+        The settings, and the questions that the user must answer because names and values do not. The
+        settings have the likelier answer.
+
+    Raises:
+        InvalidInput: If there are no recordings, or a later one lacks a proposed column.
+    """
+    require_type(recordings, "recordings", Iterable, "pass a list of recordings")
+    given = list(recordings)
+    if not given:
+        raise InvalidInput("recordings is empty, expected at least one; see io.readers.read_recordings")
+    for recording in given:
+        require_type(recording, "a recording", Recording, "read one with io.readers.read_recordings")
+        if not recording.signals:
+            raise InvalidInput(f"recording {recording.name!r} has no signals, expected at least one")
+    draft = _Draft(given)
+    groups = find_groups(given[0])
+    _propose_poses(draft, groups)
+    _propose_scalars(draft, groups)
+    if not draft.parts:
+        _propose_numbered_columns(draft)
+    settings = BuildSettings(tuple(draft.parts), tuple(draft.frames), _common_period(draft))
+    for recording in given:
+        for source in settings.parts:
+            select_columns(recording, source.columns, f"recording {recording.name!r}: part {source.name!r}")
+    return settings, tuple(draft.questions)
+
+
+def _propose_poses(draft: _Draft, groups: Sequence[ColumnGroup]) -> None:
+    owners = list(dict.fromkeys(group.owner for group in groups if group.kind == "position"))
+    robots = [owner for owner in owners if _is_robot(groups, owner)]
+    if owners and not robots and not any(group.kind == "joints" for group in groups):
+        robots = owners[:1]
+        if len(owners) > 1:
+            draft.questions.append(f"Is {' '.join(robots[0])!r} the tool? The other poses become frames.")
+    order = _order_from_objects(draft, [g for g in groups if g.owner in owners and g.owner not in robots])
+    for owner in owners:
+        position = next(g for g in groups if g.kind == "position" and g.owner == owner)
+        turns = [g for g in groups if g.kind in ORIENTATION_KINDS and g.owner == owner]
+        turn = turns[0] if turns else None
+        if owner in robots:
+            _propose_parts(draft, position, turn, " ".join(owner) if len(robots) > 1 else "", order)
+        elif len(position.columns) == 3:
+            _propose_frame(draft, position, turn, order)
+
+
+def _is_robot(groups: Sequence[ColumnGroup], owner: tuple[str, ...]) -> bool:
+    return next(group for group in groups if group.owner == owner).is_robot
+
+
+def _propose_parts(
+    draft: _Draft, position: ColumnGroup, turn: ColumnGroup | None, prefix: str, order: Representation | None
+) -> None:
+    name = f"{prefix} position".strip()
+    unit = _length_unit(draft, position, name)
+    draft.parts.append(PartSource(name, Quantity.POSITION, draft.names(position), unit))
+    if turn is not None:
+        name = f"{prefix} orientation".strip()
+        kind, unit = _representation(draft, turn, name, order)
+        draft.parts.append(PartSource(name, Quantity.QUATERNION, draft.names(turn), unit, kind))
+
+
+def _propose_frame(
+    draft: _Draft, position: ColumnGroup, turn: ColumnGroup | None, order: Representation | None
+) -> None:
+    name = " ".join(position.owner)
+    unit = _length_unit(draft, position, f"frame {name!r}")
+    if turn is None:
+        draft.frames.append(FrameSource(name, draft.names(position), unit=unit))
+        return
+    kind, angle_unit = _representation(draft, turn, f"frame {name!r}", order)
+    columns = draft.names(position), draft.names(turn)
+    draft.frames.append(FrameSource(name, *columns, kind, unit=unit, angle_unit=angle_unit))
+
+
+def _propose_scalars(draft: _Draft, groups: Sequence[ColumnGroup]) -> None:
+    grippers = [group for group in groups if group.kind == "gripper"]
+    forces = [group for group in groups if group.kind == "force"]
+    joints = [] if draft.parts else [group for group in groups if group.kind == "joints"]
+    for name, members in (("joints", joints), ("gripper", grippers)):
+        for n, group in enumerate(_merged(members)):
+            label = name if n == 0 else f"{name} {n + 1}"
+            unit = _angle_unit(draft, group, label) if name == "joints" else ""
+            draft.parts.append(PartSource(label, Quantity.SCALAR, draft.names(group), unit))
+    for n, group in enumerate(forces):
+        label = "force" if n == 0 else f"force {n + 1}"
+        unit = "" if draft.has_unit(group) else "N"
+        draft.parts.append(PartSource(label, Quantity.VECTOR, draft.names(group), unit))
+
+
+def _merged(groups: Sequence[ColumnGroup]) -> list[ColumnGroup]:
+    """Return one group for each signal."""
+    merged: dict[int, ColumnGroup] = {}
+    for group in groups:
+        known = merged.get(group.signal)
+        columns = group.columns if known is None else (*known.columns, *group.columns)
+        merged[group.signal] = ColumnGroup(group.kind, group.owner, group.signal, columns)
+    return list(merged.values())
+
+
+def _propose_numbered_columns(draft: _Draft) -> None:
+    """Propose parts where no name is known: a pose if four columns have norm 1, scalars otherwise."""
+    signal = draft.recordings[0].signals[0]
+    columns = tuple(range(len(signal.columns)))
+    group = ColumnGroup("quaternion", (), 0, columns)
+    values = draft.values(group)
+    has_pose = len(columns) >= 7 and len(values) > 0
+    if has_pose and bool((np.abs(np.linalg.norm(values[:, 3:7], axis=1) - 1) < NORM_TOLERANCE).all()):
+        turn = ColumnGroup("quaternion", (), 0, columns[3:7])
+        _propose_parts(draft, ColumnGroup("position", (), 0, columns[:3]), turn, "", None)
+        columns = columns[7:]
+    elif len(columns) in (2, 3):
+        _propose_parts(draft, ColumnGroup("position", (), 0, columns), None, "", None)
+        columns = ()
+    if columns:
+        names = draft.names(ColumnGroup("joints", (), 0, columns))
+        draft.parts.append(PartSource("state", Quantity.SCALAR, names))
+    draft.questions.append(
+        f"What are the columns {short_list(list(signal.columns))}? Their names do not say; proposed are "
+        f"{', '.join(part.name for part in draft.parts)}."
+    )
+
+
+def _representation(
+    draft: _Draft, turn: ColumnGroup, label: str, order: Representation | None
+) -> tuple[Representation, str]:
+    """Return the form of an orientation and the unit of its angles; ask where neither is known."""
+    names = short_list(list(draft.names(turn)))
+    match turn.kind:
+        case "wxyz" | "rpy" | "matrix":
+            return turn.kind, _angle_unit(draft, turn, label) if turn.kind == "rpy" else ""
+        case "rotation":
+            draft.questions.append(
+                f"Is {label} ({names}) a rotation vector, or roll, pitch and yaw? Proposed is the rotation "
+                "vector, as Universal Robots writes it."
+            )
+            return "rotation vector", _angle_unit(draft, turn, label)
+        case _:
+            if order is None:
+                draft.questions.append(
+                    f"Is {label} ({names}) in the order w x y z or x y z w? The values do not reveal it; "
+                    "proposed is x y z w, as ROS and robosuite write it."
+                )
+            return order or "xyzw", ""
+
+
+def _order_from_objects(draft: _Draft, groups: Sequence[ColumnGroup]) -> Representation | None:
+    """Return the order of numbered quaternions if objects that turn about the vertical axis reveal it."""
+    found: set[Representation] = set()
+    for group in groups:
+        if group.kind != "quaternion" or not len(q := np.abs(draft.values(group))):
+            continue
+        flat, turns = q.max(axis=0) < UPRIGHT, np.ptp(q, axis=0) > TURNED
+        if flat[0] and flat[1] and turns[2:].all():
+            found.add("xyzw")
+        if flat[1] and flat[2] and turns[[0, 3]].all():
+            found.add("wxyz")
+    return found.pop() if len(found) == 1 else None
+
+
+def _length_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
+    largest = float(np.abs(draft.values(group)).max(initial=0.0))
+    if draft.has_unit(group) or largest <= LARGE_POSITION:
+        return ""
+    draft.questions.append(
+        f"Is {label} in mm? The file states no unit, and the values reach {largest:.4g}; proposed is mm."
+    )
+    return "mm"
+
+
+def _angle_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
+    if draft.has_unit(group):
+        return ""
+    largest = float(np.abs(draft.values(group)).max(initial=0.0))
+    if largest <= LARGE_ANGLE:
+        return "rad"
+    draft.questions.append(
+        f"Is {label} in degrees? The file states no unit, and values reach {largest:.4g}; deg is proposed."
+    )
+    return "deg"
+
+
+def _common_period(draft: _Draft) -> float | None:
+    """Return one period for all recordings [s]; None and a question if no file states times."""
+    steps: list[float] = []
+    for recording in draft.recordings:
+        number, columns = select_columns(recording, draft.parts[0].columns, f"part {draft.parts[0].name!r}")
+        signal = recording.signals[number]
+        if recording.period is None and all(other.times is None for other in recording.signals):
+            draft.questions.append("What is the time between two rows [s]? The file has no times.")
+            return None
+        times = signal_times(recording, number, None)
+        if len(times) > 1:
+            run = held_run(signal.values[:, list(columns)])
+            steps.append(float(np.median(np.diff(times))) * run)
+    if not steps:
+        raise InvalidInput("every recording has one row, expected at least two")
+    return source_period(np.array([0.0, float(np.median(steps))]))
