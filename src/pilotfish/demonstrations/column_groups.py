@@ -26,12 +26,13 @@ POSITION_WORDS = {"pos", "position", "positions", "translation", "point"}
 TURN_WORDS = {"orientation", "ori", "quaternion", "quat", "quats", "rotation", "rot", "q"}
 GENERIC_WORDS = {
     *POSITION_WORDS, *TURN_WORDS, "pose", "poses", "transform", "p", "stamped", "observation", "obs", "state",
-    "data", "values", "column", "columns",
+    "data", "values",
 }  # fmt: skip
 OBJECT_WORDS = {"object", "objects", "obj", "marker", "markers"}
 ROBOT_WORDS = {
     "tool", "tcp", "ee", "eef", "end", "effector", "hand", "gripper", "flange", "robot", "arm", "wrist",
-    "tip", "actual", "measured", "panda", "franka", "fr", "ur", "baxter", "iiwa", "kinova", "xarm", "left", "right",
+    "tip", "actual", "measured", "panda", "franka", "fr", "ur", "baxter", "iiwa", "kinova", "xarm",
+    "left", "right",
 }  # fmt: skip
 RATE_WORDS = {
     "velocity", "velocities", "vel", "speed", "twist", "linear", "angular", "acceleration", "acc", "accel",
@@ -100,7 +101,7 @@ def _groups_of_signal(recording: Recording, s: int) -> Iterator[ColumnGroup]:
         if name.endswith("'"):  # a derivative in the project's own files
             continue
         words = split_words(name)
-        stem = (*split_words(signal.name), *words[:-1])
+        stem = tuple(w for w in (*split_words(signal.name), *words[:-1]) if w not in ("column", "columns"))
         if words and not (RATE_WORDS | COMMAND_WORDS) & {*stem, words[-1]}:
             stems.setdefault(stem, {}).setdefault(words[-1], column)
     for stem, components in stems.items():

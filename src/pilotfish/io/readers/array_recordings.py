@@ -1,0 +1,213 @@
+"""Recordings from named arrays, as NPZ and MATLAB files have them.
+
+A matrix (T, D) is a signal, and a vector (T,) a signal of one column. Its times are the vector
+"NAME_time", or one that is named as times and has as many entries. Texts with one entry per row are labels, and so are
+whole numbers under a name such as "labels" or "phase". Texts named "columns" with D entries are the names of the
+columns. A number named "period", "dt", "fps" or "rate" states the period.
+
+Several recordings are stacked arrays (N, T, D), or matrices with equal D whose names differ in their number.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from pilotfish.demonstrations import Recording, Signal
+from pilotfish.errors import InvalidInput
+from pilotfish.io.readers.column_headers import is_time_name, split_unit, to_seconds
+from pilotfish.io.readers.read_options import ReadOptions
+from pilotfish.types import Array, Float
+from pilotfish.validation import numeric_array, require_number, require_printable, short_list, short_repr
+
+PERIODS = {"period", "dt", "ts", "sampling_period", "timestep", "time_step"}
+RATES = {"fps", "rate", "frequency", "fs", "hz", "sampling_rate"}
+LABELS = {"label", "labels", "phase", "phases", "segment", "segments", "subtask", "subtasks"}
+COLUMN_NAMES = {"columns", "names", "column_names", "fields"}
+MAX_COLUMNS = 10_000
+MAX_RECORDINGS = 1_000_000
+Arrays = Mapping[str, np.ndarray]
+
+
+def recordings_from_arrays(
+    arrays: Arrays, name: str, format_name: str, options: ReadOptions, file: str
+) -> Iterator[Recording]:
+    """Yield the recordings of named arrays as at the head of this file.
+
+    Args:
+        arrays: Numbers, whole numbers, booleans and texts.
+        name: Name of the recording; several are numbered.
+        format_name: Name of the format.
+        options: Name and unit of the times, if they are stated.
+        file: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: If there is no matrix or vector of numbers, or sizes contradict one another.
+    """
+    stacked = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim == 3}
+    if stacked:
+        yield from _split_stacked(arrays, stacked, name, format_name, options, file)
+        return
+    if numbered := _numbered_matrices(arrays):
+        shared = {key: array for key, array in arrays.items() if key not in numbered}
+        for key in numbered:
+            yield _one_recording({key: arrays[key], **shared}, key, format_name, options, file, alone=key)
+        return
+    yield _one_recording(arrays, name, format_name, options, file)
+
+
+def _split_stacked(
+    arrays: Arrays, stacked: Arrays, name: str, format_name: str, options: ReadOptions, file: str
+) -> Iterator[Recording]:
+    counts = {len(array) for array in stacked.values()}
+    if len(counts) > 1:
+        shapes = short_list([f"{key} {array.shape}" for key, array in stacked.items()])
+        raise InvalidInput(f"{file}: {shapes} have different lengths, expected (N, T, D) with one N")
+    count = counts.pop()
+    if count > MAX_RECORDINGS:
+        raise InvalidInput(f"{file} has {count} recordings, expected at most {MAX_RECORDINGS}")
+    T = next(iter(stacked.values())).shape[1]
+    for n in range(count):
+        own = {
+            key: array[n] if array.ndim >= 2 and (array.ndim == 3 or array.shape == (count, T)) else array
+            for key, array in arrays.items()
+        }
+        alone = next(iter(stacked)) if len(stacked) == 1 else ""
+        yield _one_recording(own, f"{name} {n + 1}", format_name, options, file, alone=alone)
+
+
+def _numbered_matrices(arrays: Arrays) -> list[str]:
+    """Return the names of matrices that are recordings: equal names but for a number, and equal widths."""
+    matrices = [key for key, array in arrays.items() if _is_numeric(array) and array.ndim == 2]
+    stems = {re.sub(r"\d+", "", key) for key in matrices}
+    widths = {arrays[key].shape[1] for key in matrices}
+    if len(matrices) < 2 or len(stems) != 1 or len(widths) != 1 or not all(map(_number_in, matrices)):
+        return []
+    return sorted(matrices, key=_number_in)
+
+
+def _number_in(key: str) -> tuple[int, ...]:
+    return tuple(int(digits) for digits in re.findall(r"\d{1,18}", key))
+
+
+def _one_recording(
+    arrays: Arrays, name: str, format_name: str, options: ReadOptions, file: str, alone: str = ""
+) -> Recording:
+    texts = {key: array for key, array in arrays.items() if array.dtype.kind in "US" and array.ndim == 1}
+    numeric = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim in (1, 2)}
+    times = {key: array for key, array in numeric.items() if _is_time(key, array, options)}
+    labels = {
+        k: a for k, a in numeric.items() if k.lower() in LABELS and a.ndim == 1 and a.dtype.kind in "iub"
+    }
+    values = {key: array for key, array in numeric.items() if key not in times and key not in labels}
+    if not values:
+        raise InvalidInput(
+            f"{file} has the arrays {short_list(list(arrays))}, expected a matrix of numbers of shape (T, D) "
+            "or (N, T, D); write one with numpy.savez(path, x=x)"
+        )
+    columns = next((array for key, array in texts.items() if key.lower() in COLUMN_NAMES), None)
+    seconds = {key: _seconds(key, array, options, file) for key, array in times.items()}
+    signals = []
+    for key, array in values.items():
+        shown = "" if len(values) == 1 or key == alone else key
+        signals.append((array, _signal(key, array, shown, _times_of(key, array, seconds), columns, file)))
+    label_arrays = {**{k: a for k, a in texts.items() if k.lower() not in COLUMN_NAMES}, **labels}
+    ordered = _labelled_first([signal for _, signal in signals], label_arrays, file)
+    return Recording(
+        require_printable(name, f"{file}: the name of a recording"),
+        tuple(ordered),
+        {key: tuple(_text(entry, file) for entry in array.tolist()) for key, array in label_arrays.items()},
+        _stated_period(arrays, file),
+        format_name,
+    )
+
+
+def _signal(
+    key: str,
+    array: np.ndarray,
+    name: str,
+    times: Float[Array, " T"] | None,
+    columns: np.ndarray | None,
+    file: str,
+) -> Signal:
+    rows = array.reshape(len(array), -1)
+    if not 1 <= rows.shape[1] <= MAX_COLUMNS or not len(rows):
+        raise InvalidInput(
+            f"{file}: {short_repr(key)} has shape {array.shape}, expected (T, D) with 1 to {MAX_COLUMNS} "
+            "columns and at least one row"
+        )
+    stem, unit = split_unit(require_printable(key, f"{file}: the name of an array"))
+    if array.ndim == 1:
+        headers = [stem]
+    elif columns is not None and len(columns) == rows.shape[1]:
+        headers = [
+            require_printable(_text(c, file), f"{file}: the name of a column") for c in columns.tolist()
+        ]
+    else:
+        headers = [f"column {n + 1}" for n in range(rows.shape[1])]
+    split = [split_unit(header) for header in headers]
+    values = numeric_array(rows.astype(np.float64) if rows.dtype.kind == "b" else rows, f"{file}: {key}")
+    return Signal(name, values, tuple(n for n, _ in split), tuple(u or unit for _, u in split), times)
+
+
+def _is_numeric(array: np.ndarray) -> bool:
+    return array.dtype.kind in "fiub"
+
+
+def _is_label(key: str, array: np.ndarray) -> bool:
+    """Return whether whole numbers, which MATLAB stores as floats, are labels."""
+    if key.lower() not in LABELS or array.ndim != 1:
+        return False
+    return array.dtype.kind != "f" or bool((np.isfinite(array) & (array == np.round(array))).all())
+
+
+def _is_time(key: str, array: np.ndarray, options: ReadOptions) -> bool:
+    is_vector = array.ndim == 1 or (array.ndim == 2 and 1 in array.shape and array.size > 1)
+    if options.time_column:
+        return key == options.time_column
+    return is_vector and is_time_name(split_unit(key)[0])
+
+
+def _seconds(key: str, array: np.ndarray, options: ReadOptions, file: str) -> Float[Array, " T"]:
+    label = f"{file}: {key}"
+    return to_seconds(numeric_array(array.reshape(-1), label), split_unit(key)[1], options, label)
+
+
+def _times_of(
+    key: str, array: np.ndarray, times: Mapping[str, Float[Array, " T"]]
+) -> Float[Array, " T"] | None:
+    """Return the times of a signal: those under its own name, or others with as many entries."""
+    fitting = {name: own for name, own in times.items() if len(own) == len(array)}
+    own = [name for name in fitting if name.lower().startswith(key.lower())]
+    names = [*own, *(name for name in fitting if name not in own)]
+    return fitting[names[0]] if names else None
+
+
+def _labelled_first(signals: Sequence[Signal], labels: Arrays, file: str) -> list[Signal]:
+    """Return the signals with one first that has as many rows as there are labels."""
+    lengths = {len(array) for array in labels.values()}
+    if not lengths:
+        return list(signals)
+    fitting = [signal for signal in signals if lengths == {len(signal.values)}]
+    if not fitting:
+        names = short_list([f"{key} ({len(array)})" for key, array in labels.items()])
+        rows = short_list([str(len(signal.values)) for signal in signals])
+        raise InvalidInput(
+            f"{file}: labels {names} do not have one entry per row ({rows}), expected a label for each row"
+        )
+    return [fitting[0], *(signal for signal in signals if signal is not fitting[0])]
+
+
+def _stated_period(arrays: Arrays, file: str) -> float | None:
+    for key, array in arrays.items():
+        if array.size == 1 and _is_numeric(array):
+            if key.lower() in PERIODS:
+                return require_number(float(array.reshape(-1)[0]), f"{file}: {key}", 1e-9, 1e9)
+            if key.lower() in RATES:
+                return 1.0 / require_number(float(array.reshape(-1)[0]), f"{file}: {key}", 1e-9, 1e9)
+    return None
+
+
+def _text(entry: object, file: str) -> str:
+    text = entry.decode("utf-8", "replace") if isinstance(entry, bytes) else str(entry)
+    return require_printable(text.rstrip(), f"{file}: a label")

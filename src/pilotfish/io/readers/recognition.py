@@ -1,0 +1,170 @@
+"""Recordings of any known format: the reader is found by the content and suffix of the file.
+
+A folder of files is one recording per file, in natural order (demo2 before demo10). Its files are signals of
+common recordings if their names say so: each name is EXECUTION_SIGNAL, such as demo1_robot.csv and
+demo1_objects.csv, SIGNAL begins with a letter, every execution has the same two or more signals, and these
+signals differ in their columns. Otherwise every file is a recording of its own.
+"""
+
+import importlib
+import inspect
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pilotfish.demonstrations import Recording, Signal
+from pilotfish.errors import InvalidInput
+from pilotfish.io.paths import is_file, is_folder, path_exists
+from pilotfish.io.readers.read_options import ReadOptions
+from pilotfish.validation import nearest_name, require_type, short_list, short_repr
+
+# Modules of this package with FORMAT, recognises(path) and read(path), or read(path, options). They are
+# imported when a path is read, and tried in this order: the first that recognises a path reads it.
+READERS = ("npy_arrays", "matlab", "delimited")
+MAX_FILES = 100_000
+IGNORED_SUFFIXES = {
+    ".md", ".rst", ".pdf", ".html", ".toml", ".json", ".yaml", ".yml", ".xml", ".urdf", ".png", ".jpg",
+    ".jpeg", ".mp4", ".avi", ".py", ".m", ".sh", ".zip",
+}  # fmt: skip
+
+
+def read_recordings(path: str | Path, *, options: ReadOptions | None = None) -> Iterator[Recording]:
+    """Read the recordings of a file or folder of any known format, one at a time.
+
+    Args:
+        path: File, or folder as at the head of this file. Hidden files, documents, pictures and manifests
+            in a folder are ignored.
+        options: What the file does not say about itself; None to recognise all of it.
+
+    Yields:
+        Each recording, as in the file.
+
+    Raises:
+        InvalidInput: If the path is missing, no reader recognises it, a library is missing, or the file is
+            damaged.
+    """
+    chosen = options or ReadOptions()
+    require_type(path, "path", (str, Path), "pass the name of a file or folder")
+    require_type(chosen, "options", ReadOptions, "pass ReadOptions()")
+    file = Path(path)
+    if not path_exists(file):
+        raise InvalidInput(f"{file} is missing, expected a file or folder of recordings; check the name")
+    if (reader := _find_reader(file, chosen)) is not None:
+        yield from _read(reader, file, chosen)
+    elif is_folder(file):
+        yield from _read_folder(file, chosen)
+    else:
+        raise _unknown_format(file)
+
+
+def reader_formats() -> tuple[str, ...]:
+    """Return the names of all formats, for help texts."""
+    return tuple(str(_import_reader(name).FORMAT) for name in READERS)
+
+
+def _import_reader(name: str) -> Any:
+    return importlib.import_module(f"pilotfish.io.readers.{name}")
+
+
+def _find_reader(path: Path, options: ReadOptions) -> Any:
+    """Return the module that reads a path; None if none recognises it."""
+    if not options.format:
+        return next((r for r in map(_import_reader, READERS) if r.recognises(path)), None)
+    if options.format in READERS:
+        reader = _import_reader(options.format)
+        return reader if is_file(path) or reader.recognises(path) else None
+    near = nearest_name(options.format, READERS)
+    hint = f"; did you mean {near!r}?" if near else ""
+    raise InvalidInput(f"format is {short_repr(options.format)}, expected one of {', '.join(READERS)}{hint}")
+
+
+def _read(reader: Any, path: Path, options: ReadOptions) -> Iterator[Recording]:
+    """Yield the recordings of a path; a missing library is named with the extra that installs it."""
+    takes_options = "options" in inspect.signature(reader.read).parameters
+    try:
+        yield from reader.read(path, options) if takes_options else reader.read(path)
+    except ImportError as error:
+        raise InvalidInput(
+            f"{path}: files of {reader.FORMAT} need {error.name or error}: pip install 'pilotfish[io]'"
+        ) from error
+
+
+def _read_folder(folder: Path, options: ReadOptions) -> Iterator[Recording]:
+    files = _data_files(folder)
+    if not files:
+        raise InvalidInput(f"{folder} has no files of recordings, expected such as demo1.csv and demo2.csv")
+    readers = {file: _find_reader(file, options) for file in files}
+    if unknown := [file for file, reader in readers.items() if reader is None]:
+        raise _unknown_format(unknown[0])
+    groups = _group_signals(files)
+    if groups and _signals_differ([list(_read(readers[f], f, options)) for f in next(iter(groups.values()))]):
+        for name, members in groups.items():
+            yield _merge(name, [(file, list(_read(readers[file], file, options))) for file in members])
+        return
+    for file in files:
+        yield from _read(readers[file], file, options)
+
+
+def _data_files(folder: Path) -> list[Path]:
+    try:
+        entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    except OSError as error:
+        raise InvalidInput(f"{folder} cannot be listed: {error.strerror}; check its permissions") from error
+    files = [e for e in entries if is_file(e) and e.suffix.lower() not in IGNORED_SUFFIXES]
+    if len(files) > MAX_FILES:
+        raise InvalidInput(f"{folder} has {len(files)} files, expected at most {MAX_FILES}; split it")
+    return sorted(files, key=_natural_key)
+
+
+def _natural_key(file: Path) -> list[tuple[int, str]]:
+    """Return a key by which demo2 is before demo10."""
+    words = re.split(r"([0-9]{1,18})", file.name)
+    return [(int(word), "") if word.isascii() and word.isdigit() else (-1, word) for word in words]
+
+
+def _group_signals(files: Sequence[Path]) -> dict[str, list[Path]]:
+    """Return the files of each execution if all names are EXECUTION_SIGNAL as at the head of this file."""
+    groups: dict[str, dict[str, Path]] = {}
+    for file in files:
+        match = re.fullmatch(r"(?P<execution>.+)[_-](?P<signal>[^\W\d_][^_-]*)", file.stem)
+        if match is None or match["signal"] in groups.setdefault(match["execution"], {}):
+            return {}
+        groups[match["execution"]][match["signal"]] = file
+    signals = {frozenset(members) for members in groups.values()}
+    if len(signals) != 1 or len(next(iter(signals))) < 2:
+        return {}
+    return {execution: list(members.values()) for execution, members in groups.items()}
+
+
+def _signals_differ(contents: Sequence[Sequence[Recording]]) -> bool:
+    """Return whether files have one recording each, and no two have the same columns."""
+    if any(len(recordings) != 1 for recordings in contents):
+        return False
+    columns = [tuple(signal.columns for signal in recordings[0].signals) for recordings in contents]
+    return len(set(columns)) == len(columns)
+
+
+def _merge(name: str, contents: Sequence[tuple[Path, Sequence[Recording]]]) -> Recording:
+    """Return one recording of the signals of several files; one that has labels is first."""
+    for file, recordings in contents:
+        if len(recordings) != 1:
+            raise InvalidInput(f"{file} has {len(recordings)} recordings, expected one, as in its neighbours")
+    ordered = sorted(contents, key=lambda content: not content[1][0].labels)  # stable
+    signals: list[Signal] = []
+    for file, (recording,) in ordered:
+        prefix = re.split(r"[_-]", file.stem)[-1]
+        for signal in recording.signals:
+            signals.append(replace(signal, name=f"{prefix} {signal.name}".strip()))
+    first = ordered[0][1][0]
+    periods = {recordings[0].period for _, recordings in contents}
+    period = periods.pop() if len(periods) == 1 else None
+    return Recording(name, tuple(signals), first.labels, period, first.format)
+
+
+def _unknown_format(path: Path) -> InvalidInput:
+    formats = short_list([str(_import_reader(name).FORMAT) for name in READERS])
+    return InvalidInput(
+        f"{path} is in no known format, expected one of {formats}; move it away, or name the format"
+    )
