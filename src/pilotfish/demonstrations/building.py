@@ -53,7 +53,7 @@ def build_demonstration(recording: Recording, settings: BuildSettings) -> tuple[
     """Convert a recording to a demonstration in SI units with quaternions w x y z and one period.
 
     Args:
-        recording: Signals as they are in the file.
+        recording: Signals as in the file.
         settings: Columns of parts and frames, period and limits; see `suggest_settings`.
 
     Returns:

@@ -1,6 +1,6 @@
 """What a laboratory has on its disk: signals with their own times, before they become a demonstration.
 
-A reader of `pilotfish.io.readers` returns recordings as they are in the file. Units, the order of quaternions
+A reader of `pilotfish.io.readers` returns recordings as in the file. Units, the order of quaternions
 and rates are interpreted by `build_demonstration`, which resamples all signals to one period.
 """
 

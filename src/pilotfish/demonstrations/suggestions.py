@@ -80,7 +80,7 @@ def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tu
         settings have the likelier answer.
 
     Raises:
-        InvalidInput: If there are no recordings, or a later one lacks a proposed column.
+        InvalidInput: If recordings is empty, or a later one lacks a proposed column.
     """
     require_type(recordings, "recordings", Iterable, "pass a list of recordings")
     given = list(recordings)

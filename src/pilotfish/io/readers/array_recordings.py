@@ -1,8 +1,8 @@
 """Recordings from named arrays, as NPZ and MATLAB files have them.
 
-A matrix (T, D) is a signal, and a vector (T,) a signal of one column. Its times are the vector
-"NAME_time", or one that is named as times and has as many entries. Texts with one entry per row are labels, and so are
-whole numbers under a name such as "labels" or "phase". Texts named "columns" with D entries are the names of the
+A matrix (T, D) is a signal, and a vector (T,) a signal of one column. Its times are the vector "NAME_time",
+or one that is named as times and has as many entries. Texts with one entry per row are labels. Whole numbers
+are labels under a name such as "labels" or "phase". Texts named "columns" with D entries are the names of the
 columns. A number named "period", "dt", "fps" or "rate" states the period.
 
 Several recordings are stacked arrays (N, T, D), or matrices with equal D whose names differ in their number.
@@ -42,7 +42,7 @@ def recordings_from_arrays(
         file: Name of the file, for messages.
 
     Raises:
-        InvalidInput: If there is no matrix or vector of numbers, or sizes contradict one another.
+        InvalidInput: If matrices and vectors of numbers are missing, or sizes contradict one another.
     """
     stacked = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim == 3}
     if stacked:
@@ -130,7 +130,7 @@ def _signal(
     columns: np.ndarray | None,
     file: str,
 ) -> Signal:
-    rows = array.reshape(len(array), -1)
+    rows = array[:, None] if array.ndim == 1 else array
     if not 1 <= rows.shape[1] <= MAX_COLUMNS or not len(rows):
         raise InvalidInput(
             f"{file}: {short_repr(key)} has shape {array.shape}, expected (T, D) with 1 to {MAX_COLUMNS} "

@@ -13,14 +13,14 @@ from pilotfish.types import Array, Float
 TIME_WORDS = {"time", "times", "timestamp", "timestamps", "stamp", "t", "rosbagtimestamp", "datetime"}
 SECONDS, NANOSECONDS = {"sec", "secs"}, {"nsec", "nsecs", "nanosec", "nanosecs"}
 UNIT_ENDINGS = {"mm", "cm", "deg", "rad", "ms", "us", "ns", "sec"}  # after an underscore, as in "x_mm"
-_BRACKETS = re.compile(r"(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
+_BRACKETS = re.compile(r"(?P<name>.*\S)(?P<blank>\s*)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 
 
 def split_unit(header: str) -> tuple[str, str]:
     """Return the name and the unit of a header: "x [mm]", "x (mm)" or "x_mm" is x in mm.
 
-    Square brackets contain a unit unless they contain a number, as in "joint[0]". Round brackets and endings
-    after an underscore do if it is a known unit.
+    Square brackets contain a unit unless they contain a number, as in "joint[0]"; " [1]" after a blank is the
+    unit of plain numbers. Round brackets and endings after an underscore do if it is a known unit.
 
     Args:
         header: Name as in the file.
@@ -28,7 +28,8 @@ def split_unit(header: str) -> tuple[str, str]:
     if match := _BRACKETS.fullmatch(header.strip()):
         square, inner = match["square"], match["square"] or match["round"] or ""
         unit = inner.strip()
-        if unit and not unit.isdigit() and (square is not None or is_unit(unit)):
+        is_index = unit.isdigit() and not (unit == "1" and match["blank"])
+        if unit and not is_index and (square is not None or is_unit(unit)):
             return match["name"].strip(), unit
     name, _, ending = header.strip().rpartition("_")
     if name and ending.lower() in UNIT_ENDINGS:

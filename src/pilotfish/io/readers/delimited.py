@@ -124,7 +124,7 @@ def _find_separator(lines: Sequence[Line]) -> str:
             words = [word for line in sample for word in line.split()]
             if all(_DECIMAL_COMMA.fullmatch(word) for word in words):
                 return " "
-        if all(len(row) > 1 for row in cells):
+        if sum(len(row) > 1 for row in cells) > len(cells) / 2:  # the last line may be cut
             return separator
     return " "
 

@@ -1,7 +1,7 @@
 """Recordings of any known format: the reader is found by the content and suffix of the file.
 
 A folder of files is one recording per file, in natural order (demo2 before demo10). Its files are signals of
-common recordings if their names say so: each name is EXECUTION_SIGNAL, such as demo1_robot.csv and
+common recordings if their names have two parts: each name is EXECUTION_SIGNAL, such as demo1_robot.csv and
 demo1_objects.csv, SIGNAL begins with a letter, every execution has the same two or more signals, and these
 signals differ in their columns. Otherwise every file is a recording of its own.
 """

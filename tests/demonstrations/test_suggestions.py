@@ -1,0 +1,187 @@
+"""Settings that names, units and values suggest, and questions that they leave."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pilotfish.demonstrations import (
+    FrameSource,
+    PartSource,
+    Quantity,
+    Recording,
+    Signal,
+    build_demonstration,
+    suggest_settings,
+)
+from pilotfish.errors import InvalidInput
+
+TIMES = np.arange(40) / 20
+TURN = Rotation.from_rotvec(np.column_stack([TIMES, 0.3 + TIMES, 0.1 * TIMES]))
+POINTS = np.column_stack([np.sin(TIMES), TIMES, np.cos(TIMES)])
+
+
+def recording(*signals: tuple[str, str, np.ndarray], units: str = "") -> Recording:
+    """Return a recording of signals, each as name, columns separated by commas, and values."""
+    made = []
+    for name, names, values in signals:
+        columns = tuple(names.split(","))
+        made.append(
+            Signal(name, values, columns, tuple(units.split(",")) if units else ("",) * len(columns), TIMES)
+        )
+    return Recording("a", tuple(made))
+
+
+def pose(order: str = "xyzw") -> np.ndarray:
+    return np.column_stack([POINTS, TURN.as_quat(scalar_first=order == "wxyz")])
+
+
+@pytest.mark.parametrize(
+    ("columns", "order"),
+    [
+        ("x,y,z,qx,qy,qz,qw", "xyzw"),
+        ("x,y,z,qw,qx,qy,qz", "wxyz"),
+        ("position x,position y,position z,orientation w,orientation x,orientation y,orientation z", "wxyz"),
+        (
+            (
+                "pose.position.x,pose.position.y,pose.position.z,pose.orientation.x,pose.orientation.y,"
+                "pose.orientation.z,pose.orientation.w"
+            ),
+            "xyzw",
+        ),
+        ("tcp_x,tcp_y,tcp_z,tcp_qx,tcp_qy,tcp_qz,tcp_qw", "xyzw"),
+        ("eePosX,eePosY,eePosZ,eeQuatX,eeQuatY,eeQuatZ,eeQuatW", "xyzw"),
+        ("px,py,pz,quat_w,quat_x,quat_y,quat_z", "wxyz"),
+    ],
+)
+def test_named_pose_is_found_in_its_order(columns: str, order: str):
+    """Names decide the order; the demonstration equals the pose without a question."""
+    settings, questions = suggest_settings([recording(("", columns, pose(order)))])
+    assert not questions
+    assert [part.name for part in settings.parts] == ["position", "orientation"]
+    assert settings.period == 1 / 20
+    demo, _ = build_demonstration(recording(("", columns, pose(order))), settings)
+    assert np.allclose(demo.x, pose("wxyz"), atol=1e-12)
+
+
+def test_objects_are_frames_and_gripper_is_a_part():
+    values = np.column_stack([pose(), TIMES > 1, pose(), 0.1 * POINTS])
+    names = (
+        "x,y,z,qx,qy,qz,qw,gripper,cube_x,cube_y,cube_z,cube_qx,cube_qy,cube_qz,cube_qw,bin1_x,bin1_y,bin1_z"
+    )
+    settings, questions = suggest_settings([recording(("", names, values))])
+    assert not questions
+    assert [part.name for part in settings.parts] == ["position", "orientation", "gripper"]
+    assert settings.frames == (
+        FrameSource("cube", ("cube_x", "cube_y", "cube_z"), ("cube_qw", "cube_qx", "cube_qy", "cube_qz")),
+        FrameSource("bin1", ("bin1_x", "bin1_y", "bin1_z")),
+    )
+
+
+def test_signals_name_their_owner():
+    names = "pose.position.x,pose.position.y,pose.position.z"
+    given = recording(("/tool_pose", names, POINTS), ("/cup", names, POINTS))
+    settings, questions = suggest_settings([given])
+    assert not questions
+    expected = tuple(f"/tool_pose:{name}" for name in names.split(","))
+    assert settings.parts == (PartSource("position", Quantity.POSITION, expected),)
+    assert [frame.name for frame in settings.frames] == ["cup"]
+
+
+@pytest.mark.parametrize(
+    "names", ["joint_1,joint_2,joint_3", "q1,q2,q3", "shoulder_joint,elbow_joint,wrist_joint"]
+)
+def test_joints_are_a_part_without_a_pose(names: str):
+    settings, questions = suggest_settings([recording(("", names, POINTS))])
+    assert settings.parts == (PartSource("joints", Quantity.SCALAR, tuple(names.split(",")), "rad"),)
+    assert not questions
+    degrees, questions = suggest_settings([recording(("", names, 100 * POINTS))])
+    assert degrees.parts[0].unit == "deg"
+    assert "in degrees?" in questions[0]
+
+
+def test_derivatives_and_commands_are_left_out():
+    names = "x,y,z,linear_velocity_x,linear_velocity_y,linear_velocity_z,cmd_x,cmd_y,cmd_z,x',y',z'"
+    settings, _ = suggest_settings([recording(("", names, np.tile(POINTS, 4)))])
+    assert settings.parts == (PartSource("position", Quantity.POSITION, ("x", "y", "z")),)
+    assert not settings.frames
+
+
+def test_force_is_a_vector():
+    values = np.column_stack([POINTS, POINTS])
+    settings, _ = suggest_settings([recording(("", "x,y,z,fx,fy,fz", values))])
+    assert settings.parts[1] == PartSource("force", Quantity.VECTOR, ("fx", "fy", "fz"), "N")
+
+
+def test_positions_without_unit_in_the_hundreds_are_asked_for():
+    _, questions = suggest_settings([recording(("", "x,y,z", 400 * POINTS))])
+    assert "in mm?" in questions[0]
+    _, questions = suggest_settings([recording(("", "x,y,z", 400 * POINTS), units="mm,mm,mm")])
+    assert not questions
+
+
+def test_numbered_quaternion_is_asked_for_unless_a_table_reveals_its_order():
+    """The norm and continuity are the same in each order; only an object that turns about z decides."""
+    names = ",".join([f"eef_pos_{n}" for n in range(3)] + [f"eef_quat_{n}" for n in range(4)])
+    settings, questions = suggest_settings([recording(("", names, pose()))])
+    assert settings.parts[1].representation == "xyzw"
+    assert "order w x y z or x y z w?" in questions[0]
+    upright = Rotation.from_rotvec(np.column_stack([0 * TIMES, 0 * TIMES, 0.3 + TIMES]))
+    objects = ",".join([f"cube_pos_{n}" for n in range(3)] + [f"cube_quat_{n}" for n in range(4)])
+    for order in ("wxyz", "xyzw"):
+        cube = np.column_stack([POINTS, upright.as_quat(scalar_first=order == "wxyz")])
+        given = recording(("", names, pose(order)), ("objects", objects, cube))
+        settings, questions = suggest_settings([given])
+        assert not questions
+        assert settings.parts[1].representation == settings.frames[0].representation == order
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "kind"),
+    [
+        ("roll,pitch,yaw", TURN.as_euler("xyz"), "rpy"),
+        (
+            ",".join(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)),
+            TURN.as_matrix().reshape(-1, 9),
+            "matrix",
+        ),
+        ("rx,ry,rz", TURN.as_rotvec(), "rotation vector"),
+    ],
+)
+def test_other_rotations_are_found(names: str, values: np.ndarray, kind: str):
+    given = recording(("", f"x,y,z,{names}", np.column_stack([POINTS, values])))
+    settings, questions = suggest_settings([given])
+    assert settings.parts[1].representation == kind
+    assert len(questions) == (kind == "rotation vector")
+    demo, _ = build_demonstration(given, settings)
+    assert np.allclose(np.abs(np.einsum("td,td->t", demo.x[:, 3:], pose("wxyz")[:, 3:])), 1.0)
+
+
+def test_unnamed_columns_are_asked_for():
+    columns = ",".join(f"column {n + 1}" for n in range(8))
+    settings, questions = suggest_settings([recording(("", columns, np.column_stack([pose(), TIMES])))])
+    assert [part.name for part in settings.parts] == ["position", "orientation", "state"]
+    assert len(questions) == 2
+    settings, questions = suggest_settings([recording(("", "a,b,c,d", np.tile(TIMES[:, None], 4)))])
+    assert settings.parts == (PartSource("state", Quantity.SCALAR, ("a", "b", "c", "d")),)
+    assert "What are the columns" in questions[0]
+
+
+def test_rows_without_times_are_asked_for():
+    signal = Signal("", POINTS, ("x", "y", "z"), ("",) * 3)
+    settings, questions = suggest_settings([Recording("a", (signal,))])
+    assert settings.period is None
+    assert "time between two rows" in questions[0]
+
+
+def test_unusable_recordings_are_refused():
+    with pytest.raises(InvalidInput, match="empty"):
+        suggest_settings([])
+    with pytest.raises(InvalidInput, match="expected Recording"):
+        suggest_settings([1])  # type: ignore[list-item]
+    with pytest.raises(InvalidInput, match="expected Iterable"):
+        suggest_settings(None)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInput, match="no signals"):
+        suggest_settings([Recording("a", ())])
+    other = recording(("", "u,v,w", POINTS))
+    with pytest.raises(InvalidInput, match="no column is named 'x'"):
+        suggest_settings([recording(("", "x,y,z", POINTS)), other])
