@@ -113,8 +113,10 @@ def test_force_is_a_vector():
 
 
 def test_positions_without_unit_in_the_hundreds_are_asked_for():
-    _, questions = suggest_settings([recording(("", "x,y,z", 400 * POINTS))])
-    assert "in mm?" in questions[0]
+    for scale, unit in ((400, "mm"), (40, "cm")):
+        settings, questions = suggest_settings([recording(("", "x,y,z", scale * POINTS))])
+        assert settings.parts[0].unit == unit
+        assert "in m, cm or mm?" in questions[0]
     _, questions = suggest_settings([recording(("", "x,y,z", 400 * POINTS), units="mm,mm,mm")])
     assert not questions
 

@@ -17,7 +17,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_type, short_list
 
-LARGE_POSITION = 20.0  # m; above, positions without a unit are probably in mm
+LARGE_POSITION, LARGE_CENTIMETRES = 10.0, 150.0  # above, positions without a unit are probably in cm and mm
 LARGE_ANGLE = 2 * np.pi * 1.05  # rad; above, angles without a unit are probably in degrees
 NORM_TOLERANCE = 0.01
 UPRIGHT = 0.02  # sine of half the tilt of an object that stands on a table
@@ -239,10 +239,12 @@ def _length_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
     largest = float(np.abs(draft.values(group)).max(initial=0.0))
     if draft.has_unit(group) or largest <= LARGE_POSITION:
         return ""
+    unit = "cm" if largest <= LARGE_CENTIMETRES else "mm"
     draft.questions.append(
-        f"Is {label} in mm? The file states no unit, and the values reach {largest:.4g}; proposed is mm."
+        f"Is {label} in m, cm or mm? The file states no unit, and values reach {largest:.4g}; {unit} is "
+        "proposed."
     )
-    return "mm"
+    return unit
 
 
 def _angle_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:

@@ -14,7 +14,7 @@ from pilotfish.validation import finite_array, require_number
 # Seconds per unit, by the magnitude of a count since 1970 and by the median step.
 EPOCH_UNITS = ((1e9, 1e10, "s"), (1e12, 1e13, "ms"), (1e15, 1e16, "us"), (1e18, 1e19, "ns"))
 STEP_UNITS = ((0.0, 1.0, "s"), (1.0, 1e3, "ms"), (1e3, 1e6, "us"), (1e6, 1e12, "ns"))
-ROUNDING = 1e-6  # of a step: a time this close to a row is that of the row
+ROUNDING = 1e-4  # of a step: a time this close to a row is that of the row, as times are printed in us
 FIVES_TOLERANCE, WHOLE_RATE_TOLERANCE = 0.003, 0.0045  # of a measured rate
 HELD_SHARE = 0.8  # of the runs of equal rows that must be equally long if the rows are held
 MIN_RUNS = 5
@@ -156,7 +156,7 @@ class Between:
 def rows_between(times: Float[Array, " T"], at: Float[Array, " S"]) -> Between:
     """Return where times are among the rows of a signal.
 
-    A time within 1e-6 of a step of a row is that of the row. Times outside the signal get its first or last
+    A time within 1e-4 of a step of a row is that of the row. Times outside the signal get its first or last
     row.
 
     Args:
@@ -168,9 +168,8 @@ def rows_between(times: Float[Array, " T"], at: Float[Array, " S"]) -> Between:
     before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     steps = times[before + 1] - times[before]
     fraction = np.clip((at - times[before]) / steps, 0.0, 1.0)
-    rounding = np.maximum(ROUNDING, 4.0 * np.spacing(np.abs(at)) / steps)  # a count since 1970 has few digits
-    fraction = np.where(fraction < rounding, 0.0, fraction)
-    is_next = fraction > 1.0 - rounding
+    fraction = np.where(fraction < ROUNDING, 0.0, fraction)
+    is_next = fraction > 1.0 - ROUNDING
     return Between(before + is_next, np.where(is_next, 0.0, fraction))
 
 

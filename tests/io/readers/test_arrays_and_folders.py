@@ -75,6 +75,23 @@ def test_npz_numbered_arrays_are_recordings(tmp_path: Path, rng: np.random.Gener
     assert {recording.period for recording in recordings} == {0.05}
 
 
+def test_npz_numbered_pairs_are_signals_and_labels(tmp_path: Path, rng: np.random.Generator):
+    """Arrays with equal numbers belong together; words and empty arrays that describe the set do not matter."""
+    x = [rng.normal(size=(4 + n, 2)) for n in range(3)]
+    arrays = {f"x{n}": own for n, own in enumerate(x)} | {f"label{n}": np.arange(4 + n) for n in range(3)}
+    np.savez(tmp_path / "s.npz", **arrays, sensors=np.array(["left"]), raw=np.zeros(0))
+    recordings = read(tmp_path / "s.npz")
+    assert [recording.name for recording in recordings] == ["x0", "x1", "x2"]
+    for own, recording in zip(x, recordings, strict=True):
+        assert np.array_equal(recording.signals[0].values, own)
+        assert recording.labels == {"label": tuple(str(n) for n in range(len(own)))}
+    np.savez(tmp_path / "letters.npz", A_0=x[0], A_1=x[1], B_0=x[2], B_1=x[0])
+    assert [recording.name for recording in read(tmp_path / "letters.npz")] == ["A_0", "A_1", "B_0", "B_1"]
+    np.savez(tmp_path / "hands.npz", left_0=x[0], right_0=x[0], left_1=x[1], right_1=x[1])
+    first = read(tmp_path / "hands.npz")[0]
+    assert [signal.name for signal in first.signals] == ["left", "right"]
+
+
 def test_npz_stack_has_times_and_labels_of_each(tmp_path: Path, rng: np.random.Generator):
     x, phase = rng.normal(size=(2, 5, 3)), np.arange(10).reshape(2, 5)
     np.savez(tmp_path / "s.npz", x=x, phase=phase, t=np.arange(10.0).reshape(2, 5) / 50)
@@ -144,10 +161,10 @@ def test_files_with_equal_columns_or_unequal_signals_are_recordings(tmp_path: Pa
     assert len(read(tmp_path)) == 3
 
 
-def huge_npy() -> bytes:
+def huge_npy(shape: bytes) -> bytes:
     out = io.BytesIO()
     np.save(out, np.zeros((2, 2)))
-    return out.getvalue().replace(b"(2, 2), ", b"(99999999, 99), ")
+    return out.getvalue().replace(b"(2, 2), ", shape + b", ")
 
 
 def object_npy() -> bytes:
@@ -178,7 +195,8 @@ def npz(**arrays: np.ndarray) -> bytes:
         ("a.npy", b"", "not an array"),
         ("a.npy", b"\x93NUMPY", "not an array"),
         ("a.npy", NOISE, "not an array"),
-        ("a.npy", huge_npy(), "only .* bytes follow"),
+        ("a.npy", huge_npy(b"(99999999, 99)"), "only .* bytes follow"),
+        ("a.npy", huge_npy(b"(99999, 99)"), "only .* bytes follow"),
         ("a.npy", object_npy(), "Python objects"),
         ("a.npz", npz(x=np.zeros((2, 2)))[:60], "not an NPZ"),
         ("a.npz", zip_bomb(), "expands to"),

@@ -5,7 +5,7 @@ or one that is named as times and has as many entries. Texts with one entry per 
 are labels under a name such as "labels" or "phase". Texts named "columns" with D entries are the names of the
 columns. A number named "period", "dt", "fps" or "rate" states the period.
 
-Several recordings are stacked arrays (N, T, D), or matrices with equal D whose names differ in their number.
+Several recordings are stacked arrays (N, T, D), or arrays whose names end with the number of the recording.
 """
 
 import re
@@ -48,12 +48,11 @@ def recordings_from_arrays(
     if stacked:
         yield from _split_stacked(arrays, stacked, name, format_name, options, file)
         return
-    if numbered := _numbered_matrices(arrays):
-        shared = {key: array for key, array in arrays.items() if key not in numbered}
-        for key in numbered:
-            yield _one_recording({key: arrays[key], **shared}, key, format_name, options, file, alone=key)
-        return
-    yield _one_recording(arrays, name, format_name, options, file)
+    groups = _numbered_groups(arrays)
+    if not groups:
+        yield _one_recording(arrays, name, format_name, options, file)
+    for key, own in groups.items():
+        yield _one_recording(own, key, format_name, options, file)
 
 
 def _split_stacked(
@@ -76,23 +75,39 @@ def _split_stacked(
         yield _one_recording(own, f"{name} {n + 1}", format_name, options, file, alone=alone)
 
 
-def _numbered_matrices(arrays: Arrays) -> list[str]:
-    """Return the names of matrices that are recordings: equal names but for a number, and equal widths."""
+def _numbered_groups(arrays: Arrays) -> dict[str, Arrays]:
+    """Return the arrays of each recording if all matrices end with a number; empty if they do not.
+
+    Matrices with equal number are signals of one recording if all numbers have the same matrices, which are
+    equally long. Otherwise each matrix is a recording. Arrays without a number belong to every recording.
+    """
+    matches = {key: re.fullmatch(r"(.*?)[\s_.\-]*(\d{1,18})", key) for key in arrays}
+    numbered = {key: (match[1], int(match[2])) for key, match in matches.items() if match}
     matrices = [key for key, array in arrays.items() if _is_numeric(array) and array.ndim == 2]
-    stems = {re.sub(r"\d+", "", key) for key in matrices}
-    widths = {arrays[key].shape[1] for key in matrices}
-    if len(matrices) < 2 or len(stems) != 1 or len(widths) != 1 or not all(map(_number_in, matrices)):
-        return []
-    return sorted(matrices, key=_number_in)
+    if len(matrices) < 2 or any(key not in numbered for key in matrices):
+        return {}
+    shared = {key: array for key, array in arrays.items() if key not in numbered}
+    stems: dict[int, dict[str, np.ndarray]] = {}
+    for key, (stem, number) in numbered.items():
+        stems.setdefault(number, {})[stem] = arrays[key]
+    names = {number: [s for s in own if own[s].ndim == 2] for number, own in stems.items()}
+    lengths_agree = all(len({len(stems[n][s]) for s in own}) == 1 for n, own in names.items())
+    if lengths_agree and len({tuple(sorted(own)) for own in names.values()}) == 1 and len(stems) > 1:
+        return {_key(numbered, number): {**stems[number], **shared} for number in sorted(stems)}
+    if len({arrays[key].shape[1] for key in matrices}) > 1:
+        return {}
+    ordered = sorted(matrices, key=lambda key: numbered[key])
+    return {key: {"x": arrays[key], **shared} for key in ordered}
 
 
-def _number_in(key: str) -> tuple[int, ...]:
-    return tuple(int(digits) for digits in re.findall(r"\d{1,18}", key))
+def _key(numbered: Mapping[str, tuple[str, int]], number: int) -> str:
+    return next(key for key, (_, other) in numbered.items() if other == number)
 
 
 def _one_recording(
     arrays: Arrays, name: str, format_name: str, options: ReadOptions, file: str, alone: str = ""
 ) -> Recording:
+    arrays = {key: array for key, array in arrays.items() if array.size} or arrays
     texts = {key: array for key, array in arrays.items() if array.dtype.kind in "US" and array.ndim == 1}
     numeric = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim in (1, 2)}
     times = {key: array for key, array in numeric.items() if _is_time(key, array, options)}
@@ -111,7 +126,9 @@ def _one_recording(
     for key, array in values.items():
         shown = "" if len(values) == 1 or key == alone else key
         signals.append((array, _signal(key, array, shown, _times_of(key, array, seconds), columns, file)))
-    label_arrays = {**{k: a for k, a in texts.items() if k.lower() not in COLUMN_NAMES}, **labels}
+    lengths = {len(array) for array in values.values()}
+    rows_or_labels = {k: a for k, a in texts.items() if len(a) in lengths or k.lower() in LABELS}
+    label_arrays = {**{k: a for k, a in rows_or_labels.items() if k.lower() not in COLUMN_NAMES}, **labels}
     ordered = _labelled_first([signal for _, signal in signals], label_arrays, file)
     return Recording(
         require_printable(name, f"{file}: the name of a recording"),
