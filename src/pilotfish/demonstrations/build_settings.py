@@ -94,6 +94,9 @@ class FrameSource:
     def __post_init__(self) -> None:
         label = f"frame {require_name(self.name, 'the name of a frame')!r}"
         object.__setattr__(self, "position", _require_columns(self.position, f"{label}: position"))
+        require_type(self.orientation, f"{label}: orientation", (tuple, list, str), "pass names of columns")
+        for unit in ("unit", "angle_unit"):
+            require_printable(getattr(self, unit), f"{label}: {unit}")
         if self.orientation:
             columns = _require_columns(self.orientation, f"{label}: orientation")
             object.__setattr__(self, "orientation", columns)

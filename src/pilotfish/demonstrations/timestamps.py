@@ -9,7 +9,7 @@ from pilotfish.demonstrations.rotation_conversion import slerp
 from pilotfish.demonstrations.units import TIME, parse_unit
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, Int
-from pilotfish.validation import finite_array, require_number
+from pilotfish.validation import finite_array, require_number, require_printable
 
 # Seconds per unit, by the magnitude of a count since 1970 and by the median step.
 EPOCH_UNITS = ((1e9, 1e10, "s"), (1e12, 1e13, "ms"), (1e15, 1e16, "us"), (1e18, 1e19, "ns"))
@@ -36,7 +36,7 @@ def time_unit(times: object, unit: str = "", label: str = "times") -> str:
     Raises:
         InvalidInput: If the unit is not one of time, or the unit cannot be recognised.
     """
-    if unit:
+    if require_printable(unit, f"{label}: unit"):
         if parse_unit(unit, f"{label}: unit").si != TIME:
             raise InvalidInput(f"{label}: unit is {unit!r}, expected a unit of time: s, ms, us or ns")
         return unit

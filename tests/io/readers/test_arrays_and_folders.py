@@ -76,9 +76,10 @@ def test_npz_numbered_arrays_are_recordings(tmp_path: Path, rng: np.random.Gener
 
 
 def test_npz_numbered_pairs_are_signals_and_labels(tmp_path: Path, rng: np.random.Generator):
-    """Arrays with equal numbers belong together; words and empty arrays that describe the set do not matter."""
+    """Arrays with equal numbers belong together; other words and empty arrays are ignored."""
     x = [rng.normal(size=(4 + n, 2)) for n in range(3)]
-    arrays = {f"x{n}": own for n, own in enumerate(x)} | {f"label{n}": np.arange(4 + n) for n in range(3)}
+    arrays = {f"x{n}": own for n, own in enumerate(x)}
+    arrays |= {f"label{n}": np.arange(4 + n) for n in range(3)}
     np.savez(tmp_path / "s.npz", **arrays, sensors=np.array(["left"]), raw=np.zeros(0))
     recordings = read(tmp_path / "s.npz")
     assert [recording.name for recording in recordings] == ["x0", "x1", "x2"]

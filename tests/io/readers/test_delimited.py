@@ -195,3 +195,23 @@ def test_large_file_is_refused_before_it_is_read(tmp_path: Path):
         list(read_recordings(tmp_path / "zero.csv"))
     with pytest.raises(InvalidInput, match=r"not a regular file|no known format"):
         list(read_recordings(tmp_path / "zero.csv", options=ReadOptions(format="delimited")))
+
+
+WORDS = (
+    "time", "x", "y", "qw", "w", "0", "-2.5", "1e400", "nan", "inf", "", '"', "#", "%", "'", "[mm]", "]", ";",
+    ",", "\t", " ", "\n", "\n", "sep=;", "é", "\u202e", "1_0", "0,5", "2026-05-01", "true", "joint_1", "\x0b",
+    "\r", "_mm",
+)  # fmt: skip
+
+
+def test_random_text_is_read_or_refused(tmp_path: Path, rng: np.random.Generator):
+    """Text of pieces that tables have never raises anything but InvalidInput."""
+    outcomes = set()
+    for _ in range(400):
+        text = "".join(rng.choice(WORDS, int(rng.integers(1, 30))))
+        try:
+            read(tmp_path, text)
+            outcomes.add("read")
+        except InvalidInput as error:
+            outcomes.add("printable" if str(error).isprintable() else text)
+    assert outcomes == {"read", "printable"}
