@@ -238,6 +238,7 @@ def test_period_is_rounded_to_the_rate_of_the_source(steps: float, period: float
     assert demo.period == pytest.approx(period, rel=1e-12)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("times", "message"),
     [
@@ -256,10 +257,11 @@ def test_unusable_times_are_refused(times: list[float], message: str):
 
 def test_gap_within_the_limit_is_interpolated():
     recording = scalar([0, 1, 2, 50], [0, 0.1, 0.2, 5.0])
-    demo, _ = build_demonstration(recording, scalar_settings(max_gap=100))
+    demo, _ = build_demonstration(recording, scalar_settings(max_gap=100.0))
     assert np.allclose(np.diff(demo.x[3:, 0]), 1.0)
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("recording", "part", "message"),
     [
@@ -318,6 +320,7 @@ def test_lost_quaternion_is_refused():
         build_demonstration(recording, BuildSettings(XYZW))
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     "changes",
     [{"period": 0.0}, {"period": np.nan}, {"parts": ()}, {"max_gap": 0}, {"unwrap": ("b",)}, {"thin": 1}],

@@ -175,6 +175,7 @@ def test_rows_without_times_are_asked_for():
     assert "time between two rows" in questions[0]
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 def test_unusable_recordings_are_refused():
     with pytest.raises(InvalidInput, match="empty"):
         suggest_settings([])

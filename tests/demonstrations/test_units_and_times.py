@@ -36,6 +36,8 @@ UNUSABLE: tuple[Any, ...] = (
         ("m", 1.0, "m"),
         (" mm ", 1e-3, "m"),
         ("MM", 1e-3, "m"),
+        ("millimetres", 1e-3, "m"),
+        ("Metre", 1.0, "m"),
         ("in", 0.0254, "m"),
         ("deg", np.pi / 180, "rad"),
         ("°", np.pi / 180, "rad"),
@@ -140,6 +142,7 @@ def small_calls() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     ]
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(("function", "arguments"), small_calls())
 def test_unusable_arguments_raise_invalid_input_only(function: Callable[..., Any], arguments: dict[str, Any]):
     function(**arguments)
@@ -154,6 +157,7 @@ def test_unusable_arguments_raise_invalid_input_only(function: Callable[..., Any
     assert messages or function is is_unit
 
 
+@pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize("field", ["values", "times"])
 def test_unusable_signals_raise_invalid_input_only(field: str):
     settings = BuildSettings((PartSource("a", Quantity.SCALAR, ("a",)),))

@@ -13,9 +13,9 @@ MAX_EXPONENT = 9
 # Factor and SI unit of each symbol. A symbol is looked up as it is written, then in lower case.
 SYMBOLS = {
     **dict.fromkeys(("", "1", "-"), (1.0, NUMBER)),
-    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), (1.0, LENGTH)),
-    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), (1e-3, LENGTH)),
-    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), (1e-2, LENGTH)),
+    "m": (1.0, LENGTH),
+    "mm": (1e-3, LENGTH),
+    "cm": (1e-2, LENGTH),
     **dict.fromkeys(("um", "µm", "μm"), (1e-6, LENGTH)),
     **dict.fromkeys(("in", "inch", "inches"), (0.0254, LENGTH)),
     **dict.fromkeys(("ft", "foot", "feet"), (0.3048, LENGTH)),
@@ -42,6 +42,7 @@ SYMBOLS = {
     "W": (1.0, "W"),
     "Pa": (1.0, "Pa"),
 }
+_METRES = re.compile(r"(milli|centi|)met(?:re|er)s?")
 _FACTOR = re.compile(r"(?P<symbol>.*?[^\d^])(?:\^?(?P<exponent>\d+))?")
 
 
@@ -105,6 +106,8 @@ def is_unit(text: str) -> bool:
 
 def _parse_factor(text: str) -> Unit | None:
     """Return a symbol with an optional exponent; None if it is unknown."""
+    if match := _METRES.fullmatch(text.lower()):
+        return Unit(*SYMBOLS[{"milli": "mm", "centi": "cm"}.get(match[1], "m")])
     if known := SYMBOLS.get(text) or SYMBOLS.get(text.lower()):
         return Unit(*known)
     match = _FACTOR.fullmatch(text)

@@ -124,8 +124,8 @@ def _one_recording(
     seconds = {key: _seconds(key, array, options, file) for key, array in times.items()}
     signals = []
     for key, array in values.items():
-        shown = "" if len(values) == 1 or key == alone else key
-        signals.append((array, _signal(key, array, shown, _times_of(key, array, seconds), columns, file)))
+        label = "" if len(values) == 1 or key == alone else key
+        signals.append((array, _signal(key, array, label, _times_of(key, array, seconds), columns, file)))
     lengths = {len(array) for array in values.values()}
     rows_or_labels = {k: a for k, a in texts.items() if len(a) in lengths or k.lower() in LABELS}
     label_arrays = {**{k: a for k, a in rows_or_labels.items() if k.lower() not in COLUMN_NAMES}, **labels}
@@ -191,8 +191,8 @@ def _seconds(key: str, array: np.ndarray, options: ReadOptions, file: str) -> Fl
 
 
 def _times_of(
-    key: str, array: np.ndarray, times: Mapping[str, Float[Array, " T"]]
-) -> Float[Array, " T"] | None:
+    key: str, array: np.ndarray, times: Mapping[str, Float[Array, " _"]]
+) -> Float[Array, " _"] | None:
     """Return the times of a signal: those under its own name, or others with as many entries."""
     fitting = {name: own for name, own in times.items() if len(own) == len(array)}
     own = [name for name in fitting if name.lower().startswith(key.lower())]
