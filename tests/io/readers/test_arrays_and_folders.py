@@ -93,6 +93,14 @@ def test_npz_numbered_pairs_are_signals_and_labels(tmp_path: Path, rng: np.rando
     assert [signal.name for signal in first.signals] == ["left", "right"]
 
 
+def test_npz_points_beside_a_matrix_are_columns(tmp_path: Path, rng: np.random.Generator):
+    """Points of several joints have time, and not recordings, on their first axis."""
+    points = rng.normal(size=(9, 4, 3))
+    np.savez(tmp_path / "p.npz", angles=rng.normal(size=(9, 5)), points=points)
+    (recording,) = read(tmp_path / "p.npz")
+    assert np.array_equal(recording.signals[1].values, points.reshape(9, 12))
+
+
 def test_npz_stack_has_times_and_labels_of_each(tmp_path: Path, rng: np.random.Generator):
     x, phase = rng.normal(size=(2, 5, 3)), np.arange(10).reshape(2, 5)
     np.savez(tmp_path / "s.npz", x=x, phase=phase, t=np.arange(10.0).reshape(2, 5) / 50)
@@ -112,6 +120,7 @@ def test_matlab_variables_are_read_exactly(tmp_path: Path, rng: np.random.Genera
         "stack": {"demos": stack, "dt": 0.02},
         "struct": {"demo": {"tool": {"pos": x}, "time": np.arange(20) * 0.02, "phase": ["a"] * 20}},
         "structs": {"demos": np.array([{"x": x}, {"x": x + 1}], dtype=object), "settings": {"gain": 3.0}},
+        "pairs": {"demo": {"x0": x, "x1": x[:9]}},
     }
     for name, content in contents.items():
         savemat(tmp_path / f"{name}.mat", content, do_compression=compressed)
@@ -124,6 +133,7 @@ def test_matlab_variables_are_read_exactly(tmp_path: Path, rng: np.random.Genera
         assert bool(recording.labels) == (name != "wide")
     assert np.array_equal(read(tmp_path / "stack.mat")[1].signals[0].values, stack[1])
     assert read(tmp_path / "stack.mat")[1].period == 0.02
+    assert [signal.name for signal in read(tmp_path / "pairs.mat")[0].signals] == ["x0", "x1"]
     assert np.array_equal(read(tmp_path / "structs.mat")[1].signals[0].values, x + 1)
 
 

@@ -5,7 +5,8 @@ or one that is named as times and has as many entries. Texts with one entry per 
 are labels under a name such as "labels" or "phase". Texts named "columns" with D entries are the names of the
 columns. A number named "period", "dt", "fps" or "rate" states the period.
 
-Several recordings are stacked arrays (N, T, D), or arrays whose names end with the number of the recording.
+Points (T, J, 3) beside a matrix of T rows are a signal. Several recordings are stacked arrays (N, T, D), or
+arrays whose names end with the number of the recording.
 """
 
 import re
@@ -30,7 +31,7 @@ Arrays = Mapping[str, np.ndarray]
 
 
 def recordings_from_arrays(
-    arrays: Arrays, name: str, format_name: str, options: ReadOptions, file: str
+    arrays: Arrays, name: str, format_name: str, options: ReadOptions, file: str, *, numbered: bool = True
 ) -> Iterator[Recording]:
     """Yield the recordings of named arrays as at the head of this file.
 
@@ -40,19 +41,32 @@ def recordings_from_arrays(
         format_name: Name of the format.
         options: Name and unit of the times, if they are stated.
         file: Name of the file, for messages.
+        numbered: Whether numbers at the ends of names, and the first axis of (N, T, D), may be those of
+            recordings. If not, matrices are the signals of one recording.
 
     Raises:
         InvalidInput: If matrices and vectors of numbers are missing, or sizes contradict one another.
     """
+    arrays = {key: _rows_of_points(array, arrays) for key, array in arrays.items()}
     stacked = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim == 3}
+    if stacked and not numbered and len(stacked) < len(arrays):  # matrices of a structure are its signals
+        arrays, stacked = {key: array for key, array in arrays.items() if key not in stacked}, {}
     if stacked:
         yield from _split_stacked(arrays, stacked, name, format_name, options, file)
         return
-    groups = _numbered_groups(arrays)
+    groups = _numbered_groups(arrays) if numbered else {}
     if not groups:
         yield _one_recording(arrays, name, format_name, options, file)
     for key, own in groups.items():
         yield _one_recording(own, key, format_name, options, file)
+
+
+def _rows_of_points(array: np.ndarray, arrays: Arrays) -> np.ndarray:
+    """Return points (T, J, 3) as rows (T, 3 J) if a matrix has T rows, and other arrays unchanged."""
+    matrices = [other for other in arrays.values() if _is_numeric(other) and other.ndim == 2]
+    if array.ndim != 3 or not any(len(m) == len(array) and m.shape != array.shape[:2] for m in matrices):
+        return array
+    return array.reshape(len(array), -1)
 
 
 def _split_stacked(
@@ -126,8 +140,8 @@ def _one_recording(
     for key, array in values.items():
         label = "" if len(values) == 1 or key == alone else key
         signals.append((array, _signal(key, array, label, _times_of(key, array, seconds), columns, file)))
-    lengths = {len(array) for array in values.values()}
-    rows_or_labels = {k: a for k, a in texts.items() if len(a) in lengths or k.lower() in LABELS}
+    longest = max(len(array) for array in values.values())  # other texts describe the set
+    rows_or_labels = {k: a for k, a in texts.items() if len(a) == longest or k.lower() in LABELS}
     label_arrays = {**{k: a for k, a in rows_or_labels.items() if k.lower() not in COLUMN_NAMES}, **labels}
     ordered = _labelled_first([signal for _, signal in signals], label_arrays, file)
     return Recording(

@@ -67,17 +67,17 @@ def read(path: Path, options: ReadOptions | None = None) -> Iterator[Recording]:
         yield from _read_structure(fields, f"{path.stem} {key}", chosen, file)
     arrays = {key: value for key, value in rest.items() if key not in structures}
     if not lists and not structures:
-        yield from _read_structure(arrays, path.stem, chosen, file)
+        yield from _read_structure(arrays, path.stem, chosen, file, numbered=True)
 
 
 def _read_structure(
-    fields: Mapping[str, Any], name: str, options: ReadOptions, file: str
+    fields: Mapping[str, Any], name: str, options: ReadOptions, file: str, numbered: bool = False
 ) -> Iterator[Recording]:
     arrays = dict(_flatten(fields, ""))
     tall = {key: _samples_in_rows(array) for key, array in arrays.items()}
     transposed = any(tall[key] is not array for key, array in arrays.items())
     name_of_format = f"{FORMAT}, transposed" if transposed else FORMAT
-    yield from recordings_from_arrays(tall, name, name_of_format, options, file)
+    yield from recordings_from_arrays(tall, name, name_of_format, options, file, numbered=numbered)
 
 
 def _has_rows(value: object) -> bool:
