@@ -1,25 +1,26 @@
-"""pilotfish data: list, describe, check and export demonstrations."""
+"""pilotfish data: list, describe, import, check and export demonstrations."""
 
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
+from pilotfish.cli.commands.data_import import import_recordings
 from pilotfish.cli.options.demonstrations import (
     SYNTHETIC_NAME,
     load_dataset,
     load_demonstrations,
     require_dataset,
 )
+from pilotfish.cli.output.demonstrations import demonstration_blocks, demonstration_to_json
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
     print_result,
     require_writable_folder,
 )
-from pilotfish.cli.output.skill_descriptions import format_columns
-from pilotfish.cli.output.tables import Table, key_value_table
-from pilotfish.demonstrations import Demonstration, diagnose
+from pilotfish.cli.output.tables import key_value_table
+from pilotfish.demonstrations import diagnose
 from pilotfish.io import datasets, write_demonstrations
 
 SYNTHETIC_DESCRIPTION = "generated demonstrations of opening a valve; they need no download"
@@ -27,7 +28,10 @@ SYNTHETIC_DESCRIPTION = "generated demonstrations of opening a valve; they need 
 
 @click.group()
 def data() -> None:
-    """List, describe, check and export demonstrations."""
+    """List, describe, import, check and export demonstrations."""
+
+
+data.add_command(import_recordings)
 
 
 @data.command(name="list", epilog=example_epilog("pilotfish data list"))
@@ -68,13 +72,13 @@ def check_folder(folder: str) -> CommandResult:
     diagnostics = diagnose(demonstrations)
     lines = [f"{d.severity}: {d.location} {d.message}" for d in diagnostics]
     result = {
-        "demonstrations": [_demonstration_to_json(demo) for demo in demonstrations],
+        "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
         "diagnostics": [
             {"severity": d.severity, "location": d.location, "message": d.message} for d in diagnostics
         ],
     }
     return CommandResult(
-        [*_demonstration_blocks(demonstrations), "\n".join(lines) or "No problems were found."],
+        [*demonstration_blocks(demonstrations), "\n".join(lines) or "No problems were found."],
         result,
         exit_code=int(any(d.severity == "error" for d in diagnostics)),
     )
@@ -92,30 +96,6 @@ def export(name: str, folder: Path, force: bool) -> CommandResult:
     write_demonstrations(demonstrations, folder, overwrite=force, use_free_name=True)
     result = {
         "folder": str(folder),
-        "demonstrations": [_demonstration_to_json(demo) for demo in demonstrations],
+        "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
     }
-    return CommandResult([*_demonstration_blocks(demonstrations), f"written to {folder}"], result)
-
-
-def _demonstration_blocks(demonstrations: tuple[Demonstration, ...]) -> list[str | Table]:
-    rows = [
-        (str(m), demo.name, str(len(demo.x)), f"{len(demo.x) * demo.period:.4g}", _format_frames(demo))
-        for m, demo in enumerate(demonstrations)
-    ]
-    table = Table(("number", "name", "steps", "duration [s]", "frames"), tuple(rows))
-    return [table, f"columns: {format_columns(demonstrations[0].layout)}"]
-
-
-def _format_frames(demo: Demonstration) -> str:
-    return ", ".join(f"{f.name} (moving)" if f.is_moving else f.name for f in demo.frames)
-
-
-def _demonstration_to_json(demo: Demonstration) -> dict[str, object]:
-    return {
-        "name": demo.name,
-        "steps": len(demo.x),
-        "period": demo.period,
-        "columns": list(demo.layout.names),
-        "units": list(demo.layout.units),
-        "frames": [frame.name for frame in demo.frames],
-    }
+    return CommandResult([*demonstration_blocks(demonstrations), f"written to {folder}"], result)

@@ -1,0 +1,267 @@
+"""pilotfish data import: demonstrations from the recordings of a laboratory."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pilotfish.cli.output.demonstrations import demonstration_blocks, demonstration_to_json
+from pilotfish.cli.output.results import (
+    CommandResult,
+    example_epilog,
+    print_result,
+    require_finite_option,
+    require_writable_file,
+    require_writable_folder,
+)
+from pilotfish.cli.output.tables import Table
+from pilotfish.cli.output.terminal import is_interactive, progress_bar
+from pilotfish.demonstrations import (
+    BuildSettings,
+    Conversion,
+    Demonstration,
+    FrameSource,
+    PartSource,
+    Quantity,
+    Question,
+    Recording,
+    build_demonstration,
+    diagnose,
+    suggest_settings,
+)
+from pilotfish.errors import InvalidInput
+from pilotfish.io import atomic_file, write_demonstrations
+from pilotfish.io.import_settings import format_import_settings, read_import_settings
+from pilotfish.io.readers import ReadOptions, read_recordings
+
+ORIENTATIONS = (Quantity.QUATERNION, Quantity.ORIENTATION)
+OPTIONS = {  # that answer a question
+    "order": "--order",
+    "length": "--length-unit",
+    "angle": "--angle-unit",
+    "period": "--period",
+}
+
+
+@click.command(
+    name="import",
+    epilog=example_epilog(
+        "pilotfish data import my-logs --out cube",
+        "pilotfish data import my-logs --order xyzw --length-unit mm --period 0.05 --out cube",
+        "pilotfish data import my-logs --save-settings cube.toml",
+        "pilotfish data import my-logs --settings cube.toml --out cube",
+    ),
+)
+@click.argument("source", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of demonstrations to write.")
+@click.option(
+    "--settings",
+    type=click.Path(path_type=Path),
+    help="TOML file that names the columns of parts and frames.  [default: proposed from the recordings]",
+)
+@click.option(
+    "--save-settings", type=click.Path(path_type=Path), help="TOML file to write, with the proposal, to edit."
+)
+@click.option("--accept", is_flag=True, help="Accept what is proposed where the recordings leave a question.")
+@click.option(
+    "--order", type=click.Choice(["wxyz", "xyzw"]), help="Order of quaternions.  [default: from the recordings]"
+)
+@click.option("--length-unit", help="Unit of positions, such as mm.  [default: that of the file, or m]")
+@click.option("--angle-unit", help="Unit of angles: rad or deg.  [default: that of the file, or rad]")
+@click.option(
+    "--period",
+    type=click.FloatRange(min=0.0, min_open=True),
+    callback=require_finite_option,
+    help="Time between two rows of a demonstration [s].  [default: that of the recordings]",
+)
+@click.option("--moving", multiple=True, metavar="FRAME", help="Object that moves during a demonstration.")
+@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of the times.")
+@click.option("--force", is_flag=True, help="Replace existing outputs.")
+@print_result
+def import_recordings(source: Path, **options: Any) -> CommandResult:
+    """Convert the recordings in SOURCE, a file or folder, to demonstrations that `learn` reads.
+
+    Columns become parts and frames by their names. All signals are resampled to one period, and units and
+    orientations are converted. Every conversion is reported. What the recordings do not reveal, such as the
+    order of a quaternion without names, is asked for.
+    """
+    out, saved = options["out"], options["save_settings"]
+    _require_outputs(source, out, saved, options)
+    recordings = list(read_recordings(source, options=ReadOptions(time_unit=options["time_unit"] or "")))
+    if options["settings"]:
+        settings, questions = read_import_settings(options["settings"]), ()
+    else:
+        settings, questions = suggest_settings(recordings)
+    settings = _with_options(settings, options)
+    open_questions = [q for q in questions if not _is_answered(q, options)]
+    if saved:
+        with atomic_file(saved, overwrite=options["force"]) as part:
+            texts = [question.text for question in open_questions]
+            part.write_text(format_import_settings(settings, texts), encoding="utf-8")
+    if out is None:
+        return _proposal(recordings, settings, open_questions, saved)
+    _require_answers(settings, open_questions, accept=options["accept"])
+    built = list(_build(recordings, settings))
+    write_demonstrations([demo for demo, _ in built], out, overwrite=options["force"], use_free_name=True)
+    return _result(recordings, settings, built, out)
+
+
+def _require_outputs(source: Path, out: Path | None, saved: Path | None, options: dict[str, Any]) -> None:
+    if out is None and saved is None:
+        raise click.UsageError("nothing to write; give --out FOLDER, or --save-settings FILE for a proposal")
+    require_writable_file(saved, force=options["force"], inputs=(source, options["settings"]))
+    if out is not None:
+        require_writable_folder(out, force=options["force"])
+
+
+def _with_options(settings: BuildSettings, options: dict[str, Any]) -> BuildSettings:
+    """Return the settings with what the options state."""
+    if unknown := [name for name in options["moving"] if name not in [f.name for f in settings.frames]]:
+        names = ", ".join(frame.name for frame in settings.frames) or "none"
+        raise InvalidInput(f"--moving names {unknown[0]!r}, expected one of the frames: {names}")
+    parts = [_part_with_options(part, options) for part in settings.parts]
+    frames = [_frame_with_options(frame, options) for frame in settings.frames]
+    period = options["period"] or settings.period
+    return replace(settings, parts=tuple(parts), frames=tuple(frames), period=period)
+
+
+def _part_with_options(part: PartSource, options: dict[str, Any]) -> PartSource:
+    if part.quantity is Quantity.POSITION:
+        return replace(part, unit=options["length_unit"] or part.unit)
+    if part.quantity in ORIENTATIONS and part.representation in ("wxyz", "xyzw"):
+        return replace(part, representation=options["order"] or part.representation)
+    if part.quantity in ORIENTATIONS and part.representation != "matrix":
+        return replace(part, unit=options["angle_unit"] or part.unit)
+    if part.unit in ("rad", "deg"):
+        return replace(part, unit=options["angle_unit"] or part.unit)
+    return part
+
+
+def _frame_with_options(frame: FrameSource, options: dict[str, Any]) -> FrameSource:
+    is_quaternion = frame.representation in ("wxyz", "xyzw")
+    return replace(
+        frame,
+        representation=options["order"] or frame.representation if is_quaternion else frame.representation,
+        unit=options["length_unit"] or frame.unit,
+        angle_unit=options["angle_unit"] or frame.angle_unit,
+        moving=frame.moving or frame.name in options["moving"],
+    )
+
+
+def _is_answered(question: Question, options: dict[str, Any]) -> bool:
+    option = OPTIONS.get(question.subject)
+    return option is not None and options[option.lstrip("-").replace("-", "_")] is not None
+
+
+def _require_answers(settings: BuildSettings, questions: Sequence[Question], *, accept: bool) -> None:
+    """Ask whether the proposal is accepted; without a terminal, name the options that answer."""
+    if accept or not questions:
+        return
+    answers = list(dict.fromkeys(OPTIONS.get(question.subject, "--settings") for question in questions))
+    if is_interactive():
+        click.echo(_settings_table(settings).to_text(), err=True)
+        for question in questions:
+            click.echo(f"\n{question.text}", err=True)
+        if click.confirm("\nImport as proposed?", err=True):
+            return
+        raise click.UsageError(f"nothing was written; answer with {', '.join(answers)}")
+    texts = " ".join(question.text for question in questions)
+    raise InvalidInput(f"{texts} Answer with {', '.join(answers)}, or take what is proposed with --accept")
+
+
+def _build(
+    recordings: Sequence[Recording], settings: BuildSettings
+) -> Iterator[tuple[Demonstration, Conversion]]:
+    with progress_bar(len(recordings), "recordings") as advance:
+        for recording in recordings:
+            yield build_demonstration(recording, settings)
+            advance(recording.name)
+
+
+def _settings_table(settings: BuildSettings) -> Table:
+    rows = [
+        (part.name, part.quantity.value, ", ".join(part.columns), part.unit or "of the file", _form(part))
+        for part in settings.parts
+    ]
+    for frame in settings.frames:
+        kind = "moving frame" if frame.moving else "frame"
+        for source in frame.sources:
+            rows.append((frame.name, kind, ", ".join(source.columns), source.unit or "of the file", _form(source)))
+    return Table(("name", "becomes", "columns", "unit", "form"), tuple(rows), "Columns")
+
+
+def _form(source: PartSource) -> str:
+    return source.representation if source.quantity in ORIENTATIONS else ""
+
+
+def _settings_to_json(settings: BuildSettings) -> dict[str, Any]:
+    return {
+        "period": settings.period,
+        "parts": [
+            {"name": p.name, "quantity": p.quantity.value, "columns": list(p.columns), "form": _form(p)}
+            for p in settings.parts
+        ],
+        "frames": [{"name": frame.name, "moving": frame.moving} for frame in settings.frames],
+    }
+
+
+def _proposal(
+    recordings: Sequence[Recording], settings: BuildSettings, questions: Sequence[Question], saved: Path | None
+) -> CommandResult:
+    lines = [f"question: {question.text}" for question in questions]
+    lines.append(f"written to {saved}; edit it, then import with --settings {saved} --out FOLDER")
+    data = {
+        "recordings": [recording.name for recording in recordings],
+        "format": recordings[0].format,
+        **_settings_to_json(settings),
+        "questions": [question.text for question in questions],
+        "settings": str(saved),
+    }
+    return CommandResult([_settings_table(settings), "\n".join(lines)], data)
+
+
+def _result(
+    recordings: Sequence[Recording],
+    settings: BuildSettings,
+    built: Sequence[tuple[Demonstration, Conversion]],
+    out: Path,
+) -> CommandResult:
+    demonstrations = tuple(demo for demo, _ in built)
+    conversions = _shared_lines([(demo.name, conversion.lines) for demo, conversion in built])
+    diagnostics = diagnose(demonstrations)
+    findings = [f"{d.severity}: {d.location} {d.message}" for d in diagnostics]
+    blocks: list[str | Table] = [
+        _settings_table(settings),
+        *demonstration_blocks(demonstrations),
+        "\n".join(conversions) or "Nothing had to be converted.",
+        *(["\n".join(findings)] if findings else []),
+        f"written to {out}; next: pilotfish learn {out} --out {out.name}.skill",
+    ]
+    data = {
+        "folder": str(out),
+        "format": recordings[0].format,
+        **_settings_to_json(settings),
+        "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
+        "conversions": {demo.name: list(conversion.lines) for demo, conversion in built},
+        "labels": {demo.name: {k: list(v) for k, v in c.labels.items()} for demo, c in built},
+        "diagnostics": findings,
+    }
+    return CommandResult(blocks, data)
+
+
+def _shared_lines(lines: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
+    """Return each line once, with the recordings that it is about if these are not all."""
+    names: dict[str, list[str]] = {}
+    for name, given in lines:
+        for line in given:
+            names.setdefault(line, []).append(name)
+    return [
+        f"converted: {line}" if len(found) == len(lines) else f"converted, {_count(found)}: {line}"
+        for line, found in names.items()
+    ]
+
+
+def _count(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:3])} and {len(names) - 3} more"

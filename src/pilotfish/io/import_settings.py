@@ -1,0 +1,107 @@
+"""Settings of an import as a commented TOML file, which a person edits and `data import --settings` reads."""
+
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pilotfish.demonstrations import BuildSettings, FrameSource, PartSource
+from pilotfish.errors import InvalidInput
+from pilotfish.io.paths import read_file
+from pilotfish.validation import nearest_name, short_repr
+
+MAX_SETTINGS_BYTES = 2**20
+PART_KEYS = ("name", "quantity", "columns", "unit", "representation")
+FRAME_KEYS = ("name", "position", "orientation", "representation", "unit", "angle_unit", "moving")
+LIMIT_KEYS = ("unwrap", "thin", "max_gap", "still_distance", "still_angle")
+HEAD = """# How recordings become demonstrations. Edit it, then give it to `pilotfish data import` with --settings.
+# A column is named as in the file, or SIGNAL:COLUMN where two signals have such a column; * and ? match any.
+# Units: m cm mm in, rad deg, s ms us ns, N; "" for the unit that the file states, or SI.
+# Representations of an orientation: wxyz, xyzw (quaternions), rpy, matrix (by rows), rotation vector.
+# Quantities: position, quaternion, vector (a force), scalar (a joint, a gripper).
+"""
+
+
+def format_import_settings(settings: BuildSettings, questions: Sequence[str] = ()) -> str:
+    """Return the text of a settings file, with comments.
+
+    Args:
+        settings: Settings of `build_demonstration`.
+        questions: What the user must decide; they become comments.
+    """
+    lines = [HEAD]
+    lines += [f"# To decide: {question}" for question in questions]
+    if settings.period is None:
+        lines.append("# period = 0.01  # time between two rows [s]; without it, that of the recordings")
+    else:
+        lines.append(f"period = {settings.period!r}  # time between two rows [s]")
+    for part in settings.parts:
+        values = {**{key: getattr(part, key) for key in PART_KEYS}, "quantity": part.quantity.value}
+        lines += ["", "[[part]]  # columns of a demonstration, in order", *_format_table(values)]
+    for frame in settings.frames:
+        values = {key: getattr(frame, key) for key in FRAME_KEYS}
+        lines += ["", "[[frame]]  # pose of an object", *_format_table(values)]
+    return "\n".join(lines) + "\n"
+
+
+def read_import_settings(path: Path) -> BuildSettings:
+    """Read the settings of an import.
+
+    Args:
+        path: TOML file, as `format_import_settings` writes it.
+
+    Raises:
+        InvalidInput: If the file cannot be used; the message names the key and the nearest fix.
+    """
+    data = read_file(path, "a TOML file with the settings of an import", MAX_SETTINGS_BYTES)
+    try:
+        content = tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:  # TOML and UTF-8 errors are ValueErrors
+        raise InvalidInput(f"{path}: not TOML that can be read: {error}") from error
+    _require_keys(content, ("period", "part", "frame", *LIMIT_KEYS), str(path))
+    parts = [
+        PartSource(**_require_table(item, PART_KEYS, ("name", "quantity", "columns"), f"{path}: part {n}"))
+        for n, item in enumerate(_require_list(content.get("part", []), f"{path}: part"))
+    ]
+    frames = [
+        FrameSource(**_require_table(item, FRAME_KEYS, ("name", "position"), f"{path}: frame {n}"))
+        for n, item in enumerate(_require_list(content.get("frame", []), f"{path}: frame"))
+    ]
+    limits = {key: content[key] for key in LIMIT_KEYS if key in content}
+    if not parts:
+        raise InvalidInput(f"{path} has no parts, expected [[part]] with name, quantity and columns")
+    return BuildSettings(tuple(parts), tuple(frames), content.get("period"), **limits)
+
+
+def _format_table(values: dict[str, Any]) -> list[str]:
+    """Return the lines of a table; empty values are left out."""
+    items = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+    return [
+        f"{key} = {json.dumps(value, ensure_ascii=False)}"
+        for key, value in items.items()
+        if value not in ("", [])
+    ]
+
+
+def _require_table(item: object, known: Sequence[str], needed: Sequence[str], label: str) -> dict[str, Any]:
+    if not isinstance(item, dict):
+        raise InvalidInput(f"{label} is {short_repr(item)}, expected a table with {', '.join(needed)}")
+    _require_keys(item, known, label)
+    if missing := [key for key in needed if key not in item]:
+        raise InvalidInput(f"{label}: key {missing[0]!r} is missing")
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in item.items()}
+
+
+def _require_keys(table: dict[str, Any], known: Sequence[str], label: str) -> None:
+    for key in table:
+        if key not in known:
+            near = nearest_name(key, known)
+            hint = f"did you mean {near!r}?" if near else f"known are {', '.join(known)}"
+            raise InvalidInput(f"{label}: unknown key {short_repr(key)}; {hint}")
+
+
+def _require_list(value: object, label: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise InvalidInput(f"{label} is {short_repr(value)}, expected tables such as [[part]]")
+    return value
