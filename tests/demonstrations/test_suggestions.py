@@ -96,7 +96,7 @@ def test_joints_are_a_part_without_a_pose(names: str):
     assert not questions
     degrees, questions = suggest_settings([recording(("", names, 100 * POINTS))])
     assert degrees.parts[0].unit == "deg"
-    assert "in degrees?" in questions[0]
+    assert "in degrees?" in questions[0].text
 
 
 def test_derivatives_and_commands_are_left_out():
@@ -116,7 +116,7 @@ def test_positions_without_unit_in_the_hundreds_are_asked_for():
     for scale, unit in ((400, "mm"), (40, "cm")):
         settings, questions = suggest_settings([recording(("", "x,y,z", scale * POINTS))])
         assert settings.parts[0].unit == unit
-        assert "in m, cm or mm?" in questions[0]
+        assert "in m, cm or mm?" in questions[0].text
     _, questions = suggest_settings([recording(("", "x,y,z", 400 * POINTS), units="mm,mm,mm")])
     assert not questions
 
@@ -126,7 +126,7 @@ def test_numbered_quaternion_is_asked_for_unless_a_table_reveals_its_order():
     names = ",".join([f"eef_pos_{n}" for n in range(3)] + [f"eef_quat_{n}" for n in range(4)])
     settings, questions = suggest_settings([recording(("", names, pose()))])
     assert settings.parts[1].representation == "xyzw"
-    assert "order w x y z or x y z w?" in questions[0]
+    assert "order w x y z or x y z w?" in questions[0].text
     upright = Rotation.from_rotvec(np.column_stack([0 * TIMES, 0 * TIMES, 0.3 + TIMES]))
     objects = ",".join([f"cube_pos_{n}" for n in range(3)] + [f"cube_quat_{n}" for n in range(4)])
     for order in ("wxyz", "xyzw"):
@@ -165,14 +165,14 @@ def test_unnamed_columns_are_asked_for():
     assert len(questions) == 2
     settings, questions = suggest_settings([recording(("", "a,b,c,d", np.tile(TIMES[:, None], 4)))])
     assert settings.parts == (PartSource("state", Quantity.SCALAR, ("a", "b", "c", "d")),)
-    assert "What are the columns" in questions[0]
+    assert "What are the columns" in questions[0].text
 
 
 def test_rows_without_times_are_asked_for():
     signal = Signal("", POINTS, ("x", "y", "z"), ("",) * 3)
     settings, questions = suggest_settings([Recording("a", (signal,))])
     assert settings.period is None
-    assert "time between two rows" in questions[0]
+    assert "time between two rows" in questions[0].text
 
 
 @pytest.mark.usefixtures("unchecked")  # wrong types on purpose

@@ -7,6 +7,7 @@ anomalies, and `views` gives the local data that skills are learned from.
 
 from pilotfish.demonstrations.build_settings import BuildSettings, Conversion, FrameSource, PartSource
 from pilotfish.demonstrations.building import build_demonstration
+from pilotfish.demonstrations.column_selection import column_names, select_columns
 from pilotfish.demonstrations.derivatives import add_derivatives
 from pilotfish.demonstrations.diagnostics import Diagnostic, diagnose
 from pilotfish.demonstrations.frames import (
@@ -23,7 +24,7 @@ from pilotfish.demonstrations.resampling import resample
 from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
-from pilotfish.demonstrations.suggestions import suggest_settings
+from pilotfish.demonstrations.suggestions import Question, suggest_settings
 from pilotfish.demonstrations.switches import common_switches, switching_columns
 from pilotfish.demonstrations.timestamps import time_unit
 from pilotfish.demonstrations.units import is_unit, parse_unit
@@ -41,11 +42,13 @@ __all__ = [
     "Part",
     "PartSource",
     "Quantity",
+    "Question",
     "Recording",
     "Signal",
     "Views",
     "add_derivatives",
     "build_demonstration",
+    "column_names",
     "common_switches",
     "demonstration",
     "diagnose",
@@ -59,6 +62,7 @@ __all__ = [
     "pose_layout",
     "position_layout",
     "resample",
+    "select_columns",
     "suggest_settings",
     "switching_columns",
     "time_unit",

@@ -10,8 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from pilotfish.demonstrations.signals import Recording
+import numpy as np
 
+from pilotfish.demonstrations.signals import Recording
+from pilotfish.types import Array, Float
+
+NORM_TOLERANCE = 0.01
 Kind = Literal["position", "wxyz", "quaternion", "rpy", "matrix", "rotation", "force", "joints", "gripper"]
 
 Components = tuple[str, ...]
@@ -105,10 +109,12 @@ def _groups_of_signal(recording: Recording, s: int) -> Iterator[ColumnGroup]:
         if words and not (RATE_WORDS | COMMAND_WORDS) & {*stem, words[-1]}:
             stems.setdefault(stem, {}).setdefault(words[-1], column)
     for stem, components in stems.items():
-        yield from _groups_of_stem(s, stem, components)
+        yield from _groups_of_stem(s, stem, components, signal.values)
 
 
-def _groups_of_stem(s: int, stem: tuple[str, ...], components: dict[str, int]) -> Iterator[ColumnGroup]:
+def _groups_of_stem(
+    s: int, stem: tuple[str, ...], components: dict[str, int], values: Float[Array, "T D"]
+) -> Iterator[ColumnGroup]:
     owner = tuple(word for word in stem if word not in GENERIC_WORDS)
     owner = tuple(word for word in owner if word not in OBJECT_WORDS) or owner
     is_turn = bool(stem) and stem[-1] in TURN_WORDS
@@ -117,12 +123,19 @@ def _groups_of_stem(s: int, stem: tuple[str, ...], components: dict[str, int]) -
             yield ColumnGroup(kind, owner, s, tuple(components.pop(name) for name in names))
     numbers = sorted((int(word), word) for word in components if word.isdigit())
     columns = tuple(components.pop(word) for _, word in numbers)
+    is_turn = is_turn and (stem[-1] != "q" or _has_unit_norm(values[:, list(columns)]))
     yield from _numbered_groups(s, stem, owner, columns, is_turn)
     for word, column in components.items():
         if GRIPPER_WORDS & {*stem, word}:
             yield ColumnGroup("gripper", owner, s, (column,))
         elif JOINT_WORDS & {*stem} or any("joint" in other for other in (*stem, word)):
             yield ColumnGroup("joints", (), s, (column,))
+
+
+def _has_unit_norm(values: Float[Array, "T d"]) -> bool:
+    """Return whether finite rows are unit quaternions: q1 to q4 may also be joints."""
+    rows = values[np.isfinite(values).all(axis=1)]
+    return bool(len(rows) and (np.abs(np.linalg.norm(rows, axis=1) - 1.0) < NORM_TOLERANCE).all())
 
 
 def _named_components(
@@ -154,7 +167,7 @@ def _numbered_groups(
         return
     if GRIPPER_WORDS & words and not {"pos", "position", "pose", "quat"} & words:
         yield ColumnGroup("gripper", owner, s, columns)
-    elif is_turn and len(columns) == 4 and stem[-1] != "q":
+    elif is_turn and len(columns) == 4:
         yield ColumnGroup("quaternion", owner, s, columns)
     elif JOINT_WORDS & words or any("joint" in word for word in words):
         yield ColumnGroup("joints", (), s, columns)

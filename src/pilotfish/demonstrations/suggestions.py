@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pilotfish.demonstrations.build_settings import BuildSettings, FrameSource, PartSource
-from pilotfish.demonstrations.column_groups import ColumnGroup, find_groups
+from pilotfish.demonstrations.column_groups import NORM_TOLERANCE, ColumnGroup, find_groups
 from pilotfish.demonstrations.column_selection import select_columns
 from pilotfish.demonstrations.layouts import Quantity
 from pilotfish.demonstrations.rotation_conversion import Representation
@@ -19,11 +19,23 @@ from pilotfish.validation import require_type, short_list
 
 LARGE_POSITION, LARGE_CENTIMETRES = 10.0, 150.0  # above, positions without a unit are probably in cm and mm
 LARGE_ANGLE = 2 * np.pi * 1.05  # rad; above, angles without a unit are probably in degrees
-NORM_TOLERANCE = 0.01
 UPRIGHT = 0.02  # sine of half the tilt of an object that stands on a table
 TURNED = 0.05  # change of a component of an object that turns
 
 ORIENTATION_KINDS = ("wxyz", "quaternion", "rpy", "matrix", "rotation")
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What names and values of recordings do not reveal, so that the user must decide.
+
+    Attributes:
+        subject: "order" of quaternions, unit of "length" or "angle", "period", or "columns".
+        text: Question, with what is proposed.
+    """
+
+    subject: str
+    text: str
 
 
 @dataclass
@@ -33,7 +45,7 @@ class _Draft:
     recordings: Sequence[Recording]
     parts: list[PartSource] = field(default_factory=list)
     frames: list[FrameSource] = field(default_factory=list)
-    questions: list[str] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
 
     def values(self, group: ColumnGroup) -> Float[Array, "T d"]:
         """Return the finite rows of a group in all recordings."""
@@ -62,7 +74,7 @@ class _Draft:
         return any(units[column].strip() for column in group.columns)
 
 
-def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tuple[str, ...]]:
+def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tuple[Question, ...]]:
     """Propose how columns of recordings become parts and frames, from their names, units and values.
 
     The tool's pose becomes the parts "position" and "orientation", and other poses become frames. Grippers
@@ -109,7 +121,8 @@ def _propose_poses(draft: _Draft, groups: Sequence[ColumnGroup]) -> None:
     if owners and not robots and not any(group.kind == "joints" for group in groups):
         robots = owners[:1]
         if len(owners) > 1:
-            draft.questions.append(f"Is {' '.join(robots[0])!r} the tool? The other poses become frames.")
+            text = f"Is {' '.join(robots[0])!r} the tool? The other poses become frames."
+            draft.questions.append(Question("columns", text))
     order = _order_from_objects(draft, [g for g in groups if g.owner in owners and g.owner not in robots])
     for owner in owners:
         position = next(g for g in groups if g.kind == "position" and g.owner == owner)
@@ -193,8 +206,11 @@ def _propose_numbered_columns(draft: _Draft) -> None:
         names = draft.names(ColumnGroup("joints", (), 0, columns))
         draft.parts.append(PartSource("state", Quantity.SCALAR, names))
     draft.questions.append(
-        f"What are the columns {short_list(list(signal.columns))}? Their names do not say; proposed are "
-        f"{', '.join(part.name for part in draft.parts)}."
+        Question(
+            "columns",
+            f"What are the columns {short_list(list(signal.columns))}? Their names do not say; proposed are "
+            f"{', '.join(part.name for part in draft.parts)}.",
+        )
     )
 
 
@@ -208,15 +224,21 @@ def _representation(
             return turn.kind, _angle_unit(draft, turn, label) if turn.kind == "rpy" else ""
         case "rotation":
             draft.questions.append(
-                f"Is {label} ({names}) a rotation vector, or roll, pitch and yaw? Proposed is the rotation "
-                "vector, as Universal Robots writes it."
+                Question(
+                    "columns",
+                    f"Is {label} ({names}) a rotation vector, or roll, pitch and yaw? Proposed is the rotation "
+                    "vector, as Universal Robots writes it.",
+                )
             )
             return "rotation vector", _angle_unit(draft, turn, label)
         case _:
             if order is None:
                 draft.questions.append(
-                    f"Is {label} ({names}) in the order w x y z or x y z w? The values do not reveal it; "
-                    "proposed is x y z w, as ROS and robosuite write it."
+                    Question(
+                        "order",
+                        f"Is {label} ({names}) in the order w x y z or x y z w? The values do not reveal it; "
+                        "proposed is x y z w, as ROS and robosuite write it.",
+                    )
                 )
             return order or "xyzw", ""
 
@@ -241,8 +263,11 @@ def _length_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
         return ""
     unit = "cm" if largest <= LARGE_CENTIMETRES else "mm"
     draft.questions.append(
-        f"Is {label} in m, cm or mm? The file states no unit, and values reach {largest:.4g}; {unit} is "
-        "proposed."
+        Question(
+            "length",
+            f"Is {label} in m, cm or mm? The file states no unit, and values reach {largest:.4g}; proposed is "
+            f"{unit}.",
+        )
     )
     return unit
 
@@ -254,7 +279,10 @@ def _angle_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
     if largest <= LARGE_ANGLE:
         return "rad"
     draft.questions.append(
-        f"Is {label} in degrees? The file states no unit, and values reach {largest:.4g}; deg is proposed."
+        Question(
+            "angle",
+            f"Is {label} in degrees? The file states no unit, and values reach {largest:.4g}; deg is proposed.",
+        )
     )
     return "deg"
 
@@ -266,7 +294,9 @@ def _common_period(draft: _Draft) -> float | None:
         number, columns = select_columns(recording, draft.parts[0].columns, f"part {draft.parts[0].name!r}")
         signal = recording.signals[number]
         if recording.period is None and all(other.times is None for other in recording.signals):
-            draft.questions.append("What is the time between two rows [s]? The file has no times.")
+            draft.questions.append(
+                Question("period", "What is the time between two rows [s]? The file has no times.")
+            )
             return None
         times = signal_times(recording, number, None)
         if len(times) > 1:

@@ -19,7 +19,7 @@ from pilotfish.cli.output.results import (
     print_result,
     require_writable_folder,
 )
-from pilotfish.cli.output.tables import key_value_table
+from pilotfish.cli.output.tables import Table, key_value_table
 from pilotfish.demonstrations import diagnose
 from pilotfish.io import datasets, write_demonstrations
 

@@ -28,13 +28,16 @@ from pilotfish.demonstrations import (
     Question,
     Recording,
     build_demonstration,
+    column_names,
     diagnose,
+    select_columns,
     suggest_settings,
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.io import atomic_file, write_demonstrations
 from pilotfish.io.import_settings import format_import_settings, read_import_settings
 from pilotfish.io.readers import ReadOptions, read_recordings
+from pilotfish.validation import short_list
 
 ORIENTATIONS = (Quantity.QUATERNION, Quantity.ORIENTATION)
 OPTIONS = {  # that answer a question
@@ -66,7 +69,9 @@ OPTIONS = {  # that answer a question
 )
 @click.option("--accept", is_flag=True, help="Accept what is proposed where the recordings leave a question.")
 @click.option(
-    "--order", type=click.Choice(["wxyz", "xyzw"]), help="Order of quaternions.  [default: from the recordings]"
+    "--order",
+    type=click.Choice(["wxyz", "xyzw"]),
+    help="Order of quaternions.  [default: from the recordings]",
 )
 @click.option("--length-unit", help="Unit of positions, such as mm.  [default: that of the file, or m]")
 @click.option("--angle-unit", help="Unit of angles: rad or deg.  [default: that of the file, or rad]")
@@ -90,8 +95,11 @@ def import_recordings(source: Path, **options: Any) -> CommandResult:
     out, saved = options["out"], options["save_settings"]
     _require_outputs(source, out, saved, options)
     recordings = list(read_recordings(source, options=ReadOptions(time_unit=options["time_unit"] or "")))
+    if not recordings:
+        raise InvalidInput(f"{source} has no recordings; check the name")
+    questions: tuple[Question, ...] = ()
     if options["settings"]:
-        settings, questions = read_import_settings(options["settings"]), ()
+        settings = read_import_settings(options["settings"])
     else:
         settings, questions = suggest_settings(recordings)
     settings = _with_options(settings, options)
@@ -188,7 +196,9 @@ def _settings_table(settings: BuildSettings) -> Table:
     for frame in settings.frames:
         kind = "moving frame" if frame.moving else "frame"
         for source in frame.sources:
-            rows.append((frame.name, kind, ", ".join(source.columns), source.unit or "of the file", _form(source)))
+            rows.append(
+                (frame.name, kind, ", ".join(source.columns), source.unit or "of the file", _form(source))
+            )
     return Table(("name", "becomes", "columns", "unit", "form"), tuple(rows), "Columns")
 
 
@@ -208,14 +218,19 @@ def _settings_to_json(settings: BuildSettings) -> dict[str, Any]:
 
 
 def _proposal(
-    recordings: Sequence[Recording], settings: BuildSettings, questions: Sequence[Question], saved: Path | None
+    recordings: Sequence[Recording],
+    settings: BuildSettings,
+    questions: Sequence[Question],
+    saved: Path | None,
 ) -> CommandResult:
     lines = [f"question: {question.text}" for question in questions]
+    lines += [f"left out: {short_list(left_out)}"] if (left_out := _left_out(recordings, settings)) else []
     lines.append(f"written to {saved}; edit it, then import with --settings {saved} --out FOLDER")
     data = {
         "recordings": [recording.name for recording in recordings],
         "format": recordings[0].format,
         **_settings_to_json(settings),
+        "left_out": _left_out(recordings, settings),
         "questions": [question.text for question in questions],
         "settings": str(saved),
     }
@@ -230,12 +245,13 @@ def _result(
 ) -> CommandResult:
     demonstrations = tuple(demo for demo, _ in built)
     conversions = _shared_lines([(demo.name, conversion.lines) for demo, conversion in built])
-    diagnostics = diagnose(demonstrations)
+    left_out, diagnostics = _left_out(recordings, settings), diagnose(demonstrations)
     findings = [f"{d.severity}: {d.location} {d.message}" for d in diagnostics]
     blocks: list[str | Table] = [
         _settings_table(settings),
         *demonstration_blocks(demonstrations),
         "\n".join(conversions) or "Nothing had to be converted.",
+        *([f"columns left out: {short_list(left_out)}"] if left_out else []),
         *(["\n".join(findings)] if findings else []),
         f"written to {out}; next: pilotfish learn {out} --out {out.name}.skill",
     ]
@@ -244,11 +260,22 @@ def _result(
         "format": recordings[0].format,
         **_settings_to_json(settings),
         "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
+        "left_out": left_out,
         "conversions": {demo.name: list(conversion.lines) for demo, conversion in built},
         "labels": {demo.name: {k: list(v) for k, v in c.labels.items()} for demo, c in built},
         "diagnostics": findings,
     }
     return CommandResult(blocks, data)
+
+
+def _left_out(recordings: Sequence[Recording], settings: BuildSettings) -> list[str]:
+    """Return the columns of the first recording that become neither a part nor a frame."""
+    first, used = recordings[0], set()
+    for source in [*settings.parts, *(source for frame in settings.frames for source in frame.sources)]:
+        number, columns = select_columns(first, source.columns, source.name)
+        used |= {(number, column) for column in columns}
+    pairs = [(s, c) for s, signal in enumerate(first.signals) for c in range(len(signal.columns))]
+    return [name for pair, name in zip(pairs, column_names(first), strict=True) if pair not in used]
 
 
 def _shared_lines(lines: Sequence[tuple[str, Sequence[str]]]) -> list[str]:

@@ -1,0 +1,107 @@
+"""pilotfish data import: two logs with uneven times become demonstrations; open questions stop it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+import pilotfish as pf
+from pilotfish.geometry import normalise
+
+RunCommand = Callable[..., Result]
+RunJson = Callable[..., dict[str, Any]]
+ROBOT = "stamp,pose.position.x,pose.position.y,pose.position.z,qx,qy,qz,qw,gripper"
+OBJECTS = "stamp,cup.x,cup.y,cup.z,cup.qx,cup.qy,cup.qz,cup.qw"
+
+
+def write_table(path: Path, header: str, rows: np.ndarray) -> None:
+    lines = [",".join(f"{value:.9f}" for value in row) for row in rows]
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+
+
+def write_logs(folder: Path, rng: np.random.Generator, header: str = ROBOT) -> list[np.ndarray]:
+    """Write two executions, each a log of the robot and one of the cup; return the positions of the cup."""
+    folder.mkdir()
+    cups = []
+    for m in range(2):
+        t = np.cumsum(rng.uniform(0.03, 0.036, 60))
+        s, cup = t / t[-1], rng.uniform(0.3, 0.6, 3)
+        q = normalise(np.column_stack([0.4 * s, 0.0 * s, 0.0 * s, 1.0 + 0.0 * s]))
+        rows = np.column_stack([1.7e9 + t, np.outer(1.0 - s, [0.2, 0.0, 0.3]) + np.outer(s, cup), q, s > 0.9])
+        write_table(folder / f"demo{m}_robot.csv", header, rows)
+        poses = np.tile(np.r_[cup, 0.0, 0.0, 0.0, 1.0], (20, 1))
+        write_table(folder / f"demo{m}_objects.csv", OBJECTS, np.column_stack([1.7e9 + t[::3], poses]))
+        cups.append(cup)
+    return cups
+
+
+def test_uneven_logs_of_robot_and_object_become_demonstrations(
+    run_json: RunJson, tmp_path: Path, rng: np.random.Generator
+):
+    cups = write_logs(tmp_path / "logs", rng)
+    found = run_json("data", "import", "logs", "--out", "cup")
+    demos = pf.load("cup")
+    assert [demo.name for demo in demos] == ["demo0", "demo1"]
+    assert demos[0].layout.names[-1] == "gripper"
+    assert set(np.unique(demos[0].x[:, 7])) == {0.0, 1.0}
+    for demo, cup in zip(demos, cups, strict=True):
+        assert demo.period == pytest.approx(0.033, abs=0.002)
+        np.testing.assert_allclose(demo.frames[0].b[:3], cup, atol=1e-6)  # type: ignore[union-attr]
+        line = demo.x[:, :3] - [0.2, 0.0, 0.3]
+        share = line @ (cup - [0.2, 0.0, 0.3]) / np.sum((cup - [0.2, 0.0, 0.3]) ** 2)
+        np.testing.assert_allclose(line, np.outer(share, cup - [0.2, 0.0, 0.3]), atol=1e-6)
+        q = normalise(np.column_stack([np.ones_like(share), 0.4 * share, 0 * share, 0 * share]))
+        assert np.abs(demo.x[:, 3:7] - q).max() < 1e-4  # w first, on the great circle
+    assert any("Hz" in line for line in found["conversions"]["demo0"])
+
+
+def test_open_question_stops_until_it_is_answered(
+    run_json: RunJson, run_failing: Callable[..., str], tmp_path: Path, rng: np.random.Generator
+):
+    write_logs(tmp_path / "logs", rng, ROBOT.replace("qx,qy,qz,qw", "q0,q1,q2,q3"))
+    message = run_failing("data", "import", "logs", "--out", "cup")
+    assert "w x y z or x y z w" in message
+    assert "--order" in message
+    assert not (tmp_path / "cup").exists()
+    run_json("data", "import", "logs", "--out", "cup", "--order", "xyzw")
+    run_json("data", "import", "logs", "--out", "accepted", "--accept")
+    np.testing.assert_array_equal(pf.load("cup")[0].x, pf.load("accepted")[0].x)
+
+
+def test_saved_settings_give_the_same_demonstrations(
+    run_json: RunJson, tmp_path: Path, rng: np.random.Generator
+):
+    write_logs(tmp_path / "logs", rng)
+    found = run_json("data", "import", "logs", "--save-settings", "cup.toml")
+    assert found["questions"] == []
+    run_json("data", "import", "logs", "--settings", "cup.toml", "--out", "a")
+    run_json("data", "import", "logs", "--out", "b")
+    for one, other in zip(pf.load("a"), pf.load("b"), strict=True):
+        np.testing.assert_array_equal(one.x, other.x)
+
+
+def test_length_unit_period_and_moving_frame(run_json: RunJson, tmp_path: Path, rng: np.random.Generator):
+    write_logs(tmp_path / "logs", rng)
+    run_json("data", "import", "logs", "--out", "m")
+    options = ("--length-unit", "mm", "--period", "0.05", "--moving", "cup")
+    run_json("data", "import", "logs", "--out", "mm", *options)
+    (metres, *_), (millimetres, *_) = pf.load("m"), pf.load("mm")
+    assert millimetres.period == 0.05
+    np.testing.assert_allclose(millimetres.x[0, :3], metres.x[0, :3] / 1000.0)
+    assert millimetres.frames[0].is_moving
+
+
+def test_nothing_to_write_existing_output_and_unknown_frame_are_refused(
+    run_command_line: RunCommand, run_failing: Callable[..., str], tmp_path: Path, rng: np.random.Generator
+):
+    write_logs(tmp_path / "logs", rng)
+    result = run_command_line("data", "import", "logs")
+    assert result.exit_code == 2
+    assert "--out FOLDER" in result.stderr
+    assert "'cop'" in run_failing("data", "import", "logs", "--out", "a", "--moving", "cop")
+    (tmp_path / "cup.toml").write_text("")
+    assert "--force" in run_failing("data", "import", "logs", "--save-settings", "cup.toml")
+    assert "missing" in run_failing("data", "import", "nowhere", "--out", "a")
