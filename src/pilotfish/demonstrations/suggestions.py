@@ -226,8 +226,8 @@ def _representation(
             draft.questions.append(
                 Question(
                     "columns",
-                    f"Is {label} ({names}) a rotation vector, or roll, pitch and yaw? Proposed is the rotation "
-                    "vector, as Universal Robots writes it.",
+                    f"Is {label} ({names}) a rotation vector, or roll, pitch and yaw? Proposed is the "
+                    "rotation vector, as Universal Robots writes it.",
                 )
             )
             return "rotation vector", _angle_unit(draft, turn, label)
@@ -281,7 +281,8 @@ def _angle_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
     draft.questions.append(
         Question(
             "angle",
-            f"Is {label} in degrees? The file states no unit, and values reach {largest:.4g}; deg is proposed.",
+            f"Is {label} in degrees? The file states no unit, and values reach {largest:.4g}; proposed is "
+            "deg.",
         )
     )
     return "deg"

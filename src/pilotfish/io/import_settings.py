@@ -15,7 +15,7 @@ MAX_SETTINGS_BYTES = 2**20
 PART_KEYS = ("name", "quantity", "columns", "unit", "representation")
 FRAME_KEYS = ("name", "position", "orientation", "representation", "unit", "angle_unit", "moving")
 LIMIT_KEYS = ("unwrap", "thin", "max_gap", "still_distance", "still_angle")
-HEAD = """# How recordings become demonstrations. Edit it, then give it to `pilotfish data import` with --settings.
+HEAD = """# How recordings become demonstrations. Edit it, then: pilotfish data import SOURCE --settings THIS
 # A column is named as in the file, or SIGNAL:COLUMN where two signals have such a column; * and ? match any.
 # Units: m cm mm in, rad deg, s ms us ns, N; "" for the unit that the file states, or SI.
 # Representations of an orientation: wxyz, xyzw (quaternions), rpy, matrix (by rows), rotation vector.
