@@ -60,6 +60,28 @@ def scalar_settings(**changes: object) -> BuildSettings:
     return BuildSettings((PartSource("a", Quantity.SCALAR, ("a",)),), **changes)
 
 
+@pytest.mark.parametrize("moving", [False, True])
+def test_short_log_of_an_object_shortens_the_demonstration_only_if_the_object_moves(moving: bool):
+    hand = signal(np.arange(20.0).reshape(-1, 1), ("a",), np.arange(20) * 0.1)
+    cup = Signal(
+        "cup", np.tile([0.1, 0.2, 0.3], (6, 1)), ("x", "y", "z"), ("",) * 3, 0.5 + np.arange(6) * 0.1
+    )
+    frame = FrameSource("cup", ("cup:x", "cup:y", "cup:z"), moving=moving)
+    settings = BuildSettings((PartSource("a", Quantity.SCALAR, ("a",)),), (frame,))
+    demo, _ = build_demonstration(Recording("reach", (hand, cup)), settings)
+    assert demo.x.ravel() == pytest.approx(np.arange(5.0, 11.0) if moving else np.arange(20.0))
+
+
+def test_object_recorded_at_another_time_is_refused():
+    hand = signal(np.arange(20.0).reshape(-1, 1), ("a",), np.arange(20) * 0.1)
+    cup = Signal("cup", np.zeros((6, 3)), ("x", "y", "z"), ("",) * 3, 1.7e9 + np.arange(6) * 0.1)
+    settings = BuildSettings(
+        (PartSource("a", Quantity.SCALAR, ("a",)),), (FrameSource("cup", ("cup:x", "cup:y", "cup:z")),)
+    )
+    with pytest.raises(InvalidInput, match="of one clock and unit"):
+        build_demonstration(Recording("reach", (hand, cup)), settings)
+
+
 def test_uneven_timestamps_follow_analytic_curve(rng: np.random.Generator):
     """The error of linear interpolation is at most h^2 / 8 times the second derivative."""
     demo, conversion = build_demonstration(

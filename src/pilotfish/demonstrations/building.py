@@ -90,7 +90,15 @@ def _build(recording: Recording, settings: BuildSettings) -> tuple[Demonstration
     selections = {label: select_columns(recording, source.columns, label) for source, label in pairs}
     for label in selections:
         _require_finite(recording, selections[label], label)
-    alignment = align_signals(recording, _columns_by_signal(selections.values()), settings)
+    moving = {selections[f"part {source.name!r}"][0] for source in settings.parts}
+    moving |= {
+        selections[f"frame {frame.name!r}: {source.name}"][0]
+        for frame in settings.frames
+        if frame.moving
+        for source in frame.sources
+    }
+    columns = _columns_by_signal(selections.values())
+    alignment = align_signals(recording, columns, settings, columns.keys() - moving)
     reader = _SourceReader(recording, alignment, selections, settings.unwrap)
     parts, blocks = zip(*(reader.read_part(source) for source in settings.parts), strict=True)
     layout = Layout(parts)

@@ -1,6 +1,6 @@
 """Alignment of the signals of a recording to one time base."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,10 @@ class Alignment:
 
 
 def align_signals(
-    recording: Recording, columns: Mapping[int, Sequence[int]], settings: BuildSettings
+    recording: Recording,
+    columns: Mapping[int, Sequence[int]],
+    settings: BuildSettings,
+    still: Collection[int] = (),
 ) -> Alignment:
     """Return one time base over the overlap of signals, and the place of its rows in each signal.
 
@@ -68,6 +71,7 @@ def align_signals(
         recording: Recording.
         columns: Columns that are used, by the number of their signal; the first signal gives the period.
         settings: Period, thinning and longest gap.
+        still: Signals of objects that do not move; their first and last rows are valid before and after.
 
     Raises:
         InvalidInput: If times do not ascend, are missing, have a gap, or do not overlap.
@@ -76,11 +80,13 @@ def align_signals(
     times = {s: signal_times(recording, s, settings.period) for s in columns}
     rows = {s: _used_rows(recording.signals[s], columns[s], settings.thin, lines) for s in columns}
     used = {s: times[s][rows[s]] for s in columns}
-    longer = {s: used[s] for s in columns if len(used[s]) > 1}
+    longer = {s: used[s] for s in columns if len(used[s]) > 1 and s not in still}
     if not longer:
         raise InvalidInput(f"recording {recording.name!r} has one row, expected at least two")
     period = settings.period or source_period(next(iter(longer.values())))
     base = _overlap(recording, longer, require_period(period))
+    for s in still:
+        _require_common_time(recording, s, used[s], base)
     lines += _resampling_lines(recording, longer, base, period)
     for s, own in longer.items():
         longest = settings.max_gap * max(period, float(np.median(np.diff(own))))
@@ -162,6 +168,15 @@ def _overlap(recording: Recording, times: Mapping[int, Array], period: float) ->
             "unit of the times, or pass a longer period"
         )
     return even_times(float(start), float(end), period)
+
+
+def _require_common_time(recording: Recording, number: int, own: Array, base: Float[Array, " T"]) -> None:
+    """Check that the signal of an object that does not move was recorded during the demonstration."""
+    if len(own) > 1 and (own[-1] < base[0] or own[0] > base[-1]):
+        raise InvalidInput(
+            f"{signal_label(recording, number)} has times from {own[0]:.9g} to {own[-1]:.9g} s, expected some "
+            f"from {base[0]:.9g} to {base[-1]:.9g} s; check that all times are of one clock and unit"
+        )
 
 
 def _resampling_lines(

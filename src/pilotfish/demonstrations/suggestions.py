@@ -265,8 +265,8 @@ def _length_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
     draft.questions.append(
         Question(
             "length",
-            f"Is {label} in m, cm or mm? The file states no unit, and values reach {largest:.4g}; proposed is "
-            f"{unit}.",
+            f"Is {label} in m, cm or mm? The file states no unit, and values reach {largest:.4g}; proposed "
+            f"is {unit}.",
         )
     )
     return unit
