@@ -174,8 +174,8 @@ def _require_common_time(recording: Recording, number: int, own: Array, base: Fl
     """Check that the signal of an object that does not move was recorded during the demonstration."""
     if len(own) > 1 and (own[-1] < base[0] or own[0] > base[-1]):
         raise InvalidInput(
-            f"{signal_label(recording, number)} has times from {own[0]:.9g} to {own[-1]:.9g} s, expected some "
-            f"from {base[0]:.9g} to {base[-1]:.9g} s; check that all times are of one clock and unit"
+            f"{signal_label(recording, number)} has times from {own[0]:.9g} to {own[-1]:.9g} s, expected "
+            f"some from {base[0]:.9g} to {base[-1]:.9g} s; check that all times are of one clock and unit"
         )
 
 

@@ -8,6 +8,7 @@ from pilotfish.io.demonstration_folder import (
     require_replaceable,
     write_demonstrations,
 )
+from pilotfish.io.import_settings import format_import_settings, read_import_settings
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
 from pilotfish.io.renames import make_folder
@@ -27,6 +28,7 @@ __all__ = [
     "datasets",
     "decode_assisted_skill",
     "encode_assisted_skill",
+    "format_import_settings",
     "is_folder",
     "load_any",
     "make_folder",
@@ -37,6 +39,7 @@ __all__ = [
     "read_demonstrations",
     "read_file",
     "read_frames",
+    "read_import_settings",
     "read_session",
     "read_start",
     "require_replaceable",

@@ -34,8 +34,7 @@ from pilotfish.demonstrations import (
     suggest_settings,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.io import atomic_file, write_demonstrations
-from pilotfish.io.import_settings import format_import_settings, read_import_settings
+from pilotfish.io import atomic_file, format_import_settings, read_import_settings, write_demonstrations
 from pilotfish.io.readers import ReadOptions, read_recordings
 from pilotfish.validation import short_list
 
