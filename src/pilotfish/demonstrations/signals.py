@@ -42,6 +42,8 @@ class Recording:
         labels: Label of each row of the first signal, by the name of the label, such as "phase".
         period: Time between two rows that the file states [s]; None if it states none.
         format: Name of the format, such as "LeRobot v3".
+        attributes: Texts that the file states about the execution, by name, such as "task" or "env_args".
+        notes: What the reader left out or could not use, one sentence each.
     """
 
     name: str
@@ -49,3 +51,5 @@ class Recording:
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     period: float | None = None
     format: str = ""
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()

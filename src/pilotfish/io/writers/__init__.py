@@ -1,0 +1,1 @@
+"""Writers of demonstrations for other programs: one module per format."""
