@@ -72,6 +72,7 @@ class _Episode:
     """Rows of one episode, in parts."""
 
     number: int
+    rows: int = 0
     entries: int = 0
     parts: list[dict[str, Any]] = field(default_factory=list)
 
@@ -90,9 +91,11 @@ def _iter_recordings(
     descriptions = iter_descriptions(path)
     described = next(descriptions, None)
     remaining, finished = dict(lengths), set[int]()
-    for episode in _iter_episodes(files, metadata):
+    for episode in _iter_episodes(files, metadata, lengths):
         if episode.number in finished:
-            raise InvalidInput(f"{path}: episode {episode.number} is stored in two places; {FETCH}")
+            raise InvalidInput(
+                f"{path}: episode {episode.number} has more rows than its metadata states; {FETCH}"
+            )
         while described is not None and described[0] < episode.number:
             described = next(descriptions, None)
         text = described[1] if described is not None and described[0] == episode.number else None
@@ -108,8 +111,8 @@ def _iter_recordings(
         )
 
 
-def _iter_episodes(files: list[Path], metadata: Metadata) -> Iterator[_Episode]:
-    """Group consecutive rows by episode, across batches and files."""
+def _iter_episodes(files: list[Path], metadata: Metadata, lengths: dict[int, int]) -> Iterator[_Episode]:
+    """Group consecutive rows by episode, across batches and files; yield each at its stated length."""
     episode: _Episode | None = None
     for file in files:
         for numbers, columns in _iter_batches(file, metadata):
@@ -121,6 +124,10 @@ def _iter_episodes(files: list[Path], metadata: Metadata) -> Iterator[_Episode]:
                     episode = _Episode(int(numbers[start]))
                 with name_errors(file):
                     episode.append({name: values[start:end] for name, values in columns.items()})
+                episode.rows += int(end - start)
+                if episode.rows == lengths.get(episode.number):
+                    yield episode
+                    episode = None
     if episode is not None:
         yield episode
 

@@ -220,12 +220,12 @@ def _parse_features(table: dict[str, Any]) -> tuple[tuple[Feature, ...], tuple[s
             continue
         if not isinstance(fields, dict) or not isinstance(fields.get("shape", []), list | tuple):
             raise InvalidInput(f"feature {name!r} is {short_repr(fields)}, expected dtype and shape")
-        dtype = fields.get("dtype")
+        dtype = str(fields.get("dtype"))
         shape = [require_count(n, f"a size of feature {name!r}", 2**40) for n in fields.get("shape") or [1]]
         if dtype == "string":
             texts.append(name)
         elif dtype not in NUMERIC or not 1 <= prod(shape) <= MAX_WIDTH:
-            notes.append(f"{name} is left out: {short_repr(dtype)} of shape {tuple(shape)}")
+            notes.append(f"{name} is left out: {short_repr(dtype)[1:-1]} of shape {tuple(shape)}")
         else:
             features.append(Feature(name, _column_names(fields.get("names"), prod(shape))))
     if not features:

@@ -113,7 +113,9 @@ def _demonstration_names(file: Any) -> list[str]:
         raise InvalidInput(f"group 'data' has {len(data)} entries, expected at most {MAX_DEMONSTRATIONS}")
     names = [name for name in data if re.fullmatch(r"demo_?[0-9]{1,9}", name)]
     if not names:
-        raise InvalidInput(f"group 'data' has {short_list(list(data)[:20])}, expected groups demo_0, demo_1 ...")
+        raise InvalidInput(
+            f"group 'data' has {short_list(list(data)[:20])}, expected groups demo_0, demo_1 ..."
+        )
     return sorted(names, key=lambda name: (int(re.sub(r"\D", "", name)), name))
 
 
@@ -128,7 +130,9 @@ def _require_group(parent: Any, name: str) -> Any:
 def _require_hard_link(parent: Any, name: str) -> None:
     h5py = require_library("h5py", "robomimic files")
     if (link := parent.get(name, getlink=True)) is None:
-        raise InvalidInput(f"it has no {name!r}, only {short_list(list(parent)[:20])}; expected a robomimic file")
+        raise InvalidInput(
+            f"it has no {name!r}, only {short_list(list(parent)[:20])}; expected a robomimic file"
+        )
     if not isinstance(link, h5py.HardLink):
         raise InvalidInput(f"{name!r} is a link to another place, which is not followed; copy the content")
 
@@ -144,6 +148,7 @@ def _read_demonstration(data: Any, name: str) -> Recording:
         if (problem := _unusable_reason(dataset)) is not None:
             notes.append(f"{place} is left out: {problem}")
             continue
+        _require_stored(place, dataset)
         total += dataset.size * 8
         if total > MAX_RECORDING_BYTES:
             raise InvalidInput(f"{name} takes more than {MAX_RECORDING_BYTES} bytes; split it")
@@ -168,7 +173,9 @@ def _iter_datasets(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, A
     """Yield path and data set of everything below a group, but for what repeats other data."""
     h5py = require_library("h5py", "robomimic files")
     if depth > MAX_DEPTH or len(group) > MAX_ITEMS:
-        raise InvalidInput(f"{prefix!r} has groups in more than {MAX_DEPTH} levels or over {MAX_ITEMS} entries")
+        raise InvalidInput(
+            f"{prefix!r} has groups in more than {MAX_DEPTH} levels or over {MAX_ITEMS} entries"
+        )
     for name in group:
         place = require_printable(f"{prefix}{name}", "the name of a data set")
         if name in LEFT_OUT:
@@ -192,7 +199,6 @@ def _unusable_reason(dataset: Any) -> str | None:
 
 
 def _read_signal(place: str, dataset: Any) -> Signal:
-    _require_stored(place, dataset)
     values = np.asarray(dataset[()], np.float64).reshape(len(dataset), -1)
     columns = _stated_texts(dataset, "columns", values) or _conventional_columns(place, dataset.shape)
     units = _stated_texts(dataset, "units", values) or ("",) * values.shape[1]
