@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 Episode = dict[str, np.ndarray]
 TASKS = ["pick the cube", "open the drawer"]
+START = 1_700_000_000_000_000_000  # ns
 STATE_NAMES = ["x", "y", "z", "gripper"]
 
 
@@ -179,3 +180,26 @@ class BagWriter:
         inner = self.store.types["geometry_msgs/msg/Transform"](translation, rotation)
         header = self.header(time, parent)
         return self.store.types["geometry_msgs/msg/TransformStamped"](header, child, inner)
+
+
+def write_bag(path: Path, kind: str, x: np.ndarray, **options: Any) -> None:
+    """Write poses, joints, transforms of two frames, a gripper and an image topic; stamps lag by 5 ms."""
+    with BagWriter(path, kind, **options) as bag:
+        for step, row in enumerate(x):
+            time = START + step * 33_333_333
+            header = bag.header(time - 5_000_000)
+            bag.put("/tool_pose", "geometry_msgs/msg/PoseStamped", time, header=header, pose=bag.pose(row))
+            state = {"position": row[:2], "velocity": row[2:4], "effort": np.zeros(0)}
+            bag.put(
+                "/joint_states",
+                "sensor_msgs/msg/JointState",
+                time,
+                header=header,
+                name=["elbow", "wrist"],
+                **state,
+            )
+            children = [bag.transform(name, time, row[::-1], "world") for name in ("cube", "bin")]
+            bag.put("/tf", "tf2_msgs/msg/TFMessage", time, transforms=children)
+            bag.put("/gripper", "std_msgs/msg/Float64", time, data=float(row[0]))
+            bag.put("/closed", "std_msgs/msg/Bool", time, data=bool(row[0] > 0))
+            bag.put("/note", "std_msgs/msg/String", time, data="a note")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laboratory_files import BagWriter
+from laboratory_files import START, BagWriter, write_bag
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 
@@ -13,8 +13,6 @@ from pilotfish.errors import InvalidInput
 from pilotfish.io.readers import ros_bags, ros_storage
 
 KINDS = pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])
-START = 1_700_000_000_000_000_000  # ns
-JOINTS = ["elbow", "wrist"]
 POSE, JOINT, TRANSFORMS = (
     "geometry_msgs/msg/PoseStamped",
     "sensor_msgs/msg/JointState",
@@ -28,22 +26,6 @@ POSE_COLUMNS = (
 
 def bag_path(folder: Path, kind: str) -> Path:
     return folder / ("take_1.bag" if kind == "ros1" else "take_1")
-
-
-def write_bag(path: Path, kind: str, x: np.ndarray, **options: object) -> None:
-    """Write poses, joints, transforms of two frames, a gripper and an image topic; stamps lag by 5 ms."""
-    with BagWriter(path, kind, **options) as bag:
-        for step, row in enumerate(x):
-            time = START + step * 33_333_333
-            header = bag.header(time - 5_000_000)
-            bag.put("/tool_pose", POSE, time, header=header, pose=bag.pose(row))
-            state = {"position": row[:2], "velocity": row[2:4], "effort": np.zeros(0)}
-            bag.put("/joint_states", JOINT, time, header=header, name=JOINTS, **state)
-            children = [bag.transform(name, time, row[::-1], "world") for name in ("cube", "bin")]
-            bag.put("/tf", TRANSFORMS, time, transforms=children)
-            bag.put("/gripper", "std_msgs/msg/Float64", time, data=float(row[0]))
-            bag.put("/closed", "std_msgs/msg/Bool", time, data=bool(row[0] > 0))
-            bag.put("/note", "std_msgs/msg/String", time, data="a note")
 
 
 @KINDS
