@@ -1,7 +1,7 @@
 """What a laboratory has on its disk: signals with their own times, before they become a demonstration.
 
-A reader of `pilotfish.io.readers` returns recordings as in the file. Units, the order of quaternions
-and rates are interpreted by `build_demonstration`, which resamples all signals to one period.
+A reader of `pilotfish.io.readers` returns recordings with the values of the file. Units, the order of
+quaternions and rates are interpreted by `build_demonstration`, which resamples all signals to one period.
 """
 
 from collections.abc import Mapping

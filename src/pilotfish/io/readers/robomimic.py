@@ -189,7 +189,7 @@ def _iter_datasets(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, A
 
 
 def _unusable_reason(dataset: Any) -> str | None:
-    """Return why a data set is no signal; None if it is one."""
+    """Return why a data set cannot be a signal; None if it can."""
     shape = dataset.shape
     if dataset.dtype.kind not in "fiub" or shape is None or not shape:
         return f"{dataset.dtype} of shape {shape}, expected numbers per row"
