@@ -27,7 +27,7 @@ from pilotfish.demonstrations import (
 from pilotfish.errors import InvalidInput
 from pilotfish.io.skill_fields import decode_layout, encode_layout, pop_field, pop_list, reject_unknown_fields
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_count, require_printable, short_repr
+from pilotfish.validation import require_count, require_period, require_printable, short_repr
 
 KEY = "pilotfish"  # of the attribute, data set or file that has the description
 VERSION = 1
@@ -100,7 +100,7 @@ def _build(description: dict[str, Any], recording: Recording) -> Demonstration:
     layout = decode_layout(pop_list(description, "layout"))
     x = _collect_columns(pop_list(description, "columns"), layout, recording)
     name = require_printable(pop_field(description, "name", "it"), "the name")
-    period = pop_field(description, "period", "it")
+    period = require_period(pop_field(description, "period", "it"), "the period")
     frames = [_decode_frame(given) for given in pop_list(description, "frames")]
     reject_unknown_fields(description, "it")
     return demonstration(x, period, layout, frames, name)

@@ -83,7 +83,7 @@ def test_export_refuses_existing_and_foreign_targets(writer, reader, make, tmp_p
 
 
 @FORMATS
-def test_export_that_fails_leaves_nothing(writer, reader, make, tmp_path: Path):
+def test_export_that_fails_leaves_nothing(writer, reader, make, unchecked, tmp_path: Path):
     different = demonstration(make().x, 0.1, make().layout)
     for demos, match in (([], "no demonstrations"), ([make(), different], "differs"), ([3], "type int")):
         with pytest.raises(InvalidInput, match=match):

@@ -36,7 +36,7 @@ from pilotfish.types import Array, Float
 
 FORMAT = "LeRobot"
 MAX_ENTRIES = 2**27  # numbers of one episode
-MAX_CHUNK_BYTES = 2**30  # of one column in one row group, after expansion
+BUFFER_BYTES = 2**20  # of one column; without a buffer, pyarrow reads all of its bytes in a row group
 
 
 def recognises(path: Path) -> bool:
@@ -136,12 +136,12 @@ def _iter_batches(file: Path, metadata: Metadata) -> Iterator[tuple[Any, dict[st
     """Yield the episode of each row, and the columns by name, for some rows at a time."""
     parquet = require_library("pyarrow.parquet", "LeRobot data sets")
     widths = {feature.name: len(feature.columns) for feature in metadata.features}
-    with name_errors(file), parquet.ParquetFile(file, page_checksum_verification=True) as table:
+    options = {"buffer_size": BUFFER_BYTES, "pre_buffer": False, "page_checksum_verification": True}
+    with name_errors(file), parquet.ParquetFile(file, **options) as table:
         present = set(table.schema_arrow.names)
         if missing := [name for name in ("episode_index", *widths, *metadata.texts) if name not in present]:
             raise InvalidInput(f"it lacks column {missing[0]!r}, which info.json lists; {FETCH}")
         extra = [name for name in ("timestamp", "task_index") if name in present]
-        _require_bounded_chunks(table.metadata)
         batch_rows = max(1, min(BATCH_ROWS, MAX_ENTRIES // sum(widths.values())))
         names = ["episode_index", *widths, *extra, *metadata.texts]
         for batch in table.iter_batches(batch_rows, columns=names):
@@ -157,20 +157,6 @@ def _iter_batches(file: Path, metadata: Metadata) -> Iterator[tuple[Any, dict[st
                 columns["task_index"] = _to_integers(batch.column("task_index"), "task_index")
             columns |= {name: np.array(batch.column(name).to_pylist(), object) for name in metadata.texts}
             yield _to_integers(batch.column("episode_index"), "episode_index"), columns
-
-
-def _require_bounded_chunks(metadata: Any) -> None:
-    for group in range(metadata.num_row_groups):
-        row_group = metadata.row_group(group)
-        for number in range(row_group.num_columns):
-            column = row_group.column(number)
-            is_image = column.path_in_schema.endswith(".bytes")
-            if not is_image and not 0 <= column.total_uncompressed_size <= MAX_CHUNK_BYTES:
-                raise InvalidInput(
-                    f"column {column.path_in_schema!r} of row group {group} expands to "
-                    f"{column.total_uncompressed_size} bytes, expected at most {MAX_CHUNK_BYTES}; write it "
-                    "with smaller row groups"
-                )
 
 
 def _to_matrix(column: Any, name: str, width: int) -> Float[Array, "T D"]:
