@@ -100,11 +100,13 @@ def _iter_recordings(
             described = next(descriptions, None)
         text = described[1] if described is not None and described[0] == episode.number else None
         recording = _build_recording(episode, metadata, tasks, text)
+        episode.parts.clear()  # released before the next episode is read, as the recording below
         with name_errors(path):
             require_same_episode(recording, lengths, episode.number)
         finished.add(episode.number)
         remaining.pop(episode.number, None)
         yield recording
+        del recording
     if missing := [number for number, rows in remaining.items() if rows]:
         raise InvalidInput(
             f"{path} lacks episode {missing[0]} ({len(missing)} in all), which its metadata lists; {FETCH}"

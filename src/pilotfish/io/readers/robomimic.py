@@ -89,6 +89,7 @@ def _iter_recordings(path: Path, names: list[str]) -> Iterator[Recording]:
         with _open_file(path) as file:
             recording = _read_demonstration(file["data"], name)
         yield recording
+        del recording  # released before the next one is read
 
 
 @contextmanager
