@@ -102,6 +102,18 @@ def edit_empty(path: Path) -> None:
         file["data"].create_group("demo_0/obs")
 
 
+def edit_heap(path: Path) -> None:
+    """Give free space in the heap of texts the size 0, at which the HDF5 library loops forever."""
+    data = bytearray(path.read_bytes())
+    position = data.find(b"GCOL") + 16
+    while index := int.from_bytes(data[position : position + 2], "little"):
+        size = int.from_bytes(data[position + 8 : position + 16], "little")
+        position += 16 + size + -size % 8
+    assert index == 0
+    data[position + 8 : position + 16] = bytes(8)
+    path.write_bytes(data)
+
+
 def edit_type(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["data"] = 3
@@ -121,6 +133,7 @@ def edit_type(path: Path) -> None:
         (edit_groups, "expected groups demo_0"),
         (edit_group_to_numbers, "'demo_0' is not a group"),
         (edit_empty, "demo_0 has no data set of numbers"),
+        (edit_heap, "the heap of texts at byte [0-9]+ is damaged"),
         (edit_type, "'data' is not a group"),
     ],
 )

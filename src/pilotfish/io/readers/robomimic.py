@@ -29,6 +29,7 @@ from pilotfish.io.demonstration_descriptions import KEY, MAX_DESCRIPTION_BYTES
 from pilotfish.io.optional_libraries import require_library
 from pilotfish.io.paths import is_file, open_regular_file
 from pilotfish.io.read_errors import READ_ERRORS
+from pilotfish.io.readers.hdf5_heaps import require_sound_heaps
 from pilotfish.types import Array, Float
 from pilotfish.validation import require_printable, short_list, short_repr
 
@@ -81,6 +82,7 @@ def read(path: Path) -> Iterator[Recording]:
     """
     with _open_file(path) as file:
         names = _demonstration_names(file)
+    require_sound_heaps(path)  # before a text is read
     return _iter_recordings(path, names)
 
 
