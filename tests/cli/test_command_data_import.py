@@ -94,6 +94,28 @@ def test_length_unit_period_and_moving_frame(run_json: RunJson, tmp_path: Path, 
     assert millimetres.frames[0].is_moving
 
 
+@pytest.mark.parametrize("form", ["lerobot", "robomimic", "mcap"])
+def test_export_is_restored_number_for_number(run_json: RunJson, data_folder: Path, form: str):
+    run_json("data", "export", "valve", "valve")
+    run_json("data", "export", "valve", "exported", "--format", form)
+    run_json("data", "import", "exported", "--out", "again")
+    for one, other in zip(pf.load("valve"), pf.load("again"), strict=True):
+        assert (one.layout, one.period, one.name) == (other.layout, other.period, other.name)
+        np.testing.assert_array_equal(one.x, other.x)
+        for frame, same in zip(one.frames, other.frames, strict=True):
+            np.testing.assert_array_equal(frame.b, same.b)  # type: ignore[union-attr]
+
+
+def test_folder_of_demonstrations_is_exported_too(
+    run_json: RunJson, run_failing: Callable[..., str], data_folder: Path
+):
+    run_json("data", "export", "synthetic valve", "mine")
+    run_json("data", "export", "mine", "bags", "--format", "mcap")
+    assert "exists" in run_failing("data", "export", "mine", "bags", "--format", "mcap")
+    run_json("data", "export", "mine", "bags", "--format", "mcap", "--force")
+    assert "unknown" in run_failing("data", "export", "vavle", "x")
+
+
 def test_nothing_to_write_existing_output_and_unknown_frame_are_refused(
     run_command_line: RunCommand, run_failing: Callable[..., str], tmp_path: Path, rng: np.random.Generator
 ):

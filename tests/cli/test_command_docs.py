@@ -54,11 +54,12 @@ def test_docs_option_tables_list_existing_options(all_commands: dict[str, click.
 def test_docs_command_lines_run(
     data_folder: Path, run_command_line: Callable[..., Result], tmp_path: Path, unchecked: None
 ):
-    for name, text in re.findall(r"`(\S+\.(?:json|toml))`:\n\n```\w+\n(.*?)```", DOCS, re.DOTALL):
+    for name, text in re.findall(r"`(\S+\.(?:json|toml|csv))`:\n\n```\w+\n(.*?)```", DOCS, re.DOTALL):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"```sh\n(.*?)```", DOCS, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    assert len(lines) == 29
+    assert len(lines) == 34
     for line in lines:
         program, *arguments = shlex.split(line)
         assert program == "pilotfish"

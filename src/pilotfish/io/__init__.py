@@ -3,6 +3,7 @@
 from pilotfish.io import datasets
 from pilotfish.io.assisted_skill_file import decode_assisted_skill, encode_assisted_skill
 from pilotfish.io.atomic_writes import atomic_file
+from pilotfish.io.demonstration_descriptions import restore_demonstration
 from pilotfish.io.demonstration_folder import (
     read_demonstrations,
     require_replaceable,
@@ -44,6 +45,7 @@ __all__ = [
     "read_start",
     "require_replaceable",
     "resolve_path",
+    "restore_demonstration",
     "save_skill",
     "save_stream",
     "synthetic_valve",

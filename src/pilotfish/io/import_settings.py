@@ -46,7 +46,7 @@ def format_import_settings(settings: BuildSettings, questions: Sequence[str] = (
 
 
 def read_import_settings(path: Path) -> BuildSettings:
-    """Read the settings of an import.
+    """Return the settings of an import from a file.
 
     Args:
         path: TOML file, as `format_import_settings` writes it.

@@ -20,8 +20,9 @@ from pilotfish.cli.output.results import (
     require_writable_folder,
 )
 from pilotfish.cli.output.tables import Table, key_value_table
-from pilotfish.demonstrations import diagnose
-from pilotfish.io import datasets, write_demonstrations
+from pilotfish.demonstrations import Demonstration, diagnose
+from pilotfish.io import datasets, is_folder, write_demonstrations
+from pilotfish.io.writers import WRITERS, export_demonstrations
 
 SYNTHETIC_DESCRIPTION = "generated demonstrations of opening a valve; they need no download"
 
@@ -84,18 +85,43 @@ def check_folder(folder: str) -> CommandResult:
     )
 
 
-@data.command(epilog=example_epilog("pilotfish data export valve my-valve"))
+@data.command(
+    epilog=example_epilog(
+        "pilotfish data export valve my-valve",
+        "pilotfish data export my-valve valve-lerobot --format lerobot",
+    )
+)
 @click.argument("name")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--force", is_flag=True, help="Replace an existing folder of demonstrations.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["pilotfish", *WRITERS]),
+    default="pilotfish",
+    show_default=True,
+    help="Format: a folder that `learn` reads, a LeRobot data set, a robomimic file, or ROS 2 bags (MCAP).",
+)
+@click.option("--force", is_flag=True, help="Replace an existing output of the same format.")
 @print_result
-def export(name: str, folder: Path, force: bool) -> CommandResult:
-    """Write data set NAME to FOLDER, in the format that `learn` reads."""
-    require_writable_folder(folder, force=force)
-    demonstrations = load_dataset(name)
-    write_demonstrations(demonstrations, folder, overwrite=force, use_free_name=True)
+def export(name: str, folder: Path, form: str, force: bool) -> CommandResult:
+    """Write data set NAME, or a folder of demonstrations, to FOLDER in a format of your choice."""
+    if form == "pilotfish":
+        require_writable_folder(folder, force=force)
+    demonstrations = _load_folder_or_dataset(name)
+    if form == "pilotfish":
+        write_demonstrations(demonstrations, folder, overwrite=force, use_free_name=True)
+    else:
+        export_demonstrations(demonstrations, folder, form, overwrite=force)
     result = {
         "folder": str(folder),
+        "format": form,
         "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
     }
     return CommandResult([*demonstration_blocks(demonstrations), f"written to {folder}"], result)
+
+
+def _load_folder_or_dataset(name: str) -> tuple[Demonstration, ...]:
+    """Load a data set by its name, or a folder if no data set has this name."""
+    if name not in (*datasets.names(), SYNTHETIC_NAME) and is_folder(name):
+        return load_demonstrations(name)
+    return load_dataset(name)

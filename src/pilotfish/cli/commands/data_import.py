@@ -34,7 +34,13 @@ from pilotfish.demonstrations import (
     suggest_settings,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.io import atomic_file, format_import_settings, read_import_settings, write_demonstrations
+from pilotfish.io import (
+    atomic_file,
+    format_import_settings,
+    read_import_settings,
+    restore_demonstration,
+    write_demonstrations,
+)
 from pilotfish.io.readers import ReadOptions, read_recordings
 from pilotfish.validation import short_list
 
@@ -51,9 +57,9 @@ OPTIONS = {  # that answer a question
     name="import",
     epilog=example_epilog(
         "pilotfish data import my-logs --out cube",
-        "pilotfish data import my-logs --order xyzw --length-unit mm --period 0.05 --out cube",
+        "pilotfish data import my-logs --order xyzw --length-unit mm --period 0.05 --out cube-20-hz",
         "pilotfish data import my-logs --save-settings cube.toml",
-        "pilotfish data import my-logs --settings cube.toml --out cube",
+        "pilotfish data import my-logs --settings cube.toml --out cube-edited",
     ),
 )
 @click.argument("source", type=click.Path(path_type=Path))
@@ -96,6 +102,9 @@ def import_recordings(source: Path, **options: Any) -> CommandResult:
     recordings = list(read_recordings(source, options=ReadOptions(time_unit=options["time_unit"] or "")))
     if not recordings:
         raise InvalidInput(f"{source} has no recordings; check the name")
+    if out is not None and (restored := _restore(recordings, options)):
+        write_demonstrations(restored, out, overwrite=options["force"], use_free_name=True)
+        return _restored_result(recordings, restored, out)
     questions: tuple[Question, ...] = ()
     if options["settings"]:
         settings = read_import_settings(options["settings"])
@@ -121,6 +130,28 @@ def _require_outputs(source: Path, out: Path | None, saved: Path | None, options
     require_writable_file(saved, force=options["force"], inputs=(source, options["settings"]))
     if out is not None:
         require_writable_folder(out, force=options["force"])
+
+
+def _restore(recordings: Sequence[Recording], options: dict[str, Any]) -> list[Demonstration]:
+    """Return the demonstrations that pilotfish exported; none if it did not, or options change them."""
+    changes = ("settings", "save_settings", "order", "length_unit", "angle_unit", "period", "moving")
+    if any(options[name] for name in changes):
+        return []
+    restored = [restore_demonstration(recording) for recording in recordings]
+    return [demo for demo in restored if demo is not None] if None not in restored else []
+
+
+def _restored_result(
+    recordings: Sequence[Recording], demonstrations: Sequence[Demonstration], out: Path
+) -> CommandResult:
+    text = f"exported by pilotfish, and restored number for number; written to {out}"
+    data = {
+        "folder": str(out),
+        "format": recordings[0].format,
+        "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
+        "conversions": {},
+    }
+    return CommandResult([*demonstration_blocks(demonstrations), text], data)
 
 
 def _with_options(settings: BuildSettings, options: dict[str, Any]) -> BuildSettings:

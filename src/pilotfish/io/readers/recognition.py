@@ -16,13 +16,14 @@ from typing import Any
 
 from pilotfish.demonstrations import Recording, Signal
 from pilotfish.errors import InvalidInput
+from pilotfish.io.natural_order import natural_key
 from pilotfish.io.paths import is_file, is_folder, path_exists
 from pilotfish.io.readers.read_options import ReadOptions
 from pilotfish.validation import nearest_name, require_type, short_list, short_repr
 
 # Modules of this package with FORMAT, recognises(path) and read(path), or read(path, options). They are
 # imported when a path is read, and tried in this order: the first that recognises a path reads it.
-READERS = ("npy_arrays", "matlab", "delimited")
+READERS = ("lerobot", "robomimic", "ros_bags", "npy_arrays", "matlab", "delimited")
 MAX_FILES = 100_000
 IGNORED_SUFFIXES = {
     ".md", ".rst", ".pdf", ".html", ".toml", ".json", ".yaml", ".yml", ".xml", ".urdf", ".png", ".jpg",
@@ -115,13 +116,7 @@ def _data_files(folder: Path) -> list[Path]:
     files = [e for e in entries if is_file(e) and e.suffix.lower() not in IGNORED_SUFFIXES]
     if len(files) > MAX_FILES:
         raise InvalidInput(f"{folder} has {len(files)} files, expected at most {MAX_FILES}; split it")
-    return sorted(files, key=_natural_key)
-
-
-def _natural_key(file: Path) -> list[tuple[int, str]]:
-    """Return a key by which demo2 is before demo10."""
-    words = re.split(r"([0-9]{1,18})", file.name)
-    return [(int(word), "") if word.isascii() and word.isdigit() else (-1, word) for word in words]
+    return sorted(files, key=lambda file: natural_key(file.name))
 
 
 def _group_signals(files: Sequence[Path]) -> dict[str, list[Path]]:

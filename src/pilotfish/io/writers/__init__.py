@@ -1,1 +1,5 @@
-"""Writers of demonstrations for other programs: one module per format."""
+"""Writers of demonstrations for other programs, one module for each format."""
+
+from pilotfish.io.writers.export import WRITERS, export_demonstrations
+
+__all__ = ["WRITERS", "export_demonstrations"]
