@@ -113,7 +113,7 @@ def test_folder_of_demonstrations_is_exported_too(
     run_json("data", "export", "mine", "bags", "--format", "mcap")
     assert "exists" in run_failing("data", "export", "mine", "bags", "--format", "mcap")
     run_json("data", "export", "mine", "bags", "--format", "mcap", "--force")
-    assert "unknown" in run_failing("data", "export", "vavle", "x")
+    assert "unknown" in run_failing("data", "export", "valva", "x")
 
 
 def test_nothing_to_write_existing_output_and_unknown_frame_are_refused(

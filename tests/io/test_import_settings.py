@@ -48,7 +48,7 @@ def test_period_of_the_recordings_and_limits_are_kept(tmp_path: Path):
     ("text", "message"),
     [
         ("", r"has no parts, expected \[\[part\]\]"),
-        ("periode = 1.0", "did you mean 'period'"),
+        ("perod = 1.0", "did you mean 'period'"),
         ("[part]\nname = 1", "expected tables such as"),
         ("part = [1]", "part 0 is 1, expected a table with name, quantity, columns"),
         ('[[part]]\nname = "a"\nquantity = "scalar"', "part 0: key 'columns' is missing"),
