@@ -24,7 +24,7 @@ extensions = [
     "mathml",
     "package_reference",
 ]
-exclude_patterns = ["extensions"]
+exclude_patterns = ["extensions", "study"]
 suppress_warnings = ["misc.highlighting_failure"]  # `csv` is no language of Pygments
 
 html_theme = "furo"

@@ -24,6 +24,7 @@ ORIENTATIONS = (Quantity.QUATERNION, Quantity.ORIENTATION)
 MIN_GAP, MAX_GAP = 1.0, 1e9  # periods
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class PartSource:
     """Columns that make a part of the layout.
@@ -66,6 +67,7 @@ class PartSource:
         return ""
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class FrameSource:
     """Columns that contain the pose of an object.

@@ -18,6 +18,7 @@ from fuzzing import (
     examples_of_links,
     examples_of_models,
     examples_of_motions,
+    examples_of_recordings,
     examples_of_teleop,
     examples_of_values,
 )
@@ -30,7 +31,10 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
         **examples_of_fixtures.fixture_examples(),
     },
     "geometry": examples_of_values.geometry_examples,
-    "demonstrations": examples_of_values.demonstrations_examples,
+    "demonstrations": lambda: {
+        **examples_of_values.demonstrations_examples(),
+        **examples_of_recordings.recordings_examples(),
+    },
     "gaussians": examples_of_values.gaussians_examples,
     "gaussians.structures": examples_of_values.structures_examples,
     "models": examples_of_models.models_examples,
@@ -57,6 +61,9 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
 EXCLUDED: Mapping[str, str] = {
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
+    "io.readers.read_recordings": "tests/io/readers damages files of every format",
+    "io.readers.reader_formats": "takes no arguments",
+    "io.writers.export_demonstrations": "writes files of other programs",
     "teleop.start_view": "takes no arguments",
     "teleop.seal_datagram": "`send_from_operator` calls it; it trusts its arguments",
     "models.relevance": "takes a skill and demonstrations only, and a second per call",

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 from pilotfish.demonstrations import time_unit
 from pilotfish.errors import InvalidInput
-from pilotfish.validation import require_printable, short_repr
+from pilotfish.validation import require_printable, short_repr, shorten_repr
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "blank": " "}
 
 
+@shorten_repr
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
     """What a file does not say about itself; each reader uses the options that apply to its format.
