@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pilotfish.demonstrations import BuildSettings, FrameSource, PartSource
+from pilotfish.demonstrations import BuildSettings, FrameSource, PartSource, Quantity
 from pilotfish.errors import InvalidInput
 from pilotfish.io.paths import read_file
 from pilotfish.validation import nearest_name, short_repr
@@ -61,7 +61,7 @@ def read_import_settings(path: Path) -> BuildSettings:
         raise InvalidInput(f"{path}: not TOML that can be read: {error}") from error
     _require_keys(content, ("period", "part", "frame", *LIMIT_KEYS), str(path))
     parts = [
-        PartSource(**_require_table(item, PART_KEYS, ("name", "quantity", "columns"), f"{path}: part {n}"))
+        _parse_part(item, f"{path}: part {n}")
         for n, item in enumerate(_require_list(content.get("part", []), f"{path}: part"))
     ]
     frames = [
@@ -82,6 +82,16 @@ def _format_table(values: dict[str, Any]) -> list[str]:
         for key, value in items.items()
         if value not in ("", [])
     ]
+
+
+def _parse_part(item: object, label: str) -> PartSource:
+    table = _require_table(item, PART_KEYS, ("name", "quantity", "columns"), label)
+    known = {quantity.value: quantity for quantity in Quantity}
+    if table["quantity"] not in list(known):
+        raise InvalidInput(
+            f"{label}: quantity is {short_repr(table['quantity'])}, expected one of {', '.join(known)}"
+        )
+    return PartSource(**{**table, "quantity": known[table["quantity"]]})
 
 
 def _require_table(item: object, known: Sequence[str], needed: Sequence[str], label: str) -> dict[str, Any]:
