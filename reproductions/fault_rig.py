@@ -140,7 +140,8 @@ class Pilot:
         if is_holder and self.envelope.duration and self.authorised_lease != report.lease:
             self.authorised_lease = report.lease
             return (teleop.Action.AUTHORISE,)
-        action = teleop.next_action(view, self.number)
+        needs_skill = self.mode != "direct" or self.envelope.duration > 0.0
+        action = teleop.next_action(view, self.number, needs_skill=needs_skill)
         needs_skill = self.mode != "direct" and any(s is not teleop.SkillState.READY for s in view.skills)
         if action is None or (action is teleop.Action.ARM and needs_skill):
             return ()

@@ -116,9 +116,22 @@ def test_operator_sends_mission_then_pieces_in_turn_until_the_robot_has_them():
     ],
 )
 def test_next_action_is_the_one_that_leads_to_control(fields, expected):
-    view = replace(teleop.start_view(), report=example_report(**fields))
+    view = replace(teleop.start_view(), report=example_report(**fields), is_mission_known=True)
     assert teleop.next_action(view, 1) is expected
     assert teleop.next_action(replace(view, waiting=1), 1) is None
+
+
+def test_robot_is_not_armed_before_it_knows_the_mission():
+    """It would refuse the skills while it moves."""
+    report = example_report(state=SessionState.DISARMED, mission=0)
+    _, _, view = run(teleop.start_operator(settings()), [((report,), given())])
+    assert not view.is_mission_known
+    assert teleop.next_action(view, 1) is None
+    assert teleop.next_action(view, 1, needs_skill=False) is Action.ARM
+    _, _, view = run(teleop.start_operator(settings()), [((replace(report, mission=1),), given())])
+    assert teleop.next_action(view, 1) is Action.ARM
+    _, _, view = run(teleop.start_operator(replace(settings(), skills=())), [((report,), given())])
+    assert teleop.next_action(view, 1) is Action.ARM
 
 
 @pytest.mark.parametrize(

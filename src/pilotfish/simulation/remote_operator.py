@@ -189,9 +189,11 @@ def _operate_session(
         return state, ()
     if is_holder and operator.envelope.duration > 0.0 and not state.is_authorised:
         return replace(state, is_authorised=True), (Action.AUTHORISE,)
-    action = next_action(view, operator.number)
-    needs_skill = operator.mode != "direct" and any(each is not SkillState.READY for each in view.skills)
-    if action is None or (action is Action.ARM and needs_skill) or state.ended < inf:
+    is_assisted = operator.mode != "direct"
+    needs_skill = is_assisted or operator.envelope.duration > 0.0
+    action = next_action(view, operator.number, needs_skill=needs_skill)
+    lacks_skill = is_assisted and any(each is not SkillState.READY for each in view.skills)
+    if action is None or (action is Action.ARM and lacks_skill) or state.ended < inf:
         return state, ()
     return replace(state, wait_until=time + CLICK_TIME), (action,)
 

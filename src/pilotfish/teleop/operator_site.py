@@ -322,4 +322,6 @@ def _view(site: OperatorSite, time_ns: int) -> OperatorView:
         skills=tuple(status.state if status else SkillState.MISSING for status in statuses),
         waiting=len(site.requests),
         command=site.steps,
+        is_mission_known=report is not None
+        and (not site.mission.skills or report.mission == site.mission.number),
     )

@@ -142,6 +142,7 @@ class OperatorView:
         skills: State of each skill of the mission at the robot.
         waiting: Number of requests that the robot has not answered.
         command: Number of the command of this step.
+        is_mission_known: Whether the robot knows the skills of the mission, which it accepts at rest only.
     """
 
     report: Report | None
@@ -154,24 +155,31 @@ class OperatorView:
     skills: tuple[SkillState, ...]
     waiting: int
     command: int
+    is_mission_known: bool
 
 
 def start_view() -> OperatorView:
     """Return the view before anything was received."""
-    return OperatorView(None, 0.0, (), 0, {}, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), 0.0, (), 0, 0)
+    pose = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    return OperatorView(None, 0.0, (), 0, {}, pose, 0.0, (), 0, 0, is_mission_known=False)
 
 
-def next_action(view: OperatorView, number: int) -> Action | None:
+def next_action(view: OperatorView, number: int, *, needs_skill: bool = True) -> Action | None:
     """Return the one action that brings the operator nearer to control; None if there is nothing to do.
+
+    If a skill is needed, the robot is not armed before it knows the mission. It would not accept the skill
+    while it moves, and so could neither assist nor continue alone.
 
     Args:
         view: What is displayed to the operator.
         number: Number of the operator.
+        needs_skill: Whether assistance, or to continue through an outage, is wanted.
 
     Raises:
         InvalidInput: If an argument has another type.
     """
     require_type(view, "view", OperatorView, "step_operator returns it")
+    require_type(needs_skill, "needs_skill", bool, "pass True or False")
     require_count(number, "number", MAX_PEER, minimum=1)
     report = view.report
     if report is None or view.waiting or report.state in (SessionState.ACTIVE, SessionState.ALIGNING):
@@ -182,7 +190,7 @@ def next_action(view: OperatorView, number: int) -> Action | None:
         return None if report.is_link_lost else Action.ARM
     if report.reason is not Reason.NONE:
         return CLEARING_ACTIONS[report.reason]
-    return Action.ARM
+    return Action.ARM if view.is_mission_known or not needs_skill else None
 
 
 def describe_link_drop(report: Report) -> str:

@@ -64,7 +64,7 @@ def teleop_examples() -> Examples:
             "received": (ReceivedMessage(0, EXAMPLES[Kind.REPORT]),),
             "given": OperatorInput(sensed.pose),
         },
-        "next_action": {"view": start_view(), "number": 1},
+        "next_action": {"view": start_view(), "number": 1, "needs_skill": True},
         "describe_link_drop": {"report": EXAMPLES[Kind.REPORT]},
         "next_state": {"state": SessionState.HOLD, "reason": Reason.LINK_LOST, "event": Event.ARM},
         "start_watchdog": {"target": rest, "time_ns": 0},
