@@ -115,6 +115,9 @@ def test_text_columns_are_labels(tmp_path: Path):
     recording = read(tmp_path, "time,x,phase,closed\n0,1,reach out,true\n0.1,2,grasp,false\n")
     assert recording.labels == {"phase": ("reach out", "grasp")}
     assert recording.signals[0].values.tolist() == [[1, 1], [2, 0]]
+    assert recording.notes == (
+        "column 'phase' has text (reach out, grasp): kept as a label of each row, not as a number",
+    )
 
 
 def test_empty_cells_are_nan_that_building_names(tmp_path: Path):
@@ -149,6 +152,9 @@ def test_own_motion_file_is_read_exactly(tmp_path: Path, rng: np.random.Generato
         ("x,y\n", "a header but no rows"),
         ("x;y\n0,1;0,2\n", "line 2, column 'x' is '0,1', a number with a decimal comma"),
         ("0,1 0,2\n0,3 0,4\n", "decimal comma"),
+        ("time;x;n\n0;300,0;0\n1;300,1;0\n", "column 'x' is '300,0', .* decimal comma.* export with points"),
+        ("time\tx\n0,00\t3\n0,02\t4\n", "column 'time' is '0,00', .* decimal comma"),
+        ("time;x;y\n0;n/a;1\n1;1.300,5;1\n", "line 3, column 'x' is '1.300,5', .* decimal comma"),
         ("x,y\n1,2\n3\n", "line 3 has 1 cells, expected 2"),
         ("x,y\n1,2\n3,4,5\n", "line 3 has 3 cells"),
         ("x,y\n1,2\n3,four\n", "line 3, column 'y' is 'four', expected a number"),

@@ -21,7 +21,7 @@ from pilotfish.io.paths import is_file, open_regular_file, read_file
 from pilotfish.io.readers.column_headers import find_time_column, seconds_pair, split_unit, to_seconds
 from pilotfish.io.readers.read_options import SEPARATORS, ReadOptions
 from pilotfish.types import Array, Float
-from pilotfish.validation import require_printable, short_repr
+from pilotfish.validation import require_printable, short_list, short_repr
 
 FORMAT = "CSV, TSV or text columns"
 SUFFIXES = {".csv", ".tsv", ".txt", ".dat", ".tab", ".log", ".asc"}
@@ -30,7 +30,7 @@ MAX_COLUMNS = 10_000
 SAMPLE_LINES = 20  # from which the separator is recognised
 PROBE_BYTES = 4096
 TRUTH = {"true": 1.0, "false": 0.0}
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?(\d*|\d{1,3}(\.\d{3})+),\d+([eE][+-]?\d+)?")
 Line = tuple[int, str]  # its number in the file, from 1, and its text
 
 
@@ -234,6 +234,8 @@ def _append_row(
     except ValueError:
         for n, cell in enumerate(cells[:width]):
             if n in texts:
+                if _DECIMAL_COMMA.fullmatch(cell):
+                    _parse_cell(cell, place, n)  # refuses it: the column would be lost as text
                 texts[n].append(require_printable(cell, f"{place[0]}, column {place[1][n]!r}"))
             numbers.append(np.nan if n in texts else _parse_cell(cell, place, n))
 
@@ -275,7 +277,13 @@ def _to_recording(table: _Table, options: ReadOptions, path: Path) -> Recording:
         times,
     )
     labels = {table.names[n]: tuple(texts) for n, texts in table.texts.items() if n not in used}
-    return Recording(path.stem, (signal,), labels, None, FORMAT)
+    notes = tuple(_label_note(name, texts) for name, texts in labels.items())
+    return Recording(path.stem, (signal,), labels, None, FORMAT, notes=notes)
+
+
+def _label_note(name: str, texts: Sequence[str]) -> str:
+    values = short_list(list(dict.fromkeys(texts)), 4)
+    return f"column {short_repr(name)} has text ({values}): kept as a label of each row, not as a number"
 
 
 def _find_times(
