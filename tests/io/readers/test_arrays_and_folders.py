@@ -164,12 +164,35 @@ def test_files_of_one_execution_are_signals(tmp_path: Path):
     assert demo.x.tolist() == [[1, 2, 3]] * 3
 
 
-def test_files_with_equal_columns_or_unequal_signals_are_recordings(tmp_path: Path):
+def test_files_with_unequal_signals_are_recordings(tmp_path: Path):
     write_pair(tmp_path, "demo1", ("x,y,z", "x,y,z"))
-    assert len(read(tmp_path)) == 2
     write_pair(tmp_path, "demo2", ("x,y,z", "a,b,c"))
     (tmp_path / "demo2_objects.csv").unlink()
     assert len(read(tmp_path)) == 3
+
+
+@pytest.mark.parametrize(
+    ("names", "executions"),
+    [
+        ("demo1_robot demo1_cube demo2_robot demo2_cube", ["demo1", "demo2"]),
+        ("demo1_robot demo1_cube", ["demo1"]),
+        ("reach_left reach_right place_left place_right", ["place", "reach"]),
+        ("cube_demo1 cube_demo2 mug_demo1 mug_demo2", []),
+        ("cube1_a cube1_b cube2_a cube2_b", []),
+        ("pick_anna pick_bob", []),
+        ("demo1_1 demo1_2 demo2_1 demo2_2", []),
+    ],
+)
+def test_names_decide_about_files_with_equal_columns(tmp_path: Path, names: str, executions: list[str]):
+    for name in names.split():
+        (tmp_path / f"{name}.csv").write_text("time,x,y,z\n0,1,2,3\n0.1,1,2,3\n")
+    recordings = read(tmp_path)
+    assert [recording.name for recording in recordings] == (executions or sorted(names.split()))
+    signals = sorted({name.split("_")[1] for name in names.split()})
+    for recording in recordings if executions else []:
+        files = " and ".join(f"{recording.name}_{signal}.csv" for signal in signals)
+        assert [signal.name for signal in recording.signals] == signals
+        assert recording.notes == (f"files {files} are signals of one execution, by their names",)
 
 
 def huge_npy(shape: bytes) -> bytes:

@@ -2,14 +2,17 @@
 
 A folder of files is one recording per file, in natural order (demo2 before demo10). Its files are signals of
 common recordings if their names have two parts: each name is EXECUTION_SIGNAL, such as demo1_robot.csv and
-demo1_objects.csv, SIGNAL begins with a letter, every execution has the same two or more signals, and these
-signals differ in their columns. Otherwise every file is a recording of its own.
+demo1_objects.csv, SIGNAL begins with a letter, and every execution has the same two or more signals.
+
+Files with equal columns may also be executions that someone numbered. They are signals unless two names of
+signals are single letters or differ only in a number (run1, run2), or the only execution lacks a number at
+its end (pick_anna, pick_bob). Otherwise every file is a recording of its own.
 """
 
 import importlib
 import inspect
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -100,7 +103,9 @@ def _read_folder(folder: Path, options: ReadOptions) -> Iterator[Recording]:
     if unknown := [file for file, reader in readers.items() if reader is None]:
         raise _unknown_format(unknown[0])
     groups = _group_signals(files)
-    if groups and _signals_differ([list(_read(readers[f], f, options)) for f in next(iter(groups.values()))]):
+    if groups and _are_signals(
+        groups, [list(_read(readers[f], f, options)) for f in next(iter(groups.values()))]
+    ):
         for name, members in groups.items():
             yield _merge(name, [(file, list(_read(readers[file], file, options))) for file in members])
         return
@@ -133,12 +138,27 @@ def _group_signals(files: Sequence[Path]) -> dict[str, list[Path]]:
     return {execution: list(members.values()) for execution, members in groups.items()}
 
 
-def _signals_differ(contents: Sequence[Sequence[Recording]]) -> bool:
-    """Return whether files have one recording each, and no two have the same columns."""
+def _are_signals(groups: Mapping[str, Sequence[Path]], contents: Sequence[Sequence[Recording]]) -> bool:
+    """Return whether the files of each execution are its signals, by the contents of the first execution."""
     if any(len(recordings) != 1 for recordings in contents):
         return False
     columns = [tuple(signal.columns for signal in recordings[0].signals) for recordings in contents]
-    return len(set(columns)) == len(columns)
+    if len(set(columns)) == len(columns):
+        return True
+    execution, members = next(iter(groups.items()))
+    return not _is_numbering([_signal_name(f) for f in members]) and (
+        len(groups) > 1 or execution[-1].isdigit()
+    )
+
+
+def _is_numbering(signals: Sequence[str]) -> bool:
+    """Return whether names are single letters, or some differ only in a number at their end."""
+    stems = {signal.rstrip("0123456789") for signal in signals}
+    return len(stems) < len(signals) or all(len(signal) == 1 for signal in signals)
+
+
+def _signal_name(file: Path) -> str:
+    return re.split(r"[_-]", file.stem)[-1]
 
 
 def _merge(name: str, contents: Sequence[tuple[Path, Sequence[Recording]]]) -> Recording:
@@ -149,13 +169,22 @@ def _merge(name: str, contents: Sequence[tuple[Path, Sequence[Recording]]]) -> R
     ordered = sorted(contents, key=lambda content: not content[1][0].labels)  # stable
     signals: list[Signal] = []
     for file, (recording,) in ordered:
-        prefix = re.split(r"[_-]", file.stem)[-1]
+        prefix = _signal_name(file)
         for signal in recording.signals:
             signals.append(replace(signal, name=f"{prefix} {signal.name}".strip()))
+    names = [file.name for file, _ in contents]
+    notes = [
+        f"files {', '.join(names[:-1])} and {names[-1]} are signals of one execution, by their names",
+        *(note for _, (recording,) in ordered for note in recording.notes),
+    ]
+    for file, (recording,) in ordered[1:]:
+        if recording.labels:
+            left = short_list(list(recording.labels))
+            notes.append(f"labels {left} of {file.name} are left out: only those of one file are kept")
     first = ordered[0][1][0]
     periods = {recordings[0].period for _, recordings in contents}
     period = periods.pop() if len(periods) == 1 else None
-    return Recording(name, tuple(signals), first.labels, period, first.format)
+    return Recording(name, tuple(signals), first.labels, period, first.format, notes=tuple(notes))
 
 
 def _unknown_format(path: Path) -> InvalidInput:
