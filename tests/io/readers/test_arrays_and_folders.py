@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.spatial.transform import Rotation
 
 from pilotfish.demonstrations import Recording, build_demonstration, suggest_settings
 from pilotfish.errors import InvalidInput
@@ -99,6 +100,36 @@ def test_npz_points_beside_a_matrix_are_columns(tmp_path: Path, rng: np.random.G
     np.savez(tmp_path / "p.npz", angles=rng.normal(size=(9, 5)), points=points)
     (recording,) = read(tmp_path / "p.npz")
     assert np.array_equal(recording.signals[1].values, points.reshape(9, 12))
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_homogeneous_matrices_are_poses(tmp_path: Path, rng: np.random.Generator, suffix: str):
+    t = 0.1 * np.arange(30)
+    poses = np.tile(np.eye(4), (30, 1, 1))
+    poses[:, :3, :3] = Rotation.from_rotvec(np.outer(t, [0.1, 0.2, 0.3])).as_matrix()
+    poses[:, :3, 3] = rng.normal(size=(30, 3))
+    file = tmp_path / f"demo{suffix}"
+    if suffix == ".npz":
+        np.savez(file, t=t, tool=poses, gripper=np.zeros(30))
+    else:
+        savemat(file, {"t": t, "tool": np.moveaxis(poses, 0, 2), "gripper": np.zeros(30)})
+    (recording,) = read(file)
+    tool = next(signal for signal in recording.signals if signal.name == "tool")
+    assert tool.columns[:4] == ("tool x", "tool y", "tool z", "tool r11")
+    assert tool.times is not None
+    settings, questions = suggest_settings([recording])
+    assert not questions
+    demo, _ = build_demonstration(recording, settings)
+    w, *xyz = demo.x[-1, 3:7]
+    assert np.allclose(demo.x[:, :3], poses[:, :3, 3])
+    assert np.allclose(Rotation.from_quat([*xyz, w]).as_matrix(), poses[-1, :3, :3])
+
+
+def test_npz_times_show_the_axis_of_time(tmp_path: Path, rng: np.random.Generator):
+    points = rng.normal(size=(20, 5, 3))
+    np.savez(tmp_path / "demo.npz", t=0.1 * np.arange(20), markers=points)
+    (recording,) = read(tmp_path / "demo.npz")
+    assert np.array_equal(recording.signals[0].values, points.reshape(20, 15))
 
 
 def test_npz_stack_has_times_and_labels_of_each(tmp_path: Path, rng: np.random.Generator):

@@ -5,7 +5,8 @@ or one that is named as times and has as many entries. Texts with one entry per 
 are labels under a name such as "labels" or "phase". Texts named "columns" with D entries are the names of the
 columns. A number named "period", "dt", "fps" or "rate" states the period.
 
-Points (T, J, 3) beside a matrix of T rows are a signal. Several recordings are stacked arrays (N, T, D), or
+Points (T, J, 3) beside a matrix or times of T rows are a signal. Homogeneous matrices (T, 4, 4) are one pose
+per row, with the columns x, y, z and r11 to r33. Several recordings are stacked arrays (N, T, D), or
 arrays whose names end with the number of the recording.
 """
 
@@ -25,6 +26,8 @@ PERIODS = {"period", "dt", "ts", "sampling_period", "timestep", "time_step"}
 RATES = {"fps", "rate", "frequency", "fs", "hz", "sampling_rate"}
 LABELS = {"label", "labels", "phase", "phases", "segment", "segments", "subtask", "subtasks"}
 COLUMN_NAMES = {"columns", "names", "column_names", "fields"}
+POSE_COLUMNS = ("x", "y", "z", *(f"r{row}{column}" for row in "123" for column in "123"))
+LAST_ROW_TOLERANCE = 1e-6
 MAX_COLUMNS = 10_000
 MAX_RECORDINGS = 1_000_000
 Arrays = Mapping[str, np.ndarray]
@@ -47,6 +50,9 @@ def recordings_from_arrays(
     Raises:
         InvalidInput: If matrices and vectors of numbers are missing, or sizes contradict one another.
     """
+    poses = {key for key, array in arrays.items() if is_pose_stack(array)}
+    arrays = {key: _pose_rows(array) if key in poses else array for key, array in arrays.items()}
+    names = {key: _pose_names(key) for key in poses}
     arrays = {key: _rows_of_points(array, arrays) for key, array in arrays.items()}
     stacked = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim == 3}
     if stacked and not numbered and len(stacked) < len(arrays):  # matrices of a structure are its signals
@@ -56,15 +62,43 @@ def recordings_from_arrays(
         return
     groups = _numbered_groups(arrays) if numbered else {}
     if not groups:
-        yield _one_recording(arrays, name, format_name, options, file)
+        yield _one_recording(arrays, name, format_name, options, file, names=names)
     for key, own in groups.items():
-        yield _one_recording(own, key, format_name, options, file)
+        matrices = {
+            stem: _pose_names(stem) for stem, array in own.items() if any(array is arrays[k] for k in poses)
+        }
+        yield _one_recording(own, key, format_name, options, file, names=matrices)
+
+
+def is_pose_stack(array: np.ndarray) -> bool:
+    """Return whether an array is homogeneous matrices of shape (T, 4, 4), whose last rows are 0 0 0 1.
+
+    Args:
+        array: Any array.
+    """
+    if array.dtype.kind not in "fiu" or array.ndim != 3 or array.shape[1:] != (4, 4) or not len(array):
+        return False
+    return bool((np.abs(array[:, 3] - np.array([0.0, 0.0, 0.0, 1.0])) < LAST_ROW_TOLERANCE).all())
+
+
+def _pose_rows(array: np.ndarray) -> np.ndarray:
+    return np.hstack([array[:, :3, 3], array[:, :3, :3].reshape(len(array), 9)])
+
+
+def _pose_names(key: str) -> np.ndarray:
+    return np.array([f"{split_unit(key)[0]} {name}" for name in POSE_COLUMNS])
 
 
 def _rows_of_points(array: np.ndarray, arrays: Arrays) -> np.ndarray:
-    """Return points (T, J, 3) as rows (T, 3 J) if a matrix has T rows, and other arrays unchanged."""
+    """Return points (T, J, 3) as rows (T, 3 J) if a matrix or times have T rows; other arrays unchanged."""
     matrices = [other for other in arrays.values() if _is_numeric(other) and other.ndim == 2]
-    if array.ndim != 3 or not any(len(m) == len(array) and m.shape != array.shape[:2] for m in matrices):
+    times = [
+        a for k, a in arrays.items() if _is_numeric(a) and a.ndim == 1 and is_time_name(split_unit(k)[0])
+    ]
+    if array.ndim != 3 or not (
+        any(len(m) == len(array) and m.shape != array.shape[:2] for m in matrices)
+        or any(len(array) == len(t) != array.shape[1] for t in times)
+    ):
         return array
     return array.reshape(len(array), -1)
 
@@ -119,7 +153,13 @@ def _key(numbered: Mapping[str, tuple[str, int]], number: int) -> str:
 
 
 def _one_recording(
-    arrays: Arrays, name: str, format_name: str, options: ReadOptions, file: str, alone: str = ""
+    arrays: Arrays,
+    name: str,
+    format_name: str,
+    options: ReadOptions,
+    file: str,
+    alone: str = "",
+    names: Arrays | None = None,
 ) -> Recording:
     arrays = {key: array for key, array in arrays.items() if array.size} or arrays
     texts = {key: array for key, array in arrays.items() if array.dtype.kind in "US" and array.ndim == 1}
@@ -139,7 +179,14 @@ def _one_recording(
     signals = []
     for key, array in values.items():
         label = "" if len(values) == 1 or key == alone else key
-        signals.append((array, _signal(key, array, label, _times_of(key, array, seconds), columns, file)))
+        signals.append(
+            (
+                array,
+                _signal(
+                    key, array, label, _times_of(key, array, seconds), (names or {}).get(key, columns), file
+                ),
+            )
+        )
     longest = max(len(array) for array in values.values())  # other texts describe the set
     rows_or_labels = {k: a for k, a in texts.items() if len(a) == longest or k.lower() in LABELS}
     label_arrays = {**{k: a for k, a in rows_or_labels.items() if k.lower() not in COLUMN_NAMES}, **labels}

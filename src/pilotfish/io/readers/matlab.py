@@ -12,7 +12,7 @@ from pilotfish.errors import InvalidInput
 from pilotfish.io.matlab_limits import require_bounded_expansion
 from pilotfish.io.paths import is_file, open_regular_file, read_file
 from pilotfish.io.read_errors import READ_ERRORS
-from pilotfish.io.readers.array_recordings import recordings_from_arrays
+from pilotfish.io.readers.array_recordings import is_pose_stack, recordings_from_arrays
 from pilotfish.io.readers.read_options import ReadOptions
 from pilotfish.validation import short_list
 
@@ -43,7 +43,7 @@ def read(path: Path, options: ReadOptions | None = None) -> Iterator[Recording]:
     Variables are arrays as in `array_recordings`. A structure is one recording whose fields are signals, and
     an array of structures, or a cell array of matrices, is one recording for each. MATLAB users often have
     one sample per column: a matrix with more columns than rows is transposed, and the format of the
-    recording says this.
+    recording says this. Poses of shape (4, 4, T) are rows.
 
     Args:
         path: File of at most 2^26 bytes, also after expansion.
@@ -87,6 +87,9 @@ def _has_rows(value: object) -> bool:
 
 
 def _samples_in_rows(array: np.ndarray) -> np.ndarray:
+    """Return matrices transposed if they are wide, poses (4, 4, T) as (T, 4, 4), and others unchanged."""
+    if array.ndim == 3 and array.shape[:2] == (4, 4) and is_pose_stack(np.moveaxis(array, 2, 0)):
+        return np.moveaxis(array, 2, 0)
     if array.dtype.kind in "fiub" and array.ndim == 2 and 1 < array.shape[0] < array.shape[1]:
         return array.T
     return array
