@@ -68,6 +68,20 @@ def test_npz_arrays_are_signals_with_times_labels_and_names(tmp_path: Path, rng:
     assert recording.labels["labels"][3:5] == ("reach", "grasp")
 
 
+def test_notes_name_labels_and_arrays_left_out(tmp_path: Path):
+    labels, objects = np.array(["reach"] * 3 + ["grasp"] * 2), np.array(["cube", "mug"])
+    np.savez(tmp_path / "demo.npz", x=np.zeros((5, 2)), labels=labels, objects=objects)
+    savemat(tmp_path / "demo.mat", {"log": {"x": np.zeros((5, 2)), "images": np.zeros((7, 8, 8))}})
+    (recording,) = read(tmp_path / "demo.npz")
+    assert recording.labels == {"labels": tuple(labels)}
+    assert recording.notes == (
+        "array 'labels' has labels (reach, grasp): kept as a label of each row",
+        "array 'objects' of shape (2,) is left out: not a row per sample",
+    )
+    (recording,) = read(tmp_path / "demo.mat")
+    assert recording.notes == ("array 'images' of shape (7, 8, 8) is left out: not a row per sample",)
+
+
 def test_npz_numbered_arrays_are_recordings(tmp_path: Path, rng: np.random.Generator):
     demos = [rng.normal(size=(10 + n, 2)) for n in range(11)]
     np.savez(tmp_path / "set.npz", *demos, dt=0.05)

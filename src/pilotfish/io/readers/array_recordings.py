@@ -11,7 +11,7 @@ arrays whose names end with the number of the recording.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -56,7 +56,7 @@ def recordings_from_arrays(
     arrays = {key: _rows_of_points(array, arrays) for key, array in arrays.items()}
     stacked = {key: array for key, array in arrays.items() if _is_numeric(array) and array.ndim == 3}
     if stacked and not numbered and len(stacked) < len(arrays):  # matrices of a structure are its signals
-        arrays, stacked = {key: array for key, array in arrays.items() if key not in stacked}, {}
+        stacked = {}
     if stacked:
         yield from _split_stacked(arrays, stacked, name, format_name, options, file)
         return
@@ -197,7 +197,21 @@ def _one_recording(
         {key: tuple(_text(entry, file) for entry in array.tolist()) for key, array in label_arrays.items()},
         _stated_period(arrays, file),
         format_name,
+        notes=_notes(arrays, {*values, *times}, label_arrays),
     )
+
+
+def _notes(arrays: Arrays, used: Collection[str], labels: Arrays) -> tuple[str, ...]:
+    """Return a sentence for each array that became labels, or that has several numbers and was left out."""
+    notes = []
+    for key, array in labels.items():
+        entries = short_list([_text(entry, key) for entry in dict.fromkeys(array.tolist())], 4)
+        notes.append(f"array {short_repr(key)} has labels ({entries}): kept as a label of each row")
+    for key, array in arrays.items():
+        is_settled = key in used or key in labels or key.lower() in COLUMN_NAMES or array.size <= 1
+        if not is_settled:
+            notes.append(f"array {short_repr(key)} of shape {array.shape} is left out: not a row per sample")
+    return tuple(notes)
 
 
 def _signal(
