@@ -209,6 +209,39 @@ def test_files_of_one_execution_are_signals(tmp_path: Path):
     assert demo.x.tolist() == [[1, 2, 3]] * 3
 
 
+def test_sub_folders_are_executions(tmp_path: Path):
+    for execution in ("demo10", "demo2"):
+        (tmp_path / execution).mkdir()
+        write_pair(tmp_path / execution, "log", ("x,y,z", "x,y,z"))
+    (tmp_path / "README.txt").write_text("Recorded in May.\nObjects: cube\n")
+    recordings = read(tmp_path)
+    assert [recording.name for recording in recordings] == ["demo2", "demo10"]
+    assert [signal.name for signal in recordings[1].signals] == ["log_objects", "log_robot"]
+    assert recordings[1].signals[1].values[0].tolist() == [1, 2, 3]
+    assert recordings[0].notes == (
+        "files log_objects.csv and log_robot.csv are signals of one execution, by their folder",
+    )
+    (tmp_path / "demo2" / "log_objects.csv").unlink()
+    with pytest.raises(InvalidInput, match="expected files of equal names in each"):
+        read(tmp_path)
+
+
+def test_sub_folders_of_numbered_files_are_refused(tmp_path: Path):
+    for folder, n in (("anna", 1), ("anna", 2), ("bob", 1), ("bob", 2)):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / f"demo{n}.csv").write_text("x,y\n1,2\n1,2\n")
+    with pytest.raises(InvalidInput, match="import each sub-folder"):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["README.txt", "readme", "LICENSE", "Notes_may.txt"])
+def test_documents_beside_recordings_are_ignored(tmp_path: Path, name: str):
+    (tmp_path / "demo1.csv").write_text("x,y\n1,2\n1,2\n")
+    (tmp_path / "notes.csv").write_text("x,y\n1,2\n1,2\n")
+    (tmp_path / name).write_text("Recorded in May.\nObjects: cube\n")
+    assert [recording.name for recording in read(tmp_path)] == ["demo1", "notes"]
+
+
 def test_files_with_unequal_signals_are_recordings(tmp_path: Path):
     write_pair(tmp_path, "demo1", ("x,y,z", "x,y,z"))
     write_pair(tmp_path, "demo2", ("x,y,z", "a,b,c"))

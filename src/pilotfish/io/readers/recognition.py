@@ -7,6 +7,9 @@ demo1_objects.csv, SIGNAL begins with a letter, and every execution has the same
 Files with equal columns may also be executions that someone numbered. They are signals unless two names of
 signals are single letters or differ only in a number (run1, run2), or the only execution lacks a number at
 its end (pick_anna, pick_bob). Otherwise every file is a recording of its own.
+
+A folder of sub-folders without files beside them is one recording per sub-folder, such as demo1/robot.csv and
+demo1/objects.csv: every sub-folder has files of the same names, which are its signals.
 """
 
 import importlib
@@ -28,6 +31,10 @@ from pilotfish.validation import nearest_name, require_type, short_list, short_r
 # imported when a path is read, and tried in this order: the first that recognises a path reads it.
 READERS = ("lerobot", "robomimic", "ros_bags", "npy_arrays", "matlab", "delimited")
 MAX_FILES = 100_000
+TEXT_SUFFIXES = {".txt", ".text"}
+DOCUMENTS = re.compile(
+    r"(readme|licen[cs]e|notes?)([\s._-].*)?", re.IGNORECASE
+)  # names of texts, without suffix
 IGNORED_SUFFIXES = {
     ".md", ".rst", ".pdf", ".html", ".toml", ".json", ".yaml", ".yml", ".xml", ".urdf", ".png", ".jpg",
     ".jpeg", ".mp4", ".avi", ".py", ".m", ".sh", ".zip",
@@ -97,6 +104,9 @@ def _read(reader: Any, path: Path, options: ReadOptions) -> Iterator[Recording]:
 
 def _read_folder(folder: Path, options: ReadOptions) -> Iterator[Recording]:
     files = _data_files(folder)
+    if not files and (folders := _sub_folders(folder)):
+        yield from _read_sub_folders(folders, options)
+        return
     if not files:
         raise InvalidInput(f"{folder} has no files of recordings, expected such as demo1.csv and demo2.csv")
     readers = {file: _find_reader(file, options) for file in files}
@@ -107,18 +117,66 @@ def _read_folder(folder: Path, options: ReadOptions) -> Iterator[Recording]:
         groups, [list(_read(readers[f], f, options)) for f in next(iter(groups.values()))]
     ):
         for name, members in groups.items():
-            yield _merge(name, [(file, list(_read(readers[file], file, options))) for file in members])
+            contents = {f: (_signal_name(f), list(_read(readers[f], f, options))) for f in members}
+            yield _merge(name, contents, "names")
         return
     for file in files:
         yield from _read(readers[file], file, options)
 
 
-def _data_files(folder: Path) -> list[Path]:
+def _read_sub_folders(folders: Sequence[Path], options: ReadOptions) -> Iterator[Recording]:
+    """Yield the recording of each sub-folder; all have files of the same names."""
+    if (reader := _find_reader(folders[0], options)) is not None:  # such as the folder of a bag
+        for folder in folders:
+            yield from _read(reader, folder, options)
+        return
+    contents = {folder: _data_files(folder) for folder in folders}
+    contents = {folder: files for folder, files in contents.items() if files}
+    names = {tuple(file.name for file in files) for files in contents.values()}
+    if len(names) != 1 or _is_numbering([Path(name).stem for name in next(iter(names))]):
+        listed = short_list(
+            [f"{f.name}/ ({short_list([m.name for m in ms], 4)})" for f, ms in contents.items()], 4
+        )
+        raise InvalidInput(
+            f"{folders[0].parent} has sub-folders {listed or 'without recordings'}, expected files of equal "
+            "names in each, such as robot.csv and objects.csv, which are the signals of one execution; "
+            "import each sub-folder, or move the files into one folder"
+        )
+    for folder, files in contents.items():
+        yield _read_members(folder.name, files, options)
+
+
+def _read_members(name: str, files: Sequence[Path], options: ReadOptions) -> Recording:
+    readers = {file: _find_reader(file, options) for file in files}
+    if unknown := [file for file, reader in readers.items() if reader is None]:
+        raise _unknown_format(unknown[0])
+    return _merge(name, {f: (f.stem, list(_read(readers[f], f, options))) for f in files}, "folder")
+
+
+def _list_folder(folder: Path) -> list[Path]:
     try:
-        entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+        return [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     except OSError as error:
         raise InvalidInput(f"{folder} cannot be listed: {error.strerror}; check its permissions") from error
-    files = [e for e in entries if is_file(e) and e.suffix.lower() not in IGNORED_SUFFIXES]
+
+
+def _sub_folders(folder: Path) -> list[Path]:
+    folders = [entry for entry in _list_folder(folder) if is_folder(entry)]
+    if len(folders) > MAX_FILES:
+        raise InvalidInput(f"{folder} has {len(folders)} folders, expected at most {MAX_FILES}; split it")
+    return sorted(folders, key=lambda entry: natural_key(entry.name))
+
+
+def _is_document(file: Path) -> bool:
+    """Return whether a file is a text for people by its name, such as README.txt."""
+    if file.suffix.lower() in IGNORED_SUFFIXES:
+        return True
+    is_text = file.suffix.lower() in TEXT_SUFFIXES
+    return bool(DOCUMENTS.fullmatch(file.stem if is_text else file.name)) and (is_text or not file.suffix)
+
+
+def _data_files(folder: Path) -> list[Path]:
+    files = [entry for entry in _list_folder(folder) if is_file(entry) and not _is_document(entry)]
     if len(files) > MAX_FILES:
         raise InvalidInput(f"{folder} has {len(files)} files, expected at most {MAX_FILES}; split it")
     return sorted(files, key=lambda file: natural_key(file.name))
@@ -161,28 +219,27 @@ def _signal_name(file: Path) -> str:
     return re.split(r"[_-]", file.stem)[-1]
 
 
-def _merge(name: str, contents: Sequence[tuple[Path, Sequence[Recording]]]) -> Recording:
-    """Return one recording of the signals of several files; one that has labels is first."""
-    for file, recordings in contents:
+def _merge(name: str, contents: Mapping[Path, tuple[str, Sequence[Recording]]], by: str) -> Recording:
+    """Return one recording of the named signals of several files; one that has labels is first."""
+    for file, (_, recordings) in contents.items():
         if len(recordings) != 1:
             raise InvalidInput(f"{file} has {len(recordings)} recordings, expected one, as in its neighbours")
-    ordered = sorted(contents, key=lambda content: not content[1][0].labels)  # stable
+    members = [(file, prefix, recordings[0]) for file, (prefix, recordings) in contents.items()]
+    members.sort(key=lambda member: not member[2].labels)  # stable
     signals: list[Signal] = []
-    for file, (recording,) in ordered:
-        prefix = _signal_name(file)
+    for _, prefix, recording in members:
         for signal in recording.signals:
             signals.append(replace(signal, name=f"{prefix} {signal.name}".strip()))
-    names = [file.name for file, _ in contents]
-    notes = [
-        f"files {', '.join(names[:-1])} and {names[-1]} are signals of one execution, by their names",
-        *(note for _, (recording,) in ordered for note in recording.notes),
-    ]
-    for file, (recording,) in ordered[1:]:
+    names = [file.name for file in contents]
+    joined = f"files {', '.join(names[:-1])} and {names[-1]} are signals of one execution, by their {by}"
+    notes = [joined] if len(names) > 1 else []
+    notes += [note for _, _, recording in members for note in recording.notes]
+    for file, _, recording in members[1:]:
         if recording.labels:
             left = short_list(list(recording.labels))
             notes.append(f"labels {left} of {file.name} are left out: only those of one file are kept")
-    first = ordered[0][1][0]
-    periods = {recordings[0].period for _, recordings in contents}
+    first = members[0][2]
+    periods = {recording.period for _, _, recording in members}
     period = periods.pop() if len(periods) == 1 else None
     return Recording(name, tuple(signals), first.labels, period, first.format, notes=tuple(notes))
 
