@@ -17,7 +17,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Recording, Signal
 from pilotfish.errors import InvalidInput
-from pilotfish.io.readers.column_headers import is_time_name, split_unit, to_seconds
+from pilotfish.io.readers.column_headers import SECOND_NAMES, is_time_name, split_unit, to_seconds
 from pilotfish.io.readers.read_options import ReadOptions
 from pilotfish.types import Array, Float
 from pilotfish.validation import numeric_array, require_number, require_printable, short_list, short_repr
@@ -257,7 +257,7 @@ def _is_time(key: str, array: np.ndarray, options: ReadOptions) -> bool:
     is_vector = array.ndim == 1 or (array.ndim == 2 and 1 in array.shape and array.size > 1)
     if options.time_column:
         return key == options.time_column
-    return is_vector and is_time_name(split_unit(key)[0])
+    return is_vector and (is_time_name(split_unit(key)[0]) or key.lower() in SECOND_NAMES)
 
 
 def _seconds(key: str, array: np.ndarray, options: ReadOptions, file: str) -> Float[Array, " T"]:

@@ -10,7 +10,12 @@ from pilotfish.errors import InvalidInput
 from pilotfish.io.readers.read_options import ReadOptions
 from pilotfish.types import Array, Float
 
-TIME_WORDS = {"time", "times", "timestamp", "timestamps", "stamp", "t", "rosbagtimestamp", "datetime"}
+TIME_WORDS = {
+    "time", "times", "timestamp", "timestamps", "stamp", "t", "rosbagtimestamp", "datetime",
+    "zeit", "zeitstempel", "tiempo",
+}  # fmt: skip
+TIME_NAMES = {"sec", "secs", "second", "seconds", "temps", "tempo"}  # alone, and if no other name is of times
+SECOND_NAMES = {"sec", "secs", "second", "seconds"}  # also the unit after an underscore, as in "time_seconds"
 SECONDS, NANOSECONDS = {"sec", "secs"}, {"nsec", "nsecs", "nanosec", "nanosecs"}
 UNIT_ENDINGS = {"mm", "cm", "deg", "rad", "ms", "us", "ns", "sec"}  # after an underscore, as in "x_mm"
 _BRACKETS = re.compile(r"(?P<name>.*\S)(?P<blank>\s*)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
@@ -20,7 +25,8 @@ def split_unit(header: str) -> tuple[str, str]:
     """Return the name and the unit of a header: "x [mm]", "x (mm)" or "x_mm" is x in mm.
 
     Square brackets contain a unit unless they contain a number, as in "joint[0]"; " [1]" after a blank is the
-    unit of plain numbers. Round brackets and endings after an underscore do if it is a known unit.
+    unit of plain numbers. Round brackets and endings after an underscore do if it is a known unit. The
+    names "secs" and "time_s" state seconds.
 
     Args:
         header: Name as in the file.
@@ -32,6 +38,10 @@ def split_unit(header: str) -> tuple[str, str]:
         if unit and not is_index and (square is not None or is_unit(unit)):
             return match["name"].strip(), unit
     name, _, ending = header.strip().rpartition("_")
+    if header.strip().lower() in SECOND_NAMES:
+        return ending, "s"
+    if ending.lower() in SECOND_NAMES | {"s"} and is_time_name(name):
+        return name, "s"
     if name and ending.lower() in UNIT_ENDINGS:
         return name, ending.lower()
     return header.strip(), ""
@@ -78,6 +88,7 @@ def find_time_column(names: Sequence[str], options: ReadOptions, file: str) -> i
             f"{', '.join(names[:10])}"
         )
     found = [n for n, name in enumerate(names) if is_time_name(name)]
+    found += [n for n, name in enumerate(names) if name.lower() in TIME_NAMES]
     return found[0] if found else None
 
 
