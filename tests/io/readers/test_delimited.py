@@ -128,6 +128,20 @@ def test_text_columns_are_labels(tmp_path: Path):
     )
 
 
+def test_rows_of_names_in_motive_exports_are_joined(tmp_path: Path):
+    text = (
+        "Format Version,1.23,Rotation Type,Quaternion,Length Units,Millimeters\n\n"
+        ",Type,Rigid Body,Rigid Body,Rigid Body\n,Name,Cube,Cube,Cube\n,ID,A,A,A\n"
+        ",,Rotation,Position,Mean Marker Error\nFrame,Time (Seconds),X,X,\n"
+        "0,0.00,1,300,0.1\n1,0.01,1,301,0.1\n"
+    )
+    (signal,) = read(tmp_path, text).signals
+    assert signal.columns == ("Frame", "Cube Rotation X", "Cube Position X", "Cube Mean Marker Error")
+    assert signal.units == ("", "", "mm", "")
+    assert signal.times is not None
+    assert signal.values.tolist() == [[0, 1, 300, 0.1], [1, 1, 301, 0.1]]
+
+
 def test_empty_cells_are_nan_that_building_names(tmp_path: Path):
     recording = read(tmp_path, "time,x,y\n0,1,2\n0.1,,3\n0.2,nan,4\n")
     assert np.isnan(recording.signals[0].values[:, 0]).tolist() == [False, True, True]

@@ -29,6 +29,7 @@ COMMENTS = ("#", "%", "//")
 MAX_COLUMNS = 10_000
 SAMPLE_LINES = 20  # from which the separator is recognised
 PROBE_BYTES = 4096
+MOTIVE_UNITS = {"Millimeters": "mm", "Centimeters": "cm", "Meters": "m"}
 TRUTH = {"true": 1.0, "false": 0.0}
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d*|\d{1,3}(\.\d{3})+),\d+([eE][+-]?\d+)?")
 Line = tuple[int, str]  # its number in the file, from 1, and its text
@@ -78,6 +79,7 @@ def read(path: Path, options: ReadOptions | None = None) -> Iterator[Recording]:
     lines, comments, stated = _split_lines(_decode(read_file(path, "a table", MAX_CSV_BYTES), file))
     if not lines:
         raise InvalidInput(f"{file} has no rows, expected a header and a row of numbers per sample")
+    lines = _join_motive_header(lines, file)
     separator = SEPARATORS.get(chosen.separator) or stated or _find_separator(lines)
     table = _parse_table(_iter_rows(lines, separator, file), comments, separator, file)
     yield _to_recording(table, chosen, path)
@@ -112,6 +114,23 @@ def _split_lines(text: str) -> tuple[list[Line], list[str], str]:
         else:
             lines.append((number, line))
     return lines, comments, separator
+
+
+def _join_motive_header(lines: list[Line], file: str) -> list[Line]:
+    """Return lines with one header if they are an export of Motive, which has rows of names above it."""
+    start = next((n for n, (_, line) in enumerate(lines[:20]) if line.lower().startswith("frame,time")), 0)
+    if not start or not lines[0][1].startswith("Format Version,"):
+        return lines
+    rows = [cells for _, cells in _iter_rows(lines[: start + 1], ",", file)]
+    owners = next((row for row in rows if _cell(row, 1) == "Name"), [])
+    unit = next((unit for word, unit in MOTIVE_UNITS.items() if word in rows[0]), "")
+    names = rows[-1][:2]
+    for n in range(2, len(rows[-1])):
+        kind = _cell(rows[-2], n)
+        words = " ".join(word for word in (_cell(owners, n), kind, rows[-1][n]) if word).replace(",", " ")
+        names.append(f"{words} [{unit}]" if unit and kind == "Position" else words)
+    header = ",".join(name.replace('"', " ") for name in names)
+    return [(lines[start][0], header), *lines[start + 1 :]]
 
 
 def _find_separator(lines: Sequence[Line]) -> str:
