@@ -178,19 +178,10 @@ def _one_recording(
     seconds = {key: _seconds(key, array, options, file) for key, array in times.items()}
     signals = []
     for key, array in values.items():
-        label = "" if len(values) == 1 or key == alone else key
-        signals.append(
-            (
-                array,
-                _signal(
-                    key, array, label, _times_of(key, array, seconds), (names or {}).get(key, columns), file
-                ),
-            )
-        )
-    longest = max(len(array) for array in values.values())  # other texts describe the set
-    rows_or_labels = {k: a for k, a in texts.items() if len(a) == longest or k.lower() in LABELS}
-    label_arrays = {**{k: a for k, a in rows_or_labels.items() if k.lower() not in COLUMN_NAMES}, **labels}
-    ordered = _labelled_first([signal for _, signal in signals], label_arrays, file)
+        label, headers = "" if len(values) == 1 or key == alone else key, (names or {}).get(key, columns)
+        signals.append(_signal(key, array, label, _times_of(key, array, seconds), headers, file))
+    label_arrays = _label_arrays(texts, labels, max(len(array) for array in values.values()))
+    ordered = _labelled_first(signals, label_arrays, file)
     return Recording(
         require_printable(name, f"{file}: the name of a recording"),
         tuple(ordered),
@@ -199,6 +190,12 @@ def _one_recording(
         format_name,
         notes=_notes(arrays, {*values, *times}, label_arrays),
     )
+
+
+def _label_arrays(texts: Arrays, labels: Arrays, rows: int) -> Arrays:
+    """Return the arrays that label rows: numbers, and texts of one per row; other texts describe the set."""
+    kept = {key: array for key, array in texts.items() if len(array) == rows or key.lower() in LABELS}
+    return {**{key: array for key, array in kept.items() if key.lower() not in COLUMN_NAMES}, **labels}
 
 
 def _notes(arrays: Arrays, used: Collection[str], labels: Arrays) -> tuple[str, ...]:
