@@ -1,6 +1,7 @@
 """pilotfish data import: two logs with uneven times become demonstrations; open questions stop it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from click.testing import Result
 
 import pilotfish as pf
+from pilotfish.cli.commands import data_import
 from pilotfish.geometry import normalise
 
 RunCommand = Callable[..., Result]
@@ -127,3 +129,30 @@ def test_nothing_to_write_existing_output_and_unknown_frame_are_refused(
     (tmp_path / "cup.toml").write_text("")
     assert "--force" in run_failing("data", "import", "logs", "--save-settings", "cup.toml")
     assert "missing" in run_failing("data", "import", "nowhere", "--out", "a")
+
+
+def test_notes_columns_left_out_and_assumed_units_are_listed(
+    run_command_line: RunCommand, run_json: RunJson, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    names = [f"sensor {letter} status" for letter in "abcdefghijklmnopqrstuvwxy"]
+    (tmp_path / "logs").mkdir()
+    rows = np.column_stack([np.arange(5) / 10, *[np.arange(5) / 50] * 28])
+    write_table(tmp_path / "logs" / "a.csv", ",".join(["time", "x", "y", "z", *names]), rows)
+    read = data_import.read_recordings
+    monkeypatch.setattr(
+        data_import,
+        "read_recordings",
+        lambda *args, **options: [
+            replace(r, notes=("row 9 is cut off",) * 2) for r in read(*args, **options)
+        ],
+    )
+    found = run_json("data", "import", "logs", "--out", "a")
+    assert found["left_out"] == names
+    assert found["notes"] == ["row 9 is cut off"]
+    for options in (("--out", "b"), ("--save-settings", "b.toml")):
+        text = run_command_line("data", "import", "logs", *options).stdout
+        assert all(name in " ".join(text.split()) for name in names)
+        assert text.count("row 9 is cut off") == 1
+        assert "m (assumed)" in text
+    text = run_command_line("data", "import", "logs", "--out", "c", "--length-unit", "mm").stdout
+    assert "assumed" not in text

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from pilotfish.cli.output.demonstrations import demonstration_blocks, demonstration_to_json
+from pilotfish.cli.output.imports import import_result, proposal, settings_table
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -28,9 +29,6 @@ from pilotfish.demonstrations import (
     Question,
     Recording,
     build_demonstration,
-    column_names,
-    diagnose,
-    select_columns,
     suggest_settings,
 )
 from pilotfish.errors import InvalidInput
@@ -42,7 +40,6 @@ from pilotfish.io import (
     write_demonstrations,
 )
 from pilotfish.io.readers import ReadOptions, read_recordings
-from pilotfish.validation import short_list
 
 ORIENTATIONS = (Quantity.QUATERNION, Quantity.ORIENTATION)
 OPTIONS = {  # that answer a question
@@ -116,12 +113,13 @@ def import_recordings(source: Path, **options: Any) -> CommandResult:
         with atomic_file(saved, overwrite=options["force"]) as part:
             texts = [question.text for question in open_questions]
             part.write_text(format_import_settings(settings, texts), encoding="utf-8")
+    table = settings_table(recordings[0], settings, _chosen_units(settings, options))
     if out is None:
-        return _proposal(recordings, settings, open_questions, saved)
-    _require_answers(settings, open_questions, accept=options["accept"])
+        return proposal(recordings, settings, table, open_questions, saved)
+    _require_answers(table, open_questions, accept=options["accept"])
     built = list(_build(recordings, settings))
     write_demonstrations([demo for demo, _ in built], out, overwrite=options["force"], use_free_name=True)
-    return _result(recordings, settings, built, out)
+    return import_result(recordings, settings, table, built, out)
 
 
 def _require_outputs(source: Path, out: Path | None, saved: Path | None, options: dict[str, Any]) -> None:
@@ -165,6 +163,15 @@ def _with_options(settings: BuildSettings, options: dict[str, Any]) -> BuildSett
     return replace(settings, parts=tuple(parts), frames=tuple(frames), period=period)
 
 
+def _chosen_units(settings: BuildSettings, options: dict[str, Any]) -> set[str]:
+    """Return the units that the user stated, by options or in a file of settings."""
+    chosen = {options["length_unit"], options["angle_unit"]} - {None}
+    if options["settings"]:
+        chosen |= {part.unit for part in settings.parts}
+        chosen |= {source.unit for frame in settings.frames for source in frame.sources}
+    return chosen - {""}
+
+
 def _part_with_options(part: PartSource, options: dict[str, Any]) -> PartSource:
     if part.quantity is Quantity.POSITION:
         return replace(part, unit=options["length_unit"] or part.unit)
@@ -193,13 +200,13 @@ def _is_answered(question: Question, options: dict[str, Any]) -> bool:
     return option is not None and options[option.lstrip("-").replace("-", "_")] is not None
 
 
-def _require_answers(settings: BuildSettings, questions: Sequence[Question], *, accept: bool) -> None:
+def _require_answers(table: Table, questions: Sequence[Question], *, accept: bool) -> None:
     """Ask whether the proposal is accepted; without a terminal, name the options that answer."""
     if accept or not questions:
         return
     answers = list(dict.fromkeys(OPTIONS.get(question.subject, "--settings") for question in questions))
     if is_interactive():
-        click.echo(_settings_table(settings).to_text(), err=True)
+        click.echo(table.to_text(), err=True)
         for question in questions:
             click.echo(f"\n{question.text}", err=True)
         if click.confirm("\nImport as proposed?", err=True):
@@ -216,109 +223,3 @@ def _build(
         for recording in recordings:
             yield build_demonstration(recording, settings)
             advance(recording.name)
-
-
-def _settings_table(settings: BuildSettings) -> Table:
-    rows = [
-        (part.name, part.quantity.value, ", ".join(part.columns), part.unit or "of the file", _form(part))
-        for part in settings.parts
-    ]
-    for frame in settings.frames:
-        kind = "moving frame" if frame.moving else "frame"
-        for source in frame.sources:
-            rows.append(
-                (frame.name, kind, ", ".join(source.columns), source.unit or "of the file", _form(source))
-            )
-    return Table(("name", "becomes", "columns", "unit", "form"), tuple(rows), "Columns")
-
-
-def _form(source: PartSource) -> str:
-    return source.representation if source.quantity in ORIENTATIONS else ""
-
-
-def _settings_to_json(settings: BuildSettings) -> dict[str, Any]:
-    return {
-        "period": settings.period,
-        "parts": [
-            {"name": p.name, "quantity": p.quantity.value, "columns": list(p.columns), "form": _form(p)}
-            for p in settings.parts
-        ],
-        "frames": [{"name": frame.name, "moving": frame.moving} for frame in settings.frames],
-    }
-
-
-def _proposal(
-    recordings: Sequence[Recording],
-    settings: BuildSettings,
-    questions: Sequence[Question],
-    saved: Path | None,
-) -> CommandResult:
-    lines = [f"question: {question.text}" for question in questions]
-    lines += [f"left out: {short_list(left_out)}"] if (left_out := _left_out(recordings, settings)) else []
-    lines.append(f"written to {saved}; edit it, then import with --settings {saved} --out FOLDER")
-    data = {
-        "recordings": [recording.name for recording in recordings],
-        "format": recordings[0].format,
-        **_settings_to_json(settings),
-        "left_out": _left_out(recordings, settings),
-        "questions": [question.text for question in questions],
-        "settings": str(saved),
-    }
-    return CommandResult([_settings_table(settings), "\n".join(lines)], data)
-
-
-def _result(
-    recordings: Sequence[Recording],
-    settings: BuildSettings,
-    built: Sequence[tuple[Demonstration, Conversion]],
-    out: Path,
-) -> CommandResult:
-    demonstrations = tuple(demo for demo, _ in built)
-    conversions = _shared_lines([(demo.name, conversion.lines) for demo, conversion in built])
-    left_out, diagnostics = _left_out(recordings, settings), diagnose(demonstrations)
-    findings = [f"{d.severity}: {d.location} {d.message}" for d in diagnostics]
-    blocks: list[str | Table] = [
-        _settings_table(settings),
-        *demonstration_blocks(demonstrations),
-        "\n".join(conversions) or "Nothing had to be converted.",
-        *([f"columns left out: {short_list(left_out)}"] if left_out else []),
-        *(["\n".join(findings)] if findings else []),
-        f"written to {out}; next: pilotfish learn {out} --out {out.name}.skill",
-    ]
-    data = {
-        "folder": str(out),
-        "format": recordings[0].format,
-        **_settings_to_json(settings),
-        "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
-        "left_out": left_out,
-        "conversions": {demo.name: list(conversion.lines) for demo, conversion in built},
-        "labels": {demo.name: {k: list(v) for k, v in c.labels.items()} for demo, c in built},
-        "diagnostics": findings,
-    }
-    return CommandResult(blocks, data)
-
-
-def _left_out(recordings: Sequence[Recording], settings: BuildSettings) -> list[str]:
-    """Return the columns of the first recording that become neither a part nor a frame."""
-    first, used = recordings[0], set()
-    for source in [*settings.parts, *(source for frame in settings.frames for source in frame.sources)]:
-        number, columns = select_columns(first, source.columns, source.name)
-        used |= {(number, column) for column in columns}
-    pairs = [(s, c) for s, signal in enumerate(first.signals) for c in range(len(signal.columns))]
-    return [name for pair, name in zip(pairs, column_names(first), strict=True) if pair not in used]
-
-
-def _shared_lines(lines: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
-    """Return each line once, with the recordings that it is about if these are not all."""
-    names: dict[str, list[str]] = {}
-    for name, given in lines:
-        for line in given:
-            names.setdefault(line, []).append(name)
-    return [
-        f"converted: {line}" if len(found) == len(lines) else f"converted, {_count(found)}: {line}"
-        for line, found in names.items()
-    ]
-
-
-def _count(names: Sequence[str]) -> str:
-    return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:3])} and {len(names) - 3} more"
