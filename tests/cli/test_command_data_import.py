@@ -156,3 +156,24 @@ def test_notes_columns_left_out_and_assumed_units_are_listed(
         assert "m (assumed)" in text
     text = run_command_line("data", "import", "logs", "--out", "c", "--length-unit", "mm").stdout
     assert "assumed" not in text
+
+
+def test_length_unit_fills_only_units_that_the_file_does_not_state(run_json: RunJson, tmp_path: Path):
+    rows = np.column_stack([np.arange(5) / 10, *[np.arange(5) / 50] * 6])
+    write_table(tmp_path / "a.csv", "time,x [cm],y [cm],z [cm],cup_x,cup_y,cup_z", rows + 0.5)
+    run_json("data", "import", "a.csv", "--out", "a", "--length-unit", "mm")
+    demo = pf.load("a")[0]
+    np.testing.assert_allclose(demo.x[0], 0.005)
+    np.testing.assert_allclose(demo.frames[0].b, 0.0005)  # type: ignore[union-attr]
+
+
+def test_length_unit_is_not_the_answer_if_only_some_positions_are_in_question(
+    run_failing: Callable[..., str], tmp_path: Path
+):
+    metres = np.arange(5) / 50
+    rows = np.column_stack([np.arange(5) / 10, *[metres] * 3, *[1000.0 * metres + 400.0] * 3])
+    write_table(tmp_path / "a.csv", "time,x,y,z,cup_x,cup_y,cup_z", rows)
+    message = run_failing("data", "import", "a.csv", "--out", "a")
+    assert "--settings" in message
+    assert "--length-unit" not in message
+    assert "in m, cm or mm?" in run_failing("data", "import", "a.csv", "--out", "a", "--length-unit", "mm")

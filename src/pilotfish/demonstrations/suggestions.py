@@ -46,6 +46,7 @@ class _Draft:
     parts: list[PartSource] = field(default_factory=list)
     frames: list[FrameSource] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
+    lengths: set[str] = field(default_factory=set)  # likely units of positions without a unit
 
     def values(self, group: ColumnGroup) -> Float[Array, "T d"]:
         """Return the finite rows of a group in all recordings."""
@@ -112,7 +113,7 @@ def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tu
     for recording in given:
         for source in settings.parts:
             select_columns(recording, source.columns, f"recording {recording.name!r}: part {source.name!r}")
-    return settings, tuple(draft.questions)
+    return settings, tuple(_separate_lengths(question, draft.lengths) for question in draft.questions)
 
 
 def _propose_poses(draft: _Draft, groups: Sequence[ColumnGroup]) -> None:
@@ -259,9 +260,13 @@ def _order_from_objects(draft: _Draft, groups: Sequence[ColumnGroup]) -> Represe
 
 def _length_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
     largest = float(np.abs(draft.values(group)).max(initial=0.0))
-    if draft.has_unit(group) or largest <= LARGE_POSITION:
+    if draft.has_unit(group):
+        return ""
+    if largest <= LARGE_POSITION:
+        draft.lengths.add("m")
         return ""
     unit = "cm" if largest <= LARGE_CENTIMETRES else "mm"
+    draft.lengths.add(unit)
     draft.questions.append(
         Question(
             "length",
@@ -270,6 +275,16 @@ def _length_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:
         )
     )
     return unit
+
+
+def _separate_lengths(question: Question, lengths: set[str]) -> Question:
+    """Return a question about a length; with several likely units, only a file of settings answers it."""
+    if question.subject != "length" or len(lengths) < 2:
+        return question
+    text = (
+        f"{question.text} Other positions seem to be in another unit: name the unit of each with --settings."
+    )
+    return Question("columns", text)
 
 
 def _angle_unit(draft: _Draft, group: ColumnGroup, label: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from pilotfish.cli.output.demonstrations import demonstration_blocks, demonstration_to_json
-from pilotfish.cli.output.imports import import_result, proposal, settings_table
+from pilotfish.cli.output.imports import import_result, proposal, settings_table, stated_units
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -75,8 +75,12 @@ OPTIONS = {  # that answer a question
     type=click.Choice(["wxyz", "xyzw"]),
     help="Order of quaternions.  [default: from the recordings]",
 )
-@click.option("--length-unit", help="Unit of positions, such as mm.  [default: that of the file, or m]")
-@click.option("--angle-unit", help="Unit of angles: rad or deg.  [default: that of the file, or rad]")
+@click.option(
+    "--length-unit", help="Unit of all positions for which the file states none, such as mm.  [default: m]"
+)
+@click.option(
+    "--angle-unit", help="Unit of all angles for which the file states none: rad or deg.  [default: rad]"
+)
 @click.option(
     "--period",
     type=click.FloatRange(min=0.0, min_open=True),
@@ -107,7 +111,7 @@ def import_recordings(source: Path, **options: Any) -> CommandResult:
         settings = read_import_settings(options["settings"])
     else:
         settings, questions = suggest_settings(recordings)
-    settings = _with_options(settings, options)
+    settings = _with_options(recordings[0], settings, options)
     open_questions = [q for q in questions if not _is_answered(q, options)]
     if saved:
         with atomic_file(saved, overwrite=options["force"]) as part:
@@ -152,13 +156,13 @@ def _restored_result(
     return CommandResult([*demonstration_blocks(demonstrations), text], data)
 
 
-def _with_options(settings: BuildSettings, options: dict[str, Any]) -> BuildSettings:
+def _with_options(recording: Recording, settings: BuildSettings, options: dict[str, Any]) -> BuildSettings:
     """Return the settings with what the options state."""
     if unknown := [name for name in options["moving"] if name not in [f.name for f in settings.frames]]:
         names = ", ".join(frame.name for frame in settings.frames) or "none"
         raise InvalidInput(f"--moving names {unknown[0]!r}, expected one of the frames: {names}")
-    parts = [_part_with_options(part, options) for part in settings.parts]
-    frames = [_frame_with_options(frame, options) for frame in settings.frames]
+    parts = [_part_with_options(recording, part, options) for part in settings.parts]
+    frames = [_frame_with_options(recording, frame, options) for frame in settings.frames]
     period = options["period"] or settings.period
     return replace(settings, parts=tuple(parts), frames=tuple(frames), period=period)
 
@@ -172,25 +176,28 @@ def _chosen_units(settings: BuildSettings, options: dict[str, Any]) -> set[str]:
     return chosen - {""}
 
 
-def _part_with_options(part: PartSource, options: dict[str, Any]) -> PartSource:
+def _part_with_options(recording: Recording, part: PartSource, options: dict[str, Any]) -> PartSource:
+    is_order = part.quantity in ORIENTATIONS and part.representation in ("wxyz", "xyzw")
+    if is_order:
+        return replace(part, representation=options["order"] or part.representation)
+    if stated_units(recording, part):
+        return part
     if part.quantity is Quantity.POSITION:
         return replace(part, unit=options["length_unit"] or part.unit)
-    if part.quantity in ORIENTATIONS and part.representation in ("wxyz", "xyzw"):
-        return replace(part, representation=options["order"] or part.representation)
-    if part.quantity in ORIENTATIONS and part.representation != "matrix":
-        return replace(part, unit=options["angle_unit"] or part.unit)
-    if part.unit in ("rad", "deg"):
+    has_angles = part.quantity in ORIENTATIONS and part.representation != "matrix"
+    if has_angles or part.unit in ("rad", "deg"):
         return replace(part, unit=options["angle_unit"] or part.unit)
     return part
 
 
-def _frame_with_options(frame: FrameSource, options: dict[str, Any]) -> FrameSource:
-    is_quaternion = frame.representation in ("wxyz", "xyzw")
+def _frame_with_options(recording: Recording, frame: FrameSource, options: dict[str, Any]) -> FrameSource:
+    position, *turns = [_part_with_options(recording, source, options) for source in frame.sources]
+    turn = turns[0] if turns else None
     return replace(
         frame,
-        representation=options["order"] or frame.representation if is_quaternion else frame.representation,
-        unit=options["length_unit"] or frame.unit,
-        angle_unit=options["angle_unit"] or frame.angle_unit,
+        representation=turn.representation if turn else frame.representation,
+        unit=position.unit,
+        angle_unit=turn.unit if turn else frame.angle_unit,
         moving=frame.moving or frame.name in options["moving"],
     )
 
