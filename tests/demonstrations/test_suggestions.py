@@ -188,3 +188,43 @@ def test_unusable_recordings_are_refused():
     other = recording(("", "u,v,w", POINTS))
     with pytest.raises(InvalidInput, match="no column is named 'x'"):
         suggest_settings([recording(("", "x,y,z", POINTS)), other])
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbered_q_has_the_scalar_first_and_is_asked_for(first: int):
+    names = ",".join(["x,y,z", *(f"q{n + first}" for n in range(4))])
+    settings, questions = suggest_settings([recording(("", names, pose("wxyz")))])
+    assert settings.parts[1].representation == "wxyz"
+    assert "proposed is w x y z" in questions[0].text
+
+
+def test_matrix_of_libfranka_is_the_pose_and_torques_are_left_out():
+    matrices = np.tile(np.eye(4), (len(TIMES), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = TURN.as_matrix(), POINTS
+    table = matrices.transpose(0, 2, 1).reshape(-1, 16)  # by columns
+    names = [f"O_T_EE_{n}" for n in range(16)]
+    given = recording(("", ",".join(names), table))
+    settings, questions = suggest_settings([given])
+    assert not questions
+    demo, _ = build_demonstration(given, settings)
+    np.testing.assert_allclose(demo.x[:, :3], POINTS)
+    assert np.abs(np.einsum("td,td->t", demo.x[:, 3:], pose("wxyz")[:, 3:])) == pytest.approx(1.0)
+    joints = ",".join(f"{name}_{n}" for name in ("q", "tau_J") for n in range(3))
+    other = recording(
+        ("", ",".join([*(f"pose_m_{n}" for n in range(16)), joints]), np.hstack([table, POINTS, POINTS]))
+    )
+    settings, questions = suggest_settings([other])
+    assert [part.columns for part in settings.parts] == [("q_0", "q_1", "q_2")]
+    assert "A pose may be in columns pose_m_0 to pose_m_15" in questions[0].text
+
+
+def test_pose_of_rtde_comes_before_its_joints():
+    names = ",".join(
+        f"{name}_{n}" for name in ("actual_q", "target_TCP_pose", "actual_TCP_pose") for n in range(6)
+    )
+    values = np.column_stack([POINTS, POINTS, POINTS, POINTS, POINTS, TURN.as_rotvec()])
+    given = recording(("", names, values))
+    settings, _ = suggest_settings([given])
+    assert [part.name for part in settings.parts] == ["position", "orientation"]
+    demo, _ = build_demonstration(given, settings)
+    assert np.abs(np.einsum("td,td->t", demo.x[:, 3:], pose("wxyz")[:, 3:])) == pytest.approx(1.0)

@@ -16,6 +16,8 @@ from pilotfish.demonstrations.signals import Recording
 from pilotfish.types import Array, Float
 
 NORM_TOLERANCE = 0.01
+MATRIX_POSITION = (12, 13, 14)  # of a 4x4 matrix by columns, as libfranka writes O_T_EE
+MATRIX_ROTATION = (0, 4, 8, 1, 5, 9, 2, 6, 10)  # by rows
 Kind = Literal["position", "wxyz", "quaternion", "rpy", "matrix", "rotation", "force", "joints", "gripper"]
 
 Components = tuple[str, ...]
@@ -40,7 +42,8 @@ ROBOT_WORDS = {
 }  # fmt: skip
 RATE_WORDS = {
     "velocity", "velocities", "vel", "speed", "twist", "linear", "angular", "acceleration", "acc", "accel",
-    "imu", "jerk", "effort", "efforts", "qvel", "dq", "ddq", "current", "torques",
+    "imu", "jerk", "effort", "efforts", "qvel", "dq", "ddq", "qd", "qdd", "current", "torques",
+    "tau",
 }  # fmt: skip
 COMMAND_WORDS = {"command", "commands", "commanded", "cmd", "desired", "setpoint", "action", "actions"}
 FORCE_WORDS = {"force", "torque", "wrench", "forces", "ft"}
@@ -106,7 +109,8 @@ def _groups_of_signal(recording: Recording, s: int) -> Iterator[ColumnGroup]:
             continue
         words = split_words(name)
         stem = tuple(w for w in (*split_words(signal.name), *words[:-1]) if w not in ("column", "columns"))
-        if words and not (RATE_WORDS | COMMAND_WORDS) & {*stem, words[-1]}:
+        is_target = "target" in stem and bool({"tcp", "q"} & {*stem})
+        if words and not is_target and not (RATE_WORDS | COMMAND_WORDS) & {*stem, words[-1]}:
             stems.setdefault(stem, {}).setdefault(words[-1], column)
     for stem, components in stems.items():
         yield from _groups_of_stem(s, stem, components, signal.values)
@@ -165,7 +169,10 @@ def _numbered_groups(
     words = {*stem}
     if not columns:
         return
-    if GRIPPER_WORDS & words and not {"pos", "position", "pose", "quat"} & words:
+    if stem[-3:] == ("o", "t", "ee") and len(columns) == 16:
+        yield ColumnGroup("position", owner, s, tuple(columns[n] for n in MATRIX_POSITION))
+        yield ColumnGroup("matrix", owner, s, tuple(columns[n] for n in MATRIX_ROTATION))
+    elif GRIPPER_WORDS & words and not {"pos", "position", "pose", "quat"} & words:
         yield ColumnGroup("gripper", owner, s, columns)
     elif is_turn and len(columns) == 4:
         yield ColumnGroup("quaternion", owner, s, columns)
@@ -176,5 +183,8 @@ def _numbered_groups(
     elif {"pose"} & words and len(columns) == 7:
         yield ColumnGroup("position", owner, s, columns[:3])
         yield ColumnGroup("quaternion", owner, s, columns[3:])
+    elif {"pose"} & words and len(columns) == 6:  # as RTDE writes actual_TCP_pose
+        yield ColumnGroup("position", owner, s, columns[:3])
+        yield ColumnGroup("rotation", owner, s, columns[3:])
     elif POSITION_WORDS & words and len(columns) in (2, 3):
         yield ColumnGroup("position", owner, s, columns)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pilotfish.demonstrations.build_settings import BuildSettings, FrameSource, PartSource
-from pilotfish.demonstrations.column_groups import NORM_TOLERANCE, ColumnGroup, find_groups
-from pilotfish.demonstrations.column_selection import select_columns
+from pilotfish.demonstrations.column_groups import NORM_TOLERANCE, ColumnGroup, find_groups, split_words
+from pilotfish.demonstrations.column_selection import column_names, select_columns
 from pilotfish.demonstrations.layouts import Quantity
 from pilotfish.demonstrations.rotation_conversion import Representation
 from pilotfish.demonstrations.signal_alignment import signal_times
@@ -109,6 +109,7 @@ def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tu
     _propose_scalars(draft, groups)
     if not draft.parts:
         _propose_numbered_columns(draft)
+    _ask_for_matrices(draft)
     settings = BuildSettings(tuple(draft.parts), tuple(draft.frames), _common_period(draft))
     for recording in given:
         for source in settings.parts:
@@ -195,7 +196,7 @@ def _propose_numbered_columns(draft: _Draft) -> None:
     columns = tuple(range(len(signal.columns)))
     group = ColumnGroup("quaternion", (), 0, columns)
     values = draft.values(group)
-    has_pose = len(columns) >= 7 and len(values) > 0
+    has_pose = len(columns) >= 7 and len(values) > 0 and not _matrix_columns(draft)
     if has_pose and bool((np.abs(np.linalg.norm(values[:, 3:7], axis=1) - 1) < NORM_TOLERANCE).all()):
         turn = ColumnGroup("quaternion", (), 0, columns[3:7])
         _propose_parts(draft, ColumnGroup("position", (), 0, columns[:3]), turn, "", None)
@@ -213,6 +214,26 @@ def _propose_numbered_columns(draft: _Draft) -> None:
             f"{', '.join(part.name for part in draft.parts)}.",
         )
     )
+
+
+def _matrix_columns(draft: _Draft) -> list[tuple[str, ...]]:
+    """Return columns with one stem and 16 numbers, which may be a 4x4 matrix."""
+    stems: dict[tuple[str, ...], list[str]] = {}
+    for name in column_names(draft.recordings[0]):
+        if len(words := split_words(name)) > 1 and words[-1].isdigit() and words[0] != "column":
+            stems.setdefault(tuple(words[:-1]), []).append(name)
+    return [tuple(names) for names in stems.values() if len(names) == 16]
+
+
+def _ask_for_matrices(draft: _Draft) -> None:
+    """Ask for a pose in 16 numbered columns that are not used."""
+    used = {name.rpartition(":")[2] for part in draft.parts for name in part.columns}
+    for names in _matrix_columns(draft):
+        if not used & {name.rpartition(":")[2] for name in names}:
+            text = (
+                f"A pose may be in columns {names[0]} to {names[-1]} (a 4x4 matrix); name it with --settings."
+            )
+            draft.questions.append(Question("columns", text))
 
 
 def _representation(
@@ -233,15 +254,18 @@ def _representation(
             )
             return "rotation vector", _angle_unit(draft, turn, label)
         case _:
+            is_scalar_first = all(split_words(name)[-2:-1] == ["q"] for name in draft.names(turn))
+            proposed: Representation = "wxyz" if is_scalar_first else "xyzw"
+            reason = "q0 or q1 is mostly the scalar" if is_scalar_first else "as ROS and robosuite write it"
             if order is None:
                 draft.questions.append(
                     Question(
                         "order",
                         f"Is {label} ({names}) in the order w x y z or x y z w? The values do not reveal it; "
-                        "proposed is x y z w, as ROS and robosuite write it.",
+                        f"proposed is {' '.join(proposed)}, {reason}.",
                     )
                 )
-            return order or "xyzw", ""
+            return order or proposed, ""
 
 
 def _order_from_objects(draft: _Draft, groups: Sequence[ColumnGroup]) -> Representation | None:
