@@ -350,3 +350,20 @@ def test_lost_quaternion_is_refused():
 def test_unusable_settings_are_refused(changes: dict[str, object]):
     with pytest.raises(InvalidInput):
         replace(scalar_settings(), **changes)
+
+
+def test_still_object_that_jumps_is_reported_and_one_at_the_origin_refused():
+    hand = signal(np.arange(20.0).reshape(-1, 1), ("a",), np.arange(20) * 0.1)
+    frame = FrameSource("cup", ("cup:x", "cup:y", "cup:z"))
+    settings = BuildSettings((PartSource("a", Quantity.SCALAR, ("a",)),), (frame,))
+    points = np.tile([0.3, 0.4, 0.0], (20, 1))
+    for first in ([0.6, 0.8, 0.0], [0.0, 0.0, 0.0]):
+        points[:3] = first
+        cup = Signal("cup", points, ("x", "y", "z"), ("",) * 3, np.arange(20) * 0.1)
+        recording = Recording("reach", (hand, cup))
+        if any(first):
+            _, conversion = build_demonstration(recording, settings)
+            assert any("jumps by 0.5 m at row 3" in line for line in conversion.lines)
+            continue
+        with pytest.raises(InvalidInput, match=r"first 3 rows .* remove those rows"):
+            build_demonstration(recording, settings)

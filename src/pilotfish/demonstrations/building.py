@@ -179,13 +179,36 @@ class _SourceReader:
             poses = [Pose(p, q) for p, q in zip(position, turn, strict=True)]
             return moving_frame_from_poses(given.name, layout, poses)
         distance = float(np.linalg.norm(position - position[0], axis=1).max())
+        if distance > settings.still_distance:
+            _require_found(position, turn, label)
         turned = float(angle(turn, turn[0]).max())
         if distance > settings.still_distance or turned > settings.still_angle:
             self.lines.append(
                 f"{label}: the object moves by {distance:.3g} m and {np.degrees(turned):.3g} deg; the frame "
                 "is its pose at the first row (set moving if it moves on its own)"
             )
+            self.lines += _describe_jump(position, distance, label)
         return frame_from_pose(given.name, layout, Pose(position[0], turn[0]))
+
+
+def _require_found(position: Float[Array, "T 3"], turn: Float[Array, "T 4"], label: str) -> None:
+    """Refuse a still object at the origin of the world until its tracker finds it."""
+    is_lost = (position == 0.0).all(axis=1) & (np.abs(turn) == IDENTITY).all(axis=1)
+    rows = int(np.argmin(is_lost))  # the first row that is not lost
+    if is_lost[0] and rows:
+        raise InvalidInput(
+            f"{label}: the first {rows} rows have position 0 0 0 without rotation, others not; expected "
+            "the pose of a still object in each row; remove those rows from the file, or set moving"
+        )
+
+
+def _describe_jump(position: Float[Array, "T 3"], distance: float, label: str) -> list[str]:
+    """Return a line about the longest step of a still object if it makes up most of the motion."""
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    row = int(np.argmax(steps)) if len(steps) else 0
+    if not len(steps) or steps[row] <= 0.5 * distance:
+        return []
+    return [f"{label}: the pose jumps by {steps[row]:.3g} m at row {row + 1} (first is 0); row 0 was taken"]
 
 
 def _columns_by_signal(selections: Iterable[Selection]) -> dict[int, list[int]]:
