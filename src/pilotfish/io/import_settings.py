@@ -36,6 +36,7 @@ def format_import_settings(settings: BuildSettings, questions: Sequence[str] = (
         lines.append("# period = 0.01  # time between two rows [s]; without it, that of the recordings")
     else:
         lines.append(f"period = {settings.period!r}  # time between two rows [s]")
+    lines.append(f"# max_gap = {settings.max_gap!r}  # longest gap that is interpolated, in periods")
     for part in settings.parts:
         values = {**{key: getattr(part, key) for key in PART_KEYS}, "quantity": part.quantity.value}
         lines += ["", "[[part]]  # columns of a demonstration, in order", *_format_table(values)]
