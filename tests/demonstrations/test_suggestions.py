@@ -228,3 +228,20 @@ def test_pose_of_rtde_comes_before_its_joints():
     assert [part.name for part in settings.parts] == ["position", "orientation"]
     demo, _ = build_demonstration(given, settings)
     assert np.abs(np.einsum("td,td->t", demo.x[:, 3:], pose("wxyz")[:, 3:])) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "owner"),
+    [
+        ("x,y,z,yaw", "the tool"),
+        ("x,y,z,a,b,c", "the tool"),
+        ("x,y,z,cube_x,cube_y,cube_z,cube_yaw", "'cube'"),
+    ],
+)
+def test_angles_that_make_no_orientation_are_asked_for(names: str, owner: str):
+    values = np.tile(TIMES[:, None], names.count(",") + 1)
+    _, questions = suggest_settings([recording(("", names, values))])
+    assert any(f"The orientation of {owner} (" in question.text for question in questions)
+    for other in ("x,y,z", "x,y,z,roll,pitch,yaw"):
+        _, questions = suggest_settings([recording(("", other, values[:, [0] * (other.count(",") + 1)]))])
+        assert not questions

@@ -6,7 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pilotfish.demonstrations.build_settings import BuildSettings, FrameSource, PartSource
-from pilotfish.demonstrations.column_groups import NORM_TOLERANCE, ColumnGroup, find_groups, split_words
+from pilotfish.demonstrations.column_groups import (
+    ANGLES,
+    NORM_TOLERANCE,
+    ColumnGroup,
+    find_groups,
+    split_words,
+)
 from pilotfish.demonstrations.column_selection import column_names, select_columns
 from pilotfish.demonstrations.layouts import Quantity
 from pilotfish.demonstrations.rotation_conversion import Representation
@@ -22,6 +28,7 @@ LARGE_ANGLE = 2 * np.pi * 1.05  # rad; above, angles without a unit are probably
 UPRIGHT = 0.02  # sine of half the tilt of an object that stands on a table
 TURNED = 0.05  # change of a component of an object that turns
 
+KUKA_ANGLES = ("a", "b", "c")
 ORIENTATION_KINDS = ("wxyz", "quaternion", "rpy", "matrix", "rotation")
 
 
@@ -110,6 +117,7 @@ def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tu
     if not draft.parts:
         _propose_numbered_columns(draft)
     _ask_for_matrices(draft)
+    _ask_for_angles(draft)
     settings = BuildSettings(tuple(draft.parts), tuple(draft.frames), _common_period(draft))
     for recording in given:
         for source in settings.parts:
@@ -234,6 +242,28 @@ def _ask_for_matrices(draft: _Draft) -> None:
                 f"A pose may be in columns {names[0]} to {names[-1]} (a 4x4 matrix); name it with --settings."
             )
             draft.questions.append(Question("columns", text))
+
+
+def _ask_for_angles(draft: _Draft) -> None:
+    """Ask about angles that make no orientation, of a tool or frame whose orientation is not known."""
+    sources = [(part.name, part.columns) for part in draft.parts if part.quantity is Quantity.POSITION]
+    has_turn = any(part.quantity is Quantity.QUATERNION for part in draft.parts)
+    known = [("the tool", columns) for _, columns in sources[:1] if not has_turn]
+    known += [(repr(frame.name), frame.position) for frame in draft.frames if not frame.orientation]
+    names = column_names(draft.recordings[0])
+    for owner, position in known:
+        stem = split_words(position[0].rpartition(":")[2])[:-1]
+        found = [name for name in names if _is_angle(split_words(name.rpartition(":")[2]), stem)]
+        if any(split_words(name)[-1] in ANGLES for name in found) or len(found) == 3:
+            text = (
+                f"The orientation of {owner} ({short_list(found)}) is not used. If it turns, name roll, "
+                "pitch and yaw, or another form, with --settings."
+            )
+            draft.questions.append(Question("columns", text))
+
+
+def _is_angle(words: Sequence[str], stem: Sequence[str]) -> bool:
+    return bool(words) and list(words[:-1]) == list(stem) and words[-1] in (*ANGLES, *KUKA_ANGLES)
 
 
 def _representation(
