@@ -68,7 +68,7 @@ def test_open_question_stops_until_it_is_answered(
     assert "w x y z or x y z w" in message
     assert "--order" in message
     assert not (tmp_path / "cup").exists()
-    run_json("data", "import", "logs", "--out", "cup", "--order", "xyzw")
+    run_json("data", "import", "logs", "--out", "cup", "--order", "wxyz")
     run_json("data", "import", "logs", "--out", "accepted", "--accept")
     np.testing.assert_array_equal(pf.load("cup")[0].x, pf.load("accepted")[0].x)
 

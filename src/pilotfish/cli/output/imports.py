@@ -20,10 +20,10 @@ from pilotfish.demonstrations import (
     diagnose,
     select_columns,
 )
-from pilotfish.demonstrations.units import NUMBER
 
 ORIENTATIONS = (Quantity.QUATERNION, Quantity.ORIENTATION)
 WIDTH = 110  # characters of a line of names
+NUMBER = "1"  # unit of plain numbers
 
 
 def settings_table(recording: Recording, settings: BuildSettings, chosen: Container[str]) -> Table:
