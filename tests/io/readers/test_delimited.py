@@ -130,7 +130,7 @@ def test_text_columns_are_labels(tmp_path: Path):
 
 def test_rows_of_names_in_motive_exports_are_joined(tmp_path: Path):
     text = (
-        "Format Version,1.23,Rotation Type,Quaternion,Length Units,Millimeters\n\n"  # codespell:ignore Millimeters
+        "Format Version,1.23,Rotation Type,Quaternion,Length Units,Millimeters\n\n"
         ",Type,Rigid Body,Rigid Body,Rigid Body\n,Name,Cube,Cube,Cube\n,ID,A,A,A\n"
         ",,Rotation,Position,Mean Marker Error\nFrame,Time (Seconds),X,X,\n"
         "0,0.00,1,300,0.1\n1,0.01,1,301,0.1\n"

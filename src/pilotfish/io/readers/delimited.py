@@ -29,11 +29,7 @@ COMMENTS = ("#", "%", "//")
 MAX_COLUMNS = 10_000
 SAMPLE_LINES = 20  # from which the separator is recognised
 PROBE_BYTES = 4096
-MOTIVE_UNITS = {
-    "Millimeters": "mm",  # codespell:ignore Millimeters
-    "Centimeters": "cm",  # codespell:ignore Centimeters
-    "Meters": "m",  # codespell:ignore Meters
-}
+MOTIVE_UNITS = {"Millimeters": "mm", "Centimeters": "cm", "Meters": "m"}
 TRUTH = {"true": 1.0, "false": 0.0}
 _DECIMAL_COMMA = re.compile(r"[+-]?(\d*|\d{1,3}(\.\d{3})+),\d+([eE][+-]?\d+)?")
 Line = tuple[int, str]  # its number in the file, from 1, and its text
