@@ -140,10 +140,11 @@ class Pilot:
         if is_holder and self.envelope.duration and self.authorised_lease != report.lease:
             self.authorised_lease = report.lease
             return (teleop.Action.AUTHORISE,)
-        needs_skill = self.mode != "direct" or self.envelope.duration > 0.0
+        is_assisted = self.mode != "direct"
+        needs_skill = is_assisted or self.envelope.duration > 0.0
         action = teleop.next_action(view, self.number, needs_skill=needs_skill)
-        needs_skill = self.mode != "direct" and any(s is not teleop.SkillState.READY for s in view.skills)
-        if action is None or (action is teleop.Action.ARM and needs_skill):
+        lacks_skill = is_assisted and any(s is not teleop.SkillState.READY for s in view.skills)
+        if action is None or (action is teleop.Action.ARM and lacks_skill):
             return ()
         return (action,)
 
