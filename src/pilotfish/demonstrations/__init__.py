@@ -20,6 +20,7 @@ from pilotfish.demonstrations.frames import (
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
 from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses
 from pilotfish.demonstrations.recording import Demonstration, demonstration
+from pilotfish.demonstrations.reference_frames import to_common_reference_frames
 from pilotfish.demonstrations.resampling import resample
 from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
@@ -66,6 +67,7 @@ __all__ = [
     "suggest_settings",
     "switching_columns",
     "time_unit",
+    "to_common_reference_frames",
     "to_sphere",
     "unwrap_orientations",
     "views",

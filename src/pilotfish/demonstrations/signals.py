@@ -22,6 +22,7 @@ class Signal:
         columns: Name of each column, as in the file.
         units: Unit of each column, as in the file; "" where the file states none.
         times: Time of each row [s]; None if the file has no times.
+        reference_frame: Frame that the poses or points are relative to; "" if the file states none.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Signal:
     columns: tuple[str, ...]
     units: tuple[str, ...]
     times: Float[Array, " T"] | None = None
+    reference_frame: str = ""
 
 
 @shorten_repr

@@ -15,6 +15,7 @@ from pilotfish.demonstrations.column_groups import (
 )
 from pilotfish.demonstrations.column_selection import column_names, select_columns
 from pilotfish.demonstrations.layouts import Quantity
+from pilotfish.demonstrations.reference_frames import describe_different_frames
 from pilotfish.demonstrations.rotation_conversion import Representation
 from pilotfish.demonstrations.signal_alignment import signal_times
 from pilotfish.demonstrations.signals import Recording
@@ -118,6 +119,7 @@ def suggest_settings(recordings: Iterable[Recording]) -> tuple[BuildSettings, tu
         _propose_numbered_columns(draft)
     _ask_for_matrices(draft)
     _ask_for_angles(draft)
+    _ask_for_reference_frames(draft)
     settings = BuildSettings(tuple(draft.parts), tuple(draft.frames), _common_period(draft))
     for recording in given:
         for source in settings.parts:
@@ -260,6 +262,20 @@ def _ask_for_angles(draft: _Draft) -> None:
                 "pitch and yaw, or another form, with --settings."
             )
             draft.questions.append(Question("columns", text))
+
+
+def _ask_for_reference_frames(draft: _Draft) -> None:
+    """Ask about objects whose poses are relative to another frame than the tool's."""
+    recording = draft.recordings[0]
+    signals = [
+        recording.signals[select_columns(recording, columns, label)[0]]
+        for columns, label in [
+            *((part.columns, part.name) for part in draft.parts if part.quantity is Quantity.POSITION),
+            *((frame.position, frame.name) for frame in draft.frames),
+        ]
+    ]
+    if signals and (text := describe_different_frames(signals[0], signals[1:])):
+        draft.questions.append(Question("columns", text))
 
 
 def _is_angle(words: Sequence[str], stem: Sequence[str]) -> bool:

@@ -159,3 +159,26 @@ def test_recognises_other_files_is_false(tmp_path: Path):
     assert not ros_bags.recognises(tmp_path)
     with pytest.raises(InvalidInput, match="not a ROS recording"):
         ros_bags.read(tmp_path)
+
+
+@KINDS
+def test_read_pose_of_camera_is_in_base_of_tool(kind, rng, tmp_path: Path):
+    """The camera hangs 1 m above the base and looks down: its y and z axes are turned about x."""
+    path, down = bag_path(tmp_path, kind), np.array([0.5, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    with BagWriter(path, kind) as bag:
+        bag.put("/tf_static", TRANSFORMS, START, transforms=[bag.transform("camera", START, down, "base")])
+        for step in range(3):
+            time = START + step * 10**8
+            tool = {"header": bag.header(time), "pose": bag.pose(np.eye(7)[6])}
+            seen = bag.pose(np.array([0.1, 0.2, 0.9, 0.0, 0.0, 0.0, 1.0]))
+            bag.put("/tool", POSE, time, **tool)
+            bag.put("/cube", POSE, time, header=bag.header(time, "camera"), pose=seen)
+    (recording,) = ros_bags.read(path)
+    signals = {signal.name: signal for signal in recording.signals}
+    assert {name: signal.reference_frame for name, signal in signals.items()} == {
+        "/tool": "base",
+        "/cube": "base",
+    }
+    expected = np.tile([0.6, -0.2, 0.1, 1.0, 0.0, 0.0, 0.0], (3, 1))
+    np.testing.assert_allclose(signals["/cube"].values, expected, atol=1e-12)
+    assert "/cube: poses in frame 'camera' converted to frame 'base'" in recording.notes

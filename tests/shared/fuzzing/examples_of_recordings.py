@@ -22,7 +22,10 @@ def recordings_examples() -> Examples:
         (FrameSource("cup", ("px", "py", "pz")),),
         0.05,
     )
+    columns = (*(f"translation.{axis}" for axis in "xyz"), *(f"rotation.{axis}" for axis in "xyzw"))
+    camera = Signal("/tf/camera", np.eye(7)[6:], columns, ("m",) * 3 + ("1",) * 4, t[:1], "base")
     return {
+        "to_common_reference_frames": {"signals": [camera], "children": {"/tf/camera": "camera"}},
         "build_demonstration": {"recording": recording, "settings": settings},
         "suggest_settings": {"recordings": [recording]},
         "column_names": {"recording": recording},

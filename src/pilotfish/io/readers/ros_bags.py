@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pilotfish.demonstrations import Recording, Signal
+from pilotfish.demonstrations import Recording, Signal, to_common_reference_frames
 from pilotfish.errors import InvalidInput, escape
 from pilotfish.io.demonstration_descriptions import KEY, MAX_DESCRIPTION_BYTES
 from pilotfish.io.natural_order import natural_key
@@ -105,7 +105,8 @@ class _Content:
     """What was read of a bag."""
 
     rows: dict[str, _Rows] = field(default_factory=dict)
-    parents: dict[str, str] = field(default_factory=dict)
+    parents: dict[str, str] = field(default_factory=dict)  # reference frame of each signal
+    children: dict[str, str] = field(default_factory=dict)  # frame whose pose a signal of a transform is
     notes: list[str] = field(default_factory=list)
     description: str | None = None
     entries: int = 0
@@ -113,10 +114,13 @@ class _Content:
     def add(self, topic: str, receipt: int, sample: Sample) -> None:
         """Append a sample; one with other columns or another parent frame belongs to another signal."""
         name = f"{topic}{sample.suffix}"
-        if sample.parent and self.parents.setdefault(name, sample.parent) != sample.parent:
+        if self.parents.setdefault(name, sample.parent) != sample.parent:
             name = f"{name} in {sample.parent}"
         if (rows := self.rows.get(name)) is None or rows.columns != sample.columns:
             name, rows = self._signal(name, sample)
+            self.parents[name] = sample.parent
+            if sample.suffix:
+                self.children[name] = sample.suffix.lstrip("/")
         rows.values.extend(sample.row)
         rows.stamps.append(sample.stamp)
         rows.receipts.append(receipt)
@@ -182,8 +186,11 @@ def _read_bag(bag: Path, topics: list[str] | None) -> Recording:
     attributes = {"start_ns": str(start)}
     if content.description is not None:
         attributes[KEY] = content.description
+    children = {escape(name): escape(child) for name, child in content.children.items()}
+    signals, notes = to_common_reference_frames(signals, children)
+    content.notes += notes
     content.notes += [
-        f"{name} is relative to frame {parent!r}" for name, parent in content.parents.items() if parent
+        f"{s.name} is relative to frame {s.reference_frame!r}" for s in signals if s.reference_frame
     ]
     name = bag.name if is_folder(bag) else bag.stem
     kind = "ROS 1" if is_ros1 else "ROS 2"
@@ -293,7 +300,8 @@ def _build_signals(content: _Content) -> tuple[tuple[Signal, ...], int]:
     for name, rows in content.rows.items():
         values = np.frombuffer(rows.values, np.float64).reshape(-1, len(rows.columns))
         columns = tuple(escape(column) for column in rows.columns)
-        signals.append(Signal(escape(name), values, columns, rows.units, (times[name] - start) / 1e9))
+        own, parent = (times[name] - start) / 1e9, escape(content.parents[name])
+        signals.append(Signal(escape(name), values, columns, rows.units, own, parent))
     return tuple(signals), start
 
 

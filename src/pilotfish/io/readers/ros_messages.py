@@ -25,7 +25,7 @@ class Sample(NamedTuple):
         units: Unit of each number; "" if the type implies none.
         row: Numbers.
         stamp: Time in the header [ns]; 0 if there is none.
-        parent: Frame that a transform is relative to; "" for other messages.
+        parent: Frame that a pose, point or transform is relative to; "" if the message states none.
     """
 
     suffix: str
@@ -48,7 +48,8 @@ class _Fields:
     get: Callable[[Any], tuple[float, ...]]
 
     def __call__(self, message: Any) -> Iterator[Sample]:
-        yield Sample("", self.columns, self.units, self.get(message), _stamp(message))
+        parent = _frame_id(message) if "m" in self.units else ""  # that of a twist or wrench is not a pose's
+        yield Sample("", self.columns, self.units, self.get(message), _stamp(message), parent)
 
 
 def _fields(*groups: tuple[str, tuple[str, ...], str], prefix: str = "", qualify: str = "") -> _Fields:
@@ -90,8 +91,14 @@ def _stamp(message: Any) -> int:
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec) if header is not None else 0
 
 
+def _frame_id(message: Any) -> str:
+    """Return the frame in the header, without the slash of ROS 1; "" without a header."""
+    header = getattr(message, "header", None)
+    return str(header.frame_id).lstrip("/") if header is not None else ""
+
+
 def _transform(message: Any) -> Iterator[Sample]:
-    suffix, parent = f"/{message.child_frame_id.lstrip('/')}", message.header.frame_id
+    suffix, parent = f"/{message.child_frame_id.lstrip('/')}", _frame_id(message)
     yield Sample(
         suffix, _TRANSFORM.columns, _TRANSFORM.units, _TRANSFORM.get(message), _stamp(message), parent
     )
