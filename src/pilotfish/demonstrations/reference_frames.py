@@ -19,7 +19,8 @@ from pilotfish.types import Array, Bool, Float, Int
 from pilotfish.validation import require_type, short_list
 
 MAX_AGE = 0.5  # s, between a pose and the nearest row of a transform that changes
-MIN_NORM = 1e-6  # of a quaternion
+MIN_NORM, MAX_NORM = 1e-6, 1e6  # of a quaternion's largest component
+MAX_POSITION = 1e9  # m
 MAX_CHAIN = 1000  # transforms in series
 POSITIONS = ("position", "translation", "pose.position", "")
 CAMERA_WORDS = ("camera", "optical")
@@ -173,8 +174,9 @@ def _express(signal: Signal, base: str, transforms: Mapping[str, _Transform]) ->
         transform = transforms[frame]
         kept &= _is_near(transform.times, times)
         p, q = _interpolate(transform, times)
-        position = p + np.einsum("tij,tj->ti", rotation_matrix(q), position)
-        quaternion = None if quaternion is None else multiply(q, quaternion)
+        with np.errstate(over="ignore", invalid="ignore"):  # a pose that is not finite stays so
+            position = p + np.einsum("tij,tj->ti", rotation_matrix(q), position)
+            quaternion = None if quaternion is None else multiply(q, quaternion)
         frame = transform.parent
     values[:, columns] = position
     if quaternion is not None:
@@ -222,5 +224,6 @@ def _scalar_first(xyzw: Float[Array, "T 4"]) -> Float[Array, "T 4"]:
 
 
 def _is_pose(position: Float[Array, "T 3"], q: Float[Array, "T 4"]) -> Bool[Array, " T"]:
-    is_finite = np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1)
-    return np.asarray(is_finite & (np.linalg.norm(np.where(np.isfinite(q), q, 0.0), axis=1) > MIN_NORM))
+    """Return whether rows are finite and of a size that a transform may have."""
+    largest, size = np.abs(position).max(axis=1, initial=0.0), np.abs(q).max(axis=1, initial=0.0)
+    return np.asarray((largest < MAX_POSITION) & (size > MIN_NORM) & (size < MAX_NORM))  # False for NaN
