@@ -1,23 +1,40 @@
 """Diagnostics: anomalies of a set of demonstrations, each of which is well formed."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
+from pilotfish.demonstrations.anomalies_in_rows import Anomaly, row_anomalies
+from pilotfish.demonstrations.anomalies_of_frames import frame_anomalies, missing_frame
+from pilotfish.demonstrations.anomalies_of_orientations import order_anomalies, sign_anomalies
 from pilotfish.demonstrations.layouts import Layout
 from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.demonstrations.signs import unwrap_orientations
 from pilotfish.demonstrations.switches import switching_columns
 from pilotfish.demonstrations.views import incompatibility
-from pilotfish.types import Array, Float, Int
+from pilotfish.types import Array, Float
 from pilotfish.validation import short_list
 
 MAX_DURATION_RATIO = 2.0  # of the longest to the shortest demonstration
-MIN_JUMP_RATIO = 5.0  # of a step to the steps before and after it
-MIN_JUMP_FRACTION = 0.05  # of the diagonal of the part's range
+Severity = Literal["note", "warning", "error"]
+Found = tuple[int, Anomaly]  # number of a demonstration, and what was found in it
+
+# Nearest fix in Python of each kind of anomaly that has one.
+FIXES = {
+    "held rows": "learn from every n-th row: demonstration(x[::n], n * period, ...)",
+    "times": "resample the recording with build_demonstration, or correct the period",
+    "units": "convert the columns to SI units",
+    "size": "convert the columns if they are in another unit",
+    "wrap-around": "numpy.unwrap(x, axis=0) removes the jumps",
+    "quaternion order": "numpy.roll(q, 1, axis=1) makes w x y z of x y z w",
+    "lost frame": "interpolate the pose over those rows",
+    "held frame": "interpolate the pose over those rows",
+    "far frame": "convert its position to metres",
+    "missing frame": "record the pose of the object, and add it with frame_from_pose",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +45,26 @@ class Diagnostic:
         severity: "note" if it may be intended, "warning" if it should be checked before learning, "error" if
             learning refuses the set.
         location: Demonstration or frame.
-        message: What was found, with the nearest fix.
+        message: What was found.
+        kind: Name of the anomaly, such as "held rows".
+        fix: Nearest fix in Python; "" where the message has it.
     """
 
-    severity: Literal["note", "warning", "error"]
+    severity: Severity
     location: str
     message: str
+    kind: str = ""
+    fix: str = ""
 
 
 def diagnose(demonstrations: Sequence[Demonstration]) -> tuple[Diagnostic, ...]:
     """Find anomalies of a set of demonstrations.
 
-    These are differences in layout, period or frames, duplicates, very different lengths, frames that are the
-    same everywhere, constant columns, and jumps.
+    These are differences in layout, period or frames, duplicates, very different lengths, implausible units
+    and speeds, rows that are held, times that contradict the period, angles that wrap around, quaternions of
+    opposite signs or in another order, jumps, constant columns, and frames that are the same everywhere,
+    lost, held, mirrored, scaled, contradictory, far away or missing. An anomaly of several demonstrations is
+    reported once, with the numbers of the first.
 
     Args:
         demonstrations: Any number of demonstrations.
@@ -51,14 +75,42 @@ def diagnose(demonstrations: Sequence[Demonstration]) -> tuple[Diagnostic, ...]:
     if not demonstrations:
         return (Diagnostic("error", "the set", "has no demonstrations, expected at least one"),)
     found = list(_incompatibilities(demonstrations))
-    if not found:
+    is_compatible = not found
+    if is_compatible:
         found += [*_constant_frames(demonstrations)]
     found += [*_duplicates(demonstrations), *_lengths(demonstrations)]
+    return (*found, *_join(demonstrations, list(_anomalies(demonstrations, is_compatible))))
+
+
+def _anomalies(demonstrations: Sequence[Demonstration], is_compatible: bool) -> Iterator[Found]:
+    """Yield the anomalies of single demonstrations, and those of the set with the number of each."""
     switches = _switches_by_layout(demonstrations)
     for m, demo in enumerate(demonstrations):
-        unwrapped, label = replace(demo, x=unwrap_orientations(demo.x, demo.layout)), _label(m, demo)
-        found += [*_constant_columns(label, unwrapped), *_jumps(label, unwrapped, switches[demo.layout])]
-    return tuple(found)
+        unwrapped = replace(demo, x=unwrap_orientations(demo.x, demo.layout))
+        for anomaly in (*row_anomalies(unwrapped, switches[demo.layout]), *frame_anomalies(demo)):
+            yield m, anomaly
+    if is_compatible:
+        yield from sign_anomalies(demonstrations)
+        for anomaly in (*order_anomalies(demonstrations), *missing_frame(demonstrations)):
+            for m in range(len(demonstrations)):
+                yield m, anomaly
+
+
+def _join(demonstrations: Sequence[Demonstration], found: Sequence[Found]) -> Iterator[Diagnostic]:
+    """Yield one diagnostic for the same anomaly of several demonstrations."""
+    groups: dict[tuple[str, str, str], list[Found]] = {}
+    for m, anomaly in found:
+        groups.setdefault((anomaly.severity, anomaly.kind, anomaly.subject), []).append((m, anomaly))
+    for members in groups.values():
+        numbers = list(dict.fromkeys(m for m, _ in members))
+        anomaly = members[0][1]
+        location = _label(numbers[0], demonstrations[numbers[0]])
+        if len(numbers) == len(demonstrations) > 1:
+            location = "all demonstrations:"
+        elif len(numbers) > 1:
+            location = f"demonstrations {short_list([str(m) for m in numbers])}:"
+        severity = cast(Severity, anomaly.severity)
+        yield Diagnostic(severity, location, anomaly.message, anomaly.kind, FIXES.get(anomaly.kind, ""))
 
 
 def _switches_by_layout(demonstrations: Sequence[Demonstration]) -> dict[Layout, tuple[str, ...]]:
@@ -110,34 +162,3 @@ def _lengths(demonstrations: Sequence[Demonstration]) -> Iterator[Diagnostic]:
             "remove rows that do not belong to the task"
         )
         yield Diagnostic("warning", _label(n, demonstrations[n]), message)
-
-
-def _constant_columns(label: str, demo: Demonstration) -> Iterator[Diagnostic]:
-    constant = np.flatnonzero(np.ptp(demo.x, axis=0) == 0)
-    if constant.size:
-        names = short_list([repr(demo.layout.names[column]) for column in constant])
-        yield Diagnostic("note", label, f"is constant in {names}; its variance is then the regularisation")
-
-
-def _jumps(label: str, demo: Demonstration, switches: Collection[str]) -> Iterator[Diagnostic]:
-    """Find jumps of coordinates in columns that do not switch."""
-    names = demo.layout.names
-    for part, columns in zip(demo.layout.parts, demo.layout.slices, strict=True):
-        smooth = [c for c in range(columns.start, columns.stop) if names[c] not in switches]
-        rows = _jump_rows(demo.x[:, smooth]) if part.derivative == 0 else np.zeros(0, dtype=np.int64)
-        if rows.size:
-            message = (
-                f"{part.name} jumps at row {rows[0]} (first is 0), {rows.size} times in all; "
-                "rows may be missing or repeated"
-            )
-            yield Diagnostic("warning", label, message)
-
-
-def _jump_rows(x: Float[Array, "T d"]) -> Int[Array, " J"]:
-    """Return the rows reached by a step that is far longer than the steps before and after it."""
-    steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
-    before = np.concatenate([[0.0], steps[:-1]])
-    after = np.concatenate([steps[1:], [0.0]])
-    diagonal = float(np.linalg.norm(np.ptp(x, axis=0)))
-    jumps = (steps > MIN_JUMP_RATIO * np.maximum(before, after)) & (steps > MIN_JUMP_FRACTION * diagonal)
-    return np.flatnonzero(jumps).astype(np.int64) + 1

@@ -58,7 +58,7 @@ def read_demonstrations(path: str | Path) -> tuple[Demonstration, ...]:
     period, layout, entries = _read_manifest(folder)
     demonstrations = []
     for file, (name, sha256, frames) in entries.items():
-        arrays = _read_arrays(folder, file, sha256, layout)
+        arrays = _read_arrays(folder, file, sha256, layout, period)
         _require_expected_arrays(arrays, file, frames)
         try:
             built = [_build_frame(frame_name, given, arrays) for frame_name, given in frames.items()]
@@ -140,7 +140,9 @@ def _read_inside(folder: Path, name: str, expected: str, max_bytes: int) -> byte
     return read_file(file, expected, max_bytes)
 
 
-def _read_arrays(folder: Path, file: str, sha256: str, layout: Layout) -> dict[str, Float[Array, "..."]]:
+def _read_arrays(
+    folder: Path, file: str, sha256: str, layout: Layout, period: float
+) -> dict[str, Float[Array, "..."]]:
     is_csv = file.endswith(".csv")
     data = _read_inside(folder, file, "a table of rows", MAX_CSV_BYTES if is_csv else MAX_NPZ_BYTES)
     if sha256 and sha256 != (actual := hashlib.sha256(data).hexdigest()):
@@ -148,7 +150,7 @@ def _read_arrays(folder: Path, file: str, sha256: str, layout: Layout) -> dict[s
             f"{file}: changed after it was written: its sha256 is {actual[:12]}..., the manifest expects "
             f"{sha256[:12]}...; if the change is meant, delete its sha256 and the manifest's own"
         )
-    return {"x": decode_csv(data, file, layout.names)} if is_csv else decode_npz(data, file)
+    return {"x": decode_csv(data, file, layout.names, period)} if is_csv else decode_npz(data, file)
 
 
 def _require_expected_arrays(arrays: dict[str, Float[Array, "..."]], file: str, frames: Frames) -> None:

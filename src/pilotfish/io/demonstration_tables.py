@@ -6,6 +6,7 @@ no pickled object is loaded.
 
 import csv
 import io
+import re
 import zipfile
 from array import array
 from collections.abc import Mapping, Sequence
@@ -15,6 +16,8 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.io.read_errors import READ_ERRORS
+from pilotfish.io.readers.column_headers import is_time_name, split_unit, to_seconds
+from pilotfish.io.readers.read_options import ReadOptions
 from pilotfish.types import Array, Float
 from pilotfish.validation import MAX_NAME_LENGTH, numeric_array, short_list, short_repr
 
@@ -23,6 +26,8 @@ MAX_CSV_BYTES = 2**27  # reading takes about ten times as much memory
 MAX_NPZ_BYTES = 2**29  # of the file, and of its arrays after expansion
 MAX_ARRAY_ENTRIES = 2**26  # numbers in all arrays of an NPZ file
 MAX_ARRAYS = 1000
+MAX_TIME_ERROR = 0.02  # of the period, of the time between two rows
+RESAMPLE_FIX = "correct the period, or resample the recording with build_demonstration"
 SUPPORTED_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # of numpy.savez and savez_compressed
 
 
@@ -43,17 +48,18 @@ def encode_csv(x: Float[Array, "T D"], names: Sequence[str]) -> bytes:
     return _require_writable_size(out.getvalue().encode(), MAX_CSV_BYTES)
 
 
-def decode_csv(data: bytes, file: str, names: Sequence[str]) -> Float[Array, "T D"]:
-    """Return the rows of a CSV file.
+def decode_csv(data: bytes, file: str, names: Sequence[str], period: float) -> Float[Array, "T D"]:
+    """Return the rows of a CSV file; a first column of times is compared with the period and dropped.
 
     Args:
         data: Content of the file.
         file: Name of the file, for messages.
-        names: Column names that the header must have.
+        names: Column names that the header must have. Units in brackets may follow them.
+        period: Time between two rows that the manifest states [s].
 
     Raises:
-        InvalidInput: If the header differs or a value is not a finite number; the message names line and
-            column.
+        InvalidInput: If the header differs, a value is not a finite number, or the times contradict the
+            period; the message names line and column.
     """
     try:
         lines = io.StringIO(data.decode("utf-8-sig"), newline="")
@@ -63,13 +69,37 @@ def decode_csv(data: bytes, file: str, names: Sequence[str]) -> Float[Array, "T 
         ) from error
     reader = csv.reader(lines, strict=True)
     try:
-        _require_header(next(reader, []), file, names)
+        header = next(reader, [])
+        columns = [*header[: len(header) - len(names)], *names] if _has_times(header, names) else [*names]
+        _require_header(header[len(columns) - len(names) :], file, names)
         numbers = array("d")
         for row in reader:
-            numbers.extend(_parse_row(row, f"{file}, line {reader.line_num}", names))
+            numbers.extend(_parse_row(row, f"{file}, line {reader.line_num}", columns))
     except csv.Error as error:
         raise InvalidInput(f"{file}, line {reader.line_num}: not CSV that can be read: {error}") from error
-    return np.array(numbers, dtype=np.float64).reshape(-1, len(names))
+    rows = np.array(numbers, dtype=np.float64).reshape(-1, len(columns))
+    if len(columns) > len(names):
+        _require_times(rows[:, 0], columns[0], file, period)
+    return rows[:, len(columns) - len(names) :]
+
+
+def _has_times(header: Sequence[str], names: Sequence[str]) -> bool:
+    """Return whether a column of times precedes the columns of the layout."""
+    return len(header) == len(names) + 1 and is_time_name(split_unit(header[0])[0])
+
+
+def _require_times(values: Float[Array, " T"], column: str, file: str, period: float) -> None:
+    """Refuse times that contradict the period."""
+    if len(values) < 2:
+        return
+    label = f"{file}, column {short_repr(column)}"
+    steps = np.diff(to_seconds(values, split_unit(column)[1], ReadOptions(), label))
+    middle = float(np.median(steps))
+    if np.abs(steps - period).max() > MAX_TIME_ERROR * period:
+        raise InvalidInput(
+            f"{label}: times ascend by {steps.min():.4g} to {steps.max():.4g} s per row (median "
+            f"{middle:.4g}), but the manifest states a period of {period:.6g} s; {RESAMPLE_FIX}"
+        )
 
 
 def encode_npz(arrays: Mapping[str, Float[Array, "..."]]) -> bytes:
@@ -159,7 +189,7 @@ def _is_printable(name: str) -> bool:
 
 
 def _require_header(header: Sequence[str], file: str, names: Sequence[str]) -> None:
-    if list(header) == list(names):
+    if [_without_unit(name) for name in header] == list(names) or list(header) == list(names):
         return
     if len(header) == 1 and ";" in header[0]:
         hint = "; columns are separated by commas, not semicolons"
@@ -169,6 +199,10 @@ def _require_header(header: Sequence[str], file: str, names: Sequence[str]) -> N
         n = next(n for n, (a, b) in enumerate(zip(header, names, strict=True)) if a != b)
         hint = f": column {n + 1} is {short_repr(header[n])}, expected {names[n]!r}"
     raise InvalidInput(f"{file}, line 1: the header is not the layout's{hint}; expected {short_list(names)}")
+
+
+def _without_unit(name: str) -> str:
+    return re.sub(r"\s*\[[^\[\]]*\]$", "", name)
 
 
 def _parse_row(row: Sequence[str], label: str, names: Sequence[str]) -> list[float]:

@@ -110,7 +110,7 @@ def _csv() -> Target:
         return (data, value[1]), said
 
     def read(value: Any) -> Any:
-        return decode_csv(value[0], "x.csv", value[1])
+        return decode_csv(value[0], "x.csv", value[1], 0.1)
 
     return Target(bases, edit, lambda value: value, read, _sound)
 

@@ -13,6 +13,7 @@ from pilotfish.cli.options.demonstrations import (
     require_dataset,
 )
 from pilotfish.cli.output.demonstrations import demonstration_blocks, demonstration_to_json
+from pilotfish.cli.output.diagnostics import format_diagnostic
 from pilotfish.cli.output.results import (
     CommandResult,
     example_epilog,
@@ -71,11 +72,12 @@ def check_folder(folder: str) -> CommandResult:
     """
     demonstrations = load_demonstrations(folder)
     diagnostics = diagnose(demonstrations)
-    lines = [f"{d.severity}: {d.location} {d.message}" for d in diagnostics]
+    lines = [format_diagnostic(diagnostic, folder) for diagnostic in diagnostics]
     result = {
         "demonstrations": [demonstration_to_json(demo) for demo in demonstrations],
         "diagnostics": [
-            {"severity": d.severity, "location": d.location, "message": d.message} for d in diagnostics
+            {"severity": d.severity, "location": d.location, "kind": d.kind, "message": d.message}
+            for d in diagnostics
         ],
     }
     return CommandResult(

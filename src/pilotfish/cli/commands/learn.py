@@ -20,6 +20,7 @@ from pilotfish.cli.options.demonstrations import (
 from pilotfish.cli.options.durations import DURATION_NAMES, DYNAMICS, duration_model
 from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import StructureType, structure_syntax_list
+from pilotfish.cli.output.diagnostics import format_diagnostic
 from pilotfish.cli.output.motion_notes import name_options
 from pilotfish.cli.output.results import (
     CommandResult,
@@ -139,7 +140,7 @@ def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
         riemannian=options["riemannian"],
         velocities=options["velocities"],
     )
-    _print_warnings(demonstrations)
+    _print_warnings(demonstrations, folder)
     fit = _fit(demonstrations, durations, options)
     dropped_frames: tuple[str, ...] = ()
     if options["drop_distractors"]:
@@ -218,10 +219,10 @@ def _drop_distractors(
     return replace(refitted, skill=skill), dropped_frames
 
 
-def _print_warnings(demonstrations: Sequence[Demonstration]) -> None:
+def _print_warnings(demonstrations: Sequence[Demonstration], source: str) -> None:
     for diagnostic in diagnose(demonstrations):
         if diagnostic.severity == "warning":  # learning reports errors
-            print_note(f"{diagnostic.severity}: {diagnostic.location} {diagnostic.message}")
+            print_note(format_diagnostic(diagnostic, source))
 
 
 def _to_result(

@@ -11,7 +11,7 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration, add_derivatives, to_sphere
 from pilotfish.errors import InvalidInput
-from pilotfish.io import datasets, read_demonstrations, synthetic_valve
+from pilotfish.io import datasets, is_folder, read_demonstrations, synthetic_valve
 from pilotfish.models import Skill
 from pilotfish.validation import first_duplicate, nearest_name, short_list, short_repr
 
@@ -19,6 +19,11 @@ Command = Callable[..., Any]
 NUMBER = re.compile("[0-9]{1,6}")
 DATASET_PREFIX = "dataset:"
 SYNTHETIC_NAME = "synthetic valve"  # generated demonstrations, which need no download
+# Fixes in messages of `read_demonstrations`, and what to type instead.
+COMMAND_FIXES = {
+    "pass unwrap_orientations(x, layout)": "pilotfish data import {source} --out NEW makes them continuous",
+    "resample the recording with build_demonstration": "resample: pilotfish data import {source} --out NEW",
+}
 DEMONSTRATION_SUFFIXES = (".csv", ".npz", ".toml", ".json")
 
 
@@ -30,7 +35,20 @@ def load_demonstrations(source: str) -> tuple[Demonstration, ...]:
     """
     if source.startswith(DATASET_PREFIX):
         return load_dataset(source.removeprefix(DATASET_PREFIX))
-    return read_demonstrations(source)
+    try:
+        return read_demonstrations(source)
+    except InvalidInput as error:
+        raise InvalidInput(_with_command_fix(str(error), source)) from error
+
+
+def _with_command_fix(message: str, source: str) -> str:
+    """Return a message with the command that does what a function in Python is named for."""
+    for function, fix in COMMAND_FIXES.items():
+        message = message.replace(function, fix.format(source=source))
+    names = (*datasets.names(), SYNTHETIC_NAME)
+    if source in names and not is_folder(source):
+        message += f"; did you mean the data set {DATASET_PREFIX}{source}?"
+    return message
 
 
 def demonstration_files(folder: Path) -> list[Path]:

@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import Any
 
 from pilotfish.cli.output.demonstrations import demonstration_blocks, demonstration_to_json
+from pilotfish.cli.output.diagnostics import format_diagnostic
 from pilotfish.cli.output.results import CommandResult
 from pilotfish.cli.output.tables import Table
 from pilotfish.demonstrations import (
@@ -134,7 +135,7 @@ def import_result(
     conversions = _shared_lines([(demo.name, conversion.lines) for demo, conversion in built])
     left_out, diagnostics = _left_out(recordings, settings), diagnose(demonstrations)
     notes = _notes(recordings)
-    findings = [f"{d.severity}: {d.location} {d.message}" for d in diagnostics]
+    findings = [format_diagnostic(diagnostic, out) for diagnostic in diagnostics]
     blocks: list[str | Table] = [
         table,
         *demonstration_blocks(demonstrations),

@@ -29,7 +29,7 @@ from pilotfish.validation import nearest_name, require_type, short_list, short_r
 
 # Modules of this package with FORMAT, recognises(path) and read(path), or read(path, options). They are
 # imported when a path is read, and tried in this order: the first that recognises a path reads it.
-READERS = ("lerobot", "robomimic", "ros_bags", "npy_arrays", "matlab", "delimited")
+READERS = ("demonstration_folders", "lerobot", "robomimic", "ros_bags", "npy_arrays", "matlab", "delimited")
 MAX_FILES = 100_000
 TEXT_SUFFIXES = {".txt", ".text"}
 DOCUMENTS = re.compile(
