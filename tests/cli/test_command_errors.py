@@ -181,7 +181,10 @@ WRONG_FRAMES: dict[str, tuple[Any, str]] = {
     "a frame twice": ([CUP, CUP], "frames are ['cup', 'cup'], expected each of"),
     "no list": (3, "list of frames"),
     "an empty list": ([], "list of frames"),
-    "no quaternion": ([{"name": "cup", "position": [0, 0, 0]}], "expected name, position, quaternion"),
+    "no quaternion": (
+        [{"name": "cup", "position": [0, 0, 0]}],
+        "is missing; expected name with position",
+    ),
     "a long quaternion": ([{**CUP, "quaternion": [2, 0, 0, 0]}], "norm 2"),
     "two coordinates": ([{**CUP, "position": [0, 0]}], "frame 0"),
     "an infinite place": ([{**CUP, "position": [0, 0, 1e999]}], "finite"),

@@ -65,7 +65,7 @@ BAD_MANIFESTS = [
         r"frame 0: quaternion .* has norm 1\.41421",
     ),
     ('name = "cup", A', 'name = "", A', "the name of a frame is ''"),
-    ("[{ name", "[3, { name", "demonstration 0, frame 0 is 3, expected a table with name, A, b"),
+    ("[{ name", "[3, { name", "demonstration 0, frame 0 is 3, expected a table: name with position"),
 ]
 
 

@@ -18,10 +18,11 @@ from pilotfish.demonstrations.frames import (
     world_frame,
 )
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity, pose_layout, position_layout
-from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses
+from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses, planar_frame
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.reference_frames import to_common_reference_frames
 from pilotfish.demonstrations.resampling import resample
+from pilotfish.demonstrations.rotation_conversion import to_quaternions
 from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
@@ -60,6 +61,7 @@ __all__ = [
     "moving_frame",
     "moving_frame_from_poses",
     "parse_unit",
+    "planar_frame",
     "pose_layout",
     "position_layout",
     "resample",
@@ -68,6 +70,7 @@ __all__ = [
     "switching_columns",
     "time_unit",
     "to_common_reference_frames",
+    "to_quaternions",
     "to_sphere",
     "unwrap_orientations",
     "views",

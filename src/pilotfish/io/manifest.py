@@ -17,13 +17,10 @@ from pilotfish.demonstrations import (
     Layout,
     Part,
     Quantity,
-    frame,
-    frame_from_pose,
 )
 from pilotfish.errors import InvalidInput
-from pilotfish.geometry import pose
+from pilotfish.io.frame_tables import FORMS, parse_frame
 from pilotfish.validation import (
-    finite_array,
     first_duplicate,
     nearest_name,
     require_count,
@@ -243,26 +240,23 @@ def _parse_entry(value: object, label: str, layout: Layout) -> tuple[str, tuple[
 
 
 def _parse_frame(value: object, label: str, layout: Layout) -> tuple[str, Frame | tuple[str, str]]:
-    by_pose = isinstance(value, dict) and ("position" in value or "quaternion" in value)
-    table = _require_table(
-        value, label, ("name", "position", "quaternion") if by_pose else ("name", "A", "b")
-    )
+    if not isinstance(value, dict):
+        raise InvalidInput(f"{label} is {short_repr(value)}, expected a table: {FORMS}")
     try:
-        name = require_name(table["name"], "the name of a frame")
-        if by_pose:
-            position, quaternion = (finite_array(table[key], key) for key in ("position", "quaternion"))
-            return name, frame_from_pose(name, layout, pose(position, quaternion))
-        if isinstance(table["A"], str):
-            return name, (require_printable(table["A"], "A"), require_printable(table["b"], "b"))
-        given = frame(name, table["A"], table["b"])
+        if isinstance(value.get("A"), str):  # arrays of a moving frame
+            table = _require_table(value, label, ("name", "A", "b"))
+            arrays = require_printable(table["A"], "A"), require_printable(table["b"], "b")
+            return require_name(table["name"], "the name of a frame"), arrays
+        given = parse_frame(value, layout)
         if len(given.b) != layout.width:
             raise InvalidInput(
-                f"frame {name!r}: A and b are {len(given.b)} wide, expected the width of the layout: "
+                f"frame {given.name!r}: A and b are {len(given.b)} wide, expected the width of the layout: "
                 f"{layout.width} columns"
             )
-        return name, given
+        return given.name, given
     except InvalidInput as error:
-        raise InvalidInput(f"{label}: {error}") from error
+        known = str(error).startswith(label)
+        raise InvalidInput(str(error) if known else f"{label}: {error}") from error
 
 
 def _require_table(

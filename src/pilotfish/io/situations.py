@@ -14,19 +14,17 @@ from pilotfish.demonstrations import (
     Layout,
     Part,
     Quantity,
-    frame,
-    frame_from_pose,
 )
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import pose
+from pilotfish.io.frame_tables import FORMS, parse_frame
 from pilotfish.io.paths import read_file
 from pilotfish.models import AdaptedSkill, Skill
 from pilotfish.types import Array, Float
-from pilotfish.validation import finite_array, require_name, short_list, short_repr
+from pilotfish.validation import finite_array, short_list, short_repr
 
 MAX_SITUATION_BYTES = 2**24
 MAX_FRAMES = 1000
-POSE_KEYS, MATRIX_KEYS = {"name", "position", "quaternion"}, {"name", "A", "b"}
 ORIENTATIONS = (Quantity.QUATERNION, Quantity.ORIENTATION)
 KEY_OF_QUANTITY = {Quantity.POSITION: "position", **dict.fromkeys(ORIENTATIONS, "quaternion")}
 
@@ -89,14 +87,11 @@ def _file_keys(parts: Sequence[Part]) -> list[str]:
 
 
 def _parse_frame(given: object, label: str, layout: Layout) -> Frame:
-    if not isinstance(given, dict) or set(given) not in (POSE_KEYS, MATRIX_KEYS):
-        found = short_list(sorted(given)) if isinstance(given, dict) else short_repr(given)
-        raise InvalidInput(f"{label} has {found}, expected name, position, quaternion; or name, A, b")
+    if not isinstance(given, dict):
+        raise InvalidInput(f"{label} is {short_repr(given)}, expected a table: {FORMS}")
     try:
-        require_name(given["name"], "the name of a frame")
-        if set(given) == POSE_KEYS:
-            return frame_from_pose(given["name"], layout, pose(given["position"], given["quaternion"]))
-        return _extend_to_velocities(frame(given["name"], given["A"], given["b"]), layout)
+        parsed = parse_frame(given, layout)
+        return _extend_to_velocities(parsed, layout) if "A" in given else parsed
     except InvalidInput as error:
         raise InvalidInput(f"{label}: {error}") from error
 

@@ -59,7 +59,7 @@ def geometry_examples() -> Examples:
 def demonstrations_examples() -> Examples:
     demos, gripper = valve_demonstrations(), gripper_demonstrations()
     demo, layout = demos[0], demonstrations.pose_layout()
-    given = demo.frames[0]
+    given, plane = demo.frames[0], demonstrations.position_layout(2)
     A, b = np.stack([given.A] * len(demo.x)), np.stack([given.b] * len(demo.x))
     place = geometry.pose(given.b[:3], demo.x[0, 3:])
     return {
@@ -75,6 +75,13 @@ def demonstrations_examples() -> Examples:
         "demonstration": {"x": demo.x, "period": 0.1, "layout": layout, "frames": demo.frames, "name": "a"},
         "frame": {"name": "a", "A": given.A, "b": given.b},
         "moving_frame": {"name": "a", "A": A, "b": b},
+        "planar_frame": {
+            "name": "a",
+            "layout": demonstrations.position_layout(2),
+            "position": np.zeros(2),
+            "angle": 0.5,
+        },
+        "to_quaternions": {"values": np.zeros((2, 3)), "representation": "rpy", "label": "orientation"},
         "frame_from_pose": {"name": "a", "layout": layout, "pose": place},
         "moving_frame_from_poses": {"name": "a", "layout": layout, "poses": [place, place]},
         "has_opposite_sign": {"q": demo.x[:, 3:7], "reference": -demos[1].x[:, 3:7]},
