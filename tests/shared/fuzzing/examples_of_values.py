@@ -77,7 +77,7 @@ def demonstrations_examples() -> Examples:
         "moving_frame": {"name": "a", "A": A, "b": b},
         "planar_frame": {
             "name": "a",
-            "layout": demonstrations.position_layout(2),
+            "layout": plane,
             "position": np.zeros(2),
             "angle": 0.5,
         },
