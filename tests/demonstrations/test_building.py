@@ -260,6 +260,37 @@ def test_period_is_rounded_to_the_rate_of_the_source(steps: float, period: float
     assert demo.period == pytest.approx(period, rel=1e-12)
 
 
+@pytest.mark.parametrize("has_times", [True, False])
+def test_rows_without_values_are_interpolated_and_reported(has_times: bool):
+    """A line is interpolated exactly; without times, rows keep those of the period."""
+    line = 2.0 * np.arange(30.0)
+    line[[4, 5, 11]] = np.nan, np.inf, np.nan
+    times = np.arange(30) * 0.1 if has_times else None
+    recording = Recording("log", (signal(line.reshape(-1, 1), ("a",), times),), {"phase": ("p",) * 30})
+    demo, conversion = build_demonstration(recording, scalar_settings(period=0.1))
+    np.testing.assert_allclose(demo.x[:, 0], 2.0 * np.arange(30.0), atol=1e-9)
+    assert "3 of 30 rows without values are left out" in conversion.lines[0]
+    assert len(conversion.labels["phase"]) == 30
+
+
+def test_single_rows_that_repeat_a_time_are_left_out_and_many_are_refused():
+    """A message that was logged twice is harmless; a clock in whole seconds is not."""
+    times = np.arange(30) * 0.1
+    times[7] = times[6]
+    demo, conversion = build_demonstration(scalar(np.arange(30.0), times), scalar_settings(period=0.1))
+    np.testing.assert_allclose(demo.x[:, 0], np.arange(30.0), atol=1e-9)
+    assert "1 rows that repeat the time of the row before" in conversion.lines[0]
+    with pytest.raises(InvalidInput, match="repeats"):
+        build_demonstration(scalar(np.arange(30.0), np.arange(30) // 3), scalar_settings())
+
+
+def test_rows_missing_for_longer_than_the_limit_are_refused():
+    line = np.arange(60.0)
+    line[20:40] = np.nan
+    with pytest.raises(InvalidInput, match=r"no rows for 2\.1 s after 1\.9 s"):
+        build_demonstration(scalar(line), scalar_settings())
+
+
 @pytest.mark.usefixtures("unchecked")  # wrong types on purpose
 @pytest.mark.parametrize(
     ("times", "message"),
@@ -287,7 +318,7 @@ def test_gap_within_the_limit_is_interpolated():
 @pytest.mark.parametrize(
     ("recording", "part", "message"),
     [
-        (scalar([0, np.nan, 1]), {}, "row 1 .* column 'a' is nan"),
+        (scalar([np.nan, np.nan, np.nan]), {}, "no row has values in all of 'a'"),
         (scalar([0.0]), {}, "one row, expected at least two"),
         (scalar(np.zeros((0, 1))), {}, "no rows"),
         (Recording("none", ()), {}, "no signals"),

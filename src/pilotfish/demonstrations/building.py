@@ -19,6 +19,7 @@ from pilotfish.demonstrations.build_settings import (
 from pilotfish.demonstrations.column_selection import select_columns
 from pilotfish.demonstrations.frames import Frame, MovingFrame
 from pilotfish.demonstrations.layouts import Layout, Part, Quantity
+from pilotfish.demonstrations.missing_rows import drop_missing_rows
 from pilotfish.demonstrations.pose_frames import frame_from_pose, moving_frame_from_poses
 from pilotfish.demonstrations.recording import Demonstration, demonstration
 from pilotfish.demonstrations.rotation_conversion import COLUMN_COUNTS, to_quaternions
@@ -88,8 +89,9 @@ def _build(recording: Recording, settings: BuildSettings) -> tuple[Demonstration
     for given in settings.frames:
         pairs += [(source, f"frame {given.name!r}: {source.name}") for source in given.sources]
     selections = {label: select_columns(recording, source.columns, label) for source, label in pairs}
-    for label in selections:
-        _require_finite(recording, selections[label], label)
+    columns = _columns_by_signal(selections.values())
+    original = recording
+    recording, missing = drop_missing_rows(recording, columns, settings.period)
     moving = {selections[f"part {source.name!r}"][0] for source in settings.parts}
     moving |= {
         selections[f"frame {frame.name!r}: {source.name}"][0]
@@ -97,15 +99,14 @@ def _build(recording: Recording, settings: BuildSettings) -> tuple[Demonstration
         if frame.moving
         for source in frame.sources
     }
-    columns = _columns_by_signal(selections.values())
     alignment = align_signals(recording, columns, settings, columns.keys() - moving)
     reader = _SourceReader(recording, alignment, selections, settings.unwrap)
     parts, blocks = zip(*(reader.read_part(source) for source in settings.parts), strict=True)
     layout = Layout(parts)
     frames = [reader.read_frame(given, layout, settings) for given in settings.frames]
     demo = demonstration(np.hstack(blocks), alignment.period, layout, frames, recording.name)
-    lines = (*alignment.lines, *dict.fromkeys(reader.lines))
-    return demo, Conversion(lines, _align_labels(recording, alignment, settings.period), alignment.times)
+    lines = (*missing, *alignment.lines, *dict.fromkeys(reader.lines))
+    return demo, Conversion(lines, _align_labels(original, alignment, settings.period), alignment.times)
 
 
 class _SourceReader:
@@ -227,20 +228,6 @@ def _align_labels(
         return {}
     nearest = rows_between(signal_times(recording, 0, period), alignment.times).nearest.tolist()
     return {name: tuple(labels[row] for row in nearest) for name, labels in recording.labels.items()}
-
-
-def _require_finite(recording: Recording, selection: Selection, label: str) -> None:
-    number, columns = selection
-    signal = recording.signals[number]
-    values = signal.values[:, list(columns)]
-    if (bad := np.argwhere(~np.isfinite(values))).size:
-        row, column = bad[0].tolist()
-        name = signal.columns[columns[column]]
-        raise InvalidInput(
-            f"{signal_label(recording, number)}: {label}: row {row} (first is 0), column {name!r} is "
-            f"{values[row, column]} ({len(bad)} such values), expected finite numbers; remove those rows: "
-            "times without rows are interpolated up to max_gap"
-        )
 
 
 def _require_consistent(recording: Recording) -> None:
