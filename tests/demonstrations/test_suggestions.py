@@ -158,6 +158,18 @@ def test_other_rotations_are_found(names: str, values: np.ndarray, kind: str):
     assert np.allclose(np.abs(np.einsum("td,td->t", demo.x[:, 3:], pose("wxyz")[:, 3:])), 1.0)
 
 
+def test_yaw_of_an_object_is_its_orientation():
+    yaw = 0.2 + TIMES
+    names = "x,y,z,cube_x,cube_y,cube_z,cube_yaw,Gripper Mean Marker Error"
+    given = recording(("", names, np.column_stack([POINTS, POINTS, yaw, np.abs(POINTS[:, 0])])))
+    settings, _ = suggest_settings([given])
+    assert settings.frames[0].representation == "yaw"
+    assert [part.name for part in settings.parts] == ["position"]  # an error of a tracker is not a gripper
+    demo, _ = build_demonstration(given, settings)
+    c, s = np.cos(yaw[0]), np.sin(yaw[0])
+    np.testing.assert_allclose(demo.frames[0].A, [[c, -s, 0], [s, c, 0], [0, 0, 1]], atol=1e-12)
+
+
 def test_unnamed_columns_are_asked_for():
     columns = ",".join(f"column {n + 1}" for n in range(8))
     settings, questions = suggest_settings([recording(("", columns, np.column_stack([pose(), TIMES])))])
@@ -235,7 +247,7 @@ def test_pose_of_rtde_comes_before_its_joints():
     [
         ("x,y,z,yaw", "the tool"),
         ("x,y,z,a,b,c", "the tool"),
-        ("x,y,z,cube_x,cube_y,cube_z,cube_yaw", "'cube'"),
+        ("x,y,z,cube_x,cube_y,cube_z,cube_a,cube_b,cube_c", "'cube'"),
     ],
 )
 def test_angles_that_make_no_orientation_are_asked_for(names: str, owner: str):

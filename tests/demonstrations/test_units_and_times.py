@@ -110,6 +110,9 @@ def test_rotations_agree_with_scipy(rng: np.random.Generator):
         "xyzw": rotations.as_quat(),
         "wxyz": -rotations.as_quat(scalar_first=True),
     }
+    yaw = to_quaternions(angles[:, 2:], "yaw")
+    upright = Rotation.from_rotvec(angles * [0.0, 0.0, 1.0])
+    assert (Rotation.from_quat(yaw, scalar_first=True) * upright.inv()).magnitude().max() < 1e-7
     for form, values in forms.items():
         q = to_quaternions(values, form)  # type: ignore[arg-type]
         assert np.abs((Rotation.from_quat(q, scalar_first=True) * rotations.inv()).magnitude()).max() < 1e-7

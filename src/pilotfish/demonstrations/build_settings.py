@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pilotfish.demonstrations.layouts import Quantity
-from pilotfish.demonstrations.rotation_conversion import COLUMN_COUNTS, Representation, require_representation
+from pilotfish.demonstrations.rotation_conversion import ANGULAR, Representation, require_representation
 from pilotfish.demonstrations.timestamps import DEFAULT_GAP
 from pilotfish.demonstrations.units import ANGLE, LENGTH, NUMBER, is_unit, parse_unit
 from pilotfish.errors import InvalidInput
@@ -35,8 +35,8 @@ class PartSource:
         columns: Columns in order, each as "column", "signal:column" or a pattern with * and ?. All are of one
             signal.
         unit: Unit of the columns; empty for the unit that the file states, or the SI unit if it states none.
-        representation: Form of an orientation. Roll, pitch and yaw, and rotation vectors are in `unit`, rad
-            if it is empty.
+        representation: Form of an orientation. Roll, pitch and yaw, yaw alone, and rotation vectors are in
+            `unit`, rad if it is empty.
 
     Raises:
         InvalidInput: If a field cannot be used.
@@ -63,7 +63,7 @@ class PartSource:
         if self.quantity is Quantity.POSITION:
             return LENGTH
         if self.quantity in ORIENTATIONS:
-            return ANGLE if COLUMN_COUNTS[self.representation] == 3 else NUMBER
+            return ANGLE if self.representation in ANGULAR else NUMBER
         return ""
 
 
@@ -113,7 +113,7 @@ class FrameSource:
         position = PartSource("position", Quantity.POSITION, self.position, self.unit)
         if not self.orientation:
             return (position,)
-        has_angles = COLUMN_COUNTS[self.representation] == 3
+        has_angles = self.representation in ANGULAR
         unit = self.angle_unit if has_angles else ""
         kind = self.representation
         return (position, PartSource("orientation", Quantity.QUATERNION, self.orientation, unit, kind))

@@ -44,6 +44,7 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 ORDERS = {
     "xyzw": "x y z w reordered to w x y z",
     "rpy": "roll, pitch and yaw converted to quaternions",
+    "yaw": "yaw converted to quaternions, upright",
     "matrix": "rotation matrices converted to quaternions",
     "rotation vector": "rotation vectors converted to quaternions",
 }

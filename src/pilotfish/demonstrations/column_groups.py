@@ -18,7 +18,9 @@ from pilotfish.types import Array, Float
 NORM_TOLERANCE = 0.01
 MATRIX_POSITION = (12, 13, 14)  # of a 4x4 matrix by columns, as libfranka writes O_T_EE
 MATRIX_ROTATION = (0, 4, 8, 1, 5, 9, 2, 6, 10)  # by rows
-Kind = Literal["position", "wxyz", "quaternion", "rpy", "matrix", "rotation", "force", "joints", "gripper"]
+Kind = Literal[
+    "position", "wxyz", "quaternion", "rpy", "yaw", "matrix", "rotation", "force", "joints", "gripper"
+]
 
 Components = tuple[str, ...]
 POSITIONS: tuple[Components, ...]
@@ -26,6 +28,7 @@ POSITIONS = (("x", "y", "z"), ("px", "py", "pz"), ("posx", "posy", "posz"), ("tx
 QUATERNIONS: tuple[Components, ...]
 QUATERNIONS = (("qw", "qx", "qy", "qz"), ("quatw", "quatx", "quaty", "quatz"), ("w", "x", "y", "z"))
 ANGLES, ROTATIONS, FORCES = ("roll", "pitch", "yaw"), ("rx", "ry", "rz"), ("fx", "fy", "fz")
+YAWS = ("yaw", "heading", "theta")  # of an upright object
 MATRICES = tuple(tuple(f"r{i}{j}" for i in range(a, a + 3) for j in range(a, a + 3)) for a in (0, 1))
 
 POSITION_WORDS = {"pos", "position", "positions", "translation", "point"}
@@ -48,6 +51,7 @@ RATE_WORDS = {
 COMMAND_WORDS = {"command", "commands", "commanded", "cmd", "desired", "setpoint", "action", "actions"}
 FORCE_WORDS = {"force", "torque", "wrench", "forces", "ft"}
 JOINT_WORDS = {"joint", "joints", "qpos", "jpos", "j", "q", "jointstate"}
+ERROR_WORDS = {"error", "residual", "quality", "confidence", "status", "valid"}  # of a tracker or sensor
 GRIPPER_WORDS = {"gripper", "grip", "finger", "fingers", "jaw", "suction", "vacuum", "grasp"}
 
 
@@ -110,7 +114,7 @@ def _groups_of_signal(recording: Recording, s: int) -> Iterator[ColumnGroup]:
         words = split_words(name)
         stem = tuple(w for w in (*split_words(signal.name), *words[:-1]) if w not in ("column", "columns"))
         is_target = "target" in stem and bool({"tcp", "q"} & {*stem})
-        if words and not is_target and not (RATE_WORDS | COMMAND_WORDS) & {*stem, words[-1]}:
+        if words and not is_target and not (RATE_WORDS | COMMAND_WORDS | ERROR_WORDS) & {*stem, words[-1]}:
             stems.setdefault(stem, {}).setdefault(words[-1], column)
     for stem, components in stems.items():
         yield from _groups_of_stem(s, stem, components, signal.values)
@@ -152,6 +156,9 @@ def _named_components(
     for names in MATRICES:
         yield "matrix", names
     yield "rpy", ANGLES
+    if not {"roll", "pitch"} & components.keys():
+        for name in YAWS:
+            yield "yaw", (name,)
     yield "rotation", ROTATIONS
     for names in QUATERNIONS:
         yield "wxyz", names

@@ -18,7 +18,7 @@ from pilotfish.geometry import (
 from pilotfish.types import Array, Float
 from pilotfish.validation import finite_array, short_repr
 
-Representation = Literal["wxyz", "xyzw", "rpy", "matrix", "rotation vector"]
+Representation = Literal["wxyz", "xyzw", "rpy", "matrix", "rotation vector", "yaw"]
 REPRESENTATIONS: tuple[Representation, ...] = get_args(Representation)
 COLUMN_COUNTS: dict[Representation, int] = {
     "wxyz": 4,
@@ -26,7 +26,9 @@ COLUMN_COUNTS: dict[Representation, int] = {
     "rpy": 3,
     "matrix": 9,
     "rotation vector": 3,
+    "yaw": 1,
 }
+ANGULAR = ("rpy", "rotation vector", "yaw")  # forms in units of angles
 MAX_NORM_DEVIATION = 0.01  # of a quaternion from 1: rounding to two digits
 
 
@@ -34,7 +36,7 @@ def require_representation(value: object, label: str = "representation") -> Repr
     """Return the representation of an orientation if it is a known one.
 
     Args:
-        value: One of "wxyz", "xyzw", "rpy", "matrix" and "rotation vector".
+        value: One of "wxyz", "xyzw", "rpy", "matrix", "rotation vector" and "yaw".
         label: Meaning of the value; the message begins with it.
 
     Raises:
@@ -55,8 +57,8 @@ def to_quaternions(
 
     Args:
         values: One rotation per row: a quaternion in the stated order, roll, pitch and yaw about the fixed
-            axes x, y and z in this order [rad], a matrix of nine numbers row by row, or a rotation vector
-            [rad].
+            axes x, y and z in this order [rad], a matrix of nine numbers row by row, a rotation vector [rad],
+            or the angle about the vertical axis z [rad].
         representation: Meaning of the columns.
         label: Name of the orientation; messages begin with it.
 
@@ -106,6 +108,8 @@ def _convert(rows: Float[Array, "T c"], kind: Representation, label: str) -> Flo
             return quaternion_from_rotation_matrix(rows.reshape(-1, 3, 3))
         case "rotation vector":
             return from_rotation_vector(rows)
+        case "yaw":
+            return _axis_rotation(rows[:, 0], 2)
 
 
 def _axis_rotation(angles: Float[Array, " T"], axis: int) -> Float[Array, "T 4"]:

@@ -30,7 +30,7 @@ UPRIGHT = 0.02  # sine of half the tilt of an object that stands on a table
 TURNED = 0.05  # change of a component of an object that turns
 
 KUKA_ANGLES = ("a", "b", "c")
-ORIENTATION_KINDS = ("wxyz", "quaternion", "rpy", "matrix", "rotation")
+ORIENTATION_KINDS = ("wxyz", "quaternion", "rpy", "yaw", "matrix", "rotation")
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +141,7 @@ def _propose_poses(draft: _Draft, groups: Sequence[ColumnGroup]) -> None:
         turns = [g for g in groups if g.kind in ORIENTATION_KINDS and g.owner == owner]
         turn = turns[0] if turns else None
         if owner in robots:
+            turn = None if turn and turn.kind == "yaw" else turn  # a tool that points down is not upright
             _propose_parts(draft, position, turn, " ".join(owner) if len(robots) > 1 else "", order)
         elif len(position.columns) == 3:
             _propose_frame(draft, position, turn, order)
@@ -288,8 +289,10 @@ def _representation(
     """Return the form of an orientation and the unit of its angles; ask where neither is known."""
     names = short_list(list(draft.names(turn)))
     match turn.kind:
-        case "wxyz" | "rpy" | "matrix":
-            return turn.kind, _angle_unit(draft, turn, label) if turn.kind == "rpy" else ""
+        case "wxyz" | "matrix":
+            return turn.kind, ""
+        case "rpy" | "yaw":
+            return turn.kind, _angle_unit(draft, turn, label)
         case "rotation":
             draft.questions.append(
                 Question(
