@@ -40,6 +40,10 @@ class UnreadableFile(SkillError):
     """A file that this version cannot read: damaged, of another type, or written by a newer version."""
 
 
+class FramesNotVisible(SkillError):
+    """The frames of objects cannot be observed now, for instance because a marker is covered; wait or stop."""
+
+
 def escape(text: str) -> str:
     """Return text with a backslash escape in place of every character that is not printable.
 

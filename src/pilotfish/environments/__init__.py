@@ -6,6 +6,13 @@ it is gripped and turned.
 
 from pilotfish.environments import human
 from pilotfish.environments.contacts import contact_forces
+from pilotfish.environments.fixed_camera import (
+    FixedCamera,
+    FixedCameraRenderer,
+    PrintedMarker,
+    add_camera,
+    add_markers,
+)
 from pilotfish.environments.guidance import linear_path
 from pilotfish.environments.manipulation import Manipulation
 from pilotfish.environments.scene_drawings import Ellipsoid, ToolCopy
@@ -29,9 +36,12 @@ __all__ = [
     "CameraView",
     "Ellipsoid",
     "Failure",
+    "FixedCamera",
+    "FixedCameraRenderer",
     "Manipulation",
     "Outcome",
     "Phase",
+    "PrintedMarker",
     "Progress",
     "RecordedValve",
     "Scene",
@@ -39,6 +49,8 @@ __all__ = [
     "Task",
     "ToolCopy",
     "Workcell",
+    "add_camera",
+    "add_markers",
     "contact_forces",
     "explain_failure",
     "human",

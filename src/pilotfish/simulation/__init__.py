@@ -1,8 +1,23 @@
 """Record demonstrations, perform skills and operate the robot in physics, with films."""
 
+from pilotfish.simulation.camera_execution import (
+    CameraExecution,
+    CameraObserver,
+    CameraSimulation,
+    marked_task,
+    perform_from_camera,
+)
 from pilotfish.simulation.captions import caption_images
 from pilotfish.simulation.execution import ExecutionResult, perform, plan_in_situation
 from pilotfish.simulation.films import FilmRecorder, encode_film, film_strip, require_pillow, write_film
+from pilotfish.simulation.marked_tasks import (
+    MARKED_TASKS,
+    CameraScene,
+    MarkedFrame,
+    MarkedTask,
+    calibration,
+    camera_scene,
+)
 from pilotfish.simulation.meshes import baxter_meshes
 from pilotfish.simulation.mission import MissionResult, MissionSettings, run_mission
 from pilotfish.simulation.mission_skill import MissionSkill, envelope_around_skill, mission_skill
@@ -31,12 +46,19 @@ from pilotfish.simulation.study_statistics import ModeSummary, Ratio, paired_rat
 from pilotfish.simulation.teleoperation import Link, TeleoperationResult, displace_view, teleoperate
 
 __all__ = [
+    "MARKED_TASKS",
     "NOISE_FREE",
     "OPERATORS",
+    "CameraExecution",
+    "CameraObserver",
+    "CameraScene",
+    "CameraSimulation",
     "Condition",
     "ExecutionResult",
     "FilmRecorder",
     "Link",
+    "MarkedFrame",
+    "MarkedTask",
     "MissionResult",
     "MissionSettings",
     "MissionSkill",
@@ -47,6 +69,8 @@ __all__ = [
     "StudyRun",
     "TeleoperationResult",
     "baxter_meshes",
+    "calibration",
+    "camera_scene",
     "caption_images",
     "changed_versions",
     "delay_observations",
@@ -55,9 +79,11 @@ __all__ = [
     "envelope_around_skill",
     "film_strip",
     "learn_study_skills",
+    "marked_task",
     "mission_skill",
     "paired_ratio",
     "perform",
+    "perform_from_camera",
     "perform_study_run",
     "plan_in_situation",
     "preferred_mode",

@@ -10,6 +10,7 @@ import numpy as np
 from pilotfish.demonstrations import Frame, Layout, Quantity, frame_from_pose
 from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_failure, stack_measurements
 from pilotfish.environments.baxter import VisualMesh
+from pilotfish.errors import FramesNotVisible
 from pilotfish.geometry import Pose, normalise
 from pilotfish.models import Skill, adapt
 from pilotfish.planning import (
@@ -27,6 +28,7 @@ from pilotfish.validation import shorten_repr
 
 S = TypeVar("S")
 SETTLING_TIME = 1.0  # s after the end of the plan, for the arm to come to rest
+MAX_HOLD = 3.0  # s for which the command is held while the frames of moving objects are not visible
 HORIZON_STEPS = 30  # steps of each plan while objects move
 POSE = 7
 
@@ -232,19 +234,40 @@ def _plan_each_period(
     """Yield pose and grip of each period from a plan of the next steps for the objects' present motion.
 
     Each plan starts from the last commanded state, so that the command is continuous. The states are chosen
-    once, at the start.
+    once, at the start. While a frame is not visible the command is held, and FramesNotVisible is raised after
+    MAX_HOLD.
     """
     plan_next = partial(
         reproduce_step, control_cost=control_cost, covariance_regularisation=covariance_regularisation
     )
-    x, before = _start_state(skill, cell), cell.frames()
-    states = _plan_states(skill, before, x, horizon)
-    for t in range(len(states) - 1 + round(SETTLING_TIME / skill.period)):
-        now = cell.frames()
+    x, start = _start_state(skill, cell), cell.frames()
+    states = _plan_states(skill, start, x, horizon)
+    before: dict[str, Pose] | None = start
+    t = held = 0
+    while t < len(states) - 1 + round(SETTLING_TIME / skill.period):
+        try:
+            now = cell.frames()
+        except FramesNotVisible:
+            if held * skill.period >= MAX_HOLD:
+                raise
+            held += 1
+            x, before = _at_rest(x, skill), None
+            yield _tool_target(x, cell.task.has_gripper)
+            continue
+        held, before = 0, before or now  # after a hold the speed of the objects is unknown
         next_states = states[np.minimum(np.arange(t, t + HORIZON_STEPS), len(states) - 1)]
         x = plan_next(skill, before, now, x, next_states)
-        before = now
+        t, before = t + 1, now
         yield _tool_target(x, cell.task.has_gripper)
+
+
+def _at_rest(x: Float[Array, " D"], skill: Skill) -> Float[Array, " D"]:
+    """Return the state with all derivatives 0."""
+    x = x.copy()
+    for part, columns in zip(skill.layout.parts, skill.layout.slices, strict=True):
+        if part.derivative:
+            x[columns] = 0.0
+    return x
 
 
 def _plan_states(
