@@ -41,7 +41,7 @@ class UnreadableFile(SkillError):
 
 
 class FramesNotVisible(SkillError):
-    """The frames of objects cannot be observed now, for instance because a marker is covered; wait or stop."""
+    """The frames of objects cannot be observed now, such as when a marker is covered; wait or stop."""
 
 
 def escape(text: str) -> str:

@@ -9,6 +9,7 @@ import click
 from pilotfish.cli.commands.data import data
 from pilotfish.cli.commands.demo import demo
 from pilotfish.cli.commands.drive import drive
+from pilotfish.cli.commands.frames import calibrate, frames, markers
 from pilotfish.cli.commands.learn import learn
 from pilotfish.cli.commands.mission import mission
 from pilotfish.cli.commands.perform import perform
@@ -50,6 +51,9 @@ COMMANDS = (
     mission,
     replay_session_command,
     study,
+    frames,
+    calibrate,
+    markers,
 )
 RENAMED_COMMANDS = {"replay": "reproduce"}
 

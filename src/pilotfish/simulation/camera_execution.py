@@ -8,9 +8,8 @@ is covered the command is held, and after a few seconds the execution stops with
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import mujoco
 import numpy as np
 
 from pilotfish.environments import (
@@ -33,9 +32,12 @@ from pilotfish.types import Array, UInt8
 from pilotfish.validation import require_count, require_number, require_type, shorten_repr
 from pilotfish.vision import FrameTracker, Observation
 
+if TYPE_CHECKING:
+    import mujoco
+
 S = TypeVar("S")
 ImageFilter = Callable[[UInt8[Array, "H W 3"], float], UInt8[Array, "H W 3"]]
-"""Function (image, time) that returns the image that the estimator receives; the colours are blue, green, red."""
+"""Function (image, time) that returns the image for the estimator; the colours are blue, green, red."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,7 @@ class CameraObserver:
             self._renderer.close()
         self._renderer = None
 
-    def observe(self, model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Pose]:
+    def observe(self, model: "mujoco.MjModel", data: "mujoco.MjData") -> dict[str, Pose]:
         """Return the pose of each frame in an image of the present state, in torso axes.
 
         Args:
@@ -138,12 +140,14 @@ class CameraObserver:
                 )
         return {name: pose for name, pose in poses.items() if pose is not None}
 
-    def _take_image(self, model: mujoco.MjModel, data: mujoco.MjData) -> UInt8[Array, "H W 3"]:
+    def _take_image(self, model: "mujoco.MjModel", data: "mujoco.MjData") -> UInt8[Array, "H W 3"]:
         if self._renderer is None:
             self._renderer = FixedCameraRenderer(model, self.scene.camera)
         image = self._renderer.render(data)[:, :, ::-1]
         if self._simulation.noise:
-            noise = self._rng.standard_normal(image.shape, dtype=np.float32) * np.float32(self._simulation.noise)
+            noise = self._rng.standard_normal(image.shape, dtype=np.float32) * np.float32(
+                self._simulation.noise
+            )
             image = np.clip(image + noise, 0.0, 255.0).astype(np.uint8)
         image = np.ascontiguousarray(image)
         change = self._simulation.image_filter
@@ -160,12 +164,12 @@ def marked_task(task: Task[S], scene: CameraScene, observer: CameraObserver) -> 
     """
     require_type(task, "task", Task, "take one from TASKS")
 
-    def add_objects(spec: mujoco.MjSpec, situation: S) -> None:
+    def add_objects(spec: "mujoco.MjSpec", situation: S) -> None:
         task.add_objects(spec, situation)
         add_markers(spec, scene.printed)
         add_camera(spec, scene.camera)
 
-    def observe_frames(model: mujoco.MjModel, data: mujoco.MjData, situation: S) -> dict[str, Pose]:
+    def observe_frames(model: "mujoco.MjModel", data: "mujoco.MjData", situation: S) -> dict[str, Pose]:
         del situation
         return observer.observe(model, data)
 
@@ -237,8 +241,8 @@ class _PeriodLog:
             Phase.MOTION if self._cell else Phase.APPROACH, "stopped, a frame is not visible", reason
         )
         commanded, measured = (
-            np.array([np.append(row[n].position, row[n].quaternion) for row in self._rows]).reshape(-1, 7)
-            for n in (0, 1)
+            np.array([np.append(pose.position, pose.quaternion) for pose in poses]).reshape(-1, 7)
+            for poses in ([row[0] for row in self._rows], [row[1] for row in self._rows])
         )
         return ExecutionResult(
             Outcome(False, cell.outcome().error, reason),

@@ -112,9 +112,7 @@ MARKED_TASKS: Mapping[str, MarkedTask] = {
     ),
     # The panel behind the receptacle faces the robot: z of the frame points into the bore.
     "stab": MarkedTask(
-        (
-            MarkedFrame("receptacle", "receptacle", 0.04, _square(0.075, 0.1, 0.085), up=(0.0, -1.0, 0.0)),
-        ),
+        (MarkedFrame("receptacle", "receptacle", 0.04, _square(0.075, 0.1, 0.085), up=(0.0, -1.0, 0.0)),),
         eye=(0.3, 0.1, 0.7),
         look_at=(0.86, -0.38, 0.0),
     ),

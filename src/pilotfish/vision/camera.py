@@ -117,9 +117,8 @@ def camera_from_table(table: Mapping[str, Any], label: str) -> Camera:
         InvalidInput: If a value cannot be used.
     """
     try:
-        return Camera(
-            *(table[key] for key in NEEDED_KEYS), distortion=tuple(_as_list(table.get("distortion", [])))
-        )
+        values = {key: table[key] for key in NEEDED_KEYS}
+        return Camera(**values, distortion=tuple(_as_list(table.get("distortion", []))))
     except InvalidInput as error:
         raise InvalidInput(f"{label}: {error}") from error
 

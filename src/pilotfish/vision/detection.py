@@ -43,9 +43,9 @@ def detect_markers(image: UInt8[Array, "H W *C"], dictionary: str) -> Detections
         InvalidInput: If the image or the dictionary cannot be used.
     """
     cv2 = require_opencv()
-    grey = _grey_image(cv2, image)
+    grey = grey_image(cv2, image)
     corners, ids, _ = _detector(cv2, dictionary).detectMarkers(grey)
-    cells = _dictionary(cv2, dictionary).markerSize + 2
+    cells = marker_dictionary(cv2, dictionary).markerSize + 2
     found: dict[int, Float[Array, "4 2"]] = {}
     numbers = [] if ids is None else [int(number) for number in ids.ravel()]
     repeated = tuple(sorted({number for number in numbers if numbers.count(number) > 1}))
@@ -68,14 +68,15 @@ def marker_bitmap(dictionary: str, number: int, cell_pixels: int = 16) -> UInt8[
         InvalidInput: If the dictionary has no such marker.
     """
     cv2 = require_opencv()
-    table = _dictionary(cv2, dictionary)
+    table = marker_dictionary(cv2, dictionary)
     require_count(number, f"an id of dictionary {dictionary}", DICTIONARIES[dictionary][1] - 1)
     require_count(cell_pixels, "cell_pixels", 256, 1)
     cells = table.markerSize + 2
     return np.asarray(cv2.aruco.generateImageMarker(table, number, cells * cell_pixels), dtype=np.uint8)
 
 
-def _dictionary(cv2: Any, name: str) -> Any:
+def marker_dictionary(cv2: Any, name: str) -> Any:
+    """Return OpenCV's dictionary of a name from `DICTIONARIES`."""
     constant = DICTIONARIES[require_dictionary(name, "dictionary")][0]
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, constant))
 
@@ -86,10 +87,11 @@ def _detector(cv2: Any, dictionary: str) -> Any:
     parameters.cornerRefinementWinSize = REFINEMENT_WINDOW
     parameters.relativeCornerRefinmentWinSize = WINDOW_IN_CELLS
     parameters.minMarkerPerimeterRate = 0.015
-    return cv2.aruco.ArucoDetector(_dictionary(cv2, dictionary), parameters)
+    return cv2.aruco.ArucoDetector(marker_dictionary(cv2, dictionary), parameters)
 
 
-def _grey_image(cv2: Any, image: object) -> UInt8[Array, "H W"]:
+def grey_image(cv2: Any, image: object) -> UInt8[Array, "H W"]:
+    """Return a grey image; raise InvalidInput for anything that is not an image of bytes."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim not in (2, 3):
         raise InvalidInput("image is not an array of uint8 of shape (H, W) or (H, W, 3); read one by cv2")
     if image.ndim == 3 and image.shape[2] != 3:

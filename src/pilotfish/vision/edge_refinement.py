@@ -10,7 +10,7 @@ import numpy as np
 
 from pilotfish.errors import InvalidInput
 from pilotfish.types import Array, Float, UInt8
-from pilotfish.validation import finite_array, require_number
+from pilotfish.validation import finite_array, require_number, require_type
 
 SAMPLES = 40  # lines across each edge
 MARGIN = 0.12  # share of an edge at each of its ends that is left out
@@ -37,7 +37,8 @@ def refine_corners(
     Raises:
         InvalidInput: If an argument has another shape.
     """
-    if not isinstance(grey, np.ndarray) or grey.ndim != 2 or grey.dtype != np.uint8 or min(grey.shape) < 2:
+    require_type(grey, "grey", np.ndarray, "give an image as an array of uint8")
+    if grey.ndim != 2 or grey.dtype != np.uint8 or min(grey.shape) < 2:
         raise InvalidInput("grey is not an array of uint8 of shape (H, W) with at least two rows and columns")
     require_number(cell_share, "cell_share", 1e-3, 0.5)
     given = np.array(finite_array(corners, "corners", (4, 2), maximum=1e6))
@@ -122,4 +123,4 @@ def _meeting_points(
         return None
     gap = middles - before_middles
     t = (gap[:, 0] * directions[:, 1] - gap[:, 1] * directions[:, 0]) / cross
-    return before_middles + t[:, None] * before
+    return np.asarray(before_middles + t[:, None] * before)

@@ -19,11 +19,13 @@ from pilotfish.types import Array, UInt8
 from pilotfish.validation import require_number, require_type, shorten_repr
 from pilotfish.vision.detection import Detections, detect_markers
 from pilotfish.vision.marker_setup import Marker, MarkerSetup
+from pilotfish.vision.picture import draw_detections
 from pilotfish.vision.pose_estimation import PoseCandidate, estimate_pose
 
 # A pose is as plausible as the best one if its error is at most this factor or this many pixels larger.
 AMBIGUOUS_FACTOR, AMBIGUOUS_ERROR = 1.5, 0.1
 AMBIGUOUS_ANGLE = 5.0  # degrees between two poses that differ
+IDENTITY = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 MEMORY = 1.0  # s for which a pose decides between ambiguous ones
 
 
@@ -102,6 +104,7 @@ class FrameTracker:
         self.setup, self.settings = setup, settings
         self._accepted: dict[str, tuple[float, Pose]] = {}
         self._time = -np.inf
+        self._last_base_from_camera = IDENTITY
 
     def observe(self, image: UInt8[Array, "H W *C"], time: float) -> dict[str, Observation]:
         """Return the observation of each frame in the next image.
@@ -120,9 +123,30 @@ class FrameTracker:
         self._require_size(image)
         self._time = time
         base_from_camera = self._base_from_camera(detections)
+        self._last_base_from_camera = base_from_camera or IDENTITY
         return {
             name: self._observe_frame(name, detections, base_from_camera, time) for name in self.setup.frames
         }
+
+    def draw(
+        self, image: UInt8[Array, "H W *C"], observations: dict[str, Observation]
+    ) -> UInt8[Array, "H W 3"]:
+        """Return a copy of the last image with the outlines of its markers and the axes of the frames.
+
+        Args:
+            image: Image that was passed to `observe` last.
+            observations: What `observe` returned for it.
+
+        Raises:
+            InvalidInput: If an argument cannot be used.
+        """
+        require_type(observations, "observations", dict, "FrameTracker.observe(image, time) returns them")
+        detections = detect_markers(image, self.setup.dictionary)
+        camera_from_base = self._last_base_from_camera.inverse()
+        frames = {
+            name: camera_from_base @ each.pose for name, each in observations.items() if each.pose is not None
+        }
+        return draw_detections(image, self.setup.camera, detections, frames)
 
     def _require_size(self, image: Array) -> None:
         camera = self.setup.camera
@@ -135,7 +159,7 @@ class FrameTracker:
     def _base_from_camera(self, detections: Detections) -> Pose | None:
         """Return the pose of the camera in the base; None if its reference marker gives none."""
         if self.setup.reference is None:
-            return self.setup.base_from_camera or Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+            return self.setup.base_from_camera or IDENTITY
         candidates = self._candidates((self.setup.reference,), detections)
         if not candidates or candidates[0].error > self.settings.max_error:
             return None

@@ -1,4 +1,4 @@
-"""Markers, the frames that they carry, and the camera that sees them: markers.toml (docs/camera-frames.md)."""
+"""Markers, the frames that they carry, and their camera: the file markers.toml (docs/camera-frames.md)."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -72,9 +72,7 @@ class Marker:
         require_count(self.id, "id", 2**16)
         require_number(self.side, "side", MIN_SIDE, MAX_SIDE)
         require_name(self.frame, "frame")
-        require_type(
-            self.marker_from_frame, "marker_from_frame", Pose, "geometry.pose(position, quaternion)"
-        )
+        require_type(self.marker_from_frame, "marker_from_frame", Pose, "geometry.pose(position, quaternion)")
 
     @property
     def corners(self) -> Float[Array, "4 3"]:
@@ -86,7 +84,8 @@ class Marker:
     def corners_in_frame(self) -> Float[Array, "4 3"]:
         """The same corners in the axes of the frame [m]."""
         frame_from_marker = self.marker_from_frame.inverse()
-        return self.corners @ rotation_matrix(frame_from_marker.quaternion).T + frame_from_marker.position
+        rotation = rotation_matrix(frame_from_marker.quaternion)
+        return np.asarray(self.corners @ rotation.T + frame_from_marker.position)
 
 
 @shorten_repr
@@ -189,7 +188,8 @@ def parse_markers(data: bytes, name: str, folder: Path) -> MarkerSetup:
     camera, base_from_camera = _parse_camera(table["camera"], f"{name}: camera", folder)
     reference = _parse_reference(table["reference"], f"{name}: reference") if "reference" in table else None
     build = partial(MarkerSetup, dictionary, markers, camera, base_from_camera, reference)
-    return _with_label(name, build)
+    setup: MarkerSetup = _with_label(name, build)
+    return setup
 
 
 def _with_label(label: str, build: Any) -> Any:

@@ -155,7 +155,7 @@ def _residuals(
     camera: Camera, pose: Pose, points: Float[Array, "N 3"], pixels: Float[Array, "N 2"]
 ) -> Float[Array, "N 2"]:
     in_camera = points @ rotation_matrix(pose.quaternion).T + pose.position
-    return project(camera, in_camera) - pixels
+    return np.asarray(project(camera, in_camera) - pixels)
 
 
 def _rms(residuals: Float[Array, "N 2"]) -> float:

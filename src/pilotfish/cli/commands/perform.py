@@ -27,6 +27,7 @@ from pilotfish.cli.output.terminal import is_interactive, print_note
 from pilotfish.io import open_skill
 from pilotfish.models import Skill
 from pilotfish.planning import motion_notes
+from pilotfish.rendering import require_renderer
 
 if TYPE_CHECKING:
     from pilotfish.environments import Task
@@ -46,6 +47,11 @@ if TYPE_CHECKING:
     default=1,
     show_default=True,
     help="Number of seeds, from --seed on; each gives other situations, and the spread is printed.",
+)
+@click.option(
+    "--camera",
+    is_flag=True,
+    help="Estimate the frames from the images of a simulated camera, by markers on the objects.",
 )
 @planning_options
 @execution_options
@@ -68,6 +74,8 @@ def perform(
     """
     require_one_situation(situation, "situations", "seeds")
     require_simulation(skill, film, meshes=options["meshes"], force=options["force"])
+    if options["camera"]:
+        require_renderer()
     selected, learned = find_task(task), open_skill(skill)
     numbers = range(situations) if situation is None else (situation,)
     notes = _compare_motion(learned, selected, (seed, numbers[0]), options)
@@ -97,6 +105,15 @@ def _compare_motion(
     return motion_notes(skill, reproduction, frames, name_argument=option_name)
 
 
+def _simulate_from_camera(
+    skill: Skill, task: "Task[Any]", situation: Any, **options: Any
+) -> "ExecutionResult":
+    """Execute the skill from the frames that a simulated camera sees."""
+    from pilotfish.simulation import perform_from_camera
+
+    return perform_from_camera(skill, task, situation, **options).execution
+
+
 def _execute(
     skill: Skill,
     task: "Task[Any]",
@@ -115,7 +132,7 @@ def _execute(
     from pilotfish.simulation import perform as simulate
 
     camera = FilmRecorder() if film else None
-    execution = simulate(
+    execution = (_simulate_from_camera if options["camera"] else simulate)(
         skill,
         task,
         situation_from_seed(task, "test", *seed),
