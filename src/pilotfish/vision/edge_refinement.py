@@ -71,7 +71,7 @@ def _fit_edges(
     starts = corners[:, None] + along[:, None] * sides[:, None]
     samples = starts[:, :, None] + across[:, None] * outward[:, None, None]
     slopes = np.diff(_interpolate(grey, samples), axis=2) / STEP
-    weights = np.maximum(slopes, 0.0) ** 2  # brighter outwards
+    weights = np.maximum(slopes, 0.0)  # brighter outwards
     total = weights.sum(axis=2)
     middles = (across[:-1] + across[1:]) / 2
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -80,7 +80,7 @@ def _fit_edges(
     if strong.sum(axis=1).min() < SAMPLES // 3:
         return None
     points = starts + np.where(strong, offsets, 0.0)[:, :, None] * outward[:, None]
-    return _fit_lines(points, np.where(strong, np.sqrt(total), 0.0))
+    return _fit_lines(points, np.where(strong, total, 0.0))
 
 
 def _signed_area(corners: Float[Array, "4 2"]) -> float:

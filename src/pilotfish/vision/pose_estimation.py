@@ -91,7 +91,7 @@ def _visible_markers(
     if len({marker.frame for marker in markers}) > 1:
         raise InvalidInput("the markers carry different frames, expected those of one frame")
     return [
-        (marker, finite_array(corners[marker.id], f"the corners of marker {marker.id}", (4, 2)))
+        (marker, finite_array(corners[marker.id], f"the corners of marker {marker.id}", (4, 2), 1e6))
         for marker in markers
         if marker.id in corners
     ]
