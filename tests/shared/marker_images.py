@@ -54,9 +54,7 @@ def draw_plane(
     H = to_fine @ homography(camera, camera_from_plane) @ to_plane
     size = (s * camera.width, s * camera.height)
     fine = cv2.resize(image, size, interpolation=cv2.INTER_NEAREST)
-    cv2.warpPerspective(
-        picture, H, size, dst=fine, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT
-    )
+    cv2.warpPerspective(picture, H, size, dst=fine, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
     return np.asarray(cv2.resize(fine, (camera.width, camera.height), interpolation=cv2.INTER_AREA))
 
 

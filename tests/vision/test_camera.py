@@ -14,7 +14,9 @@ DISTORTION = (0.1, -0.05, 0.001, -0.002, 0.01, 0.02, 0.003, 0.004)
 def test_projection_equals_opencv(count: int, rng: np.random.Generator):
     camera = Camera(640, 480, 600.0, 590.0, 310.0, 250.0, DISTORTION[:count])
     points = rng.uniform([-0.3, -0.3, 0.6], [0.3, 0.3, 2.0], (50, 3))
-    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.matrix, np.array(DISTORTION[:count]))
+    expected, _ = cv2.projectPoints(
+        points, np.zeros(3), np.zeros(3), camera.matrix, np.array(DISTORTION[:count])
+    )
     np.testing.assert_allclose(project(camera, points), expected[:, 0], atol=1e-9)
 
 
@@ -25,7 +27,9 @@ def test_projection_without_distortion_scales_with_focal_length_over_depth():
 
 
 def test_projection_of_a_point_behind_the_camera_is_nan():
-    pixels = project(Camera(640, 480, 600.0, 600.0, 320.0, 240.0), np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]))
+    pixels = project(
+        Camera(640, 480, 600.0, 600.0, 320.0, 240.0), np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    )
     assert np.isnan(pixels[0]).all()
     np.testing.assert_allclose(pixels[1], [320.0, 240.0])
 
@@ -33,8 +37,9 @@ def test_projection_of_a_point_behind_the_camera_is_nan():
 @pytest.mark.parametrize(
     "change",
     [
-        {"width": 0}, {"width": 2.5}, {"height": 10**9}, {"fx": 0.0}, {"fx": -3.0}, {"fy": np.nan}, {"cx": np.inf},
-        {"cy": "3"}, {"distortion": (0.1,)}, {"distortion": (np.nan,) * 5}, {"distortion": "abcd"}, {"distortion": None},
+        {"width": 0}, {"width": 2.5}, {"height": 10**9}, {"fx": 0.0}, {"fx": -3.0}, {"fy": np.nan},
+        {"cx": np.inf}, {"cy": "3"}, {"distortion": (0.1,)}, {"distortion": (np.nan,) * 5},
+        {"distortion": "abcd"}, {"distortion": None},
     ],
 )  # fmt: skip
 def test_camera_refuses_unusable_values(change: dict):

@@ -33,7 +33,10 @@ def test_refinement_is_better_than_its_start_and_ignores_noise(rng: np.random.Ge
 
 
 def test_refinement_keeps_corners_without_edges():
-    flat, corners = np.full((50, 50), 90, dtype=np.uint8), np.array([[10.0, 10], [40, 10], [40, 40], [10, 40]])
+    flat, corners = (
+        np.full((50, 50), 90, dtype=np.uint8),
+        np.array([[10.0, 10], [40, 10], [40, 40], [10, 40]]),
+    )
     np.testing.assert_array_equal(refine_corners(flat, corners), corners)
     np.testing.assert_array_equal(refine_corners(flat, np.full((4, 2), 7.0)), np.full((4, 2), 7.0))
 
@@ -58,7 +61,9 @@ def test_image_without_markers_and_another_dictionary_give_nothing():
 def test_bitmap_has_a_black_border():
     bitmap = marker_bitmap(DICTIONARY, 0, 3)
     assert bitmap.shape == (30, 30) or bitmap.shape == (24, 24)
-    edge = np.concatenate([bitmap[:3].ravel(), bitmap[-3:].ravel(), bitmap[:, :3].ravel(), bitmap[:, -3:].ravel()])
+    edge = np.concatenate(
+        [bitmap[:3].ravel(), bitmap[-3:].ravel(), bitmap[:, :3].ravel(), bitmap[:, -3:].ravel()]
+    )
     assert edge.max() == 0
     assert bitmap.max() == 255
 

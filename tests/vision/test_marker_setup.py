@@ -59,7 +59,8 @@ def test_file_gives_frames_markers_and_camera():
     assert setup.frames == ("valve", "tray")
     assert [marker.id for marker in setup.markers] == [3, 4, 5]
     assert setup.camera == Camera(640, 480, 600.0, 610.0, 320.0, 240.0)
-    assert setup.base_from_camera is not None and setup.reference is None
+    assert setup.base_from_camera is not None
+    assert setup.reference is None
     np.testing.assert_allclose(setup.base_from_camera.position, [0.5, 0.0, 1.0])
 
 
@@ -73,7 +74,8 @@ def test_corners_move_against_the_pose_of_the_frame():
 
 def test_reference_gives_the_pose_of_the_marker_in_the_base():
     setup = parse(TEXT.replace(POSE, "") + REFERENCE)
-    assert setup.base_from_camera is None and setup.reference is not None
+    assert setup.base_from_camera is None
+    assert setup.reference is not None
     np.testing.assert_allclose(setup.reference.corners_in_frame.mean(axis=0), [1.0, 2.0, 0.0], atol=1e-15)
 
 
@@ -113,7 +115,7 @@ def test_camera_may_be_another_file(tmp_path):
 )  # fmt: skip
 def test_mistake_is_explained(old: str, new: str, message: str):
     assert old in TEXT
-    with pytest.raises(InvalidInput, match="markers.toml") as error:
+    with pytest.raises(InvalidInput, match=r"markers\.toml") as error:
         parse(TEXT.replace(old, new, 1))
     assert message in str(error.value)
 
@@ -130,7 +132,11 @@ def test_id_of_reference_must_differ_from_the_others():
 
 def test_empty_and_missing_lists_of_markers_are_refused():
     head = TEXT[: TEXT.index("[[marker]]")]
-    for text in (head, head.replace("[camera]", "marker = []\n[camera]"), head.replace("[camera]", "marker = 3\n[camera]")):
+    for text in (
+        head,
+        head.replace("[camera]", "marker = []\n[camera]"),
+        head.replace("[camera]", "marker = 3\n[camera]"),
+    ):
         with pytest.raises(InvalidInput, match="marker"):
             parse(text)
     with pytest.raises(InvalidInput, match="UTF-8"):

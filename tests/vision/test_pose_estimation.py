@@ -20,9 +20,7 @@ DISTORTED = Camera(640, 480, 600.0, 610.0, 315.0, 243.0, (-0.2, 0.08, 0.002, -0.
 
 
 def distorted_corners(marker: Marker, pose: Pose) -> np.ndarray:
-    R = np.array(
-        [np.asarray((pose @ Pose(axis, UNIT)).position - pose.position) for axis in np.eye(3)]
-    ).T
+    R = np.array([np.asarray((pose @ Pose(axis, UNIT)).position - pose.position) for axis in np.eye(3)]).T
     return project(DISTORTED, marker.corners_in_frame @ R.T + pose.position)
 
 
@@ -36,7 +34,9 @@ def errors(candidate: PoseCandidate, true: Pose) -> tuple[float, float]:
 
 @pytest.mark.parametrize("tilt", [0.3, 0.8])
 def test_exact_corners_give_the_exact_pose(tilt: float):
-    marker = Marker(1, 0.06, "a", Pose(np.array([0.1, -0.02, 0.03]), from_rotation_vector(np.array([0.3, 0.2, 0.1]))))
+    marker = Marker(
+        1, 0.06, "a", Pose(np.array([0.1, -0.02, 0.03]), from_rotation_vector(np.array([0.3, 0.2, 0.1])))
+    )
     true = facing_pose((0.05, 0.02, 0.7), tilt, 1.1, 0.5)
     best = estimate_pose(CAMERA, [marker], {1: marker_pixels(marker, true)})[0]
     position, orientation = errors(best, true)
