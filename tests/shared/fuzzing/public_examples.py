@@ -21,6 +21,7 @@ from fuzzing import (
     examples_of_recordings,
     examples_of_teleop,
     examples_of_values,
+    examples_of_vision,
 )
 from fuzzing.examples_of_values import Examples
 from pilotfish import io
@@ -45,6 +46,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "plots": examples_of_motions.plots_examples,
     "teleop": lambda: {**examples_of_links.link_examples(), **examples_of_teleop.teleop_examples()},
     "validation": examples_of_values.validation_examples,
+    "vision": examples_of_vision.vision_examples,
 }
 
 # Packages whose functions have no arguments here, and why.
@@ -73,8 +75,16 @@ EXCLUDED: Mapping[str, str] = {
     "models.maximise_likelihood": "takes functions; `learn` calls it",
     **{
         f"environments.{name}": "takes models of MuJoCo or poses of objects"
-        for name in ("contact_forces", "linear_path")
+        for name in ("add_camera", "add_markers", "contact_forces", "linear_path")
     },
+    **{
+        f"vision.{name}": "reads or writes files: tests/vision damages them"
+        for name in (
+            *("image_files", "open_images", "parse_markers", "read_camera", "read_image", "read_markers"),
+            *("write_camera", "write_frames", "write_marker_sheet", "write_picture"),
+        )
+    },
+    "vision.require_opencv": "takes no arguments",
     "plots.draw_ellipses": "draws into axes; the figures call it",
     "validation.shorten_repr": "changes a class of the library when it is defined",
     "plots.state_colour": "takes the index of a state only",
