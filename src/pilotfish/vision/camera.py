@@ -130,7 +130,7 @@ def _as_list(value: object) -> list[Any]:
 
 
 def read_camera(path: Path) -> Camera:
-    """Read the file of a camera, as `pilotfish calibrate` writes it.
+    """Return the camera of a file, as `pilotfish calibrate` writes it.
 
     Args:
         path: File camera.toml.

@@ -61,7 +61,7 @@ def open_images(
     duration: float = 10.0,
     clock: Callable[[], float] = time.monotonic,
 ) -> ImageSource:
-    """Open a video file, a folder of images, a single image, or a camera.
+    """Return the images of a video file, a folder, a single image file, or a camera.
 
     Args:
         source: Path of a file or folder, or the number of a camera such as "0".

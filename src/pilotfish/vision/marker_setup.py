@@ -153,7 +153,7 @@ def require_dictionary(value: object, label: str) -> str:
 
 
 def read_markers(path: Path) -> MarkerSetup:
-    """Read a file of markers and, if it names one, the file of its camera.
+    """Return the content of a file of markers, with its camera, which may be another file.
 
     Args:
         path: File markers.toml.
@@ -168,7 +168,7 @@ def read_markers(path: Path) -> MarkerSetup:
 
 
 def parse_markers(data: bytes, name: str, folder: Path) -> MarkerSetup:
-    """Parse and validate the content of a file of markers.
+    """Return the markers and the camera that the bytes of a file describe.
 
     Args:
         data: Content of the file.

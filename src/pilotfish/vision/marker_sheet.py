@@ -38,7 +38,7 @@ def write_marker_sheet(
     paper: str = "a4",
     overwrite: bool = False,
 ) -> int:
-    """Write a PDF with markers of a true size and return its number of pages.
+    """Write a PDF with markers of a true size.
 
     Args:
         path: File to write.
@@ -47,6 +47,9 @@ def write_marker_sheet(
         dictionary: Name from `DICTIONARIES`.
         paper: "a4" or "letter".
         overwrite: Whether to replace an existing file.
+
+    Returns:
+        The number of pages.
 
     Raises:
         InvalidInput: If an argument cannot be used, a marker does not fit the paper, or the file cannot be

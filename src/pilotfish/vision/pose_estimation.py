@@ -1,6 +1,6 @@
 """Pose of a frame from the corners of its markers, by minimal reprojection error.
 
-A single square seen from afar has two poses that explain its image almost equally well: it may be tilted
+A single square that is far away has two poses that explain its image almost equally well: it may be tilted
 towards or away from the camera. Each marker gives both of them in closed form (Collins and Bartoli 2014).
 Each of these is refined over the corners of all markers of the frame (Levenberg-Marquardt). The caller
 chooses among the results, by their error and by continuity.
