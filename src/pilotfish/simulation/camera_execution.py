@@ -1,9 +1,9 @@
 """Perform a skill in physics from the frames that a simulated camera sees.
 
 The objects of the task carry printed markers. A fixed camera renders them, with noise, and the frames are
-estimated from its images, in the same way as with a real camera. The true frames have no part in it. Objects
-at rest are observed before the motion. Moving objects are observed in every period; while one of their markers
-is covered the command is held, and after a few seconds the execution stops with the reason.
+estimated from its images, in the same way as with a real camera. The true frames have no part in it.
+Objects at rest are observed before the motion. Moving objects are observed in every period; while one of
+their markers is covered the command is held, and after a few seconds the execution stops with the reason.
 """
 
 from collections.abc import Callable
