@@ -1,0 +1,53 @@
+"""Reproduction of a skill while its objects are moved: one computation per situation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pilotfish.demonstrations import Frame
+from pilotfish.errors import SkillError
+from pilotfish.models import AdaptedSkill, Skill, adapt
+from pilotfish.planning import Reproduction, mean_demonstration_length, motion_notes, reproduce_adapted
+from pilotfish.validation import require_type, shorten_repr
+
+
+@shorten_repr
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveReproduction:
+    """Skill and motion in one situation.
+
+    Attributes:
+        adapted: Adapted skill; None if the frames do not fit together.
+        reproduction: Motion; None if it cannot be planned.
+        notes: What differs from the demonstrations, see `planning.motion_notes`.
+        problem: Why there is no motion; empty if there is one.
+    """
+
+    adapted: AdaptedSkill | None
+    reproduction: Reproduction | None
+    notes: tuple[str, ...]
+    problem: str
+
+
+def compute_reproduction(skill: Skill, frames: Sequence[Frame]) -> LiveReproduction:
+    """Adapt a skill to frames, plan its motion and compare it with the demonstrations.
+
+    Args:
+        skill: Learned skill.
+        frames: Frame of each object of the skill.
+
+    Returns:
+        Adapted skill and motion. A skill that cannot be adapted or planned gives the reason instead.
+
+    Raises:
+        InvalidInput: If an argument has another type.
+    """
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
+    require_type(frames, "frames", Sequence, "give a list of frames, say a demonstration's .frames")
+    adapted = None
+    try:
+        adapted = adapt(skill, frames)
+        reproduction = reproduce_adapted(adapted, horizon=mean_demonstration_length(skill))
+        notes = motion_notes(skill, reproduction, frames)
+    except SkillError as error:
+        return LiveReproduction(adapted, None, (), str(error))
+    return LiveReproduction(adapted, reproduction, notes, "")
