@@ -44,6 +44,7 @@ _SUBPACKAGES = {
         for package in (*_PACKAGES, "assistance", "environments", "gaussians", "geometry", "kernels", "plots")
     },
     "durations": "models.durations",
+    "panel": "panel",
     "simulation": "simulation",
     "structures": "gaussians.structures",
     "teleop": "teleop",

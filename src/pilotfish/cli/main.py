@@ -20,6 +20,7 @@ from pilotfish.cli.commands.select import select
 from pilotfish.cli.commands.show import show
 from pilotfish.cli.commands.stream import stream
 from pilotfish.cli.commands.study import study
+from pilotfish.cli.commands.view import view
 from pilotfish.cli.output.results import example_epilog
 from pilotfish.cli.output.terminal import (
     discard_unprinted_text,
@@ -44,6 +45,7 @@ COMMANDS = (
     select,
     show,
     reproduce_command,
+    view,
     tasks,
     record,
     perform,

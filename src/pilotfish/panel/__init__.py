@@ -7,8 +7,8 @@ opens the page. What the page draws are values without a browser, in `scene_valu
 
 from pilotfish.panel.content import Situation, ViewContent, view_content
 from pilotfish.panel.frame_motions import frame_pose, move_frame
-from pilotfish.panel.live_reproduction import LiveReproduction, compute_reproduction
-from pilotfish.panel.server import serve
+from pilotfish.panel.live_reproduction import LiveReproduction, compute_reproduction, reproduction_notes
+from pilotfish.panel.server import is_loopback, serve
 
 __all__ = [
     "LiveReproduction",
@@ -16,7 +16,9 @@ __all__ = [
     "ViewContent",
     "compute_reproduction",
     "frame_pose",
+    "is_loopback",
     "move_frame",
+    "reproduction_notes",
     "serve",
     "view_content",
 ]

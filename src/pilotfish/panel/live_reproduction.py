@@ -18,18 +18,16 @@ class LiveReproduction:
     Attributes:
         adapted: Adapted skill; None if the frames do not fit together.
         reproduction: Motion; None if it cannot be planned.
-        notes: What differs from the demonstrations, see `planning.motion_notes`.
         problem: Why there is no motion; empty if there is one.
     """
 
     adapted: AdaptedSkill | None
     reproduction: Reproduction | None
-    notes: tuple[str, ...]
     problem: str
 
 
 def compute_reproduction(skill: Skill, frames: Sequence[Frame]) -> LiveReproduction:
-    """Adapt a skill to frames, plan its motion and compare it with the demonstrations.
+    """Adapt a skill to frames and plan its motion.
 
     Args:
         skill: Learned skill.
@@ -47,7 +45,20 @@ def compute_reproduction(skill: Skill, frames: Sequence[Frame]) -> LiveReproduct
     try:
         adapted = adapt(skill, frames)
         reproduction = reproduce_adapted(adapted, horizon=mean_demonstration_length(skill))
-        notes = motion_notes(skill, reproduction, frames)
     except SkillError as error:
-        return LiveReproduction(adapted, None, (), str(error))
-    return LiveReproduction(adapted, reproduction, notes, "")
+        return LiveReproduction(adapted, None, str(error))
+    return LiveReproduction(adapted, reproduction, "")
+
+
+def reproduction_notes(skill: Skill, live: LiveReproduction, frames: Sequence[Frame]) -> tuple[str, ...]:
+    """Compare a motion with the demonstrations, which takes as long as to compute it.
+
+    Args:
+        skill: Learned skill.
+        live: Its motion.
+        frames: Frames with which it was computed.
+
+    Returns:
+        Notes of `planning.motion_notes`; empty without a motion.
+    """
+    return motion_notes(skill, live.reproduction, frames) if live.reproduction else ()

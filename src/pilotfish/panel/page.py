@@ -8,17 +8,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import floor, log10
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import TYPE_CHECKING, Any
 
 from pilotfish.geometry import Pose
 from pilotfish.panel import readouts
 from pilotfish.panel.content import ViewContent
 from pilotfish.panel.frame_motions import frame_pose
-from pilotfish.panel.live_reproduction import LiveReproduction, compute_reproduction
+from pilotfish.panel.live_reproduction import LiveReproduction, compute_reproduction, reproduction_notes
 from pilotfish.panel.scene_drawing import SceneDrawing
 from pilotfish.panel.scene_values import extent_of, first_camera, grid_under, round_length
-from pilotfish.panel.spatial_columns import points_in_space, position_part
+from pilotfish.panel.spatial_columns import position_part
 from pilotfish.panel.view_state import (
     LatestState,
     ViewState,
@@ -31,7 +31,7 @@ from pilotfish.panel.view_state import (
 if TYPE_CHECKING:
     import viser
 
-PANEL_WIDTH = 340  # pixels
+PANEL_WIDTH = 400  # pixels
 FRAME_PERIOD, IDLE_PERIOD = 0.05, 0.25  # s, between two images while time advances, and else
 DEVIATIONS = {"hidden": 0.0, "1 standard deviation": 1.0, "2 standard deviations": 2.0}
 RESOLUTION = 1e-3  # of the extent, of numbers that are typed
@@ -46,15 +46,17 @@ class Page:
         self._latest = LatestState(first_state(content))
         self._drawn: ViewState | None = None
         self._live: LiveReproduction | None = None
-        self._milliseconds = 0.0
+        self._cost = readouts.Cost(0.0, 0.0)
+        self._notes_of: tuple[Any, ...] | None = None  # frames whose notes are displayed
         adapted = self._compute(self._latest.get())
+        self._compute(self._latest.get())  # without the imports of the first time
         extent = extent_of(content, adapted.adapted if adapted else None)
         grid, camera = grid_under(extent), first_camera(extent)
         server.initial_camera.position = camera.position
         server.initial_camera.look_at = camera.look_at
         server.initial_camera.up = camera.up
         step = round_length(RESOLUTION * extent.size)
-        self._step, self._digits = step, max(1 - floor(log10(step)), 0)
+        self._step, self._digits = step, max(-floor(log10(step)), 0)
         self._scene = SceneDrawing(server, content, extent, grid)
         self._add_controls(grid.cell)
         self.refresh()
@@ -74,6 +76,7 @@ class Page:
                 self._latest.update(partial(advance, seconds=now - last, duration=self._duration()))
             last = now
             self.refresh()
+            self._refresh_notes()
 
     def refresh(self) -> None:
         """Compute and draw what has changed since the last call."""
@@ -94,9 +97,12 @@ class Page:
     def _compute(self, state: ViewState) -> LiveReproduction | None:
         if self._content.skill is None:
             return None
-        start = perf_counter()
+        clocks = perf_counter, thread_time
+        start = [clock() for clock in clocks]
         self._live = compute_reproduction(self._content.skill, state.frames)
-        self._milliseconds = 1e3 * (perf_counter() - start)
+        self._cost = readouts.Cost(
+            *(1e3 * (clock() - before) for clock, before in zip(clocks, start, strict=True))
+        )
         return self._live
 
     def _duration(self) -> float:
@@ -119,13 +125,18 @@ class Page:
                 turn.value = values[1]
             else:
                 turn.value = values[1][2]
-        end = None
-        if self._live and self._live.reproduction:
-            x, part = self._live.reproduction.motion.x, position_part(self._content.layout)[0]
-            end = points_in_space(self._content.layout, x[-1:])[0, : part.size]
-            self._slider.max = self._duration()
-        self._computation.content = readouts.computation_html(self._live, self._milliseconds, end)
-        self._notes.content = readouts.notes_html(self._live)
+        self._slider.max = self._duration()
+        self._computation.content = readouts.computation_html(self._live, self._cost)
+        self._notes.content = readouts.notes_html(self._live, None)
+
+    def _refresh_notes(self) -> None:
+        """Compute the notes of the motion that is drawn, unless a newer situation waits."""
+        state, skill = self._drawn, self._content.skill
+        if state is None or state.frames is self._notes_of or state.frames is not self._latest.get().frames:
+            return
+        notes = reproduction_notes(skill, self._live, state.frames) if skill and self._live else ()
+        self._notes.content = readouts.notes_html(self._live, notes)
+        self._notes_of = state.frames
 
     def _draw_time(self, state: ViewState) -> None:
         self._scene.draw_tools(self._live, state.time)
@@ -139,27 +150,36 @@ class Page:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_WIDTH)
         gui.add_html(readouts.summary_html(self._content, cell))
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Motion"):
+            self._add_situation()
+            self._add_motion()
+        with tabs.add_tab("Display"):
+            self._add_visibility()
+        for n, handle in self._scene.handles.items():
+            handle.on_update(partial(self._on_drag, n))
+
+    def _add_situation(self) -> None:
+        gui, names = self._server.gui, [each.name for each in self._content.situations]
         with gui.add_folder("Situation"):
-            names = [each.name for each in self._content.situations]
             self._situation = gui.add_dropdown("frames of", names, initial_value=names[0])
             self._situation.on_update(self._on_situation)
+            self._inputs = {n: self._add_inputs(n) for n in self._scene.handles}
             reset = gui.add_button("Reset", hint="Put all frames back to where the situation had them.")
             reset.on_click(self._on_reset)
-            self._inputs = {n: self._add_inputs(n) for n in self._scene.handles}
             reset.visible = bool(self._inputs)
+
+    def _add_motion(self) -> None:
+        gui = self._server.gui
         with gui.add_folder("Motion"):
+            self._slider = gui.add_slider("time [s]", 0.0, self._duration(), 0.01, 0.0)
+            self._slider.on_update(self._on_time)
             self._play = gui.add_button("Play")
             self._play.on_click(self._on_play)
-            duration = self._duration()
-            self._slider = gui.add_slider("time [s]", 0.0, duration, 0.01, 0.0)
-            self._slider.on_update(self._on_time)
             self._numbers = gui.add_html("")
         with gui.add_folder("Computation"):
             self._computation = gui.add_html("")
             self._notes = gui.add_html("")
-        self._add_visibility()
-        for n, handle in self._scene.handles.items():
-            handle.on_update(partial(self._on_drag, n))
 
     def _add_inputs(self, n: int) -> tuple[Any, Any]:
         """Add the numbers of the pose of a frame, which can be typed."""
@@ -183,20 +203,21 @@ class Page:
 
     def _add_visibility(self) -> None:
         gui = self._server.gui
-        with gui.add_folder("Display"):
-            if self._content.skill:
-                states = gui.add_dropdown("states", list(DEVIATIONS), initial_value="1 standard deviation")
-                states.on_update(self._on_deviations)
-            frames = gui.add_checkbox("frames", True)
-            frames.on_update(lambda event: _set_visible(self._scene.frames, event.target.value))
+        if self._content.skill:
+            states = gui.add_dropdown("states", list(DEVIATIONS), initial_value="1 standard deviation")
+            states.on_update(self._on_deviations)
+        frames = gui.add_checkbox("frames", True)
+        frames.on_update(self._on_frames)
         if not self._content.demonstrations:
             return
-        with gui.add_folder("Demonstrations", expand_by_default=len(self._content.demonstrations) <= 8):
-            boxes = [gui.add_checkbox("all", True)]
-            for demo in self._content.demonstrations:
-                boxes.append(gui.add_checkbox(demo.name or f"{len(boxes) - 1}", True))
-        boxes[0].on_update(partial(self._on_all, boxes[1:]))
-        for line, box in zip(self._scene.demonstrations, boxes[1:], strict=True):
+        with gui.add_folder("Demonstrations"):
+            every = gui.add_checkbox("all", True)
+            boxes = [
+                gui.add_checkbox(demo.name or f"{m}", True)
+                for m, demo in enumerate(self._content.demonstrations)
+            ]
+        every.on_update(partial(self._on_all, boxes))
+        for line, box in zip(self._scene.demonstrations, boxes, strict=True):
             box.on_update(partial(self._on_demonstration, line))
 
     async def _on_drag(self, n: int, event: Event) -> None:
@@ -237,7 +258,6 @@ class Page:
         line.visible = event.target.value
         self._latest.update(replace)  # a new state, so that the tools are drawn again
 
-
-def _set_visible(nodes: list[Any], is_visible: bool) -> None:
-    for node in nodes:
-        node.visible = is_visible
+    async def _on_frames(self, event: Event) -> None:
+        for node in self._scene.frames:
+            node.visible = event.target.value

@@ -5,6 +5,7 @@ evaluate as a program.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -24,6 +25,19 @@ STYLE = "font-size: 0.8125rem; line-height: 1.45; padding: 0.1rem 0.75rem;"
 Row = tuple[str, str]
 
 
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Time that a computation took.
+
+    Attributes:
+        elapsed: Time on a clock [ms]; other programs that run lengthen it.
+        processor: Time of the processor [ms].
+    """
+
+    elapsed: float
+    processor: float
+
+
 def summary_html(content: ViewContent, cell: float) -> str:
     """Return what is displayed, and what the lines and surfaces in the scene mean.
 
@@ -41,7 +55,7 @@ def summary_html(content: ViewContent, cell: float) -> str:
         colour = DEMONSTRATION if content.skill else STATE_COLOURS[0]
         entries.append(_entry(colour, "line", f"demonstrations ({len(content.demonstrations)})"))
     unit = f" {part.unit}" if part.unit != "1" else ""
-    entries.append(_entry("#bbbbbb", "line", f"grid of {cell:g}{unit}; axes x red, y yellow, z blue"))
+    entries.append(_entry("#bbbbbb", "line", f"grid of {cell:g}{unit}; axes x red, y green, z blue"))
     return _block("".join(entries))
 
 
@@ -67,34 +81,40 @@ def motion_html(content: ViewContent, live: LiveReproduction | None, time: float
     return _block(_table(rows))
 
 
-def computation_html(live: LiveReproduction | None, milliseconds: float, end: Float[Array, " d"] | None) -> str:
-    """Return how long the last computation took, where the motion ends, and what the notes say.
+def computation_html(live: LiveReproduction | None, cost: Cost) -> str:
+    """Return how long the last computation took, and where the motion ends.
 
     Args:
         live: Computed motion; None without a skill.
-        milliseconds: Time that it took [ms].
-        end: Position at the end of the motion; None without a motion.
+        cost: Time that it took.
     """
     if live is None:
         return _block("Without a skill: demonstrations only.")
-    rows = [("computed in", f"{milliseconds:.1f} ms")]
-    if live.reproduction and end is not None:
-        motion = live.reproduction.motion
+    rows = [("computed in", f"{cost.elapsed:.1f} ms"), ("processor time", f"{cost.processor:.1f} ms")]
+    if live.reproduction:
+        motion, layout = live.reproduction.motion, live.reproduction.adapted.layout
+        part, columns = position_part(layout)
         rows.append(("duration", f"{(len(motion.x) - 1) * motion.period:.1f} s"))
-        part, _ = position_part(live.reproduction.adapted.layout)
-        rows.append((f"ends at [{part.unit}]", format_numbers(end)))
+        rows.append((f"ends at [{part.unit}]", format_numbers(motion.x[-1, columns])))
     return _block(_table(rows))
 
 
-def notes_html(live: LiveReproduction | None) -> str:
-    """Return the notes about the motion, or why there is none."""
+def notes_html(live: LiveReproduction | None, notes: Sequence[str] | None) -> str:
+    """Return the notes about the motion, or why there is none.
+
+    Args:
+        live: Computed motion; None without a skill.
+        notes: Notes of `reproduction_notes`; None while they are not computed yet.
+    """
     if live is None:
         return ""
     if live.problem:
         return _block(f"<b>No motion:</b> {escape(live.problem)}")
-    if not live.notes:
+    if notes is None:
+        return _block("Notes: ...")
+    if not notes:
         return _block("No notes: the motion is like the demonstrations.")
-    return _block("".join(f"<p style='margin: 0 0 0.4rem 0'>{escape(note)}</p>" for note in live.notes))
+    return _block("".join(f"<p style='margin: 0 0 0.4rem 0'>{escape(note)}</p>" for note in notes))
 
 
 def format_numbers(values: Iterable[float], digits: int = 4) -> str:
@@ -118,7 +138,9 @@ def inputs_to_pose(position: Sequence[float], turn: Sequence[float]) -> Pose:
     """Return the pose of a position and a rotation vector [degrees]; in a plane, of two numbers and one."""
     if len(turn) == 1:
         position, turn = (*position, 0.0), (0.0, 0.0, *turn)
-    return Pose(np.array(position, dtype=float), from_rotation_vector(np.radians(np.array(turn, dtype=float))))
+    return Pose(
+        np.array(position, dtype=float), from_rotation_vector(np.radians(np.array(turn, dtype=float)))
+    )
 
 
 def _scalar_rows(content: ViewContent, x: Float[Array, " D"]) -> list[Row]:

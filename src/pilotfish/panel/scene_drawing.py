@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pilotfish.geometry import Pose
-from pilotfish.panel.colours import AXIS_COLOURS, MOTION, demonstration_colour, rgb
+from pilotfish.panel.colours import AXIS_COLOURS, MOTION, demonstration_colour, linear_rgb, rgb
 from pilotfish.panel.content import ViewContent
 from pilotfish.panel.frame_motions import frame_pose
 from pilotfish.panel.live_reproduction import LiveReproduction
@@ -25,7 +25,7 @@ from pilotfish.types import Array, Float
 if TYPE_CHECKING:
     import viser
 
-HANDLE_SIZE, AXES_LENGTH, TOOL_LENGTH = 0.16, 0.1, 0.07  # relative to the extent
+HANDLE_SIZE, AXES_LENGTH, TOOL_LENGTH = 0.14, 0.1, 0.07  # relative to the extent
 THIN, THICK = 2.0, 4.0  # pixels
 OPACITY = 0.45
 LIGHT = (222, 222, 222)
@@ -103,7 +103,7 @@ class SceneDrawing:
         )
         corner = grid.centre - np.array([0.5 * grid.width, 0.5 * grid.height, 0.0])
         node = self._server.scene.add_frame("/world", show_axes=False, position=tuple(corner.tolist()))
-        self._draw_axes(node.name, 2.0 * AXES_LENGTH * self._extent.size, letters=True)
+        self._draw_axes(node.name, AXES_LENGTH * self._extent.size, letters=True)
 
     def _draw_demonstration(self, m: int) -> Any:
         demo, beside_skill = self._content.demonstrations[m], self._content.skill is not None
@@ -126,7 +126,8 @@ class SceneDrawing:
             self.handles[n] = node
         else:
             node = self._server.scene.add_frame(name, show_axes=False)
-        self._draw_axes(name, AXES_LENGTH * size, letters=n not in self.handles)
+        if n not in self.handles:  # a handle has axes of its own
+            self._draw_axes(name, AXES_LENGTH * size, letters=True)
         self._server.scene.add_label(f"{name}/name", frame.name, anchor="top-center")
         _place(node, pose)
         return node
@@ -137,6 +138,8 @@ class SceneDrawing:
         nodes = [self._server.scene.add_frame(f"/tools/{n}", show_axes=False) for n in range(count)]
         for node in nodes:
             self._draw_axes(node.name, TOOL_LENGTH * self._extent.size, letters=False)
+        if self._content.skill is not None:
+            self._server.scene.add_label("/tools/0/name", "tool", anchor="bottom-center")
         return nodes
 
     def _draw_states(self, live: LiveReproduction, deviations: float) -> None:
@@ -168,15 +171,15 @@ class SceneDrawing:
     def _draw_axes(self, parent: str, length: float, *, letters: bool) -> None:
         """Draw the axes of a node in the colours of the plots."""
         ends = length * np.eye(SPACE)[: 2 if self._extent.is_flat else SPACE]
-        colours = np.array([[rgb(AXIS_COLOURS[axis])] * 2 for axis in AXES[: len(ends)]], dtype=np.uint8)
+        colours = np.array(
+            [[linear_rgb(AXIS_COLOURS[axis])] * 2 for axis in AXES[: len(ends)]], dtype=np.uint8
+        )
         segments = np.stack([np.zeros_like(ends), ends], axis=1)
         self._draw_line(f"{parent}/axes", segments, colours, THICK)
         for axis, end in zip(AXES, 1.1 * ends if letters else (), strict=False):
             self._server.scene.add_label(f"{parent}/{axis}", axis, position=end, anchor="center-center")
 
-    def _draw_line(
-        self, name: str, segments: Float[Array, "S 2 3"], colours: Any, thickness: float
-    ) -> Any:
+    def _draw_line(self, name: str, segments: Float[Array, "S 2 3"], colours: Any, thickness: float) -> Any:
         return self._server.scene.add_line_segments(
             name, segments, colours, thickness=thickness, thickness_units="screen"
         )

@@ -28,7 +28,8 @@ MIN_THICKNESS = 0.002  # semi-axis of an ellipsoid, relative to the extent: a pl
 FIELD_OF_VIEW = np.radians(75.0)  # vertical, that of viser
 VIEW_FROM = np.array([0.55, -0.75, 0.5])  # direction from the data to the first camera; z is up
 VIEW_FROM_ABOVE = np.array([0.0, -1e-3, 1.0])  # for data in a plane: x to the right, y up
-VIEW_MARGIN = 1.15  # of the sphere around the data
+VIEW_SHARE = 0.85  # of the image, that the data fill at most
+VIEW_ASPECT = 1.05  # width to height of the narrowest image that has all data in it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,11 +163,27 @@ def extent_of(content: ViewContent, adapted: AdaptedSkill | None) -> Extent:
 
 
 def first_camera(extent: Extent) -> Camera:
-    """Return a view of the whole box: from above if it is flat, else from the front right, z up."""
-    direction = VIEW_FROM_ABOVE if extent.is_flat else VIEW_FROM
-    distance = VIEW_MARGIN * 0.5 * extent.size / np.sin(0.5 * FIELD_OF_VIEW)
-    position = extent.centre + distance * direction / np.linalg.norm(direction)
-    return Camera(position, extent.centre, np.array([0.0, 0.0, 1.0]))
+    """Return a view of the whole box: from above if it is flat, else from the front right, z up.
+
+    A corner at height h above the line of sight, and depth d in front of the middle of the box, is in the
+    image if h <= (D - d) tan(field of view / 2), where D is the distance of the camera. Width is alike.
+    """
+    backward = VIEW_FROM_ABOVE if extent.is_flat else VIEW_FROM
+    backward = backward / np.linalg.norm(backward)
+    up = np.array([0.0, 0.0, 1.0])
+    right = np.cross(up, backward) / np.linalg.norm(np.cross(up, backward))
+    offsets = _corners(extent) - extent.centre
+    tangent = VIEW_SHARE * np.tan(0.5 * FIELD_OF_VIEW)
+    heights = np.abs(offsets @ np.cross(backward, right)) / tangent
+    widths = np.abs(offsets @ right) / (VIEW_ASPECT * tangent)
+    distance = float((np.maximum(heights, widths) + offsets @ backward).max())
+    return Camera(extent.centre + distance * backward, extent.centre, up)
+
+
+def _corners(extent: Extent) -> Float[Array, "8 3"]:
+    """Return the corners of the box."""
+    choices = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(SPACE, -1).T
+    return np.where(choices == 1, extent.highest, extent.lowest)
 
 
 def grid_under(extent: Extent) -> Grid:
@@ -189,7 +206,8 @@ def sphere_mesh(meridians: int = 20, parallels: int = 12) -> tuple[Float[Array, 
     polar = np.linspace(0.0, np.pi, parallels + 1)[:, None]
     around = np.linspace(0.0, 2.0 * np.pi, meridians, endpoint=False)[None]
     vertices = np.stack(
-        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar) + 0.0 * around], axis=-1
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar) + 0.0 * around],
+        axis=-1,
     ).reshape(-1, SPACE)
     row, column = np.divmod(np.arange(parallels * meridians), meridians)
     corners = [(row + i) * meridians + (column + j) % meridians for i in (0, 1) for j in (0, 1)]

@@ -108,7 +108,9 @@ def _require_free(host: str, port: int) -> None:
     try:
         address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     except (OSError, UnicodeError) as error:
-        raise InvalidInput(f"host {host!r} is unknown ({error}), expected an address such as 127.0.0.1") from error
+        raise InvalidInput(
+            f"host {host!r} is unknown ({error}), expected an address such as 127.0.0.1"
+        ) from error
     family, kind, protocol, _, socket_address = address
     try:
         with socket.socket(family, kind, protocol) as probe:
@@ -117,9 +119,13 @@ def _require_free(host: str, port: int) -> None:
             probe.listen(1)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            problem = f"port {port} of {host} is in use by another program; choose another, or 0 for any free one"
+            problem = (
+                f"port {port} of {host} is in use by another program; choose another, or 0 for any free one"
+            )
         elif error.errno == errno.EACCES:
             problem = f"port {port} needs the rights of the administrator, expected 1024 to {MAX_PORT}, or 0"
         else:
-            problem = f"host {host!r} cannot be bound ({error.strerror}), expected an address of this computer"
+            problem = (
+                f"host {host!r} cannot be bound ({error.strerror}), expected an address of this computer"
+            )
         raise InvalidInput(problem) from error

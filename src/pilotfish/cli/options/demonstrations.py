@@ -192,10 +192,11 @@ def training_demonstrations(skill: Skill, source: str) -> tuple[Demonstration, .
             f"{source} has the demonstrations {short_list(list(available))}, but the skill was also learned "
             f"from {missing[0]!r}; name the folder that the skill was learned from"
         )
-    return tuple(_match_skill(available[name], skill) for name in names)
+    return tuple(match_skill(available[name], skill) for name in names)
 
 
-def _match_skill(demo: Demonstration, skill: Skill) -> Demonstration:
+def match_skill(demo: Demonstration, skill: Skill) -> Demonstration:
+    """Return a demonstration with the columns and the frames of a skill, as far as it has them."""
     velocities = any(part.derivative for part in skill.layout.parts)
     riemannian = bool(skill.layout.orientation_starts)
     (prepared,) = prepare_demonstrations((demo,), riemannian=riemannian, velocities=velocities)
