@@ -61,7 +61,7 @@ def view_content(
         the demonstrations of the skill.
 
     Raises:
-        InvalidInput: If columns or frames differ, there is no position to draw, or the skill does not state
+        InvalidInput: If columns or frames differ, a position to draw is missing, or the skill does not state
             where its objects were.
     """
     require_type(demonstrations, "demonstrations", Sequence, "pass a list of demonstrations")

@@ -1,8 +1,8 @@
 """Pose of a frame in space, and the frame after its object was moved.
 
 A frame maps local to world coordinates by A and b, for all columns of a row. Its pose is where it maps the
-first position: the origin is b there, and the rotation the orthogonal factor of A. The frame of an object that
-moved by the rigid displacement (M, m) is x -> M (A x + b) + m. This holds for any A, also with scales.
+first position: the origin is b there, and the rotation the orthogonal factor of A. If an object moves by the
+rigid displacement (M, m), its frame becomes x -> M (A x + b) + m. This holds for any A, also with scales.
 """
 
 import numpy as np

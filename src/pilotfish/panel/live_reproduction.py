@@ -18,7 +18,7 @@ class LiveReproduction:
     Attributes:
         adapted: Adapted skill; None if the frames do not fit together.
         reproduction: Motion; None if it cannot be planned.
-        problem: Why there is no motion; empty if there is one.
+        problem: Why the motion is missing; empty if it is not.
     """
 
     adapted: AdaptedSkill | None

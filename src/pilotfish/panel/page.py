@@ -162,7 +162,7 @@ class Page:
     def _add_situation(self) -> None:
         gui, names = self._server.gui, [each.name for each in self._content.situations]
         with gui.add_folder("Situation"):
-            self._situation = gui.add_dropdown("frames of", names, initial_value=names[0])
+            self._situation: Any = gui.add_dropdown("frames of", names, initial_value=names[0])
             self._situation.on_update(self._on_situation)
             self._inputs = {n: self._add_inputs(n) for n in self._scene.handles}
             reset = gui.add_button("Reset", hint="Put all frames back to where the situation had them.")
@@ -172,7 +172,7 @@ class Page:
     def _add_motion(self) -> None:
         gui = self._server.gui
         with gui.add_folder("Motion"):
-            self._slider = gui.add_slider("time [s]", 0.0, self._duration(), 0.01, 0.0)
+            self._slider: Any = gui.add_slider("time [s]", 0.0, self._duration(), 0.01, 0.0)
             self._slider.on_update(self._on_time)
             self._play = gui.add_button("Play")
             self._play.on_click(self._on_play)

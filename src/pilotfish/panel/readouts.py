@@ -169,7 +169,8 @@ def _table(rows: Sequence[Row]) -> str:
     return "".join(
         "<div style='display:flex;justify-content:space-between;gap:0.6rem'>"
         f"<span style='opacity:0.7'>{escape(name)}</span>"
-        f"<span style='font-variant-numeric:tabular-nums;text-align:right'>{value}</span></div>"
+        f"<span data-row='{escape(name)}' style='font-variant-numeric:tabular-nums;text-align:right'>"
+        f"{value}</span></div>"
         for name, value in rows
     )
 

@@ -10,6 +10,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from ipaddress import ip_address
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pilotfish.errors import InvalidInput, SkillError
@@ -86,7 +87,7 @@ def _running_server(host: str, port: int) -> "Iterator[viser.ViserServer]":
         raise SkillError(f"the page needs {error.name or error}: pip install 'pilotfish[panel]'") from error
     _require_free(host, port)
     os.environ.pop("_VISER_PORT_OVERRIDE", None)
-    with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - the null device is no file
+    with Path(os.devnull).open("w") as nowhere:
         with redirect_stdout(nowhere):
             server = viser.ViserServer(host=host, port=port, label="pilotfish", verbose=False)
         server.request_share_url = _refuse_to_share  # type: ignore[method-assign]

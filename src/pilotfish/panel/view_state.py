@@ -1,7 +1,7 @@
 """State of the page: the situation, time and what is drawn; each event is a function to the next state.
 
-Events arrive from the browser at any rate. Each replaces the state at once, and the computation takes the state
-that it finds when it is free (`LatestState`). Poses of a drag in between are dropped, never queued.
+Events arrive from the browser at any rate. Each replaces the state at once, and the computation takes the
+state that it finds when it is free (`LatestState`). Poses of a drag in between are dropped, never queued.
 """
 
 from collections.abc import Callable
