@@ -11,9 +11,9 @@ from typing import Any
 
 PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
-    "geometry", "control", "planning", "assistance", "teleop", "plots", "io.datasets", "io.readers",
-    "io.writers", "io", "environments.human", "environments.baxter", "environments", "vision", "simulation",
-    "kernels", "errors", "validation",
+    "geometry", "control", "planning", "assistance", "teleop", "plots", "panel", "io.datasets",
+    "io.readers", "io.writers", "io", "environments.human", "environments.baxter", "environments", "vision",
+    "simulation", "kernels", "errors", "validation",
 )  # fmt: skip
 
 

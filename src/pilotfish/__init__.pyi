@@ -8,9 +8,9 @@ from pilotfish import geometry as geometry
 from pilotfish import io as io
 from pilotfish import kernels as kernels
 from pilotfish import models as models
+from pilotfish import panel as panel
 from pilotfish import planning as planning
 from pilotfish import plots as plots
-from pilotfish import panel as panel
 from pilotfish import simulation as simulation
 from pilotfish import teleop as teleop
 from pilotfish.control import track

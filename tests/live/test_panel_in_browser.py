@@ -28,9 +28,16 @@ from pilotfish.panel.scene_values import FIELD_OF_VIEW, Extent, extent_of, first
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = (
-    "--headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader --disable-quic --no-first-run "
-    "--disable-background-networking --disable-component-update --disable-sync"
-).split()
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
 WIDTH, HEIGHT = 1280, 800
 ARROW = 0.85  # of the size of a handle, from its origin to the middle of an arrow's head
 TIMEOUT = 120.0  # s, on a busy machine
@@ -234,7 +241,8 @@ def test_port_in_use_is_refused(viewer: Viewer, folder: Path):
     output, errors = process.communicate(timeout=TIMEOUT)
     assert (process.returncode, output) == (1, "")
     assert errors == (
-        f"Error: port {port} of 127.0.0.1 is in use by another program; choose another, or 0 for any free one\n"
+        f"Error: port {port} of 127.0.0.1 is in use by another program; choose another, or 0 for any free "
+        "one\n"
     )
 
 

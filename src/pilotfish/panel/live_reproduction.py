@@ -60,5 +60,10 @@ def reproduction_notes(skill: Skill, live: LiveReproduction, frames: Sequence[Fr
 
     Returns:
         Notes of `planning.motion_notes`; empty without a motion.
+
+    Raises:
+        InvalidInput: If the skill or the motion has another type.
     """
+    require_type(skill, "skill", Skill, "a fit holds one: fit.skill")
+    require_type(live, "live", LiveReproduction, "compute_reproduction returns it")
     return motion_notes(skill, live.reproduction, frames) if live.reproduction else ()

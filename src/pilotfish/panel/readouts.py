@@ -49,7 +49,8 @@ def summary_html(content: ViewContent, cell: float) -> str:
     entries = []
     if content.skill:
         frames = short_list(content.skill.frame_names, 4)
-        entries.append(_entry(MOTION, "line", f"motion of the skill ({content.skill.states} states)"))
+        motion = f"motion of the skill ({content.skill.states} states), and tool as axes"
+        entries.append(_entry(MOTION, "line", motion))
         entries.append(_entry(STATE_COLOURS[0], "disc", f"states, adapted to {frames}"))
     if content.demonstrations:
         colour = DEMONSTRATION if content.skill else STATE_COLOURS[0]

@@ -138,8 +138,6 @@ class SceneDrawing:
         nodes = [self._server.scene.add_frame(f"/tools/{n}", show_axes=False) for n in range(count)]
         for node in nodes:
             self._draw_axes(node.name, TOOL_LENGTH * self._extent.size, letters=False)
-        if self._content.skill is not None:
-            self._server.scene.add_label("/tools/0/name", "tool", anchor="bottom-center")
         return nodes
 
     def _draw_states(self, live: LiveReproduction, deviations: float) -> None:

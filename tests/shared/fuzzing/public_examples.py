@@ -18,6 +18,7 @@ from fuzzing import (
     examples_of_links,
     examples_of_models,
     examples_of_motions,
+    examples_of_panel,
     examples_of_recordings,
     examples_of_teleop,
     examples_of_values,
@@ -44,6 +45,7 @@ EXAMPLES: Mapping[str, Callable[[], Examples]] = {
     "planning": examples_of_motions.planning_examples,
     "environments": examples_of_motions.environments_examples,
     "plots": examples_of_motions.plots_examples,
+    "panel": examples_of_panel.panel_examples,
     "teleop": lambda: {**examples_of_links.link_examples(), **examples_of_teleop.teleop_examples()},
     "validation": examples_of_values.validation_examples,
     "vision": examples_of_vision.vision_examples,
@@ -85,6 +87,7 @@ EXCLUDED: Mapping[str, str] = {
         )
     },
     "vision.require_opencv": "takes no arguments",
+    "panel.serve": "serves a page until it is stopped: tests/live/test_panel_in_browser.py opens it",
     "plots.draw_ellipses": "draws into axes; the figures call it",
     "validation.shorten_repr": "changes a class of the library when it is defined",
     "plots.state_colour": "takes the index of a state only",
