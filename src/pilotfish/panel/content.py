@@ -124,7 +124,7 @@ def _validate_frames(frames: object, layout: Layout, names: Sequence[str]) -> tu
 
 
 def _middle_situation(skill: Skill | None) -> Situation:
-    """Return the situation in the middle of those that a skill was learned from."""
+    """Return the situation in the middle of the demonstrations of a skill."""
     assert skill is not None
     if skill.demonstrated is not None:
         ranges = skill.demonstrated.frames

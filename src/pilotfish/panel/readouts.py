@@ -12,11 +12,11 @@ import numpy as np
 
 from pilotfish.demonstrations import Quantity
 from pilotfish.geometry import Pose, from_rotation_vector, to_rotation_vector
-from pilotfish.panel.colours import DEMONSTRATION, MOTION, STATE_COLOURS
+from pilotfish.panel.colours import MOTION, STATE_COLOURS, demonstration_colour
 from pilotfish.panel.content import ViewContent
 from pilotfish.panel.live_reproduction import LiveReproduction
 from pilotfish.panel.scene_values import step_at, tool_pose
-from pilotfish.panel.spatial_columns import orientation_part, position_part
+from pilotfish.panel.spatial_columns import SPACE, orientation_part, position_part
 from pilotfish.types import Array, Float
 from pilotfish.validation import short_list
 
@@ -52,12 +52,25 @@ def summary_html(content: ViewContent, cell: float) -> str:
         motion = f"motion of the skill ({content.skill.states} states), and tool as axes"
         entries.append(_entry(MOTION, "line", motion))
         entries.append(_entry(STATE_COLOURS[0], "disc", f"states, adapted to {frames}"))
-    if content.demonstrations:
-        colour = DEMONSTRATION if content.skill else STATE_COLOURS[0]
-        entries.append(_entry(colour, "line", f"demonstrations ({len(content.demonstrations)})"))
+    entries += _demonstration_entries(content)
     unit = f" {part.unit}" if part.unit != "1" else ""
-    entries.append(_entry("#bbbbbb", "line", f"grid of {cell:g}{unit}; axes x red, y green, z blue"))
+    axes = "x red, y green, z blue" if part.size == SPACE else "x red, y green"
+    entries.append(_entry("#bbbbbb", "line", f"grid of {cell:g}{unit}; axes {axes}"))
     return _block("".join(entries))
+
+
+def _demonstration_entries(content: ViewContent) -> list[str]:
+    """Return one entry for all demonstrations if they have one colour or are many, else one for each."""
+    count = len(content.demonstrations)
+    if not count:
+        return []
+    if content.skill or count > len(STATE_COLOURS):
+        colour = demonstration_colour(0, beside_skill=content.skill is not None)
+        return [_entry(colour, "line", f"demonstrations ({count})")]
+    return [
+        _entry(demonstration_colour(m, beside_skill=False), "line", demo.name or f"demonstration {m}")
+        for m, demo in enumerate(content.demonstrations)
+    ]
 
 
 def motion_html(content: ViewContent, live: LiveReproduction | None, time: float) -> str:
@@ -73,7 +86,9 @@ def motion_html(content: ViewContent, live: LiveReproduction | None, time: float
     step, part = step_at(time, period, len(x)), position_part(layout)[0]
     pose = tool_pose(layout, x, step)
     rows = [("step", f"{step} of {len(x) - 1}, {step * period:.2f} s")]
-    if states is not None:
+    if states is None:
+        rows.insert(0, ("demonstration", escape(content.demonstrations[0].name or "0")))
+    else:
         rows.append(("state", f"{int(states[step])}"))
     rows.append((f"{part.name} [{part.unit}]", format_numbers(pose.position[: part.size])))
     if orientation_part(layout) is not None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 HANDLE_SIZE, AXES_LENGTH, TOOL_LENGTH = 0.14, 0.1, 0.07  # relative to the extent
 THIN, THICK = 2.0, 4.0  # pixels
+LIFT = 0.003  # relative to the extent, of lines above discs in a plane
 OPACITY = 0.45
 LIGHT = (222, 222, 222)
 
@@ -178,8 +179,14 @@ class SceneDrawing:
             self._server.scene.add_label(f"{parent}/{axis}", axis, position=end, anchor="center-center")
 
     def _draw_line(self, name: str, segments: Float[Array, "S 2 3"], colours: Any, thickness: float) -> Any:
+        lift = LIFT * thickness * self._extent.size if self._extent.is_flat else 0.0
         return self._server.scene.add_line_segments(
-            name, segments, colours, thickness=thickness, thickness_units="screen"
+            name,
+            segments,
+            colours,
+            thickness=thickness,
+            thickness_units="screen",
+            position=(0.0, 0.0, lift),
         )
 
 

@@ -151,11 +151,14 @@ def extent_of(content: ViewContent, adapted: AdaptedSkill | None) -> Extent:
     layout = content.layout
     points = [points_in_space(layout, demo.x) for demo in content.demonstrations]
     points += [
-        frame_pose(frame, layout).position[None] for each in content.situations for frame in each.frames
+        frame_pose(frame, layout).position[None]
+        for each in content.situations
+        for frame in each.frames
+        if not frame.is_world  # which may be far from a drawing
     ]
     if adapted is not None:
         points.append(points_in_space(layout, adapted.means))
-    every = np.vstack(points)
+    every = np.vstack(points or [np.zeros((1, SPACE))])
     lowest, highest = every.min(axis=0), every.max(axis=0)
     if not float(np.ptp(every, axis=0).max()) > 0.0:  # a single point
         lowest, highest = lowest - 0.5, highest + 0.5
