@@ -118,6 +118,13 @@ def test_extent_contains_paths_frames_and_states(reaches: Demonstrations, reach_
     )
 
 
+def test_extent_leaves_out_the_world(strokes: Demonstrations):
+    """A drawing far from the origin of its columns fills the view."""
+    x = strokes[0].x[:, :2] + 100.0
+    content = view_content([demonstration(x, 0.1, position_layout(2))])
+    assert extent_of(content, None).lowest.min() == pytest.approx(x.min())
+
+
 def test_extent_of_one_point_has_a_size():
     demo = demonstration(np.ones((3, 3)), 0.1, position_layout(3))
     content = view_content([replace(demo, frames=(replace(demo.frames[0], b=np.ones(3)),))])  # type: ignore[arg-type]

@@ -9,6 +9,7 @@ from pilotfish.models import Skill
 from pilotfish.panel.spatial_columns import position_part
 from pilotfish.validation import require_type, short_list, shorten_repr
 
+WORLD = "world"  # name of the frame of the world
 MAX_DEMONSTRATIONS = 100  # drawn at once
 
 
@@ -87,6 +88,15 @@ def view_content(
     return ViewContent(tuple(demonstrations), skill, layout, situations)
 
 
+def is_fixed(frame: Frame) -> bool:
+    """Return whether a frame is that of the world, which nobody can move.
+
+    Args:
+        frame: Frame of an object.
+    """
+    return frame.is_world and frame.name == WORLD
+
+
 def _label(number: int, demo: Demonstration) -> str:
     """Return a label that is different for each demonstration."""
     return f"{number}: {demo.name}" if demo.name else f"{number}"
@@ -131,8 +141,8 @@ def _middle_situation(skill: Skill | None) -> Situation:
         middles = zip(skill.frame_names, ranges.orientations, ranges.lowest, ranges.highest, strict=True)
         frames = tuple(Frame(name, A, 0.5 * (low + high)) for name, A, low, high in middles)
         return Situation("middle of the demonstrations", frames)
-    if skill.frame_names == ("world",):
-        return Situation("world", (world_frame(skill.width),))
+    if skill.frame_names == (WORLD,):
+        return Situation(WORLD, (world_frame(skill.width),))
     raise InvalidInput(
         f"the skill does not state where its frames {short_list(skill.frame_names)} were, expected frames; "
         "pass them, or demonstrations"

@@ -6,7 +6,7 @@ import numpy as np
 
 from pilotfish.geometry import Pose
 from pilotfish.panel.colours import AXIS_COLOURS, MOTION, demonstration_colour, linear_rgb, rgb
-from pilotfish.panel.content import ViewContent
+from pilotfish.panel.content import ViewContent, is_fixed
 from pilotfish.panel.frame_motions import frame_pose
 from pilotfish.panel.live_reproduction import LiveReproduction
 from pilotfish.panel.scene_values import (
@@ -116,7 +116,7 @@ class SceneDrawing:
         """Draw a frame: its axes and name, and a handle if a skill follows it."""
         frame, size, flat = self._content.situations[0].frames[n], self._extent.size, self._extent.is_flat
         name, pose = f"/frames/{n}", frame_pose(frame, self._content.layout)
-        if self._content.skill is not None and not (frame.is_world and frame.name == "world"):
+        if self._content.skill is not None and not is_fixed(frame):
             node: Any = self._server.scene.add_transform_controls(
                 name,
                 scale=HANDLE_SIZE * size,
@@ -157,7 +157,6 @@ class SceneDrawing:
                 values.centres,
                 batched_scales=values.semi_axes,
                 batched_colors=values.colours,
-                lod="off",
                 opacity=OPACITY,
                 cast_shadow=False,
                 receive_shadow=False,

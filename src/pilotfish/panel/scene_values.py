@@ -12,7 +12,7 @@ from pilotfish.demonstrations import Layout
 from pilotfish.geometry import Pose, quaternion_from_rotation_matrix
 from pilotfish.models import AdaptedSkill
 from pilotfish.panel.colours import state_colours
-from pilotfish.panel.content import ViewContent
+from pilotfish.panel.content import ViewContent, is_fixed
 from pilotfish.panel.frame_motions import frame_pose
 from pilotfish.panel.spatial_columns import (
     SPACE,
@@ -154,7 +154,7 @@ def extent_of(content: ViewContent, adapted: AdaptedSkill | None) -> Extent:
         frame_pose(frame, layout).position[None]
         for each in content.situations
         for frame in each.frames
-        if not frame.is_world  # which may be far from a drawing
+        if not is_fixed(frame)  # the world's may be far from a drawing
     ]
     if adapted is not None:
         points.append(points_in_space(layout, adapted.means))
