@@ -13,7 +13,7 @@ PACKAGES = (
     "models.durations", "models.online", "models", "demonstrations", "gaussians.structures", "gaussians",
     "geometry", "control", "planning", "assistance", "teleop", "plots", "panel", "io.datasets",
     "io.readers", "io.writers", "io", "environments.human", "environments.baxter", "environments", "vision",
-    "simulation", "kernels", "errors", "validation",
+    "simulation", "cluster", "kernels", "errors", "validation",
 )  # fmt: skip
 
 

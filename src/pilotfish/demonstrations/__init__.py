@@ -27,10 +27,15 @@ from pilotfish.demonstrations.signals import Recording, Signal
 from pilotfish.demonstrations.signs import has_opposite_sign, unwrap_orientations
 from pilotfish.demonstrations.sphere import to_sphere
 from pilotfish.demonstrations.suggestions import Question, suggest_settings
-from pilotfish.demonstrations.switches import common_switches, switching_columns
+from pilotfish.demonstrations.switches import (
+    common_switches,
+    count_at_limits,
+    select_switches,
+    switching_columns,
+)
 from pilotfish.demonstrations.timestamps import time_unit
 from pilotfish.demonstrations.units import is_unit, parse_unit
-from pilotfish.demonstrations.views import Views, views
+from pilotfish.demonstrations.views import Views, require_compatible, views
 
 __all__ = [
     "BuildSettings",
@@ -52,6 +57,7 @@ __all__ = [
     "build_demonstration",
     "column_names",
     "common_switches",
+    "count_at_limits",
     "demonstration",
     "diagnose",
     "frame",
@@ -64,8 +70,10 @@ __all__ = [
     "planar_frame",
     "pose_layout",
     "position_layout",
+    "require_compatible",
     "resample",
     "select_columns",
+    "select_switches",
     "suggest_settings",
     "switching_columns",
     "time_unit",

@@ -8,7 +8,7 @@ from pilotfish.demonstrations.layouts import Layout, Quantity
 from pilotfish.demonstrations.recording import Demonstration
 from pilotfish.demonstrations.views import require_compatible
 from pilotfish.errors import InvalidInput
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Float, Int
 from pilotfish.validation import require_type, short_list
 
 CONSTANT = 1e-9  # of the magnitude: a smaller range is rounding
@@ -23,18 +23,48 @@ def switching_columns(x: Float[Array, "N D"], layout: Layout) -> tuple[str, ...]
         x: Rows of all demonstrations.
         layout: Columns of x.
     """
-    names = []
-    for part, columns in zip(layout.parts, layout.slices, strict=True):
-        if part.quantity is not Quantity.SCALAR or part.derivative:
-            continue
-        for column in range(columns.start, columns.stop):
-            values = x[:, column]
-            low, high = float(values.min()), float(values.max())
-            margin = LEVEL_TOLERANCE * (high - low)
-            at_level = (values <= low + margin) | (values >= high - margin)
-            if high - low > CONSTANT * max(abs(low), abs(high)) and at_level.mean() >= MIN_SHARE:
-                names.append(layout.names[column])
-    return tuple(names)
+    lowest, highest = x.min(axis=0), x.max(axis=0)
+    return select_switches(count_at_limits(x, lowest, highest), len(x), (lowest, highest), layout)
+
+
+def count_at_limits(
+    x: Float[Array, "N D"], lowest: Float[Array, " D"], highest: Float[Array, " D"]
+) -> Int[Array, " D"]:
+    """Count the rows at which each column is close to its smallest or largest value of all rows.
+
+    Args:
+        x: Some of the rows.
+        lowest: Smallest value of each column, of all rows.
+        highest: Largest value of each column, of all rows.
+    """
+    margin = LEVEL_TOLERANCE * (highest - lowest)
+    return np.asarray(((x <= lowest + margin) | (x >= highest - margin)).sum(axis=0))
+
+
+def select_switches(
+    counts: Int[Array, " D"],
+    rows: int,
+    limits: tuple[Float[Array, " D"], Float[Array, " D"]],
+    layout: Layout,
+) -> tuple[str, ...]:
+    """Return the names of the columns that switch.
+
+    Args:
+        counts: Rows at which each column is close to a limit, as `count_at_limits` returns.
+        rows: Number of rows.
+        limits: Smallest and largest value of each column.
+        layout: Columns of the rows.
+    """
+    low, high = limits
+    varies = high - low > CONSTANT * np.maximum(np.abs(low), np.abs(high))
+    switches = varies & (counts / rows >= MIN_SHARE)
+    return tuple(
+        layout.names[column]
+        for part, columns in zip(layout.parts, layout.slices, strict=True)
+        if part.quantity is Quantity.SCALAR and not part.derivative
+        for column in range(columns.start, columns.stop)
+        if switches[column]
+    )
 
 
 def common_switches(

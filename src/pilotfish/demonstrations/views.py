@@ -29,7 +29,7 @@ class Views:
     orientation_starts: tuple[int, ...] = ()
 
 
-def views(demonstrations: Sequence[Demonstration]) -> Views:
+def views(demonstrations: Sequence[Demonstration], reference: Demonstration | None = None) -> Views:
     """Return demonstrations in the coordinates of their frames: A_j x[j] + b_j = world for frame j.
 
     If a quaternion in R^4 is closer to that of the first demonstration after a change of sign, its sign and
@@ -37,6 +37,7 @@ def views(demonstrations: Sequence[Demonstration]) -> Views:
 
     Args:
         demonstrations: At least one; all have the same layout, period and frame names.
+        reference: Demonstration to whose signs quaternions are aligned; None takes the first.
 
     Raises:
         InvalidInput: If there is none, or if they differ in layout, period or frame names.
@@ -44,14 +45,16 @@ def views(demonstrations: Sequence[Demonstration]) -> Views:
     Source:
         Tanwani 2018, eq. 3.21.
     """
-    require_compatible(demonstrations)
+    require_compatible(demonstrations, reference)
     first, lengths = demonstrations[0], np.array([len(demo.x) for demo in demonstrations], dtype=np.int64)
     x = np.empty((len(first.frames), lengths.sum(), first.layout.width))  # filled in place, to save memory
+    references = [frame.to_local(reference.x) for frame in reference.frames] if reference else []
     for demo, end in zip(demonstrations, np.cumsum(lengths), strict=True):
-        for given, view in zip(demo.frames, x, strict=True):
+        for p, (given, view) in enumerate(zip(demo.frames, x, strict=True)):
             local = view[end - len(demo.x) : end]
             local[:] = given.to_local(demo.x)
-            local *= _alignment_signs(local, view[: lengths[0]], first.layout)
+            aligned_to = references[p] if references else view[: lengths[0]]
+            local *= _alignment_signs(local, aligned_to, first.layout)
     return Views(x, lengths, first.layout.orientation_starts)
 
 
@@ -68,22 +71,26 @@ def incompatibility(first: Demonstration, other: Demonstration) -> str:
     return ""
 
 
-def require_compatible(demonstrations: Sequence[Demonstration]) -> None:
+def require_compatible(
+    demonstrations: Sequence[Demonstration], reference: Demonstration | None = None, start: int = 0
+) -> None:
     """Raise unless one skill can be learned from these demonstrations.
 
     Args:
         demonstrations: Demonstrations.
+        reference: First demonstration of the set; None: these are the whole set.
+        start: Number in the set of the first of these, for messages.
 
     Raises:
         InvalidInput: If there is none, or if they differ in layout, period or frame names.
     """
     require_type(demonstrations, "demonstrations", Sequence, "pass a list, also for a single one")
-    for demo in demonstrations:
+    for demo in (*demonstrations, *([] if reference is None else [reference])):
         require_type(demo, "a demonstration", Demonstration, "create one with pf.demonstration")
     if not demonstrations:
         raise InvalidInput("demonstrations is empty, expected at least one")
-    first = demonstrations[0]
-    for m, demo in enumerate(demonstrations):
+    first = demonstrations[0] if reference is None else reference
+    for m, demo in enumerate(demonstrations, start=start):
         if reason := incompatibility(first, demo):
             raise InvalidInput(f"demonstration {m} ({demo.name!r}) and the first ({first.name!r}) {reason}")
 

@@ -9,6 +9,7 @@ from pilotfish.io.demonstration_folder import (
     require_replaceable,
     write_demonstrations,
 )
+from pilotfish.io.demonstration_sets import GroupFiles, is_lerobot, list_groups, read_group
 from pilotfish.io.import_settings import format_import_settings, read_import_settings
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
@@ -21,6 +22,7 @@ from pilotfish.io.stream_file import load_any, open_stream, save_stream
 from pilotfish.io.synthetic import synthetic_valve
 
 __all__ = [
+    "GroupFiles",
     "SessionFile",
     "SessionRecord",
     "SessionWriter",
@@ -31,6 +33,8 @@ __all__ = [
     "encode_assisted_skill",
     "format_import_settings",
     "is_folder",
+    "is_lerobot",
+    "list_groups",
     "load_any",
     "make_folder",
     "normalise_quaternions",
@@ -40,6 +44,7 @@ __all__ = [
     "read_demonstrations",
     "read_file",
     "read_frames",
+    "read_group",
     "read_import_settings",
     "read_session",
     "read_start",

@@ -39,14 +39,15 @@ from pilotfish.io.manifest import (
 )
 from pilotfish.io.paths import is_file, is_folder, path_exists, read_file, resolve_path
 from pilotfish.types import Array, Float
-from pilotfish.validation import short_list, short_repr
+from pilotfish.validation import require_type, short_list, short_repr
 
 
-def read_demonstrations(path: str | Path) -> tuple[Demonstration, ...]:
+def read_demonstrations(path: str | Path, numbers: range | None = None) -> tuple[Demonstration, ...]:
     """Return the demonstrations of a folder, in the order of its manifest.
 
     Args:
         path: Folder with demonstrations.toml or demonstrations.json.
+        numbers: Numbers of the demonstrations to read, from 0; None reads all.
 
     Raises:
         InvalidInput: If anything is wrong; the message names the file, the line or key, and the nearest fix.
@@ -56,9 +57,14 @@ def read_demonstrations(path: str | Path) -> tuple[Demonstration, ...]:
     """
     folder = Path(path)
     period, layout, entries = _read_manifest(folder)
+    require_type(numbers, "numbers", (range, type(None)), "give a range such as range(0, 10)")
     demonstrations = []
     for file, (name, sha256, frames) in entries.items():
         arrays = _read_arrays(folder, file, sha256, layout, period)
+    for m, (file, (name, sha256, frames)) in enumerate(entries.items()):
+        if numbers is not None and m not in numbers:
+            continue
+        arrays = _read_arrays(folder, file, sha256, layout)
         _require_expected_arrays(arrays, file, frames)
         try:
             built = [_build_frame(frame_name, given, arrays) for frame_name, given in frames.items()]
@@ -67,6 +73,18 @@ def read_demonstrations(path: str | Path) -> tuple[Demonstration, ...]:
             hint = " (row 0 is line 2)" if file.endswith(".csv") else ""
             raise InvalidInput(f"{file}{hint}: {error}") from error
     return tuple(demonstrations)
+
+
+def count_demonstrations(path: str | Path) -> int:
+    """Return the number of demonstrations that the manifest of a folder lists.
+
+    Args:
+        path: Folder with demonstrations.toml or demonstrations.json.
+
+    Raises:
+        InvalidInput: If the manifest is missing or damaged.
+    """
+    return len(_read_manifest(Path(path))[2])
 
 
 def write_demonstrations(

@@ -37,6 +37,7 @@ from pilotfish.models.frame_relevance import FrameRelevance, relevance, select_f
 from pilotfish.models.initialisation import FromModel, KMeans, Template, TimeBins
 from pilotfish.models.learn import default_states, default_structure, learn
 from pilotfish.models.learning_problem import Fit
+from pilotfish.models.partitions import PARTITION_SIZE, DemonstrationGroup, InProcess, Partitions, partition
 from pilotfish.models.regression import filtered_regression, smoothed_regression
 from pilotfish.models.selection import VITERBI, Candidate, Score, Selection, require_selection, select
 from pilotfish.models.semi_markov import Dynamics, SemiMarkovChain
@@ -53,11 +54,13 @@ from pilotfish.models.statistics import Statistics
 __all__ = [
     "MAX_HORIZON",
     "MAX_STATES",
+    "PARTITION_SIZE",
     "VITERBI",
     "AdaptedSkill",
     "Candidate",
     "Censoring",
     "Convergence",
+    "DemonstrationGroup",
     "DemonstrationStatistics",
     "DurationModel",
     "Dynamics",
@@ -68,10 +71,12 @@ __all__ = [
     "FrameRelevance",
     "FromModel",
     "HiddenModel",
+    "InProcess",
     "KMeans",
     "MarkovChain",
     "MixtureWeights",
     "MotionRanges",
+    "Partitions",
     "Provenance",
     "Score",
     "Selection",
@@ -101,6 +106,7 @@ __all__ = [
     "normalised_mutual_information",
     "online",
     "part_scales",
+    "partition",
     "relevance",
     "require_selection",
     "select",

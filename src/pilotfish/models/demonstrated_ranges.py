@@ -67,18 +67,19 @@ class FrameRanges:
     angles: Float[Array, " P"]
 
 
-def motion_ranges(demonstrations: Sequence[Demonstration]) -> MotionRanges:
+def motion_ranges(demonstrations: Sequence[Demonstration], start: Float[Array, " D"]) -> MotionRanges:
     """Compute the ranges of lengths, sizes, speeds and accelerations.
 
     Args:
         demonstrations: At least one; all have the same layout and period.
+        start: First row of the first demonstration of the set.
     """
     lengths = [len(demo.x) for demo in demonstrations]
     measures = np.array([measure_motion(demo.x, demo.layout, demo.period) for demo in demonstrations])
     sizes, speeds, accelerations = measures.swapaxes(0, 1)
     starts = np.array([demo.x[0] for demo in demonstrations])
     distances = [
-        _largest(differences(part, starts[0, columns], starts[:, columns]))
+        _largest(differences(part, start[columns], starts[:, columns]))
         for part, columns in coordinate_parts(demonstrations[0].layout)
     ]
     return MotionRanges(
@@ -88,8 +89,27 @@ def motion_ranges(demonstrations: Sequence[Demonstration]) -> MotionRanges:
         sizes.max(axis=0),
         speeds.max(axis=0),
         accelerations.max(axis=0),
-        starts[0],
+        start,
         np.array(distances),
+    )
+
+
+def merge_motion_ranges(a: MotionRanges, b: MotionRanges) -> MotionRanges:
+    """Return the ranges of the demonstrations of both, with the same start.
+
+    Args:
+        a: Ranges of some demonstrations.
+        b: Ranges of others.
+    """
+    return MotionRanges(
+        min(a.shortest, b.shortest),
+        max(a.longest, b.longest),
+        np.minimum(a.smallest_sizes, b.smallest_sizes),
+        np.maximum(a.largest_sizes, b.largest_sizes),
+        np.maximum(a.speeds, b.speeds),
+        np.maximum(a.accelerations, b.accelerations),
+        a.start,
+        np.maximum(a.start_distances, b.start_distances),
     )
 
 
@@ -133,22 +153,35 @@ def coordinate_parts(layout: Layout) -> Iterator[tuple[Part, slice]]:
     return ((part, columns) for part, columns in pairs if not part.derivative)
 
 
-def frame_ranges(demonstrations: Sequence[Demonstration]) -> FrameRanges:
-    """Compute the ranges of the frames.
+def frame_offsets(
+    demonstrations: Sequence[Demonstration],
+) -> tuple[Float[Array, "P D"], Float[Array, "P D"], Float[Array, "P D D"]]:
+    """Return smallest and largest offset of each frame, and the sum of its matrices A.
 
     Args:
         demonstrations: At least one; all have the same layout and frames.
     """
-    layout = demonstrations[0].layout
     ranges = []
     for frames in zip(*(demo.frames for demo in demonstrations), strict=True):
         offsets = np.concatenate([np.atleast_2d(frame.b) for frame in frames])
         matrices = [frame.at(0).A for frame in frames]
-        middle = orthogonal_factor(sum(matrices) / len(matrices))
-        angle = max(frame_angle(frame, middle, layout) for frame in frames)
-        ranges.append((offsets.min(axis=0), offsets.max(axis=0), middle, angle))
-    lowest, highest, orientations, angles = map(np.array, zip(*ranges, strict=True))
-    return FrameRanges(lowest, highest, orientations, angles)
+        ranges.append((offsets.min(axis=0), offsets.max(axis=0), sum(matrices)))
+    lowest, highest, sums = map(np.array, zip(*ranges, strict=True))
+    return lowest, highest, sums
+
+
+def largest_frame_angles(
+    demonstrations: Sequence[Demonstration], orientations: Float[Array, "P D D"]
+) -> Float[Array, " P"]:
+    """Return the largest angle of each frame to an orientation [rad].
+
+    Args:
+        demonstrations: At least one; all have the same layout and frames.
+        orientations: Orthogonal matrix for each frame.
+    """
+    layout = demonstrations[0].layout
+    pairs = zip(zip(*(demo.frames for demo in demonstrations), strict=True), orientations, strict=True)
+    return np.array([max(frame_angle(frame, middle, layout) for frame in frames) for frames, middle in pairs])
 
 
 def frame_angle(frame: Frame | MovingFrame, orientation: Float[Array, "D D"], layout: Layout) -> float:

@@ -25,7 +25,8 @@ the likelihood may fall although the M-step is exact; see `semi_markov.py`.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
+from operator import add
 from typing import ClassVar
 
 import numpy as np
@@ -35,6 +36,7 @@ from pilotfish.demonstrations import Views
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians import Moments, TangentMoments
 from pilotfish.gaussians.structures import Covariances, CovarianceStructure
+from pilotfish.models.partitions import Partitions
 from pilotfish.models.semi_markov import TAIL_PROBABILITY, Dynamics
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import Statistics
@@ -47,7 +49,8 @@ NUMBER = (int, float, np.integer, np.floating)
 
 FitDynamics = Callable[[Statistics, Dynamics | None], Dynamics]
 MStep = Callable[[Statistics, HiddenModel | None], HiddenModel]
-EStep = Callable[[HiddenModel, Views, Statistics], Statistics]
+Data = Views | Partitions[Views]
+EStep = Callable[[HiddenModel, Data, Statistics], Statistics]
 
 
 @shorten_repr
@@ -125,7 +128,7 @@ class Convergence:
 
 def fit_em(
     initial_statistics: Statistics,
-    data: Views,
+    data: Data,
     m_step: MStep,
     settings: EMSettings,
     e_step: EStep | None = None,
@@ -134,7 +137,7 @@ def fit_em(
 
     Args:
         initial_statistics: Statistics of the first M-step.
-        data: Demonstrations as every frame sees them.
+        data: Demonstrations as every frame sees them, in parts or together.
         m_step: Function from statistics and the previous model to a model.
         settings: Tolerance, iterations, threads and callback.
         e_step: Function from a model, the data and the previous statistics to statistics; the default is
@@ -171,7 +174,7 @@ def fit_em(
 
 
 def _iterate_em(
-    statistics: Statistics, data: Views, m_step: MStep, settings: EMSettings, e_step: EStep
+    statistics: Statistics, data: Data, m_step: MStep, settings: EMSettings, e_step: EStep
 ) -> tuple[HiddenModel, Statistics, Convergence]:
     """Iterate until convergence, a fall of the log-likelihood, or a state without data."""
     model: HiddenModel | None = None
@@ -202,7 +205,7 @@ def _iterate_em(
 
 def expected_statistics(
     model: HiddenModel | Skill,
-    views: Views,
+    views: Data,
     previous: Statistics | None = None,
     *,
     max_duration: int | None = None,
@@ -213,7 +216,7 @@ def expected_statistics(
 
     Args:
         model: Dynamics and Gaussians of the states.
-        views: Demonstrations as every frame sees them.
+        views: Demonstrations as every frame sees them. The statistics of parts are added in their order.
         previous: Statistics of the previous EM iteration; segments of a semi-Markov model are considered at
             least up to the same length, so that the likelihood does not fall.
         max_duration: Longest segment of a semi-Markov model [steps]. By default every segment is longer with
@@ -227,12 +230,17 @@ def expected_statistics(
     Raises:
         NotPositiveDefinite: If a covariance of the model is not positive definite.
     """
+    if max_duration is None and previous and previous.segments and model.dynamics.durations is not None:
+        default = model.dynamics.durations.max_duration(TAIL_PROBABILITY)
+        max_duration = max(default, len(previous.segments.uncensored))
+    if not isinstance(views, Views):
+        compute = partial(
+            _statistics_of_part, model=model, max_duration=max_duration, threads=threads, complete=complete
+        )
+        return reduce(add, views.map(compute))
     factors = [c.precision_cholesky("the covariance of state") for c in model.covariances]
     W = factors[0][None] if len(factors) == 1 else np.stack(factors)  # copying one large factor would be felt
     emissions = kernels.Emissions(model.means, W, views.orientation_starts)
-    if max_duration is None and previous and previous.segments and model.dynamics.durations is not None:
-        default = min(model.dynamics.durations.max_duration(TAIL_PROBABILITY), int(views.lengths.max()))
-        max_duration = max(default, len(previous.segments.uncensored))
     step, segments = model.dynamics.e_step(
         views.x,
         views.lengths,
@@ -252,6 +260,12 @@ def expected_statistics(
     ]
     log_likelihood = float(step.log_likelihoods.sum())
     return Statistics(tuple(frames), step.initial_counts, step.transition_counts, log_likelihood, segments)
+
+
+def _statistics_of_part(
+    views: Views, model: HiddenModel | Skill, max_duration: int | None, threads: int, complete: bool
+) -> Statistics:
+    return expected_statistics(model, views, max_duration=max_duration, threads=threads, complete=complete)
 
 
 def last_state(states: int) -> Float[Array, " K"]:

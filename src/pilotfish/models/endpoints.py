@@ -17,23 +17,32 @@ from pilotfish.demonstrations import Views
 from pilotfish.gaussians import Moments, TangentMoments
 from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.models.dynamics import MixtureWeights
+from pilotfish.models.partitions import Partitions, as_partitions
 from pilotfish.models.skill import Endpoints, Skill
 from pilotfish.types import Array, Float
 
 
-def fit_endpoints(data: Views, regularisation: Float[Array, " E"]) -> Endpoints:
+def fit_endpoints(data: Views | Partitions[Views], regularisation: Float[Array, " E"]) -> Endpoints:
     """Compute mean and variances of the first and of the last datapoints in every frame.
 
     Args:
-        data: Demonstrations as every frame sees them.
+        data: Demonstrations as every frame sees them, in parts or together.
         regularisation: Variance added to each tangent column.
     """
-    last = np.cumsum(data.lengths) - 1
-    first = last - data.lengths + 1
-    moments = [[_moments(x[rows], data.orientation_starts) for x in data.x] for rows in (first, last)]
+    ends = list(as_partitions(data).map(_ends))
+    starts = ends[0].orientation_starts
+    rows = np.concatenate([part.x for part in ends], axis=1)
+    moments = [[_moments(x[row::2], starts) for x in rows] for row in (0, 1)]
     means = np.array([[mean for mean, _ in row] for row in moments]).swapaxes(0, 1)
     variances = np.array([[variance for _, variance in row] for row in moments]).swapaxes(0, 1)
     return Endpoints(means, variances + regularisation)
+
+
+def _ends(data: Views) -> Views:
+    """Return first and last row of each demonstration."""
+    last = np.cumsum(data.lengths) - 1
+    rows = np.stack([last - data.lengths + 1, last], axis=1).ravel()
+    return Views(data.x[:, rows], np.full(len(data.lengths), 2), data.orientation_starts)
 
 
 def _moments(

@@ -11,6 +11,7 @@ from pilotfish.gaussians.structures import DenseCovariances
 from pilotfish.geometry import karcher_mean, log_map
 from pilotfish.models.dynamics import MarkovChain
 from pilotfish.models.em import expected_statistics
+from pilotfish.models.partitions import Partitions, as_partitions
 from pilotfish.models.skill import HiddenModel, Skill
 from pilotfish.models.statistics import BLOCK_ROWS, Statistics, labelled_statistics
 from pilotfish.types import Array, Float, Int
@@ -78,11 +79,7 @@ class TimeBins:
         Raises:
             InvalidInput: If a demonstration has fewer steps than states, or the boundaries do not fit.
         """
-        if (shortest := int(views.lengths.min())) < states:
-            raise InvalidInput(
-                f"demonstration {views.lengths.argmin()} (first is 0) has {shortest} steps, which cannot "
-                f"be cut into {states} states; ask for at most {shortest} states or resample it to more steps"
-            )
+        require_enough_steps(views.lengths, states)
         lengths = _part_lengths(views.lengths, self.boundaries)
         counts = _bins_of_parts(lengths, states)
         first = np.cumsum(counts) - counts
@@ -92,6 +89,23 @@ class TimeBins:
             for k, length, count in zip(first, parts, counts, strict=True)
         ]
         return labelled_statistics(views, np.concatenate(labels), states)
+
+
+def require_enough_steps(lengths: Int[Array, " M"], states: int) -> None:
+    """Raise unless every demonstration has a step for each state.
+
+    Args:
+        lengths: Number of steps of each demonstration.
+        states: Number of states.
+
+    Raises:
+        InvalidInput: If one is shorter.
+    """
+    if (shortest := int(lengths.min())) < states:
+        raise InvalidInput(
+            f"demonstration {lengths.argmin()} (first is 0) has {shortest} steps, which cannot "
+            f"be cut into {states} states; ask for at most {shortest} states or resample it to more steps"
+        )
 
 
 def _part_lengths(lengths: Int[Array, " M"], boundaries: tuple[tuple[int, ...], ...]) -> Int[Array, "M S"]:
@@ -300,7 +314,9 @@ class FromModel:
 
     model: HiddenModel | Skill
 
-    def initial_statistics(self, views: Views, states: int, rng: np.random.Generator) -> Statistics:
+    def initial_statistics(
+        self, views: Views | Partitions[Views], states: int, rng: np.random.Generator
+    ) -> Statistics:
         """Compute the expected statistics under the given model.
 
         Args:
@@ -314,9 +330,14 @@ class FromModel:
         P, K, D = self.model.means.shape
         if states != K:
             raise InvalidInput(f"states is {states}, expected {K}, the number of states of the given model")
-        if (given := (views.x.shape[0], views.x.shape[2])) != (P, D):
+        shape = next(as_partitions(views).map(_shape))
+        if (given := (shape[0], shape[2])) != (P, D):
             raise InvalidInput(
                 f"the demonstrations have {given[0]} frames of {given[1]} columns, expected {P} of {D} as in "
                 "the given model"
             )
         return expected_statistics(self.model, views)
+
+
+def _shape(views: Views) -> tuple[int, ...]:
+    return views.x.shape

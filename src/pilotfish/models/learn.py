@@ -14,14 +14,12 @@ from functools import partial
 
 import numpy as np
 
-from pilotfish.demonstrations import Demonstration, Views, views
+from pilotfish.demonstrations import Demonstration
 from pilotfish.errors import InvalidInput
 from pilotfish.gaussians.structures import CovarianceStructure, Diagonal, Full
 from pilotfish.models.active_bounds import duration_bounds, regularisation_bounds
-from pilotfish.models.demonstration_statistics import (
-    default_regularisation,
-    demonstration_statistics,
-)
+from pilotfish.models.demonstration_statistics import default_regularisation
+from pilotfish.models.demonstration_summary import summarise
 from pilotfish.models.duration_model import DurationModel
 from pilotfish.models.durations import Gaussian, Segments
 from pilotfish.models.dynamics import MarkovChain, MixtureWeights
@@ -34,10 +32,11 @@ from pilotfish.models.em import (
 )
 from pilotfish.models.initialisation import FromModel, Initialisation, KMeans, TimeBins
 from pilotfish.models.learning_problem import Fit, LearningProblem
+from pilotfish.models.partitions import DemonstrationGroup, Partitions, as_groups, group_views
 from pilotfish.models.semi_markov import TAIL_PROBABILITY, SemiMarkovChain
 from pilotfish.models.skill import MAX_STATES, Skill
 from pilotfish.models.statistics import Statistics
-from pilotfish.models.step_fit import fit_steps
+from pilotfish.models.step_fit import fit_steps, initial_statistics
 from pilotfish.models.viterbi_durations import count_durations
 from pilotfish.validation import require_count, require_type
 
@@ -53,7 +52,7 @@ FIT_DYNAMICS: dict[str, FitDynamics] = {
 
 
 def learn(
-    demonstrations: Sequence[Demonstration],
+    demonstrations: Sequence[Demonstration] | Partitions[DemonstrationGroup],
     *,
     states: int | None = None,
     rng: np.random.Generator,
@@ -70,7 +69,8 @@ def learn(
     long state vary together.
 
     Args:
-        demonstrations: Recordings of one task with the same frames, columns and period.
+        demonstrations: Recordings of one task with the same frames, columns and period, or a set of them in
+            parts. The result is the same.
         states: Number of states K. None takes 30, or one for every two steps of a short demonstration.
         rng: Source of randomness of the initialisation.
         dynamics: "semi-markov" (TP-HSMM), "markov" (TP-HMM) or "mixture" (TP-GMM).
@@ -78,8 +78,8 @@ def learn(
             per iteration. By default they are counted along the Viterbi paths of the Markov skill.
         structure: Covariance structure of the states. None is diagonal where `states` is None, else full.
         initialisation: Initial statistics. None fits from time bins, templates and k-means, and keeps the
-            fit of lowest BIC; they are compared on demonstrations of about 100 rows. `FromModel` with a
-            semi-Markov model continues its fit if `durations` is given.
+            fit of lowest BIC; they are compared on at most 500 demonstrations of about 100 rows.
+            `FromModel` with a semi-Markov model continues its fit if `durations` is given.
         settings: Settings of expectation-maximisation.
 
     Returns:
@@ -134,7 +134,7 @@ def learn(
 
 
 def _make_problem(
-    demonstrations: Sequence[Demonstration],
+    demonstrations: Sequence[Demonstration] | Partitions[DemonstrationGroup],
     states: int | None,
     rng: np.random.Generator,
     dynamics: str,
@@ -142,20 +142,21 @@ def _make_problem(
     settings: EMSettings,
 ) -> LearningProblem:
     """Fill in the defaults that depend on the demonstrations."""
-    data = views(demonstrations)
-    demonstrated = demonstration_statistics(demonstrations)
-    regularisation = default_regularisation(demonstrated.scales, demonstrations[0].layout)
+    source = as_groups(demonstrations)
+    summary = summarise(source)
+    data = source.transform(partial(group_views, first=summary.first))
+    regularisation = default_regularisation(summary.statistics.scales, summary.first.layout)
     if settings.regularisation is not None:
         regularisation = np.full(len(regularisation), float(settings.regularisation))
     return LearningProblem(
-        demonstrations,
+        source,
+        summary,
         data,
-        default_states(demonstrations) if states is None else states,
+        _default_states(int(summary.lengths.min())) if states is None else states,
         dynamics != MixtureWeights.name,
         structure or default_structure(states, dynamics),
         settings,
         rng,
-        demonstrated,
         regularisation,
     )
 
@@ -173,7 +174,10 @@ def default_states(demonstrations: Sequence[Demonstration]) -> int:
     Args:
         demonstrations: At least one.
     """
-    shortest = min(len(demo.x) for demo in demonstrations)
+    return _default_states(min(len(demo.x) for demo in demonstrations))
+
+
+def _default_states(shortest: int) -> int:
     return max(1, min(DEFAULT_STATES, shortest // MIN_DEFAULT_ROWS))
 
 
@@ -219,18 +223,18 @@ def _learn_durations(
     given = settings.duration_regularisation
     min_variance = MIN_FITTED_DURATION_VARIANCE if given is None else given
     if isinstance(initialisation, FromModel) and initialisation.model.dynamics.durations is not None:
-        initial_statistics = initialisation.initial_statistics(data, problem.states, problem.rng)
+        statistics = initial_statistics(initialisation, problem)
         one_iteration = replace(settings, max_iterations=1, callback=None)
-        model, _, convergence = fit_em(initial_statistics, data, markov_m_step, one_iteration)
+        model, _, convergence = fit_em(statistics, data, markov_m_step, one_iteration)
         markov_skill = problem.skill(model, convergence)
         dropped: tuple[str, ...] = ()
     else:
         fit, _ = fit_steps(problem, initialisation, markov_m_step)
         markov_skill, dropped = fit.markov_skill, fit.convergence.dropped
-        initial_statistics = _widen_durations(markov_skill, data, durations.max_duration, min_variance)
+        statistics = _widen_durations(markov_skill, problem, durations.max_duration, min_variance)
     m_step = problem.m_step(partial(SemiMarkovChain.fit, duration_model=durations, min_variance=min_variance))
     e_step = partial(expected_statistics, max_duration=durations.max_duration, threads=settings.threads)
-    model, statistics, convergence = fit_em(initial_statistics, data, m_step, settings, e_step)
+    model, statistics, convergence = fit_em(statistics, data, m_step, settings, e_step)
     skill = problem.skill(model, convergence)
     bounds: tuple[str, ...] = ()
     if durations.max_duration and statistics.segments:
@@ -239,17 +243,17 @@ def _learn_durations(
 
 
 def _widen_durations(
-    markov_skill: Skill, data: Views, max_duration: int | None, min_variance: float
+    markov_skill: Skill, problem: LearningProblem, max_duration: int | None, min_variance: float
 ) -> Statistics:
     """Return the statistics of the Markov skill with its segments spread over many lengths.
 
     EM over durations starts from a standard deviation of at least half the mean: narrow durations would keep
     the segmentation of the Markov skill.
     """
-    statistics = expected_statistics(markov_skill, data)
-    counted = count_durations(markov_skill, data, min_variance).durations
+    statistics = expected_statistics(markov_skill, problem.data)
+    counted = count_durations(markov_skill, problem.data, min_variance).durations
     widened = Gaussian(counted.means, np.maximum(counted.deviations, MIN_RELATIVE_DEVIATION * counted.means))
-    limit = min(max_duration or widened.max_duration(TAIL_PROBABILITY), int(data.lengths.max()))
+    limit = min(max_duration or widened.max_duration(TAIL_PROBABILITY), int(problem.summary.lengths.max()))
     transition_counts = statistics.transitions * (1.0 - np.eye(len(statistics.initial_counts)))
     table = np.exp(widened.log_table(limit))
     counts = table / table.sum(axis=0) * (statistics.initial_counts + transition_counts.sum(axis=0))

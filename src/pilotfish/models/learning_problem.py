@@ -1,6 +1,5 @@
 """What every fit of one call of `learn` shares, and its result."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,12 +9,15 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration, Views, resample, views
 from pilotfish.gaussians.structures import CovarianceStructure
-from pilotfish.models.demonstration_statistics import DemonstrationStatistics
+from pilotfish.models.demonstration_summary import DemonstrationSummary
 from pilotfish.models.em import Convergence, EMSettings, FitDynamics, MStep, maximise_likelihood
 from pilotfish.models.endpoints import fit_endpoints
+from pilotfish.models.partitions import DemonstrationGroup, Partitions, first_demonstration, group_views
 from pilotfish.models.skill import HiddenModel, Provenance, Skill
-from pilotfish.types import Array, Float
+from pilotfish.types import Array, Float, Int
 from pilotfish.validation import shorten_repr
+
+MAX_SAMPLE = 500  # demonstrations with which initialisations are compared
 
 
 @shorten_repr
@@ -47,17 +49,33 @@ class Fit:
 
 @shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
-class LearningProblem:
-    """What every fit of one call of `learn` shares."""
+class Sample:
+    """Demonstrations from which EM begins: all, or at most `MAX_SAMPLE` of a large set.
 
+    Attributes:
+        numbers: Their numbers in the set.
+        demonstrations: The demonstrations.
+        data: The demonstrations as every frame sees them.
+    """
+
+    numbers: tuple[int, ...]
     demonstrations: Sequence[Demonstration]
     data: Views
+
+
+@shorten_repr
+@dataclass(frozen=True, slots=True, eq=False)
+class LearningProblem:
+    """What every fit of one call of `learn` shares. Rows stay where the parts of `source` are."""
+
+    source: Partitions[DemonstrationGroup]
+    summary: DemonstrationSummary
+    data: Partitions[Views]
     states: int
     has_time_order: bool
     structure: CovarianceStructure
     settings: EMSettings
     rng: np.random.Generator
-    demonstrated: DemonstrationStatistics
     regularisation: Float[Array, " E"]
 
     def m_step(self, fit_dynamics: FitDynamics) -> MStep:
@@ -77,21 +95,38 @@ class LearningProblem:
         Raises:
             InvalidInput: If a demonstration cannot be interpolated.
         """
-        ratio = rows / float(self.data.lengths.mean())
-        period = self.demonstrations[0].period / ratio  # rounded numbers of rows would give each its own
-        demonstrations = [
-            replace(resample(demo, max(2, round(ratio * len(demo.x)))), period=period)
-            for demo in self.demonstrations
-        ]
-        return replace(self, demonstrations=demonstrations, data=views(demonstrations))
+        lengths = self.summary.lengths
+        ratio = rows / float(lengths.mean())
+        period = self.summary.first.period / ratio  # rounded numbers of rows would give each its own
+        source = self.source.transform(partial(_resample_group, ratio=ratio, period=period))
+        new_lengths = np.concatenate(list(source.map(_lengths)))
+        first = first_demonstration(source)
+        data = source.transform(partial(group_views, first=first))
+        summary = replace(self.summary, first=first, lengths=new_lengths)
+        return replace(self, source=source, summary=summary, data=data)
+
+    def sample(self, included: Sequence[int] = ()) -> Sample:
+        """Return all demonstrations, or `MAX_SAMPLE` of a larger set at equal distances.
+
+        Args:
+            included: Numbers of demonstrations that a sample has in any case.
+        """
+        count = len(self.summary.lengths)
+        numbers = list(range(count))
+        if count > MAX_SAMPLE:
+            chosen = np.linspace(0, count - 1, MAX_SAMPLE).round().astype(int).tolist()
+            numbers = sorted({*chosen, *included})
+        select = partial(_select, numbers=frozenset(numbers))
+        demonstrations = [demo for group in self.source.map(select) for demo in group]
+        return Sample(tuple(numbers), demonstrations, views(demonstrations, self.summary.first))
 
     def skill(self, model: HiddenModel, convergence: Convergence) -> Skill:
         """Add layout, period and frames of the demonstrations, and the provenance, to a model."""
-        first = self.demonstrations[0]
+        first = self.summary.first
         provenance = Provenance(
-            demonstrations=tuple(d.name for d in self.demonstrations),
-            datapoints=sum(len(d.x) for d in self.demonstrations),
-            data=_hash_demonstrations(self.demonstrations),
+            demonstrations=self.summary.names,
+            datapoints=int(self.summary.lengths.sum()),
+            data=self.summary.digest,
             structure=self.structure.label,
             log_likelihood=float(convergence.log_likelihoods[-1]),
             iterations=convergence.iterations,
@@ -107,20 +142,27 @@ class LearningProblem:
             tuple(frame.name for frame in first.frames),
             provenance,
             self.regularisation,
-            self.demonstrated,
+            self.summary.statistics,
             fit_endpoints(self.data, self.regularisation),
         )
 
 
-def _hash_demonstrations(demonstrations: Sequence[Demonstration]) -> str:
-    """Return the SHA-256 of values, shapes, periods and frames of all demonstrations."""
-    digest = hashlib.sha256()
-    for demonstration in demonstrations:
-        shape, period, parts = demonstration.x.shape, demonstration.period, demonstration.layout.parts
-        digest.update(f"({shape!r}, {period!r}, Layout(parts={parts!r}))".encode())
-        for array in (demonstration.x, *(a for frame in demonstration.frames for a in (frame.A, frame.b))):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+def _resample_group(group: DemonstrationGroup, ratio: float, period: float) -> DemonstrationGroup:
+    return DemonstrationGroup(
+        group.start,
+        tuple(
+            replace(resample(demo, max(2, round(ratio * len(demo.x)))), period=period)
+            for demo in group.demonstrations
+        ),
+    )
+
+
+def _lengths(group: DemonstrationGroup) -> Int[Array, " M"]:
+    return np.array([len(demo.x) for demo in group.demonstrations], dtype=np.int64)
+
+
+def _select(group: DemonstrationGroup, numbers: frozenset[int]) -> list[Demonstration]:
+    return [demo for m, demo in enumerate(group.demonstrations, start=group.start) if m in numbers]
 
 
 def library_version() -> str:

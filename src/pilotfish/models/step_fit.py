@@ -18,12 +18,17 @@ iteration with all rows. The maximum that EM reaches depends on the number of ro
 the same recording at 10, 30 and 200 Hz would give motions that differ by up to 13 % of their extent. Learning
 from a fast recording is cheaper too.
 
+A large set. At most 500 demonstrations, at equal distances in the set, are compared and give initial
+statistics. The chosen model then takes EM with all demonstrations, resampled too, before the iteration with
+all rows. Each of these iterations is a fold over the parts of the set.
+
 EM stops early, when an iteration gains less than half a nat per datapoint. Later iterations move states to
 what few demonstrations have in common by chance: held-out letters and household tasks are reproduced no
 better. `EMSettings(min_gain=0.001)` asks for them.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -33,10 +38,19 @@ from pilotfish.demonstrations import Views, common_switches
 from pilotfish.errors import InvalidInput, NotPositiveDefinite
 from pilotfish.models.degrees_of_freedom import bic, degrees_of_freedom
 from pilotfish.models.em import Convergence, MStep, expected_statistics, fit_em
-from pilotfish.models.initialisation import Initialisation, KMeans, Template, TimeBins
-from pilotfish.models.learning_problem import Fit, LearningProblem
+from pilotfish.models.initialisation import (
+    FromModel,
+    Initialisation,
+    KMeans,
+    Template,
+    TimeBins,
+    require_enough_steps,
+)
+from pilotfish.models.learning_problem import Fit, LearningProblem, Sample
+from pilotfish.models.partitions import Partitions
 from pilotfish.models.sequences import log_emissions, state_segments
 from pilotfish.models.skill import HiddenModel
+from pilotfish.models.statistics import Statistics
 
 EARLY_GAIN = 0.5  # nats per datapoint
 COMPARED_ROWS = 100  # mean number of rows of a demonstration with which initialisations are compared
@@ -65,10 +79,15 @@ def fit_steps(
         model, convergence, complete = _fit_from(initialisation, problem, m_step)
         skill = problem.skill(model, convergence)
         return Fit(skill, skill, convergence), complete
+    require_enough_steps(problem.summary.lengths, problem.states)
     if problem.settings.min_gain is None:
         problem = replace(problem, settings=replace(problem.settings, min_gain=EARLY_GAIN))
-    model, convergence, complete = _best_fit(_resample(problem), m_step)
+    resampled = _resample(problem)
+    sample = resampled.sample()
+    model, convergence, complete = _best_fit(resampled, sample, m_step)
     e_step = partial(expected_statistics, threads=problem.settings.threads, complete=complete)
+    if len(sample.numbers) < len(problem.summary.lengths):
+        model, convergence = _continue_fit(model, convergence, resampled, m_step, e_step)
     one_iteration = replace(problem.settings, max_iterations=1, callback=None)
     model, _, last = fit_em(e_step(model, problem.data), problem.data, m_step, one_iteration, e_step)
     convergence = replace(convergence, dropped=convergence.dropped + last.dropped)
@@ -76,11 +95,53 @@ def fit_steps(
     return Fit(skill, skill, convergence), complete
 
 
+def _continue_fit(
+    model: HiddenModel,
+    convergence: Convergence,
+    problem: LearningProblem,
+    m_step: MStep,
+    e_step: Callable[..., Statistics],
+) -> tuple[HiddenModel, Convergence]:
+    """Continue the fit of a sample with all demonstrations."""
+    model, _, last = fit_em(e_step(model, problem.data), problem.data, m_step, problem.settings, e_step)
+    iterations = convergence.iterations + last.iterations
+    return model, replace(last, iterations=iterations, dropped=convergence.dropped + last.dropped)
+
+
+def initial_statistics(initialisation: Initialisation, problem: LearningProblem) -> Statistics:
+    """Return the statistics with which EM begins; of a large set, those of a sample.
+
+    Args:
+        initialisation: Initialisation.
+        problem: Demonstrations and settings.
+
+    Raises:
+        InvalidInput: If the initialisation does not fit the demonstrations.
+    """
+    states, rng, count = problem.states, problem.rng, len(problem.summary.lengths)
+    if isinstance(initialisation, FromModel):
+        return initialisation.initial_statistics(problem.data, states, rng)
+    if isinstance(initialisation, TimeBins):
+        require_enough_steps(problem.summary.lengths, states)
+    if not isinstance(initialisation, Template):
+        sample = problem.sample()
+    elif initialisation.demonstration < count:
+        sample = problem.sample([initialisation.demonstration])
+        position = sample.numbers.index(initialisation.demonstration)
+        initialisation = replace(initialisation, demonstration=position)
+    else:
+        raise InvalidInput(
+            f"demonstration is {initialisation.demonstration}, expected a number below {count}"
+        )
+    if isinstance(initialisation, TimeBins) and len(initialisation.boundaries) == count:
+        boundaries = tuple(initialisation.boundaries[m] for m in sample.numbers)
+        initialisation = replace(initialisation, boundaries=boundaries)
+    return initialisation.initial_statistics(sample.data, states, rng)
+
+
 def _resample(problem: LearningProblem) -> LearningProblem:
     """Resample the demonstrations, so that the shortest has at least two rows for each state."""
-    lengths = problem.data.lengths
-    if lengths.min() < problem.states:  # so that the error names the demonstration
-        return problem
+    lengths = problem.summary.lengths
     rows = max(COMPARED_ROWS, math.ceil(ROWS_PER_STATE * problem.states * lengths.mean() / lengths.min()))
     try:
         return problem.resample(rows)
@@ -88,40 +149,48 @@ def _resample(problem: LearningProblem) -> LearningProblem:
         return problem
 
 
-def _best_fit(problem: LearningProblem, m_step: MStep) -> StepFit:
+def _best_fit(problem: LearningProblem, sample: Sample, m_step: MStep) -> StepFit:
     """Return the admissible fit of lowest BIC."""
-    results = [_fit_time_bins(problem, m_step)]
+    results = [_fit_time_bins(problem, sample, m_step)]
     others: list[Initialisation] = [KMeans()]
-    if problem.has_time_order and len(problem.demonstrations) >= MIN_FOR_TEMPLATES:
-        count = min(len(problem.demonstrations), MAX_TEMPLATES)
-        chosen = np.linspace(0, len(problem.demonstrations) - 1, count).round().astype(int).tolist()
+    count = len(sample.demonstrations)
+    if problem.has_time_order and count >= MIN_FOR_TEMPLATES:
+        chosen = np.linspace(0, count - 1, min(count, MAX_TEMPLATES)).round().astype(int).tolist()
         others += [Template(m) for m in chosen]
     for initialisation in others:
         try:
-            fit = _fit_from(initialisation, problem, m_step)
+            fit = _fit_from_sample(initialisation, problem, sample, m_step)
         except (InvalidInput, NotPositiveDefinite):
             continue  # too few distinct points, or a state collapses
-        if _is_admissible(fit[0], problem.data, initialisation):
+        if _is_admissible(fit[0], sample.data, initialisation):
             results.append(fit)
 
     def criterion(fit: StepFit) -> float:
         model, convergence, _ = fit
         parameters = degrees_of_freedom(model, problem.structure, None)
-        return bic(float(convergence.log_likelihoods[-1]), parameters, int(problem.data.lengths.sum()))
+        return bic(float(convergence.log_likelihoods[-1]), parameters, int(sample.data.lengths.sum()))
 
     return min(results, key=criterion)
 
 
-def _fit_time_bins(problem: LearningProblem, m_step: MStep) -> StepFit:
+def _fit_time_bins(problem: LearningProblem, sample: Sample, m_step: MStep) -> StepFit:
     """Fit from time bins between common switches, or of whole demonstrations if there are too many."""
     bins = TimeBins(complete=problem.has_time_order)
-    boundaries = common_switches(problem.demonstrations, problem.demonstrated.switches)
+    boundaries = common_switches(sample.demonstrations, problem.summary.statistics.switches)
     if boundaries:
         try:
-            return _fit_from(replace(bins, boundaries=boundaries), problem, m_step)
+            return _fit_from_sample(replace(bins, boundaries=boundaries), problem, sample, m_step)
         except InvalidInput:  # more parts than states, or too few steps in some
             pass
-    return _fit_from(bins, problem, m_step)
+    return _fit_from_sample(bins, problem, sample, m_step)
+
+
+def _fit_from_sample(
+    initialisation: Initialisation, problem: LearningProblem, sample: Sample, m_step: MStep
+) -> StepFit:
+    """Fit the demonstrations of a sample only."""
+    compute = partial(initialisation.initial_statistics, sample.data, problem.states, problem.rng)
+    return _fit_restarts(compute, getattr(initialisation, "complete", False), problem, sample.data, m_step)
 
 
 def _is_admissible(model: HiddenModel, data: Views, initialisation: Initialisation) -> bool:
@@ -140,18 +209,26 @@ def _is_admissible(model: HiddenModel, data: Views, initialisation: Initialisati
 
 
 def _fit_from(initialisation: Initialisation, problem: LearningProblem, m_step: MStep) -> StepFit:
+    """Fit all demonstrations."""
+    compute = partial(initial_statistics, initialisation, problem)
+    return _fit_restarts(compute, getattr(initialisation, "complete", False), problem, problem.data, m_step)
+
+
+def _fit_restarts(
+    compute: Callable[[], Statistics],
+    complete: bool,
+    problem: LearningProblem,
+    data: Views | Partitions[Views],
+    m_step: MStep,
+) -> StepFit:
     """Fit from every restart; a fit whose covariance collapses fails only if all do."""
-    restarts = problem.settings.restarts
-    candidates = [
-        initialisation.initial_statistics(problem.data, problem.states, problem.rng) for _ in range(restarts)
-    ]
-    complete = getattr(initialisation, "complete", False)
+    candidates = [compute() for _ in range(problem.settings.restarts)]
     e_step = partial(expected_statistics, threads=problem.settings.threads, complete=complete)
     results: list[tuple[HiddenModel, Convergence]] = []
     failures: list[NotPositiveDefinite] = []
-    for initial_statistics in candidates:
+    for statistics in candidates:
         try:
-            model, _, convergence = fit_em(initial_statistics, problem.data, m_step, problem.settings, e_step)
+            model, _, convergence = fit_em(statistics, data, m_step, problem.settings, e_step)
             results.append((model, convergence))
         except NotPositiveDefinite as error:
             failures.append(error)

@@ -8,7 +8,7 @@ any size therefore takes the memory of one episode and one batch. Episodes must 
 as LeRobot stores them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from pilotfish.io.readers.lerobot_metadata import (
     read_metadata,
     read_tasks,
     require_same_episode,
+    select_row_groups,
 )
 from pilotfish.types import Array, Float
 
@@ -67,6 +68,24 @@ def read(path: Path) -> Iterator[Recording]:
     return _iter_recordings(path, metadata, tasks, lengths, data_files(path, metadata))
 
 
+def read_episodes(path: Path, lengths: Mapping[int, int]) -> Iterator[Recording]:
+    """Read some episodes of a data set; files and row groups without them are passed over.
+
+    Args:
+        path: Folder with `meta` and `data`.
+        lengths: Number of rows of each episode to read, as `read_lengths` returns.
+
+    Returns:
+        Iterator of recordings, as `read` returns.
+
+    Raises:
+        InvalidInput: As `read`.
+    """
+    metadata = read_metadata(path)
+    files, tasks = data_files(path, metadata), read_tasks(path, metadata)
+    return _iter_recordings(path, metadata, tasks, dict(lengths), files, frozenset(lengths))
+
+
 @dataclass(slots=True)
 class _Episode:
     """Rows of one episode, in parts."""
@@ -86,12 +105,17 @@ class _Episode:
 
 
 def _iter_recordings(
-    path: Path, metadata: Metadata, tasks: dict[int, str], lengths: dict[int, int], files: list[Path]
+    path: Path,
+    metadata: Metadata,
+    tasks: dict[int, str],
+    lengths: dict[int, int],
+    files: list[Path],
+    wanted: frozenset[int] | None = None,
 ) -> Iterator[Recording]:
-    descriptions = iter_descriptions(path)
+    descriptions = iter_descriptions(path, wanted)
     described = next(descriptions, None)
     remaining, finished = dict(lengths), set[int]()
-    for episode in _iter_episodes(files, metadata, lengths):
+    for episode in _iter_episodes(files, metadata, lengths, wanted):
         if episode.number in finished:
             raise InvalidInput(
                 f"{path}: episode {episode.number} has more rows than its metadata states; {FETCH}"
@@ -113,13 +137,17 @@ def _iter_recordings(
         )
 
 
-def _iter_episodes(files: list[Path], metadata: Metadata, lengths: dict[int, int]) -> Iterator[_Episode]:
+def _iter_episodes(
+    files: list[Path], metadata: Metadata, lengths: dict[int, int], wanted: frozenset[int] | None
+) -> Iterator[_Episode]:
     """Group consecutive rows by episode, across batches and files; yield each at its stated length."""
     episode: _Episode | None = None
     for file in files:
-        for numbers, columns in _iter_batches(file, metadata):
+        for numbers, columns in _iter_batches(file, metadata, wanted):
             starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
             for start, end in zip(starts, [*starts[1:], len(numbers)], strict=True):
+                if wanted is not None and int(numbers[start]) not in wanted:
+                    continue
                 if episode is None or episode.number != numbers[start]:
                     if episode is not None:
                         yield episode
@@ -134,8 +162,13 @@ def _iter_episodes(files: list[Path], metadata: Metadata, lengths: dict[int, int
         yield episode
 
 
-def _iter_batches(file: Path, metadata: Metadata) -> Iterator[tuple[Any, dict[str, Any]]]:
+def _iter_batches(
+    file: Path, metadata: Metadata, wanted: frozenset[int] | None
+) -> Iterator[tuple[Any, dict[str, Any]]]:
     """Yield the episode of each row, and the columns by name, for some rows at a time."""
+    row_groups = None if wanted is None else select_row_groups(file, wanted)
+    if row_groups == []:
+        return
     parquet = require_library("pyarrow.parquet", "LeRobot data sets")
     widths = {feature.name: len(feature.columns) for feature in metadata.features}
     options = {"buffer_size": BUFFER_BYTES, "pre_buffer": False, "page_checksum_verification": True}
@@ -146,7 +179,7 @@ def _iter_batches(file: Path, metadata: Metadata) -> Iterator[tuple[Any, dict[st
         extra = [name for name in ("timestamp", "task_index") if name in present]
         batch_rows = max(1, min(BATCH_ROWS, MAX_ENTRIES // sum(widths.values())))
         names = ["episode_index", *widths, *extra, *metadata.texts]
-        for batch in table.iter_batches(batch_rows, columns=names):
+        for batch in table.iter_batches(batch_rows, row_groups=row_groups, columns=names):
             batch.validate(full=True)
             if not len(batch):
                 continue

@@ -5,9 +5,11 @@ episodes share. Paths are found by their names: the templates of `info.json` are
 """
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import count
 from math import prod
 from pathlib import Path
@@ -35,6 +37,8 @@ NUMERIC = {
 }
 INDEX_FEATURES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 SUPPORTED = ("v2.0", "v2.1", "v3.0")
+FIRST_NUMBER = re.compile(rb'\{"episode_index":([0-9]{1,9}),')
+FILE_NUMBER = re.compile(r"episode_([0-9]{1,9})\.parquet")
 FETCH = "fetch the data set again"
 
 
@@ -157,11 +161,12 @@ def read_lengths(folder: Path, metadata: Metadata) -> dict[int, int]:
     return lengths
 
 
-def iter_descriptions(folder: Path) -> Iterator[tuple[int, str]]:
+def iter_descriptions(folder: Path, wanted: frozenset[int] | None = None) -> Iterator[tuple[int, str]]:
     """Yield the number of each episode that this project exported, and its description.
 
     Args:
         folder: Folder of the data set.
+        wanted: Numbers of episodes; lines of others, as this project writes them, are not parsed.
 
     Raises:
         InvalidInput: If a line cannot be read.
@@ -170,7 +175,7 @@ def iter_descriptions(folder: Path) -> Iterator[tuple[int, str]]:
     if not is_file(file):
         return
     with name_errors(file):
-        for row in _iter_json_lines(file, MAX_DESCRIPTION_BYTES):
+        for row in _iter_json_lines(file, MAX_DESCRIPTION_BYTES, wanted):
             episode = require_count(row.get("episode_index"), "episode_index", MAX_EPISODES)
             yield episode, json.dumps(row.get("description"), separators=(",", ":"))
 
@@ -190,6 +195,43 @@ def data_files(folder: Path, metadata: Metadata) -> list[Path]:
     if not found:
         raise InvalidInput(f"{folder} has no data/chunk-*/{name}; {FETCH}, with its data folder")
     return found
+
+
+def select_row_groups(file: Path, wanted: frozenset[int]) -> list[int] | None:
+    """Return the row groups of a file that may have rows of some episodes; None if it does not state that.
+
+    Args:
+        file: Parquet file of rows.
+        wanted: Numbers of the episodes.
+
+    Raises:
+        InvalidInput: If the file is damaged.
+    """
+    if (number := FILE_NUMBER.fullmatch(file.name)) is not None:  # versions 2.0 and 2.1
+        return None if int(number[1]) in wanted else []
+    with name_errors(file):
+        state = file.stat()
+        ranges = _episode_ranges(file, state.st_size, state.st_mtime_ns)
+    if None in ranges:
+        return None
+    low, high = min(wanted, default=0), max(wanted, default=-1)
+    return [n for n, limits in enumerate(ranges) if limits and limits[0] <= high and limits[1] >= low]
+
+
+@lru_cache(maxsize=1024)
+def _episode_ranges(file: Path, size: int, changed: int) -> tuple[tuple[int, int] | None, ...]:
+    """Return the smallest and largest episode of each row group; size and time of change tell files apart."""
+    parquet = require_library("pyarrow.parquet", "LeRobot data sets")
+    with parquet.ParquetFile(file) as table:
+        names = table.schema_arrow.names
+        if "episode_index" not in names:
+            return (None,)
+        column = [table.metadata.schema.column(n).path for n in range(table.metadata.num_columns)].index(
+            "episode_index"
+        )
+        groups = [table.metadata.row_group(n).column(column) for n in range(table.num_row_groups)]
+        limits = [group.statistics if group.is_stats_set else None for group in groups]
+        return tuple((s.min, s.max) if s is not None and s.has_min_max else None for s in limits)
 
 
 @contextmanager
@@ -268,19 +310,27 @@ def _episode_lists(folder: Path, metadata: Metadata) -> list[Path]:
     return [file] if is_file(file) else []
 
 
-def _iter_json_lines(file: Path, max_bytes: int = MAX_LINE_BYTES) -> Iterator[dict[str, Any]]:
+def _iter_json_lines(
+    file: Path, max_bytes: int = MAX_LINE_BYTES, wanted: frozenset[int] | None = None
+) -> Iterator[dict[str, Any]]:
     with open_regular_file(file, "JSON lines of a LeRobot data set") as lines:
         for number in count(1):
             if not (line := lines.readline(max_bytes + 1)):
                 return
             if len(line) > max_bytes:
                 raise InvalidInput(f"line {number} has more than {max_bytes} bytes")
-            if not line.strip():
+            if not line.strip() or (wanted is not None and _is_of_other(line, wanted)):
                 continue
             row = json.loads(line)
             if not isinstance(row, dict):
                 raise InvalidInput(f"line {number} is {short_repr(row)}, expected a JSON object")
             yield row
+
+
+def _is_of_other(line: bytes, wanted: frozenset[int]) -> bool:
+    """Return whether a line begins with the number of an episode that is not wanted."""
+    found = FIRST_NUMBER.match(line)
+    return found is not None and int(found[1]) not in wanted
 
 
 def _iter_parquet(file: Path, columns: list[str]) -> Iterator[dict[str, Any]]:
