@@ -12,21 +12,22 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from pilotfish.cluster.libraries import require_distributed
 from pilotfish.demonstrations import BuildSettings, Demonstration
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.io import GroupFiles, list_groups, read_group
-from pilotfish.models import PARTITION_SIZE, DemonstrationGroup
+from pilotfish.models import PARTITION_SIZE, DemonstrationGroup, Partitions
 
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 S = TypeVar("S")
 Prepare = Callable[[Sequence[Demonstration]], Sequence[Demonstration]]
 Progress = Callable[[int, int], None]
 
 
-class ClusterPartitions(Generic[T]):
+class ClusterPartitions(Partitions[T_co]):
     """A data set in parts on the workers of a cluster, which `learn` takes as demonstrations."""
 
     def __init__(self, client: Any, futures: Sequence[Any], progress: Progress | None = None) -> None:
@@ -34,7 +35,7 @@ class ClusterPartitions(Generic[T]):
         self._futures = list(futures)
         self._progress = progress
 
-    def map(self, function: Callable[[T], S]) -> Iterator[S]:
+    def map(self, function: Callable[[T_co], S]) -> Iterator[S]:
         """Apply a function to every part on its worker, and return the results in the order of the parts.
 
         Args:
@@ -48,7 +49,7 @@ class ClusterPartitions(Generic[T]):
                 for task in tasks:
                     task.release()
 
-    def transform(self, function: Callable[[T], S]) -> "ClusterPartitions[S]":
+    def transform(self, function: Callable[[T_co], S]) -> Partitions[S]:
         """Apply a function to every part, and keep the results on the workers.
 
         Args:
@@ -57,7 +58,7 @@ class ClusterPartitions(Generic[T]):
         with _name_failures():
             return ClusterPartitions(self._client, self._submit(function), self._progress)
 
-    def _submit(self, function: Callable[[T], Any]) -> list[Any]:
+    def _submit(self, function: Callable[[T_co], Any]) -> list[Any]:
         # A task of its own, so that a worker receives the function once; it is repeated if it is lost.
         shared = self._client.submit(_return, function, pure=False)
         count = len(self._futures)
@@ -106,12 +107,14 @@ def open_set(
 
 def _read(files: GroupFiles, prepare: Prepare | None) -> DemonstrationGroup:
     try:
-        demonstrations = read_group(files)
+        demonstrations: Sequence[Demonstration] = read_group(files)
+        if prepare:
+            demonstrations = prepare(demonstrations)
     except InvalidInput as error:
         worker = require_distributed().get_worker().address
         numbers = f"demonstrations {files.start} to {files.stop - 1}"
         raise InvalidInput(f"{numbers}, read by worker {worker}: {error}") from error
-    return DemonstrationGroup(files.start, tuple(prepare(demonstrations) if prepare else demonstrations))
+    return DemonstrationGroup(files.start, tuple(demonstrations))
 
 
 def _return(function: Any) -> Any:

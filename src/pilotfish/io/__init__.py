@@ -9,7 +9,7 @@ from pilotfish.io.demonstration_folder import (
     require_replaceable,
     write_demonstrations,
 )
-from pilotfish.io.demonstration_sets import GroupFiles, is_lerobot, list_groups, read_group
+from pilotfish.io.demonstration_sets import MAX_GROUP, GroupFiles, is_lerobot, list_groups, read_group
 from pilotfish.io.import_settings import format_import_settings, read_import_settings
 from pilotfish.io.motions import normalise_quaternions, write_motion
 from pilotfish.io.paths import is_folder, path_exists, read_file, resolve_path
@@ -22,6 +22,7 @@ from pilotfish.io.stream_file import load_any, open_stream, save_stream
 from pilotfish.io.synthetic import synthetic_valve
 
 __all__ = [
+    "MAX_GROUP",
     "GroupFiles",
     "SessionFile",
     "SessionRecord",

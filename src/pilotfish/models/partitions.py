@@ -10,14 +10,13 @@ order of the parts. A fit therefore does not depend on the number of processes o
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 from pilotfish.demonstrations import Demonstration, Views, require_compatible, views
 from pilotfish.validation import shorten_repr
 
 PARTITION_SIZE = 100  # demonstrations: their statistics take little memory beside them
 
-T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 S = TypeVar("S")
 
@@ -45,20 +44,20 @@ class Partitions(Protocol[T_co]):
 
 @shorten_repr
 @dataclass(frozen=True, slots=True, eq=False)
-class InProcess(Generic[T]):
+class InProcess(Partitions[T_co]):
     """A data set in the memory of this process.
 
     Attributes:
         parts: The parts.
     """
 
-    parts: tuple[T, ...]
+    parts: tuple[T_co, ...]
 
-    def map(self, function: Callable[[T], S]) -> Iterator[S]:
+    def map(self, function: Callable[[T_co], S]) -> Iterator[S]:
         """Apply a function to every part, one after another."""
         return map(function, self.parts)
 
-    def transform(self, function: Callable[[T], S]) -> Partitions[S]:
+    def transform(self, function: Callable[[T_co], S]) -> Partitions[S]:
         """Apply a function to every part, and keep the results."""
         return InProcess(tuple(map(function, self.parts)))
 

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from pilotfish import models
+from pilotfish.cli.options.cluster import ClusterProgress, cluster_demonstrations, cluster_option
 from pilotfish.cli.options.demonstrations import (
     demonstration_files,
     load_demonstrations,
@@ -43,10 +44,12 @@ from pilotfish.models import (
     MAX_STATES,
     VITERBI,
     Censoring,
+    DemonstrationGroup,
     DurationModel,
     EMSettings,
     Fit,
     KMeans,
+    Partitions,
     TimeBins,
     default_structure,
     relevance,
@@ -120,6 +123,7 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
 )
 @seed_option
 @only_option
+@cluster_option
 @click.option(
     "--velocities/--no-velocities",
     default=True,
@@ -131,7 +135,8 @@ RESTART_JITTER = 0.5  # of the bin edges, as a fraction of a bin, with more than
 def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
     """Learn a skill from the demonstrations in FOLDER and write it to a file.
 
-    FOLDER may also be dataset:NAME; `pilotfish data list` lists the names.
+    FOLDER may also be a LeRobot data set that `pilotfish data export` wrote, or dataset:NAME; `pilotfish data
+    list` lists the names.
     """
     require_writable_file(out, force=force, inputs=demonstration_files(Path(folder)))
     durations = _choose_duration_model(options["dynamics"], options["durations"], options["censoring"])
@@ -143,8 +148,20 @@ def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
     _print_warnings(demonstrations, folder)
     fit = _fit(demonstrations, durations, options)
     dropped_frames: tuple[str, ...] = ()
-    if options["drop_distractors"]:
-        fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, options)
+    if options["cluster"]:
+        progress = ClusterProgress()
+        with cluster_demonstrations(folder, options, progress) as parts:
+            fit = _fit(parts, durations, options, progress)
+    else:
+        demonstrations = prepare_demonstrations(
+            select_demonstrations(load_demonstrations(folder), options["only"]),
+            riemannian=options["riemannian"],
+            velocities=options["velocities"],
+        )
+        _print_warnings(demonstrations)
+        fit = _fit(demonstrations, durations, options)
+        if options["drop_distractors"]:
+            fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, options)
     save_skill(fit.skill, out, overwrite=force, use_free_name=True)
     structure = options["structure"] or default_structure(options["states"], options["dynamics"])
     notes = [*map(name_options, fit.active_bounds), *structure_notes(fit.skill)]
@@ -171,7 +188,10 @@ def _choose_duration_model(
 
 
 def _fit(
-    demonstrations: Sequence[Demonstration], durations: DurationModel | None, options: Mapping[str, Any]
+    demonstrations: Sequence[Demonstration] | Partitions[DemonstrationGroup],
+    durations: DurationModel | None,
+    options: Mapping[str, Any],
+    progress: ClusterProgress | None = None,
 ) -> Fit:
     restarts, max_iterations = options["restarts"], options["max_iterations"]
     name = options["initialisation"] or ("time-bins" if restarts > 1 else None)
@@ -180,6 +200,8 @@ def _fit(
         bins = TimeBins(RESTART_JITTER if restarts > 1 else 0.0)
         initialisation = KMeans() if name == "k-means" else bins
     with progress_bar(max_iterations * (restarts if name else len(INITIALISATIONS)), "learning") as advance:
+        if progress:
+            progress.advance = advance
         return models.learn(
             demonstrations,
             dynamics=options["dynamics"],
@@ -192,12 +214,12 @@ def _fit(
                 regularisation=options["regularisation"],
                 max_iterations=max_iterations,
                 restarts=restarts,
-                callback=_report_iteration(advance),
+                callback=progress.on_iteration if progress else _report_iteration(advance),
             ),
         )
 
 
-def _report_iteration(advance: Callable[[str], None]) -> Callable[[int, float], None]:
+def _report_iteration(advance: Callable[..., None]) -> Callable[[int, float], None]:
     return lambda _, log_likelihood: advance(f"log-likelihood {log_likelihood:.6g}")
 
 

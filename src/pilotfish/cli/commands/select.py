@@ -11,6 +11,7 @@ import numpy as np
 
 from pilotfish.cli.commands.record import find_task
 from pilotfish.cli.options.candidates import parse_candidates
+from pilotfish.cli.options.cluster import cluster_option
 from pilotfish.cli.options.demonstrations import (
     load_demonstrations,
     only_option,
@@ -21,7 +22,7 @@ from pilotfish.cli.options.demonstrations import (
 from pilotfish.cli.options.durations import CANDIDATE_NAMES
 from pilotfish.cli.options.learning import regularisation_option, seed_option
 from pilotfish.cli.options.structures import structure_syntax_list
-from pilotfish.cli.options.workers import process_pool, workers_option
+from pilotfish.cli.options.workers import process_pool, require_one_pool, workers_option
 from pilotfish.cli.output.figures import require_matplotlib, save_figure, validate_figure_path
 from pilotfish.cli.output.results import (
     CommandResult,
@@ -95,6 +96,7 @@ DEFAULT_SITUATIONS = 10
     help="Plot of the scores to write, as .png, .svg or .pdf.",
 )
 @workers_option
+@cluster_option
 @regularisation_option
 @click.option(
     "--max-iterations",
@@ -209,5 +211,6 @@ def _score_candidates(
             from pilotfish.simulation import select_by_success
 
             score = partial(select_by_success, task=task, situations=count, seed=options["seed"])
-        with process_pool(options["workers"], jobs) as executor:
+        workers = require_one_pool(options["workers"], options["cluster"])
+        with process_pool(workers, jobs) as executor:
             return score(demonstrations, candidates, executor=executor, **common), seconds

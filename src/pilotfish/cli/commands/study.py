@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pilotfish.cli.options.cluster import cluster_option
 from pilotfish.cli.options.learning import seed_option
-from pilotfish.cli.options.workers import workers_option
+from pilotfish.cli.options.workers import require_one_pool, workers_option
 from pilotfish.cli.output.figures import require_matplotlib, save_figure
 from pilotfish.cli.output.html_report import Section, figure_image, write_report
 from pilotfish.cli.output.results import CommandResult, example_epilog, print_result
@@ -39,8 +40,9 @@ INTRODUCTION = (
 )
 @seed_option
 @workers_option
+@cluster_option
 @print_result
-def study(quick: bool, out: Path, seed: int, workers: int | None) -> CommandResult:
+def study(quick: bool, out: Path, seed: int, workers: int | None, cluster: str | None) -> CommandResult:
     """Compare four modes of teleoperation with simulated operators, over delay, loss and displaced views.
 
     Every finished run is kept in the folder of --out. The same command continues a study that was stopped.
@@ -56,10 +58,11 @@ def study(quick: bool, out: Path, seed: int, workers: int | None) -> CommandResu
     from pilotfish.cli.study.tables import study_tables
     from pilotfish.simulation import study_runs
 
+    pool = require_one_pool(workers, cluster)
     open_folder(out, seed=seed, quick=quick)
     runs = study_runs(quick=quick)
     with lock_folder(out):
-        finished = perform_runs(out, runs, seed, workers, _command_line(out, seed, quick=quick))
+        finished = perform_runs(out, runs, seed, pool, _command_line(out, seed, quick=quick))
         results = Results(runs, finished, seed)
         tables, figures = study_tables(results), study_figures(results)
         _write_report(out, tables, figures)

@@ -12,6 +12,15 @@ import numpy as np
 from pilotfish.demonstrations import Demonstration, add_derivatives, to_sphere
 from pilotfish.errors import InvalidInput
 from pilotfish.io import datasets, is_folder, read_demonstrations, synthetic_valve
+from pilotfish.io import (
+    MAX_GROUP,
+    datasets,
+    is_lerobot,
+    list_groups,
+    read_demonstrations,
+    read_group,
+    synthetic_valve,
+)
 from pilotfish.models import Skill
 from pilotfish.validation import first_duplicate, nearest_name, short_list, short_repr
 
@@ -28,7 +37,7 @@ DEMONSTRATION_SUFFIXES = (".csv", ".npz", ".toml", ".json")
 
 
 def load_demonstrations(source: str) -> tuple[Demonstration, ...]:
-    """Load the demonstrations of a folder, or of dataset:NAME.
+    """Load the demonstrations of a folder, of a LeRobot data set, or of dataset:NAME.
 
     Raises:
         SkillError: If they cannot be read or downloaded.
@@ -49,6 +58,10 @@ def _with_command_fix(message: str, source: str) -> str:
     if source in names and not is_folder(source):
         message += f"; did you mean the data set {DATASET_PREFIX}{source}?"
     return message
+    if is_lerobot(source):
+        (group,) = list_groups(source, MAX_GROUP)
+        return read_group(group)
+    return read_demonstrations(source)
 
 
 def demonstration_files(folder: Path) -> list[Path]:

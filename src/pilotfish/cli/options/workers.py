@@ -1,4 +1,4 @@
-"""Option --workers, and the processes that it starts.
+"""Options --workers and --cluster of independent computations, and the processes that they use.
 
 Processes are spawned, not forked, so that no thread or lock of this process is copied in an unknown state.
 They ignore Ctrl-C, which this process answers, and end when this process ends, also if it is killed.
@@ -14,6 +14,8 @@ from multiprocessing import get_context, parent_process
 
 import click
 
+from pilotfish.cluster import connect
+
 MAX_WORKERS = 1024
 workers_option = click.option(
     "--workers",
@@ -23,16 +25,20 @@ workers_option = click.option(
 
 
 @contextmanager
-def process_pool(workers: int | None, jobs: int) -> Iterator[Executor | None]:
+def process_pool(workers: int | str | None, jobs: int) -> Iterator[Executor | None]:
     """Start processes for independent computations.
 
     Args:
-        workers: Value of --workers; None takes one for each core.
+        workers: Value of --workers or --cluster; None takes one process for each core.
         jobs: Number of computations.
 
     Yields:
         The processes; None to compute in this one.
     """
+    if isinstance(workers, str):
+        with connect(workers) as client:
+            yield client.get_executor(pure=False)
+        return
     count = min(core_count() if workers is None else workers, jobs)
     if count < 2:
         yield None
@@ -42,6 +48,17 @@ def process_pool(workers: int | None, jobs: int) -> Iterator[Executor | None]:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def require_one_pool(workers: int | None, cluster: str | None) -> int | str | None:
+    """Return the argument of `process_pool` for both options.
+
+    Raises:
+        click.UsageError: If both are given.
+    """
+    if workers is not None and cluster is not None:
+        raise click.UsageError("--workers and --cluster exclude each other; give one of them")
+    return cluster or workers
 
 
 def core_count() -> int:

@@ -86,7 +86,7 @@ def terminal_width() -> int | None:
 
 
 @contextmanager
-def progress_bar(length: int, label: str) -> Iterator[Callable[[str], None]]:
+def progress_bar(length: int, label: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error if a person watches it.
 
     Args:
@@ -94,10 +94,11 @@ def progress_bar(length: int, label: str) -> Iterator[Callable[[str], None]]:
         label: Text before the bar.
 
     Yields:
-        A function to call after each step, with a text to print after the bar.
+        A function to call after each step, with a text to print after the bar; a second argument of 0
+        replaces the text only.
     """
     if not is_interactive():
-        yield lambda _: None
+        yield lambda *_: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -106,7 +107,7 @@ def progress_bar(length: int, label: str) -> Iterator[Callable[[str], None]]:
     console = Console(file=tolerant_stderr(), force_terminal=True)
     with Progress(*columns, console=console, transient=True, redirect_stdout=False) as progress:
         task = progress.add_task(label, total=length, text="")
-        yield lambda text: progress.update(task, advance=1, text=text)
+        yield lambda text, steps=1: progress.update(task, advance=steps, text=text)
 
 
 @contextmanager

@@ -15,14 +15,16 @@ from pilotfish.simulation import StudyRun, learn_study_skills, perform_study_run
 MINUTE = 60.0  # s
 
 
-def learn_skills(folder: Path, runs: Sequence[StudyRun], seed: int, workers: int | None) -> dict[str, bytes]:
+def learn_skills(
+    folder: Path, runs: Sequence[StudyRun], seed: int, workers: int | str | None
+) -> dict[str, bytes]:
     """Return the skills that runs need by name; those that are not in the folder are learned and kept there.
 
     Args:
         folder: Folder of the study.
         runs: Runs of the study.
         seed: Seed of the study.
-        workers: Number of processes; None for one for each core.
+        workers: Number of processes, or address of a cluster; None for one process for each core.
     """
     names = sorted({skill_name(run.condition) for run in runs})
     skills = {name: skill for name in names if (skill := read_skill(folder, name)) is not None}
@@ -46,7 +48,7 @@ def _map(pool: Executor | None, function: Callable[..., Any], arguments: Sequenc
 
 
 def perform_runs(
-    folder: Path, runs: Sequence[StudyRun], seed: int, workers: int | None, command: str
+    folder: Path, runs: Sequence[StudyRun], seed: int, workers: int | str | None, command: str
 ) -> dict[str, Run]:
     """Perform the runs that are not finished and return all of them by their keys.
 
@@ -54,7 +56,7 @@ def perform_runs(
         folder: Folder of the study.
         runs: Runs of the study.
         seed: Seed of the study.
-        workers: Number of processes; None for one for each core.
+        workers: Number of processes, or address of a cluster; None for one process for each core.
         command: Command line that continues the study.
     """
     finished = read_runs(folder)
@@ -74,7 +76,7 @@ def perform_runs(
 
 
 def _perform(
-    runs: Sequence[StudyRun], skills: Mapping[str, bytes], seed: int, workers: int | None, log: RunLog
+    runs: Sequence[StudyRun], skills: Mapping[str, bytes], seed: int, workers: int | str | None, log: RunLog
 ) -> None:
     began = monotonic()
     with progress_bar(len(runs), "runs") as advance, process_pool(workers, len(runs)) as pool:
