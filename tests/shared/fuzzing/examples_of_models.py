@@ -63,6 +63,7 @@ def models_examples() -> Examples:
         "demonstration_statistics": {"demonstrations": demos},
         "frame_angle": {"frame": frames[0], "orientation": np.eye(14), "layout": valve[0].layout},
         "measure_motion": {"x": demos[0].x, "layout": demos[0].layout, "period": 0.1},
+        "partition": {"demonstrations": demos},
         "part_scales": {"x": demos[0].x, "weights": shares, "layout": demos[0].layout, "duration": 3.0},
         "structure_notes": {"skill": framed},
         "align_quaternion_signs": {"start": demos[0].x[0], "model": adapted},

@@ -58,6 +58,7 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
     "environments.human": "functions take models and states of MuJoCo",
     "kernels": "tests/fuzz/test_kernels.py compares them with the references",
     "kernels.reference": "tests/fuzz/test_kernels.py compares them with the kernels",
+    "cluster": "connects to a scheduler; tests/cluster gives it other arguments",
     "simulation": "functions simulate physics for seconds or write films",
 }
 
@@ -65,6 +66,8 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
 EXCLUDED: Mapping[str, str] = {
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
+    "demonstrations.count_at_limits": "`switching_columns` calls it",
+    "demonstrations.select_switches": "`switching_columns` calls it",
     "io.readers.read_recordings": "tests/io/readers damages files of every format",
     "io.readers.reader_formats": "takes no arguments",
     "io.writers.export_demonstrations": "writes files of other programs",
