@@ -1,6 +1,7 @@
 """Parts on a cluster: order of results, addresses and failures, without processes."""
 
 import sys
+from importlib.metadata import PackageNotFoundError
 from types import SimpleNamespace
 
 import numpy as np
@@ -160,12 +161,13 @@ def test_connect_without_dask_names_the_extra(monkeypatch):
     ("found", "message"),
     [
         ({}, "no workers"),
-        ({"tcp://a:1": ""}, "worker tcp://a:1 has no pilotfish"),
+        ({"tcp://a:1": PackageNotFoundError()}, "worker tcp://a:1 has no pilotfish"),
         ({"tcp://a:1": "0.0.1"}, r"worker tcp://a:1 has pilotfish 0\.0\.1, but this is"),
     ],
 )
-def test_workers_with_other_version_are_named(found, message):
-    client = SimpleNamespace(run=lambda _: found)
+def test_workers_with_other_version_are_named(monkeypatch, found, message):
+    monkeypatch.setattr(connection, "version", lambda _: "1.0")
+    client = SimpleNamespace(run=lambda *_, on_error: found)
     with pytest.raises(InvalidInput, match=message):
         connection._require_same_version(client, "tcp://b:2")
 

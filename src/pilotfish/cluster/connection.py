@@ -3,8 +3,9 @@
 import logging
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from pilotfish.cluster.libraries import require_distributed
@@ -85,40 +86,25 @@ def _open_client(distributed: Any, address: str) -> Any:
 
 def _require_same_version(client: Any, address: str) -> None:
     """Raise unless every worker has the pilotfish of this process, which reads and learns there."""
-    find_version = _version_finder()
-    expected, found = find_version(), client.run(find_version)
+    try:
+        expected = version("pilotfish")
+    except PackageNotFoundError:  # run from a source tree, as the workers then are too
+        expected = ""
+    found = client.run(version, "pilotfish", on_error="return")
     if not found:
         raise InvalidInput(
             f"the cluster at {address} has no workers; start some with 'dask worker {address}'"
         )
-    for worker, version in found.items():
-        if not version:
+    for worker, answer in found.items():
+        if expected and not isinstance(answer, str):
             raise InvalidInput(
-                f"worker {worker} has no pilotfish; install it there: pip install 'pilotfish[scale]'"
+                f"worker {worker} has no pilotfish; install it there: pip install 'pilotfish[scale,io]'"
             )
-        if version != expected:
+        if expected and answer != expected:
             raise InvalidInput(
-                f"worker {worker} has pilotfish {version}, but this is {expected}; install the same version "
+                f"worker {worker} has pilotfish {answer}, but this is {expected}; install the same version "
                 "there"
             )
-
-
-def _version_finder() -> Callable[[], str]:
-    """Return a function that travels to workers by value, as they may lack this package."""
-
-    def find_version() -> str:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            import pilotfish.models  # noqa: F401 # whether it can be imported
-
-            return version("pilotfish")
-        except PackageNotFoundError:
-            return "not installed"
-        except ImportError:
-            return ""
-
-    return find_version
 
 
 @contextmanager
