@@ -40,6 +40,9 @@ class ClusterPartitions(Partitions[T_co]):
 
         Args:
             function: A pure function that can be pickled.
+
+        Returns:
+            The results, as they are ready.
         """
         with _name_failures():
             tasks = self._submit(function)
@@ -54,6 +57,9 @@ class ClusterPartitions(Partitions[T_co]):
 
         Args:
             function: A pure function that can be pickled.
+
+        Returns:
+            The results, in parts on the workers.
         """
         with _name_failures():
             return ClusterPartitions(self._client, self._submit(function), self._progress)
@@ -95,6 +101,9 @@ def open_set(
         prepare: A pure function of the demonstrations of a group, which is applied where they are read.
         settings: Columns of a LeRobot data set that another program wrote.
         progress: Called with the numbers of finished and of all parts after each part.
+
+    Returns:
+        The set in parts, for `learn`.
 
     Raises:
         InvalidInput: If the manifest or the metadata of the set cannot be used. A damaged demonstration is

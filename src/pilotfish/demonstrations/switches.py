@@ -36,6 +36,9 @@ def count_at_limits(
         x: Some of the rows.
         lowest: Smallest value of each column, of all rows.
         highest: Largest value of each column, of all rows.
+
+    Returns:
+        The number of rows for each column.
     """
     margin = LEVEL_TOLERANCE * (highest - lowest)
     return np.asarray(((x <= lowest + margin) | (x >= highest - margin)).sum(axis=0))

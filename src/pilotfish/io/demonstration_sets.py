@@ -46,6 +46,9 @@ def list_groups(path: str | Path, size: int, settings: BuildSettings | None = No
         size: Number of demonstrations of a group; the last may have fewer.
         settings: Columns of a LeRobot data set that another program wrote.
 
+    Returns:
+        The groups, in order.
+
     Raises:
         InvalidInput: If the manifest or the metadata cannot be used, or lists no demonstrations.
     """
@@ -81,6 +84,9 @@ def read_group(files: GroupFiles) -> tuple[Demonstration, ...]:
 
     Args:
         files: The group.
+
+    Returns:
+        The demonstrations, in order.
 
     Raises:
         InvalidInput: If the folder is missing, or anything in it is wrong; the message names it.

@@ -30,6 +30,9 @@ class Partitions(Protocol[T_co]):
 
         Args:
             function: A pure function that can be pickled.
+
+        Returns:
+            The results, one after another.
         """
         ...
 
@@ -38,6 +41,9 @@ class Partitions(Protocol[T_co]):
 
         Args:
             function: A pure function that can be pickled.
+
+        Returns:
+            The results, in parts.
         """
         ...
 
@@ -54,11 +60,25 @@ class InProcess(Partitions[T_co]):
     parts: tuple[T_co, ...]
 
     def map(self, function: Callable[[T_co], S]) -> Iterator[S]:
-        """Apply a function to every part, one after another."""
+        """Apply a function to every part, one after another.
+
+        Args:
+            function: A pure function.
+
+        Returns:
+            The results, each computed when it is asked for.
+        """
         return map(function, self.parts)
 
     def transform(self, function: Callable[[T_co], S]) -> Partitions[S]:
-        """Apply a function to every part, and keep the results."""
+        """Apply a function to every part, and keep the results.
+
+        Args:
+            function: A pure function.
+
+        Returns:
+            The results, in parts.
+        """
         return InProcess(tuple(map(function, self.parts)))
 
 
@@ -81,6 +101,9 @@ def partition(demonstrations: Sequence[Demonstration]) -> InProcess[Demonstratio
 
     Args:
         demonstrations: At least one; all have the same layout, period and frame names.
+
+    Returns:
+        The groups, in memory.
 
     Raises:
         InvalidInput: If there is none, or if they differ in layout, period or frame names.
