@@ -66,6 +66,7 @@ EXCLUDED_PACKAGES: Mapping[str, str] = {
 EXCLUDED: Mapping[str, str] = {
     **{f"io.{name}": "decoders and readers are targets of their own: see targets.py" for name in io.__all__},
     "demonstrations.pose_layout": "takes no arguments",
+    "demonstrations.require_compatible": "returns nothing; `views` calls it",
     "demonstrations.count_at_limits": "`switching_columns` calls it",
     "demonstrations.select_switches": "`switching_columns` calls it",
     "io.readers.read_recordings": "tests/io/readers damages files of every format",
