@@ -2,7 +2,7 @@
 
 Each group of demonstrations is read by a worker and stays there, also as views and resampled. Functions
 travel to the workers, results come back and are used in the order of the groups. Reading and every function
-are pure: Dask repeats what a lost worker had done on another worker, with the same result.
+are pure: Dask repeats the work of a lost worker on another one, with the same result.
 
 Memory. Dask writes parts to the disk of a worker that runs short of memory. This process holds the results of
 one call at a time, and what `DemonstrationSummary` has of each demonstration.
