@@ -59,12 +59,10 @@ def read_demonstrations(path: str | Path, numbers: range | None = None) -> tuple
     period, layout, entries = _read_manifest(folder)
     require_type(numbers, "numbers", (range, type(None)), "give a range such as range(0, 10)")
     demonstrations = []
-    for file, (name, sha256, frames) in entries.items():
-        arrays = _read_arrays(folder, file, sha256, layout, period)
     for m, (file, (name, sha256, frames)) in enumerate(entries.items()):
         if numbers is not None and m not in numbers:
             continue
-        arrays = _read_arrays(folder, file, sha256, layout)
+        arrays = _read_arrays(folder, file, sha256, layout, period)
         _require_expected_arrays(arrays, file, frames)
         try:
             built = [_build_frame(frame_name, given, arrays) for frame_name, given in frames.items()]

@@ -140,13 +140,6 @@ def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
     """
     require_writable_file(out, force=force, inputs=demonstration_files(Path(folder)))
     durations = _choose_duration_model(options["dynamics"], options["durations"], options["censoring"])
-    demonstrations = prepare_demonstrations(
-        select_demonstrations(load_demonstrations(folder), options["only"]),
-        riemannian=options["riemannian"],
-        velocities=options["velocities"],
-    )
-    _print_warnings(demonstrations, folder)
-    fit = _fit(demonstrations, durations, options)
     dropped_frames: tuple[str, ...] = ()
     if options["cluster"]:
         progress = ClusterProgress()
@@ -158,7 +151,7 @@ def learn(folder: str, out: Path, force: bool, **options: Any) -> CommandResult:
             riemannian=options["riemannian"],
             velocities=options["velocities"],
         )
-        _print_warnings(demonstrations)
+        _print_warnings(demonstrations, folder)
         fit = _fit(demonstrations, durations, options)
         if options["drop_distractors"]:
             fit, dropped_frames = _drop_distractors(fit, demonstrations, durations, options)

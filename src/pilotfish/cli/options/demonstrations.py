@@ -11,10 +11,10 @@ import numpy as np
 
 from pilotfish.demonstrations import Demonstration, add_derivatives, to_sphere
 from pilotfish.errors import InvalidInput
-from pilotfish.io import datasets, is_folder, read_demonstrations, synthetic_valve
 from pilotfish.io import (
     MAX_GROUP,
     datasets,
+    is_folder,
     is_lerobot,
     list_groups,
     read_demonstrations,
@@ -44,6 +44,9 @@ def load_demonstrations(source: str) -> tuple[Demonstration, ...]:
     """
     if source.startswith(DATASET_PREFIX):
         return load_dataset(source.removeprefix(DATASET_PREFIX))
+    if is_lerobot(source):
+        (group,) = list_groups(source, MAX_GROUP)
+        return read_group(group)
     try:
         return read_demonstrations(source)
     except InvalidInput as error:
@@ -58,10 +61,6 @@ def _with_command_fix(message: str, source: str) -> str:
     if source in names and not is_folder(source):
         message += f"; did you mean the data set {DATASET_PREFIX}{source}?"
     return message
-    if is_lerobot(source):
-        (group,) = list_groups(source, MAX_GROUP)
-        return read_group(group)
-    return read_demonstrations(source)
 
 
 def demonstration_files(folder: Path) -> list[Path]:
