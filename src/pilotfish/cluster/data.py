@@ -42,7 +42,7 @@ class ClusterPartitions(Partitions[T_co]):
             function: A pure function that can be pickled.
 
         Returns:
-            The results, as they are ready.
+            The results, each when it is ready.
         """
         with _name_failures():
             tasks = self._submit(function)

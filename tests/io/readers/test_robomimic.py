@@ -9,7 +9,7 @@ import pytest
 from laboratory_files import robomimic_demo, write_robomimic
 
 from pilotfish.errors import InvalidInput
-from pilotfish.io.readers import robomimic
+from pilotfish.io.readers import hdf5_heaps, robomimic
 
 
 @pytest.mark.parametrize("options", [{}, {"compression": "gzip", "chunks": True}])
@@ -153,3 +153,16 @@ def test_recognises_other_files_is_false(tmp_path: Path):
     with h5py.File(tmp_path / "b.hdf5", "w") as file:
         file["x"] = np.zeros(3)
     assert not robomimic.recognises(tmp_path / "b.hdf5")
+
+
+@pytest.mark.parametrize("start", [0, 4093, 4096, 8191])
+def test_damaged_heap_is_found_in_every_block(start: int, tmp_path: Path, monkeypatch):
+    """A signature may begin in one block and end in the next."""
+    monkeypatch.setattr(hdf5_heaps, "BLOCK", 4096)
+    content = bytearray(3 * 4096)
+    content[start : start + 8] = hdf5_heaps.SIGNATURE
+    content[start + 8 : start + 16] = (2**40).to_bytes(8, "little")  # larger than the file
+    file = tmp_path / "a.hdf5"
+    file.write_bytes(content)
+    with pytest.raises(InvalidInput, match=f"at byte {start} is damaged"):
+        hdf5_heaps.require_sound_heaps(file)

@@ -11,12 +11,14 @@ Source:
 
 import mmap
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from pilotfish.errors import InvalidInput
 from pilotfish.io.paths import open_regular_file
 
 SIGNATURE = b"GCOL\x01\x00\x00\x00"  # with version 1
+BLOCK = 2**24  # bytes that are searched at a time, whole pages
 HEAD = 16  # bytes of the head of a heap, and of an object
 
 
@@ -33,13 +35,23 @@ def require_sound_heaps(path: Path) -> None:
         if not os.fstat(file.fileno()).st_size:
             return
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            start = data.find(SIGNATURE)
-            while start >= 0:
+            for start in _find_heaps(data):
                 if not _is_sound(data, start):
                     raise InvalidInput(
                         f"{path}: the heap of texts at byte {start} is damaged; fetch it again"
                     )
-                start = data.find(SIGNATURE, start + len(SIGNATURE))
+
+
+def _find_heaps(data: mmap.mmap) -> Iterator[int]:
+    """Yield the places of heaps; blocks that were searched do not stay in memory."""
+    for first in range(0, len(data), BLOCK):
+        end = first + BLOCK + len(SIGNATURE) - 1
+        start = data.find(SIGNATURE, first, end)
+        while start >= 0:
+            yield start
+            start = data.find(SIGNATURE, start + len(SIGNATURE), end)
+        if hasattr(mmap, "MADV_DONTNEED"):
+            data.madvise(mmap.MADV_DONTNEED, first, min(BLOCK, len(data) - first))
 
 
 def _is_sound(data: mmap.mmap, start: int) -> bool:
