@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter.body import ROBOT
+from pilotfish.environments.world import ROBOT
 
 TOOL_FORCE = "tool"  # key of the total force on the robot, beside the names of the fragile geoms
 

@@ -3,12 +3,9 @@
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter.body import joint_names
 from pilotfish.geometry import Pose
 from pilotfish.kernels import ArmState
 from pilotfish.types import Array, Float
-
-JOINTS = 7
 
 
 class SimulatedArm:
@@ -21,25 +18,26 @@ class SimulatedArm:
         external_torques: Torques that others apply to the joints [N m], to be written.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, side: str, point: str) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, joints: tuple[str, ...], point: str
+    ) -> None:
         """Find the joints of an arm in a compiled model.
 
         Args:
             model: Compiled model.
             data: State of the model.
-            side: "left" or "right".
+            joints: Names of the joints and of their motors, in series and adjacent in the model.
             point: Name of the site at the tool point.
         """
-        name = joint_names(side)[0]
-        first = model.joint(name)
+        first, n = model.joint(joints[0]), len(joints)
         q, v = int(first.qposadr[0]), int(first.dofadr[0])
-        motor = int(model.actuator(name).id)
+        motor = int(model.actuator(joints[0]).id)
         self._model, self._data = model, data
         self._site = int(model.site(point).id)
-        self._dofs = slice(v, v + JOINTS)
-        self.q: Float[Array, " n"] = data.qpos[q : q + JOINTS]
+        self._dofs = slice(v, v + n)
+        self.q: Float[Array, " n"] = data.qpos[q : q + n]
         self.velocity: Float[Array, " n"] = data.qvel[self._dofs]
-        self.motors: Float[Array, " n"] = data.ctrl[motor : motor + JOINTS]
+        self.motors: Float[Array, " n"] = data.ctrl[motor : motor + n]
         self.external_torques: Float[Array, " n"] = data.qfrc_applied[self._dofs]
         self._inertial = data.qfrc_bias[self._dofs]
         self._spring = data.qfrc_spring[self._dofs]

@@ -2,7 +2,9 @@
 
 A step of `Workcell` simulates a number of timesteps under one of three controllers. Impedance control draws
 the tool to a target by springs and dampers. Position control draws the joints to a posture. In guidance a
-person's hand pulls the left arm by its handle, and the right arm repeats the motion by impedance control.
+person's hand pulls the robot's leader arm by its handle, and the arm with the tool repeats the motion by
+impedance control. Baxter has such a second arm. Without one, the hand of the person is the leader: its own
+motion, without an arm in between, is the target of impedance control. The person then feels no inertia.
 
 Each timestep runs mj_step2 (forces, integration), then mj_step1 (positions and what depends on them). So a
 controller always reads the positions of now, and contact forces are read between the two calls: after the
@@ -15,17 +17,18 @@ from typing import Generic, TypeVar
 import mujoco
 import numpy as np
 
-from pilotfish.control import impedance, impedance_torque, posture_torque
-from pilotfish.environments.baxter.body import add_arm, empty_world
-from pilotfish.environments.baxter.chain import baxter_limits, mirror_posture, solve_posture
+from pilotfish.control import impedance_torque, posture_torque
 from pilotfish.environments.baxter.tools import Tool, mount_handle
 from pilotfish.environments.baxter.visual_meshes import VisualMesh, add_visual_meshes
 from pilotfish.environments.contacts import contact_forces
 from pilotfish.environments.guidance import follow_relative_motion, guidance_wrench, linear_path
-from pilotfish.environments.simulated_arm import JOINTS, SimulatedArm
+from pilotfish.environments.robots.baxter import BAXTER
+from pilotfish.environments.robots.robot import Robot, solve_posture
+from pilotfish.environments.simulated_arm import SimulatedArm
 from pilotfish.environments.tasks.progress import Measurements
 from pilotfish.environments.tasks.task import Task
 from pilotfish.environments.tasks.task_state import Outcome, Scene
+from pilotfish.environments.world import empty_scene
 from pilotfish.errors import InvalidInput
 from pilotfish.geometry import Pose
 from pilotfish.kernels import ToolTarget
@@ -35,10 +38,6 @@ from pilotfish.validation import finite_array, float_array, require_count, requi
 S = TypeVar("S")
 MAX_STEPS = 10**6  # of one call: a quarter of an hour
 GUIDANCE_DAMPING = 0.5  # N m s/rad, of the joints of a guided arm
-# Position control, N m/rad and N m s/rad: about 4 Hz, well damped.
-POSITION_STIFFNESS = np.array([400.0, 400.0, 200.0, 200.0, 60.0, 60.0, 40.0])
-POSITION_DAMPING = np.array([40.0, 40.0, 20.0, 20.0, 4.0, 4.0, 2.0])
-IDLE_POSTURE = (-0.6, -0.9, -0.9, 2.1, 0.6, 0.6, 0.0)  # rad, of an unused left arm: out of the way
 
 
 class Workcell(Generic[S]):
@@ -50,8 +49,9 @@ class Workcell(Generic[S]):
         situation: Situation of the task.
         model: Compiled MuJoCo model.
         data: State of the model.
-        arm: Right arm, which holds the tool.
-        leader_arm: Left arm that a person guides; None without one.
+        robot: Robot that performs the task.
+        arm: Arm that holds the tool.
+        leader_arm: Second arm that a person guides; None without one.
         target: Last commanded tool pose.
         grip: Last commanded grip, 0 (open) to 1 (closed).
         forces: Contact forces of the last timestep [N]: "tool" and each fragile geom.
@@ -61,14 +61,21 @@ class Workcell(Generic[S]):
     timestep = 0.001
 
     def __init__(
-        self, task: Task[S], situation: S, *, guided: bool = False, visual_meshes: Sequence[VisualMesh] = ()
+        self,
+        task: Task[S],
+        situation: S,
+        *,
+        robot: Robot = BAXTER,
+        guided: bool = False,
+        visual_meshes: Sequence[VisualMesh] = (),
     ) -> None:
         """Build and compile the model, and place the arm at the start pose.
 
         Args:
             task: Task from `TASKS`.
             situation: Situation from `task.sample_situation(rng)`.
-            guided: Give the left arm a handle, for `step_guidance`.
+            robot: Robot from `ROBOTS`, or from `robot_from_file`.
+            guided: Let a person guide the robot, for `step_guidance`; a second arm gets a handle.
             visual_meshes: Meshes that images show in place of the robot's simple shapes. They have no mass
                 and no contacts.
 
@@ -77,16 +84,19 @@ class Workcell(Generic[S]):
         """
         require_type(task, "task", Task, "take one from TASKS")
         require_type(visual_meshes, "visual_meshes", Sequence, "give a list of them")
-        self.task, self.situation, self.limits = task, situation, baxter_limits()
-        self.model, self.mounted_tool = _compile_model(task, situation, guided, visual_meshes)
+        require_type(robot, "robot", Robot, "take one from ROBOTS")
+        _validate_meshes(robot, visual_meshes)
+        self.task, self.situation, self.robot, self.limits = task, situation, robot, robot.limits
+        self.model, self.mounted_tool = _compile_model(task, situation, robot, guided, visual_meshes)
         self.data = mujoco.MjData(self.model)
-        self.arm = SimulatedArm(self.model, self.data, "right", self.mounted_tool.point)
-        posture = solve_posture(task.start_pose(situation), self.mounted_tool.length)
-        self.impedance = impedance(posture)
+        self.arm = SimulatedArm(self.model, self.data, robot.joints, self.mounted_tool.point)
+        posture = solve_posture(robot, task.start_pose(situation), self.mounted_tool.length)
+        self.impedance = robot.impedance(posture)
         self.arm.q[:] = posture
-        self.leader_arm = SimulatedArm(self.model, self.data, "left", "left_tool") if guided else None
-        if self.leader_arm:
-            self.leader_arm.q[:] = mirror_posture(posture)
+        self._is_guided, self.leader_arm = guided, None
+        if guided and robot.leader:
+            self.leader_arm = SimulatedArm(self.model, self.data, robot.leader.joints, "left_tool")
+            self.leader_arm.q[:] = robot.leader.mirror(posture)
         self._initialise()
 
     def _initialise(self) -> None:
@@ -94,9 +104,8 @@ class Workcell(Generic[S]):
         mujoco.mj_forward(self.model, self.data)
         self.target, self.grip = self.arm.tool, 0.0
         self._command_grip(self.grip)
-        if self.leader_arm:
-            self._leader_start, self._follower_start = self.leader_arm.tool, self.target
-            self._hand = self.leader_arm.tool
+        leader = self.leader_arm.tool if self.leader_arm else self.target
+        self._leader_start, self._follower_start, self._hand = leader, self.target, leader
         self.forces = contact_forces(self.model, self.data, self.task.fragile_geoms)
         self.peak_forces = self.forces
 
@@ -138,7 +147,7 @@ class Workcell(Generic[S]):
             self._step(self._impedance_torque(tool_target))
         self.target = target
 
-    def step_position(self, posture: Float[Array, " 7"], grip: float, n_steps: int) -> None:
+    def step_position(self, posture: Float[Array, " n"], grip: float, n_steps: int) -> None:
         """Simulate position control to a posture.
 
         Args:
@@ -149,29 +158,33 @@ class Workcell(Generic[S]):
         Raises:
             InvalidInput: If an argument cannot be used.
         """
-        posture = finite_array(posture, "posture", (JOINTS,))
+        posture = finite_array(posture, "posture", (len(self.robot.joint_names),))
+        stiffness, damping = self.robot.position_stiffness, self.robot.position_damping
         self._command_grip(grip)
         for _ in range(_validate_n_steps(n_steps)):
-            arm_command = posture_torque(
-                POSITION_STIFFNESS, POSITION_DAMPING, self.limits, self.arm.read_state(), posture
-            )
+            arm_command = posture_torque(stiffness, damping, self.limits, self.arm.read_state(), posture)
             self._step(arm_command.torque)
         self.target = self.arm.tool
 
     def step_guidance(self, target: Pose, grip: float, n_steps: int) -> None:
-        """Simulate a hand that guides the left arm so that the right tool should reach a target.
+        """Simulate a hand that guides the robot so that its tool should reach a target.
 
-        The hand pulls the left arm by a spring; the right arm follows the motion of the left tool.
+        The hand pulls the leader arm by a spring, and the arm with the tool follows the motion of the
+        leader's. Without a leader arm, the tool is drawn to the hand itself.
 
         Args:
-            target: Pose that the person intends for the right tool, in torso axes.
+            target: Pose that the person intends for the tool, in torso axes.
             grip: 0 (open) to 1 (closed); values outside are clipped.
             n_steps: Number of timesteps of 1 ms.
 
         Raises:
-            InvalidInput: If the workcell has no guided arm, or an argument cannot be used.
+            InvalidInput: If the workcell is not guided, or an argument cannot be used.
         """
-        leader, path = self._guidance_path(target, n_steps)
+        path = self._guidance_path(target, n_steps)
+        leader = self.leader_arm
+        if leader is None:
+            self.step_impedance(target, grip, n_steps)
+            return
         self._command_grip(grip)
         for hand_target in path:
             self._apply_guidance(leader, hand_target)
@@ -180,48 +193,50 @@ class Workcell(Generic[S]):
             self._step(self._impedance_torque(tool_target))
 
     def step_teleoperation(self, hand: Pose, target: Pose, grip: float, n_steps: int) -> None:
-        """Simulate a hand that guides the left arm, while the right arm follows another target.
+        """Simulate a hand that guides the leader arm, while the arm with the tool follows another target.
 
         Args:
-            hand: Pose that the person intends for the right tool, in torso axes; see `guided_tool`.
-            target: Pose of the right tool at the end of the steps.
+            hand: Pose that the person intends for the tool, in torso axes; see `guided_tool`.
+            target: Pose of the tool at the end of the steps.
             grip: 0 (open) to 1 (closed); values outside are clipped.
             n_steps: Number of timesteps of 1 ms.
 
         Raises:
-            InvalidInput: If the workcell has no guided arm, or an argument cannot be used.
+            InvalidInput: If the workcell is not guided, or an argument cannot be used.
         """
         n_steps = _validate_n_steps(n_steps)
         target_path = linear_path(self.target, _validate_target(target), n_steps, self.timestep)
-        leader, path = self._guidance_path(hand, n_steps)
+        path = self._guidance_path(hand, n_steps)
         self._command_grip(grip)
         for hand_target, tool_target in zip(path, target_path, strict=True):
-            self._apply_guidance(leader, hand_target)
+            if self.leader_arm:
+                self._apply_guidance(self.leader_arm, hand_target)
             self._step(self._impedance_torque(tool_target))
         self.target = target
 
     @property
     def guided_tool(self) -> Pose:
-        """Pose of the right tool after the motion of the guided left arm so far.
+        """Pose of the tool after the motion of the leader so far: of its arm, or of the hand without one.
 
         Raises:
-            InvalidInput: If the workcell has no guided arm.
+            InvalidInput: If the workcell is not guided.
         """
-        leader = self._require_leader()
-        return follow_relative_motion(self._leader_start, leader.tool, self._follower_start)
+        self._require_guided()
+        if self.leader_arm is None:
+            return self._hand
+        return follow_relative_motion(self._leader_start, self.leader_arm.tool, self._follower_start)
 
-    def _guidance_path(self, target: Pose, n_steps: int) -> tuple[SimulatedArm, list[ToolTarget]]:
-        """Return the guided arm and the path of the hand that guides it."""
-        leader = self._require_leader()
+    def _guidance_path(self, target: Pose, n_steps: int) -> list[ToolTarget]:
+        """Return the path of the hand that guides the robot."""
+        self._require_guided()
         hand = follow_relative_motion(self._follower_start, _validate_target(target), self._leader_start)
         path = linear_path(self._hand, hand, _validate_n_steps(n_steps), self.timestep)
         self._hand = hand
-        return leader, path
+        return path
 
-    def _require_leader(self) -> SimulatedArm:
-        if self.leader_arm is None:
+    def _require_guided(self) -> None:
+        if not self._is_guided:
             raise InvalidInput("the workcell has no guided arm; create it with guided=True")
-        return self.leader_arm
 
     def _apply_guidance(self, leader: SimulatedArm, hand: ToolTarget) -> None:
         J = leader.jacobian()
@@ -229,10 +244,10 @@ class Workcell(Generic[S]):
         leader.external_torques[:] = J.T @ wrench
         leader.motors[:] = leader.bias - GUIDANCE_DAMPING * leader.velocity
 
-    def _impedance_torque(self, tool_target: ToolTarget) -> Float[Array, " 7"]:
+    def _impedance_torque(self, tool_target: ToolTarget) -> Float[Array, " n"]:
         return impedance_torque(self.impedance, self.limits, self.arm.read_state(), tool_target).torque
 
-    def _step(self, torque: Float[Array, " 7"]) -> None:
+    def _step(self, torque: Float[Array, " n"]) -> None:
         self._actuate_scene()
         self.arm.motors[:] = torque
         mujoco.mj_step2(self.model, self.data)
@@ -257,14 +272,15 @@ class Workcell(Generic[S]):
 
 
 def _compile_model(
-    task: Task[S], situation: S, guided: bool, visual_meshes: Sequence[VisualMesh]
+    task: Task[S], situation: S, robot: Robot, guided: bool, visual_meshes: Sequence[VisualMesh]
 ) -> tuple[mujoco.MjModel, Tool]:
-    spec = empty_world(Workcell.timestep)
-    tool = task.mount_tool(spec, add_arm(spec, "right"), "right")
-    if guided:
-        mount_handle(spec, add_arm(spec, "left"), "left")
-    else:
-        add_arm(spec, "left", posture=IDLE_POSTURE)
+    spec = empty_scene(robot.name, Workcell.timestep)
+    robot.add_body(spec)
+    tool = task.mount_tool(spec, robot.add_arm(spec), "right")
+    if robot.leader and guided:
+        mount_handle(spec, robot.leader.add_arm(spec), "left")
+    elif robot.leader:
+        robot.leader.add_idle_arm(spec)
     if visual_meshes:
         add_visual_meshes(spec, visual_meshes)
     task.add_objects(spec, situation)
@@ -274,6 +290,11 @@ def _compile_model(
         raise InvalidInput(
             f"{situation} cannot be compiled: {error}; sample one: task.sample_situation(rng)"
         ) from error
+
+
+def _validate_meshes(robot: Robot, visual_meshes: Sequence[VisualMesh]) -> None:
+    if visual_meshes and robot is not BAXTER:
+        raise InvalidInput(f"visual_meshes are of Baxter, and the robot is {robot.name}; leave them out")
 
 
 def _validate_target(target: Pose) -> Pose:

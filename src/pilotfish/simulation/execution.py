@@ -10,6 +10,7 @@ import numpy as np
 from pilotfish.demonstrations import Frame, Layout, Quantity, frame_from_pose
 from pilotfish.environments import Failure, Outcome, Task, Workcell, explain_failure, stack_measurements
 from pilotfish.environments.baxter import VisualMesh
+from pilotfish.environments.robots import ROBOTS, Robot
 from pilotfish.errors import FramesNotVisible
 from pilotfish.geometry import Pose, normalise
 from pilotfish.models import Skill, adapt
@@ -31,6 +32,7 @@ SETTLING_TIME = 1.0  # s after the end of the plan, for the arm to come to rest
 MAX_HOLD = 3.0  # s for which the command is held while the frames of moving objects are not visible
 HORIZON_STEPS = 30  # steps of each plan while objects move
 POSE = 7
+BAXTER = ROBOTS["baxter"]
 
 PeriodCallback = Callable[[Workcell[S]], None]
 """Function that is called after every period of the skill."""
@@ -64,7 +66,7 @@ class ExecutionResult:
     failure: Failure | None
 
 
-def perform(
+def perform(  # noqa: PLR0913 - all but three have a default
     skill: Skill,
     task: Task[S],
     situation: S,
@@ -74,6 +76,7 @@ def perform(
     covariance_regularisation: float | None = None,
     on_period: PeriodCallback[S] | None = None,
     visual_meshes: Sequence[VisualMesh] = (),
+    robot: Robot = BAXTER,
 ) -> ExecutionResult:
     """Perform a skill in physics from the task's start pose.
 
@@ -88,17 +91,19 @@ def perform(
         covariance_regularisation: Variance added to every variance before it becomes a weight
             [unit of x squared]; None derives it from the scales of the skill.
         on_period: Function that is called with the workcell after every period, such as a `FilmRecorder`.
-        visual_meshes: Meshes of the robot in images, from `baxter_meshes`.
+        visual_meshes: Meshes of Baxter in images, from `baxter_meshes`.
+        robot: Robot from `ROBOTS`, or from `robot_from_file`; the skill may come from another one.
 
     Returns:
         The outcome with commanded and measured poses.
 
     Raises:
-        InvalidInput: If the skill has other columns or frames than the task, or no horizon is known.
+        InvalidInput: If the skill has other columns or frames than the task, no horizon is known, or the
+            robot does not reach the start pose.
     """
     _validate_skill(skill, task)
     n_steps = mean_demonstration_length(skill) if horizon is None else horizon
-    cell = Workcell(task, situation, visual_meshes=visual_meshes)
+    cell = Workcell(task, situation, robot=robot, visual_meshes=visual_meshes)
     initial_frames = cell.frames()
     plan = _plan_once if task.actuate_scene is None else _plan_each_period
     targets = plan(
@@ -129,6 +134,7 @@ def plan_in_situation(
     horizon: int | None = None,
     control_cost: float | None = None,
     covariance_regularisation: float | None = None,
+    robot: Robot = BAXTER,
 ) -> tuple[Reproduction, tuple[Frame, ...]]:
     """Plan the motion of a skill from the task's start pose, for objects where they are at the start.
 
@@ -139,6 +145,7 @@ def plan_in_situation(
         horizon: As `perform`.
         control_cost: As `perform`.
         covariance_regularisation: As `perform`.
+        robot: As `perform`.
 
     Returns:
         The motion, and the frames of the objects.
@@ -149,7 +156,7 @@ def plan_in_situation(
     _validate_skill(skill, task)
     return _reproduce_in_cell(
         skill,
-        Workcell(task, situation),
+        Workcell(task, situation, robot=robot),
         horizon,
         control_cost=control_cost,
         covariance_regularisation=covariance_regularisation,

@@ -34,6 +34,7 @@ from pilotfish.environments.human import (
     initial_state,
     step_human,
 )
+from pilotfish.environments.robots import ROBOTS, Robot
 from pilotfish.errors import InvalidInput, SkillError
 from pilotfish.geometry import Pose
 from pilotfish.types import Array, Float
@@ -49,6 +50,7 @@ TIME_TOLERANCE = 1e-9  # s
 MAX_ATTEMPTS = 5  # of one demonstration
 SPLITS = {"demonstration": 1, "test": 2, "selection": 3}  # independent streams of situations
 DEFAULT_HUMAN = HumanModel()
+BAXTER = ROBOTS["baxter"]
 
 Leader = Callable[[float, Observation], tuple[Pose, float, bool]]
 """Function (time [s], observation) that returns the commanded tool pose, the grip, and whether it ends."""
@@ -120,11 +122,19 @@ def situation_from_seed(
 
 
 def record(
-    task: Task[S], situation: S, leader: Leader, name: str, *, time_limit: float | None = None
+    task: Task[S],
+    situation: S,
+    leader: Leader,
+    name: str,
+    *,
+    time_limit: float | None = None,
+    robot: Robot = BAXTER,
 ) -> RecordedDemonstration:
-    """Record a leader who guides the left arm, whose motion the right arm follows, until the task is over.
+    """Record a leader who guides the robot until the task is over.
 
-    Objects that move become moving frames.
+    The leader guides Baxter's left arm, whose motion the right arm follows. A robot without a second arm has
+    a virtual leader: impedance control draws the tool to the leader's hand itself, and the rows hold the
+    pose of the hand. Objects that move become moving frames.
 
     Args:
         task: Task from `TASKS`.
@@ -132,11 +142,12 @@ def record(
         leader: Who guides the arm.
         name: Name of the demonstration.
         time_limit: Longest duration [s]; None takes that of the task.
+        robot: Robot from `ROBOTS`, or from `robot_from_file`.
 
     Returns:
         The demonstration, which may have failed; see its outcome.
     """
-    cell = Workcell(task, situation, guided=True)
+    cell = Workcell(task, situation, robot=robot, guided=True)
     rows, poses_by_row, done = [], [], False
     for n in range(round((time_limit or task.time_limit) / OBSERVATION_PERIOD)):
         poses = cell.frames()
@@ -223,6 +234,7 @@ def record_demonstrations(
     human_model: HumanModel = DEFAULT_HUMAN,
     *,
     delay: float = 0.0,
+    robot: Robot = BAXTER,
 ) -> Iterator[tuple[RecordedDemonstration, int]]:
     """Yield successful demonstrations of a simulated person, each with its number of attempts.
 
@@ -234,9 +246,11 @@ def record_demonstrations(
         seed: Seed of situations and motor noise, at least 0.
         human_model: Parameters of the person.
         delay: Delay of the observations [s].
+        robot: Robot from `ROBOTS`, or from `robot_from_file`.
 
     Raises:
         SkillError: If a demonstration fails repeatedly.
+        InvalidInput: If the robot does not reach the start of a situation.
     """
     time_limit = task.time_limit + EXTRA_TIME_PER_DELAY * delay
     for m in range(number):
@@ -245,7 +259,12 @@ def record_demonstrations(
             rng = np.random.default_rng([seed, SPLITS["demonstration"], m, attempt])
             leader = simulated_leader(task, situation, human_model, rng, delay=delay)
             recorded = record(
-                task, situation, delay_observations(leader, delay), f"{task.name} {m}", time_limit=time_limit
+                task,
+                situation,
+                delay_observations(leader, delay),
+                f"{task.name} {m}",
+                time_limit=time_limit,
+                robot=robot,
             )
             if recorded.outcome.success:
                 yield recorded, attempt + 1

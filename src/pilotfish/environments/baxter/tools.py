@@ -8,7 +8,8 @@ from math import cos, pi, sin
 
 import mujoco
 
-from pilotfish.environments.baxter.body import DARK, GREY, OBJECT, ROBOT
+from pilotfish.environments.baxter.body import DARK, GREY
+from pilotfish.environments.world import OBJECT, ROBOT
 
 TOOL_POINT = "tool"
 BOX, CYLINDER, SPHERE = (

@@ -14,7 +14,7 @@ from math import degrees, pi, radians, sqrt
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter.body import FLOOR
+from pilotfish.environments.world import FLOOR
 from pilotfish.environments.baxter.tools import Tool, add_tool_body, add_tool_geom, add_tool_point
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView

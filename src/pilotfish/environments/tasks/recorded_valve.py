@@ -11,7 +11,7 @@ from math import atan2, degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter.body import FLOOR
+from pilotfish.environments.world import FLOOR
 from pilotfish.environments.baxter.tools import Tool, mount_gripper
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter.body import FLOOR, OBJECT, ROBOT
+from pilotfish.environments.world import FLOOR, OBJECT, ROBOT
 from pilotfish.geometry import from_rotation_vector
 from pilotfish.types import Array, Float
 

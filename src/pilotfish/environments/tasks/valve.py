@@ -7,7 +7,7 @@ from math import degrees, pi, radians
 import mujoco
 import numpy as np
 
-from pilotfish.environments.baxter.body import FLOOR
+from pilotfish.environments.world import FLOOR
 from pilotfish.environments.baxter.tools import mount_gripper
 from pilotfish.environments.human import Subtask
 from pilotfish.environments.scene_renderer import CameraView
